@@ -363,25 +363,26 @@ def test_no_place_takes_back_more_than_it_has_in_common_with_others(share: float
 
 
 def test_no_effect_takes_the_place_of_what_the_model_was_given_with() -> None:
-    run, radiating = run_with(np.zeros(STEPS)), effect("radiation", "a", area=0.01)
-    given, fitted = fit_of(run), fit_of(run, radiating)
+    run, radiating, heat = run_with(np.zeros(STEPS)), effect("radiation", "a", area=0.01), effect("heat_input")
+    known = replace(heat, parameters=tuple(replace(parameter, fixed=True) for parameter in heat.parameters))
+    network, segments = two_nodes([known], linked=True), split_data([run]).fit  # but in the log nothing links the nodes
+    given, fitted = (fit_segments(Model(network.with_effects(added)), segments) for added in ([], [radiating]))
 
-    def at_its_bound(fit: Fit, bound: float) -> Fit:
-        """With the way to the air at the largest resistance that the model file allows."""
-        names = [fit.model.parameters[index].name for index in fit.problem.free]
-        row = names.index("resistance.a~ambient")
-        z = fit.z.copy()
+    def at_its_bound(fit: Fit, name: str, factor: float) -> Fit:
+        """With a link at the largest resistance that the model file allows."""
+        row = [fit.model.parameters[index].name for index in fit.problem.free].index(name)
+        z, values = fit.z.copy(), fit.model.values
         z[row] = fit.problem.bounds[1][row]
-        values = fit.model.values
-        values[fit.problem.free[row]] = bound
+        values[fit.problem.free[row]] *= factor
         return replace(fit, z=z, model=fit.model.with_values(values))
 
-    usual = next(parameter.value for parameter in given.model.parameters if parameter.name == "resistance.a~ambient")
+    air, between = "resistance.a~ambient", "resistance.a~b"
     assert not is_implausible(fitted, [radiating], given)
-    assert is_implausible(at_its_bound(fitted, 4 * usual), [radiating], given)
-    # A bound may be too near; and what had no way before has none because of no effect.
-    assert not is_implausible(at_its_bound(fitted, 2 * usual), [radiating], given)
-    assert not is_implausible(at_its_bound(fitted, 4 * usual), [radiating], at_its_bound(given, 4 * usual))
+    assert is_implausible(at_its_bound(fitted, air, 4.0), [radiating], given)
+    # A bound may be too near; and what had no way before, or may have had none, has none because of no effect.
+    assert not is_implausible(at_its_bound(fitted, air, 2.0), [radiating], given)
+    assert not is_implausible(at_its_bound(fitted, air, 4.0), [radiating], at_its_bound(given, air, 4.0))
+    assert not is_implausible(at_its_bound(fitted, between, 4.0), [radiating], given)
 
 
 def test_any_time_constant_of_the_grid_is_usual() -> None:

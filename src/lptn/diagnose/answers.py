@@ -264,7 +264,7 @@ def answers(
     steps = [
         replace(step, log_odds=odds[step.key], p_value=scores.p_value(gains[step.key]))
         for step in refitted
-        if not is_implausible(step.fit, step.declarations, base)
+        if not _is_implausible(base, step)
     ]
     return Answers(base, scores, tuple(_by_probability(base, steps)))
 
@@ -327,14 +327,18 @@ def refit_all(base: Fit, scores: Sequence[Score], executor: Executor | None = No
         scores: candidates with their first-order sizes, the most promising first.
         executor: where to run them; here, one after the other, by default.
     """
-    if not scores:
-        return []
     run = executor.map if executor else map
-    # What has no hope to come near the most promising one is not fitted to the end.
-    steps = [_refitted((base, scores[0], np.inf))]
-    steps += run(_refitted, [(base, entry, HOPELESS * steps[0].fit.cost) for entry in scores[1:]])
+    steps: list[Step] = []
+    for entry in scores:
+        steps.append(_refitted((base, entry, np.inf)))
+        if not _is_implausible(base, steps[-1]):
+            break
+    if not steps:
+        return []
+    # What has no hope to come near the most promising one that somebody would believe is not fitted to the end.
+    steps += run(_refitted, [(base, entry, HOPELESS * steps[-1].fit.cost) for entry in scores[len(steps) :]])
     # A large effect is a long way from the baseline; cut off, it would seem worse than another name for the same.
-    near = HOPELESS * min(step.fit.cost for step in steps)
+    near = HOPELESS * min((step.fit.cost for step in steps if not _is_implausible(base, step)), default=np.inf)
     cut_off = [k for k, step in enumerate(steps) if step.fit.status == "not converged" and step.fit.cost <= near]
     for k, longer in zip(cut_off, run(finished, [steps[k].fit for k in cut_off]), strict=True):
         steps[k] = _step(base, steps[k].declaration, unless_interrupted(longer))
@@ -342,6 +346,10 @@ def refit_all(base: Fit, scores: Sequence[Score], executor: Executor | None = No
 
 
 _LOWER = 0.01  # share of the misfit; a fit that only ranks ends within 3e-4 of its minimum
+
+
+def _is_implausible(base: Fit, step: Step) -> bool:
+    return is_implausible(step.fit, step.declarations, base)
 
 
 def _beside_an_optimum(base: Fit, refitted: Sequence[Step]) -> Fit | None:

@@ -353,14 +353,18 @@ def is_implausible(fit: Fit, declarations: Iterable[EffectDeclaration], given: F
 def _takes_the_place_of_what_was_given(fit: Fit, given: Fit) -> bool:
     """Whether a link, a capacity or a winding's loss of the given model vanishes.
 
-    That is, it ends at a bound and a factor of three off.
-
-    What is nearer to its bound, the right effect may bring there: bounds are a user's guess.
+    That is, it ends at a bound, a factor of three off, where the given fit says that it isn't: no effect stands for a
+    link that may as well be none, or for a capacity that nothing tells. What is nearer to its bound, the right effect
+    may bring there: bounds are a user's guess.
     """
     before = {parameter.name: parameter.value for parameter in given.model.parameters}
     after = {parameter.name: parameter.value for parameter in fit.model.parameters}
     return any(
-        abs(log(after[name] / before[name])) > log(FACTOR) for name in fit.vanished - given.vanished if name in before
+        name in before
+        and name not in given.vanished
+        and abs(log(after[name] / before[name])) > log(FACTOR)
+        and not given.may_be_at_bound(name, side)
+        for name, side in fit.vanished.items()
     )
 
 

@@ -73,14 +73,19 @@ class Fit(Tabular):
         return [index for index in self.problem.free if not parameters[index].declared.nuisance]
 
     @cached_property
-    def vanished(self) -> set[str]:
-        """Names of thermal resistances that ended at their largest, of capacities and of windings' resistances at their
-        least: as good as none.
+    def vanished(self) -> dict[str, int]:
+        """Thermal resistances that ended at their largest, capacities and windings' resistances at their least: as good
+        as none. By name, the side of the bound: 0 for the lower one, 1 for the upper.
         """
         ends = {"K/W": 1, "J/K": 0, "ohm": 0}  # where a link, a capacity, and a winding's loss, has no effect
         numbers = rows_at_bounds(self.problem, self.z)
         at_bounds = {self.model.parameters[self.problem.free[row]]: end for row, end in numbers.items()}
-        return {parameter.name for parameter, end in at_bounds.items() if ends.get(parameter.declared.unit) == end}
+        return {parameter.name: end for parameter, end in at_bounds.items() if ends.get(parameter.declared.unit) == end}
+
+    def may_be_at_bound(self, name: str, side: int) -> bool:
+        """Whether a free parameter may as well stand at its lower (0) or upper (1) bound: two standard errors off."""
+        row = [self.model.parameters[index].name for index in self.problem.free].index(name)
+        return bool(abs(self.problem.bounds[side][row] - self.z[row]) < 2 * self.uncertainty.spreads[row])
 
     @cached_property
     def uncertainty(self) -> Uncertainty:

@@ -27,12 +27,15 @@ class Uncertainty:
     Args:
         standard_errors: in each parameter's unit, shape (free,); infinite where undetermined.
         covariance: of the search's coordinates, shape (free, free).
+        spreads: standard errors of these coordinates, shape (free,); infinite where a combination is open, but for one
+            factor that all share.
         correlations: shape (free, free).
         warnings: one sentence for each parameter or combination that the data don't determine.
     """
 
     standard_errors: FloatArray
     covariance: FloatArray
+    spreads: FloatArray
     correlations: FloatArray
     warnings: tuple[str, ...]
 
@@ -46,7 +49,7 @@ def uncertainty(problem: Problem, z: FloatArray) -> Uncertainty:
     """
     count = len(problem.free)
     if count == 0:
-        return Uncertainty(np.zeros(0), np.zeros((0, 0)), np.zeros((0, 0)), ())
+        return Uncertainty(np.zeros(0), np.zeros((0, 0)), np.zeros(0), np.zeros((0, 0)), ())
     whole = problem.normal(z)[1]
     information = _without_starts(whole, count)
     residuals = problem.residuals(z)
@@ -60,7 +63,9 @@ def uncertainty(problem: Problem, z: FloatArray) -> Uncertainty:
     covariance = inverse_of_all @ (by_data + by_priors * problem.weight_of_priors**2) @ inverse_of_all
     covariance = _widened_by_blocks(covariance, problem, z, whole)
     spread = np.sqrt(np.diag(covariance))
-    undetermined = (np.abs(vectors[:, singular]) > _INVOLVED).any(axis=1)
+    involved = np.abs(vectors[:, singular]) > _INVOLVED
+    undetermined = involved.any(axis=1)
+    open_ = involved[:, [not _is_common_factor(vector) for vector in vectors[:, singular].T]].any(axis=1)
     perhaps_none = _may_be_none(problem, z, spread)
     slope = problem.slope(problem.point(z).values)
     errors = np.where(undetermined | perhaps_none, np.inf, spread * np.abs(slope))
@@ -68,7 +73,8 @@ def uncertainty(problem: Problem, z: FloatArray) -> Uncertainty:
     names = [problem.model.parameters[index].name for index in problem.free]
     warnings = _combinations(names, vectors[:, singular])
     warnings += _single_parameters(problem, z, names, spread, undetermined, perhaps_none)
-    return Uncertainty(errors, covariance, covariance / np.outer(scale, scale), tuple(warnings))
+    spreads = np.where(open_, np.inf, spread)
+    return Uncertainty(errors, covariance, spreads, covariance / np.outer(scale, scale), tuple(warnings))
 
 
 def _may_be_none(problem: Problem, z: FloatArray, spread: FloatArray) -> BoolArray:
@@ -122,11 +128,16 @@ def _combinations(names: list[str], vectors: FloatArray) -> list[str]:
     warnings = []
     for vector in vectors.T:
         involved = [name for name, share in zip(names, vector, strict=True) if abs(share) > _INVOLVED]
-        same_size = np.ptp(np.abs(vector[np.abs(vector) > _INVOLVED])) < _SAME_SIZE
         advice = "multiplying them all by one factor (resistances: dividing) changes no temperature; fix one of them"
         other = "the data leave this combination open; fix one of them or measure more"
-        warnings.append(f"{', '.join(involved)}: {advice if same_size and len(involved) > 1 else other}")
+        warnings.append(f"{', '.join(involved)}: {advice if _is_common_factor(vector) else other}")
     return warnings
+
+
+def _is_common_factor(vector: FloatArray) -> bool:
+    """Whether a combination multiplies several parameters by one factor."""
+    involved = np.abs(vector[np.abs(vector) > _INVOLVED])
+    return bool(involved.size > 1 and np.ptp(involved) < _SAME_SIZE)
 
 
 def _single_parameters(
