@@ -261,7 +261,7 @@ def test_a_slow_input_is_held_and_does_not_split_the_log(write: Write, needed: b
 
 
 def test_a_slow_input_that_pauses_is_spared_or_splits(write: Write) -> None:
-    room = every(600, 10, [20.0] * 60)
+    room = every(600, 10, [20.0] * 30 + [22.0] * 30)
     for k in range(200, 300):
         room[k] = None
     path = write(
@@ -271,6 +271,35 @@ def test_a_slow_input_that_pauses_is_spared_or_splits(write: Write) -> None:
     assert len(read_log(path, inputs=both, outputs=["temperature.a"])) == 2
     (run,) = read_log(path, inputs=["torque.a"], outputs=["temperature.a"], optional=["temperature.ambient"])
     assert not run.has("temperature.ambient")
+
+
+@pytest.mark.parametrize(("after", "max_gap", "pieces"), [(20.4, None, 1), (21.6, None, 2), (20.4, 10.0, 2)])
+def test_a_room_is_held_over_minutes_in_which_it_stays_as_it_was(
+    write: Write, after: float, max_gap: float | None, pieces: int
+) -> None:
+    """The logger of the temperatures pauses, and the robot goes on; unless the user says what to bridge."""
+    room: list[object] = [None if 200 <= k < 350 else 20.0 if k < 200 else after for k in range(600)]
+    knee: list[object] = [None if 200 <= k < 350 else 30.0 for k in range(600)]
+    columns = {"time": list(range(600)), "temperature.ambient": room, "temperature.a": knee, "torque.a": [1.0] * 600}
+    both = ["torque.a", "temperature.ambient"]
+    runs = read_log(write(columns), inputs=both, outputs=["temperature.a"], max_gap=max_gap)
+    assert len(runs) == pieces
+    assert runs[0].columns["temperature.ambient"][190] == 20.0
+    if pieces == 1:
+        assert "temperature.ambient: 1 gap up to 151 s, bridged by holding the last value." in runs[0].notes
+
+
+def test_a_piece_begins_with_its_first_reading_and_one_without_any_is_dropped(write: Write) -> None:
+    """The sensors' logger is silent from 100 to 280 s, that of the torque from 150 to 170 and 200 to 220 s."""
+    knee = [None if 100 <= k < 280 else 30.0 for k in range(400)]
+    torque = [None if 150 <= k < 170 or 200 <= k < 220 else 1.0 for k in range(400)]
+    path = write({"time": list(range(400)), "temperature.a": knee, "torque.a": torque})
+    first, last = read_log(path, inputs=["torque.a"], outputs=["temperature.a"])
+    assert (first.name, last.name) == ("log#1", "log#3")
+    assert last.time[0] == 280.0
+    note = "log: 1 of 3 stretches hold next to no reading of the model's temperatures; dropped."
+    assert note in first.notes
+    assert np.isfinite(last.temperature("a")).all()
 
 
 # --- Each fault of a log is one line that says where it is and what would be right ------------------------------------

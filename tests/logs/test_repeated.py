@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -87,6 +88,20 @@ def test_two_robots_that_cool_are_not_the_same_for_falling_alike() -> None:
         for late in (0.0, 40.0)
     ]
     assert repeated_stretch(_run(logs[0]), _run(logs[1])) is None
+
+
+def test_two_gaps_are_not_the_same_readings() -> None:
+    """A part of one day, laid over a minute in which no sensor of the other was logged, differs by nothing."""
+    monday, tuesday = (_run(healthy("leg", day, 0.1)) for day in (1, 2))
+    columns = {name: values.copy() for name, values in monday.columns.items()}
+    for name in (name for name in columns if name.startswith("temperature.")):
+        columns[name][300:400] = np.nan
+        columns[name] += 5.0
+    silent = replace(monday, columns=columns)
+    for length in (250.0, 350.0):
+        part = tuesday.slice(-np.inf, tuesday.time[0] + length)
+        assert repeated_stretch(silent, part) is None
+        assert repeated_stretch(part, silent) is None
 
 
 def test_a_study_refuses_a_log_that_it_has_in_another_format(tmp_path: Path) -> None:

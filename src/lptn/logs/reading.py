@@ -25,6 +25,7 @@ from lptn.logs.quality import Roles, check_values, duplicates_of, issues_of
 from lptn.logs.resampling import (
     ROUNDING,
     SEVERAL,
+    STEADY_GAP,
     Samples,
     features_of,
     find_stretches,
@@ -35,7 +36,7 @@ from lptn.logs.resampling import (
     temperatures_on_grid,
     would_cut,
 )
-from lptn.logs.run import Run
+from lptn.logs.run import LATEST_FIRST, Run
 from lptn.logs.scatter import scatter_of
 from lptn.logs.silence import Silence, of_sensor, quantisation_step, silences_of, without_silent
 from lptn.logs.spreadsheets import open_spreadsheet
@@ -313,7 +314,8 @@ def read_log(
         columns: where the quantities stand, for a log whose columns are not called `<quantity>.<place>`.
         name: what the run of a data frame is called; files have names of their own.
         step: s, of the runs; None for the log's own or 1 s, whichever is longer.
-        max_gap: s, the longest gap in time or in an input that is bridged; None for max(10 s, 5 steps).
+        max_gap: s, the longest gap in time or in an input that is bridged; None for max(10 s, 5 steps), and for 5 min
+            in a temperature that drives the model and is steady.
         inputs: `<feature>.<place>` columns that the model is driven by.
         outputs: temperature columns that the model predicts. Neither given: all columns are kept.
         optional: inputs that are kept where the log has them without a gap.
@@ -352,6 +354,7 @@ def read_log(
     choice, samples, gappy = _without_gappy(choice, samples, {*inputs, *outputs} or set(choice.inputs), table.mixed)
     choice, samples, empty = _without_empty(table, choice, samples, issues)
     step, of_step = _step(step, samples.period)
+    steady_gap = STEADY_GAP if max_gap is None else 0.0
     max_gap = max_gap if max_gap is not None else max(_BRIDGED, _BRIDGED_STEPS * step)
     if max_gap < SEVERAL * samples.period:
         expected = f"more than {SEVERAL} sampling periods of {samples.period:.3g} s"
@@ -359,8 +362,8 @@ def read_log(
     notes = [f"{GUESSED}{guessed.line} ({guessed.why})." for guessed in guesses]
     notes += [*filter(None, [format_note(table)]), *table.notes, *choice.notes]
     notes += [*of_values, *gappy, *empty, *of_step]
-    runs = _runs(table, choice, samples, step, max_gap, notes)
-    return [replace(run, issues=issues) for run in runs]
+    runs = _runs(table, choice, samples, step, (max_gap, steady_gap), notes)
+    return [replace(run, issues=issues) for run in _beginning_with_readings(runs, choice.outputs)]
 
 
 def _checked_samples(table: Table, choice: ColumnChoice, strict: bool) -> tuple[Samples, list[str], tuple[Issue, ...]]:
@@ -512,15 +515,16 @@ def _step(step: float | None, period: float) -> tuple[float, list[str]]:
 
 
 def _runs(
-    table: Table, choice: ColumnChoice, samples: Samples, step: float, max_gap: float, notes: list[str]
+    table: Table, choice: ColumnChoice, samples: Samples, step: float, bridged: tuple[float, float], notes: list[str]
 ) -> list[Run]:
-    """One run for each stretch of the log that is long enough.
+    """One run for each stretch of the log that is long enough; `bridged` are the gaps for `find_stretches`.
 
     Raises:
         InputError: none is.
     """
     needed = {key: values for key, values in samples.raw.items() if key not in choice.outputs}
-    stretches, gaps = find_stretches(samples.time, samples.period, needed, max_gap)
+    max_gap, steady_gap = bridged
+    stretches, gaps = find_stretches(samples.time, samples.period, needed, max_gap, steady_gap)
     if table.mixed:  # rows of several clocks follow each other at any distance
         gaps = [note for note in gaps if not (note.startswith("time: ") and "bridged" in note)]
     counts = [math.floor((stop - start) / step + ROUNDING) for start, stop in stretches]
@@ -560,6 +564,24 @@ def _runs(
         name = f"{stem}#{number}" if len(stretches) > 1 else stem
         runs.append(replace(whole, name=name, time=grid(start, step, n), columns=columns))
     return runs
+
+
+def _beginning_with_readings(runs: list[Run], outputs: Collection[str]) -> list[Run]:
+    """The runs that read a temperature of the model, each from its first reading on where that comes late.
+
+    What a gap of the sensors' leaves of a log says nothing; and where a run starts, its first readings say.
+    """
+    kept = []
+    for run in runs:
+        reads = np.any([np.isfinite(run.columns[key]) for key in outputs if run.has(key)], axis=0)
+        first = int(np.argmax(reads)) if np.any(reads) else len(run)
+        if len(run) - first >= _FEWEST_STEPS:
+            kept.append(run.slice(float(run.time[first]), np.inf) if first * run.step > LATEST_FIRST else run)
+    if not kept:
+        return runs
+    silent = len(runs) - len(kept)
+    note = (f"log: {silent} of {len(runs)} stretches hold next to no reading of the model's temperatures; dropped.",)
+    return [replace(run, notes=run.notes + note * (silent > 0)) for run in kept]
 
 
 def _beginning(samples: Samples) -> dict[str, float]:

@@ -135,8 +135,13 @@ def ratio(total: FloatArray, count: npt.NDArray[np.integer]) -> FloatArray:
 Span = tuple[float, float]  # start and stop, s
 
 
+STEADY_GAP = 300.0
+"""s; so long a temperature among the inputs, such as the room's, is held where it has moved by less than `_STEADY`."""
+_STEADY = 1.0  # K; a step of a coarse sensor: half of it, for minutes, moves a joint by less than a sensor's class
+
+
 def find_stretches(
-    time: FloatArray, period: float, inputs: Mapping[str, FloatArray], max_gap: float
+    time: FloatArray, period: float, inputs: Mapping[str, FloatArray], max_gap: float, steady_gap: float = 0.0
 ) -> tuple[list[Span], list[str]]:
     """The stretches [start, stop), s, in which every input has a value or is bridged, and notes on the gaps.
 
@@ -146,11 +151,13 @@ def find_stretches(
         inputs: raw inputs by name, (n,) each, NaN where missing, each with at least one number.
         max_gap: s, the longest time between two samples of an input that is bridged. An input that is logged more
             seldom than the rest holds for 2.5 of its own periods at least.
+        steady_gap: s, the same for a temperature that is as good as the same before and after.
     """
     missing, notes = _gaps("time", time, np.zeros(time.size), period, max_gap)
     for name, values in inputs.items():
         if np.isnan(values).any():
-            spans, more_notes = _gaps(name, time, values, period, max_gap)
+            steady = steady_gap if name.startswith("temperature.") else 0.0
+            spans, more_notes = _gaps(name, time, values, period, max_gap, steady)
             missing += spans
             notes += more_notes
     stretches, start, end = [], time[0], time[-1] + period
@@ -162,7 +169,7 @@ def find_stretches(
 
 
 def _gaps(
-    name: str, time: FloatArray, values: FloatArray, period: float, max_gap: float
+    name: str, time: FloatArray, values: FloatArray, period: float, max_gap: float, steady_gap: float = 0.0
 ) -> tuple[list[Span], list[str]]:
     """Where an input has no value and is not bridged, s, the log's two ends among them; and notes."""
     rows = np.flatnonzero(~np.isnan(values))
@@ -174,7 +181,7 @@ def _gaps(
     if slow:
         notes.append(f"{name}: logged every {usual:.4g} s, held in between.")
         period, max_gap = usual, max(max_gap, _HELD * usual)
-    long = apart > max_gap
+    long = (apart > max_gap) & ((apart > steady_gap) | (np.abs(np.diff(values[rows])) > _STEADY))
     # In a column only its own gaps are counted: those where rows stand without a value.
     own = (np.diff(rows) > 1) & (apart > SEVERAL * usual) if name != "time" else apart > SEVERAL * period
     short = own & ~long

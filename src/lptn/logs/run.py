@@ -14,6 +14,9 @@ from lptn.logs.issue import Issue
 from lptn.logs.resampling import reduce_blocks
 from lptn.logs.scatter import Scatter
 
+LATEST_FIRST = 30.0
+"""s; a first reading that comes later says little about the start of a run, with time constants of minutes."""
+
 
 @dataclass(frozen=True)
 class Run:

@@ -9,7 +9,7 @@ import numpy as np
 
 from lptn.basics.arrays import BoolArray, FloatArray
 from lptn.basics.errors import InputError
-from lptn.logs.run import Run
+from lptn.logs.run import LATEST_FIRST, Run
 from lptn.model.model import Model
 from lptn.model.network import START
 
@@ -83,7 +83,6 @@ def bind(model: Model, run: Run) -> BoundRun:
 # --- Where a simulation starts --------------------------------------------------------------------
 
 _FIRST_READINGS = 5.0  # s; averaged into the start: the noise of a single reading would stay for a time constant
-_LATEST_FIRST = 30.0  # s; a first reading that comes later says little about the start, with time constants of minutes
 _FEW = 5  # nodes whose names go into a message
 _AT_REST = 5.0  # K; with sensors of 1 K steps and their offsets, nodes of a robot at rest lie no further apart
 
@@ -148,7 +147,7 @@ def _prescribed_at_start(model: Model, bound: BoundRun, name: str) -> float:
 def _first_reading(readings: FloatArray, step: float) -> float:
     """Mean of the first few seconds' readings [degC]; NaN where the first one comes late or never."""
     finite = np.flatnonzero(np.isfinite(readings))
-    if finite.size == 0 or finite[0] * step > _LATEST_FIRST:
+    if finite.size == 0 or finite[0] * step > LATEST_FIRST:
         return float("nan")
     early = finite[finite * step < finite[0] * step + max(_FIRST_READINGS, step)]
     return float(readings[early].mean())
@@ -167,7 +166,7 @@ def _resting_temperature(model: Model, run: Run, start: FloatArray) -> float:
     began = {node: value for node, value in began.items() if np.isfinite(value)}
     expected = 'a log that begins at rest, or an ambient column or number in place of ambient = "start"'
     if not began:
-        raise InputError(run.source, "start", f"no temperature in the first {_LATEST_FIRST:g} s", expected)
+        raise InputError(run.source, "start", f"no temperature in the first {LATEST_FIRST:g} s", expected)
     first = np.array(list(began.values()))
     if np.ptp(first) > _AT_REST:
         raise InputError(run.source, "start", _one_apart(began), expected)
