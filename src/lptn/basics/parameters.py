@@ -202,7 +202,7 @@ class Transform:
         positive = np.exp(np.where(self._log, coordinates, 0.0))
         from_zero = np.sinh(np.where(self._from_zero, coordinates, 0.0))
         shares = np.where(self._from_zero, from_zero, coordinates)
-        with np.errstate(over="ignore"):  # a search may try a conductance without end, which has no cost
+        with np.errstate(over="ignore"):  # a search may try what no computer holds
             conductances = np.sinh(-np.where(self._resistance, np.minimum(coordinates, _NEARLY_NONE), -1.0))
         return np.where(self._log, positive, self._scale * np.where(self._resistance, 1.0 / conductances, shares))
 

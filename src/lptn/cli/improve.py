@@ -184,6 +184,8 @@ def _who_chose(history: History) -> str:
     text = "Effects were chosen on the fitted data."
     if history.searched_from is None:
         text = "Which effects were added, somebody chose."
+    elif history.considered == 1 and history.first.refits:
+        text = "None of the effects that were proposed is both believed and beyond chance."
     elif history.considered == 1:
         text = "No effect was proposed beyond chance."
     elif history.steps[0].holdout:

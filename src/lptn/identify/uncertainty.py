@@ -131,7 +131,7 @@ def _combinations(names: list[str], vectors: FloatArray) -> list[str]:
         advice = "multiplying them all by one factor (resistances: dividing) changes no temperature; fix one of them"
         other = "the data leave this combination open; fix one of them or measure more"
         warnings.append(f"{', '.join(involved)}: {advice if _is_common_factor(vector) else other}")
-    return warnings
+    return list(dict.fromkeys(warnings))
 
 
 def _is_common_factor(vector: FloatArray) -> bool:
