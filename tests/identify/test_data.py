@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -76,10 +78,17 @@ def test_a_border_that_leaves_nothing_on_one_side_is_refused(border: float) -> N
 
 
 def test_coarsening_spares_short_runs() -> None:
-    coarse = split_data([_run(6000), _run(700), _run(400)], [_run(4000)]).coarsened(10.0)
+    runs = [replace(_run(steps), source=f"{steps}.csv") for steps in (6000, 700, 400)]
+    coarse = split_data(runs, [_run(4000)]).coarsened(10.0)
     assert [segment.run.step for segment in coarse.fit] == [10.0, 2.0, 1.0]
     assert coarse.holdout[0].run.step == 10.0
     assert coarse.holdout[0].evaluation == (400.0, float("inf"))
+
+
+def test_pieces_of_one_log_spare_what_all_of_it_can() -> None:
+    """Twenty minutes between gaps are twenty minutes; of the shortest piece ten steps are left."""
+    coarse = split_data([_run(700), _run(460), _run(35), _run(5)]).coarsened(5.0)
+    assert [segment.run.step for segment in coarse.fit] == [4.0, 4.0, 3.0, 1.0]
 
 
 def test_coarsening_to_a_finer_step_changes_nothing() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -32,7 +33,7 @@ _EVERYTHING: Window = (float("-inf"), float("inf"))
 # The first tenth of a held-out run finds its initial temperatures: at least a minute, and ten readings.
 _INITIALISATION_SHARE, _LEAST_INITIALISATION, _LEAST_INITIALISATION_STEPS = 0.1, 60.0, 10  # s for the second
 _MOST_INITIALISATION_SHARE = 0.5  # a short run can't spare more
-_LEAST_STEPS_KEPT = 300  # a coarsened run keeps at least so many
+_LEAST_STEPS_KEPT, _OF_A_PIECE = 300, 10  # steps that a coarsened log keeps at least, and each piece of it
 
 
 @dataclass(frozen=True)
@@ -47,9 +48,15 @@ class Segment:
     initialisation: Window
     evaluation: Window
 
-    def coarsened(self, step: float) -> Segment:
-        """The same segment in steps of about `step` seconds, where the run is long enough to spare them."""
-        factor = min(round(step / self.run.step), len(self.run) // _LEAST_STEPS_KEPT)
+    def coarsened(self, step: float, whole: int = 0) -> Segment:
+        """The same segment in steps of about `step` seconds, where the run is long enough to spare them.
+
+        Args:
+            step: s.
+            whole: steps of the log that the run is a piece of, where it is one.
+        """
+        long_enough = max(len(self.run), whole) // _LEAST_STEPS_KEPT
+        factor = min(round(step / self.run.step), long_enough, max(1, len(self.run) // _OF_A_PIECE))
         return self if factor < 2 else replace(self, run=self.run.coarsen(factor))
 
 
@@ -69,7 +76,15 @@ class DataSplit:
 
     def coarsened(self, step: float) -> DataSplit:
         """All segments in steps of about `step` seconds."""
-        return self._mapped(lambda segment: segment.coarsened(step))
+
+        def coarsened(group: tuple[Segment, ...]) -> tuple[Segment, ...]:
+            # Between its gaps a log is as long as it is: its pieces spare what all of it can.
+            whole = Counter[str]()
+            for segment in group:
+                whole[segment.run.source] += len(segment.run)
+            return tuple(segment.coarsened(step, whole[segment.run.source]) for segment in group)
+
+        return DataSplit(*map(coarsened, (self.fit, self.holdout, self.test)))
 
     def lacking(self) -> dict[str, list[str]]:
         """The inputs that a run lacks and others have, by the run's name; temperatures are no inputs."""
@@ -86,10 +101,8 @@ class DataSplit:
             columns = {name: values for name, values in segment.run.columns.items() if name not in absent}
             return replace(segment, run=replace(segment.run, columns=columns))
 
-        return self._mapped(common) if absent else self
-
-    def _mapped(self, changed: Callable[[Segment], Segment]) -> DataSplit:
-        return DataSplit(*(tuple(map(changed, group)) for group in (self.fit, self.holdout, self.test)))
+        groups = (self.fit, self.holdout, self.test)
+        return DataSplit(*(tuple(map(common, group)) for group in groups)) if absent else self
 
 
 def split_data(
