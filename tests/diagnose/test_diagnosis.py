@@ -179,6 +179,20 @@ def test_the_score_predicts_what_the_refit_gains(leg: Leg) -> None:
     assert gain == pytest.approx(2 * (before - after), rel=0.1)
 
 
+def test_nothing_is_given_up_beside_what_nobody_would_believe(leg: Leg, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The best answer of a robot whose weak link vanished beside it was refused, and all others had been given up."""
+    model, data = leg(Hidden("second_mass", "*", size=2.0))
+    coarse = data.coarsened(5.0)
+    base = fit_segments(model, coarse.fit)
+    ranked = score(base, candidates(model.network, coarse.fit[0].run.columns)).ranked
+    two = [scored for key in ("second_mass", "sensor_lag") for scored in ranked if scored.candidate.key == (key, "*")]
+    best, other = refit_all(base, two)
+    assert best.fit.cost < 0.5 * base.cost
+    assert other.fit.status == "given up"
+    monkeypatch.setattr("lptn.diagnose.answers.is_implausible", lambda fit, *_: fit.cost < 0.5 * base.cost)
+    assert [step.fit.status for step in refit_all(base, two)].count("given up") == 0
+
+
 def test_the_score_estimates_the_size(leg: Leg) -> None:
     scores, _, _ = _scored(leg, Hidden("constant_heat", "FR_thigh", size=0.3))
     best = scores.ranked[0]

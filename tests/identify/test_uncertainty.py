@@ -9,6 +9,7 @@ import pytest
 
 from lptn.identify.fitting import fit
 from lptn.identify.problem import Problem
+from lptn.identify.uncertainty import _open_combinations
 from lptn.logs.run import Run
 from lptn.model.model import Model
 from lptn.model.network import NodeDeclaration
@@ -76,6 +77,18 @@ def test_data_that_contradict_a_prior_are_told() -> None:
     (warning,) = result.uncertainty.warnings
     assert warning.startswith("capacity.a: 12")
     assert "standard deviations from what was known of it, 200 ± 5 J/K" in warning
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_two_factors_that_change_nothing_are_told_apart_whatever_their_basis(seed: int) -> None:
+    """Two motors apart, each with a heat of unknown scale; of a third, one parameter alone is open."""
+    open_ = np.zeros((6, 3))
+    open_[[0, 3], 0] = open_[[1, 2, 4], 1] = 1.0
+    open_[5, 2] = 1.0
+    open_ /= np.linalg.norm(open_, axis=0)
+    mixed, _ = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))
+    told = [(members.tolist(), factor) for members, factor in _open_combinations(open_ @ mixed)]
+    assert told == [([0, 3], True), ([1, 2, 4], True), ([5], False)]
 
 
 def test_gradients_of_all_blocks_add_up_to_the_gradient() -> None:

@@ -104,6 +104,14 @@ def test_two_gaps_are_not_the_same_readings() -> None:
         assert repeated_stretch(part, silent) is None
 
 
+def test_a_copy_that_lost_readings_is_found() -> None:
+    log = healthy("leg", 1, 0.1)
+    kept, rng = log.iloc[:2500].copy(), np.random.default_rng(3)
+    temperatures = [name for name in map(str, log) if name.startswith("temperature.")]
+    kept.loc[rng.random(len(kept)) < 0.1, temperatures] = np.nan
+    assert repeated_stretch(_run(log), _run(kept.reset_index(drop=True))) is not None
+
+
 def test_a_study_refuses_a_log_that_it_has_in_another_format(tmp_path: Path) -> None:
     log = healthy("leg", 1, 0.1)
     (tmp_path / "leg.toml").write_text(presets()["leg"], encoding="utf-8")

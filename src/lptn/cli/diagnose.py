@@ -181,9 +181,10 @@ def show_what_runs_have_of_their_own(
         )
     at_limit = [nuisance.text for nuisance in nuisances_at_limit(fit)]
     if at_limit:
-        more = len(at_limit) - _MOST_AT_LIMIT
-        told = [*at_limit[:_MOST_AT_LIMIT], *([f"{more} more end at their limits"] if more > 0 else [])]
-        print(f"That is not enough: {listed(told)}. These runs differ, or the model is wrong in another way.")
+        told, more = listed(at_limit), len(at_limit) - _MOST_AT_LIMIT
+        if more > 0:
+            told = f"{'; '.join(at_limit[:_MOST_AT_LIMIT])}; and {more} more, in the JSON"
+        print(f"That is not enough: {told}. These runs differ, or the model is wrong in another way.")
 
 
 _MOST_AT_LIMIT = 3  # errors of runs that end at their limits, on the terminal; the JSON has all

@@ -185,7 +185,7 @@ def _who_chose(history: History) -> str:
     if history.searched_from is None:
         text = "Which effects were added, somebody chose."
     elif history.considered == 1 and history.first.refits:
-        text = "None of the effects that were proposed is both believed and beyond chance."
+        text = "Of the effects that were proposed each is implausible, or within chance."
     elif history.considered == 1:
         text = "No effect was proposed beyond chance."
     elif history.steps[0].holdout:

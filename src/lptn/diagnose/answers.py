@@ -338,7 +338,8 @@ def refit_all(base: Fit, scores: Sequence[Score], executor: Executor | None = No
     # What has no hope to come near the most promising one that somebody would believe is not fitted to the end.
     steps += run(_refitted, [(base, entry, HOPELESS * steps[-1].fit.cost) for entry in scores[len(steps) :]])
     # A large effect is a long way from the baseline; cut off, it would seem worse than another name for the same.
-    near = HOPELESS * min((step.fit.cost for step in steps if not _is_implausible(base, step)), default=np.inf)
+    believed = [step for step in steps if not _is_implausible(base, step)]
+    near = HOPELESS * min(step.fit.cost for step in believed or steps)
     cut_off = [k for k, step in enumerate(steps) if step.fit.status == "not converged" and step.fit.cost <= near]
     for k, longer in zip(cut_off, run(finished, [steps[k].fit for k in cut_off]), strict=True):
         steps[k] = _step(base, steps[k].declaration, unless_interrupted(longer))

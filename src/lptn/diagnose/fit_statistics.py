@@ -153,9 +153,9 @@ LACKING = 1.5
 MOST = 0.75
 """Share of the misfit beyond noise that one answer, or three together, must explain to be what is missing."""
 HALF = 0.5
-"""Share of it that the steps of a search must explain, since held-out runs chose them; and share of a held-out error,
-squared and beyond noise, that must go with it."""
-_SHOWS_PLAINLY = 2.0  # times the cost of noise: a misfit that single readings show
+"""Share of it that the steps of a search must explain, since held-out runs chose them; share of a held-out error,
+squared and beyond noise, that must go with it; and share of its own sensors' misfit that an error of the log must."""
+_SHOWS_PLAINLY = 2.0  # times the misfit that noise leaves: single readings show such a one
 
 
 @dataclass(frozen=True)

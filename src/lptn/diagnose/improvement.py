@@ -530,7 +530,10 @@ class _Search:
         return believed and self._explains_half(branch, error) and self._stands(branch, error)
 
     def _explains_half(self, branch: Branch, error: Step) -> bool:
-        """Whether an error of the log explains half of the misfit at its sensors and in its run; the air's, of all."""
+        """Whether an error of the log explains half of the misfit at its sensors, in its run if it is of one.
+
+        An error of the air is read by no node of the model: of it that is asked of all of them.
+        """
         diagnosis, network = self.diagnosis(branch), error.fit.model.network
         touched = {node for declared in error.declarations for _, ends in network.places_for(declared) for node in ends}
         nodes, run = touched.intersection(error.fit.model.nodes), error.declaration.run if error.declaration else ""
@@ -543,6 +546,7 @@ class _Search:
         things in a robot do together: a clock's delay the lags of sensors, windings and masses. So the likeliest of
         them must stand beside everything in the robot that it may be confused with, see `_stands`. That is asked of
         the first model that makes it likely, and holds for all: later steps may have some of these things in its place.
+        Those that explain little where they are read are left out of it, as those that don't stand.
         """
         effects = _effects(branch)
         if effects not in self._believed:

@@ -353,9 +353,9 @@ def is_implausible(fit: Fit, declarations: Iterable[EffectDeclaration], given: F
 def _takes_the_place_of_what_was_given(fit: Fit, given: Fit) -> bool:
     """Whether a link, a capacity or a winding's loss of the given model vanishes.
 
-    That is, it ends at a bound, a factor of three off, where the given fit says that it isn't: no effect stands for a
-    link that may as well be none, or for a capacity that nothing tells. What is nearer to its bound, the right effect
-    may bring there: bounds are a user's guess.
+    That is, it ends at a bound, a factor of three off, and the given fit tells that it is not there: no effect stands
+    for a link that may as well be none, or for a capacity that nothing tells. What is nearer to its bound, the right
+    effect may bring there: bounds are a user's guess.
     """
     before = {parameter.name: parameter.value for parameter in given.model.parameters}
     after = {parameter.name: parameter.value for parameter in fit.model.parameters}

@@ -48,14 +48,14 @@ class Segment:
     initialisation: Window
     evaluation: Window
 
-    def coarsened(self, step: float, whole: int = 0) -> Segment:
+    def coarsened(self, step: float, length_of_log: int = 0) -> Segment:
         """The same segment in steps of about `step` seconds, where the run is long enough to spare them.
 
         Args:
             step: s.
-            whole: steps of the log that the run is a piece of, where it is one.
+            length_of_log: in steps, of all pieces of the log together, where the run is one of them.
         """
-        long_enough = max(len(self.run), whole) // _LEAST_STEPS_KEPT
+        long_enough = max(len(self.run), length_of_log) // _LEAST_STEPS_KEPT
         factor = min(round(step / self.run.step), long_enough, max(1, len(self.run) // _OF_A_PIECE))
         return self if factor < 2 else replace(self, run=self.run.coarsen(factor))
 
@@ -79,10 +79,10 @@ class DataSplit:
 
         def coarsened(group: tuple[Segment, ...]) -> tuple[Segment, ...]:
             # Between its gaps a log is as long as it is: its pieces spare what all of it can.
-            whole = Counter[str]()
+            lengths = Counter[tuple[str, str]]()
             for segment in group:
-                whole[segment.run.source] += len(segment.run)
-            return tuple(segment.coarsened(step, whole[segment.run.source]) for segment in group)
+                lengths[_log_of(segment.run)] += len(segment.run)
+            return tuple(segment.coarsened(step, lengths[_log_of(segment.run)]) for segment in group)
 
         return DataSplit(*map(coarsened, (self.fit, self.holdout, self.test)))
 
@@ -103,6 +103,10 @@ class DataSplit:
 
         groups = (self.fit, self.holdout, self.test)
         return DataSplit(*(tuple(map(common, group)) for group in groups)) if absent else self
+
+
+def _log_of(run: Run) -> tuple[str, str]:
+    return run.source, run.fingerprint
 
 
 def split_data(

@@ -83,8 +83,11 @@ class Fit(Tabular):
         return {parameter.name: end for parameter, end in at_bounds.items() if ends.get(parameter.declared.unit) == end}
 
     def may_be_at_bound(self, name: str, side: int) -> bool:
-        """Whether a free parameter may as well stand at its lower (0) or upper (1) bound: two standard errors off."""
-        row = [self.model.parameters[index].name for index in self.problem.free].index(name)
+        """Whether a free parameter is within two standard errors of its lower (0) or upper (1) bound; no other is."""
+        free = [self.model.parameters[index].name for index in self.problem.free]
+        if name not in free:
+            return False
+        row = free.index(name)
         return bool(abs(self.problem.bounds[side][row] - self.z[row]) < 2 * self.uncertainty.spreads[row])
 
     @cached_property

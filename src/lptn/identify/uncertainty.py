@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from lptn.basics.arrays import BoolArray, FloatArray
+from lptn.basics.arrays import BoolArray, FloatArray, IntArray
 from lptn.basics.parameters import ParameterInstance
 from lptn.identify.problem import Problem
 
@@ -63,15 +64,17 @@ def uncertainty(problem: Problem, z: FloatArray) -> Uncertainty:
     covariance = inverse_of_all @ (by_data + by_priors * problem.weight_of_priors**2) @ inverse_of_all
     covariance = _widened_by_blocks(covariance, problem, z, whole)
     spread = np.sqrt(np.diag(covariance))
-    involved = np.abs(vectors[:, singular]) > _INVOLVED
-    undetermined = involved.any(axis=1)
-    open_ = involved[:, [not _is_common_factor(vector) for vector in vectors[:, singular].T]].any(axis=1)
+    combinations = _open_combinations(vectors[:, singular])
+    undetermined, open_ = np.zeros((2, count), dtype=bool)
+    for members, common_factor in combinations:
+        undetermined[members] = True
+        open_[members] = not common_factor
     perhaps_none = _may_be_none(problem, z, spread)
     slope = problem.slope(problem.point(z).values)
     errors = np.where(undetermined | perhaps_none, np.inf, spread * np.abs(slope))
     scale = np.where(spread > 0, spread, 1.0)
     names = [problem.model.parameters[index].name for index in problem.free]
-    warnings = _combinations(names, vectors[:, singular])
+    warnings = _combinations(names, combinations)
     warnings += _single_parameters(problem, z, names, spread, undetermined, perhaps_none)
     spreads = np.where(open_, np.inf, spread)
     return Uncertainty(errors, covariance, spreads, covariance / np.outer(scale, scale), tuple(warnings))
@@ -123,21 +126,38 @@ def _widened_by_blocks(covariance: FloatArray, problem: Problem, z: FloatArray, 
     return covariance * np.outer(factor, factor)
 
 
-def _combinations(names: list[str], vectors: FloatArray) -> list[str]:
-    """Warnings on combinations of parameters that change no temperature, one for each column of `vectors`."""
-    warnings = []
-    for vector in vectors.T:
-        involved = [name for name, share in zip(names, vector, strict=True) if abs(share) > _INVOLVED]
-        advice = "multiplying them all by one factor (resistances: dividing) changes no temperature; fix one of them"
-        other = "the data leave this combination open; fix one of them or measure more"
-        warnings.append(f"{', '.join(involved)}: {advice if _is_common_factor(vector) else other}")
-    return list(dict.fromkeys(warnings))
+def _open_combinations(vectors: FloatArray) -> list[tuple[IntArray, bool]]:
+    """Parameters whose combinations change no temperature, those together that belong together.
+
+    Args:
+        vectors: orthonormal, in columns, of all such combinations; which of many bases they are is an accident.
+
+    Returns:
+        Numbers of the parameters, and whether their one combination is a factor that they have in common.
+    """
+    from scipy.sparse.csgraph import connected_components  # heavy, and few commands need it
+
+    onto = vectors @ vectors.T
+    involved = np.flatnonzero(np.sqrt(np.diag(onto)) > _INVOLVED)
+    part = onto[np.ix_(involved, involved)]
+    count, labels = connected_components(np.abs(part) > _INVOLVED**2, directed=False)
+    combinations = []
+    for label in range(count):
+        own = labels == label
+        shares = np.sqrt(np.diag(part)[own])  # of a single combination: the components of its vector
+        single = round(float(np.sum(shares**2))) == 1
+        combinations.append((involved[own], bool(single and own.sum() > 1 and np.ptp(shares) < _SAME_SIZE)))
+    return combinations
 
 
-def _is_common_factor(vector: FloatArray) -> bool:
-    """Whether a combination multiplies several parameters by one factor."""
-    involved = np.abs(vector[np.abs(vector) > _INVOLVED])
-    return bool(involved.size > 1 and np.ptp(involved) < _SAME_SIZE)
+def _combinations(names: list[str], combinations: Sequence[tuple[IntArray, bool]]) -> list[str]:
+    """Warnings on combinations of parameters that change no temperature."""
+    advice = "multiplying them all by one factor (resistances: dividing) changes no temperature; fix one of them"
+    other = "the data leave this combination open; fix one of them or measure more"
+    return [
+        f"{', '.join(names[row] for row in members)}: {advice if common_factor else other}"
+        for members, common_factor in combinations
+    ]
 
 
 def _single_parameters(

@@ -363,7 +363,8 @@ def read_log(
     notes += [*filter(None, [format_note(table)]), *table.notes, *choice.notes]
     notes += [*of_values, *gappy, *empty, *of_step]
     runs = _runs(table, choice, samples, step, (max_gap, steady_gap), notes)
-    return [replace(run, issues=issues) for run in _beginning_with_readings(runs, choice.outputs)]
+    begun = runs if choice.everything else _beginning_with_readings(runs, choice.outputs)
+    return [replace(run, issues=issues) for run in begun]
 
 
 def _checked_samples(table: Table, choice: ColumnChoice, strict: bool) -> tuple[Samples, list[str], tuple[Issue, ...]]:
@@ -567,21 +568,29 @@ def _runs(
 
 
 def _beginning_with_readings(runs: list[Run], outputs: Collection[str]) -> list[Run]:
-    """The runs that read a temperature of the model, each from its first reading on where that comes late.
+    """The runs in which a temperature of the model was read; behind a gap, each from its first reading on.
 
-    What a gap of the sensors' leaves of a log says nothing; and where a run starts, its first readings say.
+    A stretch between gaps may lie in a longer gap of the sensors, or begin in one. Nothing says then how warm the
+    robot is where it begins. How warm it was at the beginning of the log, the model may know.
     """
-    kept = []
+    kept, late = [], []
     for run in runs:
         reads = np.any([np.isfinite(run.columns[key]) for key in outputs if run.has(key)], axis=0)
-        first = int(np.argmax(reads)) if np.any(reads) else len(run)
-        if len(run) - first >= _FEWEST_STEPS:
-            kept.append(run.slice(float(run.time[first]), np.inf) if first * run.step > LATEST_FIRST else run)
+        if not np.any(reads):
+            continue
+        first = int(np.argmax(reads))
+        if run is runs[0] or first * run.step <= LATEST_FIRST:
+            kept.append(run)
+        elif len(run) - first >= _FEWEST_STEPS:
+            kept.append(run.slice(float(run.time[first]), np.inf))
+            late.append(f"{run.name} by {first * run.step:.4g} s")
     if not kept:
         return runs
-    silent = len(runs) - len(kept)
-    note = (f"log: {silent} of {len(runs)} stretches hold next to no reading of the model's temperatures; dropped.",)
-    return [replace(run, notes=run.notes + note * (silent > 0)) for run in kept]
+    notes = [f"log: cut to the first reading of a temperature: {', '.join(late)}."] if late else []
+    if len(kept) < len(runs):
+        silent = len(runs) - len(kept)
+        notes.append(f"log: {silent} more stretches hold no reading of the model's temperatures; dropped.")
+    return [replace(run, notes=(*run.notes, *notes)) for run in kept]
 
 
 def _beginning(samples: Samples) -> dict[str, float]:

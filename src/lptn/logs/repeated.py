@@ -156,9 +156,9 @@ def _same(coarse: Mapping[str, FloatArray], copies: Mapping[str, _Copy], stretch
     apart = [_difference(parts[name], copies[name].at(at, size)) for at in around]
     position = float(around[np.argmin(apart)])
     there = {name: copies[name].at(position, size) for name in parts}
-    # In a gap of either run nothing is laid over nothing.
+    # Where one of them has a gap, what is laid over it agrees with nothing.
     shared = sum(_changes(np.where(np.isfinite(there[name]), part, np.nan)) for name, part in parts.items())
-    if shared >= _LEAST and all(_is_one(part, there[name]) for name, part in parts.items()):
+    if shared >= _LEAST / 2 and all(_is_one(part, there[name]) for name, part in parts.items()):
         return _Stretch(first, size, position)
     return None
 

@@ -136,8 +136,8 @@ Span = tuple[float, float]  # start and stop, s
 
 
 STEADY_GAP = 300.0
-"""s; so long a temperature among the inputs, such as the room's, is held where it has moved by less than `_STEADY`."""
-_STEADY = 1.0  # K; a step of a coarse sensor: half of it, for minutes, moves a joint by less than a sensor's class
+"""s; a temperature among the inputs, such as the room's, is held so long if it has moved by no more than `_STEADY`."""
+_STEADY = 1.0  # K; one step of a coarse sensor
 
 
 def find_stretches(
