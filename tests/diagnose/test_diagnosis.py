@@ -10,13 +10,18 @@ import pandas as pd
 import pytest
 
 from lptn import Study
+from lptn.basics.arrays import FloatArray
 from lptn.diagnose.answers import refit_all
 from lptn.diagnose.candidates import candidates
 from lptn.diagnose.diagnosis import diagnose, examine, for_search
 from lptn.diagnose.fit_statistics import fitted_errors, independent_readings
 from lptn.diagnose.improvement import improve
 from lptn.diagnose.scores import Scores, score
+from lptn.identify.comparison import Prediction, predict
+from lptn.identify.data import Segment
 from lptn.identify.validation import fit_segments
+from lptn.model.model import Model
+from lptn.simulate.simulation import SimulationError
 from lptn.virtual import Hidden
 from tests.diagnose.conftest import Leg
 
@@ -177,6 +182,22 @@ def test_the_score_predicts_what_the_refit_gains(leg: Leg) -> None:
     scores, before, after = _scored(leg, hidden)
     gain = next(scored.gain for scored in scores.ranked if scored.candidate.key == ("constant_heat", "FR_thigh"))
     assert gain == pytest.approx(2 * (before - after), rel=0.1)
+
+
+def test_what_is_too_stiff_for_a_held_out_run_is_no_answer(leg: Leg, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A fit ends where the fitted runs can be simulated; another run may be faster there, and ended the search."""
+    model, data = leg(Hidden("constant_heat", "FR_thigh", size=0.3))
+
+    def stiff(fitted: Model, segment: Segment, sigma: FloatArray) -> Prediction:
+        if any(declared.effect.key == "constant_heat" for declared in fitted.network.effects):
+            raise SimulationError("too fast")
+        return predict(fitted, segment, sigma)
+
+    assert diagnose(model, data).refits[0].key == ("constant_heat", "FR_thigh")
+    monkeypatch.setattr("lptn.diagnose.answers.predict", stiff)
+    others = diagnose(model, data).refits
+    assert others
+    assert "constant_heat" not in {step.effect for step in others}
 
 
 def test_nothing_is_given_up_beside_what_nobody_would_believe(leg: Leg, monkeypatch: pytest.MonkeyPatch) -> None:

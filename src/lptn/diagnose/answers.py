@@ -40,6 +40,7 @@ from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit, finished
 from lptn.identify.validation import holdout_errors
 from lptn.model.network import EffectDeclaration
+from lptn.simulate.simulation import SimulationError
 
 Key = tuple[str, str]
 """Effect and place, such as `("sensor_offset", "FR_calf")`; `"FR_calf@monday"` for an effect in one run only."""
@@ -185,6 +186,13 @@ class Step(Tabular):
         """The step with the held-out runs as it predicts them, and its errors there."""
         predicted = tuple(predict(self.fit.model, segment, self.fit.problem.sigma) for segment in data.holdout)
         return replace(self, predicted=predicted, holdout=errors_of(predicted))
+
+    def predicting_if_it_can(self, data: DataSplit) -> Step | None:
+        """The same; `None` where the model is too stiff for a held-out run: it predicts nothing that was not fitted."""
+        try:
+            return self.predicting(data)
+        except SimulationError:
+            return None
 
     def fitted_as(self, other: Step) -> Step:
         """The step with another's fit of the same model, and what that predicts."""

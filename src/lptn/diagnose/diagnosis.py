@@ -237,7 +237,7 @@ def examine(
     """
     columns = set.intersection(*(set(segment.run.columns) for segment in data.fit))
     result = answers(base, possible_effects(base, columns), refits=refits, executor=executor, report=report)
-    steps = [step.predicting(data) for step in result.steps]
+    steps = [step for step in (step.predicting_if_it_can(data) for step in result.steps) if step is not None]
     ordered = _holdout_decides(steps)
     predicted = Step(result.fit).predicting(data)
     likely = something_missing(predicted, ordered, data)

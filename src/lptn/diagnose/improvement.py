@@ -393,10 +393,14 @@ class _Search:
 
     def _to_the_end(self, branch: Branch) -> Branch | None:
         """The branch with its last model fitted to the end; `None` where nobody believes that."""
-        fit = unless_interrupted(finished(branch[-1].fit))
+        return self._believed_with(branch, unless_interrupted(finished(branch[-1].fit)))
+
+    def _believed_with(self, branch: Branch, fit: Fit) -> Branch | None:
+        """The branch with a fit of its last model; `None` where nobody believes that, or it predicts nothing."""
         if is_implausible(fit, _declarations(branch), branch[0].fit):
             return None
-        return _ending_in(branch, fit, self.data)
+        last = replace(branch[-1], fit=fit).predicting_if_it_can(self.data)
+        return None if last is None else (*branch[:-1], last)
 
     def reconsidered(self, branch: Branch) -> Branch:
         """The branch with each step asked anew beside all others, in the order in which they are told."""
@@ -624,11 +628,10 @@ class _Search:
         # Fits that only ranked candidates ended early: where a valley is long, their held-out errors are accidents.
         fits = (self.executor.map if self.executor else map)(finished, [branch[-1].fit for branch in followed])
         # To the end, a size may go where nobody believes it.
-        done = [
-            _ending_in(branch, unless_interrupted(fit), self.data)
-            for branch, fit in zip(followed, fits, strict=True)
-            if not is_implausible(fit, _declarations(branch), branch[0].fit)
-        ]
+        ends = (
+            self._believed_with(branch, unless_interrupted(fit)) for branch, fit in zip(followed, fits, strict=True)
+        )
+        done = [longer for longer in ends if longer is not None]
         if not done:
             return []
         return list(dict.fromkeys([*done[:width], _ranked(done, self.data)[0]]))
