@@ -298,7 +298,7 @@ def test_a_piece_begins_with_its_first_reading_and_one_without_any_is_dropped(wr
     assert (first.name, last.name) == ("log#1", "log#3")
     assert last.time[0] == 280.0
     assert "log: cut to the first reading of a temperature: log#3 by 60 s." in first.notes
-    assert "log: 1 more stretches hold no reading of the model's temperatures; dropped." in first.notes
+    assert "log: 1 of 3 stretches hold next to no reading of a node of the model; dropped." in first.notes
     assert np.isfinite(last.temperature("a")).all()
 
 

@@ -216,7 +216,7 @@ def explains(
         larger: the larger model's fit to the same runs.
         noise: what a perfect model would leave.
         nodes: of which it is asked; of all by default.
-        run: name or glob of the runs of which it is asked; of all by default.
+        runs: name or glob of those of which it is asked; of all by default.
     """
     asked = np.array([not nodes or node in nodes for node in base.model.nodes])
     share_of_noise = (base.noise.floor / base.problem.sigma) ** 2

@@ -362,7 +362,7 @@ def read_log(
     notes = [f"{GUESSED}{guessed.line} ({guessed.why})." for guessed in guesses]
     notes += [*filter(None, [format_note(table)]), *table.notes, *choice.notes]
     notes += [*of_values, *gappy, *empty, *of_step]
-    runs = _runs(table, choice, samples, step, (max_gap, steady_gap), notes)
+    runs = _runs(table, choice, samples, step, max_gap, steady_gap, notes)
     begun = runs if choice.everything else _beginning_with_readings(runs, choice.outputs)
     return [replace(run, issues=issues) for run in begun]
 
@@ -516,15 +516,20 @@ def _step(step: float | None, period: float) -> tuple[float, list[str]]:
 
 
 def _runs(
-    table: Table, choice: ColumnChoice, samples: Samples, step: float, bridged: tuple[float, float], notes: list[str]
+    table: Table,
+    choice: ColumnChoice,
+    samples: Samples,
+    step: float,
+    max_gap: float,
+    steady_gap: float,
+    notes: list[str],
 ) -> list[Run]:
-    """One run for each stretch of the log that is long enough; `bridged` are the gaps for `find_stretches`.
+    """One run for each stretch of the log that is long enough.
 
     Raises:
         InputError: none is.
     """
     needed = {key: values for key, values in samples.raw.items() if key not in choice.outputs}
-    max_gap, steady_gap = bridged
     stretches, gaps = find_stretches(samples.time, samples.period, needed, max_gap, steady_gap)
     if table.mixed:  # rows of several clocks follow each other at any distance
         gaps = [note for note in gaps if not (note.startswith("time: ") and "bridged" in note)]
@@ -589,7 +594,7 @@ def _beginning_with_readings(runs: list[Run], outputs: Collection[str]) -> list[
     notes = [f"log: cut to the first reading of a temperature: {', '.join(late)}."] if late else []
     if len(kept) < len(runs):
         silent = len(runs) - len(kept)
-        notes.append(f"log: {silent} more stretches hold no reading of the model's temperatures; dropped.")
+        notes.append(f"log: {silent} of {len(runs)} stretches hold next to no reading of a node of the model; dropped.")
     return [replace(run, notes=(*run.notes, *notes)) for run in kept]
 
 
