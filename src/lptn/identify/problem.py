@@ -214,7 +214,8 @@ class Problem:
                 counted = bound.counted[:, window]
                 weights = (counted / self.sigma[:, None]).T
                 errors = np.where(counted, predicted.readings - bound.measured[:, window], 0.0).T * weights
-                rows = np.moveaxis(predicted.derivatives, 1, 0) * weights[:, :, None]
+                rows = np.moveaxis(predicted.derivatives, 1, 0)
+                rows *= weights[:, :, None]
                 rows = rows.reshape(-1, len(columns))
                 gradient[columns] += chain.T @ (rows.T @ errors.ravel())
                 hessian[np.ix_(columns, columns)] += chain.T @ (rows.T @ rows) @ chain
