@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from lptn.basics.errors import InputError
 from lptn.effects.conduction import Conduction
 from lptn.effects.constant_heat import ConstantHeat
 from lptn.effects.copper_loss import CopperLoss
@@ -148,6 +149,22 @@ def test_lag_reaches_63_percent_after_one_time_constant() -> None:
 def test_half_a_lag_reads_half_way_between_node_and_bead() -> None:
     model = Model(two_nodes([effect("sensor_lag", "a", fraction=0.5)]))
     assert float(model.output([50.0, 20.0, 30.0], model.values)[0]) == pytest.approx(40.0)
+
+
+def test_a_loose_sensor_comes_to_rest_between_its_node_and_the_air() -> None:
+    """The node is huge and stays at 50 degC, the air at 20 degC; the bead has a quarter of the air."""
+    network = two_nodes([effect("sensor_loose", "a", exposure=0.25, time_constant=10.0)])
+    model = Model(network.with_values({"capacity.a": 1e6, "resistance.a~ambient": 1e4}))
+    states = model.run(1500)(np.array([50.0, 20.0, 50.0]), np.full((1, 1500), 20.0), model.values, 0.1).full()
+    readings = [float(model.output(states[:, k], model.values)[0]) for k in (99, -1)]
+    assert readings == pytest.approx([42.5 + 7.5 * np.exp(-1.0), 42.5], abs=1e-3)
+
+
+def test_no_sensor_is_loose_in_a_model_without_air() -> None:
+    with pytest.raises(InputError, match="a model with a prescribed temperature"):
+        Model(
+            Network("n", (node("a", 100.0), node("b", 100.0)), (link("a", "b", 1.0),), (effect("sensor_loose", "a"),))
+        )
 
 
 @pytest.mark.parametrize("moved", [[("sensor_position", "a~b", {"fraction": 0.4})], [("hot_spot", "a", {})]])

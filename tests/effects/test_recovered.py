@@ -34,6 +34,7 @@ class World:
     late: float = 0.0  # share of the ambient that follows with 600 s
     hot: float = 0.0  # K/W over the mass at the sensor of a, with 5 s
     mix: float = 0.0  # share of b in the reading of a
+    air: float = 0.0  # share of the air in what a bead of 20 s, the sensor of b, comes to read
     drift: float = 0.0  # K/h at the sensor of b
     delay: int = 0  # s by which all readings come late
 
@@ -42,10 +43,11 @@ def _run(name: str, world: World, seed: int, start: float = 24.0) -> Run:
     rng = np.random.default_rng(seed)
     torque = {place: rng.uniform(0.0, 12.0, N // 60).repeat(60) for place in ("a", "b")}
     air = 24.0 + 6.0 * np.sin(2 * np.pi * np.arange(N) / 2000.0)
-    ta, tb, trunk, wall, spot = start, start, start, air[0], 0.0
+    ta, tb, trunk, wall, spot, bead = start, start, start, air[0], 0.0, start
     h, readings = 1.0 / PARTS, np.empty((2, N))
     for k in range(N):
-        readings[:, k] = (1 - world.mix) * ta + world.mix * tb + world.hot * spot, tb + world.drift * k / 3600
+        of_b = bead if world.air else tb
+        readings[:, k] = (1 - world.mix) * ta + world.mix * tb + world.hot * spot, of_b + world.drift * k / 3600
         for _ in range(PARTS):
             heat = [world.loss * 0.15 * (torque[place][k] / 0.84) ** 2 for place in ("a", "b")]
             felt = air[k] + world.air_offset + world.late * (wall - air[k])
@@ -53,6 +55,7 @@ def _run(name: str, world: World, seed: int, start: float = 24.0) -> Run:
             da = (heat[0] - world.air_factor * (ta - felt) / 5.0 + across + world.trunk * (trunk - ta)) / 150.0
             db = (heat[1] - world.air_factor * (tb - felt) / 4.0 - across + world.trunk * (trunk - tb)) / 220.0
             dtrunk = ((ta + tb) / 2 - trunk - 0.5 * (trunk - felt)) / 700.0
+            bead += h * (tb + world.air * (air[k] - tb) - bead) / 20.0
             wall, spot = wall + h * (air[k] - wall) / 600.0, spot + h * (heat[0] - spot) / 5.0
             ta, tb, trunk = ta + h * da, tb + h * db, trunk + h * dtrunk
     readings = readings[:, np.clip(np.arange(N) - world.delay, 0, N - 1)] + rng.normal(0.0, NOISE, readings.shape)
@@ -85,6 +88,8 @@ CASES: list[Case] = [
     (_only("ambient_lag", "*"), World(late=0.8), World(late=0.8), "ambient_lag.fraction.*", 0.8),
     (_only("hot_spot", "a"), World(hot=0.1), World(hot=0.1), "hot_spot.resistance.a", 0.1),
     (_only("sensor_position", "a~b"), World(mix=0.3), World(mix=0.3), "sensor_position.fraction.a~b", 0.3),
+    (_only("sensor_loose", "b"), World(air=0.4), World(air=0.4), "sensor_loose.exposure.b", 0.4),
+    (_only("sensor_loose", "b"), World(air=0.4), World(air=0.4), "sensor_loose.time_constant.b", 20.0),
     (_only("sensor_drift", "b"), World(drift=3.0), World(drift=3.0), "sensor_drift.rate.b", 3.0),
 ]
 

@@ -1,0 +1,66 @@
+"""The sensor has come loose: it reads late, and between its part and the air."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+from lptn.basics.parameters import LARGEST, Parameter
+from lptn.effects.base import Conditions, Layout, Place, SensorEffect, Signature, Symbol
+from lptn.effects.excitation import LOAD_STEPS
+
+
+class SensorLoose(SensorEffect):
+    r"""A bead that touches its part badly, and gives heat to the surroundings.
+
+    .. math:: y = T_p + f (T_b - T_p), \qquad \dot T_b = \bigl(T_p + a \, (T_E - T_p) - T_b\bigr) / t_b
+
+    With the conductances :math:`G_p` to the part and :math:`G_E` to the surroundings and the heat capacity :math:`C_b`
+    the share of the surroundings is :math:`a = G_E / (G_p + G_E)`, and the time constant
+    :math:`t_b = C_b / (G_p + G_E)`. The fraction *f* is 0 when off and 1 for a sensor that is loose.
+
+    Source: heat balance of a bead; [Chen2017, sec. 3.1.1] (thermocouples on the housing).
+    """
+
+    key = "sensor_loose"
+    title = "loose sensor"
+    prior_odds = 0.5
+    """Glue and clips mostly hold: a sensor that is slow, but warm through, is the usual thing."""
+    has_state = True
+    parameters = (
+        Parameter("fraction", 1.0, "1", (0.0, 1.0), off=0.0, on=1.0, typical=1.0, title="share behind the bead"),
+        Parameter("exposure", 0.3, "1", (0.0, 1.0), typical=0.3, title="share of the surroundings"),
+        Parameter(
+            "time_constant",
+            15.0,
+            "s",
+            (0.5, LARGEST),
+            typical=15.0,
+            title="time constant",
+            grid=(5.0, 15.0, 45.0),
+        ),
+    )
+    signature = Signature(
+        looks_like="one reading comes late and rises by too little, in proportion, at every load",
+        separate_by="press the sensor on, or put some foam over it, at a steady load: does the reading rise?",
+        confused_with=("loss_scale", "sensor_lag", "surface_scale"),
+    )
+    excitation = LOAD_STEPS
+    source = "heat balance of a bead"
+
+    @classmethod
+    def places(cls, at: str, layout: Layout) -> list[Place]:
+        return super().places(at, layout) if layout.prescribed else []
+
+    @classmethod
+    def places_in_words(cls, layout: Layout) -> str:
+        return super().places_in_words(layout) if layout.prescribed else "a model with a prescribed temperature"
+
+    def error(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:
+        return p.fraction * (state - temperature)
+
+    def reading_error(self, here: Conditions) -> Symbol:
+        return self.error(here.at_sensor, here.state, here.p)
+
+    def state_rate(self, here: Conditions) -> Symbol:
+        bead = here.at_sensor + here.p.exposure * (here.surroundings - here.at_sensor)
+        return (bead - here.state) / here.p.time_constant
