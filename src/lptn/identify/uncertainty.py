@@ -74,7 +74,7 @@ def uncertainty(problem: Problem, z: FloatArray) -> Uncertainty:
     errors = np.where(undetermined | perhaps_none, np.inf, spread * np.abs(slope))
     scale = np.where(spread > 0, spread, 1.0)
     names = [problem.model.parameters[index].name for index in problem.free]
-    warnings = _combinations(names, combinations)
+    warnings = _combinations(names, combinations, perhaps_none)
     warnings += _single_parameters(problem, z, names, spread, undetermined, perhaps_none)
     spreads = np.where(open_, np.inf, spread)
     return Uncertainty(errors, covariance, spreads, covariance / np.outer(scale, scale), tuple(warnings))
@@ -150,14 +150,18 @@ def _open_combinations(vectors: FloatArray) -> list[tuple[IntArray, bool]]:
     return combinations
 
 
-def _combinations(names: list[str], combinations: Sequence[tuple[IntArray, bool]]) -> list[str]:
-    """Warnings on combinations of parameters that change no temperature."""
-    advice = "multiplying them all by one factor (resistances: dividing) changes no temperature; fix one of them"
-    other = "the data leave this combination open; fix one of them or measure more"
-    return [
-        f"{', '.join(names[row] for row in members)}: {advice if common_factor else other}"
-        for members, common_factor in combinations
-    ]
+def _combinations(
+    names: list[str], combinations: Sequence[tuple[IntArray, bool]], perhaps_none: BoolArray
+) -> list[str]:
+    """Warnings on combinations of parameters that change no temperature; on single ones where no other says more."""
+    factor = "multiplying them all by one factor (resistances: dividing) changes no temperature; fix one of them"
+    several, one = "the data leave this combination open; fix one of them", "the data leave it open; fix it"
+    warnings = []
+    for members, common_factor in combinations:
+        if len(members) > 1 or not perhaps_none[members[0]]:
+            said = factor if common_factor else f"{several if len(members) > 1 else one} or measure more"
+            warnings.append(f"{', '.join(names[row] for row in members)}: {said}")
+    return warnings
 
 
 def _single_parameters(
