@@ -207,13 +207,13 @@ class Problem:
         prior = self._prior_jacobian(point.values)
         gradient, hessian = prior.T @ self._prior_residuals(z, point), prior.T @ prior
         for number, bound in enumerate(self.bound_runs):
-            columns, chain = self._columns(number), self._chain(number, point.values)
+            columns, chain, seen = self._columns(number), self._chain(number, point.values), self._seen[number]
             for window, predicted in self._sensitivities(number, point):
                 # Step after step as they were worked out, readings that don't count with no weight: a search is mostly
                 # here, and every copy of the derivatives takes as long as the product with themselves.
-                counted = bound.counted[:, window]
-                weights = (counted / self.sigma[:, None]).T
-                errors = np.where(counted, predicted.readings - bound.measured[:, window], 0.0).T * weights
+                counted = bound.counted[seen, window]
+                weights = (counted / self.sigma[seen, None]).T
+                errors = np.where(counted, predicted.readings - bound.measured[seen, window], 0.0).T * weights
                 rows = np.moveaxis(predicted.derivatives, 1, 0)
                 rows *= weights[:, :, None]
                 rows = rows.reshape(-1, len(columns))
@@ -262,10 +262,19 @@ class Problem:
         return [np.flatnonzero([index in indices for index in self.free]) for indices in acting]
 
     def _sensitivities(self, number: int, point: Point) -> Iterator[tuple[slice, Sensitivities]]:
-        """Window by window of a run: its steps, readings, and their derivatives by parameters and initial states."""
+        """Window by window of a run: its steps, readings, and their derivatives by parameters and initial states.
+
+        Of the nodes that `_seen` lists.
+        """
         chosen = [self.free[place] for place in self._acting[number]]
         bound, start = self.bound_runs[number], point.starts[number]
-        return sensitivity_windows(self.model, bound, point.values, chosen, start)
+        return sensitivity_windows(self.model, bound, point.values, chosen, start, nodes=self._seen[number])
+
+    @cached_property
+    def _seen(self) -> list[slice | IntArray]:
+        """For each run the nodes of which a reading counts, by number; a slice copies nothing."""
+        seen = [np.flatnonzero(bound.counted.any(axis=1)) for bound in self.bound_runs]
+        return [slice(own[0], own[-1] + 1) if own.size and np.ptp(own) == own.size - 1 else own for own in seen]
 
     def _chain(self, number: int, values: FloatArray) -> FloatArray:
         """Derivative of a run's parameters and initial states by its unknowns, which `_columns` lists; square."""
@@ -278,14 +287,14 @@ class Problem:
 
     def _windows(self, number: int, point: Point) -> Iterator[tuple[IntArray, FloatArray, FloatArray]]:
         """Window by window of a run: where its readings stand in the run, residuals, derivatives by `_columns`."""
-        bound, chain = self.bound_runs[number], self._chain(number, point.values)
+        bound, chain, seen = self.bound_runs[number], self._chain(number, point.values), self._seen[number]
         places = np.arange(bound.counted.size).reshape(bound.counted.shape)
         for window, predicted in self._sensitivities(number, point):
-            counted = bound.counted[:, window]
-            residuals = (predicted.readings - bound.measured[:, window]) / self.sigma[:, None]
+            counted = bound.counted[seen, window]
+            residuals = (predicted.readings - bound.measured[seen, window]) / self.sigma[seen, None]
             derivatives = predicted.derivatives[counted] @ chain
-            derivatives *= 1.0 / np.repeat(self.sigma, counted.sum(axis=1))[:, None]
-            yield places[:, window][counted], residuals[counted], derivatives
+            derivatives *= 1.0 / np.repeat(self.sigma[seen], counted.sum(axis=1))[:, None]
+            yield places[seen, window][counted], residuals[counted], derivatives
 
     def errors(self, z: FloatArray) -> list[FloatArray]:
         """Predicted − measured [K] for each run, shape (nodes, n), NaN where nothing was measured."""

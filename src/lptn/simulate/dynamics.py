@@ -186,25 +186,33 @@ class Stepper:
             return states.T, derivatives
         return self._interpreted(start, derivative, np.repeat(inputs, substeps, axis=1), p, step / substeps, substeps)
 
-    def of_readings(self, states: FloatArray, p: FloatArray, derivatives: FloatArray) -> FloatArray:
-        """Derivatives of what the sensors read, shape (n, nodes, chosen + core), from those of the core states.
+    def of_readings(
+        self, states: FloatArray, p: FloatArray, derivatives: FloatArray, asked: slice | IntArray
+    ) -> FloatArray:
+        """Derivatives of what sensors read, shape (n, asked nodes, chosen + core), from those of the core states.
 
         Args:
             states: shape (states, n).
             p: parameters, shape (m,).
             derivatives: shape (n, core, chosen + core).
+            asked: of which nodes.
         """
-        nodes = len(self.model.nodes)
+        nodes = np.arange(len(self.model.nodes))[asked]
         if self.model.reads_directly:
-            return derivatives[:, :nodes]
+            # An index in brackets would put the nodes first in memory, and each use of the derivatives would copy them.
+            return derivatives[:, nodes[0] : nodes[-1] + 1] if isinstance(asked, slice) else derivatives.take(nodes, 1)
         slopes = self._shared
-        of_readings = np.zeros((len(derivatives), nodes, derivatives.shape[2]))
+        number = {int(node): place for place, node in enumerate(nodes)}
+        of_readings = np.zeros((len(derivatives), len(nodes), derivatives.shape[2]))
         values = slopes.nonzeros_of_readings(states, p)
-        for row, column, value in zip(*slopes.nonzeros, values.T, strict=True):  # nearly all sensors read one state
+        for node, column, value in zip(*slopes.nonzeros, values.T, strict=True):  # nearly all sensors read one state
+            if node not in number:
+                continue
             if column < self.core:
-                of_readings[:, row] += value[:, None] * derivatives[:, column]
-            elif (number := self._numbers.get(column - self.core)) is not None:
-                of_readings[:, row, number] += value
+                of_state = derivatives[:, column]
+                of_readings[:, number[node]] += of_state if (value == 1.0).all() else value[:, None] * of_state
+            elif (parameter := self._numbers.get(column - self.core)) is not None:
+                of_readings[:, number[node], parameter] += value
         return of_readings
 
     @cached_property

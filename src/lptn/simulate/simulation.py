@@ -208,8 +208,12 @@ def sensitivity_windows(
     chosen: Sequence[int],
     start: FloatArray | None = None,
     core: int | None = None,
+    nodes: slice | IntArray = slice(None),
 ) -> Iterator[tuple[slice, Sensitivities]]:
     """The same in windows of time: the steps of each, and their sensitivities.
+
+    Args:
+        nodes: numbers of those whose readings are asked for; all by default. Those without a sensor take as long.
 
     Raises:
         SimulationError: the parameters make the model too stiff, or it runs away.
@@ -219,9 +223,9 @@ def sensitivity_windows(
     core = len(model.states) if core is None else core
     parts, shown = substeps(model, bound, values, start, core)
     step = run.step / shown
-    pieces = _pieces(stepper(model, core, chosen), bound, values, start, parts, shown)
+    pieces = _pieces(stepper(model, core, chosen), bound, values, start, parts, shown, nodes)
     if not model.in_time:
-        delays, slopes = model.delays(values)
+        delays, slopes = (of_all[nodes] for of_all in model.delays(values))
         by_column = np.hstack([slopes[:, list(chosen)], np.zeros((len(delays), core))])
         pieces = delayed_pieces(pieces, delays / step, by_column, step, len(bound) * shown + 1)
     for piece in pieces:
@@ -232,9 +236,15 @@ def sensitivity_windows(
 
 
 def _pieces(
-    steps: Stepper, bound: BoundRun, values: FloatArray, start: FloatArray, parts: int, shown: int
+    steps: Stepper,
+    bound: BoundRun,
+    values: FloatArray,
+    start: FloatArray,
+    parts: int,
+    shown: int,
+    nodes: slice | IntArray,
 ) -> Iterator[Piece]:
-    """Pieces of whole rows, at the ends of the steps in which rows are looked at."""
+    """Pieces of whole rows, at the ends of the steps in which rows are looked at, of the nodes that are asked for."""
     model, core, chosen = steps.model, steps.core, len(steps.chosen)
     # Columns: one for each chosen parameter, then one for each core state's initial value.
     states, derivative = start, np.hstack([np.zeros((core, chosen)), np.eye(core)])
@@ -245,5 +255,5 @@ def _pieces(
         _refuse_runaway(path, bound)
         # Before whoever takes the piece changes it: without an effect on readings these are the derivatives themselves.
         states, derivative = path[:, -1].copy(), derivatives[-1].copy()
-        of_readings = steps.of_readings(path, values, derivatives)
-        yield Piece(first * shown, model.readings_of(path, values), of_readings)
+        of_readings = steps.of_readings(path, values, derivatives, nodes)
+        yield Piece(first * shown, model.readings_of(path, values)[nodes], of_readings)
