@@ -523,7 +523,13 @@ class Study:
         )
         if history is None:
             return chosen
-        return replace(chosen, considered=history.considered, differing=history.differing, rivals=history.rivals)
+        return replace(
+            chosen,
+            considered=history.considered,
+            differing=history.differing,
+            rivals=history.rivals,
+            set_aside=history.set_aside,
+        )
 
     def report(self, path: str | Path, commands: Sequence[str] = ()) -> None:
         """Write the whole story as one HTML file: data, fit, where it fails, what is missing, held-out errors.

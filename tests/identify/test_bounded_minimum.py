@@ -26,7 +26,7 @@ def height(x: FloatArray, gradient: FloatArray, hessian: FloatArray) -> float:
     return float(gradient @ x + 0.5 * x @ hessian @ x)
 
 
-@pytest.mark.parametrize("decades", [1.0, 4.0, 8.0])
+@pytest.mark.parametrize("decades", [1.0, 4.0, 8.0, 12.0])
 @pytest.mark.parametrize("seed", range(6))
 def test_no_point_within_the_bounds_is_lower(seed: int, decades: float) -> None:
     gradient, hessian, lower, upper = problem(seed, decades)
@@ -52,9 +52,19 @@ def test_guesses_that_go_round_in_a_circle_end_on_the_faces(monkeypatch: pytest.
     assert taken
 
 
-def test_an_unknown_without_room_stays_where_it_is() -> None:
-    gradient, hessian, lower, upper = problem(0, 8.0)
+@pytest.mark.parametrize("seed", range(4))
+def test_an_unknown_without_room_stays_and_the_others_find_their_minimum(seed: int) -> None:
+    gradient, hessian, lower, upper = problem(seed, 8.0)
     lower[:5] = upper[:5] = 0.0
-    found = bounded_minimum(gradient, hessian, lower, upper)
-    np.testing.assert_array_equal(found[:5], 0.0)
-    assert np.ptp(found[5:]) > 0.0
+    others = bounded_minimum(gradient[5:], hessian[5:, 5:], lower[5:], upper[5:])
+    by_guesses = bounded_minimum(gradient, hessian, lower, upper)
+    by_faces = module._along_faces(np.zeros(SIZE), gradient, hessian, lower, upper)
+    for found in (by_guesses, by_faces):
+        np.testing.assert_array_equal(found[:5], 0.0)
+        np.testing.assert_allclose(found[5:], others, atol=1e-6)
+
+
+def test_without_bounds_it_is_the_step_of_newton() -> None:
+    gradient, hessian, lower, upper = problem(0, 4.0)
+    found = bounded_minimum(gradient, hessian, np.full_like(lower, -np.inf), np.full_like(upper, np.inf))
+    np.testing.assert_allclose(found, np.linalg.solve(hessian, -gradient), rtol=1e-9)

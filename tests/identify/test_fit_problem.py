@@ -72,6 +72,36 @@ def test_jacobian_with_priors_and_mirrors_equals_finite_differences() -> None:
         np.testing.assert_allclose(jacobian[:, column], slope, rtol=1e-5, atol=1e-6 * size + 1e-9)
 
 
+_FIVE = ("a", "b", "c", "d", "e")
+_LATE = [effect("sensor_lag", "b"), effect("sensor_loose", "e"), effect("hot_spot", "c"), effect("second_mass", "d")]
+
+
+@pytest.mark.parametrize("averaged", [False, True])
+@pytest.mark.parametrize("added", [[], [effect("clock_offset", "*", delay=10.0)], _LATE], ids=["none", "clock", "late"])
+@pytest.mark.parametrize("seen", ["abcde", "bcd", "ace", "e", ""])
+def test_gradient_and_hessian_are_of_the_nodes_with_readings(
+    seen: str, added: list[EffectDeclaration], averaged: bool
+) -> None:
+    """All, next to each other, apart, one, or none in the second run, against derivatives by differences."""
+    nodes = tuple(NodeDeclaration(name, capacity(200.0)) for name in _FIVE)
+    links = tuple(LinkDeclaration((name, "ambient"), resistance(5.0)) for name in _FIVE)
+    model = Model(Network("five", (*nodes, AMBIENT), links, (effect("copper_loss"), *added)))
+    runs = [replace(random_run(model, 40, seed=seed, step=2.0), averaged=averaged) for seed in (1, 2)]
+    first, second = bound_runs(model, runs)
+    hidden = np.array([name not in seen for name in model.nodes])
+    problem = Problem(model, [first, replace(second, counted=second.counted & ~hidden[:, None])], np.full(5, 0.3))
+    z = problem.guess(model.values)
+    residuals, jacobian = problem.residuals(z), problem.jacobian(z)[1]
+    gradient, hessian = problem.normal(z)
+    np.testing.assert_allclose(problem.jacobian(z)[0], residuals, atol=1e-9)
+    for column, e in enumerate(1e-4 * np.eye(problem.size)):
+        slope = (problem.residuals(z + e) - problem.residuals(z - e)) / 2e-4
+        np.testing.assert_allclose(jacobian[:, column], slope, rtol=1e-4, atol=1e-5 * np.abs(slope).max() + 1e-7)
+    np.testing.assert_allclose(gradient, jacobian.T @ residuals, rtol=1e-9, atol=1e-6)
+    np.testing.assert_allclose(hessian, jacobian.T @ jacobian, rtol=1e-9, atol=1e-6)
+    assert problem.measured.all()
+
+
 def test_a_parameters_prior_pulls_by_standard_deviations() -> None:
     declared = [capacity(300.0), replace(capacity(300.0), prior=(200.0, 20.0))]
     model = Model(replace(network(), nodes=(*map(NodeDeclaration, "ab", declared), AMBIENT)))

@@ -157,9 +157,7 @@ def _show_fit(done: Fit) -> None:
         spread = f"{error:.2g}" if math.isfinite(error) else "not determined"
         rows.append((parameter.name, f"{parameter.value:.4g}", spread, parameter.declared.unit))
     show_table(("parameter", ">value", "± standard error", "unit"), rows)
-    nodes, bound_runs = done.model.nodes, done.problem.bound_runs
-    measured = [any(bound.counted[row].any() for bound in bound_runs) for row in range(len(nodes))]
-    floors = zip(nodes, done.noise.floor, measured, strict=True)
+    floors = zip(done.model.nodes, done.noise.floor, done.problem.measured, strict=True)
     floor = ", ".join(f"{node} {value:.2g}" for node, value, has_sensor in floors if has_sensor)
     print(f"RMSE {kelvin(done.rmse)}; the sensors' noise alone: {floor} K. Search: {done.status}.")
     for warning in done.uncertainty.warnings:

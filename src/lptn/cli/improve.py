@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter as Option
 from cyclopts import validators
 
+from lptn.basics.words import listed
 from lptn.cli.diagnose import in_words, show_advice, show_what_runs_have_of_their_own
 from lptn.cli.options import (
     AmbientError,
@@ -188,8 +189,10 @@ def _who_chose(history: History) -> str:
         text = "Of the effects that were proposed each is implausible, or within chance."
     elif history.considered == 1:
         text = "No effect was proposed beyond chance."
-    elif history.steps[0].holdout:
+    elif history.last.holdout:
         text += f" Held-out data chose among {history.considered} models that were tried, and where to end."
-    else:
+    elif not history.steps[0].holdout:
         text += " No data were held out: the steps end by Schwarz's criterion, and nothing tests them."
+    if history.set_aside:
+        text += f" No model that was tried explains {listed(history.set_aside)}, held out: that chose nothing."
     return text + (" Test data chose nothing." if history.steps[0].test else "")

@@ -270,13 +270,14 @@ def _holdout_decides(steps: list[Step]) -> list[Step]:
 # --- The verdict ----------------------------------------------------------------------------------
 
 
-_RUNS_DIFFER = 0.3  # K; two runs differ by so much in their air and sensors alone
+RUNS_DIFFER = 0.3
+"""K; two runs differ by so much in their air and sensors alone."""
 
 
 def _verdict(given: Step, scores: Scores, steps: Sequence[Step], likely: float) -> Verdict:
     base = given.fit
     if not _more_is_wanted(scores, likely):
-        agree = not any(standing_out(base, prediction, _RUNS_DIFFER) for prediction in given.predicted)
+        agree = not any(standing_out(base, prediction, RUNS_DIFFER) for prediction in given.predicted)
         return "adequate" if agree else "unexplained"
     if not steps or not explained_elsewhere(base, given.holdout, steps[0].holdout):
         return "unexplained"

@@ -18,7 +18,8 @@ good. So several models are followed a step further, side by side:
 
 Where nothing explains the data, or a held-out run alone objects to what the fitted runs make likeliest, and one
 parameter that differs in that run would explain it, that difference becomes the run's own, and the question is asked
-once more: such a run would else choose the effects.
+once more: such a run would else choose the effects. So it is, without that run, where no one parameter explains it, nor
+any model that was tried.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ from lptn.basics.places import EVERYWHERE
 from lptn.basics.tables import Tabular
 from lptn.diagnose.answers import HOPELESS, LIKELY, SIGNIFICANT, Key, Report, Step, compared, held_out, named
 from lptn.diagnose.candidates import AMBIENT_ERROR, SURFACE_ERROR, TORQUE_ERROR, with_errors_of_runs
-from lptn.diagnose.diagnosis import MUCH_WORSE, Diagnosis, Verdict, examine, for_search
+from lptn.diagnose.diagnosis import MUCH_WORSE, RUNS_DIFFER, Diagnosis, Verdict, examine, for_search
 from lptn.diagnose.fit_statistics import (
     HALF,
     Removed,
@@ -44,11 +45,12 @@ from lptn.diagnose.fit_statistics import (
     explained_elsewhere,
     explains,
     is_negligible,
+    standing_out,
 )
 from lptn.diagnose.probability import is_implausible, log_prior_of_sizes, log_priors, probabilities
 from lptn.diagnose.refits import continued, refit, unless_interrupted
 from lptn.diagnose.runs_that_differ import RunDifference, explained_differences, nuisances_at_limit
-from lptn.identify.comparison import Prediction
+from lptn.identify.comparison import Prediction, errors_of
 from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit, finished
 from lptn.identify.validation import fit_segments
@@ -73,6 +75,7 @@ class History(Tabular):
         differing: held-out runs that are predicted with one parameter of their own, fitted on the run itself.
         searched_from: the step from which the search went on until nothing helped; `None` where somebody chose all
             steps, and nobody asked whether others would help.
+        set_aside: names of held-out runs that no model which was tried explains, and which therefore chose nothing.
         rivals: the first step that the fitted data leave open beside all others, and what they can't tell from it
             there; empty where they leave none open.
     """
@@ -86,6 +89,7 @@ class History(Tabular):
     differing: tuple[RunDifference, ...] = ()
     searched_from: int | None = 0
     rivals: tuple[Step, ...] = ()
+    set_aside: tuple[str, ...] = ()
 
     @property
     def best(self) -> Step:
@@ -132,6 +136,7 @@ class History(Tabular):
             "verdict": self.verdict,
             "remaining": self.remaining,
             "nuisances_at_limit": [asdict(nuisance) for nuisance in nuisances_at_limit(self.best.fit)],
+            "held_out_set_aside": list(self.set_aside),
             "probabilities": self.first.probabilities_as_json(),
             "history": table,
             "ladder": table,
@@ -219,12 +224,20 @@ def improve(
         report("looking for what differs in held-out runs")
         differs, differing = explained_differences(model, likeliest[-1].fit, coarse.holdout)
         if differing:
-            search, kept, verdicts = _searched(differs, coarse, most, executor, report, on_step)
+            model = differs
+            search, kept, verdicts = _searched(model, coarse, most, executor, report, on_step)
+    set_aside = search.never_explained() if verdicts[0] == "unexplained" else ()
+    choosing = data.without_held_out(set_aside)
+    if set_aside:
+        report(f"no model explains {', '.join(set_aside)}, held out: again without")
+        coarse = coarse.without_held_out(set_aside)
+        search, kept, verdicts = _searched(model, coarse, most, executor, report, on_step)
     first, last = search.diagnosis(search.branches[0]), search.diagnosis(kept)
     report("fitting the steps at full resolution")
-    steps = _at_full_resolution(kept, data)
+    steps = tuple(step.judged_on(data) for step in _at_full_resolution(kept, choosing))
     rivals = search.left_open(kept)
-    return History(*verdicts, steps, first, last, len(search.branches), differing, rivals=rivals)
+    considered = len(search.branches)
+    return History(*verdicts, steps, first, last, considered, differing, rivals=rivals, set_aside=set_aside)
 
 
 def _searched(
@@ -421,6 +434,22 @@ class _Search:
 
         ordered = sorted(asked, key=place)
         return (given, *ordered[:-1], ordered[-1].fitted_as(last))
+
+    def never_explained(self) -> tuple[str, ...]:
+        """Names of held-out runs that stand out for every branch, the given model too, and that none explains by half.
+
+        Such a run differs in something else than what the fitted runs lack, and would choose what happens to suit it.
+        """
+        given = self.branches[0][-1]
+        return tuple(
+            before.bound.run.name
+            for number, before in enumerate(given.predicted)
+            if all(
+                standing_out(branch[-1].fit, branch[-1].predicted[number], RUNS_DIFFER)
+                and not explained_elsewhere(given.fit, errors_of([before]), errors_of([branch[-1].predicted[number]]))
+                for branch in self.branches
+            )
+        )
 
     def remaining(self, branch: Branch) -> Verdict:
         """What its diagnosis says of a branch's last model, but that chance is no lack.
@@ -746,7 +775,7 @@ def _verdict(first: Diagnosis, remaining: Verdict, given: Branch, kept: Branch) 
 
 
 def _at_full_resolution(branch: Branch, data: DataSplit) -> Branch:
-    """Each model of a branch fitted at full resolution, with its errors; the first and the last made for use.
+    """Each model of a branch fitted at full resolution; the first and the last made for use.
 
     These start from their fits on coarse data, those between from the one before.
     """
@@ -759,5 +788,5 @@ def _at_full_resolution(branch: Branch, data: DataSplit) -> Branch:
             step = replace(step, fit=fit).made_for_use(data)
         else:
             step = replace(step, fit=unless_interrupted(finished(continued(steps[-1].fit, network))))
-        steps.append(step.judged_on(data))
+        steps.append(step)
     return tuple(steps)

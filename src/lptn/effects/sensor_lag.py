@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
+from typing import ClassVar
 
 from lptn.basics.parameters import LARGEST, Parameter
 from lptn.effects.base import Conditions, SensorEffect, Signature, Symbol
@@ -23,7 +24,7 @@ class SensorLag(SensorEffect):
     key = "sensor_lag"
     title = "sensor lag"
     has_state = True
-    parameters = (
+    parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("fraction", 1.0, "1", (0.0, 1.0), off=0.0, on=1.0, typical=1.0, title="share behind the lag"),
         Parameter(
             "time_constant",
@@ -38,7 +39,7 @@ class SensorLag(SensorEffect):
     signature = Signature(
         looks_like="the reading comes late at every change of load, by the same time up and down",
         separate_by="short strong bursts of load, 1 min on and 3 min off",
-        confused_with=("second_mass",),
+        confused_with=("second_mass", "sensor_loose"),
     )
     excitation = LOAD_STEPS
     source = "first-order sensor"

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 from lptn.basics.parameters import LARGEST, Parameter
-from lptn.effects.base import Conditions, Layout, Place, SensorEffect, Signature, Symbol
+from lptn.effects.base import Conditions, Layout, Place, Signature, Symbol
 from lptn.effects.excitation import LOAD_STEPS
+from lptn.effects.sensor_lag import SensorLag
 
 
-class SensorLoose(SensorEffect):
+class SensorLoose(SensorLag):
     r"""A bead that touches its part badly, and gives heat to the surroundings.
 
     .. math:: y = T_p + f (T_b - T_p), \qquad \dot T_b = \bigl(T_p + a \, (T_E - T_p) - T_b\bigr) / t_b
 
     With the conductances :math:`G_p` to the part and :math:`G_E` to the surroundings and the heat capacity :math:`C_b`
     the share of the surroundings is :math:`a = G_E / (G_p + G_E)`, and the time constant
-    :math:`t_b = C_b / (G_p + G_E)`. The fraction *f* is 0 when off and 1 for a sensor that is loose.
+    :math:`t_b = C_b / (G_p + G_E)`. The fraction *f* is 0 when off and 1 for a sensor that is loose. A run begins with
+    the bead as warm as its part, unless its start is fitted; that is forgotten within :math:`t_b`.
 
     Source: heat balance of a bead; [Chen2017, sec. 3.1.1] (thermocouples on the housing).
     """
@@ -55,12 +55,6 @@ class SensorLoose(SensorEffect):
     def places_in_words(cls, layout: Layout) -> str:
         return super().places_in_words(layout) if layout.prescribed else "a model with a prescribed temperature"
 
-    def error(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:
-        return p.fraction * (state - temperature)
-
-    def reading_error(self, here: Conditions) -> Symbol:
-        return self.error(here.at_sensor, here.state, here.p)
-
     def state_rate(self, here: Conditions) -> Symbol:
-        bead = here.at_sensor + here.p.exposure * (here.surroundings - here.at_sensor)
-        return (bead - here.state) / here.p.time_constant
+        felt = here.at_sensor + here.p.exposure * (here.surroundings - here.at_sensor)
+        return self.rate(felt, here.state, here.p)

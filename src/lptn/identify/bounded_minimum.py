@@ -7,7 +7,7 @@ import numpy as np
 from lptn.basics.arrays import BoolArray, FloatArray
 
 _GUESSES = 30  # of which unknowns end at a bound; in fits seldom more than four are needed
-_MOST = 10  # times the number of unknowns, of steps from face to face: ends what rounding would never end
+_MOST_FACES = 10  # times the number of unknowns: ends what rounding would never end
 _ROUNDING = 1e-12  # of a slope's terms
 
 
@@ -25,7 +25,8 @@ def bounded_minimum(gradient: FloatArray, hessian: FloatArray, lower: FloatArray
         upper: largest x, shape (size,).
     """
     below, above = np.zeros((2, len(gradient)), dtype=bool)
-    best, least = np.clip(0.0, lower, upper), np.inf
+    best = np.clip(0.0, lower, upper)
+    least = gradient @ best + 0.5 * best @ hessian @ best
     guessed: set[bytes] = set()
     while len(guessed) < _GUESSES and (key := np.concatenate([below, above]).tobytes()) not in guessed:
         guessed.add(key)
@@ -54,7 +55,7 @@ def _along_faces(
 ) -> FloatArray:
     """The minimum from a point within the bounds: each step goes downhill, and keeps to the bounds that it meets."""
     free = (x > lower) & (x < upper)
-    for _ in range(_MOST * len(x)):
+    for _ in range(_MOST_FACES * len(x)):
         goal = x.copy()
         _settle(goal, free, gradient, hessian)
         room = np.where(goal < lower, lower - x, upper - x)
@@ -68,7 +69,9 @@ def _along_faces(
             continue
         x, slope = goal, gradient + hessian @ goal
         inward = np.where(x <= lower, -slope, slope)
-        inward[free | (np.abs(slope) <= _ROUNDING * (np.abs(gradient) + np.abs(hessian) @ np.abs(x)))] = 0.0
+        inward[
+            free | (lower == upper) | (np.abs(slope) <= _ROUNDING * (np.abs(gradient) + np.abs(hessian) @ np.abs(x)))
+        ] = 0.0
         if inward.max(initial=0.0) <= 0.0:
             break
         free[int(np.argmax(inward))] = True

@@ -214,7 +214,7 @@ class Problem:
                 counted = bound.counted[seen, window]
                 weights = (counted / self.sigma[seen, None]).T
                 errors = np.where(counted, predicted.readings - bound.measured[seen, window], 0.0).T * weights
-                rows = np.moveaxis(predicted.derivatives, 1, 0)
+                rows = np.moveaxis(predicted.derivatives, 1, 0)  # nobody needs the window's any more
                 rows *= weights[:, :, None]
                 rows = rows.reshape(-1, len(columns))
                 gradient[columns] += chain.T @ (rows.T @ errors.ravel())
@@ -269,6 +269,11 @@ class Problem:
         chosen = [self.free[place] for place in self._acting[number]]
         bound, start = self.bound_runs[number], point.starts[number]
         return sensitivity_windows(self.model, bound, point.values, chosen, start, nodes=self._seen[number])
+
+    @cached_property
+    def measured(self) -> BoolArray:
+        """Of which nodes a reading counts in any run, shape (nodes,)."""
+        return np.asarray(np.any([bound.counted.any(axis=1) for bound in self.bound_runs], axis=0))
 
     @cached_property
     def _seen(self) -> list[slice | IntArray]:

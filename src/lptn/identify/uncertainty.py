@@ -153,13 +153,14 @@ def _open_combinations(vectors: FloatArray) -> list[tuple[IntArray, bool]]:
 def _combinations(
     names: list[str], combinations: Sequence[tuple[IntArray, bool]], perhaps_none: BoolArray
 ) -> list[str]:
-    """Warnings on combinations of parameters that change no temperature; on single ones where no other says more."""
+    """Warnings on parameters, mostly several, that change no temperature; not on a resistance that may be none."""
     factor = "multiplying them all by one factor (resistances: dividing) changes no temperature; fix one of them"
-    several, one = "the data leave this combination open; fix one of them", "the data leave it open; fix it"
+    several = "the data leave this combination open; fix one of them or measure more"
+    alone = "the data leave it open; fix it or measure more"
     warnings = []
     for members, common_factor in combinations:
         if len(members) > 1 or not perhaps_none[members[0]]:
-            said = factor if common_factor else f"{several if len(members) > 1 else one} or measure more"
+            said = factor if common_factor else several if len(members) > 1 else alone
             warnings.append(f"{', '.join(names[row] for row in members)}: {said}")
     return warnings
 
@@ -183,7 +184,7 @@ def _single_parameters(
             least = problem.point(z - 2 * spread[row] * (np.arange(len(z)) == row)).values[problem.free[row]]
             detail = f"; {least:.2g} K/W at least" if least > parameter.declared.bounds[0] else ", nor how much"
             warnings.append(f"{name}: these data don't tell whether heat passes there{detail}")
-        elif row in at_bounds:
+        elif row in at_bounds and not in_combination[row]:
             bounds = " to ".join(f"{bound:g}" for bound in parameter.declared.bounds)
             end = parameter.declared.bounds[at_bounds[row]]
             warnings.append(f"{name}: ends at its bound, {end:g} ({bounds} {parameter.declared.unit})")

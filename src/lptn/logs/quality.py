@@ -347,25 +347,25 @@ def suspect_silence(
     for silence in (silence for silence in silent if silence.kind != "code"):
         number, count = f"{silence.value + 0.0:.6g}", int(silence.rows.sum())  # no zero with a sign
         problem = f"{silence.kind} at {number} {unit} from {silence.start:.6g} to {silence.stop:.6g} s"
-        believed = f"write {_believed(key, source, numbers)}, a range to believe it in"
+        believed = f"if the column is right, write {_believed(key, source, numbers)}, a range to believe it in"
         if silence.kind == "spike":
             problem = f"{count} spike{'s' * (count > 1)} of up to {silence.value:.3g} K in single readings "
             problem += f"from {silence.start:.6g} to {silence.stop:.6g} s"
             remedy = "these readings are left out"
         elif silence.whole and quantity in INPUTS:
             problem = f"reads {number} {unit} throughout, {silence.stop - silence.start:.4g} s, while the joint moves"
-            remedy = f"the heat of {place} is not known; map the column that has it; if it is right, {believed}"
+            remedy = f"the heat of {place} is not known; map the column that has it; {believed}"
         elif silence.whole and key not in roles.predicted:
             problem = (
                 f"reads {number} {unit} throughout, {silence.stop - silence.start:.4g} s, "
                 "where all others begin elsewhere"
             )
-            remedy = f"no sensor is there; map another column, or write a number for {place}; if right, {believed}"
+            remedy = f"no sensor is there; map another column, or write a number for {place}; {believed}"
         elif silence.whole:
             problem = f"reads {number} {unit} throughout, {silence.stop - silence.start:.4g} s, while another one moves"
             remedy = "it is the only sensor, and counts all the same; if it was stuck, nothing can be concluded from it"
             if roles.left_out(key, source, silence):
-                remedy = f"it is left out; if it is alive all the same, {believed}"
+                remedy = f"it is left out; {believed}"
         elif not roles.left_out(key, source, silence):
             gap = replace(source, invalid=(*source.invalid, _in_file(source, silence, numbers)))
             remedy = f"it is taken as it stands; to have a gap there, write {as_line_or_option(key, gap)}"
@@ -373,7 +373,7 @@ def suspect_silence(
             remedy = "these readings are left out"
         else:
             what = f"the heat of {place}" if quantity in INPUTS else "what it gives to the model"
-            remedy = f"{what} is not known there, so that the log is cut; if it is right, {believed}"
+            remedy = f"{what} is not known there, so that the log is cut; {believed}"
         if silence.column:
             problem = f"its column '{silence.column}' {'is ' * (not silence.whole)}{problem}"
         stretch = (silence.start, silence.stop)

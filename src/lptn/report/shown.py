@@ -142,8 +142,7 @@ _MOST_CANDIDATES = 20
 
 def noise_alone(fit: Fit) -> float:
     """The RMSE that the noise of the measured nodes' sensors alone would leave [K]."""
-    measured = np.any([bound.counted.any(axis=1) for bound in fit.problem.bound_runs], axis=0)
-    return sqrt(float(np.mean(fit.noise.floor[measured] ** 2)))
+    return sqrt(float(np.mean(fit.noise.floor[fit.problem.measured] ** 2)))
 
 
 def candidates_shown(diagnosis: Diagnosis) -> list[Score]:

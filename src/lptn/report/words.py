@@ -487,7 +487,10 @@ def _which_data(history: History, data: DataSplit) -> str:
             fitted = f"Nothing was fitted to it but {' and '.join(own)}"
             as_logged = history.best.holdout_as_logged
             fitted += f", without which its error is {kelvin(as_logged.rmse)}" if as_logged else ""
-        text += f" Held out: {_runs(data.holdout)}. {fitted}; it {among}says {what}."
+        text += f" Held out: {_runs(data.holdout)}. {fitted}"
+        text += f"; it {among}says {what}." if history.last.holdout else "."
+        if history.set_aside:
+            text += f" No model that was tried explains {listed(history.set_aside)}, so that it chose nothing."
     if data.test:
         return f"{text} Test: {_runs(data.test)}. It chose nothing, so its error is the one to quote."
     if len(history.steps) == 1:

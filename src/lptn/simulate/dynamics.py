@@ -200,7 +200,8 @@ class Stepper:
         nodes = np.arange(len(self.model.nodes))[asked]
         if self.model.reads_directly:
             # An index in brackets would put the nodes first in memory, and each use of the derivatives would copy them.
-            return derivatives[:, nodes[0] : nodes[-1] + 1] if isinstance(asked, slice) else derivatives.take(nodes, 1)
+            own = derivatives[:, : len(self.model.nodes)]
+            return own[:, asked] if isinstance(asked, slice) else own.take(asked, 1)
         slopes = self._shared
         number = {int(node): place for place, node in enumerate(nodes)}
         of_readings = np.zeros((len(derivatives), len(nodes), derivatives.shape[2]))

@@ -213,7 +213,7 @@ def sensitivity_windows(
     """The same in windows of time: the steps of each, and their sensitivities.
 
     Args:
-        nodes: numbers of those whose readings are asked for; all by default. Those without a sensor take as long.
+        nodes: whose readings are asked for, a slice or numbers; all by default. Each costs time, sensor or not.
 
     Raises:
         SimulationError: the parameters make the model too stiff, or it runs away.

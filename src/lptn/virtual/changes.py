@@ -143,7 +143,7 @@ CHANGES: Mapping[str, Change] = {
     ),
     "sun": Change("the sun shines on one joint", ("solar",), _to(sunlit=0.006)),
     "heat_sink": Change("a block of 0.35 kg is bolted on by a pad", ("second_mass",), _to(block_mass=0.35)),
-    "loose_sensor": Change("a thermistor's glue is loose", ("sensor_lag",), _to(bead=70.0)),
+    "loose_sensor": Change("a thermistor's glue is loose", ("sensor_lag", "sensor_loose"), _to(bead=70.0)),
     "sensor_offset": Change("a thermistor of the wrong type", ("sensor_offset",), _to(offset=3.0)),
     "sensor_drift": Change("a supply voltage creeps", ("sensor_drift",), _to(drift=4.0)),
     # A delay of the temperatures would be a lag as well; that they come before their cause can be nothing else.
