@@ -198,6 +198,13 @@ def test_a_sensor_is_proposed_to_read_its_neighbour_either_way_and_on_all_legs()
     assert len(places) == len(set(places))
 
 
+def test_a_sensor_comes_loose_alone() -> None:
+    """All of them late and low alike is how a robot is made, which lags and masses say."""
+    proposed = candidates(_legs(), ["temperature.ambient"])
+    loose = [candidate.places for candidate in proposed if candidate.effect.key == "sensor_loose"]
+    assert loose == [(joint,) for joint in JOINTS]
+
+
 def test_the_clock_is_that_of_the_whole_robot() -> None:
     assert _ats("clock_offset") == ["*"]
 

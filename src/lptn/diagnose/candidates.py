@@ -547,6 +547,8 @@ def _groups(effect: type[Effect], places: list[str], network: Network, run: str)
     def covers(at: str) -> frozenset[str]:
         return frozenset(place for place, _ in network.layout.places_held(EffectDeclaration(effect(), at, run=run)))
 
+    if effect.befalls_one:
+        return []
     if effect.whole_robot:
         return [(EVERYWHERE, places)] if places and covers(EVERYWHERE) == set(places) else []
     # A pattern that also matches a place where the effect stands already, or a pair unlike the others, is no name.

@@ -216,6 +216,8 @@ class Effect(ABC):
 
     one_place_a_pattern: ClassVar[bool] = False
     """Whether a pattern of nodes is one place, and not one place for each node."""
+    befalls_one: ClassVar[bool] = False
+    """Whether it is a defect that befalls one place, and not several alike: it is looked for at each place alone."""
     in_all_pairs: ClassVar[bool] = True
     """Whether it may well stand at all its places at once."""
 

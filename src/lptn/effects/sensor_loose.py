@@ -25,6 +25,7 @@ class SensorLoose(SensorLag):
     title = "loose sensor"
     prior_odds = 0.5
     """Glue and clips mostly hold: a sensor that is slow, but warm through, is the usual thing."""
+    befalls_one = True
     has_state = True
     parameters = (
         Parameter("fraction", 1.0, "1", (0.0, 1.0), off=0.0, on=1.0, typical=1.0, title="share behind the bead"),
