@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.parameters import ParameterInstance
+from lptn.cli.improve import _who_chose
 from lptn.diagnose.diagnosis import diagnose
 from lptn.diagnose.improvement import improve
 from lptn.diagnose.runs_that_differ import Cause, RunDifference, _in_words, runs_that_differ, with_differences
@@ -264,6 +265,22 @@ def test_a_held_out_run_that_nothing_explains_is_left_as_it_is() -> None:
     assert history.verdict == "unexplained"
     assert history.first.only_held_out_runs_object
     assert history.differing == ()
+    assert history.set_aside == ()
+
+
+@pytest.mark.long
+def test_a_held_out_run_that_no_model_explains_does_not_choose_what_is_missing_in_all(leg: Leg) -> None:  # noqa: F811
+    """Two things differ in it, more than any one parameter says; what the fitted runs lack is found all the same."""
+    odd = [("surface_scale", "FR_calf", -2.0), ("loss_scale", "FR_hip", 4.0), ("surface_scale", "FR_thigh", 6.0)]
+    in_holdout = [Hidden(effect, at, size=size, run="holdout") for effect, at, size in odd]
+    history = improve(*leg(Hidden("coulomb_friction", "*"), *in_holdout))
+    assert history.set_aside == ("holdout",)
+    assert history.as_json()["held_out_set_aside"] == ["holdout"]
+    assert [step.key for step in history.steps[1:]] == [("coulomb_friction", "*")]
+    assert (history.verdict, history.remaining) == ("missing", "unexplained")
+    assert history.best.holdout is not None
+    assert history.best.holdout.rmse > 1.0  # it is judged on that run, and says so
+    assert "No model that was tried explains holdout, held out: that chose nothing." in _who_chose(history)
 
 
 def test_what_a_held_out_run_does_not_log_is_not_looked_for(leg: Leg) -> None:  # noqa: F811

@@ -227,11 +227,15 @@ def improve(
             model = differs
             search, kept, verdicts = _searched(model, coarse, most, executor, report, on_step)
     set_aside = search.never_explained() if verdicts[0] == "unexplained" else ()
+    if search.diagnosis(search.branches[0]).only_held_out_runs_object:
+        set_aside = ()  # the fitted runs ask for nothing, so that there is nothing to choose
     choosing = data.without_held_out(set_aside)
     if set_aside:
         report(f"no model explains {', '.join(set_aside)}, held out: again without")
         coarse = coarse.without_held_out(set_aside)
-        search, kept, verdicts = _searched(model, coarse, most, executor, report, on_step)
+        search, kept, (verdict, remaining) = _searched(model, coarse, most, executor, report, on_step)
+        # With what no run objects to a model is adequate, and that one does.
+        verdicts = verdict, "unexplained" if remaining == "adequate" else remaining
     first, last = search.diagnosis(search.branches[0]), search.diagnosis(kept)
     report("fitting the steps at full resolution")
     steps = tuple(step.judged_on(data) for step in _at_full_resolution(kept, choosing))
