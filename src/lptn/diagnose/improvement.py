@@ -232,8 +232,8 @@ def improve(
     choosing = data.without_held_out(set_aside)
     if set_aside:
         report(f"no model explains {', '.join(set_aside)}, held out: again without")
-        coarse = coarse.without_held_out(set_aside)
-        search, kept, (verdict, remaining) = _searched(model, coarse, most, executor, report, on_step)
+        asked = coarse.without_held_out(set_aside)
+        search, kept, (verdict, remaining) = _searched(model, asked, most, executor, report, on_step, coarse)
         # With what no run objects to a model is adequate, and that one does.
         verdicts = verdict, "unexplained" if remaining == "adequate" else remaining
     first, last = search.diagnosis(search.branches[0]), search.diagnosis(kept)
@@ -251,14 +251,19 @@ def _searched(
     executor: Executor | None,
     report: Report,
     on_step: Callable[[Branch], None],
+    vetoing: DataSplit | None = None,
 ) -> tuple[_Search, Branch, tuple[Verdict, Verdict]]:
-    """All branches from a model, the one that is kept, and the verdicts on the model as given and on that one."""
+    """All branches from a model, the one that is kept, and the verdicts on the model as given and on that one.
+
+    Kept is none that predicts the held-out runs of `vetoing` worse than a shorter one.
+    """
     report("fitting the model as it stands")
     base = unless_interrupted(fit_segments(model, data.fit))
     given: Branch = (Step(base).predicting(data),)
     search = _Search(data, executor, report, on_step)
     search.follow(given, most)
-    kept = search.reconsidered(search.settled(_chosen(search.branches, data)))
+    branches = search.branches if vetoing is None else _not_worse(search.branches, vetoing)
+    kept = search.reconsidered(search.settled(_chosen(branches, data)))
     remaining = search.remaining(kept)
     return search, kept, (_verdict(search.diagnosis(given), remaining, given, kept), remaining)
 
@@ -730,6 +735,14 @@ def _chosen(branches: Sequence[Branch], data: DataSplit) -> Branch:
         return all(_error(branch) < _error(other) for other in branches if len(other) < len(branch))
 
     return _ranked([branch for branch in branches if pays(branch)], data)[0]
+
+
+def _not_worse(branches: Sequence[Branch], data: DataSplit) -> list[Branch]:
+    """Those that predict held-out runs, which choose nothing, better than all shorter ones."""
+    steps = [branch[-1].predicting_if_it_can(data) for branch in branches]
+    errors = [step.holdout.rmse if step and step.holdout else np.inf for step in steps]
+    shorter = [[k for k, other in enumerate(branches) if len(other) < len(branch)] for branch in branches]
+    return [branch for k, branch in enumerate(branches) if all(errors[k] < errors[other] for other in shorter[k])]
 
 
 def _is_negligible(shorter: Branch, longer: Branch) -> bool:
