@@ -108,7 +108,7 @@ def test_from_opening_to_a_fallen_error(browser: Browser, tmp_path: Path) -> Non
         expect(page.locator(".view h3")).to_contain_text("heater2 in log (held out)")  # the worst tile
 
         _order(page, "diagnose")
-        expect(page.locator("#missing > .answers li")).to_have_count(2)
+        expect(page.locator("#missing > .answers li")).to_have_count(3)
         page.locator(".answers li").first.hover()  # what it would change, at once
         expect(page.locator("#steps tbody")).to_contain_text("try: sensor lag")
         page.locator("#scored summary").click()  # what was not refitted is foreseen, on held-out data, too

@@ -197,23 +197,26 @@ class Stepper:
             derivatives: shape (n, core, chosen + core).
             asked: of which nodes.
         """
-        nodes = np.arange(len(self.model.nodes))[asked]
+        # An index in brackets would put the nodes first in memory, and each use of the derivatives would copy them.
+        of_nodes = derivatives[:, : len(self.model.nodes)]
+        of_nodes = of_nodes[:, asked] if isinstance(asked, slice) else of_nodes.take(asked, 1)
         if self.model.reads_directly:
-            # An index in brackets would put the nodes first in memory, and each use of the derivatives would copy them.
-            own = derivatives[:, : len(self.model.nodes)]
-            return own[:, asked] if isinstance(asked, slice) else own.take(asked, 1)
-        slopes = self._shared
-        number = {int(node): place for place, node in enumerate(nodes)}
-        of_readings = np.zeros((len(derivatives), len(nodes), derivatives.shape[2]))
-        values = slopes.nonzeros_of_readings(states, p)
-        for node, column, value in zip(*slopes.nonzeros, values.T, strict=True):  # nearly all sensors read one state
-            if node not in number:
-                continue
-            if column < self.core:
-                of_state = derivatives[:, column]
-                of_readings[:, number[node]] += of_state if (value == 1.0).all() else value[:, None] * of_state
-            elif (parameter := self._numbers.get(column - self.core)) is not None:
-                of_readings[:, number[node], parameter] += value
+            return of_nodes
+        of_readings, slopes = of_nodes.copy(), self._shared
+        values = slopes.nonzeros_of_readings(states, p).T
+        place = {int(node): row for row, node in enumerate(np.arange(len(self.model.nodes))[asked])}
+        terms = [term for term in zip(*slopes.nonzeros, values, strict=True) if term[0] in place]
+        # Nearly all sensors read their node's state, as it is.
+        own = {node: value for node, column, value in terms if node == column}
+        for node, row in place.items():
+            value = own.get(node, np.zeros(1))
+            if not (value == 1.0).all():
+                of_readings[:, row] *= value[:, None]
+        for node, column, value in terms:
+            if column < self.core and column != node:
+                of_readings[:, place[node]] += value[:, None] * derivatives[:, column]
+            elif column >= self.core and (number := self._numbers.get(column - self.core)) is not None:
+                of_readings[:, place[node], number] += value
         return of_readings
 
     @cached_property
