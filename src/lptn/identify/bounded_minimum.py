@@ -69,9 +69,8 @@ def _along_faces(
             continue
         x, slope = goal, gradient + hessian @ goal
         inward = np.where(x <= lower, -slope, slope)
-        inward[
-            free | (lower == upper) | (np.abs(slope) <= _ROUNDING * (np.abs(gradient) + np.abs(hessian) @ np.abs(x)))
-        ] = 0.0
+        rounding = _ROUNDING * (np.abs(gradient) + np.abs(hessian) @ np.abs(x))
+        inward[free | (lower == upper) | (np.abs(slope) <= rounding)] = 0.0
         if inward.max(initial=0.0) <= 0.0:
             break
         free[int(np.argmax(inward))] = True
