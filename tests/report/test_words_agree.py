@@ -16,6 +16,7 @@ from lptn.diagnose.unexplained_heat import UnexplainedHeat, largest, stretches
 from lptn.effects import Effect
 from lptn.effects.radiation import Radiation
 from lptn.effects.sensor_lag import SensorLag
+from lptn.effects.sensor_loose import SensorLoose
 from lptn.identify.comparison import Comparison, compare
 from lptn.identify.fitting import finished
 from lptn.identify.validation import holdout_errors
@@ -280,12 +281,13 @@ def test_where_next_to_nothing_goes_is_not_told(missing: Told) -> None:
     assert said == "It removes less than 1 % of the squared error that was left of the fitted runs."
 
 
-def test_the_size_of_a_lag_is_its_time_constant(missing: Told) -> None:
+@pytest.mark.parametrize(("kind", "said"), [(SensorLag, ""), (SensorLoose, r"exposure \S+( ± \S+)?; ")])
+def test_the_size_of_what_is_there_or_not_is_how_it_is(kind: type[SensorLag], said: str, missing: Told) -> None:
     fit = missing[0].best.fit
-    slow = tuple(parameter.switched_on for parameter in SensorLag.parameters)
-    network = fit.model.network.with_effects([EffectDeclaration(SensorLag(), NODES[0], slow)])
+    slow = tuple(parameter.switched_on for parameter in kind.parameters)
+    network = fit.model.network.with_effects([EffectDeclaration(kind(), NODES[0], slow)])
     lagging = replace(missing[0].best, declaration=network.effects[-1])
-    assert re.fullmatch(r"time constant \S+( ± \S+)? s", size_in_words(lagging, continued(fit, network)))
+    assert re.fullmatch(said + r"time constant \S+( ± \S+)? s", size_in_words(lagging, continued(fit, network)))
 
 
 def test_a_difference_is_told_as_one(missing: Told) -> None:

@@ -70,7 +70,7 @@ _TOLD = 2.0  # standard errors from which on a size is told from zero
 
 def size_in_words(step: Step, last: Fit) -> str:
     """The size of an added effect against what is usual there, such as `conductance 0.02 ± 0.001 W/K, 0.2 of what is
-    usual there`, and its time constant where it has one; empty for an effect that is there or not.
+    usual there`, and its time constant where it has one; of an effect that is there or not, how it is.
 
     Args:
         step: the effect.
@@ -89,6 +89,8 @@ def size_in_words(step: Step, last: Fit) -> str:
             text = f"{parameter.name.replace('_', ' ')} {short_size(value)}{spread}{unit}"
             if parameter.off is None and parameter.unit == "s":
                 times = text + _where_others_have(declaration, parameter, last)
+            elif parameter.off is None and not declaration.effect.adds_up():  # of what is there or not: how it is
+                sizes = text
             elif parameter.off is not None:
                 share = abs(value / values[name].declared.typical)
                 times_as_large = f"{short_size(share)} times" if share > 1 else f"{short_size(share)} of"
