@@ -283,6 +283,18 @@ def test_a_held_out_run_that_no_model_explains_does_not_choose_what_is_missing_i
     assert "No model that was tried explains holdout, held out: that chose nothing." in _who_chose(history)
 
 
+@pytest.mark.long
+def test_the_rest_of_a_fitted_run_is_not_set_aside(leg: Leg) -> None:  # noqa: F811
+    """What no model explains there is the models' fault, and the only thing that says so."""
+    odd = [("surface_scale", "FR_calf", -2.0), ("loss_scale", "FR_hip", 4.0), ("surface_scale", "FR_thigh", 6.0)]
+    in_holdout = [Hidden(effect, at, size=size, run="holdout") for effect, at, size in odd]
+    model, data = leg(Hidden("coulomb_friction", "*"), *in_holdout)
+    (held_out,) = data.holdout
+    rest = replace(held_out, run=replace(held_out.run, source=data.fit[0].run.source))
+    history = improve(model, replace(data, holdout=(rest,)))
+    assert (history.verdict, history.set_aside) == ("unexplained", ())
+
+
 def test_what_a_held_out_run_does_not_log_is_not_looked_for(leg: Leg) -> None:  # noqa: F811
     """It could not be predicted there."""
     model, data = leg(Hidden("forced_convection", "FR_thigh"))

@@ -49,7 +49,12 @@ from lptn.diagnose.fit_statistics import (
 )
 from lptn.diagnose.probability import is_implausible, log_prior_of_sizes, log_priors, probabilities
 from lptn.diagnose.refits import continued, refit, unless_interrupted
-from lptn.diagnose.runs_that_differ import RunDifference, explained_differences, nuisances_at_limit
+from lptn.diagnose.runs_that_differ import (
+    RunDifference,
+    explained_differences,
+    is_of_another_log,
+    nuisances_at_limit,
+)
 from lptn.identify.comparison import Prediction, errors_of
 from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit, finished
@@ -226,9 +231,9 @@ def improve(
         if differing:
             model = differs
             search, kept, verdicts = _searched(model, coarse, most, executor, report, on_step)
-    set_aside = search.never_explained() if verdicts[0] == "unexplained" else ()
-    if search.diagnosis(search.branches[0]).only_held_out_runs_object:
-        set_aside = ()  # the fitted runs ask for nothing, so that there is nothing to choose
+    # Where the fitted runs ask for nothing, there is nothing to choose.
+    choice = verdicts[0] == "unexplained" and not search.diagnosis(search.branches[0]).only_held_out_runs_object
+    set_aside = search.never_explained() if choice else ()
     choosing = data.without_held_out(set_aside)
     if set_aside:
         report(f"no model explains {', '.join(set_aside)}, held out: again without")
@@ -448,12 +453,14 @@ class _Search:
         """Names of held-out runs that stand out for every branch, the given model too, and that none explains by half.
 
         Such a run differs in something else than what the fitted runs lack, and would choose what happens to suit it.
+        The rest of a fitted run does not: there the model is at fault.
         """
         given = self.branches[0][-1]
         return tuple(
             before.bound.run.name
             for number, before in enumerate(given.predicted)
-            if all(
+            if is_of_another_log(given.fit, before.bound.run)
+            and all(
                 standing_out(branch[-1].fit, branch[-1].predicted[number], RUNS_DIFFER)
                 and not explained_elsewhere(given.fit, errors_of([before]), errors_of([branch[-1].predicted[number]]))
                 for branch in self.branches
@@ -731,18 +738,23 @@ def _chosen(branches: Sequence[Branch], data: DataSplit) -> Branch:
     if branches[0][-1].holdout is None:
         return _ranked(branches)[0]
 
-    def pays(branch: Branch) -> bool:
-        return all(_error(branch) < _error(other) for other in branches if len(other) < len(branch))
-
-    return _ranked([branch for branch in branches if pays(branch)], data)[0]
+    return _ranked(_better_than_shorter(branches, [_error(branch) for branch in branches]), data)[0]
 
 
 def _not_worse(branches: Sequence[Branch], data: DataSplit) -> list[Branch]:
     """Those that predict held-out runs, which choose nothing, better than all shorter ones."""
     steps = [branch[-1].predicting_if_it_can(data) for branch in branches]
-    errors = [step.holdout.rmse if step and step.holdout else np.inf for step in steps]
-    shorter = [[k for k, other in enumerate(branches) if len(other) < len(branch)] for branch in branches]
-    return [branch for k, branch in enumerate(branches) if all(errors[k] < errors[other] for other in shorter[k])]
+    return _better_than_shorter(branches, [step.holdout.rmse if step and step.holdout else np.inf for step in steps])
+
+
+def _better_than_shorter(branches: Sequence[Branch], errors: Sequence[float]) -> list[Branch]:
+    """Those of which the error is below that of every shorter one."""
+    by_length = list(zip(map(len, branches), errors, strict=True))
+    return [
+        branch
+        for branch, error in zip(branches, errors, strict=True)
+        if all(error < other for length, other in by_length if length < len(branch))
+    ]
 
 
 def _is_negligible(shorter: Branch, longer: Branch) -> bool:

@@ -22,6 +22,7 @@ from lptn.identify.data import Segment
 from lptn.identify.fitting import Fit, nuisances
 from lptn.identify.problem import Problem
 from lptn.identify.uncertainty import rows_at_bounds
+from lptn.logs.run import Run
 from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration
 from lptn.simulate.bound_run import bind
@@ -176,12 +177,16 @@ def runs_that_differ(fit: Fit, segments: Sequence[Segment]) -> list[RunDifferenc
     Raises:
         InputError: a run lacks an input of the model.
     """
-    fitted = {bound.run.source for bound in fit.problem.bound_runs}
     step = fit.problem.bound_runs[0].run.step
     differences = (
-        _difference(fit, segment.coarsened(step)) for segment in segments if segment.run.source not in fitted
+        _difference(fit, segment.coarsened(step)) for segment in segments if is_of_another_log(fit, segment.run)
     )
     return [difference for difference in differences if difference is not None]
+
+
+def is_of_another_log(fit: Fit, run: Run) -> bool:
+    """Whether a run is not the rest of one whose beginning was fitted."""
+    return run.source not in {bound.run.source for bound in fit.problem.bound_runs}
 
 
 def _difference(fit: Fit, segment: Segment) -> RunDifference | None:

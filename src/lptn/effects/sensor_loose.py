@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lptn.basics.parameters import LARGEST, Parameter
+from lptn.basics.parameters import Parameter
 from lptn.effects.base import Conditions, Layout, Place, Signature, Symbol
 from lptn.effects.excitation import LOAD_STEPS
 from lptn.effects.sensor_lag import SensorLag
@@ -26,19 +26,10 @@ class SensorLoose(SensorLag):
     prior_odds = 0.5
     """Glue and clips mostly hold: a sensor that is slow, but warm through, is the usual thing."""
     befalls_one = True
-    has_state = True
     parameters = (
-        Parameter("fraction", 1.0, "1", (0.0, 1.0), off=0.0, on=1.0, typical=1.0, title="share behind the bead"),
+        SensorLag.parameters[0],
         Parameter("exposure", 0.3, "1", (0.0, 1.0), typical=0.3, title="share of the surroundings"),
-        Parameter(
-            "time_constant",
-            15.0,
-            "s",
-            (0.5, LARGEST),
-            typical=15.0,
-            title="time constant",
-            grid=(5.0, 15.0, 45.0),
-        ),
+        *SensorLag.parameters[1:],
     )
     signature = Signature(
         looks_like="one reading comes late and rises by too little, in proportion, at every load",

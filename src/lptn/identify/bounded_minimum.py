@@ -30,10 +30,9 @@ def bounded_minimum(gradient: FloatArray, hessian: FloatArray, lower: FloatArray
     guessed: set[bytes] = set()
     while len(guessed) < _GUESSES and (key := np.concatenate([below, above]).tobytes()) not in guessed:
         guessed.add(key)
-        step = np.where(below, lower, np.where(above, upper, 0.0))
-        _settle(step, ~(below | above), gradient, hessian)
+        step, free = np.where(below, lower, np.where(above, upper, 0.0)), ~(below | above)
+        _settle(step, free, gradient, hessian)
         slope = gradient + hessian @ step
-        free = ~(below | above)
         guess = np.where(free, step < lower, below & (slope > 0)), np.where(free, step > upper, above & (slope < 0))
         if np.array_equal(guess[0], below) and np.array_equal(guess[1], above):
             return step
