@@ -227,7 +227,7 @@ def _show_log(content: LogContent, guessing: bool) -> None:
     """What a log holds, what is wrong with it, and the lines that would map what is missing."""
     print(f"\n{content.path.name} ({content.kind}): {_lengths(content.runs)}")
     if content.unused:
-        print(f"  not used: {_some(content.unused)}")
+        print(f"  {'not used' if content.used else 'columns'}: {_some(content.unused)}")
     for note in content.notes:
         print(f"  {note}")
     for sentence in content.wrong:

@@ -38,17 +38,18 @@ def estimate_noise(bound_runs: Sequence[BoundRun], nodes: Sequence[str]) -> Nois
     """Noise of each node's sensor from the runs themselves.
 
     White noise is what readings are off the line between their neighbours, in the runs, or, where that is more, in the
-    logs that they are of: read off lines between a log's readings, a run's share their noise, and seem to have less. A
-    sensor that moves in steps shows no such noise most of the time; its floor is the step over √12.
+    logs that they are of: read off lines between a log's readings, a run's share their noise, and seem to have less.
+    What rounding to a sensor's steps adds, the step over √12, is not part of it.
     """
     white = np.zeros(len(nodes))
     step = np.zeros(len(nodes))
     for row, node in enumerate(nodes):
         column, runs = f"temperature.{node}", [bound.run for bound in bound_runs]
-        off = [off_their_neighbours(bound.run.time, bound.measured[row]) for bound in bound_runs]
-        of_logs = {run.source: run.scatter[column] for run in runs if column in run.scatter}  # pieces of a log share it
-        white[row] = max(white_noise(np.concatenate(off)), usual(of_logs.values(), runs[0].step))
         step[row] = max((run.resolution.get(column, 0.0) for run in runs), default=0.0)
+        off = [off_their_neighbours(bound.run.time, bound.measured[row]) for bound in bound_runs]
+        rounded = 0.0 if any(run.averaged for run in runs) else step[row]
+        of_logs = {run.source: run.scatter[column] for run in runs if column in run.scatter}  # pieces of a log share it
+        white[row] = max(white_noise(np.concatenate(off), rounded), usual(of_logs.values(), runs[0].step))
     return Noise(white, step)
 
 

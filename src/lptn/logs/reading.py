@@ -542,7 +542,7 @@ def _runs(
     if len(kept) < len(stretches):
         dropped = f"{len(stretches) - len(kept)} of {len(stretches)} stretches"
         gaps.append(f"log: {dropped} hold fewer than {_FEWEST_STEPS} steps of {step:g} s; dropped.")
-    stem = run_name(table.path)
+    stem, resolution = run_name(table.path), _resolution(samples.raw)
     whole = Run(
         name=stem,
         step=step,
@@ -552,9 +552,9 @@ def _runs(
         source=str(table.path),
         fingerprint=table.digest(),
         notes=_merged([*notes, *gaps]),
-        resolution=_resolution(samples.raw),
+        resolution=resolution,
         scatter={
-            key: scatter_of(samples.time, values)
+            key: scatter_of(samples.time, values, resolution.get(key, 0.0))
             for key, values in samples.raw.items()
             if key.startswith("temperature.") and not samples.means
         },

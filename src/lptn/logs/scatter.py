@@ -6,11 +6,14 @@ from collections.abc import Collection
 from typing import NamedTuple
 
 import numpy as np
+from scipy.optimize import brentq
+from scipy.special import ndtr
 
 from lptn.basics.arrays import FloatArray
 from lptn.logs.resampling import SEVERAL
 
 _MAD_TO_SIGMA = 1.4826  # standard deviation of normal noise over its median absolute value
+_SURE = 3.0  # standard deviations beyond which next to nothing of a normal distribution lies
 
 
 class Scatter(NamedTuple):
@@ -31,11 +34,17 @@ class Scatter(NamedTuple):
         return self.noise * min(1.0, float(np.sqrt(self.every / step)))
 
 
-def scatter_of(time: FloatArray, values: FloatArray) -> Scatter:
-    """Of a sensor's readings as they were logged, however irregular, NaN where none is; 0 of fewer than three."""
+def scatter_of(time: FloatArray, values: FloatArray, step: float = 0.0) -> Scatter:
+    """Of a sensor's readings as they were logged, however irregular, NaN where none is; 0 of fewer than three.
+
+    Args:
+        time: s, shape (n,).
+        values: readings, shape (n,).
+        step: K, of a sensor that reads in steps, 0 for a fine one.
+    """
     stamps = time[~np.isnan(values)]
     every = 0.5 * float(np.median(stamps[2:] - stamps[:-2])) if stamps.size > 2 else 0.0
-    return Scatter(white_noise(off_their_neighbours(time, values)), every, stamps.size)
+    return Scatter(white_noise(off_their_neighbours(time, values), step), every, stamps.size)
 
 
 def usual(scatters: Collection[Scatter], step: float) -> float:
@@ -66,6 +75,27 @@ def off_their_neighbours(time: FloatArray, values: FloatArray) -> FloatArray:
     return np.asarray((off / np.sqrt(1 + before**2 + (1 - before) ** 2))[near])
 
 
-def white_noise(off: FloatArray) -> float:
-    """Standard deviation by the median absolute value, which rare jumps hardly enter [K]; 0 of nothing."""
-    return _MAD_TO_SIGMA * float(np.median(np.abs(off))) if off.size else 0.0
+def white_noise(off: FloatArray, step: float = 0.0) -> float:
+    """Standard deviation by the median absolute value, which rare jumps hardly enter [K]; 0 of nothing.
+
+    Of readings in steps that median would be one of a few numbers. Blurred by as much as rounding blurs, it grows with
+    the noise; what the blur and the rounding add to it is taken off again.
+
+    Args:
+        off: as `off_their_neighbours` gives them.
+        step: K, of readings that are rounded to it; 0 for others, and for means of rounded ones.
+    """
+    if not off.size:
+        return 0.0
+    if step == 0.0:
+        return _MAD_TO_SIGMA * float(np.median(np.abs(off)))
+    rounding = step / np.sqrt(12.0)
+    values, counts = np.unique(np.abs(off), return_counts=True)
+
+    def share_below(most: float) -> float:
+        """How much more than half of the absolute values are below, once blurred."""
+        below = ndtr((most - values) / rounding) - ndtr((-most - values) / rounding)
+        return float(below @ counts) / off.size - 0.5
+
+    median = float(brentq(share_below, 0.0, float(values[-1]) + _SURE * rounding))
+    return float(np.sqrt(max((_MAD_TO_SIGMA * median) ** 2 - 2 * rounding**2, 0.0)))
