@@ -160,6 +160,17 @@ def test_a_loose_sensor_comes_to_rest_between_its_node_and_the_air() -> None:
     assert readings == pytest.approx([42.5 + 7.5 * np.exp(-1.0), 42.5], abs=1e-3)
 
 
+def test_a_loose_sensor_inside_a_machine_feels_what_its_part_is_linked_to() -> None:
+    """A winding at 60 degC, three quarters of whose heat goes to 40 degC, the rest to 20 degC; all three are huge."""
+    nodes = (node("winding", 1e7), node("case", 1e7), node("shaft", 1e7), AMBIENT)
+    links = (link("winding", "case", 1.0), link("winding", "shaft", 3.0), link("case", "ambient", 100.0))
+    loose = effect("sensor_loose", "winding", exposure=0.5, time_constant=10.0)
+    model = Model(Network("motor", nodes, links, (loose,)))
+    start = np.array([60.0, 40.0, 20.0, 60.0])
+    reached = model.run(1500)(start, np.full((1, 1500), 0.0), model.values, 0.1).full()[:, -1]
+    assert float(model.output(reached, model.values)[0]) == pytest.approx(60.0 + 0.5 * (35.0 - 60.0), abs=1e-2)
+
+
 def test_no_sensor_is_loose_in_a_model_without_air() -> None:
     with pytest.raises(InputError, match="a model with a prescribed temperature"):
         Model(

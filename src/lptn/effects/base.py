@@ -102,6 +102,10 @@ class Conditions(Protocol):
         """The temperature to which its ends give their heat, `None` in a model without any."""
 
     @property
+    def around(self) -> Symbol | None:
+        """The temperature round its first end: of the surroundings, or, inside a machine, of what it is linked to."""
+
+    @property
     def warming(self) -> Symbol:
         """Rate of its first end's temperature [K/s]."""
 

@@ -1,4 +1,4 @@
-"""The sensor has come loose: it reads late, and between its part and the air."""
+"""The sensor has come loose: it reads late, and between its part and what is around."""
 
 from __future__ import annotations
 
@@ -9,14 +9,16 @@ from lptn.effects.sensor_lag import SensorLag
 
 
 class SensorLoose(SensorLag):
-    r"""A bead that touches its part badly, and gives heat to the surroundings.
+    r"""A bead that touches its part badly, and gives heat to what is around.
 
     .. math:: y = T_p + f (T_b - T_p), \qquad \dot T_b = \bigl(T_p + a \, (T_E - T_p) - T_b\bigr) / t_b
 
-    With the conductances :math:`G_p` to the part and :math:`G_E` to the surroundings and the heat capacity :math:`C_b`
-    the share of the surroundings is :math:`a = G_E / (G_p + G_E)`, and the time constant
-    :math:`t_b = C_b / (G_p + G_E)`. The fraction *f* is 0 when off and 1 for a sensor that is loose. A run begins with
-    the bead as warm as its part, unless its start is fitted; that is forgotten within :math:`t_b`.
+    With the conductances :math:`G_p` to the part and :math:`G_E` to what is around and the heat capacity :math:`C_b`
+    the share of what is around is :math:`a = G_E / (G_p + G_E)`, and the time constant
+    :math:`t_b = C_b / (G_p + G_E)`. Around a part that is linked to a prescribed temperature :math:`T_E` is that; around
+    one inside a machine, such as a winding in its housing, the mean of what it is linked to, by conductance. The
+    fraction *f* is 0 when off and 1 for a sensor that is loose. A run begins with the bead as warm as its part, unless
+    its start is fitted; that is forgotten within :math:`t_b`.
 
     Source: heat balance of a bead; [Chen2017, sec. 3.1.1] (thermocouples on the housing).
     """
@@ -28,7 +30,7 @@ class SensorLoose(SensorLag):
     befalls_one = True
     parameters = (
         SensorLag.parameters[0],
-        Parameter("exposure", 0.3, "1", (0.0, 1.0), typical=0.3, title="share of the surroundings"),
+        Parameter("exposure", 0.3, "1", (0.0, 1.0), typical=0.3, title="share of what is around"),
         *SensorLag.parameters[1:],
     )
     signature = Signature(
@@ -48,5 +50,5 @@ class SensorLoose(SensorLag):
         return super().places_in_words(layout) if layout.prescribed else "a model with a prescribed temperature"
 
     def state_rate(self, here: Conditions) -> Symbol:
-        felt = here.at_sensor + here.p.exposure * (here.surroundings - here.at_sensor)
+        felt = here.at_sensor + here.p.exposure * (here.around - here.at_sensor)
         return self.rate(felt, here.state, here.p)

@@ -247,6 +247,17 @@ class _Conditions:
         return None if name is None else self._balance.temperature[name]
 
     @property
+    def around(self) -> Any:
+        layout, (node, *_) = self._balance.network.layout, self._instance.ends
+        links = [link for link in layout.resistors if node in link.ends]
+        beside = [link.ends[link.ends[0] == node] for link in links]
+        if not links or not layout.prescribed.keys().isdisjoint(beside):
+            return self.surroundings
+        conductances = [1 / self._balance.p[link.resistance] for link in links]
+        flow = sum(g * self._balance.temperature[name] for g, name in zip(conductances, beside, strict=True))
+        return flow / sum(conductances)
+
+    @property
     def warming(self) -> Any:
         return self._balance.warming[self._instance.ends[0]]
 
