@@ -43,6 +43,7 @@ CONSTANTS = (
     "lptn.diagnose.plausibility.FACTOR",
     "lptn.diagnose.plausibility.BELIEVED",
     "lptn.diagnose.probability._ERRORS_ALIKE",
+    "lptn.diagnose.probability._ONE_OF_LIKES",
     "lptn.identify.problem.AT_REST",
     "lptn.diagnose.probability._WARMER",
     "lptn.diagnose.probability._AS_BEFORE",
@@ -58,7 +59,7 @@ CONSTANTS = (
     "lptn.diagnose.diagnosis.MUCH_WORSE",
     "lptn.diagnose.fit_statistics.MOST",
     "lptn.diagnose.fit_statistics.HALF",
-    "lptn.diagnose.diagnosis._RUNS_DIFFER",
+    "lptn.diagnose.diagnosis.RUNS_DIFFER",
 )
 """What decides; constants of the search for a number, such as precisions, are left out."""
 FACTORS = (1 / 1.5, 1.5)

@@ -277,6 +277,8 @@ def test_levels_share_evenly_and_one_run_is_rarer() -> None:
     errors = {at: value for (key, at), value in odds.items() if key == "sensor_drift"}
     assert errors["*"] == pytest.approx(0.1 * sum(errors[joint] for joint in joints))  # a defect befalls one sensor
     assert errors["*_hip"] + errors["*_calf"] == pytest.approx(errors["*"])
+    material = {at: value for (key, at), value in odds.items() if key == "radiation"}
+    assert sum(material[joint] for joint in joints) == pytest.approx(0.3 * material["*"])  # one bare joint is rare
 
 
 def at_size(key: str, name: str, share: float, at: str = "a") -> tuple[Fit, EffectDeclaration]:

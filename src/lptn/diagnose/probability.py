@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from itertools import combinations
 from math import log, pi, sqrt
+from typing import Literal
 
 import numpy as np
 from scipy.special import logsumexp, ndtr, softmax
@@ -39,6 +40,7 @@ from lptn.diagnose.plausibility import (
     log_prior_of_size,
 )
 from lptn.diagnose.scores import Score
+from lptn.effects import Effect
 from lptn.identify.comparison import Prediction
 from lptn.identify.fitting import Fit
 from lptn.identify.problem import AT_REST
@@ -223,13 +225,20 @@ _FAR, _ROOMS = 10.0, 400  # K beyond the nodes; temperatures of the other room o
 _ERRORS_ALIKE = 0.1
 """How usual the same error of several sensors is beside an error of one. A defect befalls single sensors; to drift
 alike, or to be off alike, they need a cause in common, such as the supply of all their bridges."""
+_ONE_OF_LIKES = 0.3
+"""How usual it is of one place alone, beside others like it, to have what its material decides: as other rare things
+are (`Effect.prior_odds`). Bare or painted, of copper all of them: a joint that loses more heat than its likes is in a
+draught rather than the only one that radiates."""
+
+
+Level = Literal["all", "class", "one"]
 
 
 def log_priors(candidates: Sequence[Candidate]) -> FloatArray:
     """Logarithms of the odds, beforehand, that it is this candidate that is missing, shape (candidates,).
 
-    An effect's odds are split evenly over its levels (everywhere, a class of nodes, one node), those of an error of
-    sensors unevenly, and over the places of a level; those of single runs likewise.
+    An effect's odds are split evenly over its levels (everywhere, a class of nodes, one node), unevenly those of an
+    error of sensors and of what like places have alike, and over the places of a level; those of single runs likewise.
     """
     weights = np.zeros(len(candidates))
     for effect in {candidate.effect: None for candidate in candidates}:
@@ -237,16 +246,18 @@ def log_priors(candidates: Sequence[Candidate]) -> FloatArray:
         most = max(len(candidates[k].places) for k in own)
         levels = [(bool(candidates[k].run), _level(candidates[k], most)) for k in own]
         for k, level in zip(own, levels, strict=True):
-            shares = {
-                other: _ERRORS_ALIKE if effect.errs and other[1] != "one" else 1.0
-                for other in levels
-                if other[0] == level[0]
-            }
+            shares = {other: _share_of_level(effect, other[1]) for other in levels if other[0] == level[0]}
             weights[k] = candidates[k].prior_odds * shares[level] / sum(shares.values()) / levels.count(level)
     return np.asarray(np.log(weights))
 
 
-def _level(candidate: Candidate, most: int) -> str:
+def _share_of_level(effect: type[Effect], level: Level) -> float:
+    if effect.errs and level != "one":
+        return _ERRORS_ALIKE
+    return _ONE_OF_LIKES if effect.alike and level == "one" else 1.0
+
+
+def _level(candidate: Candidate, most: int) -> Level:
     if len(candidate.places) == 1:
         return "one"
     return "all" if candidate.pattern == EVERYWHERE or len(candidate.places) == most else "class"

@@ -222,6 +222,8 @@ class Effect(ABC):
     """Whether a pattern of nodes is one place, and not one place for each node."""
     befalls_one: ClassVar[bool] = False
     """Whether it is a defect that befalls one place, and not several alike: it is looked for at each place alone."""
+    alike: ClassVar[bool] = False
+    """Whether what parts are made of decides it, so that one of several like places rarely has it alone."""
     in_all_pairs: ClassVar[bool] = True
     """Whether it may well stand at all its places at once."""
 

@@ -19,6 +19,7 @@ class ResistanceRise(LossEffect):
 
     key = "resistance_rise"
     title = "winding resistance rising with temperature"
+    alike = True
     heat_of = "copper_loss"
     parameters = (
         Parameter("alpha", 0.0039, "1/K", (0.0, 0.02), off=0.0, typical=0.0039, title="temperature coefficient"),
