@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
-from functools import cached_property
 from math import log
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import pandas as pd
@@ -57,6 +57,10 @@ LIKELY = 0.5
 def named(key: Key) -> str:
     """An effect and its place, as the library's own sentences have it."""
     return f"{key[0]} at {key[1]}"
+
+
+_EVIDENCE_OF_STARTS: WeakKeyDictionary[Fit, float] = WeakKeyDictionary()
+"""Of each fit that somebody still has: the steps of a search are copied often, with the same fit."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -172,10 +176,12 @@ class Step(Tabular):
         """The model's parameters, as `Fit.to_pandas` gives them."""
         return self.fit.to_pandas()
 
-    @cached_property
+    @property
     def log_evidence_of_starts(self) -> float:
         """Of measured and of hidden states, as `probability` has it; kept, since a search asks for it often."""
-        return log_prior_of_starts(self.fit) + log_evidence_of_starts(self.fit)
+        if self.fit not in _EVIDENCE_OF_STARTS:
+            _EVIDENCE_OF_STARTS[self.fit] = log_prior_of_starts(self.fit) + log_evidence_of_starts(self.fit)
+        return _EVIDENCE_OF_STARTS[self.fit]
 
     @property
     def declarations(self) -> list[EffectDeclaration]:

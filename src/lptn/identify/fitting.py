@@ -39,7 +39,7 @@ _COARSE_STEP = 10.0  # s; the first search is on averages so long: a tenth of th
 _LEAST_COARSE = 150  # steps that a run must keep for such averages
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Fit(Tabular):
     """A fitted model.
 

@@ -79,6 +79,7 @@ first order, such as the time constant of a mass without capacitance, would be s
 _FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-3, 1e-7, 1e3  # relative to the Hessian's diagonal
 _HOPE, _TRIED = 3.0, 3  # a rival this many times the predicted gain away, after so many steps, is out of reach
 _POOR, _GOOD = 0.1, 0.7  # actual over predicted gain: below, damping grows; above, it shrinks
+_RIGHT = 0.05  # of the predicted gain: a quadratic model so near the truth is believed where it sees no gain farther on
 
 
 def polish(
@@ -128,7 +129,10 @@ def polish(
         if following is None:  # rounding in the simulation hides what is left, or the model is no guide here
             return "converged" if predicted < 100 * enough else "stopped"
         step_taken()
-        if before - evaluator.cost(following) < 0.01 * enough:
+        gained = before - evaluator.cost(following)
+        # Where all is as the quadratic model says, its optimum is the problem's: no derivatives are needed to see that.
+        as_predicted = abs(gained - predicted) < enough and np.array_equal(following, z + free)
+        if as_predicted or gained < 0.01 * enough:
             return "converged"
         z = following
     return "stopped"
@@ -143,11 +147,14 @@ def _downhill(
     before, diagonal = evaluator.cost(z), np.diag(np.diag(hessian))
     while damping <= _MOST_DAMPING:
         step = free if damping == 0 else bounded_minimum(gradient, hessian + damping * diagonal, *room)
-        kept = (before - evaluator.cost(z + step)) / max(_predicted_gain(gradient, hessian, step), 1e-300)
+        predicted = max(_predicted_gain(gradient, hessian, step), 1e-300)
+        kept = (before - evaluator.cost(z + step)) / predicted
         if kept > _POOR:
             if kept > _GOOD:
                 damping = 0.0 if damping < _LEAST_DAMPING else damping / 10
-                step = _further(evaluator, z, step)
+                of_twice = _predicted_gain(gradient, hessian, 2 * step)
+                if abs(kept - 1) > _RIGHT or of_twice > 0.5 * predicted:
+                    step = _further(evaluator, z, step)
             return z + step, damping
         damping = max(4 * damping, _FIRST_DAMPING)
     return None, damping
