@@ -22,7 +22,7 @@ from lptn.identify.fitting import Fit
 from lptn.identify.noise import LEAST_NOISE
 from lptn.logs.resampling import means_of_blocks
 from lptn.logs.run import Run
-from lptn.simulate.dynamics import stepper, zero_order_hold
+from lptn.simulate.dynamics import readings_of, stepper, zero_order_hold
 from lptn.simulate.simulation import simulate
 
 
@@ -308,7 +308,7 @@ def blocks(fit: Fit, number: int) -> Blocks:
     top = _exact(a, b, rows, capacities, step * size)
     error = np.where(bound.counted, fit.residuals[number], np.nan)[rows, window]
     counts = np.isfinite(error).reshape(len(rows), count, size).sum(axis=2)
-    predicted = fit.model.readings_of(path[:, window], values)[rows]
+    predicted = readings_of(fit.model, path[:, window], values)[rows]
     ends = path[:, window.start : window.stop + 1 : size][rows]
     return Blocks(
         bound.run.time[first] + step * size * (np.arange(count) + 0.5),

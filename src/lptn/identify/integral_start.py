@@ -134,13 +134,16 @@ def _is_amplitude(model: Model, index: int) -> bool:
 
 
 def _jointly_linear(heat: ca.SX, w: ca.SX, chosen: list[int]) -> list[int]:
-    """The chosen parameters without those that multiply another one (a gain on a conductance)."""
+    """The chosen parameters without those that multiply another one (a gain on a conductance), or themselves."""
+    slopes = ca.densify(ca.jacobian(heat, w[chosen]))
+    rows, columns = ca.jacobian_sparsity(ca.vec(slopes), w[chosen]).get_triplet()
+    multiplied = np.zeros((len(chosen), len(chosen)), dtype=bool)
+    multiplied[np.array(rows, dtype=int) // heat.numel(), np.array(columns, dtype=int)] = True
     kept: list[int] = []
-    for index in chosen:
-        slope = ca.jacobian(heat, w[[*kept, index]])
-        if not ca.depends_on(slope, w[[*kept, index]]):
-            kept.append(index)
-    return kept
+    for number in range(len(chosen)):
+        if not multiplied[number, [*kept, number]].any():
+            kept.append(number)
+    return [chosen[number] for number in kept]
 
 
 def _filled(bound: BoundRun) -> FloatArray:

@@ -12,7 +12,6 @@ import numpy as np
 from lptn.basics.arrays import FloatArray
 from lptn.basics.parameters import ParameterInstance
 from lptn.basics.places import is_of_run
-from lptn.model.array_function import ArrayFunction
 from lptn.model.heat_balance import HeatBalance
 from lptn.model.network import Network
 
@@ -192,13 +191,6 @@ class Model:
         make = lambda: ca.Function("delays", [self._p], [late, ca.densify(ca.jacobian(late, self._p))])  # noqa: E731
         delays, slopes = self.made_once("delays", make)(p)
         return delays.full().ravel(), slopes.full()
-
-    def readings_of(self, states: FloatArray, p: FloatArray) -> FloatArray:
-        """What the sensors read [degC], shape (nodes, n), at many states, shape (states, n)."""
-        if self.reads_directly:
-            return states[: len(self.nodes)]
-        n = states.shape[1]
-        return self.made_once(("output", n), lambda: ArrayFunction(self.output, n, common=(1,)))(states, p)
 
     @property
     def state_jacobian(self) -> ca.Function:

@@ -12,7 +12,7 @@ import numpy as np
 from lptn.basics.arrays import FloatArray, IntArray
 from lptn.model.model import Model
 from lptn.simulate.bound_run import BoundRun, default_start
-from lptn.simulate.dynamics import RATE_OF_A_STEP, Stepper, slopes_at_points, states_at_ends, stepper
+from lptn.simulate.dynamics import RATE_OF_A_STEP, Stepper, readings_of, slopes_at_points, states_at_ends, stepper
 from lptn.simulate.readings import Piece, delayed, delayed_pieces, over_steps
 
 # --- Substeps: how finely a run is integrated -----------------------------------------------------
@@ -132,7 +132,7 @@ def simulate(
     inputs, step = np.repeat(bound.inputs, shown, axis=1), bound.run.step / shown
     states = states_at_ends(model, start, inputs, values, step, parts // shown)
     _refuse_runaway(states, bound)
-    readings = model.readings_of(states, values)
+    readings = readings_of(model, states, values)
     if not model.in_time:
         readings = delayed(readings, model.delays(values)[0] / step)
     held = over_steps(states, bound.run.averaged, shown)
@@ -256,4 +256,4 @@ def _pieces(
         # Before whoever takes the piece changes it: without an effect on readings these are the derivatives themselves.
         states, derivative = path[:, -1].copy(), derivatives[-1].copy()
         of_readings = steps.of_readings(path, values, derivatives, nodes)
-        yield Piece(first * shown, model.readings_of(path, values)[nodes], of_readings)
+        yield Piece(first * shown, readings_of(model, path, values)[nodes], of_readings)
