@@ -1,4 +1,4 @@
-"""Progress: quiet at first and when piped, then elapsed time, and what is left where a total is known."""
+"""Progress: quiet at first, then elapsed time, and what is left where a total is known; a line a minute when piped."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import pytest
 from rich.console import Console
 
 from lptn.cli import terminal
-from lptn.cli.terminal import ProgressLine, duration
+from lptn.cli.terminal import ProgressLine, ProgressOfALongJob, duration
 
 
 class Clock:
@@ -41,6 +41,17 @@ def test_a_count_tells_what_is_left() -> None:
     assert line.__rich__() == "drawing (18 s)"
 
 
+def test_a_long_job_that_nobody_watches_says_a_line_a_minute(capsys: pytest.CaptureFixture[str]) -> None:
+    clock = Clock()
+    line = ProgressOfALongJob("reading", clock)
+    for clock.now, message in ((59.0, "fitting"), (70.0, "step 1: fan at [a]"), (129.0, "step 2"), (200.0, "step 3")):
+        line.say(message)
+    assert capsys.readouterr().err.splitlines() == [
+        "lptn: step 1: fan at [a] (1 min 10 s)",
+        "lptn: step 3 (3 min 20 s)",
+    ]
+
+
 def test_durations() -> None:
     assert [duration(seconds) for seconds in (0.4, 59.6, 3600.0, 7800.0)] == [
         "0 s",
@@ -50,7 +61,7 @@ def test_durations() -> None:
     ]
 
 
-def test_nothing_is_said_into_a_pipe(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nothing_is_said_into_a_pipe_before_that(monkeypatch: pytest.MonkeyPatch) -> None:
     for watched in (True, False):
         written = io.StringIO()
         monkeypatch.setattr(terminal, "err", Console(file=written, force_terminal=watched, width=80))

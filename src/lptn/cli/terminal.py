@@ -9,7 +9,7 @@ import re
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import Any, TextIO, cast
 
@@ -28,6 +28,7 @@ err = Console(stderr=True, highlight=False, soft_wrap=True)
 
 
 _QUIET = 2.0  # s without a word about time
+_MINUTE = 60.0  # s between two lines where nobody watches
 _COUNTED = re.compile(r"(\d+) of (\d+)\b")
 
 
@@ -58,14 +59,18 @@ class ProgressLine:
             self._count = (count[2], self._clock(), int(count[1]))
         self._message = message
 
-    def __rich__(self) -> str:
-        """The line as it stands now: rich asks for it many times a second."""
+    def __str__(self) -> str:
+        """The line as it stands now."""
         now = self._clock()
         line = self._message
         if now - self._began >= _QUIET:
             left = self._left(now)
             line += f" ({duration(now - self._began)}{'' if left is None else f', about {duration(left)} left'})"
-        return line.replace("[", r"\[")  # brackets are units and names here, not rich's markup
+        return line
+
+    def __rich__(self) -> str:
+        """The same for rich, which asks for it many times a second."""
+        return str(self).replace("[", r"\[")  # brackets are units and names here, not rich's markup
 
     def _left(self, now: float) -> float | None:
         count = _COUNTED.search(self._message)
@@ -74,6 +79,21 @@ class ProgressLine:
         total, since, first = self._count
         done = int(count[1]) - first
         return (now - since) / done * (int(total) - first - done + 1) if done > 0 else None
+
+
+class ProgressOfALongJob(ProgressLine):
+    """The same where nobody watches, in a batch job or a pipe: a line of its own, a minute after the one before."""
+
+    def __init__(self, first: str, clock: Callable[[], float] = time.monotonic) -> None:
+        self._told = clock()
+        super().__init__(first, clock)
+
+    def say(self, message: str) -> None:
+        """Say what is being done now; told once a minute has passed."""
+        super().say(message)
+        if self._clock() - self._told >= _MINUTE:
+            self._told = self._clock()
+            complain(self)
 
 
 def duration(seconds: float) -> str:
@@ -117,17 +137,15 @@ def library_log_shown() -> Iterator[None]:
 
 @contextmanager
 def progress(first: str) -> Iterator[Callable[[str], None]]:
-    """A line that says what is being done, from 2 s on with its time; silent where nobody watches.
+    """A line that says what is being done, from 2 s on with its time; where nobody watches, a line every minute.
 
     It follows what the library logs, and what is given to the function that it yields. What is said as "7 of 20" also
     gets the time that is left.
     """
-    if not err.is_terminal:
-        yield lambda _: None
-        return
-    line = _library_log.line = ProgressLine(first)
+    watched = err.is_terminal
+    line = _library_log.line = ProgressLine(first) if watched else ProgressOfALongJob(first)
     try:
-        with err.status(line):
+        with err.status(line) if watched else nullcontext():
             yield line.say
     finally:
         _library_log.line = None
