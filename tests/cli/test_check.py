@@ -21,6 +21,15 @@ def test_one_screen_of_a_good_log(lptn: Lptn, model: Path, tmp_path: Path) -> No
     assert len(out.splitlines()) < 45
 
 
+def test_a_log_that_is_refused_shows_its_columns_as_columns(lptn: Lptn, model: Path, tmp_path: Path) -> None:
+    log = tmp_path / "monday.csv"
+    table().rename(columns=lambda name: name.replace("torque.", "x")).to_csv(log, index=False)
+    _, out, _ = lptn("check", model, log)
+    assert "it can't be used yet" in out
+    assert "  columns: time, " in out
+    assert "not used" not in out
+
+
 def test_json(lptn: Lptn, model: Path, tmp_path: Path) -> None:
     log, target = tmp_path / "monday.parquet", tmp_path / "found.json"
     data = table()

@@ -281,6 +281,15 @@ def test_levels_share_evenly_and_one_run_is_rarer() -> None:
     assert sum(material[joint] for joint in joints) == pytest.approx(0.3 * material["*"])  # one bare joint is rare
 
 
+def test_one_of_unlike_parts_may_radiate_alone() -> None:
+    names = ("motor", "gearbox", "computer")
+    heat = (effect("copper_loss", "motor"), effect("heat_input", "computer"))
+    network = Network("unlike", (*map(node, names), AMBIENT), tuple(link(name, "ambient") for name in names), heat)
+    proposed = candidates(network, ["temperature.ambient", "torque.motor", "power.computer"])
+    odds = dict(zip((candidate.key for candidate in proposed), np.exp(log_priors(proposed)).tolist(), strict=True))
+    assert odds["radiation", "gearbox"] == pytest.approx(odds["constant_heat", "gearbox"])
+
+
 def at_size(key: str, name: str, share: float, at: str = "a") -> tuple[Fit, EffectDeclaration]:
     """A fit with an effect at so many times its usual size, and the effect."""
     declared = effect(key, at)

@@ -61,10 +61,13 @@ def test_durations() -> None:
     ]
 
 
-def test_nothing_is_said_into_a_pipe_before_that(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nothing_is_said_into_a_pipe_before_that(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     for watched in (True, False):
         written = io.StringIO()
         monkeypatch.setattr(terminal, "err", Console(file=written, force_terminal=watched, width=80))
         with terminal.progress("fitting") as report:
             report("log 1 of 2")
         assert ("log 1 of 2" in written.getvalue()) == watched
+    assert not capsys.readouterr().err

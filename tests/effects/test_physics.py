@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -23,6 +24,7 @@ from lptn.effects.second_mass import SecondMass
 from lptn.effects.sensor_offset import SensorOffset
 from lptn.effects.torque_constant_drop import TorqueConstantDrop
 from lptn.effects.viscous_friction import ViscousFriction
+from lptn.model.file import parse_model
 from lptn.model.model import Model
 from lptn.model.network import Network
 from tests.builders import AMBIENT, effect, link, node, two_nodes
@@ -169,6 +171,45 @@ def test_a_loose_sensor_inside_a_machine_feels_what_its_part_is_linked_to() -> N
     start = np.array([60.0, 40.0, 20.0, 60.0])
     reached = model.run(1500)(start, np.full((1, 1500), 0.0), model.values, 0.1).full()[:, -1]
     assert float(model.output(reached, model.values)[0]) == pytest.approx(60.0 + 0.5 * (35.0 - 60.0), abs=1e-2)
+
+
+def test_a_loose_sensor_of_an_element_feels_what_its_faces_touch_and_one_beside_it_the_face() -> None:
+    ring = """
+[model]
+ambient = "temperature.ambient"
+[nodes.ring.element]
+kind = "annulus"
+inner_radius = 0.025
+outer_radius = 0.04
+length = 0.02
+conductivity = 28
+density = 7650
+specific_heat = 490
+[nodes]
+winding.capacity = 50
+housing.capacity = 100
+[[links]]
+between = ["winding", "ring.inner"]
+resistance = 0.2
+[[links]]
+between = ["ring.outer", "housing"]
+resistance = 0.1
+[[links]]
+between = ["housing", "ambient"]
+[[effects]]
+kind = "sensor_loose"
+at = "*"
+exposure = 0.5
+time_constant = 10
+"""
+    built = Model(parse_model(ring, Path("ring.toml")).network)
+    temperatures = {"ring": 60.0, "winding": 80.0, "housing": 40.0, "ambient": 20.0}
+    states = np.array([temperatures[name] for name in built.nodes] * 2)  # each bead as warm as its part
+    of_states = built.rhs(states, [20.0], built.values).full().ravel()
+    rates = dict(zip(built.nodes, of_states[len(built.nodes) :], strict=True))
+    assert rates["housing"] == pytest.approx(0.5 * (20.0 - 40.0) / 10.0)  # the air
+    assert rates["ring"] == pytest.approx(0.5 * ((80.0 / 0.2 + 40.0 / 0.1) / 15.0 - 60.0) / 10.0)
+    assert 0.5 * (60.0 - 80.0) / 10.0 < rates["winding"] < 0.0  # the face, between both
 
 
 def test_no_sensor_is_loose_in_a_model_without_air() -> None:

@@ -6,12 +6,13 @@ import os
 import signal
 from collections.abc import Callable
 from dataclasses import replace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
 from lptn.basics.parameters import Share
-from lptn.identify.fitting import fit
+from lptn.identify.fitting import fit, fit_starts
 from lptn.identify.problem import Problem
 from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration, LinkDeclaration, Network, NodeDeclaration
@@ -53,6 +54,41 @@ def _simulated(model: Model, values: list[float]) -> dict[str, np.ndarray]:
 def _inputs(model: Model, columns: object) -> np.ndarray:
     assert isinstance(columns, dict)
     return np.array([columns[name] for name in model.inputs])
+
+
+def _offsets() -> tuple[Model, dict[str, np.ndarray]]:
+    """Two nodes of which all is known but how far their sensors read too much, and what they read at 9 and 3 K."""
+    nodes = (NodeDeclaration("a", capacity(120.0, fixed=True)), NodeDeclaration("b", capacity(250.0, fixed=True)))
+    links = tuple(LinkDeclaration((name, "ambient"), resistance(4.0, fixed=True)) for name in ("a", "b"))
+    model = Model(Network("two", (*nodes, AMBIENT), links, tuple(effect("sensor_offset", name) for name in ("a", "b"))))
+    columns = _simulated(model, model.values.tolist())
+    return model, {
+        **columns,
+        "temperature.a": columns["temperature.a"] + 9,
+        "temperature.b": columns["temperature.b"] + 3,
+    }
+
+
+def test_an_optimum_beyond_a_steps_reach_is_reached_though_each_step_gains_what_it_promised() -> None:
+    model, columns = _offsets()
+    names = [parameter.name for parameter in model.parameters]
+    guess = np.where([name.startswith("sensor_offset") for name in names], 0.0, model.values)
+    found = fit(model, [make_run(columns, step=COARSE)], guess=guess)
+    values = dict(zip(names, found.model.values, strict=True))
+    assert found.status == "converged"
+    assert values["sensor_offset.offset.a"] == pytest.approx(9.0, abs=0.1)
+    assert values["sensor_offset.offset.b"] == pytest.approx(3.0, abs=0.1)
+
+
+def test_the_end_of_a_linear_problem_takes_no_second_derivatives(monkeypatch: pytest.MonkeyPatch) -> None:
+    model, columns = _offsets()
+    offsets = {"sensor_offset.offset.a": 9.0, "sensor_offset.offset.b": 3.0}
+    model = model.with_values(np.array([offsets.get(p.name, p.value) for p in model.parameters]))
+    calls = Mock(side_effect=Problem.normal)
+    monkeypatch.setattr(Problem, "normal", lambda self, z: calls(self, z))
+    (start,) = fit_starts(model, bound_runs(model, [make_run(columns, step=COARSE)]), np.array([0.05, 0.05]))
+    assert start == pytest.approx([22.0, 22.0], abs=0.1)
+    assert calls.call_count == 1
 
 
 @pytest.mark.long

@@ -433,7 +433,7 @@ MISTAKES: dict[str, tuple[str, str, str, tuple[str, ...]]] = {
     "two links": ('["b", "ambient"]', '["b", "a"]', "line 15", ("second link a~b",)),
     "option word": ("[nodes.b]", "[nodes.b]", "line 22, effects[0].input", ("'power'", '"torque" or "current"')),
     "glob matching no place": ('at = "a"', 'at = "*_calf"', "line 19, effects[0].at", ("*_calf", "one of a, b")),
-    "glob matching no joint": ("[nodes.a]", '[nodes."*_calf"]', "line 5", ("matches no joint",)),
+    "glob matching no joint": ("[nodes.a]", '[nodes."*_calf"]', "line 5", ("matches no joint", "[model] joints")),
     "effect twice": (
         "# what",
         '[[effects]]\nkind = "copper_loss"\nat = "a"\n# what',

@@ -82,7 +82,7 @@ class ProgressLine:
 
 
 class ProgressOfALongJob(ProgressLine):
-    """The same where nobody watches, in a batch job or a pipe: a line of its own, a minute after the one before."""
+    """The same where nobody watches, in a batch job or a pipe: a line of its own, once a minute at most."""
 
     def __init__(self, first: str, clock: Callable[[], float] = time.monotonic) -> None:
         self._told = clock()
@@ -137,7 +137,7 @@ def library_log_shown() -> Iterator[None]:
 
 @contextmanager
 def progress(first: str) -> Iterator[Callable[[str], None]]:
-    """A line that says what is being done, from 2 s on with its time; where nobody watches, a line every minute.
+    """A line that says what is being done, from 2 s on with its time; where nobody watches, a line a minute at most.
 
     It follows what the library logs, and what is given to the function that it yields. What is said as "7 of 20" also
     gets the time that is left.

@@ -117,6 +117,7 @@ class Candidate:
         difference: whether it is what a place has beside the same effect that it has in common with others.
         common_shape: of a difference the shape that the place has in common with others.
         one_logger: whether its runs are known to come each from one logger, whose clock is one.
+        one_of_likes: whether it has at one place, beside others like it, what like places have alike.
         windings: for each place the winding whose log columns drive it, where that is not the place itself.
     """
 
@@ -130,6 +131,7 @@ class Candidate:
     difference: bool = False
     common_shape: float = field(default=0.0, compare=False)  # of the fit
     one_logger: bool = field(default=False, compare=False)  # of the log
+    one_of_likes: bool = field(default=False, compare=False)  # of the network
     windings: tuple[str, ...] = field(default=(), compare=False)  # of the network and the log
 
     @property
@@ -264,7 +266,12 @@ def candidates(
             grid = _grid(effect.shape(), step, duration)
             one_logger = joined is not None and not any(is_of_run(name, run or EVERYWHERE) for name in joined)
             proposed += [
-                replace(_with_sizes(candidate, network, sizes, rms), grid=grid, one_logger=one_logger)
+                replace(
+                    _with_sizes(candidate, network, sizes, rms),
+                    grid=grid,
+                    one_logger=one_logger,
+                    one_of_likes=effect.alike and network.sets_apart(EffectDeclaration(effect(), candidate.pattern)),
+                )
                 for candidate in [
                     *_of_effect(network, effect, columns, run),
                     *_differences(network, effect, columns, run),

@@ -226,19 +226,19 @@ _ERRORS_ALIKE = 0.1
 """How usual the same error of several sensors is beside an error of one. A defect befalls single sensors; to drift
 alike, or to be off alike, they need a cause in common, such as the supply of all their bridges."""
 _ONE_OF_LIKES = 0.3
-"""How usual it is of one place alone, beside others like it, to have what its material decides: as other rare things
-are (`Effect.prior_odds`). Bare or painted, of copper all of them: a joint that loses more heat than its likes is in a
-draught rather than the only one that radiates."""
+"""How usual it is of one place alone, beside others like it, to have what follows from how it is built: as other rare
+things are (`Effect.prior_odds`). Like parts are painted alike, and all windings are copper: a joint that loses more
+heat than its likes is in a draught rather than the only one that radiates."""
 
 
-Level = Literal["all", "class", "one"]
+Level = Literal["all", "class", "one", "one of likes"]
 
 
 def log_priors(candidates: Sequence[Candidate]) -> FloatArray:
     """Logarithms of the odds, beforehand, that it is this candidate that is missing, shape (candidates,).
 
-    An effect's odds are split evenly over its levels (everywhere, a class of nodes, one node), unevenly those of an
-    error of sensors and of what like places have alike, and over the places of a level; those of single runs likewise.
+    An effect's odds are split over its levels (everywhere, a class of nodes, one node), evenly but for errors of
+    sensors and for what like places have alike; then evenly over the places of a level. Those of single runs likewise.
     """
     weights = np.zeros(len(candidates))
     for effect in {candidate.effect: None for candidate in candidates}:
@@ -254,12 +254,12 @@ def log_priors(candidates: Sequence[Candidate]) -> FloatArray:
 def _share_of_level(effect: type[Effect], level: Level) -> float:
     if effect.errs and level != "one":
         return _ERRORS_ALIKE
-    return _ONE_OF_LIKES if effect.alike and level == "one" else 1.0
+    return _ONE_OF_LIKES if level == "one of likes" else 1.0
 
 
 def _level(candidate: Candidate, most: int) -> Level:
     if len(candidate.places) == 1:
-        return "one"
+        return "one of likes" if candidate.one_of_likes else "one"
     return "all" if candidate.pattern == EVERYWHERE or len(candidate.places) == most else "class"
 
 

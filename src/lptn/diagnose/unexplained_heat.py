@@ -22,7 +22,8 @@ from lptn.identify.fitting import Fit
 from lptn.identify.noise import LEAST_NOISE
 from lptn.logs.resampling import means_of_blocks
 from lptn.logs.run import Run
-from lptn.simulate.dynamics import readings_of, stepper, zero_order_hold
+from lptn.simulate.dynamics import stepper, zero_order_hold
+from lptn.simulate.readings import readings_of
 from lptn.simulate.simulation import simulate
 
 

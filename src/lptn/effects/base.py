@@ -103,7 +103,10 @@ class Conditions(Protocol):
 
     @property
     def around(self) -> Symbol | None:
-        """The temperature round its first end: of the surroundings, or, inside a machine, of what it is linked to."""
+        """The temperature round its first end: of the surroundings, or, inside a machine, of what it is linked to.
+
+        Of a node that is held by no link but by effects alone, the surroundings.
+        """
 
     @property
     def warming(self) -> Symbol:
@@ -223,7 +226,7 @@ class Effect(ABC):
     befalls_one: ClassVar[bool] = False
     """Whether it is a defect that befalls one place, and not several alike: it is looked for at each place alone."""
     alike: ClassVar[bool] = False
-    """Whether what parts are made of decides it, so that one of several like places rarely has it alone."""
+    """Whether it follows from how parts are built, and what of: one of several like places rarely has it alone."""
     in_all_pairs: ClassVar[bool] = True
     """Whether it may well stand at all its places at once."""
 

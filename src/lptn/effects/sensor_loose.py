@@ -15,10 +15,10 @@ class SensorLoose(SensorLag):
 
     With the conductances :math:`G_p` to the part and :math:`G_E` to what is around and the heat capacity :math:`C_b`
     the share of what is around is :math:`a = G_E / (G_p + G_E)`, and the time constant
-    :math:`t_b = C_b / (G_p + G_E)`. Of a part that is linked to a prescribed temperature :math:`T_E` is that; of one
-    inside a machine, such as a winding in its housing, the mean of what it is linked to, by conductance. The fraction
-    *f* is 0 when off and 1 for a sensor that is loose. A run begins with the bead as warm as its part, unless its start
-    is fitted; that is forgotten within :math:`t_b`.
+    :math:`t_b = C_b / (G_p + G_E)`. Where the part is linked to a prescribed temperature, :math:`T_E` is that one;
+    inside a machine, as of a winding in its housing, it is the mean of what the part is linked to, by conductance. The
+    fraction *f* is 0 when off and 1 for a sensor that is loose. A run begins with the bead as warm as its part, unless
+    its start is fitted; that is forgotten within :math:`t_b`.
 
     Source: heat balance of a bead; [Chen2017, sec. 3.1.1] (thermocouples on the housing).
     """

@@ -79,7 +79,9 @@ first order, such as the time constant of a mass without capacitance, would be s
 _FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-3, 1e-7, 1e3  # relative to the Hessian's diagonal
 _HOPE, _TRIED = 3.0, 3  # a rival this many times the predicted gain away, after so many steps, is out of reach
 _POOR, _GOOD = 0.1, 0.7  # actual over predicted gain: below, damping grows; above, it shrinks
-_RIGHT = 0.05  # of the predicted gain: a quadratic model so near the truth is believed where it sees no gain farther on
+_RIGHT, _HALF = 0.05, 0.5
+"""Of the predicted gain. Where the quadratic model is so near the truth, and twice the step gains less than half by it,
+twice the step is not tried: of 850 such trials in four diagnoses of an exoskeleton none gained anything."""
 
 
 def polish(
@@ -130,8 +132,9 @@ def polish(
             return "converged" if predicted < 100 * enough else "stopped"
         step_taken()
         gained = before - evaluator.cost(following)
-        # Where all is as the quadratic model says, its optimum is the problem's: no derivatives are needed to see that.
-        as_predicted = abs(gained - predicted) < enough and np.array_equal(following, z + free)
+        # Where all is as the quadratic model says, its optimum, if a step reaches it, is the problem's: that takes no
+        # derivatives to see.
+        as_predicted = trusted and abs(gained - predicted) < enough and np.array_equal(following, z + free)
         if as_predicted or gained < 0.01 * enough:
             return "converged"
         z = following
@@ -152,8 +155,7 @@ def _downhill(
         if kept > _POOR:
             if kept > _GOOD:
                 damping = 0.0 if damping < _LEAST_DAMPING else damping / 10
-                of_twice = _predicted_gain(gradient, hessian, 2 * step)
-                if abs(kept - 1) > _RIGHT or of_twice > 0.5 * predicted:
+                if abs(kept - 1) > _RIGHT or _predicted_gain(gradient, hessian, 2 * step) > _HALF * predicted:
                     step = _further(evaluator, z, step)
             return z + step, damping
         damping = max(4 * damping, _FIRST_DAMPING)

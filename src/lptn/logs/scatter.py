@@ -79,10 +79,11 @@ def white_noise(off: FloatArray, step: float = 0.0) -> float:
     """Standard deviation by the median absolute value, which rare jumps hardly enter [K]; 0 of nothing.
 
     Of readings in steps that median would be one of a few numbers. Blurred by as much as rounding blurs, it grows with
-    the noise; what the blur and the rounding add to it is taken off again.
+    the noise; what the blur and the rounding add to it is taken off again. Noise below a third of a step hardly moves
+    such readings and is told as less than it is, down to none: beside the rounding it counts for little.
 
     Args:
-        off: as `off_their_neighbours` gives them.
+        off: as `off_their_neighbours` gives them, finite.
         step: K, of readings that are rounded to it; 0 for others, and for means of rounded ones.
     """
     if not off.size:

@@ -77,7 +77,7 @@ class HeatBalance:
         hottest = {point.name: ca.SX.sym(point.name) for point in network.hottest}
         self.x = ca.vertcat(*self._nodes.values(), *hottest.values(), *self.states.values())
         hottest_rates = [self._hottest_rate(point, hottest[point.name]) for point in network.hottest]
-        state_rates = [instance.effect.state_rate(self._here(instance)) for instance in self.hidden]
+        state_rates = [self.with_faces_solved(item.effect.state_rate(self._here(item))) for item in self.hidden]
         self.rates = ca.vertcat(*self.warming.values(), *hottest_rates, *state_rates)
         self.readings = ca.vertcat(*(self._reading(name) for name in self._nodes))
         self.delays = ca.vertcat(*(self._delay(name) for name in self._nodes))
@@ -249,13 +249,14 @@ class _Conditions:
     @property
     def around(self) -> Any:
         layout, (node, *_) = self._balance.network.layout, self._instance.ends
-        links = [link for link in layout.resistors if node in link.ends]
-        beside = [link.ends[link.ends[0] == node] for link in links]
+        own = {node, *(face for face, element in layout.massless.items() if element == node)}
+        links = [link for link in layout.resistors if not own.isdisjoint(link.ends)]
+        beside = [link.ends[link.ends[0] in own] for link in links]
         if not links or not layout.prescribed.keys().isdisjoint(beside):
             return self.surroundings
         conductances = [1 / self._balance.p[link.resistance] for link in links]
-        flow = sum(g * self._balance.temperature[name] for g, name in zip(conductances, beside, strict=True))
-        return flow / sum(conductances)
+        weighted = (g * self._balance.temperature[name] for g, name in zip(conductances, beside, strict=True))
+        return sum(weighted) / sum(conductances)
 
     @property
     def warming(self) -> Any:

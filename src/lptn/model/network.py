@@ -587,8 +587,8 @@ def _nodes(
         names = matching(node.pattern, joints) if is_glob(node.pattern) else [node.pattern]
         where = f'nodes."{node.pattern}"'
         if not names:
-            known = f"one of {', '.join(joints)}, or more " if joints else ""
-            expected = f"{known}joints listed in [model] joints = [...]"
+            known = f"a pattern of {', '.join(joints)}, or " if joints else ""
+            expected = f"{known}the joint listed in [model] joints = [...]"
             raise InputError(origin, where, "a pattern that matches no joint", expected)
         for name in names:
             if _NO_NAME.search(name):

@@ -45,23 +45,6 @@ def slopes_at_points(model: Model, x: FloatArray, u: FloatArray, p: FloatArray) 
     return model.made_once("slopes at points", lambda: AtPoints(model.state_jacobian))(x, u, p)
 
 
-def readings_of(model: Model, x: FloatArray, p: FloatArray) -> FloatArray:
-    """What the sensors read at n points [degC], shape (nodes, n).
-
-    Args:
-        x: shape (states, n).
-        p: shape (m,).
-    """
-    if model.reads_directly:
-        return x[: len(model.nodes)]
-
-    def at_points() -> AtPoints:
-        states, _, parameters, _, readings = model.symbols
-        return AtPoints(ca.Function("readings", [states, ca.SX(0, 1), parameters], [ca.densify(readings)]))
-
-    return model.made_once("readings at points", at_points)(x, np.zeros((0, x.shape[1])), p)[:, :, 0].T
-
-
 class Linearisation:
     """Derivatives of a model's rates and readings at many points of a trajectory at once.
 

@@ -10,9 +10,29 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from math import ceil
 
+import casadi as ca
 import numpy as np
 
 from lptn.basics.arrays import FloatArray, IntArray
+from lptn.model.model import Model
+from lptn.simulate.kernel import AtPoints
+
+
+def readings_of(model: Model, x: FloatArray, p: FloatArray) -> FloatArray:
+    """What the sensors read at n points [degC], shape (nodes, n).
+
+    Args:
+        x: shape (states, n).
+        p: shape (m,).
+    """
+    if model.reads_directly:
+        return x[: len(model.nodes)]
+
+    def at_points() -> AtPoints:
+        states, _, parameters, _, readings = model.symbols
+        return AtPoints(ca.Function("readings", [states, ca.SX(0, 1), parameters], [ca.densify(readings)]))
+
+    return model.made_once("readings at points", at_points)(x, np.zeros((0, x.shape[1])), p)[:, :, 0].T
 
 
 def over_steps(ends: FloatArray, averaged: bool, parts: int = 1) -> FloatArray:

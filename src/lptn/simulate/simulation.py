@@ -12,8 +12,8 @@ import numpy as np
 from lptn.basics.arrays import FloatArray, IntArray
 from lptn.model.model import Model
 from lptn.simulate.bound_run import BoundRun, default_start
-from lptn.simulate.dynamics import RATE_OF_A_STEP, Stepper, readings_of, slopes_at_points, states_at_ends, stepper
-from lptn.simulate.readings import Piece, delayed, delayed_pieces, over_steps
+from lptn.simulate.dynamics import RATE_OF_A_STEP, Stepper, slopes_at_points, states_at_ends, stepper
+from lptn.simulate.readings import Piece, delayed, delayed_pieces, over_steps, readings_of
 
 # --- Substeps: how finely a run is integrated -----------------------------------------------------
 
