@@ -130,6 +130,19 @@ def test_what_helps_on_the_fitted_runs_alone_says_so(missing: Told) -> None:
     assert headline(alone).startswith(f"Constant heat at {NODES[0]} helps on the fitted runs alone; test ")
 
 
+def test_a_step_that_is_improbable_beside_the_others_is_no_name(missing: Told) -> None:
+    history = missing[0]
+    right = replace(history.best, probability=0.9, at_its_place=0.9)
+    open_ = replace(_by_hand(missing, Radiation(), NODES[1]).steps[-1], probability=0.1, at_its_place=0.2)
+    both = replace(history, steps=(history.steps[0], open_, right), remaining="missing", searched_from=0)
+    first = f"Found: constant heat at {NODES[0]}; "
+    assert headline(both).startswith(f"{first}radiation at {NODES[1]} stands for something that these data don't name;")
+    alone = replace(open_, fit=right.fit, holdout=right.holdout, test=right.test)
+    assert headline(replace(both, steps=(history.steps[0], alone))).startswith(
+        f"Best explanation, not certain: radiation at {NODES[1]}; "
+    )
+
+
 def test_an_answer_that_was_not_added_is_an_answer_and_no_failure(missing: Told) -> None:
     history = missing[0]
     asked = replace(history, steps=history.steps[:1], remaining="missing", last=history.first, searched_from=None)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Literal
 
 from lptn.basics.words import listed
-from lptn.diagnose.answers import Step
+from lptn.diagnose.answers import LIKELY, Step
 from lptn.diagnose.fit_statistics import criterion_difference
 from lptn.diagnose.improvement import History
 from lptn.report.shown import noise_alone
@@ -80,6 +80,13 @@ def sorted_steps(steps: Sequence[Step], searched_from: int | None) -> dict[Help,
     return {kind: [steps[number] for number, lowered in helps.items() if lowered == kind] for kind in kinds}
 
 
+def _is_improbable(step: Step) -> bool:
+    """Whether it is less probable than not that anything is missing at a step's place; of one added by hand it isn't
+    known.
+    """
+    return 0.0 < step.at_its_place < LIKELY
+
+
 def tried_in_words(steps: Sequence[Step], searched_from: int | None, found: str = "") -> str:
     """What was found, and what was tried besides and did not help, without a full stop; empty for the model as given.
 
@@ -90,12 +97,16 @@ def tried_in_words(steps: Sequence[Step], searched_from: int | None, found: str 
             fitted data alone make it more probable than not.
     """
     by_help = sorted_steps(steps, searched_from)
-    good_steps = by_help["all"]
+    # Without a better one, an improbable explanation is the best.
+    good_steps = [step for step in by_help["all"] if not _is_improbable(step)] or by_help["all"]
     if not found and all(step.probability for step in good_steps):
         found = "Found" if all(step.likely for step in good_steps) else "Best explanation, not certain"
-    names = {kind: [short_name(step) for step in of_kind] for kind, of_kind in by_help.items()}
-    good, fitted, idle = names["all"], names["fitted"], names[""]
+    unnamed = [short_name(step) for step in by_help["all"] if step not in good_steps]
+    good, fitted, idle = ([short_name(step) for step in kind] for kind in (good_steps, by_help["fitted"], by_help[""]))
     parts = [f"{found or 'Added'}: {listed(good)}"] if good else []
+    if unnamed:
+        stands = "stands" if len(unnamed) == 1 else "stand"
+        parts.append(f"{listed(unnamed)} {stands} for something that these data don't name")
     if fitted:
         parts.append(f"{listed(fitted)} {'helps' if len(fitted) == 1 else 'help'} on the fitted runs alone")
     if idle:
