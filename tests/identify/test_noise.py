@@ -98,8 +98,8 @@ def test_noise_like_a_coarse_sensors_steps_is_told_though_the_median_of_them_is_
     readings = np.round((slow + share * step * rng.standard_normal(N)) / step) * step
     noise = _noise(_run(readings, readings, {"temperature.a": step, "temperature.b": step}))
     if share >= 0.4:
-        assert noise.white == pytest.approx([share * step] * 2, rel=0.1)
-    assert noise.floor == pytest.approx([np.std(readings - slow)] * 2, rel=0.05 if share >= 0.4 else 0.2)
+        assert noise.white == pytest.approx([share * step] * 2, rel=0.15)
+    assert noise.floor == pytest.approx([np.std(readings - slow)] * 2, rel=0.08 if share >= 0.4 else 0.2)
 
 
 def test_a_coarse_sensor_of_another_run_hides_no_noise() -> None:

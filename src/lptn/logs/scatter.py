@@ -6,14 +6,12 @@ from collections.abc import Collection
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import brentq
-from scipy.special import ndtr
 
 from lptn.basics.arrays import FloatArray
 from lptn.logs.resampling import SEVERAL
 
 _MAD_TO_SIGMA = 1.4826  # standard deviation of normal noise over its median absolute value
-_SURE = 3.0  # standard deviations beyond which next to nothing of a normal distribution lies
+_HALVINGS = 40  # of the stretch in which the median is: to 1e-12 of it
 
 
 class Scatter(NamedTuple):
@@ -90,13 +88,11 @@ def white_noise(off: FloatArray, step: float = 0.0) -> float:
         return 0.0
     if step == 0.0:
         return _MAD_TO_SIGMA * float(np.median(np.abs(off)))
-    rounding = step / np.sqrt(12.0)
-    values, counts = np.unique(np.abs(off), return_counts=True)
-
-    def share_below(most: float) -> float:
-        """How much more than half of the absolute values are below, once blurred."""
-        below = ndtr((most - values) / rounding) - ndtr((-most - values) / rounding)
-        return float(below @ counts) / off.size - 0.5
-
-    median = float(brentq(share_below, 0.0, float(values[-1]) + _SURE * rounding))
-    return float(np.sqrt(max((_MAD_TO_SIGMA * median) ** 2 - 2 * rounding**2, 0.0)))
+    values, counts = np.unique(np.abs(off) / step, return_counts=True)
+    least, most = 0.0, float(values[-1]) + 0.5
+    for _ in range(_HALVINGS):
+        median = (least + most) / 2
+        # Each value is spread evenly over a step, half of it to either side, as what was rounded is.
+        within = np.clip(median - values + 0.5, 0.0, 1.0) - np.clip(-median - values + 0.5, 0.0, 1.0)
+        least, most = (median, most) if within @ counts < 0.5 * off.size else (least, median)
+    return step * float(np.sqrt(max((_MAD_TO_SIGMA * median) ** 2 - 2 / 12, 0.0)))
