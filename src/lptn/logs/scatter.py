@@ -11,6 +11,7 @@ from lptn.basics.arrays import FloatArray
 from lptn.logs.resampling import SEVERAL
 
 _MAD_TO_SIGMA = 1.4826  # standard deviation of normal noise over its median absolute value
+_ROUNDED_AND_BLURRED = 2 / 12  # of the step squared: variance of rounding, and as much of the blur
 _HALVINGS = 40  # of the stretch in which the median is: to 1e-12 of it
 
 
@@ -95,4 +96,4 @@ def white_noise(off: FloatArray, step: float = 0.0) -> float:
         # Each value is spread evenly over a step, half of it to either side, as what was rounded is.
         within = np.clip(median - values + 0.5, 0.0, 1.0) - np.clip(-median - values + 0.5, 0.0, 1.0)
         least, most = (median, most) if within @ counts < 0.5 * off.size else (least, median)
-    return step * float(np.sqrt(max((_MAD_TO_SIGMA * median) ** 2 - 2 / 12, 0.0)))
+    return step * float(np.sqrt(max((_MAD_TO_SIGMA * median) ** 2 - _ROUNDED_AND_BLURRED, 0.0)))
