@@ -399,7 +399,7 @@ def quantisation_step(values: FloatArray) -> float:
 AMBIENT = "temperature.ambient"
 INPUTS = ("torque", "current", "velocity")
 """Quantities that drive a joint's heat."""
-_MOVING = 0.05  # rad/s, mean of |speed|: a joint that moves
+_MOVING = 0.05  # rad/s, mean of |speed|: a joint that moves; an encoder's noise is a tenth of it
 
 
 def silences_of(values: Mapping[str, FloatArray]) -> dict[str, list[Silence]]:
@@ -426,13 +426,13 @@ def silences_of(values: Mapping[str, FloatArray]) -> dict[str, list[Silence]]:
             stands = silences(values["time"], channel, temperature=False) or _zero_throughout(values["time"], channel)
             # Once is a fault, again and again at other numbers is a column's way: it gives what was asked for, as
             # commanded and simulated torques do. A fault that comes twice looks the same, unless the joint moves.
-            several = len({one.value for one in stands} - {0.0}) > 1
+            several = len({one.value for one in stands if not _is_rest(quantity, one)}) > 1
             silent[key] = [
                 one
                 for one in stands
                 if (_moves(moving, one) and key != speed)
                 or not (
-                    one.value == 0
+                    _is_rest(quantity, one)
                     or several
                     or _only_while_it_rests(values["time"], channel, values.get(speed, of_all), one)
                 )
@@ -481,6 +481,14 @@ def _still_throughout(values: Mapping[str, FloatArray]) -> dict[str, list[Silenc
         ):
             still[key] = [replace(one, kind="dead")]
     return still
+
+
+def _is_rest(quantity: str, one: Silence) -> bool:
+    """Whether a number that stands is what a joint at rest gives: none, or of speeds the noise of its encoder.
+
+    A speed fails at what it said last, which is seldom so little.
+    """
+    return one.value == 0 or (quantity == "velocity" and abs(one.value) < _MOVING)
 
 
 def _zero_throughout(time: FloatArray, values: FloatArray) -> list[Silence]:
