@@ -166,6 +166,17 @@ def test_an_opensourceleg_log(write: Write) -> None:
     assert any("opensourceleg" in note for note in run.notes)
 
 
+def test_a_housings_speed_is_that_of_its_joint(write: Write) -> None:
+    table: dict[str, list[object]] = {"time": TIME, "temperature.ambient": [22.0] * 60}
+    for joint in ("L_hip", "L_knee"):
+        table |= {f"temperature.{joint}": list(WARM), f"torque.{joint}": TIME, f"velocity.{joint}": TIME}
+    inputs = ("temperature.ambient", "torque.L_hip", "torque.L_hip_case", "velocity.L_hip_case", "velocity.shin_case")
+    outputs = ("temperature.L_hip", "temperature.L_hip_case", "temperature.L_knee", "temperature.shin_case")
+    guesses = guessed(write(table), inputs, outputs)
+    # A temperature is not its joint's, and of a place that is no part of another nothing is said.
+    assert guesses == {"velocity.L_hip_case": "velocity.L_hip|", "torque.L_hip_case": "torque.L_hip|"}
+
+
 def test_a_mapping_wins_over_a_guess(write: Write) -> None:
     path = write({"time": TIME, "FR_calf_temp": WARM, "other": WARM})
     columns = {"temperature.FR_calf": ColumnSource(("other",))}

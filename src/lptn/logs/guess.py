@@ -1,10 +1,11 @@
 """Which of other people's columns may be meant: proposed from their names and values, never taken without a word.
 
 For each quantity that a model needs and a log seems to lack, `guess` looks for a column whose name says the place and
-the quantity. Where names say less it looks, in this order, at their last words (in a model of one leg), at their
-numbers (as many as there are nodes, or driven ones), and for the only column of its kind (in a model of one node).
-Each column is proposed but once. Speeds, which a model may do without but not the search for what it lacks, are looked
-for too.
+the quantity. Where names say less it looks, in this order, at the joint's own name (for a joint of several nodes), at
+their last words (in a model of one leg), at their numbers (as many as there are nodes, or driven ones), and for the
+only column of its kind (in a model of one node). Each column is proposed but once, unless a joint is several nodes: how
+it moves and what it bears is that of all of them. Speeds, which a model may do without but not the search for what it
+lacks, are looked for too.
 """
 
 from __future__ import annotations
@@ -99,6 +100,8 @@ def guess(
     for key in missing:
         if key != "time" and (name := _by_place(key, names, places)):
             choice[key] = name, "its name"
+    every = {name: ColumnName.of(name) for name, times in Counter(table.names).items() if times == 1}
+    choice |= _by_joint([key for key in missing if key not in choice], every, places)
     for method, among in (
         (_by_last_word, places),
         (_by_number, places),
@@ -270,6 +273,20 @@ def _by_place(key: str, names: Names, places: Sequence[str]) -> str:
     if len(ranked) > 1 and ranked[0][0] == ranked[1][0]:
         return ""
     return ranked[0][1] if ranked else ""
+
+
+def _by_joint(missing: Sequence[str], names: Names, places: Sequence[str]) -> Choice:
+    """For `velocity.L_hip_case` the speed of `L_hip`, where both are nodes: a joint turns as one and bears one load."""
+    choice: Choice = {}
+    for key in missing:
+        quantity, _, place = key.partition(".")
+        words = words_of(place)
+        within = [other for other in places if other != place and words_of(other) == words[: len(words_of(other))]]
+        if within and quantity in (*_DRIVES, *_MOVES):
+            joint = max(within, key=len)
+            if name := _by_place(f"{quantity}.{joint}", names, places):
+                choice[key] = name, f"that of {joint}: check that"
+    return choice
 
 
 def _by_last_word(missing: Sequence[str], names: Names, places: Sequence[str]) -> Choice:
