@@ -272,7 +272,7 @@ def _lengths(runs: Sequence[Run]) -> str:
     steps = sum(len(run) for run in runs)
     first = runs[0]
     kind = "means" if first.averaged else "samples"
-    pieces = f" in {len(runs)} runs" if len(runs) > 1 else ""
+    pieces = f" in {len(runs)} pieces between gaps" if len(runs) > 1 else ""
     return f"{steps} {kind} of {first.step:g} s, {_duration(steps * first.step)}{pieces}"
 
 

@@ -47,6 +47,7 @@ _OF_A_JOINT = {"torque", "current", "velocity", "powered"}
 _JOINTS = "*_*"  # names such as FR_calf
 _ONE_RUN_ONLY = 0.1  # prior odds of what acts in one run and no other, relative to the same in all runs
 _LEAST_SHAPE = 0.1  # of a shape that is scored: as short as an own time constant starts where others have a longer one
+_OF_A_STEP = 0.5  # of a log: what a shorter time constant leaves of a jump, e⁻², is gone within the step
 _RATIO = 4.0  # of a time constant to the one before it, for a grid of one
 _HOUR = 3600.0  # s; a log as long as those for which effects state their time constants
 Words = tuple[tuple[str, str], ...]
@@ -114,6 +115,7 @@ class Candidate:
         sizes: for each place the usual size of the amplitude there, in the amplitude's unit; the effect's own by
             default.
         grid: values of the effect's shape at which it is scored; the effect's own by default.
+        shortest: time constant that the log can show [s]; 0 where that is not known.
         difference: whether it is what a place has beside the same effect that it has in common with others.
         common_shape: of a difference the shape that the place has in common with others.
         one_logger: whether its runs are known to come each from one logger, whose clock is one.
@@ -128,6 +130,7 @@ class Candidate:
     words: Words = ()
     sizes: tuple[float, ...] = field(default=(), compare=False)  # of the network, as the places are
     grid: tuple[float, ...] = field(default=(), compare=False)  # of the log
+    shortest: float = field(default=0.0, compare=False)  # of the log
     difference: bool = False
     common_shape: float = field(default=0.0, compare=False)  # of the fit
     one_logger: bool = field(default=False, compare=False)  # of the log
@@ -214,6 +217,10 @@ class Candidate:
         for parameter in self.effect.stated(difference):
             on = replace(_sized(_shaped(parameter, shape), self.typical).switched_on, share="all")
             on = replace(on, grid=self.grid) if parameter.grid and self.grid else on
+            if parameter.grid and parameter.unit == "s":
+                # Shorter ones are the same in the log, and each halving doubles the work of a fit.
+                lower, upper = on.bounds
+                on = replace(on, bounds=(max(lower, min(self.shortest, on.value)), upper))
             if amplitude is not None and parameter.off is not None and parameter.on is None:
                 lower, upper = parameter.bounds
                 on = replace(on, value=min(max(amplitude, lower), upper))
@@ -269,6 +276,7 @@ def candidates(
                 replace(
                     _with_sizes(candidate, network, sizes, rms),
                     grid=grid,
+                    shortest=0.0 if step is None else _OF_A_STEP * step,
                     one_logger=one_logger,
                     one_of_likes=effect.alike and network.sets_apart(EffectDeclaration(effect(), candidate.pattern)),
                 )
@@ -364,7 +372,7 @@ def _grid(shape: Parameter | None, step: float | None, duration: float | None) -
     slowest = grid[-1] * duration / _HOUR
     while grid[-1] * ratio <= slowest:
         grid.append(grid[-1] * ratio)
-    return tuple(value for value in grid if step / 2 <= value <= duration) or (max(grid[0], step),)
+    return tuple(value for value in grid if _OF_A_STEP * step <= value <= duration) or (max(grid[0], step),)
 
 
 def _with_sizes(candidate: Candidate, network: Network, sizes: Sizes, rms: Mapping[str, float] | None) -> Candidate:
