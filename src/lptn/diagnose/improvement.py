@@ -669,17 +669,18 @@ class _Search:
             return []
         hopeful = [branch for branch in branches if branch[-1].fit.cost <= HOPELESS * branches[0][-1].fit.cost]
         # A short log may favour an alias; what is probable by all runs is followed as well.
-        followed = list(dict.fromkeys([*_ranked(hopeful)[:width], *_ranked(branches, self.data)[:width]]))
-        # Fits that only ranked candidates ended early: where a valley is long, their held-out errors are accidents.
-        fits = (self.executor.map if self.executor else map)(finished, [branch[-1].fit for branch in followed])
-        # To the end, a size may go where nobody believes it.
-        ends = (
-            self._believed_with(branch, unless_interrupted(fit)) for branch, fit in zip(followed, fits, strict=True)
-        )
-        done = [longer for longer in ends if longer is not None]
-        if not done:
-            return []
-        return list(dict.fromkeys([*done[:width], _ranked(done, self.data)[0]]))
+        by_fitted, by_all, done = _ranked(hopeful), _ranked(branches, self.data), list[Branch]()
+        # To the end, each of those may go where nobody believes it: then the next ones are asked.
+        while not done and (followed := list(dict.fromkeys([*by_fitted[:width], *by_all[:width]]))):
+            # Fits that only ranked candidates ended early: where a valley is long, their held-out errors are accidents.
+            fits = (self.executor.map if self.executor else map)(finished, [branch[-1].fit for branch in followed])
+            ends = (
+                self._believed_with(branch, unless_interrupted(fit)) for branch, fit in zip(followed, fits, strict=True)
+            )
+            done = [longer for longer in ends if longer is not None]
+            rest = [branch for branch in by_fitted if branch not in followed]
+            by_fitted, by_all = rest, [branch for branch in by_all if branch not in followed]
+        return list(dict.fromkeys([*done[:width], _ranked(done, self.data)[0]])) if done else []
 
 
 def _less(branch: Branch, step: Step) -> tuple[Network, Branch]:

@@ -78,6 +78,10 @@ class Layout(Protocol):
     def contacts(self) -> Collection[str]:
         """The same with the pairs between which an effect exchanges heat."""
 
+    @property
+    def assumed_heats(self) -> Collection[str]:
+        """Dynamic nodes of which the model takes all heat to be constant."""
+
     def nodes_with(self, key: str) -> list[str]:
         """Dynamic nodes at which an effect is declared."""
 

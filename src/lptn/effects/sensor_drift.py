@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from types import SimpleNamespace
 
 from lptn.basics.parameters import LARGEST, Parameter
-from lptn.effects.base import ExcessEffect, Signature, Symbol
+from lptn.effects.base import ExcessEffect, Layout, Signature, Symbol
 from lptn.effects.excitation import long_enough
 
 _SCALE = 1000.0  # K/h; so steep that what is unsure about the state at the start is seconds, not degrees
@@ -43,6 +44,11 @@ class SensorDrift(ExcessEffect):
     excitation = long_enough()
     source = "definition"
     rises = _SCALE / _HOUR
+
+    @classmethod
+    def makes_a_difference(cls, place: str, layout: Layout, driving: Sequence[Sequence[str]]) -> bool:
+        """Where all heat is assumed to be constant it may rise as well as the reading, and nothing tells them apart."""
+        return place not in layout.assumed_heats
 
     def error(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:
         return p.rate * (state - temperature) / _SCALE

@@ -33,6 +33,7 @@ from lptn.model.bodies import Bodies, Conductor, Element, HottestPoint
 START = "start"
 """Prescribed temperature taken from the start of each run, for logs without an ambient column."""
 _COPPER_LOSS = "copper_loss"  # what makes a node a winding
+_CONSTANT_HEAT = "constant_heat"
 _LOGGED_HEAT = "heat_input"  # what makes it a computer, or another part whose power a log tells
 RUN = "run"
 """Indicators of runs are parameters of this name: 1 in the run, else 0."""
@@ -280,6 +281,13 @@ class Layout:
     def nodes_with(self, key: str) -> list[str]:
         """Dynamic nodes at which an effect is declared."""
         return self._declared_at.get(key, [])
+
+    @cached_property
+    def assumed_heats(self) -> set[str]:
+        """Dynamic nodes of which the model takes all heat to be constant: nothing that is logged drives any there."""
+        logged = [declared for declared in self.effects if declared.effect.site == "node" and declared.effect.needed()]
+        driven = {name for declared in logged for _, ends in self.places_for(declared) for name in ends}
+        return set(self.nodes_with(_CONSTANT_HEAT)) - driven
 
     @cached_property
     def _declared_at(self) -> dict[str, list[str]]:
