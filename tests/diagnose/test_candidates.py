@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lptn.basics.parameters import Parameter
+from lptn.basics.parameters import LARGEST, Parameter
 from lptn.diagnose.candidates import candidates, separate_runs, sites
 from lptn.effects import catalogue
 from lptn.model.model import Model
@@ -292,6 +292,32 @@ def test_time_constants_are_those_that_the_log_can_show(key: str) -> None:
             assert 1 <= len(values) <= 8
             assert all(value >= step / 2 for value in values)
             assert len(values) == 1 or values[-1] <= duration
+
+
+@pytest.mark.parametrize("step", [None, 1.0, 5.0, 300.0])
+def test_no_time_constant_is_shorter_than_half_a_step(step: float | None) -> None:
+    """It shows as none, and a fit would take many steps within each row for it."""
+    for key, own in (("second_mass", 1.0), ("sensor_lag", 0.5)):
+        proposed = candidates(_legs(), ["temperature.ambient"], step=step, duration=86400.0)
+        mass = next(candidate for candidate in proposed if candidate.effect.key == key)
+        shortest, longest = mass.declaration(0.5, mass.shapes[0]).resolved["time_constant"].bounds
+        assert (shortest, longest) == (max(own, 0.5 * (step or 0.0)), LARGEST)
+
+
+def test_a_drift_is_asked_only_where_heat_that_rises_would_be_known() -> None:
+    """Of a computer that is taken to give off 20 W all the time nobody knows whether it does."""
+
+    def drifting(*added: EffectDeclaration) -> set[str]:
+        network = _legs_and("pc").with_effects([effect("constant_heat", "*", power=20.0), *added])
+        return {
+            place
+            for candidate in candidates(network, ["temperature.ambient", "power.pc", *COLUMNS])
+            if candidate.effect.key == "sensor_drift"
+            for place in candidate.places
+        }
+
+    assert drifting() == set(JOINTS)
+    assert drifting(effect("heat_input", "pc")) == {*JOINTS, "pc"}
 
 
 def test_a_long_log_shows_slow_masses() -> None:

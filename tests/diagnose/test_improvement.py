@@ -129,6 +129,23 @@ def test_an_error_of_the_log_that_is_the_only_step_stays_however_little_it_expla
     assert search.settled((given, error)) == (given, error)
 
 
+def test_where_none_that_was_followed_to_the_end_is_believed_there_the_next_ones_are(
+    leg: Leg,  # noqa: F811
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    model, data = leg(Hidden("forced_convection", "FR_thigh"))
+    coarse = for_search(data)
+    keys = [("forced_convection", "FR_thigh"), ("constant_heat", "FR_thigh")]
+    pool = [_branch(model, coarse, key) for key in keys]
+    ended = _Search._believed_with
+    search = _Search(coarse, None, lambda _: None, lambda _: None)
+    for believed in (keys, keys[1:], []):
+        monkeypatch.setattr(
+            _Search, "_believed_with", lambda *args, keys=believed: ended(*args) if args[1][-1].key in keys else None
+        )
+        assert [branch[-1].key for branch in search._next(pool, 1)] == believed[:1]
+
+
 @pytest.mark.parametrize("likely", [True, False])
 def test_an_error_of_the_log_stays_only_while_it_is_likelier_than_all_in_the_robot(
     leg: Leg,  # noqa: F811
