@@ -20,6 +20,8 @@ class SensorDrift(ExcessEffect):
 
     The time is kept as a state, :math:`T_t = T + t \cdot 1000\,\mathrm{K/h}`.
 
+    A search does not look for it where the model takes all heat to be constant: that may rise as well as the reading.
+
     Source: definition; [QuadrupedLPTN, application 2] (a sensor that drifts is the fault that its monitor looks for).
     """
 
@@ -47,7 +49,7 @@ class SensorDrift(ExcessEffect):
 
     @classmethod
     def makes_a_difference(cls, place: str, layout: Layout, driving: Sequence[Sequence[str]]) -> bool:
-        """Where all heat is assumed to be constant it may rise as well as the reading, and nothing tells them apart."""
+        """Where all heat is assumed to be constant, nothing tells a reading that rises from heat that does."""
         return place not in layout.assumed_heats
 
     def error(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:
