@@ -11,16 +11,19 @@ import pytest
 
 from lptn import Study
 from lptn.basics.arrays import FloatArray
-from lptn.diagnose.answers import refit_all
+from lptn.diagnose.answers import Step, _places, refit_all
 from lptn.diagnose.candidates import candidates
 from lptn.diagnose.diagnosis import diagnose, examine, for_search
 from lptn.diagnose.fit_statistics import fitted_errors, independent_readings
 from lptn.diagnose.improvement import improve
 from lptn.diagnose.scores import Scores, score
+from lptn.effects.sensor_lag import SensorLag
+from lptn.effects.sensor_offset import SensorOffset
 from lptn.identify.comparison import Prediction, predict
 from lptn.identify.data import Segment
 from lptn.identify.validation import fit_segments
 from lptn.model.model import Model
+from lptn.model.network import EffectDeclaration
 from lptn.simulate.simulation import SimulationError
 from lptn.virtual import Hidden
 from tests.diagnose.conftest import Leg
@@ -42,6 +45,16 @@ def test_a_hidden_effect_is_named_with_its_place_and_the_held_out_error_falls(le
     assert best.holdout is not None
     assert best.holdout.rmse < diagnosis.holdout.rmse
     assert best.holdout.rmse < 0.08  # K; 0.15 K of noise leave 0.067 K on means over 5 s
+
+
+def test_places_of_one_effect_that_look_the_same_are_told_together(leg: Leg) -> None:
+    """Single ones with single ones, and patterns with patterns: of all joints none is meant."""
+    model, data = leg()
+    step = Step(fit_segments(model, for_search(data).fit))
+    at = {place: replace(step, declaration=EffectDeclaration(SensorLag(), place)) for place in ("*", "*_*", "a", "b")}
+    other = replace(step, declaration=EffectDeclaration(SensorOffset(), "*_hip"))
+    for own, places in (("*", ("*", "*_*")), ("*_*", ("*_*", "*")), ("a", ("a", "b"))):
+        assert _places(at[own], [*at.values(), other]) == places
 
 
 @pytest.mark.long

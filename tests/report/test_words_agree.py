@@ -22,7 +22,7 @@ from lptn.identify.fitting import finished
 from lptn.identify.validation import holdout_errors
 from lptn.model.network import EffectDeclaration
 from lptn.report.heat_story import HeatStory
-from lptn.report.outcome import headline, left_in_words, outcome_of
+from lptn.report.outcome import headline, left_in_words, outcome_of, short_name
 from lptn.report.shown import heat_fields
 from lptn.report.text import significant
 from lptn.report.words import (
@@ -225,6 +225,14 @@ def test_of_two_places_that_share_a_parameter_either_is_told(missing: Told, caps
     assert f"radiation at {NODES[1]} (or {NODES[0]})" in said
     assert f"by the fitted data 50 % probable; they don't rule out radiation to the surroundings at {NODES[0]}" in said
     assert "was added, too" not in said
+
+
+def test_of_everywhere_and_all_joints_either_is_told(missing: Told) -> None:
+    everywhere = replace(missing[0].steps[1], declaration=EffectDeclaration(Radiation(), "*"), places=("*",))
+    assert short_name(everywhere) == "radiation"
+    assert short_name(replace(everywhere, places=("*", "*_*"))) == "radiation everywhere (or *_*)"
+    joints = replace(everywhere, declaration=EffectDeclaration(Radiation(), "*_*"), places=("*_*", "*"))
+    assert short_name(joints) == "radiation at *_* (or everywhere)"
 
 
 def test_what_was_added_as_well_is_no_other_name_for_a_step(missing: Told, capsys: pytest.CaptureFixture[str]) -> None:

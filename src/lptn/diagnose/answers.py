@@ -77,8 +77,9 @@ class Step(Tabular):
         probability: of this answer by the fitted runs, given that one of those that were refitted is right.
         in_some_run: probability that it, or the same in another run instead, is missing, of an effect of one run: which
             of two runs is odd is for held-out ones to tell.
-        places: where it stands, in whichever run; with a single place those where the fitted data can't tell the same
-            effect from it: of two joints that share a resistance, more loss at one is less at the other.
+        places: where it stands, in whichever run, and where the fitted data can't tell the same effect from it: of two
+            joints that share a resistance, more loss at one is less at the other. Of several places together these are
+            other patterns, such as all joints beside everything.
         at_its_place: probability that anything is missing at these places, by whatever name; by all runs where
             `by_all_runs` is known.
         by_all_runs: probability by the held-out runs as well, which may have chosen it; `None` without any, or where no
@@ -431,10 +432,8 @@ def _but_for_the_run(step: Step) -> tuple[str | None, str, bool]:
 def _places(step: Step, rivals: Sequence[Step]) -> tuple[str, ...]:
     """As `Step.places` has it, of a step and what the fitted data can't tell from it."""
     own = _place(step)
-    if is_pattern(own):
-        return (own,)
     others = (_place(rival) for rival in rivals if rival.effect == step.effect)
-    return tuple(dict.fromkeys([own, *(place for place in others if not is_pattern(place))]))
+    return tuple(dict.fromkeys([own, *(place for place in others if is_pattern(place) == is_pattern(own))]))
 
 
 def _at(places: Sequence[str], steps: Sequence[Step], probabilities: FloatArray) -> float:

@@ -159,9 +159,12 @@ def short_name(step: Step) -> str:
     With the other places where the data can't tell it from: `surface scale at L_knee (or R_knee)`.
     """
     key, at = step.key
-    place = "" if at == "*" else f" {place_of(at)}" if "~" in at else f" at {place_of(at)}"
-    others = f" (or {either(step.places[1:])})" if len(step.places) > 1 else ""
-    return f"{key.replace('_', ' ')}{(place.removeprefix(' at everywhere') + others).replace('~', '–')}"
+    place = f"{'' if '~' in at else ' at'} {place_of(at)}".replace(" at everywhere", " everywhere")
+    if len(step.places) > 1:
+        place += f" (or {either([place_of(other) for other in step.places[1:]])})"
+    else:
+        place = place.removeprefix(" everywhere")
+    return f"{key.replace('_', ' ')}{place}".replace("~", "–")
 
 
 def left_in_words(history: History) -> str:

@@ -250,7 +250,7 @@ def _short_found(history: History, heat: HeatStory) -> tuple[str, str, str]:
     what = f"{capitalised(listed([title_of(step.effect or '') for step in added]))}."
     places: dict[str, list[str]] = {}
     for step in added:
-        at = either([place_of(step.at or ""), *step.places[1:]])
+        at = either([place_of(place) for place in (step.at or "", *step.places[1:])])
         places.setdefault(at, []).append(title_of(step.effect or ""))
     where = "; ".join(f"{place} ({listed(effects)})" if len(places) > 1 else place for place, effects in places.items())
     sure = f"{_short_errors(history)}."
@@ -458,7 +458,8 @@ def chosen_in_words(step: Step) -> str:
     surer = step.by_all_runs < LIKELY <= step.at_its_place
     if declared is None or declared.at == EVERYWHERE or not surer:
         return text
-    return f"{text}, and that something is missing at {either(step.places)} {percent(step.at_its_place)}"
+    places = either([place_of(place) for place in step.places])
+    return f"{text}, and that something is missing at {places} {percent(step.at_its_place)}"
 
 
 def outweighed_in_words(step: Step) -> str:
