@@ -21,6 +21,12 @@ def test_one_screen_of_a_good_log(lptn: Lptn, model: Path, tmp_path: Path) -> No
     assert len(out.splitlines()) < 45
 
 
+def test_a_log_with_gaps_is_in_pieces(lptn: Lptn, model: Path, tmp_path: Path) -> None:
+    table().query("time < 600 or time >= 1200").to_csv(tmp_path / "monday.csv", index=False)
+    out = lptn("check", model, tmp_path / "monday.csv")[1]
+    assert "monday.csv (CSV): 1800 samples of 1 s, 30 min in 2 pieces between gaps" in out
+
+
 def test_a_log_that_is_refused_shows_its_columns_as_columns(lptn: Lptn, model: Path, tmp_path: Path) -> None:
     log = tmp_path / "monday.csv"
     table().rename(columns=lambda name: name.replace("torque.", "x")).to_csv(log, index=False)

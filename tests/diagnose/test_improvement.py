@@ -8,12 +8,13 @@ from dataclasses import replace
 
 import pytest
 
+from lptn.basics.parameters import Parameter
 from lptn.diagnose.advice import advise
 from lptn.diagnose.answers import Step
 from lptn.diagnose.candidates import with_errors_of_runs
 from lptn.diagnose.diagnosis import for_search
 from lptn.diagnose.fit_statistics import is_negligible
-from lptn.diagnose.improvement import Branch, History, _less, _Search, effects_added, improve
+from lptn.diagnose.improvement import Branch, History, _at_full_resolution, _less, _Search, effects_added, improve
 from lptn.diagnose.refits import refit
 from lptn.effects import catalogue
 from lptn.identify.data import DataSplit, split_data
@@ -133,17 +134,41 @@ def test_where_none_that_was_followed_to_the_end_is_believed_there_the_next_ones
     leg: Leg,  # noqa: F811
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    model, data = leg(Hidden("forced_convection", "FR_thigh"))
+    model, data = leg(Hidden("surface_scale", "FR_calf", size=0.4, run="fit1"))
     coarse = for_search(data)
-    keys = [("forced_convection", "FR_thigh"), ("constant_heat", "FR_thigh")]
+    keys = [("surface_scale", "FR_calf@fit1"), ("surface_scale", "FR_calf@fit2")]
     pool = [_branch(model, coarse, key) for key in keys]
     ended = _Search._believed_with
-    search = _Search(coarse, None, lambda _: None, lambda _: None)
-    for believed in (keys, keys[1:], []):
+    search = _Search(DataSplit(coarse.fit), None, lambda _: None, lambda _: None)
+    likeliest = search._next(pool, 1)[0][-1].key
+    for believed in ([key for key in keys if key != likeliest], []):
         monkeypatch.setattr(
             _Search, "_believed_with", lambda *args, keys=believed: ended(*args) if args[1][-1].key in keys else None
         )
-        assert [branch[-1].key for branch in search._next(pool, 1)] == believed[:1]
+        assert [branch[-1].key for branch in search._next(pool, 1)] == believed
+
+
+def test_at_full_resolution_a_time_constant_may_be_shorter_than_the_steps_of_the_search(leg: Leg) -> None:  # noqa: F811
+    """And effects may stand in another order than they were added in: each keeps its own."""
+    model, data = leg(Hidden("sensor_lag", "FR_hip"))
+    coarse = for_search(data)
+    given, mass, lag = _branch(model, coarse, ("second_mass", "FR_calf"), ("sensor_lag", "FR_hip"))
+    assert lag.declaration is not None
+    cut = replace(lag.declaration, parameters=tuple(_from(40.0, parameter) for parameter in lag.declaration.parameters))
+    searched = refit(mass.fit, cut)
+    assert searched.model.network.parameters[-1].value == pytest.approx(40.0)
+    reordered = (given, replace(lag, declaration=cut), replace(mass, fit=searched))
+    last = _at_full_resolution(reordered, data)[-1].fit.model
+    values = {parameter.name: parameter.value for parameter in last.parameters}
+    assert values["sensor_lag.time_constant.FR_hip"] == pytest.approx(20.0, rel=0.1)
+    assert values["second_mass.capacity.FR_calf"] < 30.0
+
+
+def _from(shortest: float, parameter: Parameter) -> Parameter:
+    """A time constant with another lower bound."""
+    if parameter.unit != "s":
+        return parameter
+    return replace(parameter, bounds=(shortest, parameter.bounds[1]), value=max(shortest, parameter.value))
 
 
 @pytest.mark.parametrize("likely", [True, False])

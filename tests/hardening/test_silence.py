@@ -129,10 +129,15 @@ def test_a_torque_of_zero_is_odd_only_while_the_joint_moves() -> None:
 def test_a_speed_that_stands_at_its_encoders_noise_is_that_of_a_joint_at_rest() -> None:
     """The mean of |speed| over a row is two steps of the column in one joint of a standing robot, row after row."""
     rng, time = np.random.default_rng(0), np.arange(2400.0)
-    walking = rng.normal(1.0, 0.3, time.size)
-    for stands, found in ((0.002, 0), (-0.002, 0), (0.7, 1)):
-        speed = np.where((time > 900) & (time < 1500), stands, walking)
+    walking, stands = rng.normal(1.0, 0.3, time.size), (time > 900) & (time < 1500)
+    for value, found in ((0.002, 0), (-0.009, 0), (0.011, 1), (0.7, 1)):
+        speed = np.where(stands, value, walking)
         assert len(silences_of({"time": time, "velocity.knee": speed}).get("velocity.knee", [])) == found
+    # So does the load that it holds all the while.
+    torque = np.where(stands, 3.2, rng.normal(0.0, 4.0, time.size))
+    for value, found in ((0.0, 0), (0.002, 0), (0.02, 1)):
+        speed = np.where(stands, value + 1e-4 * rng.standard_normal(time.size) * (value > 0), walking)
+        assert len(silences_of({"time": time, "velocity.knee": speed, "torque.knee": torque})) == found
 
 
 def test_torques_that_are_asked_for_hold_still_and_one_that_froze_is_found() -> None:

@@ -167,14 +167,18 @@ def test_an_opensourceleg_log(write: Write) -> None:
 
 
 def test_a_housings_speed_is_that_of_its_joint(write: Write) -> None:
-    table: dict[str, list[object]] = {"time": TIME, "temperature.ambient": [22.0] * 60}
+    table: dict[str, list[object]] = {"time": TIME, "temperature.ambient": [22.0] * 60, "q7": TIME}
     for joint in ("L_hip", "L_knee"):
         table |= {f"temperature.{joint}": list(WARM), f"torque.{joint}": TIME, f"velocity.{joint}": TIME}
-    inputs = ("temperature.ambient", "torque.L_hip", "torque.L_hip_case", "velocity.L_hip_case", "velocity.shin_case")
-    outputs = ("temperature.L_hip", "temperature.L_hip_case", "temperature.L_knee", "temperature.shin_case")
+    parts = ("L_hip_case", "L_hip_pitch", "shin_case")
+    inputs = ("temperature.ambient", *(f"{quantity}.{part}" for quantity in ("torque", "velocity") for part in parts))
+    outputs = ("temperature.L_hip", "temperature.L_knee", *(f"temperature.{part}" for part in parts))
     guesses = guessed(write(table), inputs, outputs)
-    # A temperature is not its joint's, and of a place that is no part of another nothing is said.
+    # A temperature is not its joint's, another joint bears its own load, and of a shin nothing is logged.
     assert guesses == {"velocity.L_hip_case": "velocity.L_hip|", "torque.L_hip_case": "torque.L_hip|"}
+    mapped = {"velocity.L_hip": ColumnSource(("q7",), unit="rpm")}
+    of_case = {one.key: one.source for one in guess(open_table(write(table)), mapped, inputs, outputs)}
+    assert of_case["velocity.L_hip_case"] == mapped["velocity.L_hip"]
 
 
 def test_a_mapping_wins_over_a_guess(write: Write) -> None:

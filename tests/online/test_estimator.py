@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,13 +16,11 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.basics.parameters import Transform
 from lptn.identify.fitting import fit
-from lptn.identify.noise import estimate_noise
-from lptn.logs.run import Run
 from lptn.model.file import parse_model
 from lptn.model.model import Model
 from lptn.online.augmented_model import AugmentedModel, ModelError
 from lptn.online.estimator import Estimate, Estimator, run_filter
-from lptn.online.quantisation import as_gaussian, believed_noise
+from lptn.online.quantisation import as_gaussian, coarse_noise
 from lptn.robots.presets import presets
 from lptn.simulate.bound_run import bind
 from tests.builders import leg, make_run, random_inputs, random_run, with_every_effect
@@ -223,15 +220,10 @@ def test_noise_hidden_in_steps_is_found(truth: FloatArray) -> None:
     still = np.zeros(readings.shape[1])
     columns = {"temperature.a": readings[0], "temperature.b": readings[1], "temperature.ambient": still + 20.0}
     run = make_run(columns | {"torque.a": still})
-    run = replace(run, resolution={"temperature.a": 1.0})
-    model = Model(network())
-
-    def believed(run: Run) -> float:
-        bound = [bind(model, run)]
-        return float(believed_noise(estimate_noise(bound, model.nodes), bound)[0])
-
-    assert believed(run) == pytest.approx(0.2, rel=0.15)
-    assert believed(run.coarsen(10)) == pytest.approx(0.3)
+    bound = bind(Model(network()), run)
+    assert coarse_noise([bound], 0, 1.0) == pytest.approx(0.2, rel=0.25)
+    means = bind(Model(network()), run.coarsen(10))
+    assert coarse_noise([means], 0, 1.0) == pytest.approx(0.3)
 
 
 # --- promises -----------------------------------------------------------------------------------------

@@ -58,6 +58,7 @@ from lptn.diagnose.runs_that_differ import (
 from lptn.identify.comparison import Prediction, errors_of
 from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit, finished
+from lptn.identify.problem import Point
 from lptn.identify.validation import fit_segments
 from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration, Network
@@ -670,7 +671,7 @@ class _Search:
         hopeful = [branch for branch in branches if branch[-1].fit.cost <= HOPELESS * branches[0][-1].fit.cost]
         # A short log may favour an alias; what is probable by all runs is followed as well.
         by_fitted, by_all, done = _ranked(hopeful), _ranked(branches, self.data), list[Branch]()
-        # To the end, each of those may go where nobody believes it: then the next ones are asked.
+        # To the end, each of those may go where nobody believes it: then the next ones that have a hope are asked.
         while not done and (followed := list(dict.fromkeys([*by_fitted[:width], *by_all[:width]]))):
             # Fits that only ranked candidates ended early: where a valley is long, their held-out errors are accidents.
             fits = (self.executor.map if self.executor else map)(finished, [branch[-1].fit for branch in followed])
@@ -678,8 +679,8 @@ class _Search:
                 self._believed_with(branch, unless_interrupted(fit)) for branch, fit in zip(followed, fits, strict=True)
             )
             done = [longer for longer in ends if longer is not None]
-            rest = [branch for branch in by_fitted if branch not in followed]
-            by_fitted, by_all = rest, [branch for branch in by_all if branch not in followed]
+            by_fitted = [branch for branch in by_fitted if branch not in followed]
+            by_all = [branch for branch in by_all if branch in by_fitted]
         return list(dict.fromkeys([*done[:width], _ranked(done, self.data)[0]])) if done else []
 
 
@@ -807,16 +808,32 @@ def _verdict(first: Diagnosis, remaining: Verdict, given: Branch, kept: Branch) 
 def _at_full_resolution(branch: Branch, data: DataSplit) -> Branch:
     """Each model of a branch fitted at full resolution; the first and the last made for use.
 
-    These start from their fits on coarse data, those between from the one before.
+    These start from their fits on coarse data, those between from the one before. Time constants may be as short as
+    their effects allow, where a search's steps show none so short.
     """
     steps: list[Step] = []
     network = branch[0].fit.model.network
     for number, step in enumerate(branch):
-        network = network.with_effects([step.declaration] if step.declaration else [])
-        if number in (0, len(branch) - 1):
+        step = replace(step, declaration=_with_own_bounds(step.declaration) if step.declaration else None)
+        network = network.with_effects(step.declarations)
+        if number == 0:
             fit = unless_interrupted(fit_segments(step.fit.model, data.fit, step.fit.point))
-            step = replace(step, fit=fit).made_for_use(data)
+        elif number == len(branch) - 1:
+            # The effects, and their states, may stand in another order than in the model that was searched.
+            searched = step.fit.model
+            model = Model(network.with_values({one.name: one.value for one in searched.parameters}))
+            order = [searched.states.index(state) for state in model.states]
+            point = Point(model.values, [start[order] for start in step.fit.point.starts])
+            fit = unless_interrupted(fit_segments(model, data.fit, point))
         else:
-            step = replace(step, fit=unless_interrupted(finished(continued(steps[-1].fit, network))))
-        steps.append(step)
+            fit = unless_interrupted(finished(continued(steps[-1].fit, network)))
+        step = replace(step, fit=fit)
+        steps.append(step.made_for_use(data) if number in (0, len(branch) - 1) else step)
     return tuple(steps)
+
+
+def _with_own_bounds(declared: EffectDeclaration) -> EffectDeclaration:
+    own = {stated.name: stated.bounds for stated in declared.effect.stated(declared.difference)}
+    return replace(
+        declared, parameters=tuple(replace(one, bounds=own.get(one.name, one.bounds)) for one in declared.parameters)
+    )

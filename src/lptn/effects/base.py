@@ -79,7 +79,7 @@ class Layout(Protocol):
         """The same with the pairs between which an effect exchanges heat."""
 
     @property
-    def assumed_heats(self) -> Collection[str]:
+    def nodes_of_constant_heat(self) -> Collection[str]:
         """Dynamic nodes of which the model takes all heat to be constant."""
 
     def nodes_with(self, key: str) -> list[str]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lptn.basics.arrays import FloatArray
-from lptn.logs.scatter import scatter_of, usual
+from lptn.logs.scatter import Scatter, off_their_neighbours, usual, white_noise
 from lptn.simulate.bound_run import BoundRun
 
 _MODEL_ERROR = 0.02  # of an excursion, beside the sensor's noise: what simple models of robots leave
@@ -46,11 +46,12 @@ def estimate_noise(bound_runs: Sequence[BoundRun], nodes: Sequence[str]) -> Nois
     for row, node in enumerate(nodes):
         column, runs = f"temperature.{node}", [bound.run for bound in bound_runs]
         step[row] = max((run.resolution.get(column, 0.0) for run in runs), default=0.0)
-        by_step: dict[float, list[tuple[FloatArray, FloatArray]]] = {}
+        by_step: dict[float, list[FloatArray]] = {}
         for bound, run in zip(bound_runs, runs, strict=True):
             rounded_to = 0.0 if run.averaged else run.resolution.get(column, 0.0)
-            by_step.setdefault(rounded_to, []).append((run.time, bound.measured[row]))
-        of_runs = [scatter_of(pieces, rounded_to) for rounded_to, pieces in by_step.items()]
+            by_step.setdefault(rounded_to, []).append(off_their_neighbours(run.time, bound.measured[row]))
+        pooled = {rounded_to: np.concatenate(off) for rounded_to, off in by_step.items()}
+        of_runs = [Scatter(white_noise(off, size), runs[0].step, off.size) for size, off in pooled.items()]
         of_logs = {run.source: run.scatter[column] for run in runs if column in run.scatter}  # pieces of a log share it
         white[row] = max(usual(scatters, runs[0].step) for scatters in (of_runs, of_logs.values()))
     return Noise(white, step)

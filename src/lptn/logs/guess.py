@@ -1,9 +1,9 @@
 """Which of other people's columns may be meant: proposed from their names and values, never taken without a word.
 
 For each quantity that a model needs and a log seems to lack, `guess` looks for a column whose name says the place and
-the quantity. Where names say less it looks, in this order, at the joint's own name (for a joint of several nodes), at
-their last words (in a model of one leg), at their numbers (as many as there are nodes, or driven ones), and for the
-only column of its kind (in a model of one node). Each column is proposed but once, unless a joint is several nodes: how
+the quantity. Where names say less it looks, in this order, at their last words (in a model of one leg), at their
+numbers (as many as there are nodes, or driven ones), for the only column of its kind (in a model of one node), and at
+what is logged of the joint (for a part of it). Each column is proposed but once, unless a joint is several nodes: how
 it moves and what it bears is that of all of them. Speeds, which a model may do without but not the search for what it
 lacks, are looked for too.
 """
@@ -100,8 +100,6 @@ def guess(
     for key in missing:
         if key != "time" and (name := _by_place(key, names, places)):
             choice[key] = name, "its name"
-    every = {name: ColumnName.of(name) for name, times in Counter(table.names).items() if times == 1}
-    choice |= _by_joint([key for key in missing if key not in choice], every, places)
     for method, among in (
         (_by_last_word, places),
         (_by_number, places),
@@ -112,7 +110,13 @@ def guess(
         chosen = {column for column, _ in choice.values()}
         choice |= method(rest, {name: parts for name, parts in names.items() if name not in chosen}, among)
     numbers = _numbers(table, [column for column, _ in choice.values()])
-    guesses = (_with_unit(table, key, *choice[key], numbers) for key in missing if key in choice)
+    guesses = [_with_unit(table, key, *choice[key], numbers) for key in missing if key in choice]
+    there = {key for key, source in sources.items() if set(source.columns) <= set(table.names)}
+    guesses += [
+        Guess(key, sources[of_joint], f"that of {of_joint.partition('.')[2]}")
+        for key in missing
+        if key not in choice and (of_joint := _of_its_joint(key, places)) in there
+    ]
     return [guess for guess in guesses if guess is not None]
 
 
@@ -198,6 +202,9 @@ _PLACES: Mapping[str, frozenset[str]] = {
 }
 """Words that say which place, where it is not called by its own name."""
 
+_PARTS = _PLACES["winding"] | _PLACES["housing"] | _set("stator rotor gearbox gear gears driver board")
+"""Words that say which part of a joint."""
+
 _NOT_MEASURED = _set(
     "cmd command commanded des desired target ref reference goal limit max min set setpoint error err status flag "
     "count fault warning id mode"
@@ -275,18 +282,17 @@ def _by_place(key: str, names: Names, places: Sequence[str]) -> str:
     return ranked[0][1] if ranked else ""
 
 
-def _by_joint(missing: Sequence[str], names: Names, places: Sequence[str]) -> Choice:
-    """For `velocity.L_hip_case` the speed of `L_hip`, where both are nodes: a joint turns as one and bears one load."""
-    choice: Choice = {}
-    for key in missing:
-        quantity, _, place = key.partition(".")
-        words = words_of(place)
-        within = [other for other in places if other != place and words_of(other) == words[: len(words_of(other))]]
-        if within and quantity in (*_DRIVES, *_MOVES):
-            joint = max(within, key=len)
-            if name := _by_place(f"{quantity}.{joint}", names, places):
-                choice[key] = name, f"that of {joint}: check that"
-    return choice
+def _of_its_joint(key: str, places: Sequence[str]) -> str:
+    """For `velocity.L_hip_case` that of `L_hip`, where both are nodes: a joint turns as one, and bears one load."""
+    quantity, _, place = key.partition(".")
+    part = next((name for name in places if _is_part_of(place, name)), "")
+    return f"{quantity}.{part}" if part and quantity in (*_DRIVES, *_MOVES) else ""
+
+
+def _is_part_of(place: str, joint: str) -> bool:
+    """Whether a place is called after a joint and one of its parts; `L_hip_pitch` is another joint."""
+    words, of_joint = words_of(place), words_of(joint)
+    return words[: len(of_joint)] == of_joint and " ".join(words[len(of_joint) :]) in _PARTS
 
 
 def _by_last_word(missing: Sequence[str], names: Names, places: Sequence[str]) -> Choice:

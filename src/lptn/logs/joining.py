@@ -19,7 +19,7 @@ from lptn.logs.clock import check_time
 from lptn.logs.columns import ColumnSource
 from lptn.logs.quality import suspect_unit
 from lptn.logs.resampling import on_one_time
-from lptn.logs.scatter import scatter_of
+from lptn.logs.scatter import off_their_neighbours, white_noise
 from lptn.logs.silence import AMBIENT
 from lptn.logs.tables import Table, check_size, column_sources
 
@@ -358,7 +358,7 @@ def _first_rise(temperature: FloatArray, share: float) -> int:
     """
     smooth = np.convolve(temperature, np.ones(3) / 3, mode="valid")
     rest = float(np.median(temperature[:_FEWEST]))
-    noise = scatter_of([(np.arange(temperature.size, dtype=float), temperature)]).noise
+    noise = white_noise(off_their_neighbours(np.arange(temperature.size, dtype=float), temperature))
     whole = float(smooth.max() - rest) if smooth.size else 0.0
     if whole < max(_LEAST_RISE, _LEAST_RISE_OVER_NOISE * noise):
         raise NoOnsetError("no temperature rises by 1 K and ten times its noise")

@@ -554,7 +554,7 @@ def _runs(
         notes=_merged([*notes, *gaps]),
         resolution=resolution,
         scatter={
-            key: scatter_of([(samples.time, values)], resolution.get(key, 0.0))
+            key: scatter_of(samples.time, values, resolution.get(key, 0.0))
             for key, values in samples.raw.items()
             if key.startswith("temperature.") and not samples.means
         },

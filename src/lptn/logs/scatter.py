@@ -1,8 +1,8 @@
-"""How far single readings scatter by themselves: off the line between their neighbours; of steps, by their jumps."""
+"""How far single readings scatter by themselves: each against the straight line between its neighbours."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from typing import NamedTuple
 
 import numpy as np
@@ -11,9 +11,8 @@ from lptn.basics.arrays import FloatArray
 from lptn.logs.resampling import SEVERAL
 
 _MAD_TO_SIGMA = 1.4826  # standard deviation of normal noise over its median absolute value
-_JUMP_TO_SIGMA = 0.5 * np.sqrt(np.pi)  # the same over the mean absolute difference of two readings
-_SPAN = 30  # readings over which a movement of the temperature itself is told from noise, a thirtieth of it there
-_FARTHEST = 10.0  # steps; a jump that is farther counts as so far, so that rare ones hardly enter
+_ROUNDED_AND_BLURRED = 2 / 12  # of the step squared: variance of rounding, and as much of the blur
+_HALVINGS = 40  # of the stretch in which the median is: to 1e-12 of it
 
 
 class Scatter(NamedTuple):
@@ -34,20 +33,17 @@ class Scatter(NamedTuple):
         return self.noise * min(1.0, float(np.sqrt(self.every / step)))
 
 
-def scatter_of(pieces: Sequence[tuple[FloatArray, FloatArray]], step: float = 0.0) -> Scatter:
-    """Of a sensor's readings as they were logged, however irregular; 0 of fewer than three.
+def scatter_of(time: FloatArray, values: FloatArray, step: float = 0.0) -> Scatter:
+    """Of a sensor's readings as they were logged, however irregular, NaN where none is; 0 of fewer than three.
 
     Args:
-        pieces: time [s], shape (n,), increasing, and readings [K], shape (n,), NaN where none is, of each piece.
-        step: K, of readings that are rounded to it; 0 for others, and for means of rounded ones.
+        time: s, shape (n,).
+        values: readings, shape (n,).
+        step: K, of a sensor that reads in steps, 0 for a fine one.
     """
-    logged = [(time[there], values[there]) for time, values in pieces for there in [~np.isnan(values)]]
-    spans = [stamps[2:] - stamps[:-2] for stamps, _ in logged if stamps.size > 2]
-    every = 0.5 * float(np.median(np.concatenate(spans))) if spans else 0.0
-    noise = 0.0
-    if spans:
-        noise = _noise_in_steps(logged, step) if step > 0 else _noise(logged)
-    return Scatter(noise, every, sum(stamps.size for stamps, _ in logged))
+    stamps = time[~np.isnan(values)]
+    every = 0.5 * float(np.median(stamps[2:] - stamps[:-2])) if stamps.size > 2 else 0.0
+    return Scatter(white_noise(off_their_neighbours(time, values), step), every, stamps.size)
 
 
 def usual(scatters: Collection[Scatter], step: float) -> float:
@@ -57,20 +53,17 @@ def usual(scatters: Collection[Scatter], step: float) -> float:
     return ordered[int(np.searchsorted(counts, 0.5 * counts[-1]))][0] if ordered else 0.0
 
 
-def _noise(pieces: Sequence[tuple[FloatArray, FloatArray]]) -> float:
-    """Standard deviation of white noise by the median of how far readings are off their neighbours [K].
-
-    Rare jumps hardly enter.
-    """
-    off = np.concatenate([_off_their_neighbours(stamps, readings) for stamps, readings in pieces])
-    return _MAD_TO_SIGMA * float(np.median(np.abs(off))) if off.size else 0.0
-
-
-def _off_their_neighbours(stamps: FloatArray, readings: FloatArray) -> FloatArray:
+def off_their_neighbours(time: FloatArray, values: FloatArray) -> FloatArray:
     """How far readings are off the line between their neighbours, over what white noise of 1 K makes: K, (m,).
 
     A slow temperature hardly enters. Of neighbours farther apart than usual, across a gap, it might: left out.
+
+    Args:
+        time: s, shape (n,), increasing, at any distance.
+        values: readings, shape (n,), NaN where none is.
     """
+    there = ~np.isnan(values)
+    stamps, readings = time[there], values[there]
     if readings.size < 3:
         return np.zeros(0)
     apart = np.diff(stamps)
@@ -81,22 +74,26 @@ def _off_their_neighbours(stamps: FloatArray, readings: FloatArray) -> FloatArra
     return np.asarray((off / np.sqrt(1 + before**2 + (1 - before) ** 2))[near])
 
 
-def _noise_in_steps(pieces: Sequence[tuple[FloatArray, FloatArray]], step: float) -> float:
-    r"""Standard deviation of the noise before rounding [K], by the mean absolute jump from reading to reading.
+def white_noise(off: FloatArray, step: float = 0.0) -> float:
+    """Standard deviation by the median absolute value, which rare jumps hardly enter [K]; 0 of nothing.
 
-    Two numbers that differ by d are, rounded, d apart on average, wherever the steps lie: a temperature that moves
-    through several of them makes that average, and white noise a mean jump of :math:`2\sigma/\sqrt\pi`. What the
-    temperature's own movement adds, in squares, is told from readings farther apart.
+    Of readings in steps that median would be one of a few numbers. Blurred by as much as rounding blurs, it grows with
+    the noise; what the blur and the rounding add to it is taken off again. Noise below a third of a step hardly moves
+    such readings and is told as less than it is, down to none: beside the rounding it counts for little.
+
+    Args:
+        off: as `off_their_neighbours` gives them, finite.
+        step: K, of readings that are rounded to it; 0 for others, and for means of rounded ones.
     """
-    jumps, moves = [], []
-    for stamps, readings in pieces:
-        far = np.flatnonzero(np.diff(stamps) > SEVERAL * np.median(np.diff(stamps))) + 1
-        for whole in (one for one in np.split(readings, far) if one.size > 1):
-            span = min(_SPAN, whole.size - 1)
-            jumps.append(np.abs(np.diff(whole)))
-            moves.append(np.abs(whole[span:] - whole[:-span]) / span)
-    if not jumps:
+    if not off.size:
         return 0.0
-    jump = float(np.concatenate(jumps).clip(max=_FARTHEST * step).mean())
-    move = float(np.concatenate(moves).clip(max=_FARTHEST * step).mean())
-    return float(_JUMP_TO_SIGMA * np.sqrt(max(jump**2 - move**2, 0.0)))
+    if step == 0.0:
+        return _MAD_TO_SIGMA * float(np.median(np.abs(off)))
+    values, counts = np.unique(np.abs(off) / step, return_counts=True)
+    least, most = 0.0, float(values[-1]) + 0.5
+    for _ in range(_HALVINGS):
+        median = (least + most) / 2
+        # Each value is spread evenly over a step, half of it to either side, as what was rounded is.
+        within = np.clip(median - values + 0.5, 0.0, 1.0) - np.clip(-median - values + 0.5, 0.0, 1.0)
+        least, most = (median, most) if within @ counts < 0.5 * off.size else (least, median)
+    return step * float(np.sqrt(max((_MAD_TO_SIGMA * median) ** 2 - _ROUNDED_AND_BLURRED, 0.0)))

@@ -399,7 +399,8 @@ def quantisation_step(values: FloatArray) -> float:
 AMBIENT = "temperature.ambient"
 INPUTS = ("torque", "current", "velocity")
 """Quantities that drive a joint's heat."""
-_MOVING = 0.05  # rad/s, mean of |speed|: a joint that moves; an encoder's noise is a tenth of it
+_MOVING = 0.05  # rad/s, mean of |speed|: a joint that moves
+_AT_REST = 0.01  # rad/s: an encoder's noise, and so little that friction of 10 N·m makes 0.1 W of it
 
 
 def silences_of(values: Mapping[str, FloatArray]) -> dict[str, list[Silence]]:
@@ -411,7 +412,7 @@ def silences_of(values: Mapping[str, FloatArray]) -> dict[str, list[Silence]]:
     silent: dict[str, list[Silence]] = {}
     still = _still_throughout(values)
     speeds = [np.abs(velocity) for key, velocity in values.items() if key.startswith("velocity.")]
-    of_all = np.sum(speeds, axis=0) if speeds else np.zeros(values["time"].size)  # a motor's may stand at its housing
+    of_all = np.max(speeds, axis=0) if speeds else np.zeros(values["time"].size)  # a motor's may stand at its housing
     # Speeds first: a joint of which nobody knows whether it moves may have no torque.
     for key in sorted(values, key=lambda key: not key.startswith("velocity.")):
         channel, (quantity, _, place) = values[key], key.partition(".")
@@ -488,7 +489,7 @@ def _is_rest(quantity: str, one: Silence) -> bool:
 
     A speed fails at what it said last, which is seldom so little.
     """
-    return one.value == 0 or (quantity == "velocity" and abs(one.value) < _MOVING)
+    return one.value == 0 or (quantity == "velocity" and abs(one.value) < _AT_REST)
 
 
 def _zero_throughout(time: FloatArray, values: FloatArray) -> list[Silence]:
@@ -509,8 +510,9 @@ def _only_while_it_rests(time: FloatArray, values: FloatArray, speed: FloatArray
     before = np.flatnonzero((time >= silence.start - _SHORTEST) & (time < silence.start))
     after = np.flatnonzero((time > silence.stop) & (time <= silence.stop + _SHORTEST))
     beside = [(rows, rows[nearest]) for rows, nearest in ((before, -1), (after, 0)) if rows.size]
-    changes = [abs(speed[nearest]) > 0 or np.ptp(values[rows]) == 0 for rows, nearest in beside]
-    return bool(beside) and all(changes) and not np.abs(speed[silence.rows]).any()
+    moves = np.abs(speed) >= _AT_REST
+    changes = [moves[nearest] or np.ptp(values[rows]) == 0 for rows, nearest in beside]
+    return bool(beside) and all(changes) and not moves[silence.rows].any()
 
 
 def _moves(speed: FloatArray, silence: Silence) -> bool:

@@ -283,7 +283,7 @@ class Layout:
         return self._declared_at.get(key, [])
 
     @cached_property
-    def assumed_heats(self) -> set[str]:
+    def nodes_of_constant_heat(self) -> set[str]:
         """Dynamic nodes of which the model takes all heat to be constant: nothing that is logged drives any there."""
         logged = [declared for declared in self.effects if declared.effect.site == "node" and declared.effect.needed()]
         driven = {name for declared in logged for _, ends in self.places_for(declared) for name in ends}

@@ -16,7 +16,7 @@ from lptn.basics.parameters import Transform
 from lptn.model.model import Model
 from lptn.online.aliveness import Aliveness
 from lptn.online.augmented_model import AugmentedModel, ModelError, by_node
-from lptn.online.quantisation import as_gaussian, believed_noise
+from lptn.online.quantisation import as_gaussian, coarse_noise
 from lptn.simulate.bound_run import BoundRun
 
 if TYPE_CHECKING:
@@ -211,11 +211,13 @@ class Estimator:
     ) -> Estimator:
         """An estimator on a fitted model, with the noise, sensor steps and parameter covariance of the fit."""
         nodes = fit.model.nodes
-        white = np.maximum(believed_noise(fit.noise, fit.problem.bound_runs), _LEAST_NOISE * (fit.noise.step == 0))
+        bound_runs, steps = fit.problem.bound_runs, fit.noise.step
+        coarse = [coarse_noise(bound_runs, row, step) if step > 0 else _LEAST_NOISE for row, step in enumerate(steps)]
+        white = np.maximum(fit.noise.white, coarse)
         return cls(
             fit.model,
             noise=dict(zip(nodes, white.tolist(), strict=True)),
-            step=dict(zip(nodes, fit.noise.step.tolist(), strict=True)),
+            step=dict(zip(nodes, steps.tolist(), strict=True)),
             error=error,
             learn=learn,
             covariance=fit.uncertainty.covariance,

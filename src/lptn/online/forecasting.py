@@ -29,7 +29,7 @@ from lptn.online.believed import Doubt, refuse_none, standing_or_leaping, wander
 from lptn.online.estimator import Estimator, run_filter
 from lptn.online.fault_likelihood import KINDS
 from lptn.online.operating_point import Gait, OperatingPoint, WindowChoice, find_gait, present_operating_point
-from lptn.online.quantisation import believed_noise
+from lptn.online.quantisation import coarse_noise
 from lptn.simulate.bound_run import BoundRun, bind, default_start
 from lptn.simulate.dynamics import zero_order_hold
 
@@ -335,8 +335,9 @@ def present_by_live_sensors(model: Model, run: Run, uncertainty: ModelUncertaint
     run = run.slice(float(run.time[-1]) - _MEMORY, float("inf"))
     bound, nodes = bind(model, run), tuple(model.nodes)
     noise, size = estimate_noise([bound], nodes), _missing_heat(model, bound, uncertainty)
+    coarse = [coarse_noise([bound], row, step) if step > 0 else 0.0 for row, step in enumerate(noise.step)]
     # A sensor that stands for most of the log shows no noise of its own.
-    white = np.maximum(believed_noise(noise, [bound]), max(_LEAST_NOISE, float(np.median(noise.white))))
+    white = np.maximum(np.maximum(noise.white, coarse), max(_LEAST_NOISE, float(np.median(noise.white))))
 
     def watched(error: ModelError) -> tuple[Run, list[Doubt], Noise, Estimator]:
         """The log without readings of sensors that stand or leap to a model of that error."""

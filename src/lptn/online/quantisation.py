@@ -1,4 +1,4 @@
-"""Readings rounded to the steps of a coarse sensor: what each says of the temperature, and their noise."""
+"""Readings rounded to the steps of a coarse sensor: what each says of the temperature, and the noise hidden in them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import numpy as np
 from scipy.special import ndtr
 
 from lptn.basics.arrays import FloatArray
-from lptn.identify.noise import Noise
 from lptn.simulate.bound_run import BoundRun
 
 # --- What a rounded reading says: the temperature lies in a cell, no more -------------------------
@@ -57,18 +56,38 @@ def as_gaussian(
     )
 
 
-# --- The noise before rounding that a filter may believe -----------------------------------------------
+# --- The noise before rounding, from how often a reading changes between two steps ----------------
 
 _GUESSED_NOISE = 0.3  # of a step: too much noise costs a filter little, too little makes it sure of what is wrong
 _LEAST_NOISE = 0.02  # of a step
-_FEWEST = 600  # single readings; from fewer such a noise is no better known than to a fifth
+_SMOOTH = 60  # readings over which a movement of the temperature itself is told from quantisation noise
+_FEWEST = 600  # readings; from fewer the share of changes is no better known than to a fifth
+_OFF_GRID = 0.02  # of a step, by which readings may miss the grid of steps: rounding of decimals in files
 
 
-def believed_noise(noise: Noise, bound_runs: Sequence[BoundRun]) -> FloatArray:
-    """Standard deviations of each node's noise before rounding [K], shape (nodes,); of a fine sensor's, what was found.
+def coarse_noise(bound_runs: Sequence[BoundRun], row: int, step: float) -> float:
+    r"""Standard deviation of the noise before rounding [K], of one node's sensor.
 
-    A coarse sensor's noise shows in how often its readings change; in a few of them, or in means, not well enough.
+    White noise of standard deviation :math:`\sigma` changes the reading from one sample to the next with probability
+    :math:`2\sigma / (q\sqrt\pi)`, averaged over a cell of width q; what the temperature's own movement adds is
+    taken off. Readings that were averaged after rounding don't show it: then a share of the step serves.
+
+    Args:
+        bound_runs: runs of one model.
+        row: of the node.
+        step: q, of its sensor [K].
     """
-    single = [np.isfinite(bound.measured).sum(axis=1) for bound in bound_runs if not bound.run.averaged]
-    told = np.sum(single, axis=0) >= _FEWEST if single else np.zeros(len(noise.step), dtype=bool)
-    return np.asarray(np.maximum(noise.white, np.where(told, _LEAST_NOISE, _GUESSED_NOISE) * noise.step))
+    single = [_on_grid(bound.measured[row], step) for bound in bound_runs if not bound.run.averaged]
+    pairs = sum(max(0, readings.size - _SMOOTH) for readings in single)
+    if pairs < _FEWEST:
+        return _GUESSED_NOISE * step
+    changes = sum(float(np.abs(np.diff(readings)).clip(max=step).sum()) for readings in single)
+    smooth = sum(float(np.abs(readings[_SMOOTH:] - readings[:-_SMOOTH]).sum()) / _SMOOTH for readings in single)
+    return float(max(np.sqrt(np.pi) / 2 * (changes - smooth) / pairs, _LEAST_NOISE * step))
+
+
+def _on_grid(readings: FloatArray, step: float) -> FloatArray:
+    """Readings without gaps; none where they don't lie on the sensor's steps."""
+    finite = readings[np.isfinite(readings)]
+    steps = (finite - finite[:1]) / step
+    return finite if finite.size > _SMOOTH and np.abs(steps - np.round(steps)).max() < _OFF_GRID else finite[:0]
