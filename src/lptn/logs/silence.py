@@ -510,9 +510,8 @@ def _only_while_it_rests(time: FloatArray, values: FloatArray, speed: FloatArray
     before = np.flatnonzero((time >= silence.start - _SHORTEST) & (time < silence.start))
     after = np.flatnonzero((time > silence.stop) & (time <= silence.stop + _SHORTEST))
     beside = [(rows, rows[nearest]) for rows, nearest in ((before, -1), (after, 0)) if rows.size]
-    moves = np.abs(speed) >= _AT_REST
-    changes = [moves[nearest] or np.ptp(values[rows]) == 0 for rows, nearest in beside]
-    return bool(beside) and all(changes) and not moves[silence.rows].any()
+    changes = [abs(speed[nearest]) >= _AT_REST or np.ptp(values[rows]) == 0 for rows, nearest in beside]
+    return bool(beside) and all(changes) and bool((np.abs(speed[silence.rows]) < _AT_REST).all())
 
 
 def _moves(speed: FloatArray, silence: Silence) -> bool:
