@@ -17,7 +17,7 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.parameters import Parameter
 from lptn.basics.places import EVERYWHERE, class_of, in_run, is_glob, is_of_run, limb_of, matching, run_label
 from lptn.diagnose.plausibility import believed
-from lptn.effects import Effect, catalogue
+from lptn.effects import Effect, GroupEffect, MassEffect, catalogue
 from lptn.effects.ambient_offset import AmbientOffset
 from lptn.effects.base import Place
 from lptn.effects.loss_scale import LossScale
@@ -48,8 +48,8 @@ _JOINTS = "*_*"  # names such as FR_calf
 _ONE_RUN_ONLY = 0.1  # prior odds of what acts in one run and no other, relative to the same in all runs
 _LEAST_SHAPE = 0.1  # of a shape that is scored: as short as an own time constant starts where others have a longer one
 _OF_A_STEP = 0.5
-"""Share of a log's step: of a shorter time constant a mean over the step sees little but that it is late, and each
-halving of it doubles the Runge-Kutta steps of every fit."""
+"""Share of a log's step. A mass that warms in less is as warm as its node at the end of the step, e⁻² of the difference
+aside, and counts as more of the node; each halving of its time constant doubles the Runge-Kutta steps of every fit."""
 _RATIO = 4.0  # of a time constant to the one before it, for a grid of one
 _HOUR = 3600.0  # s; a log as long as those for which effects state their time constants
 Words = tuple[tuple[str, str], ...]
@@ -117,7 +117,7 @@ class Candidate:
         sizes: for each place the usual size of the amplitude there, in the amplitude's unit; the effect's own by
             default.
         grid: values of the effect's shape at which it is scored; the effect's own by default.
-        shortest: least time constant that a fit to these steps may try [s]; 0 for what the effect allows.
+        shortest: least time constant of a mass that a fit to these steps may try [s]; 0 for what the effect allows.
         difference: whether it is what a place has beside the same effect that it has in common with others.
         common_shape: of a difference the shape that the place has in common with others.
         one_logger: whether its runs are known to come each from one logger, whose clock is one.
@@ -219,7 +219,7 @@ class Candidate:
         for parameter in self.effect.stated(difference):
             on = replace(_sized(_shaped(parameter, shape), self.typical).switched_on, share="all")
             on = replace(on, grid=self.grid) if parameter.grid and self.grid else on
-            if parameter.grid and parameter.unit == "s":
+            if parameter.grid and issubclass(self.effect, MassEffect | GroupEffect):
                 lower, upper = on.bounds
                 on = replace(on, bounds=(max(lower, min(self.shortest, on.value)), upper))
             if amplitude is not None and parameter.off is not None and parameter.on is None:
