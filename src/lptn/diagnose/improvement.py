@@ -6,7 +6,8 @@ good. So several models are followed a step further, side by side:
 1. Each model that is followed is diagnosed; each of its refits beyond chance is a longer branch, errors of
    the log only where they are believed.
 2. Of these the most probable are fitted to the end and followed, by the fitted runs, and by all runs: what predicts
-   held-out runs much worse than another comes last there, however well it fits.
+   held-out runs much worse than another comes last there, however well it fits. Where none of them is believed at its
+   end, the next ones are.
 3. The search ends when a model is adequate, nothing helps, or a step has made no model more probable by all runs.
 4. Kept is the most probable by all runs; a longer branch must predict held-out runs better than all shorter ones.
 5. Each step is left out, or gives way to another, where that is more probable by all runs, beside the other steps: what
@@ -14,7 +15,8 @@ good. So several models are followed a step further, side by side:
    looks for. Told first is where something is missing more probably than not by all runs, whatever it is; of that, and
    of the rest, what may be a fault, as it sets a place, a limb or a run apart or is an error of what was logged, then
    what several places have in common, as that is how the model is made; of each what would be missed most.
-6. Each model left is fitted at full resolution, the first and the last also without nuisance parameters.
+6. Each model left is fitted at full resolution, with masses as fast as their effects allow; the first and the last also
+   without nuisance parameters.
 
 Where nothing explains the data, or a held-out run alone objects to what the fitted runs make likeliest, and one
 parameter that differs in that run would explain it, that difference becomes the run's own, and the question is asked
