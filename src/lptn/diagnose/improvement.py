@@ -810,8 +810,8 @@ def _verdict(first: Diagnosis, remaining: Verdict, given: Branch, kept: Branch) 
 def _at_full_resolution(branch: Branch, data: DataSplit) -> Branch:
     """Each model of a branch fitted at full resolution; the first and the last made for use.
 
-    These start from their fits on coarse data, those between from the one before. Time constants may be as short as
-    their effects allow, where a search's steps show none so short.
+    These start from their fits on coarse data, those between from the one before. Masses may be as fast as
+    their effects allow; in a search they were no faster than half its steps.
     """
     steps: list[Step] = []
     network = branch[0].fit.model.network

@@ -58,9 +58,14 @@ def missing_keys(
 ) -> list[str]:
     """The raw columns that a model needs, or predicts, and that the log does not seem to hold, in order."""
     sources = column_sources(table, columns)
-    there = {key for key, source in sources.items() if set(source.columns) <= set(table.names)}
+    there = _logged(table, sources)
     wanted = ["time", *(key for column in (*inputs, *outputs) for key in raw_keys(column, there))]
     return [key for key in dict.fromkeys(wanted) if key not in there and key not in columns]
+
+
+def _logged(table: Table, sources: Mapping[str, ColumnSource]) -> set[str]:
+    """The quantities of which the log has every column."""
+    return {key for key, source in sources.items() if set(source.columns) <= set(table.names)}
 
 
 _DRIVES, _MOVES = ("torque", "current"), ("velocity", "speed")
@@ -111,7 +116,7 @@ def guess(
         choice |= method(rest, {name: parts for name, parts in names.items() if name not in chosen}, among)
     numbers = _numbers(table, [column for column, _ in choice.values()])
     guesses = [_with_unit(table, key, *choice[key], numbers) for key in missing if key in choice]
-    there = {key for key, source in sources.items() if set(source.columns) <= set(table.names)}
+    there = _logged(table, sources)
     guesses += [
         Guess(key, sources[of_joint], f"that of {of_joint.partition('.')[2]}")
         for key in missing
