@@ -12,11 +12,12 @@ import pytest
 from lptn import Study
 from lptn.basics.arrays import FloatArray
 from lptn.diagnose.answers import Step, _places, refit_all
-from lptn.diagnose.candidates import candidates
+from lptn.diagnose.candidates import candidates, with_errors_of_runs
 from lptn.diagnose.diagnosis import diagnose, examine, for_search
 from lptn.diagnose.fit_statistics import fitted_errors, independent_readings
 from lptn.diagnose.improvement import improve
 from lptn.diagnose.scores import Scores, score
+from lptn.effects.constant_heat import ConstantHeat
 from lptn.effects.sensor_lag import SensorLag
 from lptn.effects.sensor_offset import SensorOffset
 from lptn.identify.comparison import Prediction, predict
@@ -195,6 +196,21 @@ def test_the_score_predicts_what_the_refit_gains(leg: Leg) -> None:
     scores, before, after = _scored(leg, hidden)
     gain = next(scored.gain for scored in scores.ranked if scored.candidate.key == ("constant_heat", "FR_thigh"))
     assert gain == pytest.approx(2 * (before - after), rel=0.1)
+
+
+def test_no_heat_that_can_not_be_negative_follows_an_error_of_the_air(leg: Leg) -> None:
+    """Air of one run that is 1.5 K colder than logged: heat below zero would imitate it, and hid two thirds of it."""
+    model, data = leg(Hidden("ambient_offset", "ambient", size=-1.5, run="fit2"))
+    coarse, heat = for_search(data), [EffectDeclaration(ConstantHeat(), node) for node in model.nodes]
+    given = with_errors_of_runs(Model(model.network.with_effects(heat)), data)
+    base = fit_segments(given, coarse.fit)
+    values = {parameter.name: parameter.value for parameter in base.model.parameters}
+    assert [values[f"constant_heat.power.{node}"] for node in model.nodes] == [0.0] * len(model.nodes)
+    scores = score(base, candidates(given.network, coarse.fit[0].run.columns, ["fit1", "fit2"]))
+    best = scores.ranked[0]
+    assert best.candidate.key == ("ambient_offset", "ambient@fit2")
+    (done,) = refit_all(base, [best])
+    assert best.gain == pytest.approx(2 * (base.cost - done.fit.cost), rel=0.1)
 
 
 def test_what_is_too_stiff_for_a_held_out_run_is_no_answer(leg: Leg, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -7,8 +7,10 @@ from dataclasses import replace
 import pytest
 
 from lptn.basics.parameters import LARGEST, Parameter
-from lptn.diagnose.refits import continued
+from lptn.diagnose.plausibility import FACTOR
+from lptn.diagnose.refits import continued, kept_beside, refit
 from lptn.effects.constant_heat import ConstantHeat
+from lptn.effects.sensor_lag import SensorLag
 from lptn.identify.data import split_data
 from lptn.identify.fitting import finished
 from lptn.identify.validation import fit_segments
@@ -43,3 +45,32 @@ def test_a_link_that_a_fit_took_away_comes_back_with_the_heat_that_was_missing()
     values = {parameter.name: parameter.value for parameter in done.model.parameters}
     assert values[f"resistance.ambient~{NODES[0]}"] == pytest.approx(4.0, rel=0.02)
     assert values[f"constant_heat.power.{NODES[0]}"] == pytest.approx(3.0, rel=0.02)
+
+
+def test_what_the_given_model_tells_does_not_vanish_beside_an_effect() -> None:
+    """A lag of four minutes in place of a joint's capacity: beside that it explains nothing."""
+    lag = (Parameter("fraction", 1.0, "1", fixed=True), Parameter("time_constant", 240.0, "s", fixed=True))
+    added = EffectDeclaration(SensorLag(), NODES[0], lag)
+    truth = robot(added)
+    name, least = f"capacity.{NODES[0]}", 7.0
+    small = Model(truth.network.with_values({name: 5.0}))
+    data = split_data([make_run(small, seed, str(seed), 600) for seed in (1, 2)])
+    given = robot().network
+    joints = [replace(node, capacity=_at_least(node.capacity, least)) for node in given.nodes]
+    base = fit_segments(Model(replace(given, nodes=tuple(joints))), data.fit)
+    (before,) = (parameter.value for parameter in base.model.parameters if parameter.name == name)
+    assert before > 1.2 * FACTOR * least
+
+    free = continued(base, base.model.network.with_effects([added]))
+    assert free.vanished == {name: 0}
+    assert kept_beside(free, base) == {name: (pytest.approx(before / FACTOR), 1000.0)}
+    done = refit(base, added)
+    for fit in (done, finished(done), continued(done, done.model.network)):
+        assert not kept_beside(fit, base)
+        (after,) = (parameter.value for parameter in fit.model.parameters if parameter.name == name)
+        assert after == pytest.approx(before / FACTOR, rel=1e-3)
+    assert free.cost < base.cost < done.cost
+
+
+def _at_least(capacity: Parameter | None, least: float) -> Parameter | None:
+    return None if capacity is None else replace(capacity, bounds=(least, capacity.bounds[1]))

@@ -41,7 +41,7 @@ def make_run(truth: Model, seed: int, name: str, count: int = 300) -> Run:
         columns[f"temperature.{node}"] = np.full(count, AMBIENT)
     time = np.arange(count, dtype=float) * STEP
     blank = Run(name, STEP, time, columns, True, f"folder/{name}.csv", f"{seed:064x}", ("One <gap> was filled.",))
-    readings = simulate(truth, bind(truth, blank), truth.values, np.full(len(NODES), AMBIENT)).readings
+    readings = simulate(truth, bind(truth, blank), truth.values, np.full(len(truth.states), AMBIENT)).readings
     for node, row in zip(NODES, readings, strict=True):
         columns[f"temperature.{node}"] = row + rng.normal(0.0, NOISE, count)
     return blank

@@ -86,6 +86,12 @@ class Parameter:
                 )
 
     @property
+    def ends_by_nature(self) -> tuple[float, ...]:
+        """Of its bounds those that nobody chose: where its effect vanishes, and all of a share."""
+        natural = (self.off, 1.0 if self.unit == "1" else None)
+        return tuple(end for end in self.bounds if end in natural)
+
+    @property
     def switched_off(self) -> Parameter:
         """The same parameter at its off-value; unchanged where it has none."""
         return self if self.off is None else replace(self, value=self.off)

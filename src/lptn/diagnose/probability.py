@@ -32,13 +32,13 @@ from lptn.diagnose.fit_statistics import (
 )
 from lptn.diagnose.plausibility import (
     BELIEVED,
-    FACTOR,
     LEAST_SHARE,
     is_at,
     is_beyond_belief,
     is_error,
     log_prior_of_size,
 )
+from lptn.diagnose.refits import kept_beside
 from lptn.diagnose.scores import Score
 from lptn.effects import Effect
 from lptn.identify.comparison import Prediction
@@ -351,31 +351,13 @@ def is_implausible(fit: Fit, declarations: Iterable[EffectDeclaration], given: F
         given: the model that they were added to, fitted.
     """
     step, declared = max(bound.run.step for bound in fit.problem.bound_runs), list(declarations)
-    if _takes_the_place_of_what_was_given(fit, given):
+    if kept_beside(fit, given):
         return True
     return _takes_more_than_there_is(fit, declared) or any(
         is_beyond_belief(parameter, parameter.value)
         or _is_at_its_end(parameter)
         or (is_error(parameter) and parameter.unit == "s" and abs(parameter.value) < 0.5 * step)
         for parameter in _free_parameters(fit, declared)
-    )
-
-
-def _takes_the_place_of_what_was_given(fit: Fit, given: Fit) -> bool:
-    """Whether a link, a capacity or a winding's loss of the given model vanishes.
-
-    That is, it ends at a bound, a factor of three off, and the given fit tells that it is not there: no effect stands
-    for a link that may as well be none, or for a capacity that nothing tells. What is nearer to its bound, the right
-    effect may bring there: bounds are a user's guess.
-    """
-    before = {parameter.name: parameter.value for parameter in given.model.parameters}
-    after = {parameter.name: parameter.value for parameter in fit.model.parameters}
-    return any(
-        name in before
-        and name not in given.vanished
-        and abs(log(after[name] / before[name])) > log(FACTOR)
-        and not given.may_be_at_bound(name, side)
-        for name, side in fit.vanished.items()
     )
 
 
@@ -409,10 +391,6 @@ def _free_parameters(fit: Fit, declarations: Iterable[EffectDeclaration]) -> lis
 
 
 def _is_at_its_end(parameter: Parameter) -> bool:
-    """Whether an amplitude stands at a bound and would go on: it explains what it is not.
-
-    All of a share is no such end, nor is where an effect vanishes.
-    """
-    ends = [end for end in parameter.bounds if end not in (parameter.off, 1.0 if parameter.unit == "1" else None)]
-    at_end = any(is_at(parameter.value, end) for end in ends)
-    return parameter.off is not None and at_end
+    """Whether an amplitude stands at a bound that is not nature's, and would go on: it explains what it is not."""
+    chosen = [end for end in parameter.bounds if end not in parameter.ends_by_nature]
+    return parameter.off is not None and any(is_at(parameter.value, end) for end in chosen)

@@ -163,15 +163,18 @@ def derivatives(fit: Fit, places: Sequence[Site]) -> FloatArray:
 
 
 def pushed_beyond_bounds(fit: Fit, gradient: FloatArray) -> BoolArray:
-    """Which unknowns are errors of a run that are pushed beyond their bounds, shape (size,).
+    """Which unknowns are pushed beyond bounds that hold, shape (size,): they can't follow what a candidate would do.
 
-    They can't follow what a candidate would do. (Parameters of the model itself at a bound could, if it were moved.)
+    So are errors of a run, and an effect where it vanishes: no friction cools a joint in place of air that is cooler
+    than the log says. (Other parameters at a bound could follow, if it were moved: it is a user's guess.)
     """
-    nuisance = np.zeros(len(fit.z), dtype=bool)
-    parameters = fit.model.parameters
-    nuisance[: len(fit.problem.free)] = [parameters[k].declared.nuisance for k in fit.problem.free]
+    parameters = [fit.model.parameters[index].declared for index in fit.problem.free]
+    count = len(parameters)
+    holds = np.zeros((2, len(fit.z)), dtype=bool)
+    for side in (0, 1):
+        holds[side, :count] = [own.nuisance or own.bounds[side] in own.ends_by_nature for own in parameters]
     below, above = fit.problem.at_bounds(fit.z)
-    return np.asarray(nuisance & ((below & (gradient > 0)) | (above & (gradient < 0))))
+    return np.asarray((holds[0] & below & (gradient > 0)) | (holds[1] & above & (gradient < 0)))
 
 
 # --- Traces: what a candidate would leave on the residuals that the fitted parameters can't imitate ---------

@@ -80,7 +80,11 @@ class Fit(Tabular):
         ends = {"K/W": 1, "J/K": 0, "ohm": 0}  # where a link, a capacity, and a winding's loss, has no effect
         numbers = rows_at_bounds(self.problem, self.z)
         at_bounds = {self.model.parameters[self.problem.free[row]]: end for row, end in numbers.items()}
-        return {parameter.name: end for parameter, end in at_bounds.items() if ends.get(parameter.declared.unit) == end}
+        return {
+            parameter.name: end
+            for parameter, end in at_bounds.items()
+            if ends.get(parameter.declared.unit) == end and parameter.name not in self.problem.within
+        }
 
     def may_be_at_bound(self, name: str, side: int) -> bool:
         """Whether a free parameter is within two standard errors of its lower (0) or upper (1) bound; no other is."""
@@ -187,6 +191,7 @@ def fit(
     rival: float = np.inf,
     precision: float = PRECISION,
     free: Sequence[int] | None = None,
+    within: Mapping[str, tuple[float, float]] | None = None,
 ) -> Fit:
     """Fit the free parameters, and the initial states of each run, to free-running simulations.
 
@@ -207,6 +212,7 @@ def fit(
         rival: a cost to beat; a fit from a `guess` that has no hope of it ends, with status `"given up"`.
         precision: share of the cost that is not worth another step of the last search.
         free: indices of the parameters to fit; the model's own free ones by default.
+        within: as for `Problem`.
 
     Raises:
         InputError: a run lacks an input, or measures none of the model's nodes.
@@ -223,11 +229,12 @@ def fit(
     bound_runs = [run if isinstance(run, BoundRun) else bind(model, run) for run in runs]
     noise = estimate_noise(bound_runs, model.nodes)
     sigma = balanced_sigma(bound_runs, noise) if sigma is None else sigma
-    problem = Problem(model, bound_runs, sigma, symmetry_penalty, free)
+    problem = Problem(model, bound_runs, sigma, symmetry_penalty, free, within=within)
     values, starts = (guess.values, guess.starts) if isinstance(guess, Point) else (guess, None)
     before = 0
     if values is None or (isinstance(guess, Point) and guess.averaged):
-        coarse = Problem(model, [_coarse(model, bound) for bound in bound_runs], sigma, symmetry_penalty, free)
+        averaged = [_coarse(model, bound) for bound in bound_runs]
+        coarse = Problem(model, averaged, sigma, symmetry_penalty, free, within=within)
         z = _first_guess(coarse) if values is None else coarse.guess(values, starts)
         keep_coarse = None if keep is None else lambda z: keep(replace(coarse.point(z), averaged=True))
         rough = minimise(coarse, z, progress, keep=keep_coarse, near=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -74,6 +74,7 @@ class Problem:
             together ([QuadrupedLPTN, eq. 14], on logarithms so that λ has no unit).
         free: indices of the parameters to fit; the model's own free ones by default.
         starts: initial states of each run [degC] where they are known, shape (states,) each.
+        within: least and largest value of some parameters, by name, where the declared ones are not to be reached.
     """
 
     def __init__(
@@ -84,8 +85,10 @@ class Problem:
         symmetry_penalty: float = 0.0,
         free: Sequence[int] | None = None,
         starts: Sequence[FloatArray] | None = None,
+        within: Mapping[str, tuple[float, float]] | None = None,
     ) -> None:
         self.model, self.bound_runs, self.sigma = model, list(bound_runs), sigma
+        self.within = dict(within or {})
         self.symmetry_penalty = symmetry_penalty
         self.free = list(model.free if free is None else free)
         self._transform = Transform([model.parameters[index] for index in self.free])
@@ -133,7 +136,8 @@ class Problem:
     @cached_property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
         """Least and largest admissible unknowns, shape (size,) each."""
-        declared = np.array([self.model.parameters[index].declared.bounds for index in self.free]).reshape(-1, 2)
+        parameters = [self.model.parameters[index] for index in self.free]
+        declared = np.array([self.within.get(one.name, one.declared.bounds) for one in parameters]).reshape(-1, 2)
         lower, upper = np.full(self.size, -np.inf), np.full(self.size, np.inf)
         lower[: len(self.free)] = self._transform.forward(declared[:, 0])
         upper[: len(self.free)] = self._transform.forward(declared[:, 1])
