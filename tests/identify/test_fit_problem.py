@@ -253,13 +253,16 @@ def test_a_parameter_that_the_data_hardly_see_is_named() -> None:
     assert any(text.startswith("resistance.ambient~b:") for text in result.uncertainty.warnings)
 
 
-def test_bounds_are_kept_and_the_end_at_one_is_said() -> None:
-    declared = network()
-    narrow = NodeDeclaration("a", capacity(150.0, bounds=(140.0, 160.0)))
+@pytest.mark.parametrize("of_the_fit", [False, True])
+def test_bounds_are_kept_and_the_end_at_one_is_said(*, of_the_fit: bool) -> None:
+    """Those that are declared, and narrower ones of a fit."""
+    declared, bounds = network(), (140.0, 160.0)
+    narrow = NodeDeclaration("a", capacity(150.0, bounds=(20.0, 2000.0) if of_the_fit else bounds))
     model = Model(replace(declared, nodes=(narrow, *declared.nodes[1:])))
-    result = fit(model, bound_runs(model, [truth_run(900.0, step=COARSE)]))
+    within = {"capacity.a": bounds} if of_the_fit else None
+    result = fit(model, bound_runs(model, [truth_run(900.0, step=COARSE)]), within=within)
     values = {u.name: u.value for u in result.model.parameters}
-    assert 140.0 <= values["capacity.a"] < 140.1
+    assert 140.0 - 1e-9 <= values["capacity.a"] < 140.1
     assert any(
         text.startswith("capacity.a: ends at its bound, 140 (140 to 160 J/K)") for text in result.uncertainty.warnings
     )

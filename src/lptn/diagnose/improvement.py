@@ -822,11 +822,11 @@ def _at_full_resolution(branch: Branch, data: DataSplit) -> Branch:
             fit = unless_interrupted(fit_segments(step.fit.model, data.fit, step.fit.point))
         elif number == len(branch) - 1:
             # The effects, and their states, may stand in another order than in the model that was searched.
-            searched = step.fit.model
-            model = Model(network.with_values({one.name: one.value for one in searched.parameters}))
-            order = [searched.states.index(state) for state in model.states]
-            point = Point(model.values, [start[order] for start in step.fit.point.starts])
-            fit = unless_interrupted(fit_segments(model, data.fit, point))
+            searched = step.fit
+            model = Model(network.with_values({one.name: one.value for one in searched.model.parameters}))
+            order = [searched.model.states.index(state) for state in model.states]
+            point = Point(model.values, [start[order] for start in searched.point.starts])
+            fit = unless_interrupted(fit_segments(model, data.fit, point, within=searched.problem.within))
         else:
             fit = unless_interrupted(finished(continued(steps[-1].fit, network)))
         step = replace(step, fit=fit)

@@ -136,11 +136,10 @@ class Problem:
     @cached_property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
         """Least and largest admissible unknowns, shape (size,) each."""
-        parameters = [self.model.parameters[index] for index in self.free]
-        declared = np.array([self.within.get(one.name, one.declared.bounds) for one in parameters]).reshape(-1, 2)
+        admissible = np.array([self.bounds_of(index) for index in self.free]).reshape(-1, 2)
         lower, upper = np.full(self.size, -np.inf), np.full(self.size, np.inf)
-        lower[: len(self.free)] = self._transform.forward(declared[:, 0])
-        upper[: len(self.free)] = self._transform.forward(declared[:, 1])
+        lower[: len(self.free)] = self._transform.forward(admissible[:, 0])
+        upper[: len(self.free)] = self._transform.forward(admissible[:, 1])
         count = len(self.model.states)
         for number, bound in enumerate(self.bound_runs):
             near = slice(len(self.free) + number * count, len(self.free) + number * count + len(self.model.nodes))
@@ -149,6 +148,11 @@ class Problem:
             lower[near] = np.where(trusted, bound.start - within, -np.inf)
             upper[near] = np.where(trusted, bound.start + within, np.inf)
         return lower, upper
+
+    def bounds_of(self, index: int) -> tuple[float, float]:
+        """The least and the largest value of the parameter of this number, in its unit."""
+        parameter = self.model.parameters[index]
+        return self.within.get(parameter.name, parameter.declared.bounds)
 
     def at_bounds(self, z: FloatArray) -> tuple[BoolArray, BoolArray]:
         """Which unknowns stand at their lower bound, and which at their upper, shape (size,) each."""

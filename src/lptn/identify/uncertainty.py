@@ -185,9 +185,9 @@ def _single_parameters(
             detail = f"; {least:.2g} K/W at least" if least > parameter.declared.bounds[0] else ", nor how much"
             warnings.append(f"{name}: these data don't tell whether heat passes there{detail}")
         elif row in at_bounds and not in_combination[row]:
-            bounds = " to ".join(f"{bound:g}" for bound in parameter.declared.bounds)
-            end = parameter.declared.bounds[at_bounds[row]]
-            warnings.append(f"{name}: ends at its bound, {end:g} ({bounds} {parameter.declared.unit})")
+            bounds = problem.bounds_of(problem.free[row])
+            end, both = bounds[at_bounds[row]], " to ".join(f"{bound:g}" for bound in bounds)
+            warnings.append(f"{name}: ends at its bound, {end:g} ({both} {parameter.declared.unit})")
         elif parameter.declared.prior is not None and _is_far(parameter.declared.prior, values[problem.free[row]]):
             mean, deviation = parameter.declared.prior
             value, unit = values[problem.free[row]], parameter.declared.unit

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -29,6 +29,7 @@ def fit_segments(
     symmetry_penalty: float = 0.0,
     checkpoint: Checkpoint | None = None,
     progress: Progress | None = None,
+    within: Mapping[str, tuple[float, float]] | None = None,
 ) -> Fit:
     """Fit a model to the evaluation windows of runs.
 
@@ -39,6 +40,7 @@ def fit_segments(
         symmetry_penalty: λ of the penalty on left-right differences.
         checkpoint: keeps the best point while the search runs, and if Ctrl-C ends it; empty once the fit is done.
         progress: called after each iteration.
+        within: as for `Problem`.
     """
     bound_runs = [bind(model, s.run).count(s.evaluation).until(s.evaluation[1]) for s in segments]
     saved = checkpoint.load(model, len(segments)) if checkpoint else None
@@ -49,6 +51,7 @@ def fit_segments(
         guess=saved or near,
         progress=progress,
         keep=None if checkpoint is None else lambda point: checkpoint.offer(model, point),
+        within=within,
     )
     if checkpoint and done.status == "interrupted":
         checkpoint.save(model, done.point)
