@@ -8,7 +8,7 @@ import pytest
 
 from lptn.basics.parameters import LARGEST, Parameter
 from lptn.diagnose.plausibility import FACTOR
-from lptn.diagnose.refits import continued, kept_beside, refit
+from lptn.diagnose.refits import continued, holds_up, kept_beside, refit
 from lptn.effects.constant_heat import ConstantHeat
 from lptn.effects.sensor_lag import SensorLag
 from lptn.identify.data import split_data
@@ -70,6 +70,8 @@ def test_what_the_given_model_tells_does_not_vanish_beside_an_effect() -> None:
         (after,) = (parameter.value for parameter in fit.model.parameters if parameter.name == name)
         assert after == pytest.approx(before / FACTOR, rel=1e-3)
     assert free.cost < base.cost < done.cost
+    assert holds_up(done)
+    assert not holds_up(free)
 
 
 def _at_least(capacity: Parameter | None, least: float) -> Parameter | None:

@@ -50,7 +50,7 @@ from lptn.diagnose.fit_statistics import (
     standing_out,
 )
 from lptn.diagnose.probability import is_implausible, log_prior_of_sizes, log_priors, probabilities
-from lptn.diagnose.refits import continued, refit, unless_interrupted
+from lptn.diagnose.refits import continued, holds_up, refit, unless_interrupted
 from lptn.diagnose.runs_that_differ import (
     RunDifference,
     explained_differences,
@@ -738,10 +738,14 @@ def _in_words(beam: Sequence[Branch]) -> str:
 
 
 def _chosen(branches: Sequence[Branch], data: DataSplit) -> Branch:
-    """The most probable by all runs of the branches that predict held-out runs better than all shorter ones."""
+    """The most probable by all runs of the branches that predict held-out runs better than all shorter ones.
+
+    A search may pass through a model beside whose effects something given would vanish: another effect may be missing
+    there. None ends in one.
+    """
+    branches = [branch for branch in branches if not holds_up(branch[-1].fit)] or branches
     if branches[0][-1].holdout is None:
         return _ranked(branches)[0]
-
     return _ranked(_better_than_shorter(branches, [_error(branch) for branch in branches]), data)[0]
 
 

@@ -12,6 +12,7 @@ from lptn.basics.arrays import FloatArray
 from lptn.diagnose.plausibility import FACTOR
 from lptn.identify.fitting import Fit, fit
 from lptn.identify.problem import Point
+from lptn.identify.uncertainty import rows_at_bounds
 from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration, Network
 from lptn.simulate.bound_run import BoundRun, bind, default_start, start_from
@@ -54,6 +55,12 @@ def kept_beside(fit: Fit, given: Fit) -> dict[str, Bounds]:
             lower, upper = after[name].declared.bounds
             kept[name] = (lower, FACTOR * before[name]) if side else (before[name] / FACTOR, upper)
     return kept
+
+
+def holds_up(fit: Fit) -> bool:
+    """Whether only the bounds that it is kept within hold up something that the given model tells."""
+    ended = {fit.model.parameters[fit.problem.free[row]].name for row in rows_at_bounds(fit.problem, fit.z)}
+    return not ended.isdisjoint(fit.problem.within)
 
 
 def continued(base: Fit, network: Network, rival: float = np.inf, within: Mapping[str, Bounds] | None = None) -> Fit:
