@@ -10,6 +10,7 @@ good. So several models are followed a step further, side by side:
    end, the next ones are.
 3. The search ends when a model is adequate, nothing helps, or a step has made no model more probable by all runs.
 4. Kept is the most probable by all runs; a longer branch must predict held-out runs better than all shorter ones.
+   None is kept beside whose effects a link or a capacity of the given model would vanish; a search may pass through it.
 5. Each step is left out, or gives way to another, where that is more probable by all runs, beside the other steps: what
    a step is taken for while much else is missing says little of it; left out, too, where it explains less than anyone
    looks for. Told first is where something is missing more probably than not by all runs, whatever it is; of that, and
