@@ -23,7 +23,7 @@ from lptn.diagnose.answers import Step
 from lptn.diagnose.candidates import AMBIENT_ERROR, SURFACE_ERROR, TORQUE_ERROR
 from lptn.diagnose.diagnosis import Diagnosis, diagnose, for_search
 from lptn.diagnose.improvement import History, effects_added, improve, table_of_steps
-from lptn.diagnose.refits import continued
+from lptn.diagnose.refits import refit
 from lptn.diagnose.unexplained_heat import UnexplainedHeat, unexplained_heat
 from lptn.identify.comparison import Comparison, Prediction, Versus, compare, predict, versus
 from lptn.identify.data import (
@@ -352,7 +352,7 @@ class Study:
         if step.declaration is None:
             raise InputError("study", "add", "the model as given", "an effect's key, or an answer of diagnose()")
         logger.info("fitting %s at %s", step.effect, step.at)
-        done = finished(continued(last, last.model.network.with_effects([step.declaration])))
+        done = finished(refit(last, step.declaration, within=step.fit.problem.within))
         self._leave()
         return self._append(replace(step, fit=done))
 

@@ -133,12 +133,13 @@ def test_both_versions_json_is_read() -> None:
         {"effect": None, "at": None, "rmse_holdout": 1.0, "indistinguishable_from": []},
         {"effect": "fan", "at": "FR_hip", "rmse_holdout": 0.5, "indistinguishable_from": [["radiation", "*"]]},
     ]
-    text = "Warning: fan.gamma.FR_hip: ends at its bound (0 to 100 1).\nWarning: resistance.a~b: not determined."
+    text = "Warning: fan.gamma.FR_hip: ends at its bound (0 to 100 1).\nWarning: resistance.a~b: not determined.\n"
+    text += "Warning: capacity.a: would go to its bound beside the added effects, 20 J/K, and is kept at 50 J/K."
     old = read_answer({"verdict": "missing", "remaining": "adequate", "ladder": steps}, text, 1.0)
     assert (old.group, old.holdout, old.at_bound) == (
         [("fan", "FR_hip"), ("radiation", "*")],
         [1.0, 0.5],
-        ["fan.gamma.FR_hip"],
+        ["fan.gamma.FR_hip", "capacity.a"],
     )
     assert old.probabilities is None
     stated = [{"effect": "fan", "at": "FR_hip", "probability": 0.8}, {"effect": None, "at": None, "probability": 0.1}]

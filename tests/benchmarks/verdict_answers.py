@@ -126,7 +126,7 @@ def read_answer(table: Mapping[str, Any], text: str, seconds: float) -> Answer:
         None if stated is None else [(one["effect"] or "", one["at"] or "", one["probability"]) for one in stated],
         [step["rmse_holdout"] for step in (given, *steps) if step["rmse_holdout"] is not None],
         {},
-        re.findall(r"^Warning: (\S+): ends at its bound", re.sub(r"\n +", " ", text), re.MULTILINE),
+        re.findall(r"^Warning: (\S+): (?:ends at|would go to) its bound", re.sub(r"\n +", " ", text), re.MULTILINE),
         [(run["effect"] or "", run["at"] or "") for run in table.get("runs_that_differ") or ()],
         text,
         "",

@@ -18,13 +18,12 @@ from lptn.diagnose.improvement import (
     Branch,
     History,
     _at_full_resolution,
-    _chosen,
     _less,
     _Search,
     effects_added,
     improve,
 )
-from lptn.diagnose.refits import continued, refit
+from lptn.diagnose.refits import refit
 from lptn.effects import catalogue
 from lptn.identify.data import DataSplit, split_data
 from lptn.identify.validation import fit_segments, holdout_errors
@@ -107,21 +106,6 @@ def test_what_one_joint_has_beside_all_gives_way_to_its_own_where_the_others_hav
     settled = search.settled(branch)
     assert said == ["constant_heat at * gives way to constant_heat at FR_calf"]
     assert {step.key for step in settled[1:]} == {("constant_heat", "FR_hip"), ("constant_heat", "FR_calf")}
-
-
-def test_no_search_ends_where_only_its_bounds_hold_up_what_was_given(leg: Leg) -> None:  # noqa: F811
-    """With the effect that was hidden, and of the hip's capacity no less than a part more than the fit wants."""
-    model, data = leg(Hidden("forced_convection", "FR_thigh"))
-    coarse = for_search(data)
-    given, last = (step.predicting(coarse) for step in _branch(model, coarse, ("forced_convection", "FR_thigh")))
-    capacity = next(parameter for parameter in last.fit.model.parameters if parameter.name == "capacity.FR_hip")
-    within = {capacity.name: (1.01 * capacity.value, capacity.declared.bounds[1])}
-    held_up = replace(last, fit=continued(last.fit, last.fit.model.network, within=within)).predicting(coarse)
-    assert held_up.holdout is not None
-    assert given.holdout is not None
-    assert held_up.holdout.rmse < 0.6 * given.holdout.rmse
-    for end, kept in ((last, (given, last)), (held_up, (given,))):
-        assert _chosen([(given,), (given, end)], coarse) == kept
 
 
 @pytest.mark.parametrize(("size", "kept"), [(0.004, False), (0.4, True)])

@@ -1,7 +1,7 @@
 """Answers to what a fitted model lacks: candidates scored, the best few refitted, and how probable each of them is.
 
-Of every candidate the score is a guess to first order; what counts is the fit with it, everything else free. Nothing
-missing is one of the answers.
+Of every candidate the score is a guess to first order; what counts is the fit with it, everything else free, but that
+what the given model tells must not vanish beside it. Nothing missing is one of the answers.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from lptn.diagnose.probability import (
     open_pairs,
     probabilities,
 )
-from lptn.diagnose.refits import continued, refit, unless_interrupted
+from lptn.diagnose.refits import continued, kept_beside, refit, unless_interrupted
 from lptn.diagnose.scores import Score, Scores, score
 from lptn.effects import Effect
 from lptn.identify.comparison import Errors, Prediction, errors_of, predict
@@ -358,7 +358,27 @@ def refit_all(base: Fit, scores: Sequence[Score], executor: Executor | None = No
     cut_off = [k for k, step in enumerate(steps) if step.fit.status == "not converged" and step.fit.cost <= near]
     for k, longer in zip(cut_off, run(finished, [steps[k].fit for k in cut_off]), strict=True):
         steps[k] = _step(base, steps[k].declaration, unless_interrupted(longer))
+    least = min([step.fit.cost for step in steps if not _is_implausible(base, step)], default=base.cost)
+    steps = [_with_all_that_is_given(base, step, least / HOPELESS) for step in steps]
     return sorted(steps, key=lambda step: -step.gain)
+
+
+def _with_all_that_is_given(base: Fit, step: Step, rival: float) -> Step:
+    """A refit beside which something given vanishes, where that is kept; as it was where others have a hope beside it.
+
+    Nobody believes such a refit: the effect may stand for what vanishes. It may also be right, and what else is still
+    missing may drive the rest there; if all that is believed has no hope beside it, it is the one to go on with.
+
+    Args:
+        base: the fitted baseline.
+        step: the refit.
+        rival: a cost to beat; all others have no hope beside what does.
+    """
+    done, within = step.fit, dict(base.problem.within)
+    while step.declaration is not None and done.cost < rival and (kept := kept_beside(done, base)):
+        within |= kept
+        done = refit(base, step.declaration, rival, within)
+    return step if done is step.fit or done.cost >= rival else _step(base, step.declaration, done)
 
 
 _LOWER = 0.01  # share of the misfit; a fit that only ranks ends within 3e-4 of its minimum
@@ -377,7 +397,7 @@ def _beside_an_optimum(base: Fit, refitted: Sequence[Step]) -> Fit | None:
     if not refitted:
         return None
     least = min((step.fit for step in refitted), key=lambda fit: fit.cost)
-    without = continued(least, base.model.network, base.cost)
+    without = continued(least, base.model.network, base.cost, base.problem.within)
     return unless_interrupted(finished(without)) if without.cost < (1 - _LOWER) * base.cost else None
 
 

@@ -10,7 +10,6 @@ good. So several models are followed a step further, side by side:
    end, the next ones are.
 3. The search ends when a model is adequate, nothing helps, or a step has made no model more probable by all runs.
 4. Kept is the most probable by all runs; a longer branch must predict held-out runs better than all shorter ones.
-   None is kept beside whose effects a link or a capacity of the given model would vanish; a search may pass through it.
 5. Each step is left out, or gives way to another, where that is more probable by all runs, beside the other steps: what
    a step is taken for while much else is missing says little of it; left out, too, where it explains less than anyone
    looks for. Told first is where something is missing more probably than not by all runs, whatever it is; of that, and
@@ -51,7 +50,7 @@ from lptn.diagnose.fit_statistics import (
     standing_out,
 )
 from lptn.diagnose.probability import is_implausible, log_prior_of_sizes, log_priors, probabilities
-from lptn.diagnose.refits import continued, holds_up, refit, unless_interrupted
+from lptn.diagnose.refits import continued, refit, unless_interrupted
 from lptn.diagnose.runs_that_differ import (
     RunDifference,
     explained_differences,
@@ -739,12 +738,7 @@ def _in_words(beam: Sequence[Branch]) -> str:
 
 
 def _chosen(branches: Sequence[Branch], data: DataSplit) -> Branch:
-    """The most probable by all runs of the branches that predict held-out runs better than all shorter ones.
-
-    A search may pass through a model beside whose effects something given would vanish: another effect may be missing
-    there. None ends in one.
-    """
-    branches = [branch for branch in branches if not holds_up(branch[-1].fit)] or branches
+    """The most probable by all runs of the branches that predict held-out runs better than all shorter ones."""
     if branches[0][-1].holdout is None:
         return _ranked(branches)[0]
     return _ranked(_better_than_shorter(branches, [_error(branch) for branch in branches]), data)[0]
@@ -833,7 +827,7 @@ def _at_full_resolution(branch: Branch, data: DataSplit) -> Branch:
             point = Point(model.values, [start[order] for start in searched.point.starts])
             fit = unless_interrupted(fit_segments(model, data.fit, point, within=searched.problem.within))
         else:
-            fit = unless_interrupted(finished(continued(steps[-1].fit, network)))
+            fit = unless_interrupted(finished(continued(steps[-1].fit, network, within=step.fit.problem.within)))
         step = replace(step, fit=fit)
         steps.append(step.made_for_use(data) if number in (0, len(branch) - 1) else step)
     return tuple(steps)

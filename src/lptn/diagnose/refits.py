@@ -11,8 +11,7 @@ import numpy as np
 from lptn.basics.arrays import FloatArray
 from lptn.diagnose.plausibility import FACTOR
 from lptn.identify.fitting import Fit, fit
-from lptn.identify.problem import Point
-from lptn.identify.uncertainty import rows_at_bounds
+from lptn.identify.problem import Bounds, Point
 from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration, Network
 from lptn.simulate.bound_run import BoundRun, bind, default_start, start_from
@@ -20,31 +19,19 @@ from lptn.simulate.bound_run import BoundRun, bind, default_start, start_from
 _ITERATIONS, _PRECISION = 25, 3e-4  # of the cost: enough to rank; the step that is kept is fitted to the end
 
 
-def refit(base: Fit, declaration: EffectDeclaration, rival: float = np.inf) -> Fit:
-    """The baseline and one more effect, started from the baseline's solution; `rival` as for `identify.fit`.
-
-    What would vanish beside the effect is kept, see `kept_beside`: an effect that only stands in for it then explains
-    little, and one that explains more is not lost for what else is still wrong.
-    """
-    network, within = base.model.network.with_effects([declaration]), dict[str, Bounds]()
-    while True:
-        done = continued(base, network, rival, within)
-        kept = kept_beside(done, base)
-        if not kept or done.status == "given up":
-            return done
-        within |= kept
-
-
-Bounds = tuple[float, float]
-"""The least and the largest value of a parameter, in its unit."""
+def refit(
+    base: Fit, declaration: EffectDeclaration, rival: float = np.inf, within: Mapping[str, Bounds] | None = None
+) -> Fit:
+    """The baseline and one more effect, started from the baseline's solution; arguments as for `continued`."""
+    return continued(base, base.model.network.with_effects([declaration]), rival, within)
 
 
 def kept_beside(fit: Fit, given: Fit) -> dict[str, Bounds]:
-    """Bounds, by name, of what vanishes in a fit though a given one tells it: links, capacities and windings' losses.
+    """Bounds that would keep what vanishes in a fit and is told in a given one, by name; empty where nothing does.
 
-    They end at a bound, a factor of three off. No effect stands for a link that may as well be none, or for a capacity
-    that nothing tells: within these bounds they are no farther off. What is nearer to its own bound, the right effect
-    may bring there: bounds are a user's guess.
+    Of links, capacities and windings' losses; they end at their declared bound, a factor of three off. No effect stands
+    for a link that may as well be none, or for a capacity that nothing tells: within these bounds they are no farther
+    off. What is nearer to its bound, the right effect may bring there: bounds are a user's guess.
     """
     before = {parameter.name: parameter.value for parameter in given.model.parameters}
     after = {parameter.name: parameter for parameter in fit.model.parameters}
@@ -57,22 +44,16 @@ def kept_beside(fit: Fit, given: Fit) -> dict[str, Bounds]:
     return kept
 
 
-def holds_up(fit: Fit) -> bool:
-    """Whether only the bounds that it is kept within hold up something that the given model tells."""
-    ended = {fit.model.parameters[fit.problem.free[row]].name for row in rows_at_bounds(fit.problem, fit.z)}
-    return not ended.isdisjoint(fit.problem.within)
-
-
 def continued(base: Fit, network: Network, rival: float = np.inf, within: Mapping[str, Bounds] | None = None) -> Fit:
     """Fit a network that differs from a fitted one by some effects, started from its solution; as far as ranking needs.
 
-    What that fit held stays held, what it fitted is fitted, and what it kept within bounds stays within them.
+    What that fit held stays held, and what it fitted is fitted.
 
     Args:
         base: the fit to start from.
         network: the network to fit, to the same readings.
         rival: a cost to beat; a fit that has no hope of it ends, with status `"given up"`.
-        within: as for `Problem`.
+        within: as for `Problem`; that fit's by default.
 
     Raises:
         KeyboardInterrupt: Ctrl-C ended the fit.
@@ -102,7 +83,7 @@ def continued(base: Fit, network: Network, rival: float = np.inf, within: Mappin
                 for index, parameter in enumerate(model.parameters)
                 if parameter.name in fitted or (parameter.free and parameter.name not in held)
             ],
-            within={**problem.within, **(within or {})},
+            within=problem.within if within is None else within,
         )
     )
 

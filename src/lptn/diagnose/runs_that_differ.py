@@ -217,7 +217,8 @@ def _fitted(fit: Fit, before: Prediction, *, alone: bool) -> Fit:
     runs.append((before.bound.count((float("-inf"), float("inf"))), before.states[:, 0]))
     bound_runs, starts = zip(*runs, strict=True)
     free = nuisances(model, before.segment.run.name) if alone else None
-    problem = Problem(model, bound_runs, fit.problem.sigma, fit.problem.symmetry_penalty, free)
+    fitted = fit.problem
+    problem = Problem(model, bound_runs, fitted.sigma, fitted.symmetry_penalty, free, within=fitted.within)
     z = problem.guess(model.values, starts)
     done = Fit(model, problem, z, problem.cost(z), fit.noise, 0, "converged")
     return continued(done, model.network) if alone else done

@@ -166,14 +166,15 @@ def pushed_beyond_bounds(fit: Fit, gradient: FloatArray) -> BoolArray:
     """Which unknowns are pushed beyond bounds that hold, shape (size,): they can't follow what a candidate would do.
 
     So are errors of a run, and an effect where it vanishes: no friction cools a joint in place of air that is cooler
-    than the log says. (Other parameters at a bound could follow, if it were moved: it is a user's guess.)
+    than the log says; and what is kept beside effects. (Other parameters at a bound could follow, if it were moved: it
+    is a user's guess.)
     """
-    parameters = [fit.model.parameters[index].declared for index in fit.problem.free]
-    count = len(parameters)
-    holds = np.zeros((2, len(fit.z)), dtype=bool)
-    for side in (0, 1):
-        holds[side, :count] = [own.nuisance or own.bounds[side] in own.ends_by_nature for own in parameters]
-    below, above = fit.problem.at_bounds(fit.z)
+    problem, holds = fit.problem, np.zeros((2, len(fit.z)), dtype=bool)
+    for row, index in enumerate(problem.free):
+        own = fit.model.parameters[index].declared
+        for side, end in enumerate(own.bounds):
+            holds[side, row] = own.nuisance or end in own.ends_by_nature or problem.is_narrowed(index, side)
+    below, above = problem.at_bounds(fit.z)
     return np.asarray((holds[0] & below & (gradient > 0)) | (holds[1] & above & (gradient < 0)))
 
 

@@ -24,7 +24,7 @@ from lptn.basics.processes import one_blas_thread
 from lptn.basics.tables import Tabular
 from lptn.identify.integral_start import integral_start
 from lptn.identify.noise import Noise, balanced_sigma, estimate_noise
-from lptn.identify.problem import Point, Problem
+from lptn.identify.problem import Bounds, Point, Problem
 from lptn.identify.solvers import PRECISION, Progress, Solution, minimise
 from lptn.identify.uncertainty import Uncertainty, rows_at_bounds, uncertainty
 from lptn.logs.run import Run
@@ -75,16 +75,15 @@ class Fit(Tabular):
     @cached_property
     def vanished(self) -> dict[str, int]:
         """Thermal resistances that ended at their largest, capacities and windings' resistances at their least: as good
-        as none. By name, the side of the bound: 0 for the lower one, 1 for the upper.
+        as none. By name, the side of the bound: 0 for the lower one, 1 for the upper. None that is kept from it.
         """
         ends = {"K/W": 1, "J/K": 0, "ohm": 0}  # where a link, a capacity, and a winding's loss, has no effect
-        numbers = rows_at_bounds(self.problem, self.z)
-        at_bounds = {self.model.parameters[self.problem.free[row]]: end for row, end in numbers.items()}
-        return {
-            parameter.name: end
-            for parameter, end in at_bounds.items()
-            if ends.get(parameter.declared.unit) == end and parameter.name not in self.problem.within
-        }
+        parameters, vanished = self.model.parameters, {}
+        for row, end in rows_at_bounds(self.problem, self.z).items():
+            index = self.problem.free[row]
+            if ends.get(parameters[index].declared.unit) == end and not self.problem.is_narrowed(index, end):
+                vanished[parameters[index].name] = end
+        return vanished
 
     def may_be_at_bound(self, name: str, side: int) -> bool:
         """Whether a free parameter is within two standard errors of its lower (0) or upper (1) bound; no other is."""
@@ -191,7 +190,7 @@ def fit(
     rival: float = np.inf,
     precision: float = PRECISION,
     free: Sequence[int] | None = None,
-    within: Mapping[str, tuple[float, float]] | None = None,
+    within: Mapping[str, Bounds] | None = None,
 ) -> Fit:
     """Fit the free parameters, and the initial states of each run, to free-running simulations.
 
@@ -244,7 +243,7 @@ def fit(
             return _as_fit(problem, replace(rough, z=z, cost=problem.cost(z)), noise, before)
     else:
         balanced = integral_start(model, bound_runs, sigma)
-        z = min((problem.guess(values, starts), problem.guess(balanced, starts)), key=problem.cost)
+        z = min((np.clip(problem.guess(own, starts), *problem.bounds) for own in (values, balanced)), key=problem.cost)
     keep_fine = None if keep is None else lambda z: keep(problem.point(z))
     solution = minimise(problem, z, progress, iterations, keep=keep_fine, near=True, rival=rival, precision=precision)
     return _as_fit(problem, solution, noise, before + solution.iterations)

@@ -31,6 +31,10 @@ _AT_BOUND = 1e-4  # distance to a bound, in the search's coordinates
 _NEAR = 1.5  # K; a node starts no further from its first readings, unless an effect of its sensor is modelled
 
 
+Bounds = tuple[float, float]
+"""The least and the largest value of a parameter, in its unit."""
+
+
 @dataclass(frozen=True)
 class Point:
     """A point of the search space.
@@ -85,7 +89,7 @@ class Problem:
         symmetry_penalty: float = 0.0,
         free: Sequence[int] | None = None,
         starts: Sequence[FloatArray] | None = None,
-        within: Mapping[str, tuple[float, float]] | None = None,
+        within: Mapping[str, Bounds] | None = None,
     ) -> None:
         self.model, self.bound_runs, self.sigma = model, list(bound_runs), sigma
         self.within = dict(within or {})
@@ -144,15 +148,19 @@ class Problem:
         for number, bound in enumerate(self.bound_runs):
             near = slice(len(self.free) + number * count, len(self.free) + number * count + len(self.model.nodes))
             trusted = np.isfinite(bound.start) & ~self._sensor_modelled
-            within = _NEAR + most_in_a_row(bound)
-            lower[near] = np.where(trusted, bound.start - within, -np.inf)
-            upper[near] = np.where(trusted, bound.start + within, np.inf)
+            farthest = _NEAR + most_in_a_row(bound)
+            lower[near] = np.where(trusted, bound.start - farthest, -np.inf)
+            upper[near] = np.where(trusted, bound.start + farthest, np.inf)
         return lower, upper
 
-    def bounds_of(self, index: int) -> tuple[float, float]:
-        """The least and the largest value of the parameter of this number, in its unit."""
+    def bounds_of(self, index: int) -> Bounds:
+        """The least and the largest value of the parameter of this number."""
         parameter = self.model.parameters[index]
         return self.within.get(parameter.name, parameter.declared.bounds)
+
+    def is_narrowed(self, index: int, side: int) -> bool:
+        """Whether `within` leaves the parameter of this number less room at its lower (0) or upper (1) bound."""
+        return self.bounds_of(index)[side] != self.model.parameters[index].declared.bounds[side]
 
     def at_bounds(self, z: FloatArray) -> tuple[BoolArray, BoolArray]:
         """Which unknowns stand at their lower bound, and which at their upper, shape (size,) each."""

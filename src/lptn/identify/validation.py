@@ -12,7 +12,7 @@ from lptn.basics.errors import InputError
 from lptn.identify.comparison import Errors, errors_of, predict
 from lptn.identify.data import DataSplit, Segment
 from lptn.identify.fitting import Checkpoint, Fit, fit
-from lptn.identify.problem import Point
+from lptn.identify.problem import Bounds, Point
 from lptn.identify.solvers import Progress
 from lptn.model.model import Model
 from lptn.simulate.bound_run import bind
@@ -29,7 +29,7 @@ def fit_segments(
     symmetry_penalty: float = 0.0,
     checkpoint: Checkpoint | None = None,
     progress: Progress | None = None,
-    within: Mapping[str, tuple[float, float]] | None = None,
+    within: Mapping[str, Bounds] | None = None,
 ) -> Fit:
     """Fit a model to the evaluation windows of runs.
 
