@@ -88,8 +88,9 @@ class Parameter:
     @property
     def ends_by_nature(self) -> tuple[float, ...]:
         """Of its bounds those that nobody chose: where its effect vanishes, and all of a share."""
-        natural = (self.off, 1.0 if self.unit == "1" else None)
-        return tuple(end for end in self.bounds if end in natural)
+        lower, upper = self.bounds
+        whole = (upper,) if self.unit == "1" and upper == 1.0 else ()
+        return tuple(end for end in (lower, upper) if end == self.off) + whole
 
     @property
     def switched_off(self) -> Parameter:

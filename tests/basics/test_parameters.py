@@ -1,0 +1,26 @@
+"""Parameters as they are declared."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from lptn.basics.parameters import Parameter
+
+
+@pytest.mark.parametrize(
+    ("unit", "bounds", "off", "ends"),
+    [
+        ("W", (0.0, 20.0), 0.0, (0.0,)),
+        ("1", (0.0, 1.0), 0.0, (0.0, 1.0)),
+        ("K", (-5.0, 5.0), 0.0, ()),  # an error goes on beyond none
+        ("J/K", (20.0, 2000.0), None, ()),
+        ("1", (1.0, 3.0), None, ()),  # an exponent, and no share
+        ("1", (-1.0, math.inf), 0.0, ()),
+    ],
+)
+def test_which_bounds_are_natures(
+    unit: str, bounds: tuple[float, float], off: float | None, ends: tuple[float, ...]
+) -> None:
+    assert Parameter("size", bounds[0], unit, bounds, off=off).ends_by_nature == ends
