@@ -199,7 +199,7 @@ def test_the_score_predicts_what_the_refit_gains(leg: Leg) -> None:
 
 
 def test_no_heat_that_can_not_be_negative_follows_an_error_of_the_air(leg: Leg) -> None:
-    """Air of one run that is 1.5 K colder than logged: heat below zero would imitate it, and hid two thirds of it."""
+    """Air of one run that is 1.5 K colder than logged: heat below zero would imitate it, and hid three quarters."""
     model, data = leg(Hidden("ambient_offset", "ambient", size=-1.5, run="fit2"))
     coarse, heat = for_search(data), [EffectDeclaration(ConstantHeat(), node) for node in model.nodes]
     given = with_errors_of_runs(Model(model.network.with_effects(heat)), data)

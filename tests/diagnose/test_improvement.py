@@ -14,16 +14,8 @@ from lptn.diagnose.answers import Step
 from lptn.diagnose.candidates import with_errors_of_runs
 from lptn.diagnose.diagnosis import for_search
 from lptn.diagnose.fit_statistics import is_negligible
-from lptn.diagnose.improvement import (
-    Branch,
-    History,
-    _at_full_resolution,
-    _less,
-    _Search,
-    effects_added,
-    improve,
-)
-from lptn.diagnose.refits import refit
+from lptn.diagnose.improvement import Branch, History, _at_full_resolution, _less, _Search, effects_added, improve
+from lptn.diagnose.refits import continued, refit
 from lptn.effects import catalogue
 from lptn.identify.data import DataSplit, split_data
 from lptn.identify.validation import fit_segments, holdout_errors
@@ -106,6 +98,20 @@ def test_what_one_joint_has_beside_all_gives_way_to_its_own_where_the_others_hav
     settled = search.settled(branch)
     assert said == ["constant_heat at * gives way to constant_heat at FR_calf"]
     assert {step.key for step in settled[1:]} == {("constant_heat", "FR_hip"), ("constant_heat", "FR_calf")}
+
+
+def test_the_model_that_is_told_keeps_what_the_search_kept(leg: Leg) -> None:  # noqa: F811
+    """Of the hip's capacity a tenth more than the log asks for, as if it would vanish beside the wind otherwise."""
+    model, data = leg(Hidden("forced_convection", "FR_thigh"))
+    given, last = _branch(model, for_search(data), ("forced_convection", "FR_thigh"))
+    name = "capacity.FR_hip"
+    (capacity,) = (parameter for parameter in last.fit.model.parameters if parameter.name == name)
+    within = {name: (1.1 * capacity.value, capacity.declared.bounds[1])}
+    kept = replace(last, fit=continued(last.fit, last.fit.model.network, within=within))
+    for end, times in ((last, 1.0), (kept, 1.1)):
+        told = _at_full_resolution((given, end), data)[-1].for_use.model.parameters
+        (after,) = (parameter.value for parameter in told if parameter.name == name)
+        assert after == pytest.approx(times * capacity.value, rel=0.02)
 
 
 @pytest.mark.parametrize(("size", "kept"), [(0.004, False), (0.4, True)])

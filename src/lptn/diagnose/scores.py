@@ -165,9 +165,9 @@ def derivatives(fit: Fit, places: Sequence[Site]) -> FloatArray:
 def pushed_beyond_bounds(fit: Fit, gradient: FloatArray) -> BoolArray:
     """Which unknowns are pushed beyond bounds that hold, shape (size,): they can't follow what a candidate would do.
 
-    So are errors of a run, and an effect where it vanishes: no friction cools a joint in place of air that is cooler
-    than the log says; and what is kept beside effects. (Other parameters at a bound could follow, if it were moved: it
-    is a user's guess.)
+    So are errors of a run, an effect where it vanishes (no friction cools a joint in place of air that is cooler than
+    the log says), a whole share, and what is kept beside effects. (Other parameters at a bound could follow, if it were
+    moved: it is a user's guess.)
     """
     problem, holds = fit.problem, np.zeros((2, len(fit.z)), dtype=bool)
     for row, index in enumerate(problem.free):
