@@ -13,6 +13,7 @@ from lptn.basics.errors import InputError
 from lptn.cli.options import Json, Map, Rate, check_inputs, check_outputs, column_options
 
 if TYPE_CHECKING:
+    from lptn.basics.arrays import FloatArray
     from lptn.diagnose.excitation import Identifiability
     from lptn.effects.excitation import Excitation
     from lptn.identify.data import LoadedModel
@@ -296,11 +297,22 @@ def _show_nodes(model: Model, bound_runs: Sequence[BoundRun]) -> None:
         readings = np.concatenate([bound.measured[row] for bound in bound_runs])
         if np.isfinite(readings).any():
             ends = f"{np.nanmin(readings):.1f} °C", f"{np.nanmax(readings):.1f} °C"
-            rows.append((node, *ends, f"{np.isnan(readings).mean():.0%}", f"{noise.floor[row]:.3g} K"))
+            missing = _missing([bound.measured[row] for bound in bound_runs])
+            rows.append((node, *ends, f"{missing:.0%}", f"{noise.floor[row]:.3g} K"))
         else:
             rows.append((node, "not measured", "", "", ""))
     print()
     show_table(("node", ">from", ">to", ">missing", ">noise floor"), rows)
+
+
+def _missing(runs: Sequence[FloatArray]) -> float:
+    """Share of a sensor's readings that are missing, of those that it would give at its usual interval."""
+    import numpy as np
+
+    read = [np.flatnonzero(np.isfinite(readings)) for readings in runs]
+    apart = np.concatenate([np.diff(steps) for steps in read])
+    usual = float(np.median(apart)) if apart.size else 1.0  # of steps, from reading to reading
+    return max(0.0, 1.0 - usual * sum(steps.size for steps in read) / sum(readings.size for readings in runs))
 
 
 def _show_excitation(excited: Excitation) -> None:
@@ -309,11 +321,12 @@ def _show_excitation(excited: Excitation) -> None:
     if excited.levels:
         load = f"{_count(excited.levels, 'level')} of load, at rest {excited.still:.0%} of the time"
     base = excited.ranges.get("speed.base")
+    change = f"which change by {excited.ambient:.2g} K in a run" if excited.ambient else "of which no change is logged"
     moving = f"base speed {base[0]:.2g} to {base[1]:.2g} m/s" if base else "base speed not logged"
     print(
         f"\nIn {_duration(60 * excited.minutes)}: {load}; {_count(excited.cool_downs, 'cool-down')}; "
-        f"{_count(excited.steps, 'jump')} of load; up to {excited.rise:.3g} K above the surroundings, which change by "
-        f"{excited.ambient:.2g} K; {moving}."
+        f"{_count(excited.steps, 'jump')} of load; up to {excited.rise:.3g} K above the surroundings, {change}; "
+        f"{moving}."
     )
 
 

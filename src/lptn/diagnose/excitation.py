@@ -43,7 +43,7 @@ def excitation(runs: Sequence[Run], nodes: Sequence[str]) -> Excitation:
     loads = [record.load / most if most > 0 else np.zeros(0) for record in blocks]
     rests = [load < _STILL for load in loads]
     steady = np.concatenate([_steady(load) for load in loads]) if loads else np.zeros(0)
-    ambient = np.concatenate([record.means[_AMBIENT] for record in blocks if _AMBIENT in record.means] or [np.zeros(1)])
+    airs = [record.means[_AMBIENT] for record in blocks if _AMBIENT in record.means]
     columns = dict.fromkeys(column for record in blocks for column in record.means)
     return Excitation(
         minutes=sum(len(run) * run.step for run in runs) / 60,
@@ -56,7 +56,7 @@ def excitation(runs: Sequence[Run], nodes: Sequence[str]) -> Excitation:
         steps=sum(int((np.abs(np.diff(load)) > _STEP).sum()) for load in loads),
         rise=max((record.rise for record in blocks), default=0.0),
         spread=max((record.spread for record in blocks), default=0.0),
-        ambient=float(np.ptp(ambient)),
+        ambient=max((float(np.ptp(air)) for air in airs), default=0.0),
         coarse=max((step for run in runs for step in run.resolution.values()), default=0.0),
         ranges={
             column: _range([record.means[column] for record in blocks if column in record.means]) for column in columns
@@ -199,7 +199,7 @@ def identifiability(model: Model, runs: Sequence[Run], measured: Excitation) -> 
         if not sites and key in used:
             continue
         why = _why_not(effect, sites, measured) if sites else _not_logged(effect, model, columns, left_out)
-        why = why or ("" if sites else "the model has no place for it")
+        why = why or ("" if sites else "no place in the model")
         effects.append(Identifiability(key, not why, why, len(_places(sites))))
     return effects
 

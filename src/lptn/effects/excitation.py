@@ -32,7 +32,7 @@ class Excitation:
         steps: jumps of the load from one minute to the next by 30 % of the largest.
         rise: K, how far the hottest node gets above its surroundings, or above the start if those aren't logged.
         spread: K, the range of the difference between nodes; 0 with one node.
-        ambient: K, range of the surroundings; 0 if they aren't logged.
+        ambient: K, largest range of the surroundings in a run; 0 if they aren't logged.
         coarse: K, the largest step in which a sensor moves; 0 where all are fine.
         ranges: by input column its least and largest one-minute mean.
         together: by place how closely its speed and its load go together, a correlation; where both are logged.
@@ -139,7 +139,9 @@ def surroundings_change(by: float = _AMBIENT) -> ExcitationRule:
     """What acts on a change of the surroundings, by so many kelvin."""
 
     def lacking(logs: Excitation, _: Collection[str]) -> str:
-        return "" if logs.ambient >= by else f"the surroundings change by {logs.ambient:.2g} K only"
+        if not logs.ambient:
+            return "no change of the surroundings is logged"
+        return "" if logs.ambient >= by else f"in no run do the surroundings change by more than {logs.ambient:.2g} K"
 
     return ExcitationRule(f"surroundings that change by {by:g} K", lacking)
 

@@ -29,6 +29,7 @@ from lptn.logs.resampling import (
     Samples,
     features_of,
     find_stretches,
+    gaps_in_words,
     grid,
     hold,
     inputs_on_grid,
@@ -445,8 +446,9 @@ def _temperature_notes(samples: Samples, mixed: bool) -> list[str]:
         stamps = samples.time[~np.isnan(values)]
         usual = float(np.median(np.diff(stamps))) if stamps.size > 1 else 0.0
         if mixed or usual > SEVERAL * samples.period:
-            late = int((np.diff(stamps) > SEVERAL * usual).sum())
-            notes.append(f"{key}: logged every {usual:.4g} s{f', {late} times later' if late else ''}.")
+            late = np.diff(stamps)[np.diff(stamps) > SEVERAL * usual]
+            silent = f"; {gaps_in_words(late)}" if late.size else ""
+            notes.append(f"{key}: logged every {usual:.4g} s{silent}.")
         else:
             notes.append(f"{key}: {missing} of {values.size} readings are missing.")
     return notes + [f"{key}: sensor steps of {step:g} K." for key, step in _resolution(samples.raw).items()]

@@ -179,17 +179,19 @@ def _gaps(
     usual = float(np.median(apart)) if apart.size else period
     slow = usual > SEVERAL * period
     if slow:
-        notes.append(f"{name}: logged every {usual:.4g} s, held in between.")
+        # How often a temperature is read is said of all of them.
+        how = "" if name.startswith("temperature.") else f"logged every {usual:.4g} s, "
+        notes.append(f"{name}: {how}held in between.")
         period, max_gap = usual, max(max_gap, _HELD * usual)
     long = (apart > max_gap) & ((apart > steady_gap) | (np.abs(np.diff(values[rows])) > _STEADY))
     # In a column only its own gaps are counted: those where rows stand without a value.
     own = (np.diff(rows) > 1) & (apart > SEVERAL * usual) if name != "time" else apart > SEVERAL * period
     short = own & ~long
     if short.any():
-        notes.append(f"{name}: {_count(short)} up to {apart[short].max():.4g} s, bridged by holding the last value.")
+        notes.append(f"{name}: {gaps_in_words(apart[short])}, bridged by holding the last value.")
     if (own & long).any():
         longest = f"over {max_gap:.4g} s, the longest {apart[long].max():.4g} s"
-        notes.append(f"{name}: {_count(own & long)} {longest}; the log is split there.")
+        notes.append(f"{name}: {_count(apart[own & long])} {longest}; the log is split there.")
     lead, trail = stamps[0] - time[0], time[-1] - stamps[-1]
     if max(lead, trail) > (usual if slow else 0.0):
         ends = [f"the {end} {length:.4g} s" for end, length in (("first", lead), ("last", trail)) if length > 0]
@@ -199,9 +201,13 @@ def _gaps(
     return outside + list(zip((stamps[:-1] + period)[long].tolist(), stamps[1:][long].tolist(), strict=True)), notes
 
 
-def _count(gaps: npt.NDArray[np.bool_]) -> str:
-    count = int(gaps.sum())
-    return f"{count} gap{'s' * (count > 1)}"
+def gaps_in_words(gaps: FloatArray) -> str:
+    """How many gaps there are, and how long the longest is [s]."""
+    return f"{_count(gaps)} up to {gaps.max():.4g} s"
+
+
+def _count(gaps: FloatArray) -> str:
+    return f"{gaps.size} gap{'s' * (gaps.size > 1)}"
 
 
 def would_cut(
