@@ -21,7 +21,7 @@ from scipy.special import logsumexp, ndtr, softmax
 
 from lptn.basics.arrays import BoolArray, FloatArray, IntArray
 from lptn.basics.parameters import Parameter
-from lptn.basics.places import EVERYWHERE
+from lptn.basics.places import EVERYWHERE, is_behind_a_gap
 from lptn.diagnose.candidates import Candidate
 from lptn.diagnose.fit_statistics import (
     RunErrors,
@@ -46,6 +46,7 @@ from lptn.identify.fitting import Fit
 from lptn.identify.problem import AT_REST
 from lptn.model.network import EffectDeclaration
 from lptn.simulate.dynamics import slopes_at_points
+from lptn.simulate.simulation import simulate
 
 _DRAWS = 1000  # of the weights: a probability of a half is met within 0.016
 OCCAM = 20.0
@@ -306,11 +307,12 @@ def log_evidence_of_starts(fit: Fit) -> float:
     """What it costs a model, as a logarithm, that its hidden states start each run where the data like; 0 without any.
 
     A second mass that starts a short run some kelvins off its node may explain all that is left of that run. Each
-    state may have begun in equilibrium, or anywhere: of a slow one either is as probable, of one that forgets within
-    seconds the second hardly is. In the first case the model loses what the fitted start explains. In the second it is
-    an unknown, paid for by how far it is from equilibrium and by how much narrower the data make it than it was
-    (Laplace's method [MacKay1992]). Nobody knows what went on before a log began, so that what is expected has long
-    tails (Cauchy's). Readings count as often as they are independent.
+    state may have begun in equilibrium, or as it is at any moment of the runs: of a slow one either is as probable, of
+    one that forgets within seconds the second hardly is, but behind a gap, where the robot was at work. In the first
+    case the model loses what the fitted start explains. In the second it is an unknown, paid for by how far it is from
+    equilibrium and by how much narrower the data make it than it was (Laplace's method [MacKay1992]): than it is in the
+    runs, at most what a robot that begins so warm allows. Nobody knows what went on before a log began, so that what is
+    expected has long tails (Cauchy's). Readings count as often as they are independent.
     """
     problem, nodes, states = fit.problem, len(fit.model.nodes), len(fit.model.states)
     if states == nodes:
@@ -320,21 +322,33 @@ def log_evidence_of_starts(fit: Fit) -> float:
     precision = 1.0 / spreads.ravel() ** 2
     independent = independent_readings(errors) / block_misfits(errors, problem.sigma)[0].sum()
     by_data = independent * (problem.normal(fit.z)[1][start:, start:] - np.diag(precision))
-    total = 0.0
+    in_use, total = _off_in_use(fit), 0.0
     for run, (bound, first) in enumerate(zip(problem.bound_runs, range(0, len(precision), states), strict=True)):
         seen, hidden = slice(first, first + nodes), slice(first + nodes, first + states)
         of_seen = by_data[seen, seen] + np.diag(precision[seen])
         information = by_data[hidden, hidden] - by_data[hidden, seen] @ np.linalg.solve(of_seen, by_data[seen, hidden])
-        information_ratio = np.maximum(np.diag(information), 0.0) / precision[hidden]
-        distance = off[run, nodes:]
-        in_equilibrium = -0.5 * distance**2 * information_ratio
-        anywhere = -np.log1p(distance**2) - 0.5 * np.log1p(information_ratio)
+        of_data, distance = np.maximum(np.diag(information), 0.0), off[run, nodes:] * spreads[run, nodes:]
+        usual = np.fmin(in_use, spreads[run, nodes:])
+        in_equilibrium = -0.5 * distance**2 * of_data
+        as_in_use = -np.log1p((distance / usual) ** 2) - 0.5 * np.log1p(of_data * usual**2)
         values = fit.model.in_run(bound.run.name, fit.point.values)
         at_start = fit.point.starts[run][:, None], bound.inputs[:, :1], values
         rates = np.diag(slopes_at_points(fit.model, *at_start)[0])[nodes:]
-        moved = 0.5 / (1.0 + _AS_BEFORE * np.maximum(-rates, 0.0))
-        total += float(np.sum(np.logaddexp(np.log(1.0 - moved) + in_equilibrium, np.log(moved) + anywhere)))
+        as_before = 0.0 if is_behind_a_gap(bound.run.name) else _AS_BEFORE
+        moved = 0.5 / (1.0 + as_before * np.maximum(-rates, 0.0))
+        total += float(np.sum(np.logaddexp(np.log(1.0 - moved) + in_equilibrium, np.log(moved) + as_in_use)))
     return total
+
+
+def _off_in_use(fit: Fit) -> FloatArray:
+    """Root mean square of how far each hidden state is from equilibrium over the fitted runs [K], shape (hidden,)."""
+    nodes, shares = len(fit.model.nodes), fit.model.resting_shares
+    squares, count = np.zeros(len(shares)), 0
+    for bound, start in zip(fit.problem.bound_runs, fit.point.starts, strict=True):
+        states = simulate(fit.model, bound, fit.point.values, start).states
+        off = states[nodes:] - shares @ states[:nodes]
+        squares, count = squares + np.sum(off**2, axis=1), count + off.shape[1]
+    return np.asarray(np.sqrt(squares / count) + LEAST_SHARE)
 
 
 def is_implausible(fit: Fit, declarations: Iterable[EffectDeclaration], given: Fit) -> bool:
