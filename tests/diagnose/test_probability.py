@@ -184,20 +184,35 @@ def test_a_start_that_no_reading_holds_costs_nothing() -> None:
     assert log_evidence_of_starts(lagging) == pytest.approx(0.0, abs=0.1)
 
 
+def run_read_late(late: EffectDeclaration) -> Run:
+    """Most of an hour of two heated nodes with a late sensor."""
+    model = Model(HEATED.with_effects([late]))
+    run = random_run(model, STEPS, step=5.0)
+    readings = simulate(model, bind(model, run), model.values).readings
+    readings = readings + np.random.default_rng(0).normal(0.0, NOISE, readings.shape)
+    columns = {f"temperature.{name}": row for name, row in zip(model.nodes, readings, strict=True)}
+    return replace(run, columns={**run.columns, **columns})
+
+
 def test_a_sensor_that_forgets_within_seconds_begins_in_equilibrium() -> None:
     """Its start is an unknown that readings hold to a few hundredths of a kelvin, and nobody doubts it."""
 
     def evidence(seconds: float) -> float:
         late = effect("sensor_lag", "a", time_constant=seconds)
-        model = Model(HEATED.with_effects([late]))
-        run = random_run(model, STEPS, step=5.0)
-        readings = simulate(model, bind(model, run), model.values).readings
-        readings = readings + np.random.default_rng(0).normal(0.0, NOISE, readings.shape)
-        columns = {f"temperature.{name}": row for name, row in zip(model.nodes, readings, strict=True)}
-        return log_evidence_of_starts(fit_of(replace(run, columns={**run.columns, **columns}), late))
+        return log_evidence_of_starts(fit_of(run_read_late(late), late))
 
     assert evidence(8.0) > -0.1
     assert evidence(300.0) < -0.4
+
+
+def test_behind_a_gap_a_sensor_is_as_likely_late_as_not() -> None:
+    """When its log begins a robot mostly goes on as before; behind a gap it was at work."""
+    late = effect("sensor_lag", "a", time_constant=60.0)
+    run = run_read_late(late).slice(125.0, 3600.0)  # from a minute after a change of the load on
+    at_begin, behind_a_gap = (
+        log_evidence_of_starts(fit_of(replace(run, name=name), late)) for name in ("monday#1", "monday#2")
+    )
+    assert behind_a_gap - at_begin == pytest.approx(np.log(2.0), abs=0.05)
 
 
 def run_begun_at(*above: float, extra: float = 0.0) -> Run:
