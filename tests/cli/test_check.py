@@ -27,6 +27,16 @@ def test_a_log_with_gaps_is_in_pieces(lptn: Lptn, model: Path, tmp_path: Path) -
     assert "monday.csv (CSV): 1800 samples of 1 s, 30 min in 2 pieces between gaps" in out
 
 
+def test_what_a_slow_sensor_misses_is_counted_by_its_own_interval(lptn: Lptn, model: Path, tmp_path: Path) -> None:
+    data = table()
+    data.loc[data.index % 2 == 1, "temperature.a"] = None
+    data.loc[600:1199, "temperature.a"] = None
+    data.to_csv(tmp_path / "monday.csv", index=False)
+    out = lptn("check", model, tmp_path / "monday.csv")[1]
+    assert "temperature.a: logged every 2 s; 1 gap up to 602 s." in out
+    assert [line.split()[-3] for line in out.splitlines() if line.startswith(("a  ", "b  "))] == ["25%", "0%"]
+
+
 def test_a_log_that_is_refused_shows_its_columns_as_columns(lptn: Lptn, model: Path, tmp_path: Path) -> None:
     log = tmp_path / "monday.csv"
     table().rename(columns=lambda name: name.replace("torque.", "x")).to_csv(log, index=False)

@@ -59,7 +59,7 @@ def test_a_rich_run_could_show_nearly_all_that_is_logged(model: Path) -> None:
         (table().assign(**{"speed.base": 0.5}), "forced_convection", "speed.base hardly changes"),
         (table(10), "sensor_drift", "10 min are too short"),
         (table(apart=0.0), "conduction", "differ by"),
-        (table(), "ambient_lag", "the surroundings change by 0 K only"),
+        (table(), "ambient_lag", "no change of the surroundings is logged"),
         (table().drop(columns=["velocity.a", "velocity.b"]), "viscous_friction", "not logged: velocity.<node>"),
         (table().assign(**{"temperature.a": 24.0, "temperature.b": 25.0}), "radiation", "only 3 K above"),
     ],
@@ -81,6 +81,15 @@ def test_speed_that_follows_the_load(model: Path) -> None:
     data = table()
     tied = data.assign(**{f"velocity.{joint}": data[f"torque.{joint}"] ** 2 / 50 for joint in "ab"})
     assert "speed and load go together (correlation 1.00)" in reasons(model, tied)["viscous_friction"]
+
+
+def test_surroundings_that_change_from_one_day_to_another_do_not_change(model: Path) -> None:
+    cool, warm = (table().assign(**{"temperature.ambient": air}) for air in (18.0, 24.0))
+    assert reasons(model, cool, warm)["ambient_lag"] == "no change of the surroundings is logged"
+    warm["temperature.ambient"] += warm["time"] / warm["time"].max()
+    assert "by more than 0.9" in reasons(model, cool, warm)["ambient_lag"]
+    warm["temperature.ambient"] += warm["time"] / warm["time"].max()
+    assert reasons(model, cool, warm)["ambient_lag"] == ""
 
 
 def test_a_column_that_only_one_run_has_does_not_count(model: Path) -> None:

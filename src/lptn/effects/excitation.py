@@ -143,7 +143,7 @@ def surroundings_change(by: float = _AMBIENT) -> ExcitationRule:
             return "no change of the surroundings is logged"
         return "" if logs.ambient >= by else f"in no run do the surroundings change by more than {logs.ambient:.2g} K"
 
-    return ExcitationRule(f"surroundings that change by {by:g} K", lacking)
+    return ExcitationRule(f"surroundings that change by {by:g} K in a run", lacking)
 
 
 def long_enough(minutes: float = _DRIFT) -> ExcitationRule:
