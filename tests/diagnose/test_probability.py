@@ -10,6 +10,7 @@ import pytest
 from lptn.basics.arrays import FloatArray
 from lptn.diagnose.candidates import candidates
 from lptn.diagnose.probability import (
+    _off_in_use,
     in_occams_window,
     is_implausible,
     log_evidence_of_starts,
@@ -210,9 +211,40 @@ def test_behind_a_gap_a_sensor_is_as_likely_late_as_not() -> None:
     late = effect("sensor_lag", "a", time_constant=60.0)
     run = run_read_late(late).slice(125.0, 3600.0)  # from a minute after a change of the load on
     at_begin, behind_a_gap = (
-        log_evidence_of_starts(fit_of(replace(run, name=name), late)) for name in ("monday#1", "monday#2")
+        log_evidence_of_starts(fit_of(replace(run, log_start=begin), late)) for begin in (125.0, 0.0)
     )
     assert behind_a_gap - at_begin == pytest.approx(np.log(2.0), abs=0.05)
+
+
+def test_a_hidden_state_is_as_far_off_as_it_is_in_use() -> None:
+    """Where it acts, and begun in equilibrium; what rests with no node is off by what a start allows."""
+    late = effect("sensor_lag", "a", time_constant=60.0)
+    run = run_read_late(late)
+    lagging = fit_of(run, late)
+    states = simulate(lagging.model, lagging.problem.bound_runs[0], lagging.point.values).states
+    usual = float(np.sqrt(np.mean((states[2] - states[0]) ** 2)))
+    assert _off_in_use(lagging) == pytest.approx([usual], rel=0.02)
+    twice = split_data([replace(run, name="monday"), replace(run, name="tuesday")]).fit
+    on_monday = fit_segments(Model(HEATED.with_effects([replace(late, run="monday")])), twice)
+    assert _off_in_use(on_monday) == pytest.approx([usual], rel=0.1)
+    decay = run_with(6.0 * np.exp(-np.arange(STEPS) * 5.0 / 400.0))  # a start some 30 K off says nothing for itself
+    assert _off_in_use(fit_of(decay, effect("second_mass", "a", capacity=60.0, time_constant=400.0)))[0] < 3.0
+    outdoors = fit_of(run, effect("ambient_lag", "ambient"))
+    assert np.isinf(_off_in_use(outdoors)).all()
+
+
+def test_a_start_that_data_hardly_tell_costs_what_equilibrium_does() -> None:
+    """A robot that hardly moves is known to begin in equilibrium: there is nothing else that a start may be."""
+    late = effect("sensor_lag", "a", time_constant=60.0)
+    whole = run_read_late(late)
+    idle = {name: 0.02 * column if name.startswith("power") else column for name, column in whole.columns.items()}
+    model = Model(HEATED.with_effects([late]))
+    readings = simulate(model, bind(model, replace(whole, columns=idle)), model.values).readings[:, -300:]
+    readings += np.random.default_rng(2).normal(0.0, NOISE, readings.shape)
+    read = {f"temperature.{name}": row for name, row in zip(model.nodes, readings, strict=True)}
+    resting = replace(whole, columns=idle).slice(5.0 * (STEPS - 300), 5.0 * STEPS)
+    resting = replace(resting, columns={**resting.columns, **read}, log_start=0.0)
+    assert log_evidence_of_starts(fit_of(resting, late)) > -0.7
 
 
 def run_begun_at(*above: float, extra: float = 0.0) -> Run:

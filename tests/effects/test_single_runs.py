@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lptn.basics.places import is_behind_a_gap, is_of_run
+from lptn.basics.places import is_of_run
 from lptn.effects import Effect, catalogue
 from lptn.logs.run import Run
 from lptn.model.file import parse_model
@@ -103,14 +103,6 @@ def test_two_runs_have_each_their_own_value() -> None:
 )
 def test_a_run_is_meant_by_its_name_its_log_or_a_glob(name: str, pattern: str, means: bool) -> None:
     assert is_of_run(name, pattern) is means
-
-
-@pytest.mark.parametrize(
-    ("name", "behind"),
-    [("monday", False), ("monday#1", False), ("monday#1#1", False), ("monday#2", True), ("monday#2#1", True)],
-)
-def test_a_piece_of_a_log_but_the_first_is_behind_a_gap(name: str, behind: bool) -> None:
-    assert is_behind_a_gap(name) is behind
 
 
 @pytest.mark.parametrize("run", ["monday", "2026.11.21 hot", "log*", 'say "x"'])

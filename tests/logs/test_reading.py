@@ -257,7 +257,7 @@ def test_a_slow_input_is_held_and_does_not_split_the_log(write: Write, needed: b
     (run,) = read_log(path, inputs=inputs, outputs=["temperature.a"], optional=["temperature.ambient"])
     assert len(run) == 600
     np.testing.assert_allclose(run.columns["temperature.ambient"][[0, 59, 60, 599]], [20.0, 20.0, 21.0, 29.0])
-    assert "temperature.ambient: held in between." in run.notes
+    assert "temperature.ambient: held between its readings." in run.notes
 
 
 def test_a_slow_input_that_pauses_is_spared_or_splits(write: Write) -> None:

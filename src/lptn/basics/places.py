@@ -87,11 +87,6 @@ def is_of_run(name: str, pattern: str) -> bool:
     return piece or pattern in (name, whole) or fnmatchcase(name, pattern) or fnmatchcase(whole, pattern)
 
 
-def is_behind_a_gap(run: str) -> bool:
-    """Whether a run is a piece of a split log, such as `monday#2` or `monday#2#1`, and not its first."""
-    return any(number != "1" for number in run.split("#")[1:])
-
-
 def expand_pair(patterns: Sequence[str], names: Sequence[str]) -> list[tuple[str, str]]:
     """All pairs of places that two patterns stand for.
 

@@ -309,19 +309,30 @@ def _missing(runs: Sequence[FloatArray]) -> float:
     """Share of a sensor's readings that are missing, of those that it would give at its usual interval."""
     import numpy as np
 
-    read = [np.flatnonzero(np.isfinite(readings)) for readings in runs]
-    apart = np.concatenate([np.diff(steps) for steps in read])
-    usual = float(np.median(apart)) if apart.size else 1.0  # of steps, from reading to reading
-    return max(0.0, 1.0 - usual * sum(steps.size for steps in read) / sum(readings.size for readings in runs))
+    from lptn.logs.resampling import SEVERAL
+
+    expected = there = 0.0
+    for readings in runs:
+        read = np.flatnonzero(np.isfinite(readings))
+        apart = np.diff(read)
+        usual = float(np.mean(apart[apart <= SEVERAL * np.median(apart)])) if apart.size else 1.0  # steps
+        expected, there = expected + readings.size / usual, there + read.size
+    return max(0.0, 1.0 - there / expected)
 
 
 def _show_excitation(excited: Excitation) -> None:
     """What happens in the runs."""
+    from lptn.effects.excitation import ZERO
+
     load = "no load"
     if excited.levels:
         load = f"{_count(excited.levels, 'level')} of load, at rest {excited.still:.0%} of the time"
     base = excited.ranges.get("speed.base")
-    change = f"which change by {excited.ambient:.2g} K in a run" if excited.ambient else "of which no change is logged"
+    change = (
+        f"which change by up to {excited.ambient:.2g} K within a run"
+        if excited.ambient > ZERO
+        else "of which no change is logged"
+    )
     moving = f"base speed {base[0]:.2g} to {base[1]:.2g} m/s" if base else "base speed not logged"
     print(
         f"\nIn {_duration(60 * excited.minutes)}: {load}; {_count(excited.cool_downs, 'cool-down')}; "

@@ -21,7 +21,7 @@ from scipy.special import logsumexp, ndtr, softmax
 
 from lptn.basics.arrays import BoolArray, FloatArray, IntArray
 from lptn.basics.parameters import Parameter
-from lptn.basics.places import EVERYWHERE, is_behind_a_gap
+from lptn.basics.places import EVERYWHERE, is_of_run
 from lptn.diagnose.candidates import Candidate
 from lptn.diagnose.fit_statistics import (
     RunErrors,
@@ -45,6 +45,7 @@ from lptn.identify.comparison import Prediction
 from lptn.identify.fitting import Fit
 from lptn.identify.problem import AT_REST
 from lptn.model.network import EffectDeclaration
+from lptn.simulate.bound_run import start_from
 from lptn.simulate.dynamics import slopes_at_points
 from lptn.simulate.simulation import simulate
 
@@ -307,12 +308,13 @@ def log_evidence_of_starts(fit: Fit) -> float:
     """What it costs a model, as a logarithm, that its hidden states start each run where the data like; 0 without any.
 
     A second mass that starts a short run some kelvins off its node may explain all that is left of that run. Each
-    state may have begun in equilibrium, or as it is at any moment of the runs: of a slow one either is as probable, of
-    one that forgets within seconds the second hardly is, but behind a gap, where the robot was at work. In the first
-    case the model loses what the fitted start explains. In the second it is an unknown, paid for by how far it is from
-    equilibrium and by how much narrower the data make it than it was (Laplace's method [MacKay1992]): than it is in the
-    runs, at most what a robot that begins so warm allows. Nobody knows what went on before a log began, so that what is
-    expected has long tails (Cauchy's). Readings count as often as they are independent.
+    state may have begun in equilibrium, or as far off as it is in use: of a slow one either is as probable, of one that
+    forgets within seconds the second hardly is, except behind a gap, where the robot was at work. In the first case the
+    model loses what the fitted start explains. In the second the start is an unknown, which is paid for by how far it
+    is from equilibrium and by how much narrower the data make it (Laplace's method [MacKay1992]). Beforehand it is as
+    wide as the state is off equilibrium in use, and no wider than in a robot that begins so warm. Nobody knows what
+    went on before a log began, so that what is expected has long tails (Cauchy's). Readings count as often as they are
+    independent.
     """
     problem, nodes, states = fit.problem, len(fit.model.nodes), len(fit.model.states)
     if states == nodes:
@@ -328,27 +330,38 @@ def log_evidence_of_starts(fit: Fit) -> float:
         of_seen = by_data[seen, seen] + np.diag(precision[seen])
         information = by_data[hidden, hidden] - by_data[hidden, seen] @ np.linalg.solve(of_seen, by_data[seen, hidden])
         of_data, distance = np.maximum(np.diag(information), 0.0), off[run, nodes:] * spreads[run, nodes:]
-        usual = np.fmin(in_use, spreads[run, nodes:])
         in_equilibrium = -0.5 * distance**2 * of_data
-        as_in_use = -np.log1p((distance / usual) ** 2) - 0.5 * np.log1p(of_data * usual**2)
+        usual = np.fmin(in_use, spreads[run, nodes:] * problem.weight_of_priors)
+        wider = 1.0 + of_data * usual**2
+        usual_sizes = distance * of_data * usual / wider  # of the start that so narrow a prior leaves
+        as_in_use = -np.log1p(usual_sizes**2) - 0.5 * of_data * (distance / wider) ** 2 - 0.5 * np.log(wider)
         values = fit.model.in_run(bound.run.name, fit.point.values)
         at_start = fit.point.starts[run][:, None], bound.inputs[:, :1], values
         rates = np.diag(slopes_at_points(fit.model, *at_start)[0])[nodes:]
-        as_before = 0.0 if is_behind_a_gap(bound.run.name) else _AS_BEFORE
+        as_before = max(_AS_BEFORE - bound.run.late, 0.0)
         moved = 0.5 / (1.0 + as_before * np.maximum(-rates, 0.0))
         total += float(np.sum(np.logaddexp(np.log(1.0 - moved) + in_equilibrium, np.log(moved) + as_in_use)))
     return total
 
 
 def _off_in_use(fit: Fit) -> FloatArray:
-    """Root mean square of how far each hidden state is from equilibrium over the fitted runs [K], shape (hidden,)."""
-    nodes, shares = len(fit.model.nodes), fit.model.resting_shares
-    squares, count = np.zeros(len(shares)), 0
+    """Root mean square of how far each hidden state is from its nodes in use [K], shape (hidden,).
+
+    Over the fitted runs in which it acts, begun in equilibrium, so that no start speaks for itself; infinite for a
+    state that rests with no node.
+    """
+    model, nodes = fit.model, len(fit.model.nodes)
+    shares, own_runs = model.resting_shares, [instance.declaration.run for instance in model.balance.hidden]
+    squares, counts = np.zeros(len(shares)), np.zeros(len(shares))
     for bound, start in zip(fit.problem.bound_runs, fit.point.starts, strict=True):
-        states = simulate(fit.model, bound, fit.point.values, start).states
-        off = states[nodes:] - shares @ states[:nodes]
-        squares, count = squares + np.sum(off**2, axis=1), count + off.shape[1]
-    return np.asarray(np.sqrt(squares / count) + LEAST_SHARE)
+        begun = start_from(model, bound, dict(zip(model.nodes, start[:nodes].tolist(), strict=True)))
+        states = simulate(model, bound, fit.point.values, begun).states
+        acting = [not own or is_of_run(bound.run.name, own) for own in own_runs]
+        acts = np.array([True] * (len(shares) - len(acting)) + acting)
+        squares += acts * np.sum((states[nodes:] - shares @ states[:nodes]) ** 2, axis=1)
+        counts += acts * states.shape[1]
+    known = (counts > 0) & (shares.sum(axis=1) > 0)
+    return np.asarray(np.sqrt(np.divide(squares, counts, out=np.full(len(shares), np.inf), where=known)))
 
 
 def is_implausible(fit: Fit, declarations: Iterable[EffectDeclaration], given: Fit) -> bool:

@@ -139,7 +139,7 @@ def surroundings_change(by: float = _AMBIENT) -> ExcitationRule:
     """What acts on a change of the surroundings, by so many kelvin."""
 
     def lacking(logs: Excitation, _: Collection[str]) -> str:
-        if not logs.ambient:
+        if not logs.ambient > ZERO:
             return "no change of the surroundings is logged"
         return "" if logs.ambient >= by else f"in no run do the surroundings change by more than {logs.ambient:.2g} K"
 

@@ -193,9 +193,9 @@ def _single_parameters(
             warnings.append(f"{name}: {kept if problem.is_narrowed(problem.free[row], side) else ended}")
         elif parameter.declared.prior is not None and _is_far(parameter.declared.prior, values[problem.free[row]]):
             mean, deviation = parameter.declared.prior
-            value, unit = values[problem.free[row]], parameter.declared.unit
+            value = values[problem.free[row]]
             said = f"{abs(value - mean) / deviation:.2g} standard deviations from what was known of it"
-            warnings.append(f"{name}: {value:.3g} {unit} is {said}, {mean:g} ± {deviation:g} {unit}")
+            warnings.append(f"{name}: {value:.3g}{unit} is {said}, {mean:g} ± {deviation:g}{unit}")
         elif spread[row] > _UNDETERMINED and not in_combination[row] and parameter.logarithmic:
             warnings.append(
                 f"{name}: not determined by these data (a factor of {np.exp(min(spread[row], 20)):.2g} either way)"

@@ -179,9 +179,9 @@ def _gaps(
     usual = float(np.median(apart)) if apart.size else period
     slow = usual > SEVERAL * period
     if slow:
-        # How often a temperature is read is said of all of them.
+        # How often a temperature is read is said of all of them, by `reading.py`.
         how = "" if name.startswith("temperature.") else f"logged every {usual:.4g} s, "
-        notes.append(f"{name}: {how}held in between.")
+        notes.append(f"{name}: {how}held between its readings.")
         period, max_gap = usual, max(max_gap, _HELD * usual)
     long = (apart > max_gap) & ((apart > steady_gap) | (np.abs(np.diff(values[rows])) > _STEADY))
     # In a column only its own gaps are counted: those where rows stand without a value.
