@@ -232,18 +232,18 @@ def test_a_hidden_state_is_as_far_off_as_it_is_in_use() -> None:
     assert np.isinf(_off_in_use(outdoors)).all()
 
 
-def test_a_start_that_data_hardly_tell_costs_what_equilibrium_does() -> None:
-    """A robot that hardly moves is known to begin in equilibrium: there is nothing else that a start may be."""
+def test_where_nothing_is_off_equilibrium_in_use_no_start_is() -> None:
+    """A start that noise alone moves loses what it explains, a quarter, whichever of the two it is taken for."""
     late = effect("sensor_lag", "a", time_constant=60.0)
-    whole = run_read_late(late)
-    idle = {name: 0.02 * column if name.startswith("power") else column for name, column in whole.columns.items()}
+    whole, begin = run_read_late(late), STEPS - 300
+    still = {name: 0.0 * column if name.startswith("power") else column for name, column in whole.columns.items()}
     model = Model(HEATED.with_effects([late]))
-    readings = simulate(model, bind(model, replace(whole, columns=idle)), model.values).readings[:, -300:]
-    readings += np.random.default_rng(2).normal(0.0, NOISE, readings.shape)
+    readings = simulate(model, bind(model, replace(whole, columns=still)), model.values).readings[:, begin:]
+    readings = readings + np.random.default_rng(1).normal(0.0, NOISE, readings.shape)
     read = {f"temperature.{name}": row for name, row in zip(model.nodes, readings, strict=True)}
-    resting = replace(whole, columns=idle).slice(5.0 * (STEPS - 300), 5.0 * STEPS)
+    resting = replace(whole, columns=still).slice(5.0 * begin, 5.0 * STEPS)
     resting = replace(resting, columns={**resting.columns, **read}, log_start=0.0)
-    assert log_evidence_of_starts(fit_of(resting, late)) > -0.7
+    assert -0.5 < log_evidence_of_starts(fit_of(resting, late)) < -0.1
 
 
 def run_begun_at(*above: float, extra: float = 0.0) -> Run:
