@@ -24,3 +24,8 @@ def test_which_bounds_are_natures(
     unit: str, bounds: tuple[float, float], off: float | None, ends: tuple[float, ...]
 ) -> None:
     assert Parameter("size", bounds[0], unit, bounds, off=off).ends_by_nature == ends
+
+
+def test_a_number_without_a_unit_has_nothing_behind_it() -> None:
+    assert Parameter("exponent", 1.5, "1", (1.1, 1.9)).unit_behind == ""
+    assert Parameter("resistance", 1.5, "K/W", (0.1, 5.0)).unit_behind == " K/W"

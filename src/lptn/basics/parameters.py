@@ -86,6 +86,11 @@ class Parameter:
                 )
 
     @property
+    def unit_behind(self) -> str:
+        """What stands behind a number in its unit: a space and the unit, nothing for a plain number."""
+        return "" if self.unit == "1" else f" {self.unit}"
+
+    @property
     def ends_by_nature(self) -> tuple[float, ...]:
         """Of its bounds those that nobody chose: where its effect vanishes, and all of a share."""
         lower, upper = self.bounds
@@ -134,7 +139,7 @@ class Setting:
         lower, upper = declared.bounds if self.bounds is None else self.bounds
         value = min(max(declared.value, lower), upper) if self.value is None else self.value
         if not lower <= value <= upper:
-            problem = f"{value:g} {declared.unit} with bounds {lower:g} to {upper:g}"
+            problem = f"{value:g}{declared.unit_behind} with bounds {lower:g} to {upper:g}"
             raise InputError(
                 "parameter", self.name, problem, "the lower bound, the value and the upper bound in this order"
             )

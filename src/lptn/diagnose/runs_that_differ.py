@@ -345,7 +345,7 @@ def _in_words(declaration: EffectDeclaration, amplitude: ParameterInstance, run:
         place=at,
         size=("at least " if most or least else "") + short_size(abs(size)),
         factor=("at least " if most else "at most " if least else "") + times,
-        amplitude=f"{size:.3g} {amplitude.declared.unit}",
+        amplitude=f"{size:.3g}{amplitude.declared.unit_behind}",
     )
     # A per cent or two more is no fan, and one less no cover.
     return _without_question(words) if amplitude.declared.unit == "1" and abs(size) < _NEARLY_ONE else words

@@ -178,7 +178,7 @@ def _single_parameters(
     warnings = []
     for row, name in enumerate(names):
         parameter = problem.model.parameters[problem.free[row]]
-        unit = "" if parameter.declared.unit == "1" else f" {parameter.declared.unit}"
+        unit = parameter.declared.unit_behind
         if parameter.declared.nuisance:
             continue
         if perhaps_none[row]:

@@ -401,12 +401,12 @@ class Reader:
             problem = f"a lower bound {lower:g} above the upper {upper:g}"
             raise InputError(self.path, f"{place}.bounds", problem, "[least, greatest]")
         if prior is not None:
-            self._check_prior(prior, bounds, declared.unit, f"{place}.prior")
+            self._check_prior(prior, bounds, declared.unit_behind, f"{place}.prior")
         for owner, value in values.items():
             slack = 0.0 if unit == declared.unit else ROUNDING * abs(value)
             if not lower - slack <= value <= upper + slack:
-                problem = f"{value:g} {declared.unit}" + (f" for {owner}" if owner else "")
-                expected = f"a value from {lower:g} to {upper:g} {declared.unit}"
+                problem = f"{value:g}{declared.unit_behind}" + (f" for {owner}" if owner else "")
+                expected = f"a value from {lower:g} to {upper:g}{declared.unit_behind}"
                 raise InputError(self.path, f"{place}.value", problem, expected)
             values[owner] = min(max(value, lower), upper)
         if isinstance(table.value, dict):
@@ -424,11 +424,11 @@ class Reader:
 
     def _check_prior(self, prior: tuple[float, float], bounds: tuple[float, float], unit: str, place: str) -> None:
         (mean, deviation), (lower, upper) = prior, bounds
-        expected = f"[mean, standard deviation], the mean from {lower:g} to {upper:g} {unit}, the deviation above 0"
+        expected = f"[mean, standard deviation], the mean from {lower:g} to {upper:g}{unit}, the deviation above 0"
         if not lower <= mean <= upper:
-            raise InputError(self.path, place, f"a mean of {mean:g} {unit}", expected)
+            raise InputError(self.path, place, f"a mean of {mean:g}{unit}", expected)
         if not deviation > 0:
-            raise InputError(self.path, place, f"a standard deviation of {deviation:g} {unit}", expected)
+            raise InputError(self.path, place, f"a standard deviation of {deviation:g}{unit}", expected)
 
     def _table(self, given: object, place: str) -> ParameterTable:
         """A bare number, or an effect's table that pydantic has not looked at yet."""

@@ -85,8 +85,7 @@ def size_in_words(step: Step, last: Fit) -> str:
                 continue
             error, value = last.standard_errors[name], values[name].value
             spread = f" ± {short_size(error)}" if np.isfinite(error) else ""
-            unit = "" if parameter.unit == "1" else f" {unit_text(parameter.unit)}"
-            text = f"{parameter.name.replace('_', ' ')} {short_size(value)}{spread}{unit}"
+            text = f"{parameter.name.replace('_', ' ')} {short_size(value)}{spread}{unit_text(parameter.unit_behind)}"
             if parameter.off is None and parameter.unit == "s":
                 times = text + _where_others_have(declaration, parameter, last)
             elif parameter.off is None and not declaration.effect.adds_up():  # of what is there or not: how it is
