@@ -1,0 +1,429 @@
+"""Robots driven hard for half an hour while their temperature sensors fail: how hot do they truly get, what is said?
+
+    python -m tests.hardening.living_sensors                     # all robots, faults and faces: some minutes
+    python -m tests.hardening.living_sensors --quick --robots knee leg
+
+Limit 60 degC for every node, 25 degC of air, a request far above what can be kept. The truth is a plain network with
+exact steps (`tests.hardening.plants`), once as the model says and once with every capacity, resistance and loss off by
+10 %, up or down at random (`--off` for other ways). Robots start cold, or switched on at 50 degC by work before. A
+fault is of one sensor that is drawn, or of all. Faces: `TorqueMPC`, `ControlLoop` with ticks of 0.1 s, and the emitted
+C, compiled apart.
+
+Printed for each fault and robot, over starts, plants and seeds: by how much the hottest node passed its limit, the same
+less the margin that the plan told then, in how many of the cases the controller said that something is wrong with a
+sensor and after what time of fault at the latest, and the torque: mean share of the request, over that of a controller
+that has the true model and true temperatures.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ctypes
+import itertools
+import json
+import subprocess
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any, Protocol, get_args
+
+import numpy as np
+
+from lptn.basics.arrays import FloatArray
+from lptn.basics.c_library import compiler
+from lptn.model.file import parse_model
+from lptn.model.model import Model
+from lptn.planners import ControlLoop, TorqueMPC
+from tests.hardening.plants import AIR, ROBOTS, Off, Plant, Robot
+
+LIMIT, PERIOD, STEPS = 60.0, 5.0, 360  # degC, s, periods
+NOISE, TICK, FAULT = 0.1, 0.1, 900.0  # K; s; s: when faults begin that don't begin at once
+STARTS = {"cold": AIR, "hot": 50.0}
+_CONDITIONS = np.array([AIR])
+_SENSOR_BITS = 2 | 128  # of the status: a reading missing or absurd; a sensor that is not alive
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What a fault has to work with: time [s], the true temperatures now, a minute ago and when the fault began, noise,
+    shape (nodes,) each."""
+
+    time: float
+    true: FloatArray
+    minute_ago: FloatArray
+    at_fault: FloatArray
+    noise: FloatArray
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A fault of sensors.
+
+    Args:
+        read: what they read, shape (nodes,).
+        begin: s.
+        resolution: steps that the controller is told of [K].
+    """
+
+    read: Callable[[Seen], FloatArray]
+    begin: float = 0.0
+    resolution: float = 0.0
+
+
+def _constant(value: float) -> Callable[[Seen], FloatArray]:
+    return lambda seen: np.full(seen.true.size, value)
+
+
+def _towards(end: float, seconds: float) -> Callable[[Seen], FloatArray]:
+    """A first-order way from what was read to something else."""
+    return lambda seen: end + (seen.at_fault - end) * np.exp(-(seen.time - FAULT) / seconds) + seen.noise
+
+
+def _half_loose(seen: Seen) -> FloatArray:
+    share = 0.6 * (1 - np.exp(-(seen.time - FAULT) / 100.0))
+    return np.asarray((1 - share) * seen.true + share * AIR + seen.noise)
+
+
+FAULTS: dict[str, Fault] = {
+    "healthy": Fault(lambda seen: seen.true + seen.noise),
+    "1 K steps": Fault(lambda seen: np.round(seen.true + seen.noise), resolution=1.0),
+    **{f"dead at {value:g} from the start": Fault(_constant(value)) for value in (-40.0, -1.0, 0.0, 25.0, 40.0)},
+    "missing from the start": Fault(_constant(np.nan)),
+    "dead at 25, later": Fault(_constant(25.0), FAULT),
+    "stands, later": Fault(lambda seen: seen.at_fault + 0.03, FAULT),
+    "stuck at 25 with dither": Fault(lambda seen: 25.0 + seen.noise),
+    "stuck with dither, later": Fault(lambda seen: seen.at_fault + seen.noise, FAULT),
+    "drifts by +0.02 K/s": Fault(lambda seen: seen.true + 0.02 * seen.time + seen.noise),
+    "drifts by -0.02 K/s": Fault(lambda seen: seen.true - 0.02 * seen.time + seen.noise),
+    "opens through 20 s": Fault(_towards(-50.0, 20.0), FAULT),
+    "opens through 100 s": Fault(_towards(-50.0, 100.0), FAULT),
+    "comes loose": Fault(_towards(AIR, 100.0), FAULT),
+    "comes loose by 60 %": Fault(_half_loose, FAULT),
+    "delayed by 60 s": Fault(lambda seen: seen.minute_ago + seen.noise),
+    "swapped": Fault(lambda seen: seen.true + seen.noise),  # `Sensors` exchanges them
+}
+HEALTHY = ("healthy", "1 K steps")
+QUICK = ("healthy", "dead at 25 from the start", "stuck at 25 with dither", "drifts by -0.02 K/s", "comes loose")
+
+
+class Sensors:
+    """The readings of a robot, some of them spoilt, asked in order of time.
+
+    Args:
+        robot: whose.
+        fault: its name.
+        faulty: nodes; of a swap the first of each pair.
+        seed: of the noise.
+    """
+
+    def __init__(self, robot: Robot, fault: str, faulty: tuple[int, ...], seed: int) -> None:
+        self._measured, self._kind, self._fault, self._faulty = list(robot.measured), fault, FAULTS[fault], list(faulty)
+        self._random = np.random.default_rng([seed, 7])
+        self._past: list[FloatArray] = []
+        self._at_fault: FloatArray | None = None
+
+    def read(self, time: float, true: FloatArray) -> FloatArray:
+        """Readings a control period apart [degC], NaN where there is no sensor, shape (nodes,)."""
+        self._past.append(true)
+        noise = NOISE * self._random.standard_normal(true.size)
+        readings = np.full(true.size, np.nan)
+        readings[self._measured] = (true + noise)[self._measured]
+        if time < self._fault.begin:
+            return readings
+        if self._at_fault is None:
+            self._at_fault = true
+        ago = self._past[max(0, len(self._past) - 1 - round(60 / PERIOD))]
+        spoilt = self._fault.read(Seen(time, true, ago, self._at_fault, noise))
+        if self._kind == "swapped":
+            spoilt = readings.copy()
+            for one in self._faulty:
+                other = self._measured[(self._measured.index(one) + 1) % len(self._measured)]
+                spoilt[[one, other]] = readings[[other, one]]
+        for node in self._faulty:
+            readings[node] = spoilt[node]
+        if self._kind == "swapped":
+            return spoilt
+        return readings
+
+
+def sensors_at_fault(robot: Robot, fault: str, which: str, seed: int) -> tuple[int, ...]:
+    """Nodes whose sensors are spoilt: one of those with a winding, or all; of a swap every second one."""
+    driven = [node for node in robot.measured if node in robot.driven]
+    if which == "one":
+        return (driven[int(np.random.default_rng([seed, 3]).integers(len(driven)))],)
+    return tuple(robot.measured[: len(robot.measured) // 2 * 2 : 2]) if fault == "swapped" else robot.measured
+
+
+# --- Faces: each asked with readings, each answers with currents, margins and what it says ---------
+
+
+@dataclass
+class Answer:
+    """Currents [A] of the driven nodes, margin of the limited ones [K], whether a sensor is said not to be believed."""
+
+    currents: FloatArray
+    margin: FloatArray
+    said: bool
+
+
+class Face(Protocol):
+    """A controller in one of its faces."""
+
+    def step(self, readings: FloatArray, plant: Plant) -> Answer:
+        """One control period, in which the plant is moved on."""
+
+
+def model_of(robot: Robot) -> Model:
+    """The model that a controller is told."""
+    return Model(parse_model(robot.toml(), Path(f"{robot.name}.toml")).network)
+
+
+@cache
+def controller(name: str, resolution: float) -> TorqueMPC:
+    """The controller of a robot, made once."""
+    robot = ROBOTS[name]()
+    return TorqueMPC(model_of(robot), {"*": LIMIT}, request="current", current_limits=1.5 * robot.asked, period=PERIOD,
+                     noise=NOISE, resolution=resolution)  # fmt: skip
+
+
+def _order(robot: Robot, names: tuple[str, ...]) -> list[int]:
+    return [names.index(robot.nodes[node]) for node in robot.driven]
+
+
+class InPython:
+    """`TorqueMPC.step`."""
+
+    def __init__(self, robot: Robot, mpc: TorqueMPC) -> None:
+        self._mpc, self._asked, self._order = mpc, np.full(len(mpc.joints), robot.asked), _order(robot, mpc.joints)
+        mpc.reset()
+
+    def step(self, readings: FloatArray, plant: Plant) -> Answer:
+        """One control period."""
+        plan = self._mpc.step(dict(zip(self._mpc.model.nodes, readings, strict=True)), self._asked, _CONDITIONS)
+        currents = np.asarray(plan.admitted)[self._order]
+        plant.step(currents)
+        return Answer(currents, np.asarray(plan.margin), bool(plan.untrusted) or bool(plan.status & _SENSOR_BITS))
+
+
+class InALoop:
+    """`ControlLoop.update` at each tick."""
+
+    def __init__(self, robot: Robot, mpc: TorqueMPC) -> None:
+        mpc.reset()
+        self._loop, self._order = ControlLoop(mpc, TICK), _order(robot, mpc.joints)
+        self._asked, self._conditions = np.full(len(mpc.joints), robot.asked), _CONDITIONS
+
+    def step(self, readings: FloatArray, plant: Plant) -> Answer:
+        """As many ticks as a control period has."""
+        total = np.zeros(len(self._order))
+        for _ in range(round(PERIOD / TICK)):
+            scale = self._loop.update(self._asked, readings, self._conditions)
+            currents = (scale * self._asked)[self._order]
+            plant.step(currents)
+            total += currents
+        plan = self._loop.plan
+        if plan is None:
+            raise RuntimeError("the loop has no plan after a control period")
+        said = bool(plan.untrusted) or bool(plan.status & _SENSOR_BITS)
+        return Answer(total / round(PERIOD / TICK), np.asarray(plan.margin), said)
+
+
+_GLUE = """\
+#include <string.h>
+#include "lptn_mpc.h"
+#include "settings.h"
+static lptn_mpc_state state;
+static lptn_mpc_work work;
+static lptn_mpc_result result;
+void forget(void) { memset(&state, 0, sizeof state); }
+int step(const double *measured, const double *asked, const double *air, double *admitted, double *margin) {
+    static double request[LPTN_N * LPTN_NU], conditions[LPTN_N * LPTN_ND + 1];
+    for (int k = 0; k < LPTN_N; k++) {
+        memcpy(request + k * LPTN_NU, asked, LPTN_NU * sizeof *asked);
+        memcpy(conditions + k * LPTN_ND, air, LPTN_ND * sizeof *air);
+    }
+    lptn_mpc_step(&lptn_mpc_default, &state, &work, measured, request, conditions, 0, &result);
+    memcpy(admitted, result.admitted, sizeof result.admitted);
+    memcpy(margin, result.margin, sizeof result.margin);
+    return result.status;
+}
+"""
+
+
+@cache
+def emitted(name: str, resolution: float) -> Any:
+    """The emitted C of a robot's controller as a library of its own."""
+    mpc = controller(name, resolution)
+    with tempfile.TemporaryDirectory() as folder:
+        nodes, joints = len(mpc.model.states), len(mpc.joints)
+        mpc.emit(folder, np.full(nodes, AIR), np.zeros((1, joints)), _CONDITIONS[None])
+        (Path(folder) / "glue.c").write_text(_GLUE)
+        words = [*(compiler() or ()), "-std=c99", "-O2", "-ftree-vectorize", "-ffp-contract=off", "-shared", "-fPIC"]
+        subprocess.run([*words, "glue.c", "lptn_mpc.c", "-lm", "-o", "glue.so"], cwd=folder, check=True)
+        return ctypes.CDLL(str(Path(folder) / "glue.so"))
+
+
+class InC:
+    """What `TorqueMPC.emit` writes."""
+
+    def __init__(self, robot: Robot, mpc: TorqueMPC) -> None:
+        self._library, self._order = emitted(robot.name, mpc.settings.resolution), _order(robot, mpc.joints)
+        self._library.forget()
+        self._asked = np.full(len(mpc.joints), robot.asked)
+        self._admitted, self._margin = np.empty(len(mpc.joints)), np.empty(len(mpc.settings.limits))
+
+    def step(self, readings: FloatArray, plant: Plant) -> Answer:
+        """One control period."""
+        readings = np.ascontiguousarray(readings)
+        arrays = (readings, self._asked, _CONDITIONS, self._admitted, self._margin)
+        status = self._library.step(*(ctypes.c_void_p(array.ctypes.data) for array in arrays))
+        currents = self._admitted[self._order]
+        plant.step(currents)
+        return Answer(currents, self._margin.copy(), bool(status & _SENSOR_BITS))
+
+
+FACES: dict[str, Callable[[Robot, TorqueMPC], Face]] = {"python": InPython, "loop": InALoop, "c": InC}
+
+
+# --- Cases ----------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Case:
+    """One half hour."""
+
+    robot: str
+    face: str
+    fault: str
+    which: str
+    start: str
+    off: Off
+    seed: int
+
+
+@dataclass(frozen=True)
+class Result:
+    """What came of it.
+
+    Args:
+        above: K by which the hottest node passed its limit.
+        beyond: the same less the margin that was told then.
+        said: s from the fault's begin until a sensor was said not to be believed; None for never.
+        share: of the steps of fault in which it was said.
+        torque: mean current over that of the request.
+        ideal: the same of a controller that knows all.
+    """
+
+    above: float
+    beyond: float
+    said: float | None
+    share: float
+    torque: float
+    ideal: float
+
+
+def plant_of(robot: Robot, off: Off, seed: int) -> Robot:
+    """The robot as it is."""
+    return robot.off_by(0.1, off, np.random.default_rng([seed, 5]))
+
+
+def run(case: Case) -> Result:
+    """Half an hour."""
+    robot, fault = ROBOTS[case.robot](), FAULTS[case.fault]
+    mpc = controller(case.robot, fault.resolution)
+    face = FACES[case.face](robot, mpc)
+    plant = Plant(plant_of(robot, case.off, case.seed), STARTS[case.start], TICK if case.face == "loop" else PERIOD)
+    sensors = Sensors(robot, case.fault, sensors_at_fault(robot, case.fault, case.which, case.seed), case.seed)
+    above, beyond, said, spoken, given = -np.inf, -np.inf, None, 0, 0.0
+    limited = [robot.nodes.index(node) for node in mpc.settings.limits]
+    for k in range(STEPS):
+        answer = face.step(sensors.read(k * PERIOD, plant.temperature), plant)
+        over = plant.temperature[limited] - LIMIT
+        above, beyond = max(above, float(over.max())), max(beyond, float((over - answer.margin).max()))
+        given += float(answer.currents.mean())
+        if answer.said and k * PERIOD >= fault.begin:
+            spoken += 1
+            said = k * PERIOD - fault.begin if said is None else said
+    steps = STEPS - round(fault.begin / PERIOD)
+    return Result(above, beyond, said, spoken / steps, given / STEPS / robot.asked,
+                  ideal(case.robot, case.start, case.off, case.seed))  # fmt: skip
+
+
+@cache
+def ideal(name: str, start: str, off: Off, seed: int) -> float:
+    """Mean share of the request that a controller gives which has the true model and true temperatures."""
+    true = plant_of(ROBOTS[name](), off, seed)
+    mpc = TorqueMPC(model_of(true), {"*": LIMIT}, request="current", current_limits=1.5 * true.asked, period=PERIOD,
+                    level=0.5, noise=0.0, model_error=0.0)  # fmt: skip
+    face, plant = InPython(true, mpc), Plant(true, STARTS[start], PERIOD)
+    return float(np.mean([face.step(plant.temperature, plant).currents.mean() for _ in range(STEPS)])) / true.asked
+
+
+def cases(chosen: argparse.Namespace) -> Iterator[Case]:
+    """Of all that was asked for, those that are different."""
+    for robot, face, fault in itertools.product(chosen.robots, chosen.faces, chosen.faults):
+        alone = len(ROBOTS[robot]().measured) == 1
+        if alone and fault == "swapped":
+            continue
+        for which, start, off, seed in itertools.product(("one", "all"), STARTS, chosen.off, chosen.seeds):
+            if which == "one" and (fault in HEALTHY or alone):
+                continue
+            if (face != "python" or chosen.quick) and (start == "hot" or off == "exact"):
+                continue
+            if off == "exact" and seed != chosen.seeds[0]:
+                continue
+            yield Case(robot, face, fault, which, start, off, seed)
+
+
+def table(results: dict[Case, Result]) -> str:
+    """A line for each robot and fault, the worst of all faces; then one for each face."""
+    heads = ("robot", "fault", "sensors", "cases", "above the limit, K", "less the margin, K", "said", "after, s",
+             "of the time", "torque")  # fmt: skip
+    lines = [f"| {' | '.join(heads)} |", "|" + " --- |" * len(heads)]
+    for key in dict.fromkeys((case.robot, case.fault, case.which) for case in results):
+        some = [result for case, result in results.items() if (case.robot, case.fault, case.which) == key]
+        robot, fault, which = key
+        said = [result.said for result in some if result.said is not None]
+        latest = f"{max(said):.0f}" if said else "–"
+        share = np.mean([result.share for result in some])
+        torque = np.mean([result.torque / result.ideal for result in some])
+        lines.append(f"| {robot} | {fault} | {'–' if fault in HEALTHY else which} | {len(some)} | "
+                     f"{max(r.above for r in some):+.2f} | {max(r.beyond for r in some):+.2f} | {len(said)} | "
+                     f"{latest} | {share:.0%} | {torque:.1%} |")  # fmt: skip
+    lines.append("")
+    for face in dict.fromkeys(case.face for case in results):
+        of_face = {case: result for case, result in results.items() if case.face == face}
+        worst = max(of_face, key=lambda case: of_face[case].beyond)
+        over = sum(result.beyond > 0.5 for result in of_face.values())
+        lines.append(f"{face}: {over} of {len(of_face)} cases pass limit and margin by more than 0.5 K, at worst by "
+                     f"{of_face[worst].beyond:.1f} K: {worst}")  # fmt: skip
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--robots", nargs="+", choices=list(ROBOTS), default=list(ROBOTS))
+    parser.add_argument("--faces", nargs="+", choices=list(FACES), default=list(FACES))
+    parser.add_argument("--faults", nargs="+", choices=list(FAULTS))
+    parser.add_argument("--off", nargs="+", choices=get_args(Off), default=["exact", "signs"])
+    parser.add_argument("--seeds", type=int, nargs="+", default=[1, 2])
+    parser.add_argument("--quick", action="store_true", help="the worst faults, cold plants that are off, a minute")
+    parser.add_argument("--json", type=Path, metavar="F", help="each case")
+    chosen = parser.parse_args()
+    chosen.faults = chosen.faults or list(QUICK if chosen.quick else FAULTS)
+    before, results = time.time(), {}
+    for case in cases(chosen):
+        results[case] = run(case)
+    print(table(results))
+    print(f"\n{len(results)} cases in {time.time() - before:.0f} s.")
+    if chosen.json is not None:
+        listed = [{**asdict(case), **asdict(result)} for case, result in results.items()]
+        chosen.json.write_text(json.dumps(listed, indent=1), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

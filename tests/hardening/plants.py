@@ -1,0 +1,161 @@
+"""Robots as plain thermal networks with exact steps: truth for trials of controllers, of other code than any model.
+
+A robot is nodes with a heat capacity, links, links to the air, and copper losses of some nodes. What a controller is
+told of it is a model file at these values; the truth is the same network with every value off.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from scipy.linalg import expm
+
+from lptn.basics.arrays import FloatArray
+
+AIR = 25.0  # degC
+Off = Literal["exact", "signs", "uniform", "normal"]
+"""How every capacity, resistance and loss of a plant differs from the model: not at all, each by the whole share up or
+down at random, evenly within it, or normally with it as standard deviation (at most 2.5 of them)."""
+
+
+@dataclass(frozen=True)
+class Robot:
+    """A network.
+
+    Args:
+        name: of the robot.
+        nodes: names.
+        capacity: J/K, shape (nodes,).
+        to_air: conductance [W/K], shape (nodes,), 0 for none.
+        links: rows of two nodes, and the resistance between them [K/W].
+        loss: electrical resistance of a node's winding [ohm], shape (nodes,), 0 for none.
+        measured: nodes with a sensor.
+        asked: current that each node with a winding is asked for [A].
+    """
+
+    name: str
+    nodes: tuple[str, ...]
+    capacity: FloatArray
+    to_air: FloatArray
+    links: tuple[tuple[int, int, float], ...]
+    loss: FloatArray
+    measured: tuple[int, ...]
+    asked: float
+
+    @property
+    def driven(self) -> tuple[int, ...]:
+        """Nodes with a winding."""
+        return tuple(np.flatnonzero(self.loss).tolist())
+
+    def off_by(self, share: float, how: Off, random: np.random.Generator) -> Robot:
+        """The same robot with every value off."""
+
+        def factors(count: int) -> FloatArray:
+            if how == "exact":
+                return np.ones(count)
+            if how == "signs":
+                return np.asarray(1 + share * random.choice([-1.0, 1.0], count))
+            if how == "uniform":
+                return np.asarray(1 + share * random.uniform(-1, 1, count))
+            return np.asarray(1 + share * np.clip(random.standard_normal(count), -2.5, 2.5))
+
+        count, off = len(self.nodes), factors(len(self.links))
+        links = tuple((i, j, r * float(by)) for (i, j, r), by in zip(self.links, off, strict=True))
+        return replace(self, capacity=self.capacity * factors(count), to_air=self.to_air / factors(count),
+                       links=links, loss=self.loss * factors(count))  # fmt: skip
+
+    def toml(self) -> str:
+        """The model file at these values."""
+        tables = [f'[model]\nname = "{self.name}"\njoints = [{_quoted(self.nodes[i] for i in self.driven)}]\n'
+                  'ambient = "temperature.ambient"']  # fmt: skip
+        tables += [
+            f"[nodes.{node}]\ncapacity = {c!r}" for node, c in zip(self.nodes, self.capacity.tolist(), strict=True)
+        ]
+        ends = [(self.nodes[i], self.nodes[j], r) for i, j, r in self.links]
+        ends += [(self.nodes[i], "ambient", 1 / float(self.to_air[i])) for i in np.flatnonzero(self.to_air)]
+        tables += [f"[[links]]\nbetween = [{_quoted(pair)}]\nresistance = {r!r}" for *pair, r in ends]
+        tables += [f'[[effects]]\nkind = "copper_loss"\nat = "{self.nodes[i]}"\ninput = "current"\n'
+                   f"resistance = {float(self.loss[i])!r}" for i in self.driven]  # fmt: skip
+        return "\n".join([*tables, ""])
+
+
+def _quoted(names: object) -> str:
+    return ", ".join(f'"{name}"' for name in names)  # type: ignore[attr-defined]
+
+
+class Plant:
+    """A robot that warms, in exact steps with the currents held.
+
+    Args:
+        robot: at its true values.
+        start: degC of all nodes.
+        step: s.
+    """
+
+    def __init__(self, robot: Robot, start: float, step: float) -> None:
+        count = len(robot.nodes)
+        conduction = np.diag(robot.to_air)
+        for i, j, r in robot.links:
+            conduction[np.ix_([i, j], [i, j])] += np.array([[1.0, -1.0], [-1.0, 1.0]]) / r
+        whole = np.zeros((2 * count, 2 * count))
+        whole[:count, :count] = -conduction / robot.capacity[:, None]
+        whole[:count, count:] = np.diag(1 / robot.capacity)
+        hold = expm(whole * step)
+        self._keep, self._gain = hold[:count, :count].copy(), hold[:count, count:].copy()
+        self._driven, self._loss = list(robot.driven), robot.loss[list(robot.driven)]
+        self._above, self._heat = np.full(count, start - AIR), np.zeros(count)
+
+    @property
+    def temperature(self) -> FloatArray:
+        """Of each node [degC]."""
+        return np.asarray(self._above + AIR)
+
+    def step(self, currents: FloatArray) -> None:
+        """Hold the currents of the driven nodes [A] for a step."""
+        self._heat[self._driven] = self._loss * currents**2
+        self._above = self._keep @ self._above + self._gain @ self._heat
+
+
+# --- Robots ---------------------------------------------------------------------------------------
+
+
+def knee() -> Robot:
+    """One mass."""
+    return Robot("knee", ("knee",), np.array([300.0]), np.array([0.2]), (), np.array([0.2]), (0,), 20.0)
+
+
+def motor() -> Robot:
+    """A winding in its housing, both read."""
+    return Robot("motor", ("motor", "motor_case"), np.array([30.0, 200.0]), np.array([0.0, 1 / 1.2]),
+                 ((0, 1, 1.2),), np.array([0.15, 0.0]), (0, 1), 25.0)  # fmt: skip
+
+
+def leg() -> Robot:
+    """Three joints on end."""
+    names = ("FR_hip", "FR_thigh", "FR_calf")
+    return Robot("leg", names, np.array([300.0, 350.0, 250.0]), np.full(3, 0.1), ((0, 1, 3.0), (1, 2, 2.0)),
+                 np.full(3, 0.15), (0, 1, 2), 20.0)  # fmt: skip
+
+
+def quadruped() -> Robot:
+    """Four legs whose hips are bolted to a trunk that nothing heats, and that is read."""
+    one, names, links = leg(), [], []
+    for number, name in enumerate(("FR", "FL", "RR", "RL")):
+        names += [f"{name}_{joint}" for joint in ("hip", "thigh", "calf")]
+        links += [(3 * number + i, 3 * number + j, r) for i, j, r in one.links] + [(3 * number, 12, 4.0)]
+    return Robot("quadruped", (*names, "trunk"), np.append(np.tile(one.capacity, 4), 3000.0),
+                 np.append(np.tile(one.to_air, 4), 0.5), tuple(links), np.append(np.tile(one.loss, 4), 0.0),
+                 tuple(range(13)), 20.0)  # fmt: skip
+
+
+def windings() -> Robot:
+    """A leg of which each joint is a winding in its housing; only the housings are read."""
+    names = ("hip", "thigh", "calf")
+    links = [(k, 3 + k, 1.2) for k in range(3)] + [(3, 4, 3.0), (4, 5, 2.0)]
+    return Robot("windings", (*names, *(f"{name}_case" for name in names)), np.repeat([30.0, 200.0], 3),
+                 np.repeat([0.0, 1 / 2.0], 3), tuple(links), np.repeat([0.15, 0.0], 3), (3, 4, 5), 25.0)  # fmt: skip
+
+
+ROBOTS = {make.__name__: make for make in (knee, motor, leg, quadruped)}
