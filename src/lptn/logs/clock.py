@@ -1,19 +1,22 @@
 """What is wrong with a log's time: refused where no run can be made of it, else spread over its rows, or an issue.
 
-`check_time` refuses time that is missing or runs backwards. `within_stamps` tells rows apart that share a stamp.
+`check_time` refuses time that is missing or runs backwards; where it does so by a few rows, `in_order` sorts them.
+`within_stamps` tells rows apart that share a stamp.
 `suspect_unit_of_time` looks for times that are in another unit than seconds.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
+from typing import NoReturn
 
 import numpy as np
 import numpy.typing as npt
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
-from lptn.logs.columns import ColumnName, ColumnSource, as_line_or_option
+from lptn.logs.columns import ColumnName, ColumnSource, as_line_or_option, to_si
 from lptn.logs.issue import Issue, in_unit
 from lptn.logs.tables import Table
 
@@ -24,12 +27,31 @@ _LONGEST_PERIOD = _DAY  # nothing thermal is logged once a day
 _LATEST = 1e20  # s, or in whatever unit was meant: times since 1970 in ns are below 2e18
 
 
-def check_time(table: Table, name: str, time: FloatArray) -> tuple[npt.NDArray[np.intp], tuple[str, ...]]:
+_FEW = 5.0  # usual steps, by which a row may lie before one above it: loggers of several threads write so
+
+
+def in_order(time: FloatArray) -> npt.NDArray[np.intp] | None:
+    """The order in which times run forwards, (n,); `None` where they do, or go back by more than a few steps.
+
+    Args:
+        time: (n,) in any unit.
+    """
+    steps = np.diff(time) if np.isfinite(time).all() else np.zeros(1)  # which `check_time` refuses
+    if not (steps < 0).any():
+        return None
+    ahead = np.maximum.accumulate(time) - time
+    return np.argsort(time, kind="stable") if ahead.max() <= _FEW * np.median(np.abs(steps)) else None
+
+
+def check_time(
+    table: Table, key: str, source: ColumnSource, time: FloatArray
+) -> tuple[npt.NDArray[np.intp], tuple[str, ...]]:
     """The rows to keep, (m,), and notes: of rows with the same time stamp the first is kept.
 
     Args:
         table: the log, for the line numbers.
-        name: the time column's name in the file.
+        key: `time`, or what else the column is mapped as.
+        source: where the time stands.
         time: (n,) s.
 
     Raises:
@@ -39,28 +61,55 @@ def check_time(table: Table, name: str, time: FloatArray) -> tuple[npt.NDArray[n
     usable = np.abs(time) < _LATEST
     if not usable.all():
         row = int(np.argmin(usable))
-        table.refuse(row, name, f"{'no time' if np.isnan(time[row]) else time[row]}", "a time in every row")
+        problem = "no time" if np.isnan(time[row]) else f"{time[row]}"
+        table.refuse(row, source.columns[0], problem, "a time in every row")
     steps = np.diff(time)
     if (steps < 0).any():
-        row = int((steps < 0).argmax()) + 1
-        expected = "time that runs forwards"
-        if 0.9 * _DAY < time[row - 1] < _DAY and 0 <= time[row] < 0.1 * _DAY:
-            midnight = as_line_or_option("time", ColumnSource((name,), wrap=_DAY))
-            expected += f"; for a clock of the day that passes midnight write {midnight}"
-        elif abs(time[row]) <= 0.1 * abs(time[row - 1]):  # the clock starts again from about 0
-            expected += "; a counter that overflows is written as wrap = 65536, or whatever it counts to, in its entry"
-            expected += " of [columns]"
-        table.refuse(row, name, f"{time[row]:.12g} s after {time[row - 1]:.12g} s", expected)
+        _refuse_backwards(table, key, source, time, int((steps < 0).argmax()) + 1)
     keep = np.flatnonzero(np.concatenate(([True], steps > 0)))
     _require_rows(table, time.size, keep.size)
     period = float(np.median(np.diff(time[keep])))
     if period > _LONGEST_PERIOD:
-        line = as_line_or_option("time", ColumnSource((name,), _unit_of_rows(period)))
+        line = as_line_or_option(key, replace(source, unit=_unit_of_rows(period)))
         problem = f"{period:.3g} s from row to row, which looks like {_unit_of_rows(period)}"
-        raise InputError(table.path, f"column '{name}'", problem, f"seconds; for another unit write, say, {line}")
+        raise InputError(
+            table.path, f"column '{source.columns[0]}'", problem, f"seconds; for another unit write, say, {line}"
+        )
     dropped = time.size - keep.size
     note = f"time: {dropped} of {time.size} rows repeat a time stamp; the first of each is kept."
     return keep, (note,) if dropped else ()
+
+
+_SUMMER_TIME = 3600.0  # s
+
+
+def _refuse_backwards(table: Table, key: str, source: ColumnSource, time: FloatArray, row: int) -> NoReturn:
+    """Refuse a clock that goes back in a row, with both times as they are written, and what would mend it."""
+    name, before, now = source.columns[0], float(time[row - 1]), float(time[row])
+    found, expected = f"{now:.12g} s after {before:.12g} s", "time that runs forwards"
+    seconds = float(to_si(np.array([source.scale]), "time", source.unit)[0])  # of one in the file
+    cells = table.read([name])[name].iloc[[row - 1, row]].astype("str").tolist()
+    as_text = len(table.numbers([name])[name]) == time.size and not all(map(_is_number, cells))
+    if as_text:
+        found = f"{cells[1]} after {cells[0]}"
+    if as_text and 0 <= now - (before - _SUMMER_TIME) <= _FEW * float(np.median(np.abs(np.diff(time)))):
+        expected += "; this is the hour that clocks repeat where summer time ends: write UTC, or each time with its"
+        expected += " offset (+02:00)"
+    elif 0.9 * _DAY < before < _DAY and 0 <= now < 0.1 * _DAY:
+        midnight = as_line_or_option(key, replace(source, wrap=float(f"{_DAY / seconds:.12g}")))
+        expected += f"; for a clock of the day that passes midnight write {midnight}"
+    elif abs(now) <= 0.1 * abs(before):  # the clock starts again from about 0
+        expected += "; a counter that overflows is written as wrap = 65536, or whatever it counts to, in its entry"
+        expected += " of [columns]"
+    table.refuse(row, name, found, expected)
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
 
 
 def _require_rows(table: Table, rows: int, different: int) -> None:

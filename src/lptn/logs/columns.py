@@ -506,6 +506,12 @@ def is_unit(cell: str) -> bool:
     return words in _OTHER_UNITS or any(words in endings for endings in _UNITS.values())
 
 
+def could_be_in(key: str, unit: str) -> bool:
+    """Whether a quantity could be in what a file calls its unit; of a quantity with any unit nobody knows."""
+    quantity = key.partition(".")[0]
+    return quantity not in _UNITS or bool(ColumnName.of("", unit).unit(quantity))
+
+
 def words_of(name: str) -> tuple[str, ...]:
     """The words of a name, in lower case, letters and digits apart: `FR_calfTemp2` is fr, calf, temp, 2."""
     return tuple(word.lower() for word in _WORD.findall(name))

@@ -1,21 +1,24 @@
-"""Tables written as text: CSV and its kin, opened as a log. Comma, semicolon or tab separate, quoted or not."""
+"""Tables written as text: CSV and its kin, opened as a log. Comma, semicolon, tab or blanks separate, quoted or not."""
 
 from __future__ import annotations
 
 import codecs
 import csv
 import gzip
+import io
 import os
 import re
 import zlib
+from collections import deque
 from collections.abc import Iterator, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import partial
-from itertools import islice
+from itertools import islice, takewhile
 from pathlib import Path
+from typing import Any, BinaryIO
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 import pyarrow as pa
 import pyarrow.csv as pa_csv
@@ -23,7 +26,7 @@ import pyarrow.csv as pa_csv
 from lptn.basics.errors import InputError
 from lptn.basics.files import fingerprint
 from lptn.logs import tables
-from lptn.logs.layout import LOOKED_AT, Layout, find_layout, is_value
+from lptn.logs.layout import LOOKED_AT, Layout, RowsBelow, find_layout, is_value, names_of
 from lptn.logs.tables import Table, broken, too_large
 
 ENDINGS = (".csv", ".tsv", ".txt", ".csv.gz", ".tsv.gz", ".txt.gz")
@@ -31,7 +34,10 @@ ENDINGS = (".csv", ".tsv", ".txt", ".csv.gz", ".tsv.gz", ".txt.gz")
 _ENCODING = "utf-8"
 _LONGEST_LINE = 1 << 24  # characters, of 100,000 columns with long names; binary files may have no line end at all
 _HEAD, _FEWEST_LINES = 1 << 19, 4  # characters that are looked at for the layout, and lines that are in any case
-_SEPARATORS = ",;\t"
+_SEPARATORS, _BLANK = ",;\t", " "
+_MOST_COLUMNS = 100_000  # what other libraries need for one more grows with all of them
+_MOST_SHOWN = 6  # names of columns in a note
+_BEGINS_A_NUMBER = frozenset("+-.0123456789")
 _DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+([eE][-+]?\d+)?")
 _BLOCK, _LINES_IN_A_BLOCK = 1 << 22, 8  # bytes that are parsed at once, and lines at least
 _CELLS_IN_A_CHUNK = 4_000_000  # the same where any row is admitted
@@ -41,7 +47,7 @@ def open_csv(path: Path) -> Table:
     """Open a table of text, perhaps compressed, and find its column names.
 
     Raises:
-        InputError: it can't be read, or has no line of names.
+        InputError: it can't be read, or begins no table.
     """
     encoding, head = _begin(path)
     text = _Text.of(path, encoding, head)
@@ -49,10 +55,13 @@ def open_csv(path: Path) -> Table:
     notes = ["the file ends within a line, which is left out: its last number may be cut."] if cut else []
     if encoding != _ENCODING:
         notes.append(f"log: its text is read as {encoding}, for it is not in UTF-8.")
-    if text.layout.header:
-        notes.append(f"log: its table begins on line {text.header_line}; what stands above is left out.")
-
+    if not text.layout.named:
+        notes.append(f"log: there are no names above line {text.first_line}; {text.said_of_names}.")
+    elif text.layout.header:
+        line = text.lines[text.layout.header]
+        notes.append(f"log: its table begins on line {line}; what stands above is left out.")
     place = {name: number for number, name in reversed(list(enumerate(text.names)))}
+    lines: list[int] = []
 
     def read(wanted: Sequence[str]) -> pd.DataFrame:
         positions = [place[name] for name in wanted]
@@ -60,19 +69,15 @@ def open_csv(path: Path) -> Table:
         if frame is not None:
             frame = frame.iloc[: len(frame) - cut]
         else:
-            frame, left_out[:] = text.read_any(positions, cut)
-            note = f"log: {len(left_out)} lines below its names hold words and no number; left out."
-            if left_out and note not in notes:
-                notes.append(note)
-        return frame.set_axis(list(wanted), axis="columns")
-
-    left_out: list[int] = []
+            frame, lines[:], said = text.read_any(positions, cut)
+            notes.extend(note for note in said if note not in notes)
+        return text.with_points(frame).set_axis(list(wanted), axis="columns")
 
     def where(row: int) -> str:
-        for earlier in left_out:
-            row += earlier <= row
+        if lines:
+            return f"line {lines[row]}"
         line, _ = next(islice(_lines(path, encoding), text.layout.first + row, None), (0, ""))
-        return f"line {line}" if line else f"row {row + 1}"  # of a file that pandas cuts into lines another way
+        return f"line {line}" if line else f"row {row + 1}"  # of a file that pyarrow cuts into lines another way
 
     units = dict(zip(text.names, text.layout.units, strict=False))
     return Table(path, text.names, read, where, units=units, notes=notes, digest=partial(fingerprint, path))
@@ -85,12 +90,13 @@ class _Text:
     Args:
         path: the file.
         encoding: of its characters.
-        separator: of its cells.
+        separator: of its cells; a blank stands for any number of them, and of tabs.
         decimal: the sign in its numbers.
         layout: where the table begins, among lines that are neither blank nor comments.
         lines: the numbers of those lines in the file, from 1.
         names: of its columns.
         first: cells of the first row.
+        said_of_names: where names come from that no line of their own has.
     """
 
     path: Path
@@ -101,11 +107,12 @@ class _Text:
     lines: tuple[int, ...]
     names: tuple[str, ...]
     first: tuple[str, ...]
+    said_of_names: str = ""
 
     @property
-    def header_line(self) -> int:
-        """The number of the line of names."""
-        return self.lines[self.layout.header]
+    def first_line(self) -> int:
+        """The number of the first row's line; of the one below the names where none was found."""
+        return (*self.lines, self.lines[-1] + 1)[self.layout.first]
 
     @classmethod
     def of(cls, path: Path, encoding: str, head: Sequence[tuple[int, str]]) -> _Text:
@@ -114,61 +121,73 @@ class _Text:
         Raises:
             InputError: they don't begin a table.
         """
-        texts = [text for _, text in head]
-        tried = {separator: [_cells(text, separator) for text in texts] for separator in _SEPARATORS}
-        layouts = {separator: find_layout(rows) for separator, rows in tried.items()}
+        lines, texts = tuple(number for number, _ in head), [text for _, text in head]
 
-        def rank(separator: str) -> tuple[int, int]:
-            return layouts[separator].rows, len(tried[separator][layouts[separator].header])
+        def tried(separator: str) -> tuple[int, int, Layout, list[list[str]], str]:
+            rows = [_cells(text, separator) for text in texts]
+            layout = find_layout(rows)
+            return layout.rows, len(rows[max(layout.header, 0)]), layout, rows, separator
 
-        separator = max(tried, key=rank)
-        rows, layout = tried[separator], layouts[separator]
-        names = tuple(name.strip() for name in rows[layout.header])
-        if layout.rows == 0 and names and all(map(_is_number, names)):
-            raise InputError(path, "header", f"numbers ({', '.join(names[:3])})", "a line of column names")
+        best = max(map(tried, _SEPARATORS), key=lambda one: one[:2])
+        if best[0] == 0 or best[1] == 1:  # blanks stand in names and dates, too
+            best = max(best, tried(_BLANK), key=lambda one: one[:2])
+        _, width, layout, rows, separator = best
+        if width > _MOST_COLUMNS:
+            raise InputError(path, "header", f"{width} columns", f"at most {_MOST_COLUMNS}; cut the log into files")
         first = rows[layout.first] if layout.first < len(rows) else []
+        said, above = "", rows[max(layout.header, 0)]
+        names = names_of(above)
+        if not layout.named and len(rows) > layout.first:
+            names = names_of([""] * len(first))
+            said = f"its columns are called {', '.join(names[:_MOST_SHOWN])}{' …' * (len(names) > _MOST_SHOWN)}"
+            comment = _cells(_comment_above(path, encoding, lines[layout.first]), separator)
+            if len(comment) == len(names) and not all(map(is_value, comment)):
+                names, said = names_of(comment), "those of the comment above are taken"
+            elif layout.header >= 0 and separator != _BLANK and len(list(filter(None, above))) > 1:
+                raise _other_count(path, len(first), len(above))
+        if layout.rows == 0 and all(map(_is_number, names)):
+            raise InputError(path, "header", f"numbers ({', '.join(names[:3])})", "a line of column names, and rows")
         if len(first) > len(names) + 1 or any(first[len(names) :]):
-            problem = f"{len(first)} values in the first row under {len(names)} names"
-            raise InputError(path, "header", problem, "a name for each column, and numbers with a decimal point")
+            raise _other_count(path, len(first), len(names))
         cells = (cell.strip() for row in rows[layout.first :] for cell in row)
         decimal = "," if separator != "," and any(map(_DECIMAL_COMMA.fullmatch, cells)) else "."
-        lines = tuple(number for number, _ in head)
-        return cls(path, encoding, separator, decimal, layout, lines, names, tuple(first))
+        return cls(path, encoding, separator, decimal, layout, lines, names, tuple(first), said)
 
     def read_regular(self, positions: Sequence[int]) -> pd.DataFrame | None:
         """The columns at `positions` of a file whose rows are all as long as the header, and hold what the first does.
 
         `None` for any other, which `read_any` reads, or says what is wrong with it. Only these columns are turned into
-        numbers, so that time and memory are theirs.
+        numbers, so that time and memory are theirs; and the first, where a comment would stand.
         """
-        if len(self.first) != len(self.names):
+        if len(self.first) != len(self.names) or self.separator == _BLANK:
             return None
         keys = [str(number) for number in range(len(self.names))]
-        wanted = [keys[position] for position in positions]
-        numbers = {
-            key: pa.float64() for key, position in zip(wanted, positions, strict=True) if self._is_number(position)
-        }
+        wanted = [keys[position] for position in dict.fromkeys((*positions, 0))]
+        numbers = {key: pa.float64() for key in wanted if self._is_number(int(key))}
         most, count = tables.MOST_NUMBERS // max(len(positions), 1), 0
         longest = max(map(len, self.first), default=0) * len(self.names)
         pieces: list[list[pa.Array]] = [[] for _ in wanted]
         try:
-            with pa_csv.open_csv(
-                self.path,
-                pa_csv.ReadOptions(
-                    use_threads=False,
-                    skip_rows=self.lines[self.layout.first] - 1,
-                    column_names=keys,
-                    block_size=max(_BLOCK, _LINES_IN_A_BLOCK * longest),
-                    encoding=self.encoding,
-                ),
-                pa_csv.ParseOptions(delimiter=self.separator),
-                pa_csv.ConvertOptions(
-                    include_columns=wanted,
-                    column_types={key: numbers.get(key, pa.string()) for key in wanted},
-                    decimal_point=self.decimal,
-                    strings_can_be_null=True,
-                ),
-            ) as reader:
+            with (
+                _unpacked(self.path) if self.path.suffix == ".gz" else nullcontext(self.path) as file,
+                pa_csv.open_csv(
+                    file,
+                    pa_csv.ReadOptions(
+                        use_threads=False,
+                        skip_rows=self.first_line - 1,
+                        column_names=keys,
+                        block_size=max(_BLOCK, _LINES_IN_A_BLOCK * longest),
+                        encoding=self.encoding,
+                    ),
+                    pa_csv.ParseOptions(delimiter=self.separator),
+                    pa_csv.ConvertOptions(
+                        include_columns=wanted,
+                        column_types={key: numbers.get(key, pa.string()) for key in wanted},
+                        decimal_point=self.decimal,
+                        strings_can_be_null=True,
+                    ),
+                ) as reader,
+            ):
                 for batch in reader:
                     count += batch.num_rows
                     if count >= most:
@@ -179,74 +198,100 @@ class _Text:
             raise
         except (pa.ArrowException, OSError, ValueError):
             return None
-        return pd.DataFrame({number: _joined(piece) for number, piece in enumerate(pieces)}, copy=False)
+        columns = {int(key): _joined(piece) for key, piece in zip(wanted, pieces, strict=True)}
+        if "0" not in numbers and pd.Series(columns[0]).str.lstrip().str.startswith("#", na=False).any():
+            return None
+        return pd.DataFrame({k: columns[position] for k, position in enumerate(positions)}, copy=False)
 
     def _is_number(self, position: int) -> bool:
         cell = self.first[position].strip()
         return not cell or _is_number(cell.replace(self.decimal, "."))
 
-    def read_any(self, positions: Sequence[int], cut: bool) -> tuple[pd.DataFrame, list[int]]:
-        """The columns at `positions` of any file of rows, comments and blanks among them; and which rows are left out.
+    def read_any(self, positions: Sequence[int], cut: bool) -> tuple[pd.DataFrame, list[int], list[str]]:
+        """The columns at `positions` of any file of rows, comments among them; the rows' lines; and notes.
 
         A row of words without a number is no row of the table: its names again, a logger's message, a last line that
         says how many there were. Nor is the last one where it was `cut`.
 
         Raises:
-            InputError: a row is longer than the header, or the file is broken.
+            InputError: a row has more or fewer cells than there are names, or the file is broken.
         """
-        # All columns are parsed: with usecols pandas lets a row pass that is too long, such as a torn one.
-        skipped = [
-            *range(self.header_line - 1),
-            *([self.lines[self.layout.header + 1] - 1] if self.layout.units else []),
-        ]
-        rows = max(_CELLS_IN_A_CHUNK // len(self.names), 1)
-        most, count = tables.MOST_NUMBERS // max(len(positions), 1), 0
-        chunks, of_words = [], list[int]()
+        below, lines = RowsBelow(self.path, self.names, self.layout.units), list[int]()
+        most = tables.MOST_NUMBERS // max(len(positions), 1)
+        frames = []
         try:
-            with pd.read_csv(
-                self.path,
-                sep=self.separator,
-                decimal=self.decimal,
-                comment="#",
-                skiprows=skipped,
-                index_col=False,
-                skipinitialspace=True,
-                low_memory=False,
-                encoding=_with_mark(self.encoding),
-                encoding_errors="replace",
-                chunksize=rows,
-            ) as reader:
-                for chunk in reader:
-                    words = self._rows_of_words(chunk)
-                    of_words += [count + int(row) for row in np.flatnonzero(words)]
-                    count += len(chunk)
-                    if count >= most:
-                        raise too_large(self.path, f"{most} rows or more")
-                    chunks.append(chunk.iloc[~words, list(positions)].copy())
+            for order, texts in self._chunks(below, lines, cut):
+                frames.append(self._parsed(texts, [order[position] for position in positions]))
+                if len(lines) >= most:
+                    raise too_large(self.path, f"{most} rows or more")
         except InputError:
             raise
         except (OSError, EOFError, zlib.error, ValueError, OverflowError, MemoryError) as error:
-            raise broken(self.path, error, "rows as long as the header") from error
-        frame = pd.concat(chunks, ignore_index=True)
-        if cut and count - 1 not in of_words:
-            frame = frame.iloc[:-1]
-        if of_words and self.decimal == ",":  # words made text of the numbers beside them
+            raise broken(self.path, error, "a whole table") from error
+        frame = pd.concat(frames, ignore_index=True) if frames else pd.DataFrame({k: [] for k in range(len(positions))})
+        return frame, lines, below.said()
+
+    def _chunks(self, below: RowsBelow, lines: list[int], cut: bool) -> Iterator[tuple[list[int], list[str]]]:
+        """Rows as lines of text, some at a time, with the order of the names in them; their numbers go into `lines`."""
+        width, texts = len(self.names), list[str]()
+        at_once = max(_CELLS_IN_A_CHUNK // width, 1)
+        for number, line in _whole_lines(self.path, self.encoding, self.first_line, cut):
+            text, order = line, below.order
+            # Most begin with a number, and their cells need no look.
+            looks_right = line[0] in _BEGINS_A_NUMBER and '"' not in line and self.separator != _BLANK
+            if not looks_right or line.count(self.separator) + 1 != width:
+                cells = _cells(line, self.separator)
+                text = _written(cells[:width], self._between) if below.holds_values(f"line {number}", cells) else ""
+            if texts and (len(texts) >= at_once or below.order is not order):
+                yield order, texts
+                texts = []
+            if text:
+                lines.append(number)
+                texts.append(text)
+        if texts:
+            yield below.order, texts
+
+    @property
+    def _between(self) -> str:
+        """What stands between cells where a row is written anew."""
+        return "\t" if self.separator == _BLANK else self.separator
+
+    def _parsed(self, texts: Sequence[str], positions: Sequence[int]) -> pd.DataFrame:
+        """Rows of whole lines, the columns at `positions` in this order."""
+        frame = pd.read_csv(
+            io.StringIO("\n".join(texts)),
+            sep=self._between,
+            decimal=self.decimal,
+            header=None,
+            usecols=sorted(set(positions)),
+            skipinitialspace=True,
+            skip_blank_lines=False,
+            low_memory=False,
+        )
+        return frame[list(positions)].set_axis(range(len(positions)), axis="columns")
+
+    def with_points(self, frame: pd.DataFrame) -> pd.DataFrame:
+        """The same, where words made text of numbers beside them that are written with a comma."""
+        if self.decimal == ",":
             for name in frame:
                 if not pd.api.types.is_numeric_dtype(frame[name]):
-                    frame[name] = frame[name].str.replace(",", ".")
-        return frame, of_words
+                    text = frame[name].astype("str")
+                    frame[name] = frame[name].where(
+                        ~text.str.fullmatch(_DECIMAL_COMMA.pattern), text.str.replace(",", ".")
+                    )
+        return frame
 
-    @staticmethod
-    def _rows_of_words(chunk: pd.DataFrame) -> npt.NDArray[np.bool_]:
-        """Which rows hold text and no value, (n,)."""
-        numbers = chunk.select_dtypes("number")
-        rows = np.flatnonzero(chunk.notna().to_numpy().any(axis=1) & ~numbers.notna().to_numpy().any(axis=1))
-        for name in chunk.columns.difference(numbers.columns, sort=False):  # in most rows the first one has a value
-            cells = chunk[name].iloc[rows].fillna("").astype("str")
-            rows = rows[~cells.map(is_value).to_numpy(dtype=bool)]
-        words = np.zeros(len(chunk), dtype=bool)
-        words[rows] = True
-        return words
+
+def _other_count(path: Path, values: int, names: int) -> InputError:
+    problem = f"{values} values in the first row under {names} names"
+    return InputError(path, "header", problem, "a name for each column, and numbers with a decimal point")
+
+
+def _written(cells: Sequence[str], separator: str) -> str:
+    """Cells as a line."""
+    line = io.StringIO()
+    csv.writer(line, delimiter=separator, lineterminator="").writerow(cells)
+    return line.getvalue()
 
 
 def _joined(pieces: list[pa.Array]) -> object:
@@ -275,6 +320,45 @@ def _begin(path: Path) -> tuple[str, list[tuple[int, str]]]:
     return encoding, head
 
 
+_UNPACKED = 100_000_000  # bytes that any packed file may have …
+_TIMES_PACKED = 100  # … and times its own size: numbers that change take a third, a robot that rests a thirtieth
+
+
+def _unpacked(path: Path) -> BinaryIO:
+    """A file's bytes, to be read, unpacked where it is compressed.
+
+    Raises:
+        InputError: while it is read, where it unfolds to more than any log does.
+    """
+    if path.suffix != ".gz":
+        return path.open("rb")
+    return io.BufferedReader(_Unpacked(path), _BLOCK)
+
+
+class _Unpacked(io.RawIOBase):
+    """A compressed file that unfolds to so many bytes at most."""
+
+    def __init__(self, path: Path) -> None:
+        self._path, self._file = path, gzip.open(path)  # noqa: SIM115 - closed with this one
+        self._left = max(_UNPACKED, _TIMES_PACKED * path.stat().st_size)
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: Any) -> int:
+        piece = self._file.read(len(buffer))
+        self._left -= len(piece)
+        if self._left < 0:
+            problem = f"a file that unfolds to more than {_TIMES_PACKED} times its size"
+            raise InputError(self._path, "log", problem, "a compressed table of readings")
+        buffer[: len(piece)] = piece
+        return len(piece)
+
+    def close(self) -> None:
+        self._file.close()
+        super().close()
+
+
 def _with_mark(encoding: str) -> str:
     """The same, if at the beginning there may be a byte order mark, as Excel writes one."""
     return "utf-8-sig" if encoding == _ENCODING else encoding
@@ -286,7 +370,7 @@ def _encoding(path: Path) -> str:
     Raises:
         UnicodeError: it is no text at all.
     """
-    with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as file:
+    with _unpacked(path) as file:
         head = file.read(_HEAD)
     if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) and "\n" in head.decode("utf-16", "replace"):
         return "utf-16"
@@ -313,6 +397,8 @@ def _head(path: Path, encoding: str) -> list[tuple[int, str]]:
 
 
 def _cells(text: str, separator: str) -> list[str]:
+    if separator == _BLANK:
+        return text.split()
     if separator not in text:
         return [text.strip('"')]
     try:
@@ -330,14 +416,34 @@ def _ends_within_a_line(path: Path) -> bool:
         return not file.read().strip(b"\0").endswith((b"\n", b"\r"))  # the end of a line in UTF-16 has a zero beside it
 
 
-def _lines(path: Path, encoding: str) -> Iterator[tuple[int, str]]:
-    """The lines that hold data, each with its number from 1: neither blank nor comment."""
-    opener = gzip.open if path.suffix == ".gz" else open
-    with opener(path, "rt", encoding=_with_mark(encoding), errors="replace", newline="") as stream:
-        for number, line in enumerate(iter(partial(stream.readline, _LONGEST_LINE), ""), start=1):
-            text = line.split("#")[0].strip("\r\n ")
-            if text.strip():
+def _lines(path: Path, encoding: str, comments: bool = False) -> Iterator[tuple[int, str]]:
+    """The lines that hold data, each with its number from 1: neither blank nor comment; or the comments.
+
+    A comment is a line that begins with #: in a name, or within a row, it is a character like any other.
+    """
+    with _unpacked(path) as file:
+        text_stream = io.TextIOWrapper(file, encoding=_with_mark(encoding), errors="replace", newline="")
+        for number, line in enumerate(iter(partial(text_stream.readline, _LONGEST_LINE), ""), start=1):
+            text = line.strip("\r\n ")
+            if text.strip() and text.startswith("#") == comments:
                 yield number, text
+
+
+def _whole_lines(path: Path, encoding: str, first: int, cut: bool) -> Iterator[tuple[int, str]]:
+    """The lines of data from the `first` on; without the last one where it was `cut`."""
+    before: list[tuple[int, str]] = []
+    for number, text in _lines(path, encoding):
+        if number >= first:
+            yield from before
+            before = [(number, text)]
+    if not cut:
+        yield from before
+
+
+def _comment_above(path: Path, encoding: str, line: int) -> str:
+    """What the last line of comment says above one of data, without its mark; '' where there is none."""
+    above = takewhile(lambda one: one[0] < line, _lines(path, encoding, comments=True))
+    return next((text.lstrip("# ") for _, text in deque(above, maxlen=1)), "")
 
 
 def _is_number(text: str) -> bool:

@@ -15,7 +15,7 @@ import pandas as pd
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
-from lptn.logs.clock import check_time
+from lptn.logs.clock import check_time, in_order
 from lptn.logs.columns import ColumnSource
 from lptn.logs.quality import suspect_unit
 from lptn.logs.resampling import on_one_time
@@ -105,7 +105,9 @@ class _Timed:
             if issue.certain:
                 remedy = issue.remedy.replace('"time=', f'"{key}=').replace("write time =", f'write "{key}" =')
                 raise InputError(table.path, f"column '{issue.column}'", issue.problem, remedy)
-        self.rows, _ = check_time(table, self.column, time)
+        order = in_order(time)
+        order = np.arange(time.size) if order is None else order
+        self.rows = order[check_time(table, key, source, time[order])[0]]
         self.time = time[self.rows]
 
     def values(self, sources: Mapping[str, ColumnSource], quantities: Sequence[str]) -> dict[str, FloatArray]:

@@ -14,8 +14,16 @@ import pandas as pd
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import LOG_FILE, InputError
 from lptn.logs.bags import open_bag
-from lptn.logs.clock import check_time, within_stamps
-from lptn.logs.columns import MEANS, SAMPLES, ColumnSource, as_line_or_option
+from lptn.logs.clock import check_time, in_order, within_stamps
+from lptn.logs.columns import (
+    MEANS,
+    SAMPLES,
+    ColumnSource,
+    as_line_or_option,
+    column_unit,
+    could_be_in,
+    words_of,
+)
 from lptn.logs.csv_files import ENDINGS as CSV_ENDINGS
 from lptn.logs.csv_files import open_csv
 from lptn.logs.guess import format_note, guess
@@ -66,10 +74,9 @@ def open_log(path: Path, columns: Mapping[str, ColumnSource]) -> tuple[Table, di
     if pair is None:
         return _timed(open_table(path), columns)
     first, second, shift = pair
-    own = {SECOND_TIME: columns[SECOND_TIME]} if SECOND_TIME in columns else {}
     one, rest = _timed(open_table(first), columns)
-    other, _ = _timed(open_table(second), own, SECOND_TIME)
-    return join(path, one, other, shift, {key: source for key, source in rest.items() if not columns[key].rate})
+    other, rest = _timed(open_table(second), rest, SECOND_TIME)
+    return join(path, one, other, shift, rest)
 
 
 def _timed(
@@ -370,22 +377,8 @@ def read_log(
 
 def _checked_samples(table: Table, choice: ColumnChoice, strict: bool) -> tuple[Samples, list[str], tuple[Issue, ...]]:
     """The log's samples in SI and degC, notes, and what looks wrong."""
-    sensors = {
-        name for key, source in choice.sources.items() if key.startswith("temperature.") for name in source.columns
-    }
-    numbers = table.numbers((name for source in choice.sources.values() for name in source.columns), sensors)
-    raw: dict[str, FloatArray] = {}
-    notes: list[str] = []
-    for key, source in choice.sources.items():
-        raw[key] = source.values(key, numbers)
-        if key != "time":
-            check_values(table, key, source, raw[key])
-        if marked := source.missing(numbers):
-            notes.append(f"{key}: {marked} of {raw[key].size} numbers are no readings, by its entry in [columns].")
-    if not table.mixed:
-        others = {key: values for key, values in raw.items() if key != "time"}
-        raw["time"], spread = within_stamps(table, choice.sources["time"].columns[0], raw["time"], others)
-        notes += [spread] * bool(spread)
+    _refuse_other_quantities(table, choice.sources)
+    numbers, raw, notes = _values(table, choice.sources)
     predicted = frozenset(choice.outputs) - frozenset(choice.inputs)
     with np.errstate(over="ignore", invalid="ignore"):  # what overflows here is refused as a time below
         silent = _silences(choice.sources, numbers, raw)
@@ -402,12 +395,54 @@ def _checked_samples(table: Table, choice: ColumnChoice, strict: bool) -> tuple[
     if not alike.issuperset(choice.outputs):  # of the only two sensors one is right
         raw |= {key: np.full(raw[key].size, np.nan) for key in alike}
     time = raw.pop("time")
-    keep, repeated = check_time(table, choice.sources["time"].columns[0], time)
+    keep, repeated = check_time(table, "time", choice.sources["time"], time)
     if keep.size < time.size:
         time, raw = time[keep], {key: values[keep] for key, values in raw.items()}
     samples, of_rows = _as_rows_are(Samples(time, raw), choice.sources["time"], table.mixed)
     notes += [*repeated, *of_rows, *_temperature_notes(samples, table.mixed), *(issue.sentence for issue in issues)]
     return samples, notes, issues
+
+
+def _values(
+    table: Table, sources: Mapping[str, ColumnSource]
+) -> tuple[dict[str, FloatArray], dict[str, FloatArray], list[str]]:
+    """The file's columns as they stand there, the quantities in SI and degC, (n,) each, in order of time; and notes."""
+    sensors = {name for key, source in sources.items() if key.startswith("temperature.") for name in source.columns}
+    numbers = table.numbers((name for source in sources.values() for name in source.columns), sensors)
+    raw: dict[str, FloatArray] = {}
+    notes: list[str] = []
+    for key, source in sources.items():
+        raw[key] = source.values(key, numbers)
+        if key != "time":
+            check_values(table, key, source, raw[key])
+        if marked := source.missing(numbers):
+            notes.append(f"{key}: {marked} of {raw[key].size} numbers are no readings, by its entry in [columns].")
+    if (order := in_order(raw["time"])) is not None:
+        raw, numbers = ({key: values[order] for key, values in columns.items()} for columns in (raw, numbers))
+        late = int((np.diff(order) < 0).sum())
+        notes.append(f"time: {late} row{'s' * (late > 1)} out of order, by a few steps; sorted.")
+    if not table.mixed:
+        others = {key: values for key, values in raw.items() if key != "time"}
+        raw["time"], spread = within_stamps(table, sources["time"].columns[0], raw["time"], others)
+        notes += [spread] * bool(spread)
+    return numbers, raw, notes
+
+
+def _refuse_other_quantities(table: Table, sources: Mapping[str, ColumnSource]) -> None:
+    """Refuse columns under whose names a row of units says a unit that their quantity hasn't.
+
+    Raises:
+        InputError: there is one, and nobody has said its unit.
+    """
+    for key, source in sources.items():
+        if source.unit is not None or (len(source.columns) > 1 and source.how != "mean"):
+            continue
+        for name in source.columns:
+            stated = table.units.get(name, "")
+            if stated and words_of(stated) and not could_be_in(key, stated):
+                meant = as_line_or_option(key, replace(source, unit=column_unit(key)))
+                expected = f"a unit of {key.partition('.')[0]}; if it is one all the same, write {meant}"
+                raise InputError(table.path, f"column '{name}'", f"a row of units that says {stated}", expected)
 
 
 def _as_rows_are(samples: Samples, source: ColumnSource, mixed: bool) -> tuple[Samples, list[str]]:
@@ -538,6 +573,7 @@ def _runs(
     counts = [math.floor((stop - start) / step + ROUNDING) for start, stop in stretches]
     kept = [(start, n) for (start, _), n in zip(stretches, counts, strict=True) if n >= _FEWEST_STEPS]
     if not kept:
+        _refuse_hardly_there(table, choice, samples, needed, step * _FEWEST_STEPS, max_gap, steady_gap)
         problem = f"at most {max(counts, default=0)} steps of {step:g} s in one stretch"
         expected = f"a stretch of at least {_FEWEST_STEPS} steps without a gap over {max_gap:g} s"
         raise InputError(table.path, "log", problem, expected)
@@ -572,6 +608,39 @@ def _runs(
         name = f"{stem}#{number}" if len(stretches) > 1 else stem
         runs.append(replace(whole, name=name, time=grid(start, step, n), columns=columns))
     return runs
+
+
+def _refuse_hardly_there(
+    table: Table,
+    choice: ColumnChoice,
+    samples: Samples,
+    needed: Mapping[str, FloatArray],
+    shortest: float,
+    max_gap: float,
+    steady_gap: float,
+) -> None:
+    """Refuse the input without which there would be a stretch as long as the shortest, s, where there is one.
+
+    Raises:
+        InputError: it is named, with what can be said in its place.
+    """
+    for key in sorted(needed, key=lambda key: int(np.isfinite(needed[key]).sum())):
+        others = {other: values for other, values in needed.items() if other != key}
+        alone, without = (
+            max(
+                (stop - start for start, stop in find_stretches(samples.time, samples.period, some, *gaps)[0]),
+                default=0.0,
+            )
+            for some in ({key: needed[key]}, others)
+            for gaps in [(max_gap, steady_gap)]
+        )
+        if alone < shortest <= without:
+            values = needed[key][np.isfinite(needed[key])]
+            problem = f"{values.size} value{'s' * (values.size != 1)} of {key} in {samples.time.size} rows"
+            expected = f"values no more than {max_gap:g} s apart"
+            if key.startswith("temperature."):
+                expected += without_column(key).replace("= 22 ", f"= {np.median(values):.4g} ", 1)
+            raise InputError(table.path, f"column '{choice.sources[key].columns[0]}'", problem, expected)
 
 
 def _beginning_with_readings(runs: list[Run], outputs: Collection[str]) -> list[Run]:

@@ -19,11 +19,16 @@ import pandas as pd
 
 from lptn.basics.errors import InputError
 from lptn.basics.files import fingerprint
-from lptn.logs.layout import LOOKED_AT, Layout, find_layout
+from lptn.logs.layout import LOOKED_AT, Layout, RowsBelow, find_layout, names_of
 from lptn.logs.tables import Table, broken, too_large
 
 _MOST_CELLS = 20_000_000  # a sheet has a million rows at most; so many cells take a minute and 2 GB
-_MOST_BYTES = 2_000_000_000  # of what is packed in the file
+_MOST_BYTES = 2_000_000_000  # of what is packed in the file …
+_UNPACKED, _TIMES_PACKED = (
+    100_000_000,
+    100,
+)  # … or so many bytes, and times the file's size: cells of a sheet take a tenth
+_MOST_ROWS = 1 << 20  # of a sheet, by its format
 
 
 def open_spreadsheet(path: Path) -> Table:
@@ -36,8 +41,9 @@ def open_spreadsheet(path: Path) -> Table:
         raise InputError(path, "log", "a spreadsheet", "pip install 'lptn[excel]', or the sheet saved as CSV")
     try:
         with zipfile.ZipFile(path) as archive:
-            if sum(part.file_size for part in archive.infolist()) > _MOST_BYTES:
-                raise too_large(path, "more than 2 GB unpacked")
+            unpacked = sum(part.file_size for part in archive.infolist())
+            if unpacked > min(_MOST_BYTES, max(_UNPACKED, _TIMES_PACKED * path.stat().st_size)):
+                raise too_large(path, f"{unpacked / 1e9:.2g} GB unpacked")
         heads = _heads(path)
     except InputError:
         raise
@@ -54,11 +60,12 @@ def open_spreadsheet(path: Path) -> Table:
     if len(tables) > 1:
         others = ", ".join(f"'{other}'" for other in tables if other != name)
         notes.append(f"log: sheet '{name}' is read; {others} not (another sheet: save it as CSV).")
-    if sheet.layout.header:
-        notes.append(f"log: its table begins in row {sheet.header_row}; what stands above is left out.")
+    notes += sheet.said_of_names()
 
     def read(wanted: Sequence[str]) -> pd.DataFrame:
-        return sheet.frame[1][list(wanted)]
+        _, frame, said = sheet.frame
+        notes.extend(note for note in said if note not in notes)
+        return frame[list(wanted)]
 
     def where(row: int) -> str:
         return f"sheet '{name}', row {sheet.frame[0][row]}"
@@ -82,42 +89,57 @@ class _Sheet:
     layout: Layout
 
     @property
-    def header_row(self) -> int:
-        return self.head[self.layout.header][0]
+    def first_row(self) -> int:
+        """The number of the first row of values."""
+        return self.head[self.layout.first][0]
+
+    def said_of_names(self) -> list[str]:
+        """Where the table begins, if not with its first row."""
+        if not self.layout.named:
+            return [f"log: there are no names above row {self.first_row}; columns are called column 1, column 2 …."]
+        row = self.head[self.layout.header][0]
+        return [f"log: its table begins in row {row}; what stands above is left out."] if self.layout.header else []
 
     @cached_property
     def names(self) -> tuple[str, ...]:
         """Of the columns, without the empty ones behind the last."""
-        names = [text.strip() for text in _texts(self.head[self.layout.header][1])]
-        while not names[-1]:
-            names.pop()
-        return tuple(names)
+        texts = _texts(self.head[self.layout.header if self.layout.named else self.layout.first][1])
+        while not texts[-1].strip():
+            texts.pop()
+        return names_of(texts if self.layout.named else [""] * len(texts))
 
     @cached_property
-    def frame(self) -> tuple[list[int], pd.DataFrame]:
-        """The numbers of the rows in the sheet, and their values.
+    def frame(self) -> tuple[list[int], pd.DataFrame, list[str]]:
+        """The numbers of the rows in the sheet, their values, and notes.
 
         Raises:
-            InputError: the file is broken, or too large.
+            InputError: a row has more cells than there are names, or the file is broken or too large.
         """
-        first, width = self.head[self.layout.first][0], len(self.names)
+        width, below = len(self.names), RowsBelow(self.path, self.names, self.layout.units)
         numbers: list[int] = []
         rows: list[list[Any]] = []
         try:
             with _Book(self.path) as book:
                 for number, values in _rows(book[self.name]):
-                    if number < first:
+                    if number < self.first_row:
                         continue
                     if len(rows) * width > _MOST_CELLS:
                         raise too_large(self.path, f"a spreadsheet of more than {_MOST_CELLS:.0e} cells")
+                    row = [_plain(value) for value in values] + [None] * (width - len(values))
+                    if not any(isinstance(value, int | float) for value in row[:width]) or any(
+                        value is not None for value in row[width:]
+                    ):
+                        place = f"sheet '{self.name}', row {number}"
+                        if not below.holds_values(place, _texts(row)):
+                            continue
                     numbers.append(number)
-                    rows.append([_plain(value) for value in values[:width]] + [None] * (width - len(values)))
+                    rows.append([row[place] for place in below.order])
         except InputError:
             raise
         except Exception as error:
             raise broken(self.path, error, "a whole .xlsx file") from error
         columns = {name: pd.Series([row[k] for row in rows]) for k, name in reversed(list(enumerate(self.names)))}
-        return numbers, pd.DataFrame(columns)
+        return numbers, pd.DataFrame(columns), below.said()
 
 
 class _Book:
@@ -145,6 +167,8 @@ def _rows(sheet: Any) -> Any:
     """The rows that hold something, each with its number from 1."""
     sheet.reset_dimensions()  # what a file says of its own size may be wrong
     for number, values in enumerate(sheet.iter_rows(values_only=True), start=1):
+        if number > _MOST_ROWS:  # the library fills up to whatever number a row has
+            raise ValueError(f"a row beyond {_MOST_ROWS}")
         if any(value is not None for value in values):
             yield number, values
 

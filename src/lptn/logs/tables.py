@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import re
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -25,6 +26,12 @@ _NUMBERS_AT_ONCE = 10_000_000  # read from a file before they are copied into th
 _LONGEST_REASON = 200  # characters of another library's error that go into a message
 _MOST_WORDS = 5  # that a note gives as examples
 _LONGEST_CELL = 100  # characters of a cell that go into a message
+_NO_NUMBER = re.compile(r"[-+]?1\.#(?:INF|IND|QNAN|SNAN)\d*", re.IGNORECASE)  # as Windows prints what is no number
+_YES_OR_NO = {"true": 1.0, "false": 0.0, "yes": 1.0, "no": 0.0, "on": 1.0, "off": 0.0}
+_NOT_PLAIN = (bytes, list, dict, np.ndarray)  # cells of a binary or nested column, of which nothing makes numbers
+_DATE = re.compile(r"\d{4,}-\d\d-\d\d.*")
+_YEARS = (1900, 2200)  # of a date that a logger's clock says
+_THOUSANDS = re.compile(r"[-+]?\d{1,3}(?P<sign>[.,'\u2019 ])\d{3}(?:(?P=sign)\d{3})*(?:[.,]\d*)?")
 
 
 @dataclass(frozen=True)
@@ -81,19 +88,41 @@ class Table:
     def _floats(self, name: str, series: pd.Series, *, worded: bool) -> FloatArray:
         kinds = pd.api.types
         if not (kinds.is_numeric_dtype(series) or _is_time(series)):
-            numbers = pd.to_numeric(series, errors="coerce")
-            text = (numbers.isna() & series.notna()).to_numpy()
-            times = times_of(series) if text.all() else None
-            if text.any() and times is None:
-                self._require_words(name, series, text, worded=worded)
-            series = numbers if times is None else times
+            series = self._of_text(name, series, worded=worded)
         if kinds.is_datetime64_any_dtype(series):
+            strange = ((series.dt.year < _YEARS[0]) | (series.dt.year > _YEARS[1])).to_numpy()
+            if strange.any():
+                row = int(strange.argmax())
+                expected = f"a date in the years from {_YEARS[0]} to {_YEARS[1]}"
+                self.refuse(row, name, f"the year {series.iloc[row].year}", expected)
             series = pd.to_datetime(series, utc=True) - pd.Timestamp(0, tz="UTC")
         if kinds.is_timedelta64_dtype(series):
             return np.asarray(series.dt.total_seconds(), dtype=np.float64)
         if series.dtype == np.float64:
             return series.to_numpy()
         return series.to_numpy(dtype=np.float64, na_value=np.nan)
+
+    def _of_text(self, name: str, series: pd.Series, *, worded: bool) -> pd.Series:
+        """Cells of text as numbers, dates or durations."""
+        if series.dtype == object and (nested := series.map(type).isin(_NOT_PLAIN).to_numpy()).any():
+            row = int(nested.argmax())
+            self.refuse(row, name, f"a cell of type {type(series.iloc[row]).__name__}", "a number or an empty cell")
+        numbers = pd.to_numeric(series, errors="coerce")
+        text = (numbers.isna() & series.notna()).to_numpy()
+        if not text.any():
+            return numbers
+        cells = series.astype("str")
+        no_number = text & cells.str.fullmatch(_NO_NUMBER).to_numpy(dtype=bool)
+        if no_number.any():
+            self._note_words(name, cells[no_number])
+            text, series = text & ~no_number, series.where(~no_number)
+        yes_or_no = cells.str.lower().map(_YES_OR_NO)
+        if not worded and (yes_or_no.notna() | series.isna()).all():
+            return yes_or_no
+        times = times_of(series) if text.all() else None
+        if times is None and text.any():
+            self._require_words(name, series, text, worded=worded)
+        return numbers if times is None else times
 
     def _require_words(self, name: str, series: pd.Series, text: npt.NDArray[np.bool_], *, worded: bool) -> None:
         """Refuse text that is no number, and note words by which a sensor says that it has no reading.
@@ -110,13 +139,20 @@ class Table:
         if refused.any():
             row = int(rows[refused.argmax()])
             cell, expected = str(series.iloc[row])[:_LONGEST_CELL], "a number or an empty cell"
-            if ":" in cell:
+            if ":" in cell or _DATE.fullmatch(cell):
                 expected = (
                     "a number; of times also 2026-11-23T14:05:03.5, 23.11.2026 14:05:03, or 0:12:30 since the start"
                 )
+                if _DATE.match(cell):
+                    expected += f", in years from {_YEARS[0]} to {_YEARS[1]}"
+            elif _THOUSANDS.fullmatch(cell):
+                expected += ", without a sign between thousands"
             self.refuse(row, name, repr(cell), expected)
+        self._note_words(name, words)
+
+    def _note_words(self, name: str, words: pd.Series) -> None:
         shown = ", ".join(f"'{word[:_LONGEST_CELL]}'" for word in words.unique()[:_MOST_WORDS])
-        note = f"{name}: {rows.size} cells hold a word ({shown}), which is no reading."
+        note = f"{name}: {words.size} cells hold a word ({shown}), which is no reading."
         if note not in self.notes:
             self.notes.append(note)
 
