@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import casadi as ca
 import numpy as np
 
 from lptn.basics.errors import InputError
+from lptn.basics.places import in_listed_order
 from lptn.model.model import Model
 from lptn.model.network import EffectInstance
 
@@ -23,7 +24,7 @@ class Heating:
     Args:
         model: the model.
         request: what is asked of a joint.
-        joints: places of the controlled inputs, in the model's order.
+        joints: places of the controlled inputs, in the network's order.
         conditions: the model's other inputs, in order; they are given, not chosen.
         x: states.
         heat: squares of the requested torques or currents, `(N*m)^2` or `A^2`.
@@ -94,6 +95,9 @@ def _make(model: Model, request: Request) -> Heating:
     controlled = [column for column in model.inputs if column.partition(".")[0] in ("torque", "current")]
     if not controlled:
         raise InputError(model.network.origin, "effects", "no torque or current that heats a joint", "a copper_loss")
+    controlled = in_listed_order(
+        controlled, [f"{given}.{place}" for place in model.network.order for given in get_args(Request)]
+    )
     joints = [column.partition(".")[2] for column in controlled]
     if len(set(joints)) < len(joints):
         twice = next(joint for joint in joints if joints.count(joint) > 1)
@@ -101,7 +105,7 @@ def _make(model: Model, request: Request) -> Heating:
         raise InputError(model.network.origin, "effects", columns, "one of the two a joint")
     square = ca.SX.sym("heat", len(joints))
     requested = ca.SX.sym("requested", len(joints))
-    inputs, gain = [], []
+    inputs, gain = [], [ca.SX(1)] * len(joints)
     for column in model.inputs:
         if column in controlled:
             number = controlled.index(column)
@@ -110,7 +114,8 @@ def _make(model: Model, request: Request) -> Heating:
             if per_ampere is None and given != request:
                 problem = f"no copper_loss, so no torque constant to plan a {request}"
                 raise InputError(model.network.origin, column, problem, f'request = "{given}"')
-            gain.append(ca.SX(1) if request == "current" else 1 / per_ampere if per_ampere is not None else ca.SX(1))
+            if request == "torque" and per_ampere is not None:
+                gain[number] = 1 / per_ampere
             factor = ca.SX(1) if given == request else per_ampere if given == "torque" else 1 / per_ampere
             inputs.append(requested[number] * factor)
         else:

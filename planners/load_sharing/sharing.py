@@ -47,7 +47,8 @@ class Sharing:
     Args:
         how: `coolest`; or a peer, `equal` or `least_torque`.
         forces: of the ground on the feet [N], in the trunk's frame, shape (legs, 3).
-        torques: of the joints [N·m], shape (joints,).
+        torques: of `joints` [N·m], shape (joints,).
+        joints: their names, in the body's order, as in `Stance.angles`.
         time: until the first node is at its limit [s]; infinite where none gets there within the horizon.
         first: that node; `None` where none gets there.
         margin: least distance of any node from its limit at the horizon [K]; negative where one is past it.
@@ -59,6 +60,7 @@ class Sharing:
     how: How
     forces: FloatArray
     torques: FloatArray
+    joints: tuple[str, ...]
     time: float
     first: str | None
     margin: float
@@ -173,6 +175,7 @@ class LoadSharing:
             how,
             forces,
             torques,
+            tuple(self.body.joints),
             time,
             self.model.nodes[node] if node >= 0 else None,
             float(np.min(self._limits - there)),

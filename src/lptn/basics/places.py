@@ -17,6 +17,12 @@ def matching(pattern: str, names: Iterable[str]) -> list[str]:
     return [name for name in names if fnmatchcase(name, pattern)]
 
 
+def in_listed_order(names: Iterable[str], listed: Sequence[str]) -> list[str]:
+    """The names in the order of a list; those that it lacks behind, as they come."""
+    at = {name: number for number, name in enumerate(listed)}
+    return sorted(names, key=lambda name: at.get(name, len(at)))
+
+
 def is_glob(name: str) -> bool:
     """Whether a name stands for many."""
     return any(character in name for character in "*?[")

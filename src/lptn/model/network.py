@@ -17,6 +17,7 @@ from lptn.basics.places import (
     class_of,
     edge,
     expand_pair,
+    in_listed_order,
     in_run,
     is_glob,
     limb_of,
@@ -310,7 +311,8 @@ class Network:
         nodes: dynamic and prescribed nodes.
         links: resistances between them.
         effects: everything beyond capacitances and resistances.
-        joints: the names that globs in `nodes` choose from.
+        joints: the names that globs in `nodes` choose from. In their order stand nodes, inputs of one quantity, and
+            all arrays of joints that are made of the model; names that are not listed come behind, as declared.
         origin: the file it came from, for messages.
         values: parameter values that replace the declared ones, by the parameters' names.
 
@@ -368,6 +370,11 @@ class Network:
     def dynamic(self) -> list[str]:
         """Names of the nodes with a heat capacity, in order."""
         return self.layout.dynamic
+
+    @property
+    def order(self) -> tuple[str, ...]:
+        """Places in the one order in which arrays hold them: the joints as they are listed, then other nodes."""
+        return tuple(dict.fromkeys((*self.joints, *self.dynamic)))
 
     @property
     def prescribed(self) -> dict[str, str | int]:
@@ -533,6 +540,7 @@ def _work_out(
     """
     parameters = _Parameters(origin, values)
     capacities, prescribed, elements = _nodes(origin, nodes, joints, parameters)
+    capacities = {name: capacities[name] for name in in_listed_order(capacities, joints)}
     bodies = Bodies(origin)
     for name, (_, element) in elements.items():
         bodies.add(name, element.shape)
