@@ -189,16 +189,17 @@ class NoiseLevel:
         )
 
 
-def lack_of_fit(fit: Fit, noise: NoiseLevel, residuals: FloatArray | None = None) -> dict[str, float]:
+def lack_of_fit(fit: Fit, noise: NoiseLevel) -> dict[str, float]:
     """Mean square of each node's block means as a share of the most that noise leaves.
+
+    All that the fit left counts. To first order its parameters could imitate some of it: of one that the data say
+    nothing of, the derivative may have any shape, and the slope is all but zero.
 
     Args:
         fit: a fit to the runs that `noise` was simulated for.
         noise: what a perfect model would leave.
-        residuals: weighted residuals, shape (rows,); the fit's own by default.
     """
-    residuals = fit.problem.residuals(fit.z) if residuals is None else residuals
-    squares = _mean_squares(fit, residuals[:, None])
+    squares = _mean_squares(fit, fit.problem.residuals(fit.z)[:, None])
     return {node: float(squares[node][0] / limit) for node, limit in noise.limit.items() if node in squares}
 
 

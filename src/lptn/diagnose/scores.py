@@ -136,7 +136,7 @@ def score(fit: Fit, candidates: Sequence[Candidate]) -> Scores:
         by_resampling = np.maximum(by_resampling, group.largest_gains(resampling.statistics(group)))
     null_gains = np.maximum(np.sort(by_noise), np.sort(by_resampling))
     confusable = Confusability.of([candidate.key for candidate, _ in compared], compared_traces)
-    return Scores(ranked, null_gains, level, lack_of_fit(fit, level, residuals), _negligible_gain(fit), confusable)
+    return Scores(ranked, null_gains, level, lack_of_fit(fit, level), _negligible_gain(fit), confusable)
 
 
 def derivatives(fit: Fit, places: Sequence[Site]) -> FloatArray:

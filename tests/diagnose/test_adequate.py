@@ -1,0 +1,97 @@
+"""No verdict is "adequate" whose error is beyond the sensors' noise, whatever the shape of the error."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from lptn import Study
+from lptn.basics.arrays import FloatArray
+from lptn.diagnose.improvement import improve
+from lptn.robots.presets import presets
+
+TIME, AIR = np.arange(1800.0), 22.0
+PAIR = """
+[model]
+name = "pair"
+joints = ["a", "b"]
+ambient = "temperature.ambient"
+[nodes.a]
+capacity = 300
+[nodes.b]
+capacity = 300
+[[links]]
+between = ["a", "b"]
+resistance = 3
+[[links]]
+between = ["a", "ambient"]
+resistance = 5
+[[links]]
+between = ["b", "ambient"]
+resistance = 5
+[[effects]]
+kind = "copper_loss"
+at = "*"
+resistance = 0.2
+input = "current"
+"""
+
+
+def logged(
+    folder: Path, temperatures: dict[str, FloatArray], load: str, noise: float = 0.05, step: float = 0.0
+) -> Path:
+    """A log without load."""
+    columns, random = {"time": TIME, "temperature.ambient": np.full(TIME.size, AIR)}, np.random.default_rng(1)
+    for node, temperature in temperatures.items():
+        readings = temperature + noise * random.standard_normal(TIME.size)
+        columns[f"temperature.{node}"] = step * np.round(readings / step) if step else readings
+        columns[f"{load}.{node}"] = np.zeros(TIME.size)
+    path = folder / f"{'_'.join(temperatures)}{noise:g}.csv"
+    pd.DataFrame(columns).to_csv(path, index=False)
+    return path
+
+
+def ramp(rate: float) -> FloatArray:
+    return np.asarray(AIR + rate * TIME)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("rate", "noise", "step"), [(0.03, 0.05, 0.0), (-0.01, 0.05, 0.0), (0.002, 0.05, 0.0),
+                                                     (0.03, 0.1, 1.0)])  # fmt: skip
+def test_a_ramp_that_nothing_drives_is_unexplained(tmp_path: Path, rate: float, noise: float, step: float) -> None:
+    """The derivative by a resistance across which no heat flows has the shape of a ramp, and no size."""
+    (tmp_path / "motor.toml").write_text(presets()["single-motor"])
+    study = Study(tmp_path / "motor.toml", [logged(tmp_path, {"motor": ramp(rate)}, "torque", noise, step)])
+    diagnosis = study.diagnose()
+    assert diagnosis.verdict == "unexplained"
+    assert diagnosis.scores.is_lacking
+    assert diagnosis.probabilities == []
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("shape", "verdict"), [(lambda: 0 * TIME, "adequate"), (lambda: 0.03 * TIME, "unexplained")])
+def test_one_node_that_is_met_excuses_no_other(tmp_path: Path, shape: Callable[[], FloatArray], verdict: str) -> None:
+    (tmp_path / "pair.toml").write_text(PAIR)
+    log = logged(tmp_path, {"a": AIR + 0 * TIME, "b": AIR + shape()}, "current")
+    assert Study(tmp_path / "pair.toml", [log]).diagnose().verdict == verdict
+
+
+@pytest.mark.long
+def test_nor_do_fitted_runs_a_held_out_one(tmp_path: Path) -> None:
+    (tmp_path / "motor.toml").write_text(presets()["single-motor"])
+    still = logged(tmp_path, {"motor": AIR + 0 * TIME}, "torque")
+    rising = logged(tmp_path, {"motor": ramp(0.03)}, "torque", 0.06)
+    assert Study(tmp_path / "motor.toml", [still]).diagnose().verdict == "adequate"
+    assert Study(tmp_path / "motor.toml", [still], [rising]).diagnose().verdict == "unexplained"
+
+
+@pytest.mark.long
+def test_nor_does_a_search_call_it_adequate(tmp_path: Path) -> None:
+    (tmp_path / "motor.toml").write_text(presets()["single-motor"])
+    study = Study(tmp_path / "motor.toml", [logged(tmp_path, {"motor": ramp(0.03)}, "torque")])
+    history = improve(study.model, study.data, most=1)
+    assert (history.verdict, history.remaining) == ("unexplained", "unexplained")
