@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Callable
 from pathlib import Path
 
@@ -112,3 +113,59 @@ def test_data_of_an_unknown_topic(tmp_path: Path, refuse: Refuse, capsys: pytest
     path.write_bytes(header() + data("esc_status", bytes(100)) * 30)
     refuse(path, read_log, path)
     assert capsys.readouterr().out == ""
+
+
+# --- Clocks that go back ---------------------------------------------------------------------------
+
+
+def motor(path: Path, stamps: list[float], order: list[int]) -> Path:
+    """A topic of one motor's temperature, 20 degC and a tenth more each message; as many of another beside it."""
+    formats = {name: f"uint64_t timestamp;float {field};" for name, field in (("motor", "temp"), ("other", "x"))}
+    parts = [header(), definitions(formats)]
+    for k in order:
+        for topic, value in ((0, 20 + 0.1 * k), (1, 1.0)):
+            stamp = stamps[k] if topic == 0 else 5.0 + k
+            parts.append(message("D", struct.pack("<HQf", topic, round(stamp * 1e6), value)))
+    path.write_bytes(b"".join(parts))
+    return path
+
+
+MOTOR = {"temperature.motor": ColumnSource(("motor.temp",))}
+GOOD = [5.0 + k for k in range(100)]
+ORDER = list(range(100))
+
+
+@pytest.mark.parametrize("swapped", [[1, 0, *ORDER[2:]], [*ORDER[:40], 42, 41, 40, *ORDER[43:]], [*ORDER[:98], 99, 98]])
+def test_messages_out_of_order_by_a_few_are_sorted(tmp_path: Path, swapped: list[int]) -> None:
+    (run,) = read_log(motor(tmp_path / "a.ulg", GOOD, swapped), MOTOR, outputs=["temperature.motor"])
+    np.testing.assert_allclose(run.temperature("motor"), 20 + 0.1 * np.array(ORDER), rtol=1e-6)
+    assert any(note.startswith("motor: ") and "out of order" in note for note in run.notes)
+
+
+@pytest.mark.parametrize("lost", [[0], [50, 51], [99], [3, 30, 60]])
+def test_a_stamp_of_zero_is_none(tmp_path: Path, lost: list[int]) -> None:
+    stamps = [0.0 if k in lost else stamp for k, stamp in enumerate(GOOD)]
+    (run,) = read_log(motor(tmp_path / "a.ulg", stamps, ORDER), MOTOR, outputs=["temperature.motor"])
+    assert run.time[0] == pytest.approx(5.0 + (0 in lost))
+    readings = run.temperature("motor")
+    np.testing.assert_allclose(readings, (20 + 0.1 * (run.time - 5.0))[: readings.size], rtol=1e-6, atol=0.051)
+    assert f"motor: {len(lost)} message{'s' * (len(lost) > 1)} without a time; left out." in run.notes
+
+
+@pytest.mark.parametrize(
+    ("stamps", "number", "back"),
+    [
+        ([stamp - 30 * (k >= 60) for k, stamp in enumerate(GOOD)], 61, "35 s after 64 s"),
+        ([5.0 + k % 50 for k in range(100)], 51, "5 s after 54 s"),
+        ([stamp + 1e6 * (k == 70) for k, stamp in enumerate(GOOD)], 72, "76 s after 1000075 s"),
+        ([stamp - 10 * (k == 20) for k, stamp in enumerate(GOOD)], 21, "15 s after 24 s"),
+    ],
+)
+def test_a_clock_that_goes_back_is_refused_with_its_message(
+    tmp_path: Path, refuse: Refuse, stamps: list[float], number: int, back: str
+) -> None:
+    path = motor(tmp_path / "a.ulg", stamps, ORDER)
+    assert f"motor, message {number}: found {back}" in refuse(path, read_log, path, MOTOR)
+    other = {"temperature.x": ColumnSource(("other.x",))}
+    (run,) = read_log(path, other, outputs=["temperature.x"])  # whose own clock is right
+    assert len(run) == 100

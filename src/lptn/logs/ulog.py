@@ -16,6 +16,7 @@ import pandas as pd
 
 from lptn.basics.errors import InputError
 from lptn.basics.files import fingerprint
+from lptn.logs.clock import in_order
 from lptn.logs.columns import ColumnSource
 from lptn.logs.resampling import on_one_time
 from lptn.logs.tables import Table, broken, check_size
@@ -57,7 +58,10 @@ def open_ulog(path: Path) -> Table:
             topic: fields for topic, fields in topics.items() if any(f"{topic}.{field}" in wanted for field in fields)
         }
         check_size(path, sum(len(fields["timestamp"]) for fields in asked.values()), len(wanted))
-        frame = _merged(asked or topics, wanted)
+        timed = {topic: _in_time(path, topic, fields) for topic, fields in (asked or topics).items()}
+        said = [note for _, topic_notes in timed.values() for note in topic_notes]
+        notes.extend(note for note in said if note not in notes)
+        frame = _merged({topic: fields for topic, (fields, _) in timed.items()}, wanted)
         times[:] = frame["time"].tolist()
         return frame[list(wanted)]
 
@@ -145,6 +149,31 @@ def _has_controller(topic: Mapping[str, Any], number: int) -> bool:
         return number < int(np.max(count))
     readings = topic.get(f"esc[{number}].esc_temperature")
     return readings is None or bool(np.any(np.asarray(readings) != 0))
+
+
+def _in_time(path: Path, topic: str, fields: Mapping[str, Any]) -> tuple[Mapping[str, Any], list[str]]:
+    """A topic's messages in order of time, those without one left out; and notes.
+
+    Raises:
+        InputError: its clock goes back by more than a few messages.
+    """
+    stamps = np.asarray(fields["timestamp"], np.float64) / 1e6  # us
+    rows = np.flatnonzero(stamps)  # PX4 writes 0 where it has no time
+    lost = stamps.size - rows.size
+    notes = [f"{topic}: {lost} message{'s' * (lost > 1)} without a time; left out."] if lost else []
+    steps = np.diff(stamps[rows])
+    if (steps < 0).any():
+        order = in_order(stamps[rows])
+        if order is None:
+            at = int((steps < 0).argmax())
+            before, now = (f"{stamps[rows[row]]:.10g} s" for row in (at, at + 1))
+            place = f"{topic}, message {rows[at + 1] + 1}"
+            raise InputError(path, place, f"{now} after {before}", "time that runs forwards; cut the log there")
+        rows = rows[order]
+        notes.append(f"{topic}: messages out of order, by a few; sorted.")
+    if rows.size == stamps.size and not (steps < 0).any():
+        return fields, notes
+    return {name: np.asarray(values)[rows] for name, values in fields.items()}, notes
 
 
 def _merged(topics: Mapping[str, Mapping[str, Any]], wanted: Sequence[str]) -> pd.DataFrame:
