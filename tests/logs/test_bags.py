@@ -204,7 +204,8 @@ def test_numbers_are_found_among_the_bytes_of_any_layout(tmp_path: Path) -> None
     assert {"cells[2].temperature", "cells[0].counts[2]", "y", "triple[1]", "last"} <= set(wanted)
     assert not any(name.startswith("picture") for name in wanted)
     decoder = Decoder(recorder.store, kind, wanted)
-    stamps, values = decoder.read(raws)
+    stamps, values, labels = decoder.read(raws)
+    assert len(labels) == len(raws)
     # The first's layout is that of one in ten.
     assert [template.like(raws)[1].sum() for template in decoder.templates] == [6, 54]
     expected = [list(dict(numbers_in(recorder.store.deserialize_cdr(raw, kind))).values()) for raw in raws]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
 from typing import Any
 
@@ -53,6 +53,13 @@ def _of_value(value: Any, name: str, path: str, labels: Sequence[str] | None) ->
             yield from _of_value(entry, f"{name}[{mark}]", f"{path}[{number}]", None)
     elif is_dataclass(value):
         yield from _named(value, f"{path}.")
+
+
+def label_of(message: Any) -> Hashable:
+    """What a message says of who sent it: its frame, and the names of its joints in their order."""
+    header = getattr(message, "header", None)
+    names = getattr(message, "joint_names", None) or getattr(message, "name", None)
+    return getattr(header, "frame_id", ""), tuple(names) if isinstance(names, list) else ()
 
 
 # --- The quantities that messages of well-known types hold -----------------------------------------
@@ -247,11 +254,16 @@ class Decoder:
     def __init__(self, store: Any, kind: str, wanted: Sequence[str]) -> None:
         self._store, self._kind, self._wanted = store, kind, wanted
         self.templates: list[_Template] = []
+        self._labels: list[Hashable] = []
         self._learns = True
 
-    def read(self, raws: Sequence[bytes]) -> tuple[IntArray, FloatArray]:
-        """Header stamps, (n,) ns and 0 where there is none, and values, (n, wanted), NaN where a message lacks one."""
+    def read(self, raws: Sequence[bytes]) -> tuple[IntArray, FloatArray, list[Hashable]]:
+        """Header stamps, (n,) ns and 0 where there is none, and values, (n, wanted), NaN where a message lacks one.
+
+        And what each message says of who sent it.
+        """
         stamps = np.zeros(len(raws), np.int64)
+        labels: list[Hashable] = [None] * len(raws)
         values = np.full((len(raws), len(self._wanted)), np.nan)
         rest = np.arange(len(raws))
         for number in range(_LAYOUTS):
@@ -259,21 +271,26 @@ class Decoder:
                 break
             rows, like = self.templates[number].like([raws[row] for row in rest.tolist()])
             stamps[rest[like]], values[rest[like]] = self.templates[number].read(rows)
+            for row in rest[like].tolist():
+                labels[row] = self._labels[number]
             rest = rest[~like]
         for row in rest.tolist():
             message = self._store.deserialize_cdr(raws[row], self._kind)
             numbers = dict(numbers_in(message))
             values[row] = [numbers.get(name, np.nan) for name in self._wanted]
+            labels[row] = label_of(message)
             if (header := getattr(message, "header", None)) is not None:
                 stamps[row] = header.stamp.sec * 10**9 + header.stamp.nanosec
-        return stamps, values
+        return stamps, values, labels
 
     def _has_template(self, number: int, raw: bytes) -> bool:
         """Whether there is a template of this number, after a look at a message that none of the others fits."""
         if number == len(self.templates) and self._learns:
             template = _Template.of(self._store, self._kind, raw, self._wanted)
             self._learns = template is not None
-            self.templates += [template] if template is not None else []
+            if template is not None:
+                self.templates.append(template)
+                self._labels.append(label_of(self._store.deserialize_cdr(raw, self._kind)))
         return number < len(self.templates)
 
 

@@ -6,7 +6,7 @@ import hashlib
 import re
 import shutil
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
@@ -19,11 +19,12 @@ from typing import Any, BinaryIO
 import numpy as np
 import pandas as pd
 
-from lptn.basics.arrays import FloatArray, IntArray
+from lptn.basics.arrays import BoolArray, FloatArray, IntArray
 from lptn.basics.errors import InputError
 from lptn.basics.files import fingerprint
-from lptn.logs.bag_messages import COMMON_TYPES, Decoder, numbers_in, quantities
+from lptn.logs.bag_messages import COMMON_TYPES, Decoder, label_of, numbers_in, quantities
 from lptn.logs.resampling import on_one_time
+from lptn.logs.streams import conflicts
 from lptn.logs.tables import Table, broken, check_size
 
 # --- A bag opened ----------------------------------------------------------------------------------
@@ -52,22 +53,44 @@ def open_bag(path: Path) -> Table:
         store = _store(reader.connections)
         kinds, of_opening = _kinds(reader, store)
         decoded = {topic: _first_numbers(reader, store, topic, kind) for topic, kind in kinds.items()}
-    undecoded = [topic for topic, numbers in decoded.items() if numbers is None]
+    undecoded = [topic for topic, first in decoded.items() if first is None]
     of_opening += [f"{topic}: its messages do not decode as {kinds[topic]}; left out." for topic in undecoded]
-    topics = {topic: numbers for topic, numbers in decoded.items() if numbers}
+    topics = {topic: first.names for topic, first in decoded.items() if first is not None and first.names}
+    sources = {topic: first.sources for topic, first in decoded.items() if first is not None}
     if not topics:
         raise InputError(path, "log", "no topic whose messages hold numbers", "a bag with joint states or the like")
-    names = ("time", *(f"{topic}.{name}" for topic, numbers in topics.items() for name in numbers))
+    # Those of each source by itself, where several have one.
+    numbered = {
+        f"{topic}:{number}": (topic, source)
+        for topic, first in decoded.items()
+        if first is not None and first.shared
+        for number, source in enumerate(first.sources, start=1)
+    }
+    all_numbers = topics | {name: topics[topic] for name, (topic, _) in numbered.items()}
+    names = ("time", *(f"{topic}.{name}" for topic, numbers in all_numbers.items() for name in numbers))
     notes = [*of_opening]
     times: list[float] = []
 
     def read(wanted: Sequence[str]) -> pd.DataFrame:
-        asked = {topic: [name for name in numbers if f"{topic}.{name}" in wanted] for topic, numbers in topics.items()}
-        asked = {topic: numbers for topic, numbers in asked.items() if numbers} or {next(iter(topics)): []}
+        asked = {name: [n for n in numbers if f"{name}.{n}" in wanted] for name, numbers in all_numbers.items()}
+        asked = {name: numbers for name, numbers in asked.items() if numbers} or {next(iter(topics)): []}
         with _errors_as_one_line(path), _reader(path) as again:
-            streams = [_stream(again, store, topic, kinds[topic], numbers) for topic, numbers in asked.items()]
+            whole: dict[str, Stream] = {}
+            for topic in dict.fromkeys(numbered.get(name, (name,))[0] for name in asked):
+                of_topic = [n for name in asked if numbered.get(name, (name,))[0] == topic for n in asked[name]]
+                whole[topic] = _stream(again, store, topic, kinds[topic], list(dict.fromkeys(of_topic)))
+        streams, of_sources = [], []
+        for name, numbers in asked.items():
+            if name in numbered:
+                topic, source = numbered[name]
+                rows = np.array([label == source for label in whole[topic].sources], dtype=bool)
+                streams.append(whole[topic].only(rows, numbers, name))
+            else:
+                stream, said = _of_one_source(path, whole[name], numbers, sources[name])
+                streams.append(stream)
+                of_sources += said
         stamps, of_clock = one_clock(streams)
-        notes[:] = [*of_opening, *of_clock]
+        notes[:] = [*of_opening, *of_sources, *of_clock]
         check_size(path, sum(own.size for own in stamps), len(wanted))
         frame = _merged(streams, stamps)
         times[:] = frame["time"].tolist()
@@ -85,12 +108,54 @@ def _stream(reader: Any, store: Any, topic: str, kind: str, wanted: list[str]) -
     decoder = Decoder(store, kind, wanted)
     messages = reader.messages(_connections(reader, topic, kind))
     stamps, received, values = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)], [np.zeros((0, len(wanted)))]
+    sources: list[Hashable] = []
     while batch := list(islice(messages, _BATCH)):
-        own, numbers = decoder.read([bytes(raw) for _, _, raw in batch])
+        own, numbers, labels = decoder.read([bytes(raw) for _, _, raw in batch])
         stamps.append(own)
         received.append(np.array([when for _, when, _ in batch], np.int64))
         values.append(numbers)
-    return Stream(topic, wanted, np.concatenate(stamps), np.concatenate(received), np.concatenate(values))
+        sources += [(channel.id, label) for (channel, _, _), label in zip(batch, labels, strict=True)]
+    return Stream(topic, wanted, np.concatenate(stamps), np.concatenate(received), np.concatenate(values), sources)
+
+
+_MOST_SOURCES = 20  # of a topic: what changes more often names no source
+
+
+def _of_one_source(
+    path: Path, stream: Stream, wanted: list[str], first: Sequence[Hashable]
+) -> tuple[Stream, list[str]]:
+    """A topic's messages without those of sources that say zero throughout where another speaks; and notes.
+
+    Raises:
+        InputError: two sources say different things of one number.
+    """
+    if len(set(stream.sources)) > _MOST_SOURCES:
+        return stream, []
+    places = [stream.names.index(name) for name in wanted]
+    found = conflicts(wanted, stream.values[:, places], stream.sources)
+    for conflict in found:
+        one, other = conflict.sources
+        if len(conflict.silent) != 1:
+            numbers = [first.index(source) + 1 if source in first else 0 for source in conflict.sources]
+            said = f"messages of 2 sources in turn, {_words(one, other)}, which say different things of {conflict.name}"
+            columns = " or ".join(f"{stream.topic}:{number}.{conflict.name}" for number in numbers if number)
+            expected = f"one of them, named in [columns] or by --map: {columns}" if all(numbers) else "one of them"
+            raise InputError(path, stream.topic, said, expected)
+    silent = {source for conflict in found for source in conflict.silent}
+    rows = np.array([source not in silent for source in stream.sources], dtype=bool)
+    left_out = int((~rows).sum())
+    notes = [f"{stream.topic}: {left_out} messages of another source hold zeros alone; left out."] if silent else []
+    return stream.only(rows, wanted, stream.topic), notes
+
+
+def _words(one: Any, other: Any) -> str:
+    """What tells two sources apart."""
+    (channel, (frame, joints)), (channel2, (frame2, joints2)) = one, other
+    if channel != channel2:
+        return f"connections {channel} and {channel2}"
+    if frame != frame2:
+        return f"frames '{frame}' and '{frame2}'"
+    return f"joints {', '.join(joints[:3])} … and {', '.join(joints2[:3])} …"
 
 
 def _connections(reader: Any, topic: str, kind: str) -> list[Any]:
@@ -120,19 +185,33 @@ def _kinds(reader: Any, store: Any) -> tuple[dict[str, str], list[str]]:
     return kinds, list(dict.fromkeys(notes))
 
 
-def _first_numbers(reader: Any, store: Any, topic: str, kind: str) -> list[str] | None:
-    """What a topic's first messages hold: names of their numbers; `None` where one does not decode."""
+@dataclass(frozen=True)
+class First:
+    """What a topic's first messages hold: names of their numbers, their sources, whether two have one number."""
+
+    names: list[str]
+    sources: list[Hashable]
+    shared: bool
+
+
+def _first_numbers(reader: Any, store: Any, topic: str, kind: str) -> First | None:
+    """What a topic's first messages hold; `None` where one does not decode."""
     from rosbags.serde import SerdeError
 
-    names: dict[str, None] = {}
+    names: dict[str, set[Hashable]] = {}
+    sources: dict[Hashable, None] = {}
     for connection in _connections(reader, topic, kind):
         for _, _, raw in islice(reader.messages([connection]), _FIRST):
             try:
                 message = store.deserialize_cdr(raw, kind)
             except SerdeError:  # of another version of its type
                 return None
-            names.update(dict.fromkeys(name for name, _ in islice(numbers_in(message), _WIDEST)))
-    return list(names)[:_WIDEST]
+            source = (connection.id, label_of(message))
+            sources[source] = None
+            for name, _ in islice(numbers_in(message), _WIDEST):
+                names.setdefault(name, set()).add(source)
+    shared = len(sources) <= _MOST_SOURCES and any(len(of_name) > 1 for of_name in names.values())
+    return First(list(names)[:_WIDEST], list(sources), shared)
 
 
 def _store(connections: Sequence[Any]) -> Any:
@@ -215,13 +294,19 @@ def _digest(path: Path) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Stream:
-    """A topic's messages: header stamps and times of reception, (n,) ns, and values, (n, names)."""
+    """A topic's messages: header stamps and times of reception, (n,) ns, values, (n, names), and who sent each."""
 
     topic: str
     names: Sequence[str]
     stamps: IntArray
     received: IntArray
     values: FloatArray
+    sources: Sequence[Hashable] = ()
+
+    def only(self, rows: BoolArray, names: Sequence[str], topic: str) -> Stream:
+        """Some of its messages, and numbers, under another name."""
+        columns = [self.names.index(name) for name in names]
+        return Stream(topic, names, self.stamps[rows], self.received[rows], self.values[rows][:, columns])
 
 
 _APART = 1_000_000_000  # ns; no message is under way for so long

@@ -49,6 +49,7 @@ from lptn.logs.run import LATEST_FIRST, Run
 from lptn.logs.scatter import scatter_of
 from lptn.logs.silence import Silence, of_sensor, quantisation_step, silences_of, without_silent
 from lptn.logs.spreadsheets import open_spreadsheet
+from lptn.logs.streams import back_and_forth, rows_of_zeros
 from lptn.logs.tables import Table, column_sources, open_parquet, table_of, with_times
 from lptn.logs.ulog import open_ulog
 
@@ -385,6 +386,7 @@ def _checked_samples(table: Table, choice: ColumnChoice, strict: bool) -> tuple[
         speaking = [key for key in predicted if not any(stretch.whole for stretch in silent.get(key, []))]
         roles = Roles(predicted, bool(speaking))
         issues = issues_of(choice.sources, numbers, raw, silent, roles, table.units)
+        issues += tuple(back_and_forth(raw, choice.sources))
     for issue in issues:
         if strict and issue.certain:
             raise InputError(table.path, *issue.error)
@@ -421,6 +423,11 @@ def _values(
         raw, numbers = ({key: values[order] for key, values in columns.items()} for columns in (raw, numbers))
         late = int((np.diff(order) < 0).sum())
         notes.append(f"time: {late} row{'s' * (late > 1)} out of order, by a few steps; sorted.")
+    zeros, of_zeros = rows_of_zeros({key: values for key, values in raw.items() if key != "time"}, sources)
+    if of_zeros:
+        raw |= {key: np.where(zeros, np.nan, raw[key]) for key in of_zeros}
+        said = f"zero in {zeros.sum()} rows between rows of other values, as of another source; these are left out."
+        notes.append(f"{', '.join(of_zeros)}: {said}")
     if not table.mixed:
         others = {key: values for key, values in raw.items() if key != "time"}
         raw["time"], spread = within_stamps(table, sources["time"].columns[0], raw["time"], others)
