@@ -18,6 +18,7 @@
 #define COLD 150.0 /* K; no robot is so cold: somebody has set degrees Celsius */
 #define ULPS 4.0          /* of a time: what the arithmetic of an importer may lose */
 #define PART_OF_STEP 1e-6 /* of a communication step: what may lie between its begin and the end of the last one */
+#define PAST_STOP 1e-3    /* of a communication step: an importer's sum of 216,000 steps of 1/60 s ends 1e-6 of one beyond */
 
 /* --- what is said ------------------------------------------------------------------------------- */
 
@@ -154,8 +155,8 @@ static void core_free(Instance *I) {
 
 /* What two times that mean the same may differ by [s]: the rounding of either, and a part of the step between them.
    Communication points are absolute: near 1.7e9 s, today as a robot stamps it, they are a quarter of a microsecond apart. */
-static double same_time(double one, double other, double step) {
-    return ULPS * DBL_EPSILON * fmax(fabs(one), fabs(other)) + PART_OF_STEP * step;
+static double same_time(double one, double other, double part_of_step) {
+    return ULPS * DBL_EPSILON * fmax(fabs(one), fabs(other)) + part_of_step;
 }
 
 static Status core_start(Instance *I, const char *function, double start, int has_stop, double stop) {

@@ -221,9 +221,9 @@ static Status core_step(Instance *I, const char *function, double from, double s
     int i, ends = 0;
     if (!(step > 0) || !isfinite(step)) return core_fail(I, function, "step size %g, must be positive", step);
     if (!(from + step > from)) return core_fail(I, function, "a step of %g s is lost in the rounding of the time %.17g", step, from);
-    if (!(fabs(from - d->time) <= same_time(from, d->time, step)))
+    if (!(fabs(from - d->time) <= same_time(from, d->time, PART_OF_STEP * step)))
         return core_fail(I, function, "communication point %.17g, but the last step ended at %.17g", from, d->time);
-    if (from + step - d->stop > same_time(from, from + step, step))
+    if (from + step - d->stop > same_time(from, from + step, PAST_STOP * step))
         return core_fail(I, function, "step to %.17g beyond the stop time %.17g", from + step, d->stop);
     n = inner_steps(I, function, step);
     if (!(n <= MOST_STEPS)) return core_fail(I, function, "%g inner steps needed; export with ros2 or step shorter", n);

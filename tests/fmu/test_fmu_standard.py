@@ -92,6 +92,26 @@ def test_a_step_beyond_the_stop_time_is_refused(fmi: int, built: Build, tmp_path
         assert leg.step(EPOCH, 10.0) == OK
 
 
+@FMI
+@pytest.mark.parametrize(
+    ("begin", "stop", "rate"), [(0.0, 3600.0, 60), (0.0, 600.0, 240), (0.0, 300.0, 1000), (1000.0, 1900.0, 30)]
+)
+def test_a_master_that_adds_up_its_time_comes_to_the_stop_time_and_not_beyond(
+    fmi: int, begin: float, stop: float, rate: int, built: Build, tmp_path: Path
+) -> None:
+    """A sum of 216,000 rounded steps ends up to 1e-7 s beside the stop time, on either side."""
+    time, step = begin, 1 / rate
+    with Raw(built("leg", fmi), tmp_path) as leg:
+        leg.start(begin, stop)
+        for _ in range(round((stop - begin) * rate)):
+            assert leg.step(time, step) == OK
+            time += step
+        assert abs(time - stop) < 1e-3 * step
+        for beyond in (step, 0.5 * step, 0.01 * step):
+            assert leg.step(time, beyond) == ERROR
+            assert "beyond the stop time" in leg.said[-1][1]
+
+
 @pytest.mark.parametrize(("asked", "expected"), [(2.0, 2.0), (3.5, 4.0), (50.0, 10.0)])
 def test_an_early_return_comes_at_the_next_inner_step(
     asked: float, expected: float, built: Build, tmp_path: Path
