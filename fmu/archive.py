@@ -11,6 +11,7 @@ import itertools
 import lzma
 import math
 import re
+import shutil
 import stat
 import struct
 import tempfile
@@ -23,14 +24,14 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 from xml.etree import ElementTree
 
+from lptn.basics.bounds import ARCHIVE, DESCRIPTION, MEMBERS, VARIABLES
 from lptn.basics.errors import InputError
+from lptn.basics.files import bytes_of, text_of
 
 from .library import fault
 from .trust import is_own
 
 REALS = {"Real", "Float64"}
-_MOST_FILES = 10_000
-_MOST_BYTES = 1 << 30
 _CHUNK = 1 << 20
 _IDENTIFIER = re.compile(rb"""modelIdentifier\s*=\s*(["'])(.*?)\1""")
 _BEGINNING = re.compile(rb"\s*(?:<\?xml\b([^>]*)\?>|<[A-Za-z!])")
@@ -73,7 +74,7 @@ class Unpacked:
         self._folder = tempfile.TemporaryDirectory(prefix="lptn-fmu-", ignore_cleanup_errors=True)
         self.folder = Path(self._folder.name)
         try:
-            content = _read(path)  # once, so that what is checked is what runs
+            content = bytes_of(path, ARCHIVE, _EXPECTED)  # once, so that what is checked is what runs
             unpack(content, path, self.folder)
             self.description = self._described()
             if not (trust or is_own(content)):
@@ -83,6 +84,7 @@ class Unpacked:
             self.close()
             raise
         self._slots: dict[str, tuple[int, int, int]] = {}  # reference, place in the array and its size, by name
+        self._check_sizes()
         self.variables = {
             element.name: element
             for variable in self.description.modelVariables
@@ -103,9 +105,9 @@ class Unpacked:
         """
         file = self.folder / "resources" / "model.toml"
         try:
-            return file.read_text(encoding="utf-8") if file.is_file() else None
-        except (OSError, ValueError) as error:
-            raise InputError(self.path, "resources/model.toml", str(error), "a model file, in UTF-8") from error
+            return text_of(file, "a model file") if file.is_file() else None
+        except InputError as error:
+            raise InputError(self.path, "resources/model.toml", error.found, error.expected) from error
 
     def names(self, causality: str) -> list[str]:
         """The real variables of a causality, in order."""
@@ -116,6 +118,17 @@ class Unpacked:
     def has_arrays(self) -> bool:
         """Whether any variable is an array, whose elements `variables` shows one by one."""
         return any(variable.shape for variable in self.description.modelVariables)
+
+    def _check_sizes(self) -> None:
+        """Refuse more variables than a table of them can hold, counted before any array is taken apart."""
+        found = 0
+        for variable in self.description.modelVariables:
+            shape = [1 if length is None else length for length in variable.shape or ()]
+            if any(length < 0 for length in shape):
+                problem = f"a dimension of {min(shape)}"
+                raise InputError(self.path, f"modelDescription.xml, {variable.name}", problem, "one of 0 or more")
+            found += math.prod(shape)
+        VARIABLES.check(found, self.path, "modelDescription.xml")
 
     def _elements(self, variable: Any) -> list[Any]:
         """fmpy's description of a variable, or of each element of an array.
@@ -226,15 +239,6 @@ def import_fmpy() -> Any:
     return fmpy
 
 
-def _read(path: Path) -> bytes:
-    try:
-        if path.stat().st_size > _MOST_BYTES:
-            raise InputError(path, "file", "more than 1 GB", _EXPECTED)
-        return path.read_bytes()
-    except OSError as error:
-        raise InputError(path, "file", error.strerror or str(error), _EXPECTED) from error
-
-
 def unpack(content: bytes, path: Path, folder: Path) -> None:
     """Unpack an FMU into an empty folder.
 
@@ -250,6 +254,15 @@ def unpack(content: bytes, path: Path, folder: Path) -> None:
     _check_description(folder / "modelDescription.xml", path)
 
 
+def unpacked_size(path: Path) -> int:
+    """How many bytes an archive holds, as its directory says; 0 of what is none, which is refused later."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return sum(entry.file_size for entry in archive.infolist())
+    except _DAMAGED:
+        return 0
+
+
 def unpack_files(content: bytes, path: Path, folder: Path) -> None:
     """Unpack a ZIP archive, an FMU or a system of them, into an empty folder.
 
@@ -260,10 +273,9 @@ def unpack_files(content: bytes, path: Path, folder: Path) -> None:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             entries = archive.infolist()
             _check_names(entries, path)
-            left = _MOST_BYTES
             for entry in entries:
                 if not entry.is_dir():
-                    left = _write(archive, entry, path, folder, left)
+                    _write(archive, entry, folder)
     except InputError:
         raise
     except _DAMAGED as error:
@@ -271,8 +283,8 @@ def unpack_files(content: bytes, path: Path, folder: Path) -> None:
 
 
 def _check_names(entries: list[zipfile.ZipInfo], path: Path) -> None:
-    if len(entries) > _MOST_FILES:
-        raise InputError(path, "archive", f"{len(entries)} files", f"at most {_MOST_FILES}")
+    MEMBERS.check(len(entries), path, "archive")
+    ARCHIVE.check(sum(entry.file_size for entry in entries), path, "archive, unpacked")
     seen: set[str] = set()
     for entry in entries:
         name = entry.orig_filename
@@ -287,22 +299,18 @@ def _check_names(entries: list[zipfile.ZipInfo], path: Path) -> None:
         seen.add(folded)
 
 
-def _write(archive: zipfile.ZipFile, entry: zipfile.ZipInfo, path: Path, folder: Path, left: int) -> int:
-    """Unpack one file; the size that its header claims is not believed. Returns how many bytes may still come."""
+def _write(archive: zipfile.ZipFile, entry: zipfile.ZipInfo, folder: Path) -> None:
+    """Unpack one file, of the size at most that its header claims: `zipfile` reads no further."""
     target = folder / entry.filename
     target.parent.mkdir(parents=True, exist_ok=True)
     with archive.open(entry) as stream, target.open("xb") as output:
-        while chunk := stream.read(_CHUNK):
-            left -= len(chunk)
-            if left < 0:
-                raise InputError(path, "archive", "more than 1 GB unpacked", _EXPECTED)
-            output.write(chunk)
-    return left
+        shutil.copyfileobj(stream, output, _CHUNK)
 
 
 def _check_description(file: Path, path: Path) -> None:
     if not file.is_file():
         raise InputError(path, "archive", "no modelDescription.xml", _EXPECTED)
+    DESCRIPTION.check(file.stat().st_size, path, "modelDescription.xml")
     text = file.read_bytes()
     # An encoding in which `<!DOCTYPE` looks otherwise would get past the next check.
     beginning = _BEGINNING.match(text.removeprefix(b"\xef\xbb\xbf"))

@@ -14,14 +14,15 @@ from typing import Any
 from urllib.parse import quote, unquote
 from xml.etree import ElementTree
 
+from lptn.basics.bounds import ARCHIVE, COMPONENTS, DESCRIPTION
 from lptn.basics.errors import InputError
-from lptn.basics.files import write_whole
+from lptn.basics.files import bytes_of, real_path, write_whole
 from lptn.basics.units import convert
 from lptn.model.file import ModelFile
 from lptn.model.model import Model
 from lptn.model.network import Network
 
-from .archive import Unpacked, unit_of, unpack_files
+from .archive import Unpacked, unit_of, unpack_files, unpacked_size
 from .component import component as component_of
 from .exporter import model_and_text
 from .variables import unit_definitions
@@ -37,6 +38,7 @@ _NAMESPACES = {
 }
 _ROOT = "SystemStructure.ssd"  # of an SSP archive
 _NUMBERS = ("Real", "Integer")
+_EXPECTED = "a file of SSP 1.0"
 
 
 # --- parameter values -----------------------------------------------------------------------------
@@ -266,7 +268,7 @@ def write_system(
 
 def _beside(file: Path, target: Path) -> str:
     """A file's address as seen from another."""
-    return quote(Path(os.path.relpath(file.resolve(), target.resolve().parent)).as_posix())
+    return quote(Path(os.path.relpath(real_path(file), real_path(target).parent)).as_posix())
 
 
 def _pair(start: str, end: str, opened: Mapping[str, Unpacked], path: Path) -> Connection:
@@ -360,7 +362,7 @@ class OpenedSystem:
         try:
             if self.path.suffix == ".ssp":
                 self._folder = tempfile.TemporaryDirectory(prefix="lptn-ssp-", ignore_cleanup_errors=True)
-                unpack_files(_bytes(self.path), self.path, Path(self._folder.name))
+                unpack_files(bytes_of(self.path, ARCHIVE, _EXPECTED), self.path, Path(self._folder.name))
                 file = Path(self._folder.name) / _ROOT
             self.structure = _structure(_read(file, "ssd:SystemStructureDescription"), file, self.path)
         except BaseException:
@@ -377,14 +379,7 @@ def _structure(root: Any, file: Path, shown: Path) -> SystemStructure:
     system = root.find("ssd:System", _NAMESPACES)
     if system is None:
         raise InputError(shown, "System", "none", "an SSD file with a System")
-    components: dict[str, Path] = {}
-    values: dict[str, dict[str, Value]] = {}
-    for element in system.iterfind("ssd:Elements/*", _NAMESPACES):
-        kind, name = element.tag.rpartition("}")[2], element.get("name") or ""
-        if kind != "Component":
-            raise InputError(shown, f"Elements/{name}", kind, "components alone: no systems within systems")
-        components[name] = _file(element.get("source") or "", file, shown)
-        values[name] = _bound(element, file, shown)
+    components, values = _components(system, file, shown)
     for name, value in _bound(system, file, shown).items():
         component, variable = _ends(name, components, shown)
         values[component].setdefault(variable, value)
@@ -401,6 +396,25 @@ def _structure(root: Any, file: Path, shown: Path) -> SystemStructure:
             raise InputError(shown, "Connections", outside, "transformations between components alone")
         connections.append(Connection(start, end, factor, offset))
     return SystemStructure(system.get("name") or root.get("name") or "system", components, connections, values)
+
+
+def _components(system: Any, file: Path, shown: Path) -> tuple[dict[str, Path], dict[str, dict[str, Value]]]:
+    """The files of a system's components, and the values that their parameters are bound to, by name."""
+    components: dict[str, Path] = {}
+    values: dict[str, dict[str, Value]] = {}
+    for element in system.iterfind("ssd:Elements/*", _NAMESPACES):
+        kind, name = element.tag.rpartition("}")[2], element.get("name") or ""
+        if kind != "Component":
+            raise InputError(shown, f"Elements/{name}", kind, "components alone: no systems within systems")
+        if name in components:
+            raise InputError(shown, f"Elements/{name}", "a name twice", "components with names of their own")
+        components[name] = _file(element.get("source") or "", file, shown)
+        values[name] = _bound(element, file, shown)
+    if not components:
+        raise InputError(shown, "Elements", "no component", "one FMU or more")
+    COMPONENTS.check(len(components), shown, "Elements")
+    ARCHIVE.check(sum(map(unpacked_size, components.values())), shown, "Elements, unpacked")
+    return components, values
 
 
 def _bound(element: Any, file: Path, shown: Path) -> dict[str, Value]:
@@ -423,11 +437,14 @@ def _bound(element: Any, file: Path, shown: Path) -> dict[str, Value]:
 
 
 def _file(source: str, file: Path, shown: Path) -> Path:
-    """A file that another one names, relative to it."""
+    """A file that another one names, relative to it; inside the archive where there is one, `shown` then."""
     name = unquote(source)
-    if not name or "://" in name or PurePosixPath(name).is_absolute():
+    if not name or "://" in name or "\0" in name or PurePosixPath(name).is_absolute():
         raise InputError(shown, "source", f'"{source}"', "a path relative to the file")
-    return file.parent / name
+    path = file.parent / name
+    if file != shown and not real_path(path).is_relative_to(real_path(file.parent)):
+        raise InputError(shown, "source", f'"{source}", which leads out of the archive', "a file inside it")
+    return path
 
 
 # --- XML ------------------------------------------------------------------------------------------
@@ -473,7 +490,7 @@ def _text(root: Any) -> bytes:
 
 
 def _read(path: Path, tag: str) -> Any:
-    text = _bytes(path)
+    text = bytes_of(path, DESCRIPTION, _EXPECTED)
     part, _, name = tag.partition(":")
     if b"<!DOCTYPE" in text or b"<!ENTITY" in text or b"\0" in text:
         raise InputError(path, "file", "a document type or entities", "plain XML in UTF-8")
@@ -484,13 +501,6 @@ def _read(path: Path, tag: str) -> Any:
     if root.tag != f"{{{_NAMESPACES[part]}}}{name}":
         raise InputError(path, "file", root.tag, f"XML with {name} (SSP 1.0)")
     return root
-
-
-def _bytes(path: Path) -> bytes:
-    try:
-        return path.read_bytes()
-    except OSError as error:
-        raise InputError(path, "file", error.strerror or str(error), "a file of SSP 1.0") from error
 
 
 def _number(text: str | None, path: Path, place: str) -> float:

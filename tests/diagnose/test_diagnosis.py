@@ -219,7 +219,7 @@ def test_what_is_too_stiff_for_a_held_out_run_is_no_answer(leg: Leg, monkeypatch
 
     def stiff(fitted: Model, segment: Segment, sigma: FloatArray) -> Prediction:
         if any(declared.effect.key == "constant_heat" for declared in fitted.network.effects):
-            raise SimulationError("too fast")
+            raise SimulationError("model.toml", "motor", "a rate that is too fast", "a slower one")
         return predict(fitted, segment, sigma)
 
     assert diagnose(model, data).refits[0].key == ("constant_heat", "FR_thigh")

@@ -16,6 +16,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from lptn.basics.bounds import Bound
 from lptn.cli.main import main
 from lptn.fmu import cosimulate, export
 from lptn.fmu.compile import universal
@@ -233,7 +234,7 @@ def test_an_archive_that_is_not_what_it_seems_is_refused(
 def test_an_archive_that_unpacks_without_end_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, log: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("lptn.fmu.archive._MOST_BYTES", 1 << 20)
+    monkeypatch.setattr("lptn.fmu.archive.ARCHIVE", Bound(1 << 20, "bytes"))
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("modelDescription.xml", XML)

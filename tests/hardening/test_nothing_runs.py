@@ -18,6 +18,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from lptn.basics.bounds import Bound
 from lptn.basics.errors import InputError
 from lptn.cli.main import main
 from lptn.fmu import trust
@@ -247,7 +248,7 @@ TRICKS: dict[str, Callable[[], bytes]] = {
 def test_an_archive_with_a_trick_is_refused_and_nothing_leaves_its_folder(
     trick: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("lptn.fmu.archive._MOST_BYTES", 1 << 26)
+    monkeypatch.setattr("lptn.fmu.archive.ARCHIVE", Bound(1 << 26, "bytes"))
     folder = tmp_path / "inside"
     folder.mkdir()
     with pytest.raises(InputError) as refused:

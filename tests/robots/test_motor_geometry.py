@@ -292,8 +292,8 @@ def test_a_bad_drawing_is_one_line_and_nothing_is_written(tmp_path: Path, capsys
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["drawing.toml", "-o", "drawing.toml"], "the drawing itself"),
-        (["drawing.toml", "--json", "./drawing.toml"], "the drawing itself"),
+        (["drawing.toml", "-o", "drawing.toml"], "a file that is read"),
+        (["drawing.toml", "--json", "./drawing.toml"], "a file that is read"),
         (["drawing.toml", "--sample", "outrunner"], "--sample"),
         (["--json", "model.json"], "--json"),
     ],

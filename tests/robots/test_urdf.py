@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from importlib import metadata
 from pathlib import Path
 
@@ -148,6 +149,38 @@ def test_a_limit_that_is_not_stated_is_said_to_be_assumed(tmp_path: Path) -> Non
     assert "The URDF states no limit of wrist; taken for it: 20 N·m" in urdf_model_text(tmp_path / "robot.urdf")
     written(tmp_path, robot(stated))
     assert "states no limit" not in urdf_model_text(tmp_path / "robot.urdf")
+
+
+@pytest.mark.parametrize(
+    ("kind", "effort", "said"),
+    [
+        ("revolute", "1e9", "1e+09 N·m"),
+        ("revolute", "1e300", "1e+300 N·m"),
+        ("continuous", "1e-9", "1e-09 N·m"),
+        ("prismatic", "1e12", "1e+12 N"),
+    ],
+)
+def test_a_limit_that_no_motor_has_is_none_and_the_joint_is_named(
+    kind: str, effort: str, said: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    wrist = joint("wrist", "arm", "hand", kind).replace("33.5", effort)
+    made = urdf_model_text(written(tmp_path, robot(joint("elbow", "base", "arm"), wrist)))
+    none = urdf_model_text(written(tmp_path, robot(joint("elbow", "base", "arm"), wrist.replace(effort, "0"))))
+    assert made == none
+    assert f"robot.urdf: joint wrist: effort {said}, which no motor has; taken as no limit, like 0" in caplog.text
+
+
+def test_what_a_drawing_program_got_wrong_is_said_of_the_joint(tmp_path: Path) -> None:
+    for at, said in (("1e200 1e300 0", "1e+300 m"), ("0 nan 0", "nan m"), ("0 2500 0", "2500 m")):
+        with pytest.raises(InputError, match=r"joint elbow: found .*" + re.escape(said)):
+            urdf_model_text(written(tmp_path, robot(joint("elbow", "base", "arm", at=at))))
+
+
+def test_a_chain_of_three_thousand_joints_is_refused_at_once(tmp_path: Path) -> None:
+    chain = [joint(f"j{k}", f"l{k}", f"l{k + 1}") for k in range(3000)]
+    with pytest.raises(InputError, match=r"3,000 nodes; expected at most 1,000"):
+        urdf_model_text(written(tmp_path, robot(*chain)))
+    assert len(read_joints(written(tmp_path, robot(*chain[:300])))[1]) == 300
 
 
 def test_joints_that_nothing_drives_are_passed_over(tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+from lptn.basics.bounds import TEXT, Bound
 from lptn.basics.errors import InputError
 
 # --- Results as JSON can hold them ----------------------------------------------------------------
@@ -30,21 +31,48 @@ def finite(content: Any) -> Any:
 # --- Files as they are read -----------------------------------------------------------------------
 
 
-def text_of(path: Path, expected: str) -> str:
-    """The text of a user's file.
+_CHUNK = 1 << 20  # bytes read at once, and read beyond a bound
+
+
+def bytes_of(path: Path, bound: Bound, expected: str) -> bytes:
+    """The content of a user's file, which may be a pipe or a device without end.
 
     Args:
         path: the file.
+        bound: how much of it is read.
         expected: what it should have been, for the message.
 
     Raises:
-        InputError: there is no such file, or it can't be read as text.
+        InputError: there is no such file, it can't be read, or it holds more than the bound.
+    """
+    content = bytearray()
+    try:
+        with path.open("rb") as stream:
+            while len(content) <= bound.most and (chunk := stream.read(_CHUNK)):
+                content += chunk
+            size = max(len(content), os.fstat(stream.fileno()).st_size)
+    except (OSError, ValueError) as error:  # a ValueError of a path with a zero byte in it
+        raise InputError(path, "file", getattr(error, "strerror", None) or str(error), expected) from error
+    bound.check(size, path, "file")
+    return bytes(content)
+
+
+def text_of(path: Path, expected: str, bound: Bound = TEXT) -> str:
+    """The text of a user's file, in UTF-8 with or without a byte order mark.
+
+    Raises:
+        InputError: see `bytes_of`; or it is no text.
     """
     try:
-        return path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "bytes that are not UTF-8 text"
-        raise InputError(path, "file", reason or "no file", expected) from error
+        text = bytes_of(path, bound, expected).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise InputError(path, "file", "bytes that are not UTF-8 text", expected) from error
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def real_path(path: Path) -> Path:
+    """Where a path leads, links followed. A circle of links leads nowhere and stays as it is; `resolve` would raise."""
+    return Path(os.path.realpath(path))
 
 
 def fingerprint(path: Path) -> str:
@@ -176,7 +204,7 @@ def _bytes(content: str | bytes) -> bytes:
 
 
 def _real(path: Path) -> Path:
-    return Path(os.path.realpath(path)) if path.is_symlink() else path
+    return real_path(path) if path.is_symlink() else path
 
 
 def _part(target: Path, data: bytes) -> Path:

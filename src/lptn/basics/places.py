@@ -100,6 +100,8 @@ def expand_pair(patterns: Sequence[str], names: Sequence[str]) -> list[tuple[str
     each name of the other pattern.
     """
     first, second = patterns
+    if not is_pattern(first) and not is_pattern(second):  # as of most links
+        return [(first, second)] if first != second and first in names and second in names else []
     pairs = []
     for one in names:
         captured = _capture(first, one)

@@ -9,6 +9,11 @@ from pathlib import Path
 
 import cyclopts
 
+try:
+    import resource
+except ImportError:  # Windows
+    resource = None  # type: ignore[assignment]
+
 from lptn.basics.errors import InputError
 from lptn.basics.processes import heard_interrupts
 from lptn.cli.add import add
@@ -73,6 +78,7 @@ def main(words: Sequence[str] | None = None) -> None:
     words = sys.argv[1:] if words is None else words
     try:
         with spared_closed_pipes(), heard_interrupts(), library_log_shown():
+            _refuse_too_little_memory()
             app(words, exit_on_error=False, print_error=False)
     except InputError as error:
         complain(error)
@@ -80,15 +86,49 @@ def main(words: Sequence[str] | None = None) -> None:
     except cyclopts.CycloptsError as error:
         complain(f"{error} ({_hint(words)})")
         sys.exit(2)
-    except OSError as error:  # the system's, not the user's: a full disk, a folder that went away
-        complain(f"{error.filename or 'system'}: {error.strerror or error}")
-        sys.exit(2)
-    except MemoryError:
-        complain("not enough memory")
-        sys.exit(2)
     except KeyboardInterrupt:
         complain("stopped; nothing was written")
         sys.exit(130)
+    except Exception as error:
+        if (line := _of_the_machine(error)) is None:
+            raise  # a mistake of this package: the traceback says where
+        complain(line)
+        sys.exit(2)
+
+
+_NO_MEMORY = re.compile(r"bad_alloc|failed to map segment|[Cc]annot allocate memory|can't start new thread")
+"""What C++, the dynamic loader and threads say where Python would raise a `MemoryError`."""
+
+
+def _of_the_machine(error: Exception) -> str | None:
+    """The line for what is the machine's and not the user's: no memory, a full disk, a folder that went away."""
+    if isinstance(error, MemoryError):
+        return f"not enough memory: {error}" if str(error) else "not enough memory"
+    if _NO_MEMORY.search(str(error)):
+        return "not enough memory"
+    if isinstance(error, OSError):
+        return f"{error.filename or 'system'}: {error.strerror or error}"
+    if isinstance(error, ImportError):
+        return f"a library can't be loaded: {str(error).strip().splitlines()[-1]}"
+    return None
+
+
+_LEAST_MEMORY = (
+    1_200_000 * 1024
+)  # bytes of addresses: the libraries of a report map 1.1 GB; OpenBLAS ends without a word
+
+
+def _refuse_too_little_memory() -> None:
+    """Refuse a `ulimit -v` under which numerical libraries would break off or wait without end.
+
+    Raises:
+        MemoryError: it is too low.
+    """
+    most = -1 if resource is None else resource.getrlimit(resource.RLIMIT_AS)[0]
+    if 0 <= most < _LEAST_MEMORY:
+        raise MemoryError(
+            f"`ulimit -v` allows {most // 10**6} MB, and numerical libraries need {_LEAST_MEMORY // 10**6}"
+        )
 
 
 _LOOKS_LIKE_A_FILE = re.compile(r"-[^-].*\.\w+")

@@ -31,8 +31,8 @@ def motor(
     from lptn.robots import motor_drawing as drawings
     from lptn.robots.motor_model import model_text
 
-    check_outputs(output, json)
-    _check(geometry, sample, output, json)
+    check_outputs(output, json, inputs=() if geometry is None else (geometry,))
+    _check(geometry, sample, json)
     text = drawings.sample(sample or "inrunner") if geometry is None else model_text(drawings.load_geometry(geometry))
     if output is None:
         print(text, end="")
@@ -46,8 +46,8 @@ def motor(
         write_json(json, {"nodes": capacity, "inputs": model.inputs, "parameters": len(model.parameters)})
 
 
-def _check(geometry: Path | None, sample: str | None, output: Path | None, json: Path | None) -> None:
-    """Options that would do nothing, or destroy the drawing, are mistakes."""
+def _check(geometry: Path | None, sample: str | None, json: Path | None) -> None:
+    """Options that would do nothing are mistakes."""
     from lptn.basics.errors import InputError
 
     if geometry is None:
@@ -56,6 +56,3 @@ def _check(geometry: Path | None, sample: str | None, output: Path | None, json:
         return
     if sample is not None:
         raise InputError("command line", "--sample", f"{sample} beside a drawing", "one of the two")
-    for path in (output, json):
-        if path is not None and path.resolve() == geometry.resolve():
-            raise InputError(path, "output", "the drawing itself", "another file, for this one would be lost")

@@ -31,15 +31,13 @@ def new(
     from lptn.basics.errors import InputError
     from lptn.cli.terminal import show_table
 
-    check_outputs(output)
+    check_outputs(output, inputs=() if urdf is None else (urdf,))
     if urdf is not None:
         from lptn.robots.urdf import urdf_model_text
 
         beside = preset or model
         if beside:
             raise InputError("command line", "--urdf", f"'{beside}' beside it", "a URDF, or a preset")
-        if output is not None and output.resolve() == urdf.resolve():
-            raise InputError(output, "output", "the URDF itself", "another file, for this one would be lost")
         text = urdf_model_text(urdf)
     elif preset is not None:
         from lptn.robots.presets import preset_text

@@ -14,7 +14,7 @@ from cyclopts import Parameter as Option
 from cyclopts import Token, validators
 
 from lptn.basics.errors import LOG_FILE, MODEL_FILE, InputError
-from lptn.basics.files import text_of
+from lptn.basics.files import real_path, text_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -159,13 +159,13 @@ def check_outputs(*paths: Path | None, inputs: Iterable[Path] = ()) -> None:
             would take the place of what is read.
     """
     given = [path for path in paths if path is not None]
-    read = {file.resolve() for path in inputs for file in _files_of(path)}
+    read = {real_path(file) for path in inputs for file in _files_of(path)}
     for path in given:
         if path.is_dir():
             raise InputError(path, "output", "a folder", "a file in it")
         if not path.absolute().parent.is_dir():
             raise InputError(path, "output", "no such folder", "a file in a folder that exists")
-        if path.resolve() in read:
+        if real_path(path) in read:
             raise InputError(path, "output", "a file that is read", "another file, for this one would be lost")
     for number, path in enumerate(given):
         if path.absolute() in [other.absolute() for other in given[:number]]:

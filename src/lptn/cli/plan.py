@@ -7,7 +7,6 @@ from typing import Annotated
 
 from cyclopts import Parameter as Option
 
-from lptn.basics.errors import InputError
 from lptn.cli.options import HtmlReport, Json, Picture, check_outputs, check_picture, write_figure
 
 
@@ -36,14 +35,10 @@ def plan(
     from lptn.model.model import Model
     from lptn.planners.tasks import check_folder, kind_of, load_task, write_c
 
-    check_outputs(output, json, plot, report)
+    check_outputs(output, json, plot, report, inputs=(model, task))
     if output is not None:
         check_ending(output)
     check_picture(plot)
-    for written in (output, json, plot, report):
-        if written is not None and written.resolve() in (model.resolve(), task.resolve()):
-            expected = "another file, for this one would be lost"
-            raise InputError(written, "output", "the model or the task itself", expected)
     table = load_task(task)
     kind = kind_of(table, str(task))
     check_folder(emit_c, kind, str(task))

@@ -200,8 +200,17 @@ def show_written(files: Mapping[str, Path | None]) -> None:
 # --- Standard output that nobody reads any more, as in `lptn effects | head` ---------------------------------
 
 
+_PLAIN = str.maketrans(
+    {"−": "-", "°": "deg", "·": "*", "×": "x", "±": "+/-", "…": "...", "²": "^2", "→": "->", "Ω": "ohm"}
+)
+"""What numbers and units of a result are written with, for a terminal without those characters."""
+
+
 class _Output:
-    """A text stream that drops what nobody reads; whatever else is asked of it, the stream answers."""
+    """A text stream that drops what nobody reads, and writes what it has no characters for as escapes.
+
+    Whatever else is asked of it, the stream answers.
+    """
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
@@ -209,6 +218,9 @@ class _Output:
     def write(self, text: str) -> int:
         try:
             return self._stream.write(text)
+        except UnicodeEncodeError as error:  # a terminal of ASCII, or half a character of a file's name
+            plain = text.translate(_PLAIN).encode(error.encoding, "backslashreplace")
+            return self._stream.write(plain.decode(error.encoding))
         except OSError as error:
             self._let_go(error)
             return len(text)

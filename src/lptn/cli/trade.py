@@ -7,7 +7,6 @@ from typing import Annotated
 
 from cyclopts import Parameter as Option
 
-from lptn.basics.errors import InputError
 from lptn.cli.options import HtmlReport, Picture, check_outputs, check_picture, write_figure
 
 Result = Annotated[
@@ -32,11 +31,7 @@ def trade(
     from lptn.planners.trade import load_study, solve_study
     from lptn.planners.trade.export import as_json, lines
 
-    outputs = (json, plot, diagram, report)
-    check_outputs(*outputs)
-    for output in outputs:
-        if output is not None and output.resolve() == study.resolve():
-            raise InputError(output, "output", "the study itself", "another file, for this one would be lost")
+    check_outputs(json, plot, diagram, report, inputs=(study,))
     check_picture(plot)
     check_picture(diagram)
     asked = load_study(study)

@@ -7,15 +7,17 @@ fit to logs.
 
 from __future__ import annotations
 
+import logging
 import math
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NoReturn
 from xml.etree import ElementTree
 
+from lptn.basics.bounds import DESCRIPTION, NODES
 from lptn.basics.errors import InputError, one_line
+from lptn.basics.files import bytes_of
 from lptn.basics.places import EVERYWHERE, class_of, matching
 from lptn.model.file import parse_model
 
@@ -36,7 +38,10 @@ _PINION = 0.02  # m: radius at which a sliding joint's motor makes its force, a 
 _MOVED = ("revolute", "continuous", "prismatic")
 _SUFFIX = re.compile(r"_(joint|motor|actuator)$")
 _NOT_IN_NAMES = re.compile(r"[^\w-]")
-_LARGEST = 50_000_000  # bytes; no robot's URDF comes near
+_MOTORS = 1e-3, 1e5  # N·m behind the gear: small servos give 0.01, the axes of the largest robot arms 5e4
+_FARTHEST = 1000.0  # m between two joints; what is farther was drawn in millimetres
+_URDF = "a URDF: XML with <robot> outermost (expand a .xacro first)"
+_log = logging.getLogger("lptn.robots")
 
 
 @dataclass(frozen=True)
@@ -99,6 +104,7 @@ def read_joints(path: str | Path) -> tuple[str, list[Joint]]:
     moved = [joint for joint in moved if joint.get("name") in driven] or moved
     if not moved:
         raise InputError(path, "robot", "no joint that moves", f"joints of type {', '.join(_MOVED)}")
+    NODES.check(len(moved), path, "robot")
     names = _node_names(path, moved)
     result = []
     for joint in moved:
@@ -121,19 +127,13 @@ def read_joints(path: str | Path) -> tuple[str, list[Joint]]:
 
 
 def _parsed(path: str | Path) -> ElementTree.Element:
-    def refuse(problem: str) -> NoReturn:
-        raise InputError(path, "file", problem, "a URDF: XML with <robot> outermost (expand a .xacro first)")
-
+    content = bytes_of(Path(path), DESCRIPTION, _URDF)
     try:
-        if Path(path).stat().st_size > _LARGEST:
-            refuse("more than 50 MB")
-        root = ElementTree.fromstring(Path(path).read_bytes())
-    except OSError as error:
-        refuse(error.strerror or str(error))
+        root = ElementTree.fromstring(content)
     except (ElementTree.ParseError, ValueError, LookupError) as error:
-        refuse(f"no XML: {error}")
+        raise InputError(path, "file", f"no XML: {error}", _URDF) from error
     if root.tag != "robot":
-        refuse(f"<{one_line(root.tag)}> outermost")
+        raise InputError(path, "file", f"<{one_line(root.tag)}> outermost", _URDF)
     return root
 
 
@@ -162,14 +162,24 @@ def _effort(path: str | Path, joint: ElementTree.Element) -> float | None:
     """The limit that is stated; `None` where there is none, or none that limits."""
     limit = joint.find("limit")
     effort = 0.0 if limit is None else _number(path, joint, limit.get("effort", "0"))
-    return effort if 0 < effort < math.inf else None
+    slides = joint.get("type") == "prismatic"
+    torque = effort * (_PINION if slides else 1.0)
+    if _MOTORS[0] <= torque <= _MOTORS[1]:
+        return effort
+    if 0 < effort < math.inf:
+        stated = f"effort {effort:g} {'N' if slides else 'N·m'}, which no motor has"
+        _log.warning("%s: joint %s: %s; taken as no limit, like 0", path, joint.get("name"), stated)
+    return None
 
 
 def _length(path: str | Path, joint: ElementTree.Element) -> float:
     """How far a joint sits from the origin of what it is fixed to [m]."""
     origin = joint.find("origin")
     words = [] if origin is None else origin.get("xyz", "").split()
-    return math.hypot(*(_number(path, joint, word) for word in words)) if words else 0.0
+    length = math.hypot(*(_number(path, joint, word) for word in words)) if words else 0.0
+    if not length <= _FARTHEST:
+        raise InputError(path, f"joint {joint.get('name')}", f"{length:g} m to it", f"at most {_FARTHEST:g} m")
+    return length
 
 
 def _number(path: str | Path, joint: ElementTree.Element, word: str) -> float:

@@ -10,6 +10,7 @@ from math import ceil, isfinite, log2
 import numpy as np
 
 from lptn.basics.arrays import FloatArray, IntArray
+from lptn.basics.errors import InputError
 from lptn.model.model import Model
 from lptn.simulate.bound_run import BoundRun, default_start
 from lptn.simulate.dynamics import RATE_OF_A_STEP, Stepper, slopes_at_points, states_at_ends, stepper
@@ -21,10 +22,11 @@ _STRAIGHT = 0.3
 """Largest product of a row and the fastest rate for which a mean over the row is taken to be that of its two ends: off
 by x²/12 of a transient, 0.7 %, no more than a Runge-Kutta step itself (`RATE_OF_A_STEP`)."""
 _SAMPLED = 25  # steps of a run at which the rates are looked at: inputs change resistances, but seldom the fastest one
+_SMALLER = "inputs and parameters for which temperatures stay finite"
 _MOST_SUBSTEPS = 32  # a time constant below 1/32 of the log's step can't be seen in it, and would take all the time
 
 
-class SimulationError(ArithmeticError):
+class SimulationError(InputError):
     """The model at these parameters is too stiff, or runs away."""
 
 
@@ -52,13 +54,16 @@ def substeps(
     stacked = step * slopes_at_points(model, at_start, bound.inputs[:, sample], values)
     at_most = _row_sums(stacked)
     if not isfinite(at_most):
-        raise SimulationError(f"the rates of run {bound.run.name} are not finite at these parameters")
+        raise SimulationError(bound.run.source, "run", "rates of temperature that are not finite", _SMALLER)
     parts = 1
     if at_most > RATE_OF_A_STEP:
         fastest = _largest_eigenvalue(stacked, _parts)
         parts = _parts(fastest)
         if parts > _MOST_SUBSTEPS:
-            raise SimulationError(f"fastest rate {fastest / step:.3g} 1/s is too fast for steps of {step:g} s")
+            place = model.states[int(np.abs(stacked).sum(axis=2).max(axis=0).argmax())]
+            found = f"a time constant of {step / fastest:.2g} s in a log of steps of {step:g} s"
+            expected = f"{step / (_MOST_SUBSTEPS * RATE_OF_A_STEP):.2g} s or more: a larger capacity or resistance"
+            raise SimulationError(model.network.origin, place, found, expected)
     if bound.run.averaged and at_most > _STRAIGHT:
         of_core = stacked[:, :core, :core]
         if _row_sums(of_core) > _STRAIGHT and _bends(_largest_eigenvalue(of_core, _bends)):
@@ -141,7 +146,7 @@ def simulate(
 
 def _refuse_runaway(states: FloatArray, bound: BoundRun) -> None:
     if not np.isfinite(states).all():
-        raise SimulationError(f"the temperatures of run {bound.run.name} run away at these parameters")
+        raise SimulationError(bound.run.source, "run", "temperatures that run away", _SMALLER)
 
 
 # --- Its sensitivities: exact derivatives of the discrete run -------------------------------------

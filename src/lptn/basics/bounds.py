@@ -1,0 +1,57 @@
+"""How much a file from outside may hold: more than any robot needs, and so little that reading it comes to an end."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from lptn.basics.errors import InputError
+
+
+@dataclass(frozen=True)
+class Bound:
+    """The most of something that is read.
+
+    Args:
+        most: how many there may be.
+        noun: what is counted.
+    """
+
+    most: int
+    noun: str
+
+    def check(self, found: int, file: str | Path, place: str) -> None:
+        """Refuse what is beyond the bound.
+
+        Raises:
+            InputError: there are more.
+        """
+        if found > self.most:
+            raise InputError(file, place, f"{found:,} {self.noun}", f"at most {self.most:,}")
+
+
+TEXT = Bound(1_000_000, "bytes")
+"""Of a file that a person edits: a model of 800 joints has 0.1 MB. To parse TOML with its comments takes 1 to 20 s a
+megabyte."""
+
+DESCRIPTION = Bound(50_000_000, "bytes")
+"""Of a file that programs write (XML, JSON): FMUs of whole vehicles have 20 MB. XML takes 0.1 s and 10 MB of memory a
+megabyte."""
+
+ARCHIVE = Bound(1 << 30, "bytes")
+"""Of an archive, packed and unpacked: FMUs with libraries of several machines have 100 MB."""
+
+MEMBERS = Bound(10_000, "files")
+"""Of an archive: FMUs with their sources and documentation have some hundred."""
+
+NODES = Bound(1000, "nodes")
+"""Of a network: a humanoid with all its windings has 100. The time of a fit grows with the cube."""
+
+PLACES = Bound(20_000, "places")
+"""Of a network's links, or of its effects: a humanoid has some hundred. CasADi needs 1 ms for each."""
+
+VARIABLES = Bound(100_000, "variables")
+"""Of an FMU, elements of arrays counted: an importer needs some 10 µs and 1 kB for each."""
+
+COMPONENTS = Bound(100, "FMUs")
+"""Of a system: each is unpacked and loaded, and a process holds some hundred libraries."""

@@ -1,0 +1,149 @@
+"""A machine that lacks something: characters, memory, a place to write. One line, and no traceback."""
+
+from __future__ import annotations
+
+import io
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from lptn.basics.errors import InputError
+from lptn.basics.files import real_path
+from lptn.cli import main as command
+from lptn.cli.main import main
+from lptn.cli.terminal import spared_closed_pipes
+from lptn.robots.presets import presets
+from tests.hardening.bad_inputs import table
+
+
+@pytest.fixture
+def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with a model and a log, in which the command runs."""
+    monkeypatch.chdir(tmp_path)
+    Path("model.toml").write_text(presets()["single-motor"])
+    table().to_csv("log.csv", index=False)
+    return tmp_path
+
+
+def refused(words: str, capsys: pytest.CaptureFixture[str]) -> str:
+    """The one line of a command that ends with status 2."""
+    with pytest.raises(SystemExit) as stop:
+        main(words.split())
+    said = capsys.readouterr().err
+    assert stop.value.code == 2
+    assert said.count("\n") == 1
+    return said
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "latin-1", "cp437", "utf-8"])
+def test_a_terminal_without_our_characters_shows_numbers_and_names_all_the_same(
+    encoding: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bytes_ = io.BytesIO()
+    monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(bytes_, encoding=encoding, errors="strict"))
+    with spared_closed_pipes():
+        print("mean error −2.1 K at 30 °C, Knöchel", "half\udcff")
+    said = bytes_.getvalue().decode(encoding)
+    assert "2.1 K" in said
+    assert "−" in said if encoding == "utf-8" else " -2.1 K" in said
+    assert "half\\udcff" in said
+
+
+LOOPS = {
+    "itself": {"x.toml": "x.toml"},
+    "a circle": {"x.toml": "b", "b": "c", "c": "x.toml"},
+    "a folder in itself": {"d": "d", "x.toml": "d/x"},
+    "nowhere": {"x.toml": "nowhere/at/all"},
+}
+READERS = [
+    "check {} log.csv",
+    "check model.toml {}",
+    "improve {} log.csv -o o.toml",
+    "fmu {} -o o.fmu",
+    "plan model.toml {} -o o.csv",
+    "new --urdf {} -o o.toml",
+    "motor {} -o o.toml",
+    "trade {} --json o.json",
+    "cosim {} log.csv",
+    "report {} log.csv -o o.html",
+]
+
+
+@pytest.mark.parametrize("loop", LOOPS)
+@pytest.mark.parametrize("words", READERS)
+def test_a_link_that_leads_nowhere_is_no_file(
+    words: str, loop: str, desk: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for link, target in LOOPS[loop].items():
+        Path(link).symlink_to(target)
+    assert "x.toml" in refused(words.format("x.toml"), capsys)
+    assert not (desk / "nowhere").exists()
+
+
+def test_a_result_in_a_circle_of_links_is_refused(desk: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    Path("o.csv").symlink_to("o.csv")
+    assert "o.csv" in refused("simulate model.toml log.csv -o o.csv", capsys)
+    assert real_path(Path("o.csv")).name == "o.csv"
+
+
+@pytest.mark.parametrize(
+    ("raised", "said"),
+    [
+        (MemoryError("Unable to allocate 9 GiB for an array"), "not enough memory: Unable to allocate 9 GiB"),
+        (ImportError("x.so: failed to map segment from shared object"), "not enough memory"),
+        (RuntimeError("can't start new thread"), "not enough memory"),
+        (RuntimeError(".../casadi/x.cpp:3: std::bad_alloc"), "not enough memory"),
+        (ImportError("help\n\nOriginal error was: x.so: wrong ELF class"), "can't be loaded: Original error was: x.so"),
+        (OSError(28, "No space left on device", "/tmp/x"), "/tmp/x: No space left on device"),
+    ],
+)
+def test_what_the_machine_lacks_is_one_line(
+    raised: Exception, said: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def ends(*_: object, **__: object) -> None:
+        raise raised
+
+    monkeypatch.setattr(command, "app", ends)
+    assert said in refused("effects", capsys)
+
+
+def test_a_mistake_of_ours_keeps_its_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
+    def ends(*_: object, **__: object) -> None:
+        raise RuntimeError("a bug")
+
+    monkeypatch.setattr(command, "app", ends)
+    with pytest.raises(RuntimeError, match="a bug"):
+        main(["effects"])
+
+
+@pytest.mark.parametrize("megabytes", [350, 700, 1000])
+def test_a_limit_of_memory_that_no_library_can_live_with_is_said(megabytes: int, desk: Path) -> None:
+    line = f"ulimit -v {megabytes * 1000}; exec {sys.executable} -m lptn.cli.main compare model.toml log.csv"
+    done = subprocess.run(["bash", "-c", line], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 2
+    assert done.stderr.startswith("lptn: not enough memory: `ulimit -v` allows ")
+    assert done.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize("capacity", [1e-3, 1e-4, 1e-5, 1e-6])
+@pytest.mark.parametrize(
+    "words", ["compare model.toml log.csv", "simulate model.toml log.csv -o o.csv", "monitor model.toml log.csv"]
+)
+def test_a_node_too_quick_for_the_logs_steps_is_named(
+    words: str, capacity: float, desk: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = presets()["single-motor"].replace("value = 300", f"value = {capacity}").replace("[20, 3000]", "[0, 3000]")
+    Path("model.toml").write_text(text)
+    said = refused(words, capsys)
+    assert said.startswith("lptn: model.toml: motor: found a time constant of ")
+    assert "in a log of steps of 1 s" in said
+
+
+@pytest.mark.parametrize("bad", ["x\0y", "x" * 5000, "d/" * 3000])
+def test_a_path_that_no_system_has_is_a_line(bad: str) -> None:
+    from lptn.model.file import read_model_file
+
+    with pytest.raises(InputError):
+        read_model_file(Path(bad))
