@@ -11,7 +11,7 @@ lacks, are looked for too.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -21,6 +21,7 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.logs.columns import ColumnName, ColumnSource, map_option, toml_line, words_of
 from lptn.logs.quality import suspect_unit
+from lptn.logs.remedies import weighed
 from lptn.logs.resampling import raw_keys
 from lptn.logs.tables import Table, column_sources
 
@@ -114,15 +115,20 @@ def guess(
         rest = [key for key in missing if key not in choice and key != "time"]
         chosen = {column for column, _ in choice.values()}
         choice |= method(rest, {name: parts for name, parts in names.items() if name not in chosen}, among)
-    numbers = _numbers(table, [column for column, _ in choice.values()])
-    guesses = [_with_unit(table, key, *choice[key], numbers) for key in missing if key in choice]
     there = _logged(table, sources)
+    beside = {key: sources[key] for key in there if key.startswith("temperature.")}
+    numbers = _numbers(table, [*(column for column, _ in choice.values()), *_columns_of(beside.values())])
+    guesses = [_with_unit(table, key, *choice[key], numbers, beside) for key in missing if key in choice]
     guesses += [
         Guess(key, sources[of_joint], f"that of {of_joint.partition('.')[2]}")
         for key in missing
         if key not in choice and (of_joint := _of_its_joint(key, places)) in there
     ]
     return [guess for guess in guesses if guess is not None]
+
+
+def _columns_of(sources: Iterable[ColumnSource]) -> list[str]:
+    return [name for source in sources for name in source.columns]
 
 
 def _numbers(table: Table, columns: Sequence[str]) -> dict[str, FloatArray]:
@@ -158,8 +164,24 @@ def _of_opensourceleg(table: Table) -> bool:
     return all(any(wanted <= of_column for of_column in words) for wanted in _OPENSOURCELEG)
 
 
-def _with_unit(table: Table, key: str, column: str, why: str, numbers: Mapping[str, FloatArray]) -> Guess | None:
-    """The guess with its unit, from the name or else from the values; `None` for a column without numbers."""
+def _with_unit(
+    table: Table,
+    key: str,
+    column: str,
+    why: str,
+    numbers: Mapping[str, FloatArray],
+    beside: Mapping[str, ColumnSource],
+) -> Guess | None:
+    """The guess with its unit, from the name or else from the values; `None` for a column without numbers.
+
+    Args:
+        table: the log.
+        key: the quantity.
+        column: its column.
+        why: what speaks for it.
+        numbers: the file's columns, (n,) each.
+        beside: temperatures that the log has without a guess.
+    """
     quantity = key.partition(".")[0]
     source = ColumnSource((column,))
     values = numbers.get(column, np.empty(0))
@@ -169,7 +191,10 @@ def _with_unit(table: Table, key: str, column: str, why: str, numbers: Mapping[s
         return Guess(key, replace(source, unit=unit), f"{why}, unit and all")
     if quantity == "current" and _of_opensourceleg(table):
         return Guess(key, replace(source, unit="mA"), f"{why}; opensourceleg logs mA")
-    issue = next(iter(suspect_unit(key, source, values, table.units.get(column, ""))), None)
+    of_column = suspect_unit(key, source, values, table.units.get(column, ""))
+    others = {name: there for name, there in beside.items() if set(there.columns) <= numbers.keys()}
+    read = {name: there.values(name, numbers) for name, there in others.items()}
+    issue = next(iter(weighed(of_column, {key: source, **others}, numbers, read)), None)
     if issue is None:
         return Guess(key, source, why)
     return Guess(key, issue.corrected or source, f"{why}; {issue.problem}")

@@ -30,6 +30,7 @@ from lptn.logs.guess import format_note, guess
 from lptn.logs.issue import Issue
 from lptn.logs.joining import SECOND_TIME, join
 from lptn.logs.quality import Roles, check_values, duplicates_of, issues_of
+from lptn.logs.remedies import weighed
 from lptn.logs.resampling import (
     ROUNDING,
     SEVERAL,
@@ -386,7 +387,7 @@ def _checked_samples(table: Table, choice: ColumnChoice, strict: bool) -> tuple[
         speaking = [key for key in predicted if not any(stretch.whole for stretch in silent.get(key, []))]
         roles = Roles(predicted, bool(speaking))
         issues = issues_of(choice.sources, numbers, raw, silent, roles, table.units)
-        issues += tuple(back_and_forth(raw, choice.sources))
+        issues = weighed([*issues, *back_and_forth(raw, choice.sources)], choice.sources, numbers, raw)
     for issue in issues:
         if strict and issue.certain:
             raise InputError(table.path, *issue.error)
