@@ -76,7 +76,7 @@ def session(nodes: int, readings: int) -> Session:
 def served(made: Session) -> str:
     """Serve it in a thread; its address."""
     address: list[str] = []
-    threading.Thread(target=serve, args=(made, 0, address.append), daemon=True).start()
+    threading.Thread(target=serve, args=(made, 0, lambda shown, _: address.append(shown)), daemon=True).start()
     while not address:
         time.sleep(0.05)
     return address[0]

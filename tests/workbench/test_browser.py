@@ -103,6 +103,7 @@ def test_from_opening_to_a_fallen_error(browser: Browser, tmp_path: Path) -> Non
         page.on("pageerror", lambda error: complaints.append(str(error)))
         page.on("console", lambda message: complaints.append(message.text))
         page.goto(server.address)
+        page.wait_for_url(f"{server.home}/")
         expect(page.locator(".figures .given b")).to_have_text("4.72 K")
         assert page.url == f"{server.home}/"  # the token is not in the history
         expect(page.locator(".view h3")).to_contain_text("heater2 in log (held out)")  # the worst tile
@@ -151,6 +152,7 @@ def test_from_opening_to_a_fallen_error(browser: Browser, tmp_path: Path) -> Non
         server = Server(tmp_path, server.port)
         expect(page.locator("#work .failed")).to_be_visible()  # its token is of the old server
         page.goto(server.address)
+        page.wait_for_url(f"{server.home}/")
         expect(page.locator(".figures .now b")).to_have_text("0.999 K")
         assert {url[: len(server.home)] for url in asked} == {server.home}
         assert not [
@@ -170,6 +172,7 @@ def test_the_tour_ends_where_the_error_has_fallen(browser: Browser, tmp_path: Pa
         page = browser.new_page(viewport={"width": 1280, "height": 900})
         page.on("pageerror", lambda error: complaints.append(str(error)))
         page.goto(server.address)
+        page.wait_for_url(f"{server.home}/")
         page.locator(f"[id='example {example}']").click()
         tour = page.locator("#tour")
         expect(tour).to_contain_text("1 of 7")
@@ -204,6 +207,7 @@ def test_parameters_conditions_and_ways_that_were_left(browser: Browser, tmp_pat
         page = browser.new_page(viewport={"width": 1280, "height": 900})
         page.on("pageerror", lambda error: complaints.append(str(error)))
         page.goto(server.address)
+        page.wait_for_url(f"{server.home}/")
         page.locator("[id='by condition']").click(timeout=PATIENCE)
         expect(page.locator("[id='tile since the start later heater2']")).to_have_count(0)  # ten minutes were logged
         expect(page.locator("[id='tile since the start to 20 min heater2']")).to_be_visible()
@@ -244,6 +248,7 @@ def test_zoom_and_a_stretch_left_out(browser: Browser, tmp_path: Path) -> None:
     try:
         page = browser.new_page(viewport={"width": 1280, "height": 900})
         page.goto(server.address)
+        page.wait_for_url(f"{server.home}/")
         page.locator("[id='tile fit 0 heater1']").click(timeout=PATIENCE)
         expect(page.locator(".view h3")).to_contain_text("heater1 in log (fitted)")
         with page.expect_response(_window(120), timeout=PATIENCE) as answered:

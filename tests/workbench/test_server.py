@@ -2,25 +2,31 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import pickle
+import queue
 import re
 import socket
 import subprocess
 import sys
+import threading
+import time
 from collections.abc import Iterator
 from multiprocessing import Pipe
 from pathlib import Path
 
+import httpx2 as httpx
 import pytest
 from starlette.testclient import TestClient
 
 from lptn.basics.errors import InputError
+from lptn.basics.files import held
 from lptn.workbench.bench import Bench
 from lptn.workbench.calculation import _opened
 from lptn.workbench.content import content_of
 from lptn.workbench.orders import Keep, order
-from lptn.workbench.server import application, listening
+from lptn.workbench.server import application, listening, serve
 from lptn.workbench.session import Session
 from lptn.workbench.tour import EXAMPLES
 from tests.workbench.conftest import EXAMPLE, OPENING, unpacked
@@ -48,20 +54,40 @@ def stranger(session: Session) -> Iterator[TestClient]:
 @pytest.fixture
 def browser(stranger: TestClient) -> TestClient:
     """A browser that opened the address with the token."""
-    assert stranger.get("/?token=secret").status_code == 303
+    assert stranger.get("/?token=secret").status_code == 200
     return stranger
 
 
-def test_the_token_is_answered_with_a_cookie_and_an_address_without_it(stranger: TestClient) -> None:
+def test_the_token_lets_in_once_and_is_answered_with_a_cookie(stranger: TestClient) -> None:
     assert stranger.get("/").status_code == 401
     assert stranger.get("/?token=guessed").status_code == 401
     assert stranger.get("/state").status_code == 401
     answer = stranger.get("/?token=secret")
-    assert (answer.status_code, answer.headers["location"]) == (303, "/")
+    assert answer.status_code == 200
+    assert 'content="0; url=/"' in answer.text  # and the history has the address without it
     assert "HttpOnly" in answer.headers["set-cookie"]
     assert "SameSite=strict" in answer.headers["set-cookie"]
+    assert "secret" not in answer.headers["set-cookie"]
     assert stranger.get("/").status_code == 200
     assert stranger.get("/", headers={"cookie": "lptn-8000=guessed"}).status_code == 401
+    assert stranger.get("/", headers={"cookie": "lptn-8000=secret"}).status_code == 401
+
+
+def test_a_token_that_was_used_lets_nobody_else_in(session: Session) -> None:
+    site = application(session, 8000, "shown", "in the file")
+
+    def opens(token: str) -> int:
+        with TestClient(site, base_url=ADDRESS) as client:
+            return client.get("/", params={"token": token}).status_code
+
+    assert [opens("shown"), opens("shown"), opens("guessed")] == [200, 401, 401]
+    assert [opens("in the file"), opens("in the file")] == [200, 401]
+    assert [opens(""), opens("shown")] == [401, 401]
+
+
+def test_who_is_in_may_open_the_address_again(stranger: TestClient) -> None:
+    assert [stranger.get("/?token=secret").status_code for _ in range(3)] == [200] * 3
+    assert stranger.get("/?token=old").status_code == 200  # of the server before
 
 
 @pytest.mark.parametrize("host", ["evil.example", "127.0.0.1", "127.0.0.1:8001", "localhost:80", ""])
@@ -168,13 +194,157 @@ def test_nonsense_is_answered_in_a_line(browser: TestClient, wrong: dict[str, st
         b'{"what": "add", "effect": "fan"}',
         b'{"what": "leave_out", "run": "log", "start": 5, "stop": 5}',
         b'{"what": "leave_out", "run": "log", "start": 0, "stop": 1e999}',
-        b'{"what": "add", "effect": "fan", "at": "' + b"x" * 20_000 + b'"}',
     ],
 )
 def test_a_nonsense_order_is_refused(browser: TestClient, sent: bytes) -> None:
     answer = browser.post("/order", content=sent, headers=ORIGIN)
     assert answer.status_code == 422
     assert answer.json()["error"]
+
+
+@pytest.mark.parametrize(
+    ("sent", "status"),
+    [
+        (b"\xff\xfe", 400),
+        (b'{"what": "undo\xe9"}', 400),
+        ('{"what": "undo"}'.encode("utf-16"), 400),
+        (b'{"what": "add", "effect": "\xc3', 400),
+        (b"\xef\xbb\xbf{}", 422),
+        (b"[" * 9000, 422),
+        (b'{"what": "add", "effect": "fan", "at": "' + b"x" * 20_000 + b'"}', 413),
+        (b"[" * 20_000, 413),
+    ],
+)
+def test_an_order_is_a_short_text(browser: TestClient, sent: bytes, status: int) -> None:
+    for content in (sent, iter([sent[:5], sent[5:]])):  # the second says no length before
+        answer = browser.post("/order", content=content, headers=ORIGIN)
+        assert answer.status_code == status
+        assert "\n" not in answer.json()["error"]
+
+
+# --- a whole server -----------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def served(session: Session) -> Iterator[tuple[str, Path]]:
+    """The address and the file that `lptn open` shows."""
+    ready: queue.Queue[tuple[str, Path]] = queue.Queue()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("lptn.workbench.server._PATIENCE", 1.0)
+        patch.setattr(session, "close", lambda: None)
+        patch.setattr("uvicorn.Server.capture_signals", lambda _: contextlib.nullcontext())
+        serving = threading.Thread(target=serve, args=(session, 0, lambda *told: ready.put(told)), daemon=True)
+        serving.start()
+        yield ready.get(timeout=30)
+
+
+def _port(address: str) -> int:
+    return int(address.partition("127.0.0.1:")[2].partition("/")[0])
+
+
+def test_no_command_line_has_a_token(served: tuple[str, Path], monkeypatch: pytest.MonkeyPatch) -> None:
+    from lptn.cli.open import _show
+
+    address, page = served
+    opened: list[str] = []
+    monkeypatch.setenv("DISPLAY", ":0")
+    monkeypatch.setattr("webbrowser.open", opened.append)
+    _show(page)
+    assert opened == [page.as_uri()]
+    assert "token" not in opened[0]
+    assert (page.stat().st_mode & 0o777, page.parent.stat().st_mode & 0o777) == (0o600, 0o700)
+    url = page.read_text().partition("url=")[2].partition('"')[0]
+    assert url.partition("=")[0] == address.partition("=")[0]
+    assert url != address  # each lets in once
+    assert [httpx.get(url).status_code for _ in range(2)] == [200, 401]
+
+
+@pytest.mark.parametrize(
+    "sent",
+    [
+        b"",
+        b"GET / HT",
+        b"GET / HTTP/1.1\r\nhost: x\r\na: b",
+        b"POST /order HTTP/1.1\r\nhost: {host}\r\norigin: http://{host}\r\ncookie: {cookie}\r\n"
+        b"content-length: 9\r\n\r\n{",
+        b"GET /style.css HTTP/1.1\r\nhost: {host}\r\n\r\nGET /sty",
+    ],
+)
+def test_a_request_that_does_not_come_is_not_waited_for(served: tuple[str, Path], cookie: str, sent: bytes) -> None:
+    host = f"127.0.0.1:{_port(served[0])}"
+    for name, text in ((b"{host}", host), (b"{cookie}", cookie)):
+        sent = sent.replace(name, text.encode())
+    begun = time.monotonic()
+    with socket.create_connection(("127.0.0.1", _port(served[0]))) as client:
+        client.settimeout(10)
+        client.sendall(sent)
+        while client.recv(4096):
+            pass
+    assert 0.9 < time.monotonic() - begun < 9
+
+
+@pytest.fixture(scope="module")
+def cookie(served: tuple[str, Path]) -> str:
+    """What a browser was let in with."""
+    return httpx.get(served[0]).headers["set-cookie"].partition(";")[0]
+
+
+@pytest.mark.parametrize("framing", [b"content-length: 300000000", b"transfer-encoding: chunked"])
+def test_a_body_of_300_megabytes_is_refused_before_it_is_held(
+    served: tuple[str, Path], cookie: str, framing: bytes
+) -> None:
+    host = f"127.0.0.1:{_port(served[0])}"
+    head = f"POST /order HTTP/1.1\r\nhost: {host}\r\norigin: http://{host}\r\ncookie: {cookie}\r\n".encode()
+    sent, piece = 0, b"x" * (1 << 20)
+    with socket.create_connection(("127.0.0.1", _port(served[0]))) as client:
+        client.settimeout(10)
+        client.sendall(head + framing + b"\r\n\r\n")
+        with contextlib.suppress(ConnectionError):
+            while sent < 300:
+                client.sendall(piece if b"length" in framing else b"100000\r\n" + piece + b"\r\n")
+                sent += 1
+        answer = b""
+        with contextlib.suppress(ConnectionError):
+            answer = client.recv(4096)
+    assert sent < 20
+    assert answer == b"" or b" 413 " in answer
+    assert httpx.get(f"http://{host}/state", headers={"cookie": cookie}).status_code == 200
+
+
+# --- two of one study -----------------------------------------------------------------------------------------------
+
+
+def test_a_second_session_of_one_study_is_refused_until_the_first_ends(tmp_path: Path) -> None:
+    first, second, other = (Session(OPENING, tmp_path) for _ in range(3))
+    (tmp_path / "other").mkdir()
+    first._heard_opened(tmp_path)
+    second._heard_opened(tmp_path)
+    other._heard_opened(tmp_path / "other")
+    assert (first._refused, second.folder, other.folder) == (None, None, tmp_path / "other")
+    assert "open already in another `lptn open`" in str(second._refused)
+    first._heard_opened(tmp_path)  # after a stop
+    assert first.folder == tmp_path
+    first.close()
+    third = Session(OPENING, tmp_path)
+    third._heard_opened(tmp_path)
+    assert third.folder == tmp_path
+    third.close()
+    other.close()
+
+
+def test_a_session_that_was_killed_holds_nothing(tmp_path: Path) -> None:
+    script = (
+        "import sys, pathlib; from lptn.basics.files import held; held(pathlib.Path(sys.argv[1])); print(flush=True)"
+    )
+    hold = [sys.executable, "-c", f"{script}; input()", str(tmp_path / "lock")]
+    with subprocess.Popen(hold, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        assert held(tmp_path / "lock") is None
+        process.kill()
+    handle = held(tmp_path / "lock")
+    assert handle is not None
+    os.close(handle)
 
 
 def test_nothing_else_of_the_folder_is_given_away(browser: TestClient, session: Session) -> None:

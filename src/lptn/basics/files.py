@@ -198,6 +198,30 @@ def _locked(folder: Path) -> Iterator[None]:
         os.close(handle)
 
 
+def held(path: Path) -> int | None:
+    """Hold a file as long as this process lives, however it ends.
+
+    Args:
+        path: an empty file, made where it is missing.
+
+    Returns:
+        A descriptor, whose closing lets go; `None` if another process, or another call here, holds it.
+
+    Raises:
+        OSError: it can't be made.
+    """
+    handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o600)
+    if fcntl is not None:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            os.close(handle)
+            return None
+        except OSError:  # a file system without locks
+            pass
+    return handle
+
+
 def _bytes(content: str | bytes) -> bytes:
     # A lone surrogate comes from a file name that is no UTF-8: it must not cost the whole report.
     return content.encode("utf-8", "backslashreplace") if isinstance(content, str) else content

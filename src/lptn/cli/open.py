@@ -85,23 +85,23 @@ def open(  # noqa: A001 - the command's name
     with progress("reading"):
         session.open()
 
-    def ready(address: str) -> None:
+    def ready(address: str, page: Path) -> None:
         where = f"; kept in {session.folder}" if session.folder else " (examples; give a model and logs for your own)"
         print(f"The workbench, until Ctrl-C{where}", flush=True)
         print(address, flush=True)
         if browser:
-            _show(address)
+            _show(page)
 
     with suppress(KeyboardInterrupt):
         serve(session, port, ready)
     print("Ended; the same command goes on from here.")
 
 
-def _show(address: str) -> None:
-    """Show an address in the browser, where there is a screen: a browser in the terminal would take its place."""
+def _show(page: Path) -> None:
+    """Show a file in the browser, where there is a screen: a browser in the terminal would take its place."""
     import os
     import sys
     import webbrowser
 
     if sys.platform in ("win32", "darwin") or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
-        webbrowser.open(address)
+        webbrowser.open(page.as_uri())

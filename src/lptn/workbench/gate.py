@@ -1,7 +1,8 @@
 """Who may talk to the workbench: this machine's browser with the token, and no page of anybody else's.
 
 A server on loopback is open to every program and every web page on the machine. So each request needs the cookie that
-the address with its token was answered with; its `Host` must be this server's own, against names that are bound to
+the address with its token was answered with. A token lets in once: whoever reads it later, in a list of processes or a
+history, has nothing. A request's `Host` must be this server's own, against names that are bound to
 127.0.0.1 by others (DNS rebinding); an `Origin` must be ours, against other pages' requests; and what a page of ours
 loads comes from here alone.
 """
@@ -9,16 +10,21 @@ loads comes from here alone.
 from __future__ import annotations
 
 import secrets
+from collections.abc import Iterable
 from http.cookies import CookieError, SimpleCookie
 
 from starlette.datastructures import Headers, MutableHeaders, QueryParams
-from starlette.responses import PlainTextResponse, RedirectResponse, Response
+from starlette.responses import HTMLResponse, PlainTextResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 _POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
+MOVES_ON = '<!doctype html><meta http-equiv="refresh" content="0; url={}"><title>lptn</title>'
+"""A page that leads to an address. A redirection would not do: after one that began in a file, or on another's page, a
+browser does not send the cookie."""
+
 HEADERS = {
     "content-security-policy": _POLICY,
     "x-content-type-options": "nosniff",
@@ -36,11 +42,11 @@ class Gate:
     Args:
         app: what stands behind the gate.
         port: of the server.
-        token: the secret in the address.
+        tokens: secrets in addresses, each of which lets in once.
     """
 
-    def __init__(self, app: ASGIApp, port: int, token: str) -> None:
-        self._app, self._token = app, token
+    def __init__(self, app: ASGIApp, port: int, tokens: Iterable[str]) -> None:
+        self._app, self._tokens, self._secret = app, set(tokens), secrets.token_urlsafe(32)
         self._hosts = (f"127.0.0.1:{port}", f"localhost:{port}")
         self._cookie = f"lptn-{port}"  # cookies of a host are those of all its ports
 
@@ -68,18 +74,17 @@ class Gate:
             return PlainTextResponse("Other pages may not use the workbench.", 403)
         if scope["method"] == "POST" and origin is None:
             return PlainTextResponse("Orders come from the workbench's own page.", 403)
+        known = _same(self._cookie_of(headers), self._secret)
         given = QueryParams(scope["query_string"]).get("token")
-        if given is not None:
-            return self._admitted() if self._is_token(given) else _refused()
-        return None if self._is_token(self._cookie_of(headers)) else _refused()
-
-    def _admitted(self) -> Response:
-        answer = RedirectResponse("/", 303)
-        answer.set_cookie(self._cookie, self._token, httponly=True, samesite="strict")
+        if given is None:
+            return None if known else _refused()
+        token = next((token for token in self._tokens if _same(given, token)), None)
+        if token is None and not known:
+            return _refused()
+        self._tokens.discard(token or "")
+        answer = HTMLResponse(MOVES_ON.format("/"))
+        answer.set_cookie(self._cookie, self._secret, httponly=True, samesite="strict")
         return answer
-
-    def _is_token(self, given: str) -> bool:
-        return secrets.compare_digest(given.encode(), self._token.encode())
 
     def _cookie_of(self, headers: Headers) -> str:
         try:
@@ -89,5 +94,10 @@ class Gate:
         return cookie.value if cookie else ""
 
 
+def _same(given: str, secret: str) -> bool:
+    return secrets.compare_digest(given.encode(), secret.encode())
+
+
 def _refused() -> Response:
-    return PlainTextResponse("Open the address that `lptn open` printed last, with its token.", 401)
+    said = "Open the address that `lptn open` printed last. It lets in once; the same command begins anew with another."
+    return PlainTextResponse(said, 401)

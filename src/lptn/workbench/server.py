@@ -6,9 +6,11 @@ the six connections that a browser grants a host, and the seventh tab would hang
 
 from __future__ import annotations
 
+import asyncio
 import json
 import secrets
 import socket
+import tempfile
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
@@ -21,21 +23,24 @@ from pydantic import BaseModel, ValidationError
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.middleware import Middleware
-from starlette.requests import Request
+from starlette.requests import ClientDisconnect, Request
 from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response
 from starlette.routing import Route
+from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from lptn.basics.arrays import FloatArray
+from lptn.basics.bounds import Bound
 from lptn.basics.errors import InputError
-from lptn.basics.files import finite
-from lptn.workbench.gate import Gate
+from lptn.basics.files import finite, write_whole
+from lptn.workbench.gate import MOVES_ON, Gate
 from lptn.workbench.lines import packed
 from lptn.workbench.orders import LinesAsked, NetworkAsked, ResidualsAsked, SpecialAsked, order
 from lptn.workbench.residuals import Residuals
 from lptn.workbench.session import BusyError, Session
 from lptn.workbench.special import Special
 
-_LARGEST_ORDER = 10_000  # bytes; an order is a sentence
+_LARGEST_ORDER = Bound(10_000, "bytes")  # an order is a sentence
+_PATIENCE = 20.0  # s in which a request has come whole; on one machine that takes milliseconds
 _PAGE = {
     "": ("index.html", "text/html"),
     "style.css": ("style.css", "text/css"),
@@ -51,13 +56,13 @@ _PAGE = {
 _RESULTS = {"story.html": "text/html", "model.fmu": "application/octet-stream"}
 
 
-def application(session: Session, port: int, token: str) -> Starlette:
+def application(session: Session, port: int, *tokens: str) -> Starlette:
     """The server's application.
 
     Args:
         session: what tabs look at.
         port: of the server.
-        token: the secret in the address.
+        tokens: secrets in addresses, each of which lets in once.
     """
     site = _Site(session)
     routes = [Route(f"/{name}", _page) for name in _PAGE]
@@ -73,7 +78,7 @@ def application(session: Session, port: int, token: str) -> Starlette:
         Route("/result/{name}", site.result),
         Route("/model", site.model),
     ]
-    return Starlette(routes=routes, middleware=[Middleware(Gate, port=port, token=token)])
+    return Starlette(routes=routes, middleware=[Middleware(Gate, port=port, tokens=tokens)])
 
 
 async def _page(request: Request) -> Response:
@@ -117,11 +122,18 @@ class _Site:
         return await _answered(request, NetworkAsked, self._session.network, JSONResponse)
 
     async def order(self, request: Request) -> Response:
-        body = await request.body()
-        if len(body) > _LARGEST_ORDER:
-            return _wrong("an order is short")
         try:
-            self._session.do(order.validate_json(body))
+            async with asyncio.timeout(_PATIENCE):
+                text = await _short_text(request)
+            self._session.do(order.validate_json(text))
+        except TimeoutError:
+            return _wrong("an order that does not end", 408)
+        except ClientDisconnect:  # nobody hears the answer
+            return _wrong("an order that broke off", 400)
+        except UnicodeDecodeError:
+            return _wrong("bytes that are not UTF-8 text", 400)
+        except InputError as error:
+            return _wrong(str(error), 413)
         except ValidationError as error:
             return _wrong(_in_words(error))
         except BusyError as error:
@@ -168,8 +180,24 @@ async def _answered(
         return _wrong(str(error))
 
 
-def _wrong(what: str) -> Response:
-    return JSONResponse({"error": what}, 422)
+async def _short_text(request: Request) -> str:
+    """What an order says, refused before more of it is held than an order may have.
+
+    Raises:
+        InputError: it is too long.
+        UnicodeDecodeError: it is no text.
+    """
+    stated, body = request.headers.get("content-length", "0"), b""
+    _LARGEST_ORDER.check(int(stated) if stated.isdecimal() else 0, "order", "content-length")
+    async for chunk in request.stream():
+        body += chunk
+        _LARGEST_ORDER.check(len(body), "order", "body")
+    return body.decode()
+
+
+def _wrong(what: str, status: int = 422) -> Response:
+    unread = {"connection": "close"} if status in (408, 413) else None  # of the body, which is not waited for
+    return JSONResponse({"error": what}, status, unread)
 
 
 def _in_words(error: ValidationError) -> str:
@@ -200,22 +228,46 @@ def listening(port: int) -> socket.socket:
     return listener
 
 
-def serve(session: Session, port: int = 0, ready: Callable[[str], None] = lambda _: None) -> None:
+class _Patient(H11Protocol):
+    """Closes a connection on which no request has come whole in time; uvicorn waits for a header for ever."""
+
+    _late: asyncio.TimerHandle | None = None
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        super().connection_made(transport)
+        self._watch()
+
+    def data_received(self, data: bytes) -> None:
+        super().data_received(data)
+        self._watch()
+
+    def _watch(self) -> None:
+        waits = self.cycle is None or self.cycle.response_complete
+        if waits and self._late is None:
+            self._late = self.loop.call_later(_PATIENCE, self.transport.close)
+        elif not waits and self._late is not None:
+            self._late.cancel()
+            self._late = None
+
+
+def serve(session: Session, port: int = 0, ready: Callable[[str, Path], None] = lambda *_: None) -> None:
     """Serve a session's page until Ctrl-C.
 
     Args:
         session: an open session.
         port: of the server; by default any that is free.
-        ready: called with the address, token and all, once it answers.
+        ready: called once it answers with the address, whose token lets in once, and with a file that leads there by
+            a token of its own: a browser's command line, which everybody can read, has the file's name alone.
 
     Raises:
         InputError: the port is taken.
     """
-    token = secrets.token_urlsafe(32)
-    with listening(port) as listener:
+    shown, in_file = secrets.token_urlsafe(32), secrets.token_urlsafe(32)
+    with listening(port) as listener, tempfile.TemporaryDirectory(prefix="lptn-open-") as private:
         number = listener.getsockname()[1]
         config = uvicorn.Config(
-            application(session, number, token),
+            application(session, number, shown, in_file),
+            http=_Patient,
             log_level="error",
             lifespan="off",
             server_header=False,
@@ -224,7 +276,10 @@ def serve(session: Session, port: int = 0, ready: Callable[[str], None] = lambda
         )
         server = uvicorn.Server(config)
         listener.listen(128)  # a request that comes before the server answers waits
-        threading.Timer(0.0, ready, [f"http://127.0.0.1:{number}/?token={token}"]).start()
+        address, page = f"http://127.0.0.1:{number}/?token=", Path(private) / "workbench.html"
+        page.touch(mode=0o600)  # in a folder that is this user's alone
+        write_whole(page, MOVES_ON.format(address + in_file))
+        threading.Timer(0.0, ready, [address + shown, page]).start()
         try:
             server.run(sockets=[listener])
         finally:

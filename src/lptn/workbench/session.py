@@ -15,7 +15,7 @@ import platformdirs
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
-from lptn.basics.files import finite
+from lptn.basics.files import finite, held
 from lptn.report.network_course import NetworkCourse
 from lptn.report.text import for_people
 from lptn.workbench.bench import News
@@ -82,6 +82,7 @@ class Session:
         self._process: multiprocessing.process.BaseProcess | None = None
         self._pipe: Connection | None = None
         self._next: Keep | None = None
+        self._held: int | None = None  # the lock on the folder
         self._worked = False  # whether the process did what it began with
 
     # --- the process that works -----------------------------------------------------------------
@@ -142,9 +143,24 @@ class Session:
         self._failed = f"{problem}; the study is as it was before"
 
     def _heard_opened(self, folder: Path) -> None:
+        if folder != self.folder:  # else it is held since before a stop
+            self._let_go()
+            self._held = held(folder / "lock")
+        if self._held is None:
+            problem = "open already in another `lptn open`, whose changes would be lost"
+            expected = "its page in the browser, or that one ended with Ctrl-C"
+            self._heard_refused(InputError(folder, "session", problem, expected))
+            if self._process is not None:
+                self._process.kill()
+            return
         self.folder = folder
         if self._busy is not None and not self._content:
             self._busy["words"] = _WORDS["fit"]
+
+    def _let_go(self) -> None:
+        if self._held is not None:
+            os.close(self._held)
+            self._held = None
 
     def _heard_said(self, text: str) -> None:
         if self._busy is not None:
@@ -322,6 +338,7 @@ class Session:
             if self._pipe is not None:
                 self._pipe.close()
         _end(process)
+        self._let_go()
 
 
 def _examples() -> dict[str, dict[str, str]]:
