@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from lptn.basics.errors import InputError
 from lptn.cli.main import main
+from lptn.identify.data import load_model
 from lptn.logs.columns import ColumnSource, parse_columns, parse_map_option
 from lptn.logs.guess import format_note, guess
 from lptn.logs.reading import open_table, read_log
+from lptn.logs.run import Run
 from lptn.robots.presets import presets
+from lptn.virtual import quadruped_logs
 
 Write = Callable[..., Path]
 Refuse = Callable[..., str]
@@ -243,3 +247,137 @@ def test_electrical_turns_are_guessed_and_never_converted_by_a_number_that_nobod
     assert "electrical turns" in suggestion.why
     with pytest.raises(InputError, match=r"for 14 pole pairs, say, write"):
         read_log(path, inputs=["velocity.knee"], outputs=["temperature.knee"], guessing=True)
+
+
+# --- What is no joint's and no battery's ----------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "column",
+    [
+        "sensor_combined.baro_temp_celcius",
+        "baro_temp",
+        "imu.temperature",
+        "cpu_temp",
+        "gpu temperature",
+        "lidar_temp_c",
+        "airspeed.air_temperature_celsius",
+        "spindle_temp",
+    ],
+)
+@pytest.mark.parametrize("place", ["battery", "motor", "knee"])
+def test_another_thing_s_thermometer_is_not_taken_for_the_only_one(write: Write, column: str, place: str) -> None:
+    path = write({"time": TIME, column: WARM, "other": TIME})
+    assert f"temperature.{place}" not in guessed(path, (), (f"temperature.{place}",))
+
+
+@pytest.mark.parametrize("column", ["temp", "Case Temperature", "motor_temp_C", "esc.temperature", "T1", "NTC [degC]"])
+def test_the_only_thermometer_of_one_motor_is_taken(write: Write, column: str) -> None:
+    path = write({"time": TIME, column: WARM, "other": TIME})
+    assert guessed(path, (), ("temperature.knee",))["temperature.knee"].split("|")[0] == column
+
+
+@pytest.mark.parametrize("word", ["imu", "cpu", "gpu", "baro"])
+def test_numbered_thermometers_of_other_things_are_no_joints(write: Write, word: str) -> None:
+    table: dict[str, list[object]] = {"time": TIME} | {f"{word}_temp_{k}": list(WARM) for k in range(3)}
+    assert "temperature.FR_calf" not in guessed(write(table))
+
+
+# --- Numbered columns are checked against the data ------------------------------------------------------
+
+
+def numbered(order: list[int], *, alike: bool = False, named: str = "", seed: int = 0) -> pd.DataFrame:
+    """Four joints in the model's order, whose torques a drive numbers in another one."""
+    rng = np.random.default_rng(seed)
+    count = 1800
+    frame: dict[str, object] = {"time": np.arange(count, dtype=float), "temperature.ambient": 22.0}
+    common = np.repeat(rng.choice([0.0, 2.0, 5.0, 8.0], count // 60), 60)
+    torques, readings = [], []
+    for _ in FOUR:
+        torque = (
+            common * rng.uniform(0.9, 1.1) if alike else np.repeat(rng.choice([0.0, 2.0, 5.0, 8.0], count // 60), 60)
+        )
+        rise = np.zeros(count)
+        for k in range(count - 1):
+            rise[k + 1] = rise[k] + (0.4 * torque[k] ** 2 - rise[k] / 2) / 200
+        torques.append(torque)
+        readings.append(np.round(22 + rise + rng.normal(0, 0.1, count), 1))
+    for k, joint in enumerate(FOUR):
+        frame[f"temperature.{joint}" if named == "temperatures" else f"motor_{k}_temp"] = readings[k]
+    for number, of in enumerate(order):
+        frame[f"torque.{FOUR[number]}" if named == "torques" else f"motor_{number}_tau"] = torques[of]
+    return pd.DataFrame(frame)
+
+
+FOUR = ("L_hip", "L_knee", "R_hip", "R_knee")
+
+
+def read_guessing(
+    frame: pd.DataFrame, joints: Sequence[str] = FOUR, columns: dict[str, ColumnSource] | None = None
+) -> Run:
+    """The run of a log whose columns are guessed."""
+    inputs, outputs = ([f"{quantity}.{joint}" for joint in joints] for quantity in ("torque", "temperature"))
+    (run,) = read_log(frame, columns, guessing=True, inputs=inputs, outputs=outputs)
+    return run
+
+
+@pytest.mark.parametrize("order", [[0, 2, 1, 3], [1, 0, 3, 2], [3, 2, 1, 0], [1, 2, 3, 0]])
+@pytest.mark.parametrize("named", ["", "temperatures"])
+def test_numbers_by_which_temperatures_follow_other_torques_are_refused(order: list[int], named: str) -> None:
+    frame = numbered(order, named=named)
+    with pytest.raises(InputError, match="follow the torque of another joint better") as caught:
+        read_guessing(frame)
+    line = str(caught.value).partition("perhaps ")[2]
+    columns = parse_columns(tomllib.loads("\n".join(line.split("; "))), "m.toml", "[columns]")
+    run = read_guessing(frame, columns=columns)
+    truth = numbered([0, 1, 2, 3], named="torques")
+    for joint in FOUR:
+        np.testing.assert_allclose(run.columns[f"torque.{joint}"], truth[f"torque.{joint}"])
+
+
+def test_numbered_thermometers_of_named_torques_are_told_in_their_own_lines() -> None:
+    frame = numbered([0, 2, 1, 3], named="torques")
+    with pytest.raises(InputError, match="of another joint") as caught:
+        read_guessing(frame)
+    for line in ('"temperature.R_hip" = "motor_1_temp"', '"temperature.L_knee" = "motor_2_temp"'):
+        assert line in str(caught.value)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("order", [[0, 1, 2, 3], [2, 1, 0, 3]])
+def test_joints_that_work_alike_or_stand_right_are_not_refused(seed: int, order: list[int]) -> None:
+    read_guessing(numbered([0, 1, 2, 3], seed=seed))
+    read_guessing(numbered(order, alike=True, seed=seed))
+
+
+@pytest.mark.parametrize("seed", [21, 22, 23])
+def test_a_healthy_quadruped_is_not_refused_and_an_exchanged_one_is(seed: int) -> None:
+    logs = quadruped_logs(seed=seed, runs="hour")
+    frame = logs["fit1"]
+    joints = [str(key).partition(".")[2] for key in frame if str(key).startswith("torque.")]
+    keys = [f"{quantity}.{joint}" for joint in joints for quantity in ("temperature", "torque")]
+
+    def named(order: list[str]) -> pd.DataFrame:
+        names = {f"temperature.{joint}": f"motor_{k}_temp" for k, joint in enumerate(joints)}
+        names |= {f"torque.{joint}": f"motor_{k}_tau" for k, joint in enumerate(order)}
+        return frame[["time", *keys]].rename(columns=names)
+
+    read_guessing(named(joints), joints)
+    with pytest.raises(InputError, match="of another joint"):
+        read_guessing(named(sorted(joints, key=lambda joint: joint.split("_")[::-1])), joints)
+
+
+def test_all_guesses_are_told_and_of_a_second_log_that_they_are_the_same(tmp_path: Path) -> None:
+    told: list[str] = []
+    frame = quadruped_logs(seed=24, runs="hour")["fit1"]
+    (tmp_path / "model.toml").write_text(presets()["quadruped"])
+    loaded = load_model(tmp_path / "model.toml", ["guess"])
+    joints = [key.partition(".")[2] for key in loaded.model.inputs if key.startswith("torque.")]
+    names = {f"torque.{joint}": f"motor_{k}_tau" for k, joint in enumerate(joints)}
+    names |= {f"temperature.{joint}": f"motor_{k}_temp" for k, joint in enumerate(joints)}
+    renamed = frame.rename(columns=names)
+    loaded.runs([renamed, renamed.iloc[: len(renamed) // 2]], notify=lambda _, note: told.append(note))
+    lines = [note for note in told if note.startswith("guessed: ")]
+    for key, column in names.items():
+        assert any(f'"{key}" = "{column}"' in line for line in lines)
+    assert sum("the same" in line for line in lines) == 1

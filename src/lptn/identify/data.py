@@ -328,9 +328,6 @@ Log = str | Path | pd.DataFrame
 logger = logging.getLogger(__name__)
 
 
-_MOST_GUESSES = 12  # that are said one by one
-
-
 def _warn(log: Path, note: str) -> None:
     logger.warning("%s: %s", log, note)
 
@@ -378,6 +375,7 @@ class LoadedModel:
         """
         inputs, outputs = needed_columns(self.model)
         all_runs: list[Run] = []
+        said: list[str] = []
         for number, log in enumerate(logs, start=1):
             runs = read_log(
                 log,
@@ -392,9 +390,10 @@ class LoadedModel:
             )
             issues = [issue.sentence for issue in runs[0].issues] if strict else []
             guessed = [note for note in runs[0].notes if note.startswith(GUESSED)]
-            if len(guessed) > _MOST_GUESSES:
-                first = guessed[0].removeprefix(GUESSED).removesuffix(".")
-                guessed = [f"{GUESSED}{len(guessed)} columns, such as {first}; `lptn check` lists them all."]
+            if guessed and guessed == said:
+                guessed = [f"{GUESSED}the same {len(guessed)} columns as in {all_runs[0].source}."]
+            elif not said:
+                said = guessed
             unknown = [note for note in runs[0].notes if strict and note.startswith(ROWS_UNKNOWN)]
             for note in [*guessed, *unknown, *issues]:
                 notify(Path(runs[0].source), note)

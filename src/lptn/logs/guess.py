@@ -25,6 +25,7 @@ from lptn.logs.remedies import weighed
 from lptn.logs.resampling import raw_keys
 from lptn.logs.tables import Table, column_sources
 
+_NUMBERED = "number "  # how it begins what speaks for a column that is one of a row
 Names = Mapping[str, ColumnName]  # the columns that are left to propose, by their names
 Choice = dict[str, tuple[str, str]]  # by quantity the column that may hold it, and what speaks for it
 
@@ -42,6 +43,11 @@ class Guess:
     key: str
     source: ColumnSource
     why: str
+
+    @property
+    def numbered(self) -> bool:
+        """Whether nothing but a number says which joint it is of."""
+        return self.why.startswith(_NUMBERED)
 
     @property
     def line(self) -> str:
@@ -244,6 +250,17 @@ _NOT_MEASURED = _set(
 _NEUTRAL = _set("joint joints motor actuator leg sensor measured state states q est deg")
 """Words that say nothing of place or quantity."""
 
+_DEVICES = _set(
+    "lowstate status data value values msg esc drive drives axis servo vesc odrive moteus actpack bldc output"
+)
+"""Words for a robot's motors and their messages, which say nothing more."""
+
+_ELSEWHERE = _set(
+    "baro barometer imu gyro accel accelerometer mag magnetometer cpu gpu soc core mcu fpga ssd disk camera lidar gps "
+    "radio airspeed charger"
+)
+"""Words for what is no joint and no battery, and has a thermometer of its own."""
+
 _MOST_WORDS = 24  # of a name; a line of a million characters is none
 _SHORT = 2  # letters: a word such as t, i or vx may stand for anything
 
@@ -351,7 +368,7 @@ def _by_number(missing: Sequence[str], names: Names, places: Sequence[str]) -> C
         families = [family for family in _families(quantity, names, places) if len(family) == len(wanted) > 1]
         if len(families) == 1 and set(wanted) <= set(missing):
             for key, (number, column) in zip(wanted, sorted(families[0].items()), strict=True):
-                choice[key] = column, f"number {number}, in the order of the model's nodes: check that"
+                choice[key] = column, f"{_NUMBERED}{number}, in the order of the model's nodes: check that"
     return choice
 
 
@@ -361,7 +378,7 @@ def _families(quantity: str, names: Names, places: Sequence[str]) -> list[dict[i
     for column, name in names.items():
         numbers = [word for word in name.words if word.isdigit()]
         rest = tuple(word for word in name.words if not word.isdigit())
-        if len(numbers) == 1 and _measures(quantity, rest):
+        if len(numbers) == 1 and _measures(quantity, rest) and _ELSEWHERE.isdisjoint(rest):
             families.setdefault(rest, {})[int(numbers[0])] = column
     spelled = {"".join(words_of(place)) for place in places}
     return [family for rest, family in families.items() if not any(place in "".join(rest) for place in spelled)]
@@ -380,13 +397,21 @@ def _by_being_alone(missing: Sequence[str], names: Names, places: Sequence[str])
         fitting = [
             column
             for column, name in names.items()
-            if _measures(quantity, name.words) and not elsewhere.intersection(name.words)
+            if _measures(quantity, name.words) and _known(quantity, name) and not elsewhere.intersection(name.words)
         ]
         if len(fitting) > 1:  # of opensourceleg's two temperatures the case's is measured
             fitting = [column for column in fitting if "winding" not in words_of(column)]
         if len(fitting) == 1:
             choice[key] = fitting[0], "the only one of its kind"
     return choice
+
+
+def _known(quantity: str, name: ColumnName) -> bool:
+    """Whether all words of a name are of a joint and the quantity; with one that nobody knows it may be anything's."""
+    words = {*_QUANTITIES.get(quantity, ()), *_NEUTRAL, *_DEVICES, *_PARTS}
+    units = (k for k in (1, 2, 3) if ColumnName(("", *name.words[-k:]), "").unit(quantity))
+    without_unit = name.words[: -next(units)] if name.unit(quantity) and not name.bracket else name.words
+    return all(word.isdigit() or word in words for word in without_unit)
 
 
 def _measures(quantity: str, words: Sequence[str]) -> bool:

@@ -26,6 +26,7 @@ from lptn.logs.columns import (
 )
 from lptn.logs.csv_files import ENDINGS as CSV_ENDINGS
 from lptn.logs.csv_files import open_csv
+from lptn.logs.followed import refuse_exchanged
 from lptn.logs.guess import format_note, guess
 from lptn.logs.issue import Issue
 from lptn.logs.joining import SECOND_TIME, join
@@ -361,6 +362,7 @@ def read_log(
     columns |= {guessed.key: guessed.source for guessed in guesses}
     choice = choose_columns(table, columns, inputs, outputs, optional)
     samples, of_values, issues = _checked_samples(table, choice, strict)
+    refuse_exchanged(path, guesses, choice.sources, samples.time, samples.raw)
     choice, samples, gappy = _without_gappy(choice, samples, {*inputs, *outputs} or set(choice.inputs), table.mixed)
     choice, samples, empty = _without_empty(table, choice, samples, issues)
     step, of_step = _step(step, samples.period)
