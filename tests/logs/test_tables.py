@@ -6,6 +6,7 @@ import gzip
 import resource
 import subprocess
 import sys
+import zipfile
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -19,6 +20,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from lptn.basics.bounds import Bound
 from lptn.basics.errors import InputError
 from lptn.logs import tables
 from lptn.logs.reading import read_log
@@ -236,3 +238,73 @@ def test_a_last_line_that_was_cut_is_left_out_and_said(tmp_path: Path) -> None:
     assert len(cut) == len(whole)
     assert any("may be cut" in note for note in cut.notes)
     assert not any("may be cut" in note for note in whole.notes)
+
+
+# --- What would take for ever, or fill the memory ------------------------------------------------------
+
+
+@pytest.mark.parametrize("piece", [b"0,1,20\n", b"\n", b"# x\n", b"0,1,\n", b"\0", b"0,1,20,,,,\n"])
+def test_a_table_that_unfolds_to_a_hundred_times_its_size(
+    tmp_path: Path, refuse: Refuse, monkeypatch: pytest.MonkeyPatch, piece: bytes
+) -> None:
+    monkeypatch.setattr("lptn.logs.csv_files._UNPACKED", 1_000_000)
+    path = tmp_path / "bomb.csv.gz"
+    path.write_bytes(
+        gzip.compress(b"time,torque.a,temperature.a\n" + 20 * b"0,1,20\n" + 20_000_000 // len(piece) * piece)
+    )
+    assert "unfolds to more than 100 times its size" in refuse(path, read_log, path)
+
+
+def test_a_log_of_a_robot_at_rest_is_no_bomb(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("lptn.logs.csv_files._UNPACKED", 1000)
+    rows = b"".join(b"%d,0,20.0\n" % k for k in range(20_000))
+    path = tmp_path / "rest.csv.gz"
+    path.write_bytes(gzip.compress(b"time,torque.a,temperature.a\n" + rows, 9))
+    (run,) = read_log(path)
+    assert len(run) == 20_000
+
+
+@pytest.mark.parametrize("ending", [".csv", ".csv.gz", ".txt", ".parquet"])
+def test_more_columns_than_any_log_has(
+    tmp_path: Path, refuse: Refuse, monkeypatch: pytest.MonkeyPatch, ending: str
+) -> None:
+    monkeypatch.setattr("lptn.logs.tables.COLUMNS", Bound(100, "columns"))
+    frame = pd.DataFrame({f"c{k}": range(20) for k in range(300)})
+    path = tmp_path / f"wide{ending}"
+    if ending == ".parquet":
+        frame.to_parquet(path)
+    else:
+        frame.to_csv(path, index=False, sep=" " if ending == ".txt" else ",")
+    assert "300 columns" in refuse(path, read_log, path)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        (b'<row r="20"', b'<row r="999999999999"', "beyond 1048576"),
+        (b"</sheetData>", 2_000_000 * b"<row/>" + b"</sheetData>", "beyond 1048576"),
+        (b'r="C20"', b'r="ZZZ20"', "18278 cells under 3 names"),
+    ],
+)
+def test_rows_and_cells_that_no_sheet_has(tmp_path: Path, refuse: Refuse, old: bytes, new: bytes, said: str) -> None:
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    for row in [("time", "torque.a", "temperature.a"), *((k, 1, 20 + k / 10) for k in range(30))]:
+        book.active.append(row)
+    book.save(tmp_path / "good.xlsx")
+    path = tmp_path / "log.xlsx"
+    with zipfile.ZipFile(tmp_path / "good.xlsx") as good, zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as spoilt:
+        for part in good.namelist():
+            content = good.read(part)
+            spoilt.writestr(part, content.replace(old, new) if part.endswith("sheet1.xml") else content)
+    assert said in refuse(path, read_log, path)
+
+
+def test_a_spreadsheet_that_unfolds_to_a_hundred_times_its_size(
+    tmp_path: Path, refuse: Refuse, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("lptn.logs.spreadsheets._UNPACKED", 1_000_000)
+    path = tmp_path / "bomb.xlsx"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("xl/sharedStrings.xml", b" " * 20_000_000)
+    assert "unpacked" in refuse(path, read_log, path)

@@ -35,7 +35,6 @@ _ENCODING = "utf-8"
 _LONGEST_LINE = 1 << 24  # characters, of 100,000 columns with long names; binary files may have no line end at all
 _HEAD, _FEWEST_LINES = 1 << 19, 4  # characters that are looked at for the layout, and lines that are in any case
 _SEPARATORS, _BLANK = ",;\t", " "
-_MOST_COLUMNS = 100_000  # what other libraries need for one more grows with all of them
 _MOST_SHOWN = 6  # names of columns in a note
 _BEGINS_A_NUMBER = frozenset("+-.0123456789")
 _DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+([eE][-+]?\d+)?")
@@ -132,8 +131,7 @@ class _Text:
         if best[0] == 0 or best[1] == 1:  # blanks stand in names and dates, too
             best = max(best, tried(_BLANK), key=lambda one: one[:2])
         _, width, layout, rows, separator = best
-        if width > _MOST_COLUMNS:
-            raise InputError(path, "header", f"{width} columns", f"at most {_MOST_COLUMNS}; cut the log into files")
+        tables.COLUMNS.check(width, path, "header")
         first = rows[layout.first] if layout.first < len(rows) else []
         said, above = "", rows[max(layout.header, 0)]
         names = names_of(above)

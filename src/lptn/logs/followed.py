@@ -108,7 +108,7 @@ def _means(block: IntArray, values: FloatArray, count: int) -> FloatArray:
     there = np.isfinite(values)
     total = np.bincount(block[there], values[there], count)
     number = np.bincount(block[there], minlength=count)
-    return np.divide(total, number, out=np.full(count, np.nan), where=number > 0)
+    return np.asarray(np.divide(total, number, out=np.full(count, np.nan), where=number > 0))
 
 
 def _filled(means: FloatArray) -> FloatArray:

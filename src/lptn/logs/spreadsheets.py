@@ -22,12 +22,10 @@ from lptn.basics.files import fingerprint
 from lptn.logs.layout import LOOKED_AT, Layout, RowsBelow, find_layout, names_of
 from lptn.logs.tables import Table, broken, too_large
 
-_MOST_CELLS = 20_000_000  # a sheet has a million rows at most; so many cells take a minute and 2 GB
-_MOST_BYTES = 2_000_000_000  # of what is packed in the file …
-_UNPACKED, _TIMES_PACKED = (
-    100_000_000,
-    100,
-)  # … or so many bytes, and times the file's size: cells of a sheet take a tenth
+_MOST_CELLS = 10_000_000  # a sheet has a million rows at most; so many cells take half a minute and 1 GB
+_MOST_BYTES = 1_000_000_000  # of what is packed in the file: as many cells, at a hundred bytes each
+_UNPACKED = 100_000_000  # bytes that any file may hold; a larger one …
+_TIMES_PACKED = 100  # … so many times its own size: cells of a sheet take a tenth
 _MOST_ROWS = 1 << 20  # of a sheet, by its format
 
 
@@ -43,7 +41,7 @@ def open_spreadsheet(path: Path) -> Table:
         with zipfile.ZipFile(path) as archive:
             unpacked = sum(part.file_size for part in archive.infolist())
             if unpacked > min(_MOST_BYTES, max(_UNPACKED, _TIMES_PACKED * path.stat().st_size)):
-                raise too_large(path, f"{unpacked / 1e9:.2g} GB unpacked")
+                raise InputError(path, "log", f"{unpacked / 1e9:.2g} GB unpacked", "a spreadsheet of readings, or CSV")
         heads = _heads(path)
     except InputError:
         raise

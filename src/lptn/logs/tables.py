@@ -16,11 +16,14 @@ import numpy.typing as npt
 import pandas as pd
 
 from lptn.basics.arrays import FloatArray
+from lptn.basics.bounds import Bound
 from lptn.basics.errors import InputError
 from lptn.basics.files import fingerprint
 from lptn.logs.columns import ColumnSource, is_key
 from lptn.logs.times import times_of
 
+COLUMNS = Bound(100_000, "columns")
+"""Of a table: a file of so many takes 8 s to open; of a robot's log a thousand are many."""
 MOST_NUMBERS = 500_000_000  # 4 GB; a day of twelve joints at 100 Hz has 400 million
 _NUMBERS_AT_ONCE = 10_000_000  # read from a file before they are copied into their columns, so that few stand twice
 _LONGEST_REASON = 200  # characters of another library's error that go into a message
@@ -252,6 +255,7 @@ def open_parquet(path: Path) -> Table:
             names, rows = tuple(file.schema_arrow.names), int(file.metadata.num_rows)
     except Exception as error:  # of broken bytes the library makes errors of many kinds
         raise broken(path, error, "a whole Parquet file") from error
+    COLUMNS.check(len(names), path, "columns")
 
     def read(wanted: Sequence[str]) -> pd.DataFrame:
         check_size(path, rows, len(wanted))  # such a number of rows takes few bytes to write
