@@ -20,6 +20,8 @@ from lptn.planners import Limiter
 
 from .variables import ZERO_CELSIUS, structured_name
 
+_LEAST = 1e-6  # N*m; a speed is not told from less
+
 
 @dataclass(frozen=True)
 class Admissible:
@@ -27,12 +29,14 @@ class Admissible:
 
     Args:
         limiter: the limiter of the model; its limits are replaced by the component's parameters.
+        columns: the component's inputs, the model's first.
         model_inputs: the model's inputs from the component's.
         parameter_offsets: what each of the component's parameters exceeds the model's by: 273.15 for temperatures,
             else 0.
     """
 
     limiter: Limiter
+    columns: tuple[str, ...]
     model_inputs: ca.Function
     parameter_offsets: tuple[float, ...]
 
@@ -73,12 +77,24 @@ class Admissible:
 
     def _values(self, x: Any, u: Any, p: Any) -> Any:
         limiter, own = self.limiter, len(self.parameter_offsets)
-        columns, inputs = limiter.model.inputs, self.model_inputs(u)
-        load = [inputs[columns.index(f"{limiter.heating.request}.{joint}")] for joint in limiter.joints]
-        conditions = [inputs[columns.index(column)] for column in limiter.conditions]
+        inputs = dict(zip(limiter.model.inputs, ca.vertsplit(self.model_inputs(u)), strict=True))
+        raw = dict(zip(self.columns, ca.vertsplit(u), strict=True))
+        load = [inputs[column] for column in _loads(limiter)]
+        heat = limiter.heating
         limits = p[own : own + len(limiter.model.places)] - ZERO_CELSIUS  # they stand behind the model's parameters
-        parameters = p[:own] - ca.DM(self.parameter_offsets)
-        arguments = (x - ZERO_CELSIUS, ca.vertcat(*load), ca.vertcat(ca.MX(0, 1), *conditions), parameters, limits)
+        warm, parameters = x - ZERO_CELSIUS, p[:own] - ca.DM(self.parameter_offsets)
+        per_unit = ca.Function("torque", [heat.x, heat.p], [heat.torque])(warm, parameters)
+        conditions = []
+        for column in limiter.conditions:
+            value = inputs.get(column)
+            if value is None:
+                # Of a joint's power its speed: the power that is connected, if one is, goes with the load beside it.
+                place = column.partition(".")[2]
+                joint, power = limiter.joints.index(place), raw[f"mechanical_power.{place}"]
+                torque = ca.fmax(ca.fabs(load[joint] * per_unit[joint]), _LEAST)
+                value = ca.if_else(power < 0, raw[column], power / torque)
+            conditions.append(value)
+        arguments = (warm, ca.vertcat(*load), ca.vertcat(ca.MX(0, 1), *conditions), parameters, limits)
         return ca.densify(limiter.function(*arguments, limiter.most))
 
     def c_code(self, parameters: int, other_outputs: int) -> str:
@@ -106,6 +122,7 @@ def admissible_of(
     model: Model,
     limits: Mapping[str, float],
     current_limits: Mapping[str, float] | float | None,
+    columns: tuple[str, ...],
     model_inputs: ca.Function,
     parameter_offsets: Sequence[float],
 ) -> Admissible:
@@ -114,17 +131,31 @@ def admissible_of(
     Args:
         limits: degC by node.
         current_limits: of the joints [A], by name or pattern or one of all; none where nothing is said.
+        columns: see `Admissible`.
         model_inputs: see `Admissible`.
         parameter_offsets: see `Admissible`.
 
     Raises:
-        InputError: an unknown joint, a model without torques or currents or with both, or heat that does not go
-            with their square.
+        InputError: an unknown joint, a model without torques or currents or with both, or heat of one joint that
+            depends on what another gives.
     """
     limiter = Limiter(model, dict(limits), current_limits=inf if current_limits is None else current_limits)
+    _loads(limiter)
+    return Admissible(limiter, columns, model_inputs, tuple(parameter_offsets))
+
+
+def _loads(limiter: Limiter) -> list[str]:
+    """For each joint the model's input that is its load.
+
+    Raises:
+        InputError: a joint has none of the limiter's kind.
+    """
+    model, request = limiter.model, limiter.heating.request
+    columns = []
     for joint in limiter.joints:
-        column = f"{limiter.heating.request}.{joint}"
-        if column not in model.inputs:
-            mixed = f"joints driven by torque and by current, no {column}"
+        own = [column for column in (f"{request}.{joint}", f"{request}_abs.{joint}") if column in model.inputs]
+        if not own:
+            mixed = f"joints driven by torque and by current, no {request}.{joint}"
             raise InputError(model.network.origin, "admissible", mixed, "all joints driven by the same")
-    return Admissible(limiter, model_inputs, tuple(parameter_offsets))
+        columns.append(own[0])
+    return columns

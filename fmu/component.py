@@ -122,7 +122,7 @@ def component(
         from .admissible import admissible_of  # the planners are loaded only where they are needed
 
         builder.admissible = admissible_of(
-            model, builder.limits, current_limits, builder.model_inputs(), builder.parameter_offsets
+            model, builder.limits, current_limits, builder.columns, builder.model_inputs(), builder.parameter_offsets
         )
     return builder.build()
 

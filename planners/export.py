@@ -93,7 +93,7 @@ def thermal_constraint(
 
     Raises:
         InputError: an unknown place, a number that can't be used, a model without currents or torques, or one whose
-            heat does not go with their square.
+            joints don't heat independently.
     """
     if not 0 <= margin < float("inf"):
         raise InputError(model.network.origin, "margin", f"{margin:g}", "a number from 0 up [K]")
@@ -102,7 +102,7 @@ def thermal_constraint(
     if not bounds:
         raise InputError(model.network.origin, "limits", "no limit", "one of a node at least")
     u = ca.SX.sym("u", len(heat.joints))
-    rates = ca.substitute(ca.substitute(heat.rates, heat.heat, u**2), heat.p, ca.DM(model.values))
+    rates = ca.substitute(heat.rates_at(u**2), heat.p, ca.DM(model.values))
     limited = [model.nodes.index(node) for node in bounds]
     planned = np.array(list(bounds.values())) - margin
     return ThermalConstraint(

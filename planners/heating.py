@@ -1,75 +1,146 @@
-"""How requested currents or torques heat a model: heat goes with their square, which makes planning convex."""
+"""How requested currents or torques heat a model: all that follows from a decided one is decided with it.
+
+A joint's |I|, |torque| and |torque x speed| are expressions of the one amount that is asked of it, so that losses with
+any power of it are those of what is admitted, and not of what flows now or was asked for.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
 
+from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.basics.places import in_listed_order
 from lptn.model.model import Model
-from lptn.model.network import EffectInstance
+
+from .values import Values, in_order
 
 Request = Literal["current", "torque"]
-_RANDOM_POINTS, _TOLERANCE = 5, 1e-7  # of the check that heat goes with the square; the tolerance is relative
+_SAME: dict[str, Request] = {"current": "current", "current_abs": "current", "torque": "torque", "torque_abs": "torque"}
+"""What each of a joint's inputs is: of a constant current RMS and mean magnitude are one, else the mean is less."""
+_POWER = "mechanical_power"
+_LEAST = 1e-6  # A or N*m, below what any drive resolves: no root has a slope at 0
+_TYPICAL = 40.0  # degC, and any condition
+_RANDOM_POINTS, _TOLERANCE = 5, 1e-7  # of the check that joints heat independently; the tolerance is relative
 
 
 @dataclass(frozen=True)
 class Heating:
-    """A model whose controlled inputs are squares of what is requested.
+    """A model seen from the amounts that are requested of its joints.
 
     Args:
         model: the model.
         request: what is asked of a joint.
         joints: places of the controlled inputs, in the network's order.
-        conditions: the model's other inputs, in order; they are given, not chosen.
+        conditions: the model's other inputs, in order; they are given, not chosen. For a joint's mechanical power its
+            speed stands here, `velocity.<joint>`, whose magnitude counts.
+        decided: inputs of the model that follow from the amounts.
         x: states.
-        heat: squares of the requested torques or currents, `(N*m)^2` or `A^2`.
+        amount: magnitudes of the requested torques or currents, N*m or A, constant or RMS.
         d: conditions.
         p: parameters.
+        inputs: the model's inputs.
         rates: d states / dt [K/s].
         gain: currents per unit requested [A], at the states.
+        torque: torques per unit requested [N*m], at the states; NaN where nobody knows.
     """
 
     model: Model
     request: Request
     joints: tuple[str, ...]
     conditions: tuple[str, ...]
+    decided: tuple[str, ...]
     x: Any
-    heat: Any
+    amount: Any
     d: Any
     p: Any
+    inputs: Any
     rates: Any
     gain: Any
+    torque: Any
 
     @property
     def unit(self) -> str:
         """Of a request."""
         return "A" if self.request == "current" else "N*m"
 
+    def conditions_from(self, given: Values, asked: FloatArray) -> FloatArray:
+        """Conditions in order, NaN for those left out.
+
+        By name also what is decided may be given: it is passed over, but for a mechanical power without a speed. That
+        is taken as the power of what is asked beside it, and tells the speed; 0 where nothing is asked.
+
+        Args:
+            given: by column, or in order.
+            asked: what the joints are asked for beside it, shape (joints,).
+
+        Raises:
+            InputError: an unknown name, or a wrong number of values.
+        """
+        if isinstance(given, Mapping) and not given.keys().isdisjoint(self.decided):
+            per_unit = ca.Function("torque", [self.x, self.p], [self.torque])
+            at_room = np.asarray(per_unit(np.full(self.x.numel(), 25.0), self.model.values)).ravel()
+            torque = dict(zip(self.joints, np.abs(asked) * at_room, strict=True))
+            kept = {column: value for column, value in given.items() if column not in self.decided}
+            for column, value in given.items():
+                quantity, _, joint = column.partition(".")
+                if quantity == _POWER and column in self.decided:
+                    speed = abs(value) / torque[joint] if torque[joint] else 0.0
+                    kept.setdefault(f"velocity.{joint}", speed)
+            given = kept
+        return in_order(given, self.conditions, "conditions", np.nan)
+
     def function(self) -> ca.Function:
-        """(x, heat, d, p) -> rates at no heat [K/s]; their slope in x at the heat, transposed; what a unit of heat adds
-        to the rates, transposed; and the gain. The two in between are sparse."""
-        none = ca.substitute(self.rates, self.heat, ca.SX.zeros(self.heat.shape))
-        slope = ca.jacobian(self.rates, self.x).T
-        controlled = ca.jacobian(self.rates, self.heat).T
-        results = ca.cse([ca.densify(none), slope, controlled, ca.densify(self.gain)])
-        return ca.Function("lptn_heat", [self.x, self.heat, self.d, self.p], results)
+        """(x, heat, d, p) -> rates at no heat [K/s]; their slope in x at the heat, transposed; their slope in the heat
+        and what the heat adds, by state and joint, transposed; and the gain. The three in between are sparse.
+
+        `heat` are the squares of the amounts: what goes with the square, as most of it does, is linear in it.
+        """
+        heat = ca.SX.sym("heat", len(self.joints))
+        root = _root_of(heat)
+        none, added = _added(self.rates, self.amount)
+        by_amount = ca.jacobian(self.rates, self.amount)
+        slope = ca.jacobian(self.rates, self.x)
+        by_heat = ca.mtimes(by_amount, ca.diag(1 / (2 * root)))
+        expressions = [ca.densify(none), slope.T, by_heat.T, added.T, ca.densify(self.gain)]
+        results = ca.cse(ca.substitute(expressions, [self.amount], [root]))
+        return ca.Function("lptn_heat", [self.x, heat, self.d, self.p], results)
+
+    @property
+    def in_squares(self) -> bool:
+        """Whether all that the joints heat goes with the squares of the amounts."""
+        function, size = self.function(), len(self.joints)
+        point = np.full(self.x.numel(), _TYPICAL), np.full(self.d.numel(), _TYPICAL)
+        small, large = (
+            np.asarray(function(point[0], np.full(size, heat), point[1], self.model.values)[2].full())
+            for heat in (1.0, 10.0)
+        )
+        return bool(np.allclose(small, large, rtol=_TOLERANCE, atol=0.0))
 
     def rate_function(self) -> ca.Function:
-        """(x, heat, d, p) -> rates [K/s]."""
+        """(x, heat, d, p) -> rates [K/s]; `heat` are the squares of the amounts."""
+        heat = ca.SX.sym("heat", len(self.joints))
         return self.model.made_once(
             ("heated rates", self.request),
-            lambda: ca.Function("heated", [self.x, self.heat, self.d, self.p], [self.rates]),
+            lambda: ca.Function(
+                "heated", [self.x, heat, self.d, self.p], [ca.substitute(self.rates, self.amount, _root_of(heat))]
+            ),
         )
+
+    def rates_at(self, heat: Any) -> Any:
+        """The rates at squares of the amounts."""
+        return ca.substitute(self.rates, self.amount, _root_of(heat))
 
 
 def requested_by(model: Model) -> Request:
     """What a model's log columns hold: `"current"` where one of them is a current, else `"torque"`."""
-    return "current" if any(column.startswith("current.") for column in model.inputs) else "torque"
+    quantities = {column.partition(".")[0] for column in model.inputs}
+    return "current" if "current" in quantities or not {"torque", "torque_abs"} & quantities else "torque"
 
 
 def heating(model: Model, request: Request) -> Heating:
@@ -79,7 +150,7 @@ def heating(model: Model, request: Request) -> Heating:
     with temperature where the model says so ([Chen2017, eq. 2.6]).
 
     Raises:
-        InputError: the model has no such input, or its heat does not go with the square of it.
+        InputError: the model has no such input, or the heat of one joint depends on what another gives.
     """
     made = model.made_once(("heating", request), lambda: _make(model, request))
     return replace(made, model=model)  # its expressions are shared with copies at other values, its values are not
@@ -87,87 +158,94 @@ def heating(model: Model, request: Request) -> Heating:
 
 def _make(model: Model, request: Request) -> Heating:
     x, u, p, rates, _ = model.symbols
-    effect_instances = {
-        _column(instance): instance
-        for instance in model.network.effect_instances
-        if instance.effect.key == "copper_loss"
-    }
-    controlled = [column for column in model.inputs if column.partition(".")[0] in ("torque", "current")]
-    if not controlled:
+    parts = {column: column.partition(".")[::2] for column in model.inputs}
+    driven = dict.fromkeys(place for what, place in parts.values() if what in _SAME)
+    joints = tuple(in_listed_order(driven, model.network.order))
+    if not joints:
         raise InputError(model.network.origin, "effects", "no torque or current that heats a joint", "a copper_loss")
-    controlled = in_listed_order(
-        controlled, [f"{given}.{place}" for place in model.network.order for given in get_args(Request)]
-    )
-    joints = [column.partition(".")[2] for column in controlled]
-    if len(set(joints)) < len(joints):
-        twice = next(joint for joint in joints if joints.count(joint) > 1)
-        columns = f"torque.{twice} and current.{twice}"
-        raise InputError(model.network.origin, "effects", columns, "one of the two a joint")
-    square = ca.SX.sym("heat", len(joints))
-    requested = ca.SX.sym("requested", len(joints))
-    inputs, gain = [], [ca.SX(1)] * len(joints)
-    for column in model.inputs:
-        if column in controlled:
-            number = controlled.index(column)
-            per_ampere = _torque_constant(model, effect_instances.get(column), x, p)
-            given = column.partition(".")[0]
-            if per_ampere is None and given != request:
-                problem = f"no copper_loss, so no torque constant to plan a {request}"
-                raise InputError(model.network.origin, column, problem, f'request = "{given}"')
-            if request == "torque" and per_ampere is not None:
-                gain[number] = 1 / per_ampere
-            factor = ca.SX(1) if given == request else per_ampere if given == "torque" else 1 / per_ampere
-            inputs.append(requested[number] * factor)
-        else:
-            inputs.append(u[model.inputs.index(column)])
-    seen = ca.substitute(rates, u, ca.vertcat(*inputs))
-    others = [u[index] for index, column in enumerate(model.inputs) if column not in controlled]
-    conditions = tuple(column for column in model.inputs if column not in controlled)
-    d = ca.vertcat(*others) if others else ca.SX(0, 1)
-    squared = _in_squares(model, seen, requested, square, [x, d, p])
-    return Heating(model, request, tuple(joints), conditions, x, square, d, p, squared, ca.vertcat(*gain))
+    amount = ca.SX.sym("amount", len(joints))
+    constants = [_torque_constant(model, joint, x, p) for joint in joints]
+    # A joint without a copper loss is told of by its own input alone.
+    nan, one = ca.SX(np.nan), ca.SX(1)
+    per_unit: dict[Request, list[Any]] = {
+        "torque": [one if request == "torque" else nan if k is None else k for k in constants],
+        "current": [one if request == "current" else nan if k is None else 1 / k for k in constants],
+    }
+    own = {column: number for number, column in enumerate(model.inputs)}
+    decided, inputs = [], [u[number] for number in own.values()]
+    speeds: dict[str, Any] = {}
+    for column, (what, place) in parts.items():
+        if place not in joints or (what not in _SAME and what != _POWER):
+            continue
+        number, given = joints.index(place), _SAME.get(what, "torque")
+        if given != request and constants[number] is None:
+            problem = f"no copper_loss, so no torque constant to plan a {request}"
+            raise InputError(model.network.origin, column, problem, f'request = "{given}"')
+        inputs[own[column]] = amount[number] * per_unit[given][number]
+        if what == _POWER:
+            speed = f"velocity.{place}"
+            speeds[speed] = u[own[speed]] if speed in own else ca.SX.sym(speed)
+            inputs[own[column]] *= ca.fabs(speeds[speed])
+        decided.append(column)
+    others = {column: u[number] for column, number in own.items() if column not in decided}
+    conditions = tuple(model.network.columns_in_order(others | speeds))
+    d = ca.vertcat(ca.SX(0, 1), *((others | speeds)[column] for column in conditions))
+    driven_by = ca.vertcat(*inputs)
+    seen = ca.substitute(rates, u, driven_by)
+    gain = [one if k is None else value for k, value in zip(constants, per_unit["current"], strict=True)]
+    _refuse_joints_that_depend(model, seen, amount, [x, d, p])
+    return Heating(
+        model, request, joints, conditions, tuple(decided), x, amount, d, p, driven_by, seen, ca.vertcat(*gain),
+        ca.vertcat(*per_unit["torque"]),
+    )  # fmt: skip
 
 
-def _column(instance: EffectInstance) -> str:
-    place = instance.declaration.driven_by or instance.ends[0]
-    return f"{instance.effect.needed()[0]}.{place}"
-
-
-def _torque_constant(model: Model, instance: EffectInstance | None, x: Any, p: Any) -> Any:
-    """N*m per ampere at the node's temperature, `None` where the model does not know it."""
+def _torque_constant(model: Model, joint: str, x: Any, p: Any) -> Any:
+    """N*m per ampere of the joint's copper loss at its temperature, `None` where the model does not know it."""
+    instances = model.network.effect_instances
+    instance = next((i for i in instances if i.effect.key == "copper_loss" and i.driven_by == joint), None)
     if instance is None:
         return None
     constant = p[instance.parameters["torque_constant"]]
-    for other in model.network.effect_instances:
+    for other in instances:
         if other.effect.key == "torque_constant_drop" and other.ends == instance.ends:
             warm = x[model.nodes.index(instance.ends[0])] - p[other.parameters["reference"]]
             constant = constant * (1 - p[other.parameters["kappa"]] * warm)
     return constant
 
 
-def _in_squares(model: Model, rates: Any, requested: Any, square: Any, others: list[Any]) -> Any:
-    """The rates as a linear function of squares; the last of `others` are the parameters.
+def _root_of(heat: Any) -> Any:
+    """Amounts from their squares."""
+    return ca.sqrt(heat + _LEAST**2)
+
+
+def _added(rates: Any, amount: Any) -> tuple[Any, Any]:
+    """Rates at no amount, and what each joint's amount adds to them, shape (states, joints), as sparse as can be."""
+    zero = ca.SX.zeros(amount.shape)
+    none = ca.substitute(rates, amount, zero)
+    columns = []
+    for number in range(amount.numel()):
+        alone = ca.SX.zeros(amount.shape)
+        alone[number] = amount[number]
+        columns.append(ca.substitute(rates, amount, alone) - none)
+    return none, ca.project(ca.horzcat(*columns), ca.jacobian(rates, amount).sparsity())
+
+
+def _refuse_joints_that_depend(model: Model, rates: Any, amount: Any, others: list[Any]) -> None:
+    """The last of `others` are the parameters.
 
     Raises:
-        InputError: they are none.
+        InputError: the joints together heat otherwise than one by one.
     """
-    zero = ca.SX.zeros(requested.shape)
-    none = ca.substitute(rates, requested, zero)
-    columns = []
-    for number in range(requested.numel()):
-        unit = ca.SX.zeros(requested.shape)
-        unit[number] = 1
-        columns.append(ca.substitute(rates, requested, unit) - none)
-    squared = none + ca.mtimes(ca.horzcat(*columns), square)
-    check = ca.Function("check", [requested, *others], [rates - ca.substitute(squared, square, requested**2), rates])
+    none, added = _added(rates, amount)
+    check = ca.Function("check", [amount, *others], [rates - none - ca.sum2(added), rates])
     random = np.random.default_rng(0)
     for _ in range(_RANDOM_POINTS):
-        point = [random.uniform(-3, 3, requested.numel())]
+        point = [random.uniform(0.1, 3, amount.numel())]
         point += [random.uniform(20.0, 60.0, other.numel()) for other in others[:-1]] + [model.values]
         difference, size = (np.asarray(value.full()).ravel() for value in check(*point))
         if not np.all(np.abs(difference) <= _TOLERANCE * (1 + np.abs(size))):
             raise InputError(
-                model.network.origin, "effects", "heat that does not go with the square of torque or current",
-                "copper_loss and stray_load_loss as the only effects of torque and current",
+                model.network.origin, "effects", "heat of one joint that depends on the torque of another",
+                "effects of torque and current that act at one joint each",
             )  # fmt: skip
-    return squared

@@ -20,6 +20,7 @@ from lptn.basics.files import text_of
 from lptn.basics.toml import mistakes_by_line, toml_of
 from lptn.model.model import Model
 
+from .heating import Heating
 from .values import by_place
 
 if TYPE_CHECKING:
@@ -143,17 +144,19 @@ def start_of(given: Mapping[str, float], model: Model, origin: str) -> FloatArra
     return np.asarray(nodes[np.array(model.owners)])
 
 
-def conditions_of(given: Mapping[str, float], names: tuple[str, ...], origin: str) -> FloatArray:
-    """The model's other inputs in order.
+def conditions_of(given: Mapping[str, float], heat: Heating, asked: FloatArray, origin: str) -> FloatArray:
+    """The model's other inputs in order, beside what the joints are asked for, shape (joints,).
 
     Raises:
         InputError: one of them is left out.
     """
-    by_column = by_place(given, names, origin, "conditions")
-    missing = [name for name in names if name not in by_column]
+    names = heat.conditions
+    by_column = by_place(given, tuple(dict.fromkeys((*names, *heat.decided))), origin, "conditions")
+    values = heat.conditions_from(by_column, asked)
+    missing = [name for name, value in zip(names, values, strict=True) if np.isnan(value)]
     if missing:
         raise InputError(origin, "conditions", f"no {missing[0]}", f"each of {', '.join(names)}; a pattern will do")
-    return np.array([by_column[name] for name in names])
+    return values
 
 
 # --- where the answer goes -----------------------------------------------------------------------

@@ -12,7 +12,7 @@ from lptn.model.array_function import ArrayFunction
 from lptn.model.model import Model
 
 _RATE = 1.0  # product of a step of RK4 and the fastest rate, up to which the step is stable and accurate to some 1 %
-_HOT = 100.0  # degC, and inputs at their largest: where rates are near their fastest
+HOT = 100.0  # degC, and inputs at their largest: where rates are near their fastest
 
 
 class Robots:
@@ -35,7 +35,7 @@ class Robots:
         self._free = model.free
         self.states = np.full((len(model.states), number), 25.0)
         self.values = np.repeat(model.values[:, None], number, axis=1)
-        a = model.state_jacobian(np.full(len(model.states), _HOT), fastest, model.values).full()
+        a = model.state_jacobian(np.full(len(model.states), HOT), fastest, model.values).full()
         # A network relaxes: its eigenvalues are real, to the accuracy that a step wants.
         self._steps = max(1, ceil(period * float(np.abs(np.linalg.eigvals(a)).max()) / _RATE))
         self._advance = ArrayFunction(_steps(model, self._steps), number, (3,))

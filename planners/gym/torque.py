@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import casadi as ca
 import gymnasium
 import numpy as np
 import numpy.typing as npt
@@ -12,11 +13,12 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from lptn.basics.errors import InputError
+from lptn.model.array_function import ArrayFunction
 from lptn.model.model import Model
 
 from ..heating import Request, heating, requested_by
 from ..values import Each, checked_by_place
-from .robots import Robots
+from .robots import HOT, Robots
 from .task import Task, rated_load
 
 Array = npt.NDArray[Any]
@@ -83,8 +85,13 @@ class TorqueVectorEnv(VectorEnv[Observation, Array, Array]):
         self._limits = np.array(list(bounds.values()))
         self._free = np.setdiff1d(np.arange(len(model.states)), self._limited)
         self._columns(model)
-        largest = np.zeros(len(model.inputs))
-        largest[self._conditions], largest[self._asked] = self._ranges[:, 1], self.task.load[1] * self.rated
+        heat = self.heating
+        driven = ca.Function("driven", [heat.x, heat.amount, heat.d, heat.p], [ca.densify(heat.inputs)])
+        self._inputs = ArrayFunction(driven, num_envs)
+        largest = driven(
+            np.full(len(model.states), HOT), self.task.load[1] * self.rated, self._ranges[:, 1], model.values
+        )
+        largest = largest.full().ravel()
         self.robots = Robots(model, num_envs, period, largest, spread)
         self.steps = max(1, round(self.task.seconds / period))
         self._random = [np.random.default_rng() for _ in range(num_envs)]
@@ -102,8 +109,6 @@ class TorqueVectorEnv(VectorEnv[Observation, Array, Array]):
 
     def _columns(self, model: Model) -> None:
         """Where the model's inputs come from."""
-        self._asked = np.array([model.inputs.index(f"{self.heating.request}.{j}") for j in self.heating.joints])
-        self._conditions = np.array([model.inputs.index(column) for column in self.heating.conditions], dtype=int)
         air = [k for k, column in enumerate(self.heating.conditions) if column.startswith("temperature.")]
         self._air = air[0] if air else None
 
@@ -159,10 +164,8 @@ class TorqueVectorEnv(VectorEnv[Observation, Array, Array]):
         rows = np.arange(self.num_envs)
         asked = self._courses[rows, self._step]
         share = np.clip(np.nan_to_num(np.asarray(actions, dtype=float)), 0.0, 1.0)
-        inputs = np.zeros((len(self.robots.model.inputs), self.num_envs))
-        inputs[self._conditions] = self._around[rows, self._step].T
-        inputs[self._asked] = (share * asked).T
-        self.robots.advance(inputs)
+        amounts, around = (share * asked).T, self._around[rows, self._step].T
+        self.robots.advance(np.asarray(self._inputs(self.robots.states, amounts, around, self.robots.values)))
         cost = np.maximum((self.robots.states[self._limited] - self._limits[:, None]).max(axis=0), 0.0)
         reward = (asked**2 * share * (2 - share) / self.rated**2).mean(axis=1) - self.penalty * cost
         self._step += 1

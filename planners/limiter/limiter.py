@@ -1,9 +1,11 @@
 """The predictive limiter: how much torque each joint may give now, for how long.
 
-A joint's torque is the largest constant one whose heat, added to that of the others, keeps every limited node below
-its limit until a horizon. The temperatures' course under heat `base + z direction` is followed in steps of RK4 together
-with its exact slope in z; Newton's method on z takes the least root of all nodes at all steps. For an infinite horizon
-it is the steady state instead. The number of operations is fixed, so that the same function can run as C on a robot.
+A joint's torque is the largest constant one that, beside those of the others, keeps every limited node below its limit
+until a horizon. The temperatures' course under torques `base + z direction` is followed in steps of RK4 together with
+its exact slope in z; Newton's method takes the least root of all nodes at all steps. It works on z to the power with
+which the heat goes there, between 1 for |torque| and 2 for its square, so that the course is nearly linear in it. For
+an infinite horizon it is the steady state instead. The number of operations is fixed, so that the same function can run
+as C on a robot.
 """
 
 from __future__ import annotations
@@ -28,16 +30,21 @@ HORIZONS = (10.0, 60.0, 300.0, inf)
 """Seconds for which a torque is asked; infinite: continuous."""
 _UNLIMITED = 1e9  # degC, A
 _LARGEST_SCALE = 1e6  # a factor on the load above which nothing limits it
-_ITERATIONS = 3  # of Newton's method beyond the first from no heat; each squares its error
-_STEADY_ITERATIONS = 6  # of Newton's method in the steady state, which depends more on z; the last one tells the error
+_STARTS = 3  # of Newton's method on the heat alone, for a place to start from
+_ITERATIONS = 3  # of Newton's method beyond the first; each squares its error
+_STEADY_ITERATIONS = 8  # of Newton's method in the steady state, which depends more on z; the last one tells the error
+_SETTLES = 300.0  # s; in about as long a joint settles, for the place to start from
+_POWERS = (0.5, 4.0)  # with which heat goes with torque, at least and at most
+_LEAST_ROOM = 0.01  # K, to start from
 _ROUNDING = 1e-9  # K; of a course of thousands of sums
-_UNSURE = 1e-2  # of a steady heat: more is not taken off near thermal runaway, where iterations jump
+_UNSURE = 5e-3  # of a steady torque: more is not taken off near thermal runaway, where iterations jump
+_SINKS = 0.7  # of a steady torque, from one iteration to the next
 _MOLTEN = 1000.0  # K; heat that would warm a node by so much is none that the model knows: copper melts at 1085 degC
 _LEAST_STEPS = 3  # of RK4 in a horizon
 _TYPICAL_HOT = 60.0  # degC, for nodes without a limit
 _RATE = 1.0  # product of an RK4 step and a bound of the fastest rate
-_NEVER = 1e30  # K or a heat: a limit that is never met
-_RISES = 1e-12  # K per unit of heat; less is none
+_NEVER = 1e30  # K or a torque: a limit that is never met
+_RISES = 1e-12  # K per unit of torque; less is none
 
 
 class Limiter:
@@ -90,16 +97,17 @@ class Limiter:
         Args:
             temperatures: of the nodes [degC], by name or in order; or all states in order.
             load: RMS torque or current of each joint at present, by name or in order.
-            conditions: the model's other inputs, by column or in order.
+            conditions: the model's other inputs, by column or in order. What follows from the torques, such as
+                |current|, is decided with them and not looked at; a mechanical power tells the speed at `load`.
 
         Returns:
             0 where even no torque does not keep the limits; where nothing else limits, the current limit, or
             infinity. What follows from a NaN is 0. Every value was tried on the course: it is never above the
             largest that keeps the limits (by RK4), and in the cases tried at most 1e-8 of it below.
         """
-        arguments = (self._states(temperatures), in_order(load, self.joints, "load", 0.0),
-                     in_order(conditions, self.conditions, "conditions", np.nan), self.model.values, self.limits,
-                     self.most)  # fmt: skip
+        now = in_order(load, self.joints, "load", 0.0)
+        arguments = (self._states(temperatures), now, self.heating.conditions_from(conditions, now),
+                     self.model.values, self.limits, self.most)  # fmt: skip
         if self._call is not None:
             return self._call(*arguments).reshape(len(self.joints), len(self.horizons))
         return np.asarray(self.function(*arguments)).reshape(len(self.joints), len(self.horizons))
@@ -118,14 +126,13 @@ class Limiter:
         """
         if seconds not in self._scales:
             self._scales[seconds] = _largest(self.heating, seconds, self._steps(seconds))
-        load = in_order(activity, self.joints, "activity", 0.0)
-        given = in_order(conditions, self.conditions, "conditions", np.nan)
+        load = np.abs(in_order(activity, self.joints, "activity", 0.0))
+        given = self.heating.conditions_from(conditions, load)
         x = self._states(temperatures)
-        currents = np.abs(load) * np.asarray(self._gain(x, self.model.values)).ravel()
-        most = float(((self.most / np.maximum(currents, 1e-12)) ** 2).min())
+        currents = load * np.asarray(self._gain(x, self.model.values)).ravel()
+        most = min(float((self.most / np.maximum(currents, 1e-12)).min()), _LARGEST_SCALE)
         ready = _prepared(self.heating)(self.model.values)
-        z = self._scales[seconds](x, np.zeros(len(load)), load**2, min(most, 1e12), given, ready, self.limits)
-        factor = float(z) ** 0.5
+        factor = float(self._scales[seconds](x, np.zeros(len(load)), load, most, given, ready, self.limits))
         return inf if factor >= _LARGEST_SCALE else factor
 
     def c_code(self) -> str:
@@ -158,18 +165,16 @@ class Limiter:
         sizes = (heat.x.numel(), joints, heat.d.numel(), heat.p.numel(), len(self.limits), joints)
         x, load, d, p, limits, most = (ca.MX.sym(name, size) for name, size in zip(names, sizes, strict=True))
         gain, ready = self._gain(x, p), _prepared(heat)(p)
-        heats = (most / gain) ** 2
-        others = load**2
+        mosts, others = most / gain, ca.fabs(load)
         base = ca.repmat(others, 1, joints) - ca.diag(others)
         results = []
         for seconds in self.horizons:
             one = _largest(heat, seconds, self._steps(seconds))
             z = one.map(joints)(
-                ca.repmat(x, 1, joints), base, ca.DM.eye(joints), heats.T, ca.repmat(d, 1, joints),
+                ca.repmat(x, 1, joints), base, ca.DM.eye(joints), mosts.T, ca.repmat(d, 1, joints),
                 ca.repmat(ready, 1, joints), ca.repmat(limits, 1, joints),
             )  # fmt: skip
-            some = z > 0  # the root has no slope at 0, but what admits nothing stays so
-            results.append(ca.if_else(some, ca.sqrt(ca.if_else(some, z, 1)), 0))
+            results.append(z)
         table = ca.vertcat(*results)
         return ca.Function("lptn_limiter", [x, load, d, p, limits, most], [ca.vec(table)], list(names), ["admissible"])
 
@@ -182,7 +187,7 @@ def _compiled(function: ca.Function) -> CompiledFunction | None:
         return None
 
 
-# --- the largest heat -----------------------------------------------------------------------------
+# --- the largest torque ---------------------------------------------------------------------------
 
 
 class _Symbols(NamedTuple):
@@ -223,16 +228,15 @@ def _prepared(heating: Heating) -> ca.Function:
 
 
 def _largest(heating: Heating, seconds: float, steps: int) -> ca.Function:
-    """(x, base, direction, most, d, p, limits) -> the largest z up to `most` with heat base + z direction.
+    """(x, base, direction, most, d, p, limits) -> the largest z up to `most` with amounts base + z direction.
 
     p are `prepared` parameters.
 
     All nodes stay below their limits (degC, by node) at the end of every RK4 step until `seconds`; for an infinite
-    horizon, in the steady state. Each iteration takes the least root of all temperatures, each linear in z.
+    horizon, in the steady state. Each iteration takes the least root of all temperatures, each linear in a power of z.
     """
     s = _symbols(heating, ca.MX)
-    rest = (s.base, s.direction, s.d, s.p, s.limits)
-    z, most = _steady_root(heating, s) if isinf(seconds) else _root(heating, seconds, steps, s, rest)
+    z, most = _steady_root(heating, s) if isinf(seconds) else _root(heating, seconds, steps, s)
     # What is not limited at the heat above which the model says nothing is limited by nothing.
     z = ca.if_else(ca.logic_and(z >= most, most < s.most), inf, z)
     # C's minimum passes over what is no number; a sum does not.
@@ -240,41 +244,89 @@ def _largest(heating: Heating, seconds: float, steps: int) -> ca.Function:
     return ca.Function("largest", [s.x, s.base, s.direction, s.most, s.d, s.p, s.limits], [ca.if_else(sound, z, 0)])
 
 
-def _root(heating: Heating, seconds: float, steps: int, s: _Symbols, rest: tuple[Any, ...]) -> tuple[Any, Any]:
+def _root(heating: Heating, seconds: float, steps: int, s: _Symbols) -> tuple[Any, Any]:
     """The largest z that was tried and keeps the limits, and the most that was considered.
 
-    The hottest excess over a limit is convex in z where losses grow with temperature, so Newton's method comes to the
-    root from above, on the unsafe side, and a chord from below. All are tried, and only what was seen to keep the
-    limits is an answer, whatever the shape.
+    The hottest excess over a limit is convex in z where losses grow with it and with temperature, so Newton's method
+    comes to the root from above, on the unsafe side, and a chord from below. All are tried, and only what was seen to
+    keep the limits is an answer, whatever the shape.
     """
-    course, excess = _course(heating, seconds, steps), _course(heating, seconds, steps, slopes=False)
-    idle, room, slope = course(s.x, 0, *rest)
-    most = ca.fmin(s.most, _MOLTEN / ca.fmax(slope, _RISES))
-    z, step, before = _bounded(room, most), room, room
-    for _ in range(_ITERATIONS):
-        over, room, _ = course(s.x, z, *rest)
-        better = ca.if_else(over < _NEVER, _bounded(z + room, most), z / 4)  # an overflow is no number
+    rest = (s.base, s.direction, s.d, s.p, s.limits)
+    course, excess, heats = (
+        _course(heating, seconds, steps),
+        _course(heating, seconds, steps, slopes=False),
+        _heats(heating),
+    )
+    z = before = _start(heats, seconds, s)
+    step = most = s.most
+    for number in range(1 + _ITERATIONS):
+        over, room, slope = course(s.x, z, *rest)
+        power = heats(s.x, z, *rest[:-1])[1]
+        if not number:
+            most = _molten(z, slope, power, s.most)
+        better = ca.if_else(over < _NEVER, _moved(z, room, power, most), z / 2)  # an overflow is no number
         z, step, before = better, ca.fabs(better - z), step
     # Newton's error falls with the square of its step: twice what the next one would be is below the root.
-    below = _bounded(z - 2 * step * ca.fmin(1, step / ca.fmax(before, _RISES)), most)
+    below = ca.fmax(0, z - 2 * step * ca.fmin(1, step / ca.fmax(before, _RISES)))
     over, over_below = excess(s.x, z, *rest), excess(s.x, below, *rest)
     chord = below + (z - below) * over_below / ca.fmin(over_below - over, -_RISES)
     low = ca.MX(0)
     for tried, excess_there in ((below, over_below), (chord, excess(s.x, chord, *rest)), (z, over)):
         low = ca.if_else(excess_there <= _ROUNDING, ca.fmax(low, tried), low)
-    return ca.if_else(idle <= _ROUNDING, low, 0), most
+    return low, most
 
 
 def _steady_root(heating: Heating, s: _Symbols) -> tuple[Any, Any]:
     """Likewise for the steady state: what the last iteration still changed is taken off, for its error is less."""
-    settle = _steady(heating)
-    rest = (s.base, s.direction)
-    most = ca.fmin(s.most, _MOLTEN / ca.fmax(settle(s.x, 0, *rest, s.most, s.d, s.p, s.limits)[2], _RISES))
-    z, at, before = ca.MX(0), s.x, ca.MX(0)
-    for _ in range(_STEADY_ITERATIONS):
+    settle, heats = _steady(heating), _heats(heating)
+    z, at, most = _start(heats, _SETTLES, s), s.x, s.most
+    before = z
+    for number in range(1 + _STEADY_ITERATIONS):
         before = z
-        z, at, _ = settle(at, z, *rest, most, s.d, s.p, s.limits)
-    return z - ca.fmin(ca.fabs(z - before), _UNSURE * z), most
+        power = heats(s.x, z, s.base, s.direction, s.d, s.p)[1]
+        given = (at, z, power, s.base, s.direction)
+        if not number:
+            most = _molten(z, settle(*given, s.most, s.d, s.p, s.limits)[2], power, s.most)
+        z, at, _ = settle(*given, most, s.d, s.p, s.limits)
+    # What still falls by such a share finds no steady state below the limits: the others alone are too much.
+    return ca.if_else(z > _SINKS * before, z - ca.fmin(ca.fabs(z - before), _UNSURE * z), 0), most
+
+
+def _heats(heating: Heating) -> ca.Function:
+    """(x, z, base, direction, d, p) -> how fast the heat that z adds warms all nodes together [K/s], and the power of z
+    with which it goes there."""
+    s = _symbols(heating, ca.SX)
+    rates, _ = _rates(heating, s)
+    heat = ca.sum1((rates - ca.substitute(rates, s.z, 0))[: len(heating.model.nodes)])
+    some = heat > 0
+    power = ca.if_else(some, s.z * ca.jacobian(heat, s.z) / ca.if_else(some, heat, 1), 2)
+    results = ca.cse([heat, _between(_POWERS[0], power, _POWERS[1])])
+    return ca.Function("heats", [s.x, s.z, s.base, s.direction, s.d, s.p], results)
+
+
+def _start(heats: ca.Function, seconds: float, s: _Symbols) -> Any:
+    """The z whose heat would take the node next to its limit there in the time, if nothing flowed away."""
+    room = ca.fmax(ca.mmin(s.limits - s.x[: s.limits.numel()]), _LEAST_ROOM)
+    z = ca.MX(1)
+    for _ in range(_STARTS):
+        heat, power = heats(s.x, z, s.base, s.direction, s.d, s.p)
+        z = z * (room / seconds / ca.fmax(heat, _RISES)) ** (1 / power)
+    return ca.fmin(z, s.most)
+
+
+def _molten(z: Any, slope: Any, power: Any, most: Any) -> Any:
+    """The z above which the model says nothing: a node's rise goes with the power, at z with the slope."""
+    return ca.fmin(most, z * (_MOLTEN * power / ca.fmax(slope * z, _RISES)) ** (1 / power))
+
+
+def _moved(z: Any, room: Any, power: Any, most: Any) -> Any:
+    """Newton's step on the power of z, from the step on z; never to 0, from where none leads away."""
+    share = ca.fmax(1 + power * room / z, 1e-12)
+    return ca.fmin(z * share ** (1 / power), most)
+
+
+def _between(low: Any, value: Any, high: Any) -> Any:
+    return ca.fmax(low, ca.fmin(value, high))
 
 
 def _divisors(heating: Heating) -> list[int]:
@@ -289,29 +341,25 @@ def _symbols(heating: Heating, kind: Any) -> _Symbols:
 
 
 def _rates(heating: Heating, s: _Symbols) -> tuple[Any, Any]:
-    """Rates at base + z direction, and their slope in z alone."""
+    """Rates at amounts base + z direction, and their slope in z alone."""
     p = ca.SX(s.p)
     for index in _divisors(heating):
         p[index] = 1 / s.p[index]
     before, after = ca.vertcat(heating.x, heating.d, heating.p), ca.vertcat(s.x, s.d, p)
     rates = ca.substitute(heating.rates, before, after)
-    pushed = ca.jtimes(rates, heating.heat, s.direction)
-    heat = s.base + s.z * s.direction
-    return ca.substitute(rates, heating.heat, heat), ca.substitute(pushed, heating.heat, heat)
+    pushed = ca.jtimes(rates, heating.amount, s.direction)
+    amount = s.base + s.z * s.direction
+    return ca.substitute(rates, heating.amount, amount), ca.substitute(pushed, heating.amount, amount)
 
 
 def _room(x: Any, change: Any, limits: Any) -> Any:
-    """The least change of z that takes a node to its limit; a node too hot whatever the heat leaves no room at all."""
+    """The least change of z that takes a node to its limit; a node too hot whatever z leaves no room at all."""
     least = ca.SX(_NEVER)
     for k in range(limits.numel()):
         over, rises = limits[k] - x[k], change[k] > _RISES
         root = ca.if_else(rises, over / ca.if_else(rises, change[k], 1), ca.if_else(over < 0, -_NEVER, _NEVER))
         least = ca.fmin(least, root)
     return least
-
-
-def _bounded(z: Any, most: Any) -> Any:
-    return ca.fmax(0, ca.fmin(z, most))
 
 
 def _course(heating: Heating, seconds: float, steps: int, *, slopes: bool = True) -> ca.Function:
@@ -343,17 +391,17 @@ def _course(heating: Heating, seconds: float, steps: int, *, slopes: bool = True
 
 
 def _steady(heating: Heating) -> ca.Function:
-    """(x, z, base, direction, most, d, p, limits) -> a better z, the temperatures at which that heat
-    settles, and the rise of the hottest node by a unit of z."""
-    s = _symbols(heating, ca.SX)
+    """(x, z, power, base, direction, most, d, p, limits) -> a better z, the temperatures at which that settles, and the
+    rise of the hottest node by a unit of z."""
+    s, n = _symbols(heating, ca.SX), ca.SX.sym("power")
     rates, pushed = _rates(heating, s)
     ones = ca.SX.ones(s.x.numel())
     both = ca.solve(ca.jacobian(rates, s.x), ca.horzcat(-rates, -pushed, -ones))
     settled, change = s.x + both[:, 0], both[:, 1]
-    better = _bounded(s.z + _room(settled, change, s.limits), s.most)
+    better = _moved(s.z, _room(settled, change, s.limits), n, s.most)
     # Heat goes from hot to cold, so the balance is stable just where steady heat everywhere warms every node;
     # beyond thermal runaway it has a root, too, but a cold one.
     stable = ca.mmin(both[:, 2]) > 0
-    at = ca.if_else(stable, settled + change * (better - s.z), s.x)
+    at = ca.if_else(stable, settled + change * s.z / n * ((better / s.z) ** n - 1), s.x)
     results = ca.cse([ca.if_else(stable, better, s.z / 2), at, ca.mmax(change)])
-    return ca.Function("steady", [s.x, s.z, s.base, s.direction, s.most, s.d, s.p, s.limits], results)
+    return ca.Function("steady", [s.x, s.z, n, s.base, s.direction, s.most, s.d, s.p, s.limits], results)

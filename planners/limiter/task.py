@@ -177,7 +177,7 @@ class LimitKind:
                               current_limits=file.current_limits or inf)  # fmt: skip
             levels = by_place(file.load, limiter.joints, origin, "load")
             load = np.array([levels.get(joint, 0.0) for joint in limiter.joints])
-            around = conditions_of(file.conditions, limiter.conditions, origin)
+            around = conditions_of(file.conditions, limiter.heating, load, origin)
             return Task(limiter, file.task.name, start_of(file.start, model, origin), load, around)
 
     def run(self, task: Task) -> LimitAnswer:

@@ -54,10 +54,12 @@ class StandingTemperatures:
             self._constant[row] = given[column]
         elif quantity == "temperature":
             self._constant[row] = ambient
-        elif place in self._joints and quantity in ("torque", "current", "current_abs"):
-            if quantity != "torque" and constant is None:
+        elif place in self._joints and quantity in ("torque", "torque_abs", "current", "current_abs"):
+            if not quantity.startswith("torque") and constant is None:
                 raise InputError(self.model.network.origin, column, "no torque constant", "torque_constant in N·m/A")
-            self._weights[row, self._joints.index(place)] = 1.0 if quantity == "torque" else 1.0 / (constant or 1.0)
+            self._weights[row, self._joints.index(place)] = (
+                1.0 if quantity.startswith("torque") else 1.0 / (constant or 1.0)
+            )
         elif quantity == "powered":
             self._constant[row] = 1.0
         elif column != "speed.base" and quantity not in ("torque", "velocity", "velocity_rms", "mechanical_power"):

@@ -26,7 +26,7 @@ REST = "rest"
 _GRID = 25  # points in each direction at which a table is checked between its cells
 _FORM = math.pi / (2 * math.sqrt(2))  # RMS over mean magnitude of a sine, for a speed of which only the mean is given
 _MOST = 1e15  # SI; beyond it no quantity of a robot lies
-_IDLE = ("torque", "current", "current_abs", "velocity", "velocity_rms", "mechanical_power", "powered")
+_IDLE = ("torque", "torque_abs", "current", "current_abs", "velocity", "velocity_rms", "mechanical_power", "powered")
 _BELOW = -1e-6  # relative to its largest cell; further below zero a table swings between its cells
 _FEWEST = 3.0  # windows that must lie around a cell, weighted by how near they are
 _BEYOND = 0.1  # share of the range of the cells by which a window may lie outside
@@ -196,8 +196,11 @@ def _of(column: str, tables: Mapping[str, FloatArray], name: str, origin: str, t
         return np.zeros((1, 1))
     if quantity == "velocity_rms" and f"velocity.{place}" in tables:
         return _FORM * tables[f"velocity.{place}"]
-    if quantity == "current_abs" and f"current.{place}" in tables:
-        return tables[f"current.{place}"] / _FORM
+    if quantity in ("current_abs", "torque_abs") and (rms := f"{quantity[:-4]}.{place}") in tables:
+        return tables[rms]  # a mean magnitude is no more
+    if quantity == "mechanical_power" and f"torque.{place}" in tables:
+        speed = _of(f"velocity_rms.{place}", tables, name, origin, table)
+        return tables[f"torque.{place}"] * speed  # nor is the mean of a product more than that of their RMS values
     if quantity == "powered":
         return np.ones((1, 1))
     raise InputError(origin, f"{table}.{quantity}", f"nothing for {place}", f'"{place}" = …, for the model')

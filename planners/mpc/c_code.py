@@ -19,6 +19,7 @@ from ..heating import Heating
 SOLVER = ("lptn_mpc.h", "lptn_mpc.c", "linear.inc", "aliveness.inc", "observe.inc", "bounds.inc", "newton.inc",
           "interior.inc", "lptn_loop.h", "lptn_loop.c")  # fmt: skip
 _NUMBERS_IN_A_LINE = 8
+_REPEAT = 4  # iterations between linearisations, where only the temperatures make the problem not linear
 _D, _I = ctypes.c_double, ctypes.c_int
 _ALIVE = ("STANDS", "SHORTEST", "LEAST_CHANCE", "COARSEST", "LEAP", "LEAST_LEAP", "FEWEST")
 _GLUE = """\
@@ -52,11 +53,12 @@ def sources(heating: Heating, limits: int, stages: int) -> dict[str, str]:
         "NP": heating.p.numel(),
         "NL": limits,
         "N": stages,
+        "REPEAT": _REPEAT if heating.in_squares else 1,
         "W": _padded(states + joints),
         "NXP": _padded(states),
         "NA": slope.nnz(),
         "NB": heated.nnz(),
-        "HEAT_OUT": states + slope.nnz() + heated.nnz() + joints,
+        "HEAT_OUT": states + slope.nnz() + 2 * heated.nnz() + joints,
         "HEAT_ARG": function.sz_arg(),
         "HEAT_RES": function.sz_res(),
         "HEAT_IW": function.sz_iw(),

@@ -257,7 +257,13 @@ class TorqueMPC:
         """
         self._measured[:] = in_order(measured, self.model.nodes, "measured", np.nan)
         _fill(self._request, request, self.joints, "request")
-        _fill(self._conditions, conditions, self.conditions, "conditions")
+        if isinstance(conditions, Mapping):
+            # Only a mechanical power among them means another speed in each stage.
+            stages = self._request[: 1 if conditions.keys().isdisjoint(self.heating.decided) else None]
+            rows = [self.heating.conditions_from(conditions, asked) for asked in stages]
+            self._conditions[:, : len(self.conditions)] = rows
+        else:
+            _fill(self._conditions, conditions, self.conditions, "conditions")
         given = None
         if applied is not None:
             self._applied[:] = in_order(applied, self.joints, "applied", np.nan)

@@ -97,7 +97,7 @@ class ControlLoop:
         mpc = self.mpc
         self._asked[:] = in_order(asked, mpc.joints, "asked", np.nan)
         self._temperatures[:] = in_order(temperatures, mpc.model.nodes, "temperatures", np.nan)
-        self._conditions[: len(mpc.conditions)] = in_order(conditions, mpc.conditions, "conditions", np.nan)
+        self._conditions[: len(mpc.conditions)] = mpc.heating.conditions_from(conditions, self._asked)
         to_asked, to_applied, *others = self._pointers
         given = ctypes.c_void_p(None)
         if applied is not None:

@@ -138,11 +138,11 @@ class Reference:
         heating = self.heating
         bias = ca.SX.sym("bias", heating.x.numel())
         parts = max(1, round(h / _SUBSTEP))
-        rate, part, x = heating.rate_function(), h / parts, heating.x
+        rate, part, x, heat = heating.rate_function(), h / parts, heating.x, ca.SX.sym("heat", len(heating.joints))
         for _ in range(parts):
-            k1 = rate(x, heating.heat, heating.d, heating.p) + bias
-            k2 = rate(x + part / 2 * k1, heating.heat, heating.d, heating.p) + bias
-            k3 = rate(x + part / 2 * k2, heating.heat, heating.d, heating.p) + bias
-            k4 = rate(x + part * k3, heating.heat, heating.d, heating.p) + bias
+            k1 = rate(x, heat, heating.d, heating.p) + bias
+            k2 = rate(x + part / 2 * k1, heat, heating.d, heating.p) + bias
+            k3 = rate(x + part / 2 * k2, heat, heating.d, heating.p) + bias
+            k4 = rate(x + part * k3, heat, heating.d, heating.p) + bias
             x = x + part / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-        return ca.Function("step", [heating.x, heating.heat, heating.d, bias, heating.p], [x])
+        return ca.Function("step", [heating.x, heat, heating.d, bias, heating.p], [x])

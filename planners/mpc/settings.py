@@ -188,8 +188,8 @@ def _doubts(
         raise InputError(model.network.origin, place, "no such parameter", f"some of {', '.join(names[:8])}, …")
     hot, room = _at_the_limits(heating, limits)
     errors = np.array([standard_errors.get(name, 0.0) for name in names])
-    none = ca.substitute(heating.rates, heating.heat, ca.SX.zeros(heating.heat.shape))
-    all_ones = ca.substitute(heating.rates, heating.heat, ca.SX.ones(heating.heat.shape)) - none
+    none = ca.substitute(heating.rates, heating.amount, ca.SX.zeros(heating.amount.shape))
+    all_ones = ca.substitute(heating.rates, heating.amount, ca.SX.ones(heating.amount.shape)) - none
     slopes = ca.Function("slopes", [heating.x, heating.d, heating.p],
                          [ca.jacobian(none, heating.p), ca.jacobian(all_ones, heating.p), all_ones])  # fmt: skip
     missing, of_heat, heat = (np.asarray(value.full()) for value in slopes(hot, room, model.values))

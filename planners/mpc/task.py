@@ -130,8 +130,9 @@ def read_task(table: Mapping[str, Any], origin: str, model: Model) -> Task:
             _refuse_many(len(asked) + steps, period, origin)
             levels = by_place(getattr(phase, request), heat.joints, origin, f"phases[{number}].{request}")
             given = file.conditions | phase.conditions
-            asked += [np.array([levels.get(joint, 0.0) for joint in heat.joints])] * steps
-            around += [conditions_of(given, heat.conditions, origin)] * steps
+            amounts = np.array([levels.get(joint, 0.0) for joint in heat.joints])
+            asked += [amounts] * steps
+            around += [conditions_of(given, heat, amounts, origin)] * steps
         by_place(file.limits, model.places, origin, "limits")
         for name in ("current_limits", "weights", "rates", "floors", "priorities"):
             by_place(getattr(file, name), heat.joints, origin, name)

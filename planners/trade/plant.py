@@ -21,6 +21,10 @@ CAPACITY, RESISTANCE = "design.capacity", "design.resistance"
 """The sink's two design variables [J/K, K/W], as they are called among the parameters of a given design."""
 
 
+_KNOWN = ("temperature", "current", "current_abs", "torque_abs", "mechanical_power", "velocity", "velocity_rms")
+"""Quantities of a model's inputs that follow from the air, the motor's current and its speed."""
+
+
 class Load(NamedTuple):
     """What the task asks for behind the gear at one moment: torque [N·m], speed [rad/s], acceleration [rad/s²].
 
@@ -105,7 +109,7 @@ class Plant:
             if column.startswith("torque."):
                 expected = 'input = "current" in its copper_loss: the study knows the torque constant'
                 raise InputError(origin, f"input {column}", "a model driven by torque", expected)
-            if not column.startswith(("temperature.", "current.", "velocity")):
+            if column.partition(".")[0] not in _KNOWN:
                 expected = "current, speed of the motor and ambient alone"
                 raise InputError(origin, f"input {column}", "a model that needs it", expected)
         if len(currents) != 1:
@@ -168,15 +172,13 @@ class Plant:
 
     def rates_at_current(self, x: Any, current: Any, speed: Any = 0.0) -> Any:
         """dx/dt [K/s] at a current [A] and a speed of the motor [rad/s]."""
-        return self.model.rhs(x, self._inputs(current, speed), self._p)
+        return self.model.rhs(x, self._inputs(x, current, speed), self._p)
 
-    def _inputs(self, current: Any, speed: Any) -> Any:
-        def value(column: str) -> Any:
-            if column.startswith("temperature."):
-                return self.ambient
-            return current if column.startswith("current.") else speed
-
-        return ca.vertcat(*(value(column) for column in self.model.inputs))
+    def _inputs(self, x: Any, current: Any, speed: Any) -> Any:
+        torque = self._torque_constant(x) * current
+        values = {"temperature": self.ambient, "current": current, "current_abs": current, "torque_abs": torque,
+                  "mechanical_power": torque * speed}  # fmt: skip
+        return ca.vertcat(*(values.get(column.partition(".")[0], speed) for column in self.model.inputs))
 
     def voltage(self, x: Any, load: Load) -> Any:
         r"""Supply voltage [V] that a load takes, in the equivalent of direct current.
@@ -197,7 +199,7 @@ class Plant:
         heat = sum((ca.sum1(ca.vertcat(*balance.heat_into_ends(instance))) for instance in of_copper), start=ca.SX(0))
         symbols = self.model.symbols
         function = ca.Function("heat", [symbols.x, symbols.u, symbols.p], [heat])
-        return function(x, self._inputs(1.0, 0.0), self._p)
+        return function(x, self._inputs(x, 1.0, 0.0), self._p)
 
     def pipe_power(self, x: Any, load: Load) -> Any:
         """Heat through the heat pipes [W]; a body's face has no state, so there it is what the sink takes in."""

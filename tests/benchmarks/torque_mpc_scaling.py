@@ -128,7 +128,7 @@ def acados(interface: ModuleType, folder: Path, model: Model, stages: int, asked
     """acados' real-time iteration on the heat scale; its code goes to a folder."""
     heat, nodes = heating(model, "torque"), len(model.nodes)
     scale, moved = ca.SX.sym("scale", nodes), ca.SX.sym("moved", nodes)
-    rates = ca.substitute(heat.rates, heat.heat, scale * ca.DM(asked**2))
+    rates = heat.rates_at(scale * ca.DM(asked**2))
     rates = ca.cse(ca.substitute(ca.substitute(rates, heat.d, ca.DM([AMBIENT])), heat.p, ca.DM(model.values)))
     ocp = interface.AcadosOcp()
     ocp.model.name, ocp.model.x, ocp.model.u, ocp.model.xdot = f"chain_{nodes}", heat.x, scale, moved

@@ -8,7 +8,6 @@ from typing import Any
 
 import casadi as ca
 
-from lptn.basics.places import in_listed_order
 from lptn.model.bodies import HottestPoint
 from lptn.model.network import START, EffectInstance, Link, Network
 
@@ -83,20 +82,12 @@ class HeatBalance:
         self.rates = ca.vertcat(*self.warming.values(), *hottest_rates, *state_rates)
         self.readings = ca.vertcat(*(self._reading(name) for name in self._nodes))
         self.delays = ca.vertcat(*(self._delay(name) for name in self._nodes))
-        self.columns = self._in_order()
+        self.columns = {column: self.columns[column] for column in network.columns_in_order(self.columns)}
         self.u = ca.vertcat(*self.columns.values()) if self.columns else ca.SX(0, 1)
 
     def input(self, column: str) -> ca.SX:
         """The symbol of a log column, which becomes an input of the model."""
         return self.columns.setdefault(column, ca.SX.sym(column))
-
-    def _in_order(self) -> dict[str, ca.SX]:
-        """The columns, those of one quantity together, in the network's order of places."""
-        parts = [column.partition(".") for column in self.columns]
-        quantities = dict.fromkeys(quantity for quantity, _, _ in parts)
-        places = dict.fromkeys((*self.network.order, *(place for _, _, place in parts)))
-        listed = [f"{quantity}.{place}" for quantity in quantities for place in places]
-        return {name: self.columns[name] for name in in_listed_order(self.columns, listed)}
 
     def _here(self, instance: EffectInstance) -> _Conditions:
         return self._conditions[id(instance)]

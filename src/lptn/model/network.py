@@ -377,6 +377,14 @@ class Network:
         """Places in the one order in which arrays hold them: the joints as they are listed, then other nodes."""
         return tuple(dict.fromkeys((*self.joints, *self.dynamic)))
 
+    def columns_in_order(self, columns: Iterable[str]) -> list[str]:
+        """Log columns, those of one quantity together, in the order of places."""
+        parts = [column.partition(".") for column in columns]
+        quantities = dict.fromkeys(quantity for quantity, _, _ in parts)
+        places = dict.fromkeys((*self.order, *(place for _, _, place in parts)))
+        listed = [f"{quantity}.{place}" for quantity in quantities for place in places]
+        return in_listed_order(map("".join, parts), listed)
+
     @property
     def prescribed(self) -> dict[str, str | int]:
         """For each prescribed node its log column, `"start"`, or the index of its parameter."""
