@@ -77,6 +77,7 @@ class Unpacked:
             content = bytes_of(path, ARCHIVE, _EXPECTED)  # once, so that what is checked is what runs
             unpack(content, path, self.folder)
             self.description = self._described()
+            self._check_sizes()
             if not (trust or is_own(content)):
                 foreign = "an FMU that was not exported on this machine"
                 raise InputError(path, "native code", foreign, "--trust, if you trust where it comes from")
@@ -84,7 +85,6 @@ class Unpacked:
             self.close()
             raise
         self._slots: dict[str, tuple[int, int, int]] = {}  # reference, place in the array and its size, by name
-        self._check_sizes()
         self.variables = {
             element.name: element
             for variable in self.description.modelVariables

@@ -18,7 +18,10 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Literal
 
+import platformdirs
+
 from lptn.basics.errors import InputError
+from lptn.basics.own_folder import own_folder
 
 Compiler = Literal["auto", "zig", "cc"]
 _FLAGS = (
@@ -161,6 +164,15 @@ def local_compiler() -> list[str] | None:
     return None if installed is None else [installed]
 
 
+def _surroundings(folder: Path) -> dict[str, str]:
+    """A compiler's environment variables: zig waits without end for a cache that it can't write, and gets one here."""
+    try:
+        own_folder(platformdirs.user_cache_path("zig"))
+    except OSError:
+        return {"ZIG_GLOBAL_CACHE_DIR": str(folder / "zig"), **os.environ}
+    return dict(os.environ)
+
+
 def _run(words: Sequence[str], folder: Path, target: Platform) -> tuple[int, str]:
     """Run a compiler: its exit code and what it said. Who waits long is told for what.
 
@@ -169,7 +181,7 @@ def _run(words: Sequence[str], folder: Path, target: Platform) -> tuple[int, str
     """
     try:
         with subprocess.Popen(
-            words, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+            words, cwd=folder, env=_surroundings(folder), stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
         ) as running:
             try:
                 try:

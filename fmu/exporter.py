@@ -39,6 +39,7 @@ _HEADERS = {
 }
 _CORE = ("core.c", "core.h", "derivatives.c", "events.c", "snapshots.c", "solve.c")
 _STOP = 3600.0  # s; default experiment
+_LONGEST_NAME = 240  # characters; file systems take 255 with what compilers put behind a library's name
 _NOT_XML = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ufffe\uffff]")
 _NAMESPACE = uuid.UUID("6e1c2f0a-6c7b-5d0e-9a64-8f2d3b1c7e55")  # of the tokens; any fixed one would do
 _EPOCH = (1980, 1, 1, 0, 0, 0)  # of the files in the archive, so that the same model gives the same bytes
@@ -162,7 +163,7 @@ def export(
     added = {"forecast": forecast, "events": events, "admissible": admissible}
     exported = component(loaded, limits, start, **added, current_limits=current_limits)
     steps = integration(exported, solver, step)
-    identifier = _identifier(loaded.network.name)
+    identifier = _identifier(loaded.network)
     joined = arrays_of(exported.variables) if arrays else []
     about = {"author": author, "copyright": copyright, "license": license}
     entries = _texts(exported, identifier, fmi, steps, text, date, joined, {"casadi": casadi, "about": about})
@@ -187,10 +188,18 @@ def model_and_text(model: Model | Network | ModelFile | str | Path) -> tuple[Mod
     return Model(file.network), file.text
 
 
-def _identifier(name: str) -> str:
-    """A C identifier for a model's name: `single motor` gives `single_motor`."""
-    word = re.sub(r"\W+", "_", name, flags=re.ASCII).strip("_") or "model"
-    return word if word[0].isalpha() else f"model_{word}"
+def _identifier(network: Network) -> str:
+    """A C identifier for a model's name: `single motor` gives `single_motor`.
+
+    Raises:
+        InputError: it is too long for the name of a library.
+    """
+    word = re.sub(r"\W+", "_", network.name, flags=re.ASCII).strip("_") or "model"
+    word = word if word[0].isalpha() else f"model_{word}"
+    if len(word) > _LONGEST_NAME:
+        problem = f"{len(network.name)} characters"
+        raise InputError(network.origin, "model.name", problem, f"at most {_LONGEST_NAME} for a library's name")
+    return word
 
 
 def _archive(entries: Mapping[str, bytes]) -> bytes:

@@ -16,7 +16,7 @@ from lptn.basics.toml import Number
 from lptn.basics.units import convert
 
 _LEAST = 1e-12  # SI; the inverse of a smaller quantity would overflow the squares that solvers form
-_LONGEST = 86400.0  # s, a day: fine simulations take steps of a second
+LONGEST = 86400.0  # s, a day: fine simulations take steps of a second
 
 # --- quantities of a TOML file ------------------------------------------------------------------
 
@@ -53,7 +53,7 @@ Positive = Annotated[Number, _POSITIVE]
 NotNegative = Annotated[Number, _NOT_NEGATIVE]
 Celsius = Annotated[Number, Field(gt=-80, lt=500), quantity("degC")]
 Kelvins = Annotated[Number, _POSITIVE, quantity("K")]
-Seconds = Annotated[Number, Field(gt=0, le=_LONGEST), quantity("s")]
+Seconds = Annotated[Number, Field(gt=0, le=LONGEST), quantity("s")]
 Runtime = Annotated[Number, _NOT_NEGATIVE, quantity("s")]
 Length = Annotated[Number, _POSITIVE, quantity("m")]
 Speed = Annotated[Number, _POSITIVE, quantity("m/s")]

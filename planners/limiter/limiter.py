@@ -19,6 +19,7 @@ import casadi as ca
 import numpy as np
 
 from lptn.basics.arrays import FloatArray
+from lptn.basics.bounds import Bound
 from lptn.basics.errors import InputError
 from lptn.model.model import Model
 
@@ -41,6 +42,7 @@ _UNSURE = 5e-3  # of a steady torque: more is not taken off near thermal runaway
 _SINKS = 0.7  # of a steady torque, from one iteration to the next
 _MOLTEN = 1000.0  # K; heat that would warm a node by so much is none that the model knows: copper melts at 1085 degC
 _LEAST_STEPS = 3  # of RK4 in a horizon
+_STEPS = Bound(1000, "steps")  # of RK4 in a horizon, each machine code of its own that takes 5 ms to compile
 _TYPICAL_HOT = 60.0  # degC, for nodes without a limit
 _RATE = 1.0  # product of an RK4 step and a bound of the fastest rate
 _NEVER = 1e30  # K or a torque: a limit that is never met
@@ -216,7 +218,9 @@ def _steps_for(heating: Heating, seconds: float, limits: FloatArray, conditions:
     hot = np.where(np.isfinite(limits), limits, _TYPICAL_HOT)[np.array(model.owners)]
     slope = np.asarray(heating.function()(hot, np.zeros(len(heating.joints)), conditions, model.values)[1].full())
     fastest = float(np.abs(slope).sum(axis=0).max())
-    return max(_LEAST_STEPS, ceil(seconds * fastest / _RATE))
+    steps = max(_LEAST_STEPS, ceil(seconds * fastest / _RATE))
+    _STEPS.check(steps, model.network.origin, f"horizon {seconds:g} s, fastest time constant {1 / fastest:.2g} s")
+    return steps
 
 
 def _prepared(heating: Heating) -> ca.Function:

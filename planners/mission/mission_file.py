@@ -18,7 +18,7 @@ from lptn.model.model import Model
 
 from ..reach import refuse_what_no_rest_can_keep
 from ..tasks import mistakes_with_line
-from ..values import Celsius, ExtraMass, Length, NotNegative, Positive, Seconds, Speed, by_place
+from ..values import LONGEST, Celsius, ExtraMass, Length, NotNegative, Positive, Seconds, Speed, by_place
 from .gait import REST, Gait, LogPart, gait_from_logs, gait_from_tables
 from .mission import Activity, GivesUp, Mission, Range, Transition
 
@@ -125,6 +125,12 @@ def _mission(tables: File, origin: str, model: Model) -> Mission:
         _activity(activity, f"activities[{k}]", gaits, origin) for k, activity in enumerate(tables.activities)
     )
     limits = by_place(tables.limits, model.places, origin, "limits")
+    least = sum(activity.least_time for activity in activities if activity.travels)
+    if least > LONGEST:
+        far = f"{least:.3g} s of way at the greatest speeds"
+        raise InputError(
+            origin, "activities", far, f"a day at most, {LONGEST:g} s: fine simulations take steps of a second"
+        )
     start = _start(task, model, origin)
     hot = any(start[model.places.index(node)] > most for node, most in limits.items())
     rest = gaits.get(REST) if task.longest_rest > 0 or hot else None

@@ -157,7 +157,10 @@ def _rows_of_toml(path: Path) -> list[tuple[str, MotorTable]]:
 
 def _rows_of_csv(path: Path) -> list[tuple[str, MotorTable]]:
     lines = csv.reader(text_of(path, "a catalogue of motors").splitlines())
-    said = [(lines.line_num, cells) for cells in lines if any(cell.strip() for cell in cells)]
+    try:
+        said = [(lines.line_num, cells) for cells in lines if any(cell.strip() for cell in cells)]
+    except csv.Error as error:
+        raise InputError(path, f"line {lines.line_num}", str(error), "cells as in a table of motors") from error
     said = [(number, cells) for number, cells in said if not cells[0].lstrip().startswith("#")]
     if len(said) < 2:
         raise InputError(path, "motors", "no row of a motor", "a line of column names, then a line for each motor")
@@ -185,7 +188,8 @@ def _nested(names: list[str], cells: list[str]) -> dict[str, Any]:
         *path, last = key.strip().split(".")
         inner = table
         for part in path:
-            inner = inner.setdefault(part, {})
+            if not isinstance(inner := inner.setdefault(part, {}), dict):
+                inner = table[name] = {}  # `a` and `a.b`: no key of a motor, which is said as such
         inner[last] = _value(cell.strip(), unit.strip().removesuffix("]").strip())
     return table
 

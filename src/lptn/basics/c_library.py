@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import logging
 import os
 import shlex
 import shutil
@@ -17,6 +18,7 @@ from pathlib import Path
 
 import platformdirs
 
+from lptn.basics.errors import InputError
 from lptn.basics.files import fingerprint, write_whole
 from lptn.basics.own_folder import is_own_file, own_folder
 
@@ -40,7 +42,8 @@ def shared_library(sources: Mapping[str, str], main: str, options: Sequence[str]
     """A shared library, from the cache or compiled anew.
 
     The cache is native code that is loaded without a question, so its folder is the user's alone, and a file in it is
-    taken only if it is whole.
+    taken only if it is whole. Where it can't be used (a full disk, a folder that others can write to), that is said and
+    the library is this process's own.
 
     Args:
         sources: contents by file name.
@@ -51,7 +54,7 @@ def shared_library(sources: Mapping[str, str], main: str, options: Sequence[str]
         The library's path; its name is a hash of all that it was made from, and one of its bytes.
 
     Raises:
-        OSError: no C compiler, or it does not come to an end, or the cache can't be written, or others can write to it.
+        OSError: no C compiler, or it does not come to an end, or there is no place to write at all.
         subprocess.CalledProcessError: the compiler failed.
     """
     command = compiler()
@@ -59,7 +62,10 @@ def shared_library(sources: Mapping[str, str], main: str, options: Sequence[str]
         raise OSError("no C compiler")
     content = "\n".join([*command, *options, main, *(f"{name}\n{text}" for name, text in sorted(sources.items()))])
     name = hashlib.sha256(content.encode()).hexdigest()[:_DIGITS]
-    folder = own_folder(platformdirs.user_cache_path("lptn") / "native")
+    try:
+        folder = own_folder(platformdirs.user_cache_path("lptn") / "native")
+    except OSError as error:
+        folder = _of_this_process(f"{error.filename}: {error.strerror}" if error.filename else str(error))
     for path in folder.glob(f"{name}-*.so"):
         if _is_whole(path):
             with suppress(OSError):
@@ -73,8 +79,23 @@ def shared_library(sources: Mapping[str, str], main: str, options: Sequence[str]
         _run([*command, *options, "-shared", "-fPIC", main, "-o", "library.so", "-lm"], Path(scratch))
         library = (Path(scratch) / "library.so").read_bytes()
     path = folder / f"{name}-{hashlib.sha256(library).hexdigest()[:_DIGITS]}.so"
-    write_whole(path, library)
+    try:
+        write_whole(path, library)
+    except InputError as error:
+        path = _of_this_process(f"{folder}: {error.found}") / path.name
+        path.write_bytes(library)
     return path
+
+
+@cache
+def _of_this_process(reason: str) -> Path:
+    """A folder of this process alone, removed with it."""
+    logging.getLogger("lptn").warning("%s; what is compiled is not kept, which costs some seconds each time", reason)
+    _temporary.append(tempfile.TemporaryDirectory(prefix="lptn-native-"))
+    return Path(_temporary[-1].name)
+
+
+_temporary: list[tempfile.TemporaryDirectory[str]] = []  # until the process ends
 
 
 def _remove_expired(folder: Path) -> None:

@@ -35,6 +35,7 @@ logger = logging.getLogger("lptn")
 
 STUDY, STEPS = "study.pickle", "steps.json"
 """Files of a session: the study as this version of lptn holds it, and what was done, for any other version."""
+_LONGEST_STEM = 50  # characters of a model file's name in the session's: four bytes each at most, and 255 are allowed
 
 
 def work(pipe: Connection, opening: Opening | str, sessions: Path, parent: int, after_a_stop: bool = False) -> None:
@@ -129,7 +130,7 @@ def _opened(pipe: Connection, opening: Opening, sessions: Path, after_a_stop: bo
     """
     study = opening.study()
     fingerprint = opening.fingerprint(study)
-    folder = own_folder(sessions / f"{opening.model.stem}-{fingerprint[:10]}")
+    folder = own_folder(sessions / f"{opening.model.stem[:_LONGEST_STEM]}-{fingerprint[:10]}")
     pipe.send(("opened", folder))
     bench = Bench(study, folder, fingerprint)
     try:
