@@ -125,12 +125,11 @@ def _mission(tables: File, origin: str, model: Model) -> Mission:
         _activity(activity, f"activities[{k}]", gaits, origin) for k, activity in enumerate(tables.activities)
     )
     limits = by_place(tables.limits, model.places, origin, "limits")
-    least = sum(activity.least_time for activity in activities if activity.travels)
-    if least > LONGEST:
-        far = f"{least:.3g} s of way at the greatest speeds"
-        raise InputError(
-            origin, "activities", far, f"a day at most, {LONGEST:g} s: fine simulations take steps of a second"
-        )
+    ways = [activity.least_time if activity.travels else 0.0 for activity in activities]
+    if sum(ways) > LONGEST:
+        found = f"{sum(ways):.3g} s of way in all, at the greatest speeds"
+        expected = f"a day at most, {LONGEST:g} s: fine simulations take steps of a second"
+        raise InputError(origin, f"activities[{ways.index(max(ways))}].distance", found, expected)
     start = _start(task, model, origin)
     hot = any(start[model.places.index(node)] > most for node, most in limits.items())
     rest = gaits.get(REST) if task.longest_rest > 0 or hot else None

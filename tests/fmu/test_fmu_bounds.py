@@ -1,4 +1,4 @@
-"""FMUs and systems of others: what they may hold is counted before it is unpacked, and nothing leads out of an archive."""
+"""FMUs and systems of others: what they hold is counted before it is unpacked, and nothing leads out of an archive."""
 
 from __future__ import annotations
 

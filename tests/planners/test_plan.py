@@ -204,7 +204,7 @@ def test_each_mistake_is_one_line(plan: Plan, tmp_path: Path, change: tuple[str,
     [
         (("-o", "plan.xlsx"), ".csv or .parquet"),
         (("--plot", "plan.txt"), ".png, .svg or .pdf"),
-        (("-o", "task.toml"), ".csv or .parquet"),
+        (("-o", "task.toml"), "would be lost"),
         (("--json", "task.toml"), "would be lost"),
         (("--json", "missing/plan.json"), "no such folder"),
         (("--emit-c", "task.toml"), "found a file; expected a folder"),
