@@ -225,7 +225,7 @@ LOGS = [
     _bad("log", FIT, "no value in any row", log_csv=_column("torque.motor", None)),
     _bad("log", FIT, "torque.motor", log_csv=_column("torque.motor", 1e300)),
     _bad("log", FIT, "5 rows", "at least 10", log_csv=lambda good: b"".join(good.splitlines(keepends=True)[:6])),
-    _bad("log", FIT, "broken", log_csv=lambda good: good + b"1,2,3,4,5,6,7\n"),
+    _bad("log", FIT, "7 cells under 4 names", log_csv=lambda good: good + b"1,2,3,4,5,6,7\n"),
     _bad("log", FIT, "UTF-8", log_csv=b"time,\xff\0\n1,2\n"),
     _bad("log", FIT, "more than once",
          log_csv=lambda good: good.replace(b"\n", b",1\n").replace(b"ambient,1", b"ambient,torque.motor")),

@@ -236,7 +236,7 @@ def _time(scale: float, since: float = 0.0) -> Callable[[Log, str, Rng], None]:
 
 def _swapped(log: Log, _joint: str, rng: Rng) -> None:
     row = int(rng.integers(100, len(log) - 100))
-    log.loc[[row, row + 1], "time"] = log.loc[[row + 1, row], "time"].to_numpy()
+    log.loc[[row, row + 10], "time"] = log.loc[[row + 10, row], "time"].to_numpy()  # by a few, they would be sorted
 
 
 def _clock_restarts(log: Log, _joint: str, _rng: Rng) -> None:

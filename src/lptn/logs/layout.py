@@ -24,6 +24,7 @@ _NUMBER = r"[-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:e[-+]?\d+)?"
 _CLOCK = r"\d+:\d\d(?::\d\d)?(?:[.,]\d*)?"
 _DATE = rf"\d{{1,4}}[-/.]\d{{1,2}}[-/.]\d{{1,4}}(?:[T ]{_CLOCK})?(?:Z| ?[-+]\d\d:?\d\d)?"
 _NOTHING = r"[-+]?(?:nan|inf|infinity)|n/a|na|null|none"
+_LONGEST_VALUE = 100  # characters: a date with its time and zone has forty
 _VALUE = re.compile(f"{_NUMBER}|{_CLOCK}|{_DATE}|{_NOTHING}", re.IGNORECASE)
 
 
@@ -174,7 +175,7 @@ class RowsBelow:
 
 def is_value(cell: str) -> bool:
     """Whether a cell is one of a table's values: a number, a date or time, or what people write where there is none."""
-    return _VALUE.fullmatch(cell.strip()) is not None
+    return len(cell) <= _LONGEST_VALUE and _VALUE.fullmatch(cell.strip()) is not None
 
 
 def _without_bracket(cell: str) -> str:
