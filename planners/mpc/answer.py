@@ -152,7 +152,7 @@ class TrackKind:
         table = task.file.controller
         mpc = TorqueMPC(task.model, task.file.limits, **task.settings, horizon=table.horizon, stages=table.stages,
                         noise=table.noise, resolution=table.resolution, level=table.level,
-                        model_error=table.model_error)  # fmt: skip
+                        model_error=table.model_error, lost_sensor=table.lost_sensor)  # fmt: skip
         return mpc.emit(folder, task.start, task.asked, task.conditions)
 
 

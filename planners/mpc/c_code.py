@@ -11,17 +11,18 @@ from typing import Any, NamedTuple
 import casadi as ca
 
 from lptn.logs import resampling
-from lptn.online import aliveness
+from lptn.online import living_sensors
 
 from ..compiled import c_code, compiled
 from ..heating import Heating
 
-SOLVER = ("lptn_mpc.h", "lptn_mpc.c", "linear.inc", "aliveness.inc", "observe.inc", "bounds.inc", "newton.inc",
+SOLVER = ("lptn_mpc.h", "lptn_mpc.c", "linear.inc", "living.inc", "observe.inc", "bounds.inc", "newton.inc",
           "interior.inc", "lptn_loop.h", "lptn_loop.c")  # fmt: skip
 _NUMBERS_IN_A_LINE = 8
 _REPEAT = 4  # iterations between linearisations, where only the temperatures make the problem not linear
 _D, _I = ctypes.c_double, ctypes.c_int
-_ALIVE = ("STANDS", "SHORTEST", "LEAST_CHANCE", "COARSEST", "LEAP", "LEAST_LEAP", "FEWEST")
+_LIVING = ("STANDS", "SHORTEST", "LEAST_CHANCE", "COARSEST", "ERROR", "COLDER", "AGAIN", "HOTTER",
+           "NOISE", "LEAST", "FEWEST")  # fmt: skip
 _GLUE = """\
 #define LPTN_WIDE
 #include "lptn_mpc.c"
@@ -68,7 +69,7 @@ def sources(heating: Heating, limits: int, stages: int) -> dict[str, str]:
     return {
         "sizes.h": _header(sizes),
         "pattern.h": _pattern(slope, heated),
-        "alive.h": _alive(),
+        "living.h": _living(),
         "conditions.h": _kinds(heating.conditions),
         "heat.inc": _heat(c_code(function, "heat.inc")),
         **solver,
@@ -104,20 +105,25 @@ def _pattern(slope: ca.Sparsity, heated: ca.Sparsity) -> str:
     return "\n".join([*lines, ""])
 
 
-def _alive() -> str:
-    lines = [f"#define ALIVE_{name} {getattr(aliveness, name)!r}" for name in _ALIVE]
-    return "\n".join(["/* When a sensor stands or leaps: the constants of lptn.online.aliveness. */", *lines, ""])
+def _living() -> str:
+    lines = [f"#define LIVING_{name} {getattr(living_sensors, name)!r}" for name in _LIVING]
+    return "\n".join(["/* When a sensor is alive: the constants of lptn.online.living_sensors. */", *lines, ""])
 
 
 def _kinds(conditions: Sequence[str]) -> str:
     """How samples of each condition become one number, as where logs are read."""
     names = {resampling.MEAN_ABS: "LPTN_ABSOLUTE", resampling.RMS: "LPTN_RMS"}
-    kinds = [names.get(resampling.feature(column).reduction, "LPTN_MEAN") for column in conditions]
+    kinds = [
+        "LPTN_TEMPERATURE" if column.startswith("temperature.")
+        else names.get(resampling.feature(column).reduction, "LPTN_MEAN")
+        for column in conditions
+    ]  # fmt: skip
     lines = [f"    {kind}, /* {column} */" for kind, column in zip(kinds, conditions, strict=True)]
     return "\n".join(
-        ["/* How samples of the model's other inputs become one number. */",
-         "enum { LPTN_MEAN, LPTN_ABSOLUTE, LPTN_RMS };",
-         "static const int lptn_condition_kind[] = {", *lines, "    LPTN_MEAN};", ""]
+        ["/* How samples of the model's other inputs become one number. */", "#ifndef LPTN_CONDITIONS_H",
+         "#define LPTN_CONDITIONS_H",
+         "enum { LPTN_MEAN, LPTN_ABSOLUTE, LPTN_RMS, LPTN_TEMPERATURE }; /* of the last the mean, too */",
+         "static const int lptn_condition_kind[] = {", *lines, "    LPTN_MEAN};", "#endif", ""]
     )  # fmt: skip
 
 
@@ -153,24 +159,24 @@ def structs(heating: Heating, limits: int, stages: int) -> Structs:
         ("doubt", _D * x),
         ("gain_doubt", _D * x),
         ("tolerance", _D),
-        ("iterations", _I),
-        ("warm", _I),
+        *((name, _I) for name in ("iterations", "warm", "lost_sensor")),
     ]
+    elements = x + 2 * nodes
     sensors = [
         ("clock", _D),
         *((name, _D * nodes) for name in
-          ("last", "since", "far_since", "evidence", "grain", "moves", "due", "taken")),
-        ("silent", _I * nodes),
-        ("far", _I * nodes),
+          ("last", "since", "evidence", "grain", "moves", "due", "agreed")),
+        ("moved", _D * 6 * nodes),
+        *((name, _D * nodes) for name in ("apart", "heard")),
+        *((name, _I * nodes) for name in ("stands", "agrees", "proven", "trusted", "lost")),
     ]  # fmt: skip
-    fork = [("x", _D), ("bias", _D), ("gain", _D), ("spread", _D * 3 * 3)]
     state = [
-        ("x", _D * x),
-        ("bias", _D * x),
-        ("gain", _D * x),
-        ("spread", _D * 3 * 3 * nodes),
+        *((name, _D * x) for name in ("x", "bias", "gain")),
+        ("spread", _D * elements * elements),
         ("made", _D * nodes),
-        ("guessed", _I * nodes),
+        ("without", _D * elements * nodes),
+        *((name, _D * nodes) for name in ("strayed", "settles", "renewed")),
+        *((name, _I * nodes) for name in ("read", "lived", "taught", "guessed")),
         ("applied", _D * u),
         ("conditions", _D * (d + 1)),
         ("scale", _D * u * stages),
@@ -178,7 +184,6 @@ def structs(heating: Heating, limits: int, stages: int) -> Structs:
         ("share", _D * u),
         ("started", _I),
         ("sensors", _struct("Sensors", sensors)),
-        ("fork", _struct("Fork", fork) * nodes),
     ]
     result = [
         ("admitted", _D * u),
@@ -188,6 +193,7 @@ def structs(heating: Heating, limits: int, stages: int) -> Structs:
         ("margin", _D * limits),
         *((name, _D) for name in ("cost", "worst", "error", "gap")),
         *((name, _I) for name in ("iterations", "linearisations", "status")),
+        ("doubt", _D * nodes),
         ("sensor", _I * nodes),
     ]
     return Structs(_struct("Settings", settings), _struct("State", state), _struct("Result", result))

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pandas as pd
@@ -22,17 +22,16 @@ from lptn.model.model import Model
 from ..heating import Request, heating, requested_by
 from ..values import Each, Values, in_order
 from .c_code import python_library, settings_header, sources, structs
-from .settings import settle
+from .settings import LostSensor, settle
 
 _MEANING = {
-    2: "a temperature is missing or absurd; the model's prediction stands in for it",
     4: "a request is no number; taken as zero",
     64: "a condition is no number; the last good one, else zero, stands in for it",
     8: "a request lies above the current limit and is cut to it",
     32: "the solver did not converge; this is the best plan that it met, not proven to be the best there is",
 }
 _PROGRAMS = ("main.c", "loop.c")  # that run the emitted step, and the loop of short ticks about it
-_STANDS = 2  # of a sensor, as in `c/lptn_mpc.h`
+_MISSING, _STANDS, _CONTRADICTS = 1, 2, 3  # of a sensor, as in `c/lptn_mpc.h`
 _NO_SLACK = 1e-3  # K; less is the solver's own
 _NO_CUT = 5e-4  # of a request; a smaller cut is none to a person
 _SHORTCUT, _TOO_HOT, _NOT_BEST, _NOT_ALIVE = 1, 16, 32, 128
@@ -56,7 +55,8 @@ class Plan(Tabular):
         iterations: of the solver, 0 where the full request stays cool.
         status: bits of `c/lptn_mpc.h`.
         limited: names of the limited nodes.
-        untrusted: nodes whose sensor stands or leapt, and why its reading is not believed; the prediction stands in.
+        untrusted: nodes whose sensor is not alive, and why its reading is not believed; the prediction stands in.
+        unread: nodes of which there is no reading, or an absurd one; the prediction stands in.
         error: change of the last linearisation [K].
     """
 
@@ -73,6 +73,7 @@ class Plan(Tabular):
     status: int
     limited: tuple[str, ...]
     untrusted: Mapping[str, str]
+    unread: tuple[str, ...]
     error: float
 
     @property
@@ -88,7 +89,13 @@ class Plan(Tabular):
     @property
     def given_up(self) -> tuple[str, ...]:
         """In words, what could not be had; empty where all limits and inputs were good."""
-        sentences = [f"{node} {why}" for node, why in self.untrusted.items()]
+        margins = dict(zip(self.limited, self.margin, strict=True))
+        reasons = dict(self.untrusted) | dict.fromkeys(self.unread, "has no reading")
+        sentences = [
+            f"{node} {why}; the model stands in for it"
+            + (f", {margins[node]:.2g} K below the limit" if node in margins else "")
+            for node, why in reasons.items()
+        ]
         sentences += [text for bit, text in _MEANING.items() if self.status & bit]
         if self.status & _TOO_HOT:
             worst = self.slack.max(axis=0)
@@ -167,8 +174,11 @@ class TorqueMPC:
         resolution: step to which readings are rounded [K]: 1 where a drive tells whole degrees.
         model_error: what the model's heat flows may be off by, relative. 0 where temperatures come from an estimator of
             your own: then readings are taken as they are, with an error of `noise`.
-        standard_errors: of the model's parameters by name, as in the table `[fit]` of its file; they add to
-            `model_error`.
+        standard_errors: of the model's parameters by name; they add to `model_error`. By default those of the table
+            `[fit]` of its file, where there is one.
+        lost_sensor: what a joint gets whose node has lost its sensor: `"model"`, what the model allows, with the
+            margin that it needs without the sensor; `"derate"`, what would hold the node if it were at its limit;
+            `"stop"`, its floor.
 
     Raises:
         InputError: an unknown place, a number that can't be used, or a model without currents or torques.
@@ -199,6 +209,7 @@ class TorqueMPC:
         resolution: float = 0.0,
         model_error: float = 0.2,
         standard_errors: Mapping[str, float] | None = None,
+        lost_sensor: LostSensor = "model",
     ) -> None:
         self.model = model
         self.heating = heating(model, requested_by(model) if request is None else request)
@@ -206,7 +217,8 @@ class TorqueMPC:
             self.heating, limits, period=period, horizon=horizon, stages=stages, margin=margin, weights=weights,
             current_limits=current_limits, rates=rates, floors=floors, priorities=priorities, recovery=recovery,
             smoothing=smoothing, noise=noise, resolution=resolution, level=level, model_error=model_error,
-            standard_errors=standard_errors or {},
+            standard_errors=model.standard_errors if standard_errors is None else standard_errors,
+            lost_sensor=lost_sensor,
         )  # fmt: skip
         self.joints, self.conditions = self.heating.joints, self.heating.conditions
         count, limited = len(self.settings.stages), len(self.settings.limits)
@@ -344,6 +356,7 @@ class TorqueMPC:
             result.status,
             tuple(self.settings.limits),
             self._untrusted() if result.status & _NOT_ALIVE else {},
+            tuple(node for node, sensor in zip(self.model.nodes, result.sensor, strict=True) if sensor == _MISSING),
             result.error,
         )
 
@@ -353,9 +366,8 @@ class TorqueMPC:
             if self._result.sensor[number] == _STANDS:
                 lasting = sensors.clock - sensors.since[number]
                 untrusted[node] = f"has read {sensors.last[number]:.6g} degC, bit for bit, for {lasting:.0f} s"
-            elif self._result.sensor[number] > _STANDS:
-                away = f"{sensors.last[number]:.6g} degC, far from the {self._state.x[number]:.1f} that is expected"
-                untrusted[node] = f"reads {away}"
+            elif self._result.sensor[number] == _CONTRADICTS:
+                untrusted[node] = f"reads {sensors.last[number]:.6g} degC, which the heat put in contradicts"
         return untrusted
 
     def _fill(self, to: Any) -> None:
@@ -375,6 +387,7 @@ class TorqueMPC:
         to.noise, to.grain, to.sigmas = math.hypot(settings.noise, settings.grain), settings.grain, settings.sigmas
         to.doubt[:], to.gain_doubt[:] = settings.doubt.tolist(), settings.gain_doubt.tolist()
         to.tolerance, to.iterations, to.warm = settings.tolerance, settings.iterations, settings.warm
+        to.lost_sensor = get_args(LostSensor).index(settings.lost_sensor)
 
 
 def _fill(to: FloatArray, values: Values | FloatArray, names: Sequence[str], what: str) -> None:

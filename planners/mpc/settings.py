@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Literal, get_args
 
 import casadi as ca
 import numpy as np
@@ -16,6 +17,9 @@ from lptn.basics.errors import InputError
 
 from ..heating import Heating
 from ..values import Each, checked_by_place
+
+LostSensor = Literal["model", "derate", "stop"]
+"""What a joint gets whose node has lost its sensor; the order is that of `c/lptn_mpc.h`."""
 
 _POSITIVE = 1e-12  # the least positive number that is taken for one
 _ROOM = 25.0  # degC
@@ -45,6 +49,7 @@ class Settings:
         model_error: relative; 0: readings are taken as they are, and nothing is learnt of what the model lacks.
         doubt: heat that the model may lack, as a rate of each state [K/s].
         gain_doubt: relative error of the controlled heat of each state.
+        lost_sensor: what a joint gets whose node has lost its sensor.
         tolerance: on the duality gap; the cost of admitting nothing is 1.
         iterations: of the solver, at most.
         warm: of them, from the last plan; the others are kept for a cold start.
@@ -65,6 +70,7 @@ class Settings:
     model_error: float
     doubt: FloatArray
     gain_doubt: FloatArray
+    lost_sensor: LostSensor = "model"
     tolerance: float = 1e-6
     iterations: int = 100
     warm: int = 50
@@ -117,6 +123,7 @@ def settle(
     level: float,
     model_error: float,
     standard_errors: Mapping[str, float],
+    lost_sensor: LostSensor = "model",
 ) -> Settings:
     """Check settings and spread them.
 
@@ -138,6 +145,9 @@ def settle(
     ):
         if not (math.isfinite(value) and value >= least):
             raise InputError(model.network.origin, place, f"{value:g}", "a number from 0 up")
+    if lost_sensor not in get_args(LostSensor):
+        expected = " or ".join(get_args(LostSensor))
+        raise InputError(model.network.origin, "lost_sensor", f"{lost_sensor!r}", expected)
     if not 0.5 <= level < 1:
         raise InputError(model.network.origin, "level", f"{level:g}", "a probability from 0.5 up, less than 1")
     lengths = growing_stages(period, horizon, stages)
@@ -162,21 +172,35 @@ def settle(
         level,
         model_error,
         *_doubts(heating, bounds, model_error, standard_errors),
+        lost_sensor,
     )
 
 
-def _at_the_limits(heating: Heating, limits: dict[str, float]) -> tuple[FloatArray, FloatArray]:
-    """States at their limits [degC], and the conditions of a room."""
+def _at_limits(heating: Heating, limits: Mapping[str, float]) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """States [degC] where limited nodes are at their limits without load and the others in balance with them, in air of
+    25 degC; the rates there [K/s]; and the conditions. Balance is that of the linearisation at the limits."""
     model = heating.model
-    hot = np.array([limits.get(node, max(limits.values())) for node in model.nodes])[np.array(model.owners)]
-    return hot, np.array([_ROOM if name.startswith("temperature") else 0.0 for name in heating.conditions])
+    x = np.array([limits.get(node, max(limits.values())) for node in model.nodes])[np.array(model.owners)]
+    room = np.array([_ROOM if name.startswith("temperature") else 0.0 for name in heating.conditions])
+    rates = ca.Function("rates", [heating.x, heating.amount, heating.d, heating.p],
+                        [heating.rates, ca.jacobian(heating.rates, heating.x)])  # fmt: skip
+    none = np.zeros(len(heating.joints))
+    at, slope = (np.asarray(value.full()) for value in rates(x, none, room, model.values))
+    free = [row for row, owner in enumerate(model.owners) if model.nodes[owner] not in limits]
+    if free:
+        x[free] -= np.linalg.lstsq(slope[np.ix_(free, free)], at.ravel()[free])[0]
+        at = np.asarray(rates(x, none, room, model.values)[0].full())
+    return x, at.ravel(), room
 
 
 def _doubts(
     heating: Heating, limits: dict[str, float], model_error: float, standard_errors: Mapping[str, float]
 ) -> tuple[FloatArray, FloatArray]:
     """Standard deviations of the heat that the model may lack, as a rate of each state [K/s], and of the relative error
-    of its controlled heat: `model_error`, and the parameters' standard errors by their slopes at the limits."""
+    of its controlled heat: `model_error`, and the parameters' standard errors by their slopes at the limits.
+
+    A resistance between two limited nodes shows only where one of them is hotter: its slope is the larger of that with
+    all at their limits and that with the node alone at its limit."""
     model, cooling = heating.model, _cooling(heating, limits)
     relative = np.full(len(cooling), model_error)
     if not model_error or not standard_errors:
@@ -186,13 +210,17 @@ def _doubts(
     if unknown:
         place = f"standard_errors.{sorted(unknown)[0]}"
         raise InputError(model.network.origin, place, "no such parameter", f"some of {', '.join(names[:8])}, …")
-    hot, room = _at_the_limits(heating, limits)
     errors = np.array([standard_errors.get(name, 0.0) for name in names])
     none = ca.substitute(heating.rates, heating.amount, ca.SX.zeros(heating.amount.shape))
     all_ones = ca.substitute(heating.rates, heating.amount, ca.SX.ones(heating.amount.shape)) - none
     slopes = ca.Function("slopes", [heating.x, heating.d, heating.p],
                          [ca.jacobian(none, heating.p), ca.jacobian(all_ones, heating.p), all_ones])  # fmt: skip
+    hot, _, room = _at_limits(heating, limits)
     missing, of_heat, heat = (np.asarray(value.full()) for value in slopes(hot, room, model.values))
+    for node, limit in limits.items():
+        row = model.places.index(node)
+        alone, _, _ = _at_limits(heating, {node: limit})
+        missing[row] = np.maximum(np.abs(missing[row]), np.abs(slopes(alone, room, model.values)[0].full()[row]))
     share = np.abs(of_heat) / np.maximum(np.abs(heat), 1e-300) * (np.abs(heat) > 0)
     return (np.sqrt((model_error * cooling) ** 2 + (missing**2) @ errors**2),
             np.sqrt(relative**2 + (share**2) @ errors**2))  # fmt: skip
@@ -200,10 +228,11 @@ def _doubts(
 
 def _cooling(heating: Heating, limits: dict[str, float]) -> FloatArray:
     """How fast each state would cool at its limit, in a room and without load [K/s]: the scale of the heat that may be
-    missing."""
-    hot, room = _at_the_limits(heating, limits)
-    rates = heating.rate_function()(hot, np.zeros(len(heating.joints)), room, heating.model.values)
-    cooling = np.abs(np.asarray(rates.full()).ravel())
+    missing. A node without a limit is taken to be as hot as the hottest limit."""
+    model, hottest = heating.model, max(limits.values())
+    cooling = np.abs(_at_limits(heating, dict.fromkeys(model.nodes, hottest) | limits)[1])
+    limited = [model.places.index(place) for place in limits]
+    cooling[limited] = np.abs(_at_limits(heating, limits)[1])[limited]
     return np.asarray(np.maximum(cooling, _LEAST_COOLING * cooling.max()))
 
 

@@ -18,6 +18,7 @@ from ..heating import Request, heating, requested_by
 from ..reach import refuse_what_no_rest_can_keep
 from ..tasks import conditions_of, mistakes_with_line, start_of
 from ..values import ByPlace, Celsius, NotNegative, Positive, by_place
+from .settings import LostSensor
 
 _MOST_STEPS = 400
 
@@ -47,6 +48,7 @@ class ControllerTable(Strict):
     resolution: NotNegative = 0.0
     level: Annotated[float, Field(ge=0.5, lt=1)] = 0.95
     model_error: NotNegative = 0.2
+    lost_sensor: LostSensor = "model"
 
 
 class File(Strict):

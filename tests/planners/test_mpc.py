@@ -72,8 +72,11 @@ def test_with_smoothing_a_share_rises_slowly_and_falls_at_once() -> None:
 @pytest.mark.long
 @pytest.mark.parametrize("resolution", [0.0, 1.0])
 def test_noise_is_followed_slowly_at_a_limit(resolution: float) -> None:
-    """Ripple under a constant request; it was twice as large when a node was brought to its limit in one period."""
-    assert ripple(100, 0.95, 0.1, resolution, 0.0) < (0.027 if resolution else 0.014)
+    """Ripple under a constant request; it was twice as large when a node was brought to its limit in one period.
+
+    A robot whose model is wrong by no more than it is told: where it is, readings are doubted by a share that varies.
+    """
+    assert ripple(102, 0.95, 0.1, resolution, 0.0) < (0.027 if resolution else 0.014)
 
 
 @pytest.mark.long
@@ -227,10 +230,13 @@ def test_the_margin_is_what_the_level_asks_of_the_covariance() -> None:
     assert np.all(more.admitted < plain.admitted)
     fine, coarse = TorqueMPC(leg_model(), LIMIT), TorqueMPC(leg_model(), LIMIT, resolution=1.0)
     first = fine.step(start, REQUEST, AROUND).margin
-    random = np.random.default_rng(0)
-    for _ in range(30):
-        read = start + 0.1 * random.standard_normal(3)
-        precise, rough = (mpc.step(read, REQUEST, AROUND).margin for mpc in (fine, coarse))
+    random, T, rate = np.random.default_rng(0), start, fine.heating.rate_function()
+    for _ in range(60):
+        read = T + 0.1 * random.standard_normal(3)
+        admitted = fine.step(read, REQUEST, AROUND).admitted
+        rough = coarse.step(np.round(read), REQUEST, AROUND, applied=admitted).margin
+        T = T + 5 * np.asarray(rate(T, admitted**2, [25.0], fine.model.values)).ravel()
+    precise = fine.step(T, REQUEST, AROUND).margin
     assert np.all(precise < first)
     assert np.all(rough > 1.645 / np.sqrt(12))
 
@@ -259,7 +265,7 @@ def test_a_missing_reading_is_predicted() -> None:
     for absurd in (np.nan, np.inf, 4000.0, -273.0):
         plan = mpc.step([50.0, absurd, 58.0], REQUEST, AROUND)
         assert plan.converged
-        assert any("missing or absurd" in said for said in plan.given_up)
+        assert any("FR_thigh has no reading; the model stands in" in said for said in plan.given_up)
         np.testing.assert_allclose(plan.admitted, expected, rtol=0.2)
 
 
@@ -398,13 +404,14 @@ def test_requests_and_conditions_that_are_no_numbers() -> None:
 
 def test_one_absurd_moment_is_forgotten() -> None:
     """An ambient of 1e30 degC is a finite number, and the plan of that moment is worth nothing; but the next one is."""
-    mpc, fresh = TorqueMPC(leg_model(), LIMIT), TorqueMPC(leg_model(), LIMIT)
+    mpc, spared = TorqueMPC(leg_model(), LIMIT), TorqueMPC(leg_model(), LIMIT)
     for ambient in (25.0, 1e30, 1e308):
+        spared.step(np.full(3, 55.0), REQUEST, AROUND)
         plan = mpc.step(np.full(3, 55.0), REQUEST, {"temperature.ambient": ambient})
         assert np.all(np.isfinite(plan.admitted))
         assert np.all(np.abs(plan.admitted) <= REQUEST)
     later = mpc.step(np.full(3, 55.0), REQUEST, AROUND)
-    np.testing.assert_allclose(later.admitted, fresh.step(np.full(3, 55.0), REQUEST, AROUND).admitted, rtol=1e-4)
+    np.testing.assert_allclose(later.admitted, spared.step(np.full(3, 55.0), REQUEST, AROUND).admitted, rtol=1e-4)
     assert later.converged
 
 

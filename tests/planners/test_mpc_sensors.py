@@ -3,34 +3,58 @@
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from lptn.basics.arrays import FloatArray
+from lptn.basics.errors import InputError
+from lptn.model.file import parse_model
 from lptn.model.model import Model
-from lptn.online.aliveness import Aliveness
+from lptn.online.living_sensors import LivingSensors
 from lptn.planners import TorqueMPC
 from lptn.planners.compiled import compiled
+from lptn.planners.mpc import Plan
 from tests.builders import effect, leg
 from tests.planners.truth import World, conditions, model_of, true_robot
 
 LIMIT, PERIOD = 60.0, 5.0
+_KNEE = """\
+[model]
+ambient = "temperature.ambient"
+[nodes.knee]
+capacity = 300
+[[links]]
+between = ["knee", "ambient"]
+resistance = 5
+[[effects]]
+kind = "copper_loss"
+at = "knee"
+input = "current"
+resistance = 0.2
+"""
 _GLUE = """\
 #include "lptn_mpc.c"
 lptn_mpc_sensors sensors;
 void start(void) { begin_sensors(&sensors); }
 void look(double clock, double white, double step, const double *readings, const double *predicted,
-          const double *variance, int *use, double *evidence) {
+          const double *variance, const double *reference, const double *deviation, const double *learned,
+          const double *settles, int *flags, double *evidence) {
     sensors.clock = clock;
-    judge(&sensors, white, step, readings, predicted, variance, use);
+    judge(&sensors, 5.0, white, step, readings, predicted, variance, reference, deviation, learned, settles);
+    for (int i = 0; i < LPTN_NN; i++)
+        flags[i] = sensors.stands[i] + 2 * sensors.agrees[i] + 4 * sensors.proven[i] + 8 * sensors.trusted[i] +
+                   16 * sensors.lost[i];
     memcpy(evidence, sensors.evidence, sizeof sensors.evidence);
 }
 """
 
 
 def spoilt(random: np.random.Generator, true: FloatArray, step: float) -> FloatArray:
-    """Readings with noise and steps, of which stretches stand, leap or are missing."""
+    """Readings with noise and steps, of which stretches stand, leap, lag behind or are missing."""
     readings = true + 0.1 * random.standard_normal(true.shape)
     if step:
         readings = step * np.round(readings / step)
@@ -47,27 +71,29 @@ def spoilt(random: np.random.Generator, true: FloatArray, step: float) -> FloatA
 def test_c_judges_each_reading_as_python_does(step: float) -> None:
     mpc = TorqueMPC(Model(leg([effect("copper_loss"), effect("resistance_rise")])), LIMIT)
     library = compiled({**mpc.sources, "glue.c": _GLUE}, "glue.c")
-    called = 0
+    seen = np.zeros(5, dtype=int)  # of each flag, how often it was up
     for seed in range(8):
         random = np.random.default_rng(seed)
-        true = 40 + np.cumsum(random.normal(0, 0.15, (200, 3)), axis=0)
+        true = 40 + np.cumsum(random.normal(0, 0.15, (200, 3)), axis=0) + 10 * np.sin(np.arange(200) / 20)[:, None]
         readings = spoilt(random, true, step)
-        off = 8.0 * (np.arange(200) > 150)[:, None] * (seed % 3 == 0)  # now and then it is the filter that is wrong
-        predicted = true + 0.05 * random.standard_normal(true.shape) + off
-        sensors = Aliveness(np.full(3, 0.1**2), np.full(3, step))
+        off = 8.0 * (np.arange(200) > 150)[:, None] * (seed % 3 == 0)  # now and then it is the model that is wrong
+        predicted, reference = (true + 0.05 * random.standard_normal(true.shape) + off for _ in range(2))
+        sensors = LivingSensors(np.full(3, 0.1**2), np.full(3, step))
         library.start()
-        for k, (reading, expected) in enumerate(zip(readings, predicted, strict=True)):
-            variance = random.uniform(0.0, 0.1, 3)
+        for k, (reading, expected, without) in enumerate(zip(readings, predicted, reference, strict=True)):
+            others = [random.uniform(0.0, most, 3) for most in (0.1, 1.0, 4.0, 100.0)]
+            others[2] *= -1
             sensors.clock = k * PERIOD
-            taken, again = sensors.judge(reading, expected, variance)
-            use, evidence = np.zeros(3, dtype=np.int32), np.zeros(3)
+            sensors.judge(PERIOD, reading, expected, others[0], without, *others[1:])
+            flags, evidence = np.zeros(3, dtype=np.int32), np.zeros(3)
             given = (ctypes.c_double(value) for value in (k * PERIOD, 0.1**2, step))
-            arrays = (array.ctypes.data_as(ctypes.c_void_p) for array in (reading, expected, variance, use, evidence))
-            library.look(*given, *arrays)
-            np.testing.assert_array_equal(use, taken.astype(int) + again)
-            np.testing.assert_allclose(evidence, sensors._evidence, rtol=1e-9, atol=1e-9)
-            called += int(sensors.silent.sum())
-    assert called > 8
+            arrays = (reading, expected, others[0], without, *others[1:], flags, evidence)
+            library.look(*given, *(array.ctypes.data_as(ctypes.c_void_p) for array in arrays))
+            own = np.array([sensors.stands, sensors.agrees, sensors.proven, sensors.trusted, sensors.lost])
+            np.testing.assert_array_equal(flags, 2 ** np.arange(5) @ own)
+            np.testing.assert_allclose(evidence, sensors.evidence, rtol=1e-9, atol=1e-9)
+            seen += own.sum(axis=1)
+    assert (seen > 8).all()
 
 
 def loop(spoil: dict[str, float], steps: int = 90, resolution: float = 0.0) -> tuple[float, TorqueMPC, set[str]]:
@@ -112,16 +138,90 @@ def test_a_live_sensor_in_whole_degrees_is_believed() -> None:
     assert not untrusted
 
 
-def test_a_sensor_that_wakes_is_believed_again() -> None:
-    mpc = TorqueMPC(Model(leg([effect("copper_loss"), effect("resistance_rise")])), LIMIT)
-    random, asked = np.random.default_rng(0), np.array([1.0, 1.0, 1.0])
-    for k in range(80):
-        read = 30 + 0.1 * random.standard_normal(3)
-        if 10 <= k < 50:
-            read[1] = 30.03
-        plan = mpc.step(read, asked, {"temperature.ambient": 30.0})
-        assert ("FR_thigh" in plan.untrusted) == (22 <= k < 50)
-    assert plan.given_up == ()
+def one_joint(read: Callable[[int, float, float], float], steps: int = 360, **options: Any) -> tuple[float, list[Plan]]:
+    """A knee of 300 J/K, 5 K/W and 0.2 ohm in air of 25 degC is asked for 20 A for half an hour; its model is right.
+
+    Args:
+        read: what the sensor reads [degC] in a period, by its number, the true temperature and noise of 0.1 K.
+        steps: periods of 5 s.
+        options: of the controller.
+
+    Returns:
+        By how much the joint passed its limit at most [K], and the plans.
+    """
+    mpc = TorqueMPC(Model(parse_model(_KNEE, Path("knee.toml")).network), LIMIT, current_limits=30.0, **options)
+    random, true, worst, plans = np.random.default_rng(0), 25.0, -np.inf, list[Plan]()
+    for k in range(steps):
+        reading = read(k, true, 0.1 * random.standard_normal())
+        plans.append(mpc.step([reading], [20.0], {"temperature.ambient": 25.0}))
+        settles = 25.0 + 5.0 * 0.2 * plans[-1].admitted[0] ** 2
+        true = settles + (true - settles) * np.exp(-PERIOD / 1500.0)
+        worst = max(worst, true - LIMIT)
+    return worst, plans
+
+
+@pytest.mark.parametrize("value", [-40.0, -1.0, 0.0, 25.0, 40.0, 90.0, np.nan])
+@pytest.mark.parametrize("dither", [0.0, 1.0])
+def test_a_sensor_that_was_never_alive_is_not_believed(value: float, dither: float) -> None:
+    worst, plans = one_joint(lambda _, __, noise: value + dither * noise)
+    assert worst < 0
+    assert all(plan.given_up for plan in plans[20:])
+    assert min(plan.admitted[0] for plan in plans[-50:]) > 3.0  # of 5.9 A that hold the limit: the model goes on
+
+
+@pytest.mark.parametrize(
+    ("end", "seconds"), [(-50.0, 20.0), (-50.0, 100.0), (25.0, 100.0), (39.0, 100.0), (25.0, 300.0), (-94.0, 0.1)]
+)
+def test_a_sensor_that_ceases_to_be_alive_is_not_believed_again(end: float, seconds: float) -> None:
+    """Open through a low-pass, come loose, come loose in part: each goes to some temperature and stays there."""
+
+    def read(k: int, true: float, noise: float) -> float:
+        gone = PERIOD * (k - 180)
+        return true + noise if gone < 0 else end + (true - end) * float(np.exp(-gone / seconds)) + noise
+
+    worst, plans = one_joint(read)
+    assert worst < plans[-1].margin[0] + 0.5
+    assert all(plan.given_up for plan in plans[200:])
+
+
+@pytest.mark.parametrize("length", [1, 5, 30])
+def test_a_sensor_comes_back_when_it_agrees_again(length: int) -> None:
+    """After a spike or a short break in as long as it was away; after a long one when its node has settled, 1500 s."""
+    begin, back = 50, 300 if length > 12 else length
+    worst, plans = one_joint(lambda k, true, noise: (-50.0 if begin <= k < begin + length else true) + noise, 420)
+    assert worst < 0.05
+    untrusted = [bool(plan.untrusted) for plan in plans]
+    assert not any(untrusted[:begin])
+    assert all(untrusted[begin : begin + length + back - 1])
+    assert not any(untrusted[begin + length + back + 25 :])
+
+
+def test_a_drift_is_not_followed_as_far_as_the_sensor_goes() -> None:
+    """It falls by 36 K in half an hour. Believed to the end it let the knee pass its limit by 36 K."""
+    worst, plans = one_joint(lambda k, true, noise: true - 0.02 * PERIOD * k + noise)
+    assert worst < 8
+    assert plans[-1].untrusted
+
+
+@pytest.mark.parametrize("off", [0.8, 1.25])
+def test_a_model_that_is_wrong_costs_no_sensor_its_trust(off: float) -> None:
+    """The true knee heats by a fifth less, or a quarter more, than the model says."""
+    _, plans = one_joint(lambda _, true, noise: 25.0 + off * (true - 25.0) + noise)
+    assert not any(plan.untrusted for plan in plans)
+
+
+def test_what_a_joint_gets_that_has_lost_its_sensor_is_the_users_choice() -> None:
+    def read(k: int, true: float, noise: float) -> float:
+        return true + noise if k < 15 else 0.0
+
+    ways = {way: one_joint(read, 60, lost_sensor=way)[1] for way in ("model", "derate", "stop")}
+    soon = {way: plans[20].admitted[0] for way, plans in ways.items()}
+    assert soon["model"] > 10.0  # it is still cool
+    assert soon["stop"] < 0.1 < 3.0 < soon["derate"] < 5.92
+    floor = one_joint(read, 60, lost_sensor="stop", floors=2.0)[1]
+    assert floor[-1].admitted[0] == pytest.approx(2.0, rel=1e-2)
+    with pytest.raises(InputError, match="lost_sensor"):
+        TorqueMPC(Model(parse_model(_KNEE, Path("knee.toml")).network), LIMIT, lost_sensor="hope")
 
 
 def test_readings_taken_as_they_are_may_stand() -> None:

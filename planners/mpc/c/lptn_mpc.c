@@ -4,10 +4,11 @@
 #include <math.h>
 #include <string.h>
 
+#include "conditions.h" /* what each condition is: LPTN_TEMPERATURE, ... */
 #include "pattern.h"
 #include "heat.inc"
 #include "linear.inc"
-#include "aliveness.inc"
+#include "living.inc"
 #include "observe.inc"
 #include "bounds.inc"
 #include "newton.inc"
@@ -23,7 +24,7 @@ static void take(const lptn_mpc_settings *o, lptn_mpc_state *m, lptn_mpc_work *w
     for (int k = 0; k < LPTN_N; k++) {
         for (int i = 0; i < LPTN_ND; i++) {
             const double given = conditions[k * LPTN_ND + i];
-            if (isfinite(given)) m->conditions[i] = given;
+            if (lptn_condition_kind[i] == LPTN_TEMPERATURE ? believed(given) : isfinite(given)) m->conditions[i] = given;
             else out->status |= LPTN_NO_CONDITION;
             w->d[k][i] = m->conditions[i];
         }
@@ -73,8 +74,8 @@ static int all_stays_cool(const lptn_mpc_settings *o, lptn_mpc_work *w) {
 }
 
 /* The course under the scales in w->s, rolled out. */
-static void roll_out(const lptn_mpc_settings *o, const lptn_mpc_state *m, lptn_mpc_work *w) {
-    memcpy(w->x[0], m->x, sizeof m->x);
+static void roll_out(const lptn_mpc_settings *o, lptn_mpc_work *w) {
+    memcpy(w->x[0], w->start, sizeof w->start);
     for (int k = 0; k < LPTN_N; k++) {
         linearise(o, w, k, w->x[k]);
         advance(&w->stage[k], w->x[k], w->s[k], w->x[k + 1]);
@@ -107,7 +108,8 @@ void lptn_mpc_step(const lptn_mpc_settings *o, lptn_mpc_state *m, lptn_mpc_work 
     memset(out, 0, sizeof *out);
     observe(o, m, w, measured, applied, out);
     take(o, m, w, request, conditions, out);
-    for (int k = 0; k <= LPTN_N; k++) memcpy(w->x[k], m->x, sizeof m->x);
+    plan_from(o, m, w, out);
+    for (int k = 0; k <= LPTN_N; k++) memcpy(w->x[k], w->start, sizeof w->start);
     limit(o, m, w, out);
     bound(o, m, w, 1, out);
     double start[LPTN_N][LPTN_NU];
@@ -118,7 +120,7 @@ void lptn_mpc_step(const lptn_mpc_settings *o, lptn_mpc_state *m, lptn_mpc_work 
         memcpy(w->s, start, sizeof start);
         if (!solve(o, m, w, out)) {
             out->status |= LPTN_NOT_BEST;
-            roll_out(o, m, w);
+            roll_out(o, w);
         }
     }
     rise_slowly(o, m, w);

@@ -17,9 +17,14 @@ extern "C" {
 #define LPTN_TOO_HOT 16    /* a bound can't be met everywhere: see the slack */
 #define LPTN_NOT_BEST 32   /* the solver did not converge: the best plan that it met, which may not be the optimum */
 #define LPTN_NO_CONDITION 64 /* a condition was no number: the last good one stood in for it, else zero */
-#define LPTN_NOT_ALIVE 128 /* a sensor stands or leapt: the prediction stood in for it; `sensor` says which */
+#define LPTN_NOT_ALIVE 128 /* a sensor is not alive: the prediction stood in for it; `sensor` says which */
 
-enum { LPTN_ALIVE, LPTN_MISSING, LPTN_STANDS, LPTN_LEAPT }; /* of a sensor */
+/* Of a sensor: is taken in, gave no reading, repeats itself, contradicts the model, has not yet moved as the model does. */
+enum { LPTN_ALIVE, LPTN_MISSING, LPTN_STANDS, LPTN_CONTRADICTS, LPTN_UNPROVEN };
+/* What happens to a joint whose node has lost its sensor: the model goes on; as if the node were at its limit; no torque. */
+enum { LPTN_MODEL, LPTN_DERATE, LPTN_STOP };
+
+#define LPTN_NZ (LPTN_NX + 2 * LPTN_NN)
 
 /* What does not change from step to step. */
 typedef struct {
@@ -43,38 +48,42 @@ typedef struct {
     double gain_doubt[LPTN_NX]; /* relative error that the controlled heat may have */
     double tolerance;           /* on the duality gap */
     int iterations, warm;       /* at most; the first `warm` of them from the last plan, the others from a cold start */
+    int lost_sensor;            /* LPTN_MODEL, LPTN_DERATE or LPTN_STOP */
 } lptn_mpc_settings;
 
 /* What is remembered of each sensor. */
 typedef struct {
     double clock;                         /* s since the first step */
     double last[LPTN_NN], since[LPTN_NN]; /* last reading [degC]; s of the clock: the first of those that are like it */
-    double far_since[LPTN_NN];            /* s of the clock: since then its readings have been far from the prediction */
     double evidence[LPTN_NN];             /* that it stands: what the chance of its repeated readings multiplies to, -log */
     double grain[LPTN_NN];                /* smallest move so far [K], infinite for none */
     double moves[LPTN_NN], due[LPTN_NN];  /* moves seen, and to be expected */
-    double taken[LPTN_NN];                /* readings taken in */
-    int silent[LPTN_NN], far[LPTN_NN];    /* it stands; its last reading leapt */
+    double agreed[LPTN_NN];               /* s of the clock: since then it has agreed with its reference */
+    double moved[LPTN_NN][6];             /* its readings and its reference since then: count, means, sums of squares */
+    double apart[LPTN_NN];                /* s for which it had contradicted its reference before */
+    double heard[LPTN_NN];                /* s of the clock: its last reading */
+    int stands[LPTN_NN], agrees[LPTN_NN]; /* repeats itself bit for bit; agrees with its reference */
+    int proven[LPTN_NN], trusted[LPTN_NN], lost[LPTN_NN]; /* has moved as the reference did; counts as alive; was found
+                                                             not to be, and has not come back */
 } lptn_mpc_sensors;
 
-/* A node's filter that was given none of the readings like the last one. */
-typedef struct {
-    double x, bias, gain, spread[3][3];
-} lptn_mpc_fork;
-
-/* What is kept between steps; all zero before the first. */
+/* What is kept between steps; all zero before the first. z: states, missing heat and relative error of each node. */
 typedef struct {
     double x[LPTN_NX], bias[LPTN_NX]; /* estimate [degC]; heat that the model lacks, as a rate [K/s] */
     double gain[LPTN_NX];             /* relative error of the controlled heat */
-    double spread[LPTN_NN][3][3];     /* covariance of each node's temperature, bias and gain */
+    double spread[LPTN_NZ][LPTN_NZ];  /* covariance of z */
     double made[LPTN_NN];             /* what the controlled heat warmed each node by, over the last period [K/s] */
-    int guessed[LPTN_NN];             /* nobody has read it yet: taken to be as hot as can be */
+    double without[LPTN_NN][LPTN_NZ]; /* by how much z differs in each sensor's reference, the estimate without its readings */
+    double strayed[LPTN_NN];          /* by how much the reference may be off by now, standard deviation [K] */
+    double settles[LPTN_NN];          /* time constant of each node [s] */
+    double renewed[LPTN_NN];          /* s of the clock: when the reference was last set to the estimate */
+    int read[LPTN_NN], lived[LPTN_NN], taught[LPTN_NN], guessed[LPTN_NN]; /* has been read; was trusted once; was taken in since
+                                                   the last was taken back; is taken to be as hot as allowed */
     double applied[LPTN_NU], conditions[LPTN_ND + 1];
     double scale[LPTN_N][LPTN_NU];    /* of the heat, as solved last */
     double asked[LPTN_NU], share[LPTN_NU]; /* request of the last period, and the share of it that was admitted */
     int started;
     lptn_mpc_sensors sensors;
-    lptn_mpc_fork fork[LPTN_NN];
 } lptn_mpc_state;
 
 typedef struct {
@@ -86,7 +95,8 @@ typedef struct {
     double cost, worst, error, gap;  /* cost, 1 for admitting nothing; largest slack [K]; by how much a stage's
                                         end misses the next one's start [K]; duality gap */
     int iterations, linearisations, status;
-    int sensor[LPTN_NN]; /* LPTN_ALIVE, or why the prediction stood in for the reading */
+    double doubt[LPTN_NN]; /* share by which planning follows the model where a sensor reads colder */
+    int sensor[LPTN_NN];   /* LPTN_ALIVE, or why the prediction stood in for the reading */
 } lptn_mpc_result;
 
 /* A stage, x+ = x + F (k + A x + B s); of A and B what may not be zero, at the places that pattern.h tells. */
@@ -110,6 +120,8 @@ typedef struct {
     double bias[LPTN_NX], gain[LPTN_NX], limit[LPTN_N][LPTN_NL];
     double best[LPTN_N][LPTN_NU], least;  /* the best scales that were met, and their price */
     double heat[LPTN_HEAT_OUT], casadi[LPTN_HEAT_W + 1];
+    double transition[LPTN_NX][LPTN_NX], start[LPTN_NX]; /* of one period; temperatures that are planned from [degC] */
+    int stopped[LPTN_NU];                                /* joints that get nothing but their floor */
 } lptn_mpc_work;
 
 /* One control period.

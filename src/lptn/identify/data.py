@@ -422,7 +422,8 @@ def load_model(path: str | Path, mapped: Sequence[str] = ()) -> LoadedModel:
     """
     pairs = dict(_pair(text) for text in mapped if text.strip() != GUESS)
     file = read_model_file(Path(path))
-    return LoadedModel(file, Model(file.network), pairs, any(text.strip() == GUESS for text in mapped))
+    errors = {name: entry.error for name, entry in file.fit.parameters.items() if entry.error is not None}
+    return LoadedModel(file, Model(file.network, errors), pairs, any(text.strip() == GUESS for text in mapped))
 
 
 def optional_columns(model: Model) -> list[str]:

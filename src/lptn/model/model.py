@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Mapping
 from functools import cached_property
 from typing import Any, Literal, NamedTuple, TypeVar, cast
 
@@ -43,6 +43,7 @@ class Model:
 
     Args:
         network: what to make the model of.
+        standard_errors: of its parameters by name, where a fit told them.
 
     Source: [QuadrupedLPTN, eq. 4, 5], with the sign that lets heat flow from hot to cold.
 
@@ -55,8 +56,10 @@ class Model:
         Function(rhs:(x[2],u[3],p[4])->(xdot[2]) SXFunction)
     """
 
-    def __init__(self, network: Network) -> None:
+    def __init__(self, network: Network, standard_errors: Mapping[str, float] | None = None) -> None:
         self.network = network
+        self.standard_errors = dict(standard_errors or {})
+        """Of parameters by name, each in its unit, where a fit told them."""
         self.nodes: list[str] = network.dynamic
         """Dynamic nodes, which are also the outputs, in order."""
         self.parameters: list[ParameterInstance] = network.parameters
@@ -84,9 +87,9 @@ class Model:
         self._x, self._u, self._p = self.balance.x, self.balance.u, self.balance.p
         self._rhs, self._y = self.balance.rates, self.balance.readings
 
-    def __reduce__(self) -> tuple[type[Model], tuple[Network]]:
+    def __reduce__(self) -> tuple[type[Model], tuple[Network, dict[str, float]]]:
         # CasADi's expressions don't travel between processes; the network does, and makes the same model.
-        return Model, (self.network,)
+        return Model, (self.network, self.standard_errors)
 
     @property
     def values(self) -> FloatArray:
