@@ -82,10 +82,28 @@ def test_a_link_that_leads_nowhere_is_no_file(
     assert not (desk / "nowhere").exists()
 
 
-def test_a_result_in_a_circle_of_links_is_refused(desk: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    Path("o.csv").symlink_to("o.csv")
-    assert "o.csv" in refused("simulate model.toml log.csv -o o.csv", capsys)
-    assert real_path(Path("o.csv")).name == "o.csv"
+@pytest.mark.parametrize(
+    "words", ["simulate model.toml log.csv -o {}", "improve model.toml log.csv -o o.toml --json {}"]
+)
+@pytest.mark.parametrize("result", ["loop.csv", "model.toml/x.csv", "x" * 300 + ".csv", "loop.csv/x.csv"])
+def test_a_result_that_can_not_be_written_is_refused_before_the_work(
+    result: str, words: str, desk: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path("loop.csv").symlink_to("loop.csv")
+    before = sorted(desk.iterdir())
+    assert ": output: found " in refused(words.format(result), capsys)
+    assert sorted(desk.iterdir()) == before
+    assert real_path(Path("loop.csv")).name == "loop.csv"
+
+
+@pytest.mark.parametrize(
+    "words", ["check {} log.csv", "motor {}", "new --urdf {}", "monitor model.toml log.csv --calibration {}"]
+)
+def test_a_device_without_end_is_not_read_to_its_end(
+    words: str, desk: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for device in ("/dev/zero", "/dev/urandom"):
+        assert "bytes; expected at most" in refused(words.format(device), capsys)
 
 
 @pytest.mark.parametrize(

@@ -44,8 +44,8 @@ ARCHIVE = Bound(1 << 30, "bytes")
 MEMBERS = Bound(10_000, "files")
 """Of an archive: FMUs with their sources and documentation have some hundred."""
 
-NODES = Bound(1000, "nodes")
-"""Of a network: a humanoid with all its windings has 100. The time of a fit grows with the cube."""
+NODES = Bound(500, "nodes")
+"""Of a network: a humanoid with all its windings has 100. With 500 `check` takes a minute, and the cube of it more."""
 
 PLACES = Bound(20_000, "places")
 """Of a network's links, or of its effects: a humanoid has some hundred. CasADi needs 1 ms for each."""

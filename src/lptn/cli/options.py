@@ -161,6 +161,12 @@ def check_outputs(*paths: Path | None, inputs: Iterable[Path] = ()) -> None:
     given = [path for path in paths if path is not None]
     read = {real_path(file) for path in inputs for file in _files_of(path)}
     for path in given:
+        try:
+            path.stat()
+        except FileNotFoundError:
+            pass
+        except OSError as error:  # links in a circle, a file in place of a folder, a name that is too long
+            raise InputError(path, "output", error.strerror or str(error), "a file that can be written") from error
         if path.is_dir():
             raise InputError(path, "output", "a folder", "a file in it")
         if not path.absolute().parent.is_dir():

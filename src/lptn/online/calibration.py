@@ -15,8 +15,9 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from lptn.basics.arrays import FloatArray
+from lptn.basics.bounds import DESCRIPTION
 from lptn.basics.errors import InputError
-from lptn.basics.files import write_whole
+from lptn.basics.files import bytes_of, write_whole
 from lptn.basics.places import class_of
 from lptn.basics.processes import one_blas_thread
 from lptn.basics.toml import expectation, found_in, sentence
@@ -281,10 +282,7 @@ def read_calibration(path: Path, model: Model) -> Calibration:
         InputError: the file can't be read, is not a calibration, or is one of another model.
     """
     try:
-        file = _File.model_validate_json(path.read_bytes())
-    except OSError as error:
-        expected = "a file written with --healthy before"
-        raise InputError(path, "calibration", error.strerror or "no file", expected) from error
+        file = _File.model_validate_json(bytes_of(path, DESCRIPTION, "a calibration, as `--healthy` writes it"))
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(str(part) for part in first["loc"]) or "calibration"
