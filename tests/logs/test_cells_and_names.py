@@ -202,6 +202,15 @@ def test_blanks_with_names_and_decimal_commas(log: Log) -> None:
     is_true(read_log(log([NAMES.replace(",", "   "), *(f"   {line}" for line in lines)]))[0])
 
 
+def test_names_with_blanks_in_a_table_of_blanks(log: Log, refuse: Refuse) -> None:
+    lines = ["Total Time   Loop Counter #1    temperature.a", *(f"{k}.0   {k % 5}     {20 + k / 4}" for k in range(N))]
+    path = log(lines, "log.txt")
+    assert "Total Time, Loop Counter #1, temperature.a" in refuse(path, read_log, path)
+    (run,) = read_log(path, {"time": ColumnSource(("Total Time",)), "current.a": ColumnSource(("Loop Counter #1",))})
+    assert run.columns["temperature.a"] == pytest.approx(A)
+    assert run.columns["current.a"] == pytest.approx(TIME % 5)
+
+
 @pytest.mark.parametrize("mark", ["# ", "#"])
 def test_names_in_a_comment_above_the_table(log: Log, mark: str) -> None:
     """As numpy.savetxt writes them."""
@@ -247,7 +256,8 @@ def test_true_and_false_of_a_frame_and_none_of_a_temperature(log: Log, refuse: R
 
 
 @pytest.mark.parametrize(
-    ("cell", "decimal"), [("1.000,00", ","), ("1.234.567,5", ","), ("1'000,0", ","), ('"1,000.00"', ".")]
+    ("cell", "decimal"),
+    [("1.000,00", ","), ("1.234.567,5", ","), ("1'000,0", ","), ("1 000,00", ","), ('"1,000.00"', ".")],
 )
 def test_points_between_thousands_are_named_with_their_line(log: Log, refuse: Refuse, cell: str, decimal: str) -> None:
     lines = [

@@ -36,7 +36,9 @@ def in_order(time: FloatArray) -> npt.NDArray[np.intp] | None:
     Args:
         time: (n,) in any unit.
     """
-    steps = np.diff(time) if np.isfinite(time).all() else np.zeros(1)  # which `check_time` refuses
+    if not (np.abs(time) < _LATEST).all():  # which `check_time` refuses
+        return None
+    steps = np.diff(time)
     if not (steps < 0).any():
         return None
     ahead = np.maximum.accumulate(time) - time
@@ -126,7 +128,7 @@ follow each other; of one sensor's rows they differ less."""
 
 
 def within_stamps(
-    table: Table, name: str, time: FloatArray, values: Mapping[str, FloatArray]
+    table: Table, source: ColumnSource, time: FloatArray, values: Mapping[str, FloatArray]
 ) -> tuple[FloatArray, str]:
     """Times in which rows of one time stamp are evenly apart, where the clock is coarser than the rows; and a note.
 
@@ -135,16 +137,18 @@ def within_stamps(
 
     Args:
         table: the log.
-        name: the time column's name in the file.
+        source: where the time stands.
         time: (n,) s.
         values: the quantities, (n,) each.
 
     Raises:
         InputError: the rows of a stamp seem to be of several devices, or its clock has lost its digits.
     """
+    if time.size < FEWEST_ROWS or not (np.abs(time) < _LATEST).all():  # which `check_time` refuses
+        return time, ""
     first = np.flatnonzero(np.diff(time, prepend=-np.inf))
     counts = np.diff(first, append=time.size)
-    if first.size < FEWEST_ROWS or np.median(counts) < 2 or not np.isfinite(time).all():
+    if first.size < FEWEST_ROWS or np.median(counts) < 2:
         return time, ""
     inside = np.setdiff1d(np.arange(1, time.size), first)
     differ = np.zeros(inside.size, dtype=bool)
@@ -161,14 +165,18 @@ def within_stamps(
             if within > _OF_DEVICES * between:
                 problem = f"{np.median(counts):.0f} rows at each time, in which {key} differs by {within:.3g} K"
                 expected = "one row for each time: rows of several devices want a column for each of their quantities"
-                raise InputError(table.path, f"column '{name}'", problem, expected)
+                raise InputError(table.path, f"column '{source.columns[0]}'", problem, expected)
     apart = np.diff(time[first])
     usual, of_one = float(np.median(apart)), f"{np.median(counts):.0f} rows"
     if usual > _COARSEST_CLOCK:
         problem = f"times {usual:.3g} s apart for {of_one} each, of which the digits behind are lost"
-        rated = as_line_or_option("time", ColumnSource((), rate=float(f"{np.median(counts) / usual:.3g}")))
+        of_rows = ColumnSource((), rate=float(f"{np.median(counts) / usual:.3g}"), rows=source.rows)
+        rated = as_line_or_option("time", of_rows)
         raise InputError(
-            table.path, f"column '{name}'", problem, f"a time for each row; if they come at one rate, {rated}"
+            table.path,
+            f"column '{source.columns[0]}'",
+            problem,
+            f"a time for each row; if they come at one rate, {rated}",
         )
     lasts = np.minimum(np.append(apart, usual), usual)
     spread = time + (np.arange(time.size) - np.repeat(first, counts)) * np.repeat(lasts / counts, counts)

@@ -34,7 +34,8 @@ ENDINGS = (".csv", ".tsv", ".txt", ".csv.gz", ".tsv.gz", ".txt.gz")
 _ENCODING = "utf-8"
 _LONGEST_LINE = 1 << 24  # characters, of 100,000 columns with long names; binary files may have no line end at all
 _HEAD, _FEWEST_LINES = 1 << 19, 4  # characters that are looked at for the layout, and lines that are in any case
-_SEPARATORS, _BLANK = ",;\t", " "
+_SEPARATORS = ",;\t"
+_BLANK, _WIDE = " ", "  "  # any number of blanks and tabs; two or more, where names have blanks of their own
 _MOST_SHOWN = 6  # names of columns in a note
 _BEGINS_A_NUMBER = frozenset("+-.0123456789")
 _DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+([eE][-+]?\d+)?")
@@ -89,7 +90,7 @@ class _Text:
     Args:
         path: the file.
         encoding: of its characters.
-        separator: of its cells; a blank stands for any number of them, and of tabs.
+        separator: of its cells; `_BLANK` and `_WIDE` stand for more.
         decimal: the sign in its numbers.
         layout: where the table begins, among lines that are neither blank nor comments.
         lines: the numbers of those lines in the file, from 1.
@@ -129,7 +130,10 @@ class _Text:
 
         best = max(map(tried, _SEPARATORS), key=lambda one: one[:2])
         if best[0] == 0 or best[1] == 1:  # blanks stand in names and dates, too
-            best = max(best, tried(_BLANK), key=lambda one: one[:2])
+            blanks = tried(_BLANK)
+            _, width, layout, rows, _ = wide = tried(_WIDE)
+            as_wide = layout.first < len(rows) and len(rows[layout.first]) == width > 1
+            best = max(best, wide if as_wide else blanks, key=lambda one: one[:2])
         _, width, layout, rows, separator = best
         tables.COLUMNS.check(width, path, "header")
         first = rows[layout.first] if layout.first < len(rows) else []
@@ -141,7 +145,7 @@ class _Text:
             comment = _cells(_comment_above(path, encoding, lines[layout.first]), separator)
             if len(comment) == len(names) and not all(map(is_value, comment)):
                 names, said = names_of(comment), "those of the comment above are taken"
-            elif layout.header >= 0 and separator != _BLANK and len(list(filter(None, above))) > 1:
+            elif layout.header >= 0 and separator.strip(" ") and len(list(filter(None, above))) > 1:
                 raise _other_count(path, len(first), len(above))
         if layout.rows == 0 and all(map(_is_number, names)):
             raise InputError(path, "header", f"numbers ({', '.join(names[:3])})", "a line of column names, and rows")
@@ -157,7 +161,7 @@ class _Text:
         `None` for any other, which `read_any` reads, or says what is wrong with it. Only these columns are turned into
         numbers, so that time and memory are theirs; and the first, where a comment would stand.
         """
-        if len(self.first) != len(self.names) or self.separator == _BLANK:
+        if len(self.first) != len(self.names) or self.separator in (_BLANK, _WIDE):
             return None
         keys = [str(number) for number in range(len(self.names))]
         wanted = [keys[position] for position in dict.fromkeys((*positions, 0))]
@@ -236,7 +240,7 @@ class _Text:
         for number, line in _whole_lines(self.path, self.encoding, self.first_line, cut):
             text, order = line, below.order
             # Most begin with a number, and their cells need no look.
-            looks_right = line[0] in _BEGINS_A_NUMBER and '"' not in line and self.separator != _BLANK
+            looks_right = line[0] in _BEGINS_A_NUMBER and '"' not in line and self.separator not in (_BLANK, _WIDE)
             if not looks_right or line.count(self.separator) + 1 != width:
                 cells = _cells(line, self.separator)
                 text = _written(cells[:width], self._between) if below.holds_values(f"line {number}", cells) else ""
@@ -252,7 +256,7 @@ class _Text:
     @property
     def _between(self) -> str:
         """What stands between cells where a row is written anew."""
-        return "\t" if self.separator == _BLANK else self.separator
+        return "\t" if self.separator in (_BLANK, _WIDE) else self.separator
 
     def _parsed(self, texts: Sequence[str], positions: Sequence[int]) -> pd.DataFrame:
         """Rows of whole lines, the columns at `positions` in this order."""
@@ -397,6 +401,8 @@ def _head(path: Path, encoding: str) -> list[tuple[int, str]]:
 def _cells(text: str, separator: str) -> list[str]:
     if separator == _BLANK:
         return text.split()
+    if separator == _WIDE:
+        return re.split(r"\s{2,}|\t", text.strip())
     if separator not in text:
         return [text.strip('"')]
     try:

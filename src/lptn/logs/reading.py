@@ -433,7 +433,7 @@ def _values(
         notes.append(f"{', '.join(of_zeros)}: {said}")
     if not table.mixed:
         others = {key: values for key, values in raw.items() if key != "time"}
-        raw["time"], spread = within_stamps(table, sources["time"].columns[0], raw["time"], others)
+        raw["time"], spread = within_stamps(table, sources["time"], raw["time"], others)
         notes += [spread] * bool(spread)
     return numbers, raw, notes
 

@@ -34,7 +34,7 @@ _YES_OR_NO = {"true": 1.0, "false": 0.0, "yes": 1.0, "no": 0.0, "on": 1.0, "off"
 _NOT_PLAIN = (bytes, list, dict, np.ndarray)  # cells of a binary or nested column, of which nothing makes numbers
 _DATE = re.compile(r"\d{4,}-\d\d-\d\d.*")
 _YEARS = (1900, 2200)  # of a date that a logger's clock says
-_THOUSANDS = re.compile(r"[-+]?\d{1,3}(?P<sign>[.,'\u2019 ])\d{3}(?:(?P=sign)\d{3})*(?:[.,]\d*)?")
+_THOUSANDS = re.compile(r"[-+]?\d{1,3}(?P<sign>[.,'\u2019\u00a0\u202f ])\d{3}(?:(?P=sign)\d{3})*(?:[.,]\d*)?")
 
 
 @dataclass(frozen=True)
