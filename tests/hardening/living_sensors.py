@@ -198,11 +198,12 @@ class InPython:
 
     def __init__(self, robot: Robot, mpc: TorqueMPC) -> None:
         self._mpc, self._asked, self._order = mpc, np.full(len(mpc.joints), robot.asked), _order(robot, mpc.joints)
+        self._nodes = [robot.nodes.index(node) for node in mpc.model.nodes]
         mpc.reset()
 
     def step(self, readings: FloatArray, plant: Plant) -> Answer:
         """One control period."""
-        plan = self._mpc.step(dict(zip(self._mpc.model.nodes, readings, strict=True)), self._asked, _CONDITIONS)
+        plan = self._mpc.step(readings[self._nodes], self._asked, _CONDITIONS)
         currents = np.asarray(plan.admitted)[self._order]
         plant.step(currents)
         return Answer(currents, np.asarray(plan.margin), bool(plan.untrusted) or bool(plan.status & _SENSOR_BITS))
@@ -215,9 +216,11 @@ class InALoop:
         mpc.reset()
         self._loop, self._order = ControlLoop(mpc, TICK), _order(robot, mpc.joints)
         self._asked, self._conditions = np.full(len(mpc.joints), robot.asked), _CONDITIONS
+        self._nodes = [robot.nodes.index(node) for node in mpc.model.nodes]
 
     def step(self, readings: FloatArray, plant: Plant) -> Answer:
         """As many ticks as a control period has."""
+        readings = readings[self._nodes]
         total = np.zeros(len(self._order))
         for _ in range(round(PERIOD / TICK)):
             scale = self._loop.update(self._asked, readings, self._conditions)
@@ -272,12 +275,13 @@ class InC:
     def __init__(self, robot: Robot, mpc: TorqueMPC) -> None:
         self._library, self._order = emitted(robot.name, mpc.settings.resolution), _order(robot, mpc.joints)
         self._library.forget()
+        self._nodes = [robot.nodes.index(node) for node in mpc.model.nodes]
         self._asked = np.full(len(mpc.joints), robot.asked)
         self._admitted, self._margin = np.empty(len(mpc.joints)), np.empty(len(mpc.settings.limits))
 
     def step(self, readings: FloatArray, plant: Plant) -> Answer:
         """One control period."""
-        readings = np.ascontiguousarray(readings)
+        readings = np.ascontiguousarray(readings[self._nodes])
         arrays = (readings, self._asked, _CONDITIONS, self._admitted, self._margin)
         status = self._library.step(*(ctypes.c_void_p(array.ctypes.data) for array in arrays))
         currents = self._admitted[self._order]

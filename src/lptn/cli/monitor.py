@@ -65,7 +65,8 @@ def monitor(
     """Find faults of temperature sensors, and inputs that died.
 
     A sensor is called stuck, dead, clamped, noisy, spiky or silent (dropout), off (offset), drifting, lagging,
-    disconnected (it reads the air) or swapped with another; a torque, current or speed that died is an input.
+    disconnected (it reads the air) or swapped with another; a torque, current, speed or air that the readings
+    contradict is an input. Undecided: these readings don't tell which of the two it is.
 
     Example: lptn monitor fitted.toml today.parquet --threshold 10 --healthy monday.parquet tuesday.parquet
     """

@@ -19,7 +19,7 @@ from lptn.online.fault_likelihood import gaussian_estimator
 from lptn.online.sensor_faults import Alarm, Kind
 from lptn.simulate.bound_run import BoundRun
 
-_LAGS = (30.0, 60.0, 120.0, 240.0, 480.0, 960.0)  # s; a factor of two is as finely as a lag is known
+LAGS = (30.0, 60.0, 120.0, 240.0, 480.0, 960.0)  # s; a factor of two is as finely as a lag is known
 _LEAST_LAG_GAIN = 10.0  # nats by which a lag, which a missing mass resembles, must explain more than any other
 _FEWEST = 12  # readings behind the onset, that a name needs
 
@@ -61,7 +61,7 @@ def named(
     for column, values in zip(model.inputs, coarse.inputs, strict=True):
         if column.startswith("temperature."):
             best["disconnected", None, f"reads {column}"] = nats(values, 0)
-    lags = {lag: nats(_lagged(alone, lag, coarse.run.step, behind), 1) + _LEAST_LAG_GAIN for lag in _LAGS}
+    lags = {lag: nats(lagged(alone, lag, coarse.run.step, behind), 1) + _LEAST_LAG_GAIN for lag in LAGS}
     slowest = min(lags, key=lags.__getitem__)
     best["lag", slowest, ""] = lags[slowest]
     for other in range(len(model.nodes)):
@@ -93,7 +93,7 @@ def _expected(
     return np.array([estimate.temperatures for estimate in run_filter(estimator, coarse, others)]).T
 
 
-def _lagged(path: FloatArray, lag: float, step: float, behind: BoolArray) -> FloatArray:
+def lagged(path: FloatArray, lag: float, step: float, behind: BoolArray) -> FloatArray:
     """A path that is followed with a time constant [s] from the onset on."""
     lagged, keep = path.copy(), float(np.exp(-step / lag))
     for k in np.flatnonzero(behind).tolist():

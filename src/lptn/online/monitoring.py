@@ -8,11 +8,11 @@ from math import inf
 
 import numpy as np
 
-from lptn.basics.arrays import FloatArray
 from lptn.basics.processes import one_blas_thread
 from lptn.logs.run import Run
 from lptn.model.model import Model
 from lptn.online.calibration import Calibration, uncalibrated
+from lptn.online.fault_hypotheses import Suspicion, attributed, exchanged_channels, undecided
 from lptn.online.fault_likelihood import (
     KINDS,
     STEP,
@@ -31,10 +31,11 @@ from lptn.online.sensor_faults import (
     offset_or_drift,
     or_stuck,
 )
-from lptn.online.swapped_sensors import swapped_sensors
 
 THRESHOLD = 10.0
 """K; the threshold of [QuadrupedLPTN, application 2]."""
+NOTICED = 0.5
+"""K; thermistors and platinum sensors are off by so much themselves, so nobody would act on less."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -119,8 +120,8 @@ def monitor(
     for number, run in enumerate(runs, start=1):
         report(f"watching log {number} of {len(runs)}")
         one, said = MonitoredRun.of(model, run), faults[number - 1]
-        by_threshold = alarms_by_threshold(one, threshold)
         by_statistics = alarms_by_statistics(model, one, calibration, said)
+        by_threshold = _unless_explained(alarms_by_threshold(one, threshold), by_statistics)
         watched.append(replace(one, threshold_alarms=by_threshold, statistical_alarms=by_statistics))
     return Monitoring(threshold, calibration, tuple(watched))
 
@@ -139,6 +140,20 @@ def alarms_by_threshold(watched: MonitoredRun, threshold: float) -> tuple[Alarm,
         if over.size:
             alarms.append(or_stuck(watched, offset_or_drift(watched, row, int(over[0]))))
     return first_at_each_sensor(alarms)
+
+
+def _unless_explained(alarms: tuple[Alarm, ...], found: tuple[Alarm, ...]) -> tuple[Alarm, ...]:
+    """Alarms of the plain detector but for those that others explain.
+
+    It can't tell a sensor from an input, and a wrong one of either leads the free-running model astray at other nodes.
+    """
+    if found:
+        nodes = {alarm.node for alarm in found if alarm.kind != "input"}
+        return tuple(alarm for alarm in alarms if alarm.node in nodes)
+    shapes = [alarm for alarm in alarms if alarm.kind in KINDS]
+    others = [alarm for alarm in alarms if alarm.kind not in KINDS]
+    first = [undecided(alarm, f"temperature.{alarm.node}, a load or the model") for alarm in shapes[:1]]
+    return first_at_each_sensor([*others, *first])
 
 
 # --- The statistical detector: what a fault of each kind would do to a filter's innovations -------
@@ -166,33 +181,44 @@ def alarms_by_statistics(
     named_already = {alarm.node for alarm in alarms if alarm.kind != "input"}
     coarse = coarsely_bound(model, watched.run, STEP)
     measured = believable(coarse.measured)
-    faulty: list[Alarm] = []
-    onsets: dict[str, float] = {}
-
-    def trusted() -> FloatArray:
-        since = np.array([onsets.get(node, inf) for node in model.nodes])
-        return np.where(coarse.run.time >= since[:, None] - coarse.run.step, np.nan, measured)
-
-    for pair in swapped_sensors(model, coarse, measured, calibration):
-        for alarm in pair:
-            onsets[alarm.node] = alarm.onset
-            faulty += [alarm] * (alarm.node not in named_already)
+    given = Suspicion(model, coarse, measured, calibration, calibration.error)
+    for alarm in known:
+        if alarm.channel in model.inputs and alarm.node in model.nodes:
+            given = given.with_unknown_input(alarm.channel)
+    exchanged, given = exchanged_channels(given)
+    faulty = [*exchanged]
     for alarm in (*noise, *_standing(watched, calibration)):
-        if alarm.node not in onsets:
-            onsets[alarm.node] = alarm.onset
-            faulty += [alarm] * (alarm.node not in named_already)
-    while np.isfinite(trusted()).any():
-        estimator = gaussian_estimator(model, calibration.noise, calibration.error)
-        first = first_alarm(estimator, coarse, trusted(), calibration.limits)
-        if first is None:
-            break
-        onsets[first.node] = first.onset
-        faulty += [or_stuck(watched, first)] * (first.node not in named_already)
-    healthy = trusted()
+        if alarm.node not in {other.node for other in faulty}:
+            given = given.without([model.nodes.index(alarm.node)], alarm.onset)
+            faulty.append(alarm)
+    while (first := _first_alarm(given)) is not None:
+        told, after = attributed(given, first)
+        if told is not None and told.channel and told.channel in {alarm.channel for alarm in faulty}:
+            told, after = None, given.without([model.nodes.index(first.node)], -inf)  # what that leaves
+        given = after
+        faulty += [] if told is None else [or_stuck(watched, told)] if told is first else [told]
     for alarm in faulty:
-        moves = alarm.kind in KINDS
-        alarms.append(named(model, coarse, measured, healthy, calibration, alarm) if moves else alarm)
+        if alarm.channel or alarm.node not in named_already:
+            told = (
+                named(model, given.run, measured, given.measured, calibration, alarm) if alarm.kind in KINDS else alarm
+            )
+            alarms += [told] * (_largest(told, float(coarse.run.time[-1])) >= NOTICED)
     return first_at_each_sensor(alarms)
+
+
+def _first_alarm(given: Suspicion) -> Alarm | None:
+    """Of the sensors that are still believed."""
+    if not np.isfinite(given.measured).any():
+        return None
+    estimator = gaussian_estimator(given.model, given.calibration.noise, given.error)
+    return first_alarm(estimator, given.run, given.measured, given.calibration.limits)
+
+
+def _largest(alarm: Alarm, end: float) -> float:
+    """What a fault adds to the reading at most until the end of the log [K]; infinite where nobody knows."""
+    if alarm.size is None or alarm.kind == "lag":
+        return inf
+    return abs(alarm.size) * (end - alarm.onset if alarm.kind == "drift" else 1.0)
 
 
 def _standing(watched: MonitoredRun, calibration: Calibration) -> list[Alarm]:

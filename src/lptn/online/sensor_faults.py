@@ -34,9 +34,11 @@ Kind = Literal[
     "disconnected",
     "swapped",
     "input",
+    "undecided",
 ]
 """Disconnected: reads the air, or whatever else is prescribed. Input: not the sensor, but what the log says of the
-joint's torque, current or speed. Duplicate: the readings of another column. The others are as people say."""
+joint's torque, current or speed, or of the air. Undecided: one or the other. Duplicate: the readings of another
+column. The others are as people say."""
 
 
 @dataclass(frozen=True)

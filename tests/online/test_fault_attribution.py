@@ -1,0 +1,36 @@
+"""What is wrong with an input is not put on sensors, and what is wrong with one sensor not on others."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.hardening.monitored_faults import FAULTS, watched
+
+
+def blamed(seed: int, mode: str, faults: list[str]) -> tuple[dict[str, tuple[str, ...]], set[str]]:
+    """The healthy channels that are blamed, by fault; and the faults that are called."""
+    said = watched("leg", seed, 0.1, [mode], faults)
+    return (
+        {fault: answer.blamed for (_, fault), answer in said.items() if answer.blamed},
+        {fault for (_, fault), answer in said.items() if answer.called},
+    )
+
+
+@pytest.mark.long
+def test_a_wrong_load_is_told_as_one_and_a_wrong_sensor_as_one() -> None:
+    """The currents' faults were a drift of one sensor, and offsets of its neighbours."""
+    faults = ["healthy", "current half, later", "currents exchanged", "offset of -4 K", "drift of +0.01 K/s"]
+    wrongly, called = blamed(2, "fitted", faults)
+    assert wrongly == {}
+    assert called == {*faults} - {"healthy"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("mode", ["untaught", "fitted"])
+def test_of_16_faults_none_is_put_on_a_healthy_channel(seed: int, mode: str) -> None:
+    """It was in five or six."""
+    wrongly, called = blamed(seed, mode, list(FAULTS))
+    assert wrongly == {}
+    assert len(called) >= 12
+    assert "healthy" not in called
