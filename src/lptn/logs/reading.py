@@ -51,7 +51,7 @@ from lptn.logs.run import LATEST_FIRST, Run
 from lptn.logs.scatter import scatter_of
 from lptn.logs.silence import Silence, of_sensor, quantisation_step, silences_of, without_silent
 from lptn.logs.spreadsheets import open_spreadsheet
-from lptn.logs.streams import back_and_forth, rows_of_zeros
+from lptn.logs.streams import rows_of_zeros
 from lptn.logs.tables import Table, column_sources, open_parquet, table_of, with_times
 from lptn.logs.ulog import open_ulog
 
@@ -389,7 +389,7 @@ def _checked_samples(table: Table, choice: ColumnChoice, strict: bool) -> tuple[
         speaking = [key for key in predicted if not any(stretch.whole for stretch in silent.get(key, []))]
         roles = Roles(predicted, bool(speaking))
         issues = issues_of(choice.sources, numbers, raw, silent, roles, table.units)
-        issues = weighed([*issues, *back_and_forth(raw, choice.sources)], choice.sources, numbers, raw)
+        issues = weighed(issues, choice.sources, numbers, raw)
     for issue in issues:
         if strict and issue.certain:
             raise InputError(table.path, *issue.error)
