@@ -43,12 +43,14 @@ class Corruption:
         key: of the channel that is to be named, with `{joint}`; `"time"`, or `"*"` for any.
         expected: kinds of which one is right.
         coarse: whether it shows on a sensor of 1 K steps, too.
+        every: s, of a log with fewer rows than the virtual robots write; 0 for all of them.
     """
 
     change: Callable[[Log, str, Rng], None]
     key: str
     expected: tuple[str, ...]
     coarse: bool = True
+    every: float = 0.0
 
 
 def _seconds(log: Log) -> npt.NDArray[np.float64]:
@@ -249,10 +251,114 @@ def _ambient_follows(log: Log, joint: str, _rng: Rng) -> None:
     log["temperature.ambient"] = air + 0.3 * (log[f"temperature.{joint}"] - air)
 
 
+# --- Channels that no machine has: sensors that come off, tables that stand, units that change on the way ------------
+
+
+def _noisy(value: float, noise: float, length: float, times: int = 1) -> Callable[[Log, str, Rng], None]:
+    """A broken wire or a short, with a noise of its own."""
+
+    def change(log: Log, joint: str, rng: Rng) -> None:
+        for _ in range(times):
+            rows = _stretch(log, rng, length)
+            log.loc[rows, f"temperature.{joint}"] = np.round(value + noise * rng.standard_normal(rows.sum()), 2)
+
+    return change
+
+
+def _leaves(target: float | None, constant: float, share: float = 0.6) -> Callable[[Log, str, Rng], None]:
+    """A sensor that goes to a number, or to the air's temperature, as through a filter, and stays."""
+
+    def change(log: Log, joint: str, rng: Rng) -> None:
+        name, seconds = f"temperature.{joint}", _seconds(log)
+        since = seconds - share * seconds[-1]
+        rows = since >= 0
+        end = log["temperature.ambient"][rows] if target is None else target
+        weight = np.exp(-since[rows] / constant)
+        start = log.loc[rows, name].iloc[0]
+        log.loc[rows, name] = np.round(start * weight + end * (1 - weight) + rng.normal(0, 0.1, rows.sum()), 1)
+
+    return change
+
+
+def _settles(size: float, constant: float) -> Callable[[Log, str, Rng], None]:
+    """A filter that begins elsewhere when the power comes on."""
+
+    def change(log: Log, joint: str, _rng: Rng) -> None:
+        log[f"temperature.{joint}"] += np.round(size * np.exp(-_seconds(log) / constant), 1)
+
+    return change
+
+
+def _from_the_middle(
+    scale: float, low: float, high: float, keys: tuple[str, ...] = ("temperature.",)
+) -> Callable[[Log, str, Rng], None]:
+    """Numbers multiplied, and shifted by a size of each column's own, from some row on."""
+
+    def change(log: Log, joint: str, rng: Rng) -> None:
+        rows = _seconds(log) > rng.uniform(0.4, 0.7) * _seconds(log)[-1]
+        for key in keys:
+            for name in [name for name in map(str, log) if name.startswith(key.format(joint=joint))]:
+                log.loc[rows, name] = np.round(log.loc[rows, name] * scale + rng.uniform(low, high), 1)
+
+    return change
+
+
+def _copied(log: Log, joint: str, rng: Rng) -> None:
+    _duplicate(log, joint, rng)
+    log[f"temperature.{joint}"] = np.round(log[f"temperature.{joint}"] + rng.normal(0, 0.1, len(log)), 2)
+
+
+def _torque_of_another(log: Log, joint: str, _rng: Rng) -> None:
+    others = [name for name in map(str, log) if name.startswith("torque.") and name != f"torque.{joint}"]
+    log[f"torque.{joint}"] = log[others[-1]]
+
+
+def _held(length: float, times: int) -> Callable[[Log, str, Rng], None]:
+    """All columns but the clock stand: what the logger had last."""
+
+    def change(log: Log, _joint: str, rng: Rng) -> None:
+        names = [name for name in map(str, log) if name != "time"]
+        for _ in range(times):
+            rows = _stretch(log, rng, length)
+            log.loc[rows, names] = log.loc[rows, names].iloc[0].to_numpy()
+
+    return change
+
+
+def _turning(share: float) -> Callable[[Log, str, Rng], None]:
+    """A counter of 1/64 K whose range ends below the highest readings, and begins again at 0."""
+
+    def change(log: Log, joint: str, _rng: Rng) -> None:
+        values = log[f"temperature.{joint}"]
+        turn = np.round(values.min() + share * (values.max() - values.min()))
+        log[f"temperature.{joint}"] = np.round(values * 64) / 64 % turn
+
+    return change
+
+
+def _falls(value: float, length: float, every: float) -> Callable[[Log, str, Rng], None]:
+    def change(log: Log, joint: str, _rng: Rng) -> None:
+        log.loc[_seconds(log) % every > every - length, f"temperature.{joint}"] = value
+
+    return change
+
+
+def _bytes(offset: float, key: str = "temperature.{joint}") -> Callable[[Log, str, Rng], None]:
+    """Whole numbers with an offset, of sensors but not of the air."""
+
+    def change(log: Log, joint: str, _rng: Rng) -> None:
+        for name in map(str, log):
+            if name.startswith(key.format(joint=joint)) and name != "temperature.ambient":
+                log[name] = np.round(log[name]) + offset
+
+    return change
+
+
 _SENSOR, _TORQUE, _SPEED = "temperature.{joint}", "torque.{joint}", "velocity.{joint}"
 _AIR = "temperature.ambient"
 _STILL = ("frozen", "clamped")  # at an end of the range the one is the other
 _UNIT = ("unit", "refused")
+_OFF = ("disconnected", "dead", "code", "spike")  # no reading, for however long
 
 CORRUPTIONS: dict[str, Corruption] = {
     "a sensor freezes for 20 min": Corruption(_frozen(_SENSOR, 1200), _SENSOR, _STILL, coarse=False),
@@ -319,6 +425,38 @@ CORRUPTIONS: dict[str, Corruption] = {
     "the air's sensor gives nothing but 0": Corruption(_throughout(_AIR, 0.0), _AIR, ("dead",)),
     "the air's sensor gives nothing but −127": Corruption(_throughout(_AIR, -127.0), _AIR, ("dead",)),
     "−300 degC once": Corruption(_single(_SENSOR, -300.0), _SENSOR, ("refused",)),
+    "a thermistor opens, with noise": Corruption(_noisy(-94.6, 0.3, 700), _SENSOR, _OFF),
+    "a Pt100 opens, with noise": Corruption(_noisy(850.0, 3.0, 400), _SENSOR, _OFF),
+    "a Pt100 is shorted, with noise": Corruption(_noisy(-88.6, 2.0, 700), _SENSOR, _OFF),
+    "a wire opens for 5 s, again and again": Corruption(_noisy(-94.6, 0.3, 5, 8), _SENSOR, _OFF),
+    "a reference fails: 15 K for 300 s": Corruption(_noisy(15.0, 0.2, 300), _SENSOR, _OFF),
+    "a thermistor opens slowly": Corruption(_leaves(-50.0, 20.0), _SENSOR, _OFF),
+    "a filter begins 117 K above": Corruption(_settles(117.0, 20.0), _SENSOR, _OFF),
+    "a filter begins 60 K below": Corruption(_settles(-60.0, 15.0), _SENSOR, _OFF),
+    "a sensor comes loose, to the air's temperature": Corruption(_leaves(None, 100.0, 0.5), _SENSOR, _OFF),
+    "all temperatures jump": Corruption(_from_the_middle(1.0, 27.0, 32.0), "*", ("jump", *_OFF)),
+    "all temperatures jump by 6 to 9 K": Corruption(_from_the_middle(1.0, 6.0, 9.0), "*", ("jump", *_OFF)),
+    "one sensor jumps by 9 K": Corruption(_from_the_middle(1.0, 9.0, 9.0, (_SENSOR,)), _SENSOR, ("jump", *_OFF)),
+    "Fahrenheit from the middle on": Corruption(_from_the_middle(1.8, 32.0, 32.0), "*", ("jump", *_OFF, *_UNIT)),
+    "one sensor in Fahrenheit from the middle on": Corruption(
+        _from_the_middle(1.8, 32.0, 32.0, (_SENSOR,)), _SENSOR, ("jump", *_OFF, *_UNIT)
+    ),
+    "two columns of one sensor, a noise of its own": Corruption(_copied, "*", ("duplicate",), coarse=False),
+    "two columns of one torque": Corruption(_torque_of_another, "*", ("duplicate",)),
+    "all columns stand for 5 s, ten times": Corruption(_held(5.0, 10), "*", ("held",), coarse=False),
+    "all columns stand for 30 s": Corruption(_held(30.0, 2), "*", ("held", *_STILL), coarse=False),
+    "firmware clamps the upper tenth": Corruption(_clamped(0.9, above=True), _SENSOR, _STILL, coarse=False),
+    "a counter of 1/64 K that turns": Corruption(_turning(0.8), _SENSOR, ("wrap", *_OFF)),
+    "a sensor falls to 25.0 for 20 s now and then": Corruption(_falls(25.0, 20, 300), _SENSOR, _OFF),
+    "a sensor falls to 30.0 for 3 s now and then": Corruption(_falls(30.0, 3, 120), _SENSOR, _OFF),
+    "a byte with an offset of 40": Corruption(_bytes(40.0), _SENSOR, ("offset",)),
+    "all bytes with an offset of 30": Corruption(_bytes(30.0, "temperature."), "*", ("offset",)),
+    "a thermistor opens, a row in 5 s": Corruption(_noisy(-94.6, 0.3, 700), _SENSOR, _OFF, every=5.0),
+    "falls to 25.0 now and then, a row in 5 s": Corruption(_falls(25.0, 20, 300), _SENSOR, _OFF, every=5.0),
+    "all temperatures jump, a row in 5 s": Corruption(
+        _from_the_middle(1.0, 27.0, 32.0), "*", ("jump", *_OFF), every=5.0
+    ),
+    "a torque turns into amperes": Corruption(_from_the_middle(0.4, 0.0, 0.0, (_TORQUE,)), _TORQUE, _UNIT),
 }
 
 
@@ -352,10 +490,17 @@ def issues_in(log: Log) -> list[Issue] | None:
 
 @dataclass(frozen=True)
 class Answer:
-    """What was said of a corrupted log: whether the corruption was found, and of which other channels something was."""
+    """What was said of a corrupted log.
+
+    Args:
+        found: whether the corruption was.
+        blamed: other channels of which something was said.
+        believed: share of the readings that the corruption made false by `_FALSE` or more, and that a fit would take.
+    """
 
     found: bool
     blamed: frozenset[str]
+    believed: float = 0.0
 
 
 def ask(kind: str, robot: str, seed: int, steps: float) -> Answer:
@@ -364,13 +509,33 @@ def ask(kind: str, robot: str, seed: int, steps: float) -> Answer:
     log, rng = healthy(robot, seed, steps), np.random.default_rng([seed, list(CORRUPTIONS).index(kind)])
     joints = [name.removeprefix("torque.") for name in map(str, log) if name.startswith("torque.")]
     joint = joints[int(rng.integers(len(joints)))]
+    if corruption.every:
+        rows = np.diff(np.floor(_seconds(log) / corruption.every), prepend=-1.0) > 0
+        log = log[rows].reset_index(drop=True)
+    true = log.copy()
     corruption.change(log, joint, rng)
     issues, key = issues_in(log), corruption.key.format(joint=joint)
     if issues is None:
         return Answer("refused" in corruption.expected, frozenset())
     named = [issue for issue in issues if key in ("*", issue.key)]
     others = frozenset(issue.key for issue in issues if issue not in named)
-    return Answer(any(issue.kind in corruption.expected for issue in named), others)
+    return Answer(any(issue.kind in corruption.expected for issue in named), others, _believed(log, true))
+
+
+_FALSE = 2.0  # K
+
+
+def _believed(log: Log, true: Log) -> float:
+    """The time for which a run has false readings of joints' sensors, as a share of that in the log; once, at most."""
+    false = taken = 0.0
+    every = float(np.median(np.diff(true["time"])))
+    runs = read_log(log, strict=False)
+    for name in [name for name in map(str, true) if name.startswith("temperature.") and name in log]:
+        false += every * int((np.abs(log[name] - true[name]) > _FALSE).sum())
+        for run in (run for run in runs if run.has(name)):
+            truth = np.interp(run.time, true["time"], true[name])
+            taken += run.step * int((np.abs(run.columns[name] - truth) > _FALSE).sum())
+    return min(taken / false, 1.0) if false else 0.0
 
 
 def improved(kind: str, seed: int) -> str:
@@ -413,7 +578,8 @@ def main() -> None:
         return
     clean = [issues_in(healthy(robot, seed, steps)) for robot in ROBOTS for seed in seeds for steps in STEPS]
     print(f"{len(clean)} healthy logs, something said of {sum(1 for issues in clean if issues != [])}\n")
-    print("| what is wrong | found | of | other channels named |\n| --- | --- | --- | --- |")
+    print("| what is wrong | found | of | other channels named | false readings believed |")
+    print("| --- | --- | --- | --- | --- |")
     total, wrong = np.zeros(3, dtype=int), list[str]()
     for kind, corruption in chosen.items():
         logs = list(product(ROBOTS, seeds, STEPS if corruption.coarse else STEPS[:1]))
@@ -424,9 +590,10 @@ def main() -> None:
         for (robot, seed, steps), answer in zip(logs, answers, strict=True):
             said = [*["missed"] * (not answer.found), *(f"{key} named" for key in sorted(answer.blamed))]
             wrong += [f"{kind}, {robot}, seed {seed}, {steps:g} K: {', '.join(said)}"] * bool(said)
-        print(f"| {kind} | {row[0]} | {row[1]} | {row[2]} |", flush=True)
+        believed = np.mean([reply.believed for reply in answers])
+        print(f"| {kind} | {row[0]} | {row[1]} | {row[2]} | {believed:.0%} |", flush=True)
         total += row
-    print(f"| all {len(chosen)} | {total[0]} | {total[1]} | {total[2]} |")
+    print(f"| all {len(chosen)} | {total[0]} | {total[1]} | {total[2]} | |")
     print(*wrong, sep="\n")
 
 

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+from itertools import product
 from pathlib import Path
 
 import pytest
 
 from lptn.identify.data import load_model
-from tests.hardening.corruptions import CORRUPTIONS, ROBOTS, STEPS, Answer, ask, healthy, issues_in
+from tests.hardening.corruptions import CORRUPTIONS, ROBOTS, STEPS, ask, healthy, issues_in
 
 SEED = 4
+NO_READING, LEFT = {"disconnected", "frozen"}, 0.1  # kinds; share of false readings that may be taken
 EXAMPLES = Path(__file__).parents[2] / "examples"
-UNSEEN = {"speed in rpm of the motor"}
-"""What slow joints can't show; where they are fast it is found."""
+LOOSE = "a sensor comes loose, to the air's temperature"
+UNSEEN = {
+    *product(("speed in rpm of the motor", "a torque turns into amperes"), ROBOTS),
+    (LOOSE, "leg"),
+}
+"""What slow joints can't show, where fast ones do; what is not looked for; a joint that its neighbours warm as well."""
 
 
 @pytest.mark.parametrize("robot", ROBOTS)
@@ -37,8 +43,10 @@ def test_of_the_measured_logs_nothing_is_said(model: str, logs: list[str]) -> No
     assert [issue.sentence for run in runs for issue in run.issues] == []
 
 
-@pytest.mark.parametrize("robot", ROBOTS)
-@pytest.mark.parametrize("kind", [kind for kind in CORRUPTIONS if kind not in UNSEEN])
+@pytest.mark.parametrize(("kind", "robot"), [asked for asked in product(CORRUPTIONS, ROBOTS) if asked not in UNSEEN])
 def test_what_is_wrong_is_said_of_that_channel_alone(kind: str, robot: str) -> None:
     for steps in STEPS if CORRUPTIONS[kind].coarse else STEPS[:1]:
-        assert ask(kind, robot, SEED, steps) == Answer(found=True, blamed=frozenset())
+        answer = ask(kind, robot, SEED, steps)
+        assert (answer.found, answer.blamed) == (True, frozenset())
+        if NO_READING.intersection(CORRUPTIONS[kind].expected):
+            assert answer.believed < LEFT

@@ -53,7 +53,7 @@ def test_one_move_by_two_steps_in_forty_is_chance_and_no_noise() -> None:
     assert not silences(time, readings, resolution=1.0)
     noisy = readings.copy()
     noisy[:100:7] += 2.0  # its noise is plain, so that a live sensor would not stand
-    assert [silence.kind for silence in silences(time, noisy, resolution=1.0)] == ["clamped"]  # at its lowest number
+    assert [silence.kind for silence in silences(time, noisy, resolution=1.0)] == ["frozen"]
 
 
 def test_what_stands_on_both_sides_of_a_gap_did_not_stand_in_it() -> None:

@@ -16,7 +16,8 @@ from lptn.basics.arrays import FloatArray
 from lptn.logs.clock import FEWEST_ROWS, suspect_unit_of_time
 from lptn.logs.columns import ColumnName, ColumnSource, as_line_or_option, column_unit
 from lptn.logs.issue import Issue, correctable, in_unit
-from lptn.logs.silence import AMBIENT, INPUTS, Silence, duplicates, quantisation_step
+from lptn.logs.resampling import means_of_blocks
+from lptn.logs.silence import AMBIENT, INPUTS, Silence, duplicates, held_rows, loads_of, quantisation_step, same_loads
 from lptn.logs.tables import Table
 
 # --- What can't be used at all, refused with the line that it stands on ---------------------------
@@ -78,9 +79,9 @@ def suspect_unit(key: str, source: ColumnSource, values: FloatArray, stated: str
     """
     readings = values[np.isfinite(values)]
     of_several = len(source.columns) > 1 and source.how != "mean"
-    if source.unit is not None or of_several or readings.size == 0:
-        return []
     quantity = key.partition(".")[0]
+    if source.unit is not None or of_several or readings.size == 0:
+        return _suspect_stated(key, source, readings) if quantity == "temperature" and not of_several else []
     unit = ColumnName.of(source.columns[0], stated).unit(quantity) if stated else ""
     if unit and unit != column_unit(key) and source.scale == 1:
         return [in_unit(key, source, unit, f"the row of units below the names says {unit}")]
@@ -148,6 +149,28 @@ def _suspect_temperature_unit(key: str, source: ColumnSource, readings: FloatArr
     return []
 
 
+_BEARABLE = (-60.0, 240.0)  # degC, the middle value of a sensor on a robot; insulation of the best class bears 240
+_READ_IN = {"degC": (1.0, 0.0), "K": (1.0, -273.15), "degF": (1 / 1.8, -32 / 1.8)}  # to degC
+
+
+def _suspect_stated(key: str, source: ColumnSource, readings: FloatArray) -> list[Issue]:
+    """A temperature that in the unit that is stated for it can be no robot's; `readings` as they were read, degC."""
+    middle = float(np.median(readings)) if readings.size else _WARM
+    if _BEARABLE[0] < middle < _BEARABLE[1] or source.unit not in _READ_IN or np.isfinite(source.valid).any():
+        return []
+    scale, offset = _READ_IN[source.unit]
+    raw = (middle - offset) / scale
+    fitting = [unit for unit, (a, b) in _READ_IN.items() if _BEARABLE[0] < a * raw + b < _BEARABLE[1]]
+    problem = f"values around {middle:.4g} degC, in the unit that is stated, {source.unit}: no part of a robot has that"
+    stays = as_line_or_option(key, replace(source, valid=(float(readings.min()) - 1, float(readings.max()) + 1)))
+    if not fitting:
+        return [Issue(key, source.columns[0], problem, f"write its unit; if it is right, write {stays}", False)]
+    meant = min(fitting, key=lambda unit: abs(_READ_IN[unit][0] * raw + _READ_IN[unit][1] - _WARM))
+    remedy = f"write {{}}; if it is right, write {stays}"
+    return [correctable(key, problem, replace(source, unit=meant), False, remedy)]
+
+
+_WARM = 40.0  # degC, of a robot at work: which of several units is proposed
 _LARGEST_CURRENT = 1000.0  # A: no robot's joint takes more
 _LARGEST_WHOLE_CURRENT = 250.0  # A, doubted where all are whole numbers
 _LARGEST_VELOCITY = 2000.0  # rad/s, 19,000 rpm: no joint's motor turns faster
@@ -209,6 +232,7 @@ _COLDEST_FAHRENHEIT = (48.0, 120.0)  # degF, 9 … 49 degC: the coldest reading 
 _COOLED = 3.0  # K, by which a robot that was so warm cools whenever it does less
 _OVER_ROBOT = 20.0  # K over the robot at the first reading: robots begin as warm as the room, or warmer
 _OVER_ROOM = 30.0  # K over the room at the first reading: hardly any log begins so warm
+_COOLS = 10.0  # degF, by which a robot that begins at rest never cools: what does was warm
 _SAME_START = 6.0  # degF, how close the first readings then are to each other, and to the room's in degF
 
 
@@ -244,7 +268,9 @@ def suspect_fahrenheit(sources: Mapping[str, ColumnSource], values: Mapping[str,
     like_room = {
         key: start
         for key, start in first.items()
-        if start > room + _OVER_ROOM and abs(start - (1.8 * room + 32)) < _SAME_START
+        if start > room + _OVER_ROOM
+        and abs(start - (1.8 * room + 32)) < _SAME_START
+        and float(np.nanmin(values[key])) > start - _COOLS  # else it was warm
     }
     # Where the others begin warm as well, or these apart, it is the robot that was warm.
     others = [start for key, start in first.items() if key not in like_room]
@@ -326,7 +352,7 @@ class Roles:
             return True
         if key in self.predicted:
             return not silence.whole or (self.one_speaks and not stated)
-        return not stated and (key.partition(".")[0] in INPUTS or silence.kind == "dead")
+        return not stated and (key.partition(".")[0] in INPUTS or silence.kind in ("dead", "disconnected"))
 
 
 def suspect_silence(
@@ -341,45 +367,73 @@ def suspect_silence(
         numbers: the file's columns, (n,) each, as they stand there.
         roles: what the columns are to the model.
     """
-    issues = [_of_codes(key, source, [silence for silence in silent if silence.kind == "code"], numbers)]
-    quantity, _, place = key.partition(".")
-    unit = column_unit(key)
-    for silence in (silence for silence in silent if silence.kind != "code"):
-        number, count = f"{silence.value + 0.0:.6g}", int(silence.rows.sum())  # no zero with a sign
-        problem = f"{silence.kind} at {number} {unit} from {silence.start:.6g} to {silence.stop:.6g} s"
-        believed = f"if the column is right, write {_believed(key, source, numbers)}, a range to believe it in"
-        if silence.kind == "spike":
-            problem = f"{count} spike{'s' * (count > 1)} of up to {silence.value:.3g} K in single readings "
-            problem += f"from {silence.start:.6g} to {silence.stop:.6g} s"
-            remedy = "these readings are left out"
-        elif silence.whole and quantity in INPUTS:
-            problem = f"reads {number} {unit} throughout, {silence.stop - silence.start:.4g} s, while the joint moves"
-            remedy = f"the heat of {place} is not known; map the column that has it; {believed}"
-        elif silence.whole and key not in roles.predicted:
-            problem = (
-                f"reads {number} {unit} throughout, {silence.stop - silence.start:.4g} s, "
-                "where all others begin elsewhere"
-            )
-            remedy = f"no sensor is there; map another column, or write a number for {place}; {believed}"
-        elif silence.whole:
-            problem = f"reads {number} {unit} throughout, {silence.stop - silence.start:.4g} s, while another one moves"
-            remedy = "it is the only sensor, and counts all the same; if it was stuck, nothing can be concluded from it"
-            if roles.left_out(key, source, silence):
-                remedy = f"it is left out; {believed}"
-        elif not roles.left_out(key, source, silence):
-            gap = replace(source, invalid=(*source.invalid, _in_file(source, silence, numbers)))
-            remedy = f"it is taken as it stands; to have a gap there, write {as_line_or_option(key, gap)}"
-        elif key in roles.predicted:
-            remedy = "these readings are left out"
-        else:
-            what = f"the heat of {place}" if quantity in INPUTS else "what it gives to the model"
-            remedy = f"{what} is not known there, so that the log is cut; {believed}"
+    issues = _of_codes(key, source, [silence for silence in silent if silence.kind == "code"], numbers)
+    for silence in _few(silent):
+        problem, remedy = _what(key, silence, roles), _done(key, source, silence, numbers, roles)
         if silence.column:
             problem = f"its column '{silence.column}' {'is ' * (not silence.whole)}{problem}"
         stretch = (silence.start, silence.stop)
         column = silence.column or source.columns[0]
-        issues.append([Issue(key, column, problem, remedy, False, kind=silence.kind, stretch=stretch)])
-    return [issue for some in issues for issue in some]
+        issues.append(Issue(key, column, problem, remedy, False, kind=silence.kind, stretch=stretch))
+    return issues
+
+
+_MANY = 4  # stretches of one kind that are said one by one
+
+
+def _few(silent: list[Silence]) -> list[Silence]:
+    """All but the codes; of a sensor that is off again and again all these stretches in one."""
+    off = [silence for silence in silent if silence.kind == "disconnected"]
+    others = [silence for silence in silent if silence.kind not in ("code", "disconnected")]
+    if len(off) <= _MANY:
+        return others + off
+    rows, middle = np.any([silence.rows for silence in off], axis=0), float(np.median([one.value for one in off]))
+    return [*others, replace(off[0], value=middle, stop=off[-1].stop, rows=rows)]
+
+
+def _what(key: str, silence: Silence, roles: Roles) -> str:
+    """What a channel does in a silence."""
+    number, unit, count = f"{silence.value + 0.0:.6g}", column_unit(key), int(silence.rows.sum())  # no zero with a sign
+    when, length = f"from {silence.start:.6g} to {silence.stop:.6g} s", f"{silence.stop - silence.start:.4g} s"
+    if silence.whole and key.partition(".")[0] in INPUTS:
+        return f"reads {number} {unit} throughout, {length}, while the joint moves"
+    if silence.whole:
+        rest = "while another one moves" if key in roles.predicted else "where all others begin elsewhere"
+        return f"reads {number} {unit} throughout, {length}, {rest}"
+    match silence.kind:
+        case "spike":
+            return f"{count} spike{'s' * (count > 1)} of up to {silence.value:.3g} K in single readings {when}"
+        case "disconnected":
+            return f"no reading of a heated part, around {number} {unit}, in {count} rows {when}"
+        case "wrap":
+            return f"leaps by {number} K, up and down, {when}: a counter that wraps, or a reference that changes"
+    return f"{silence.kind} at {number} {unit} {when}"
+
+
+def _done(key: str, source: ColumnSource, silence: Silence, numbers: Mapping[str, FloatArray], roles: Roles) -> str:
+    """What is done with what a channel says in a silence, or what to write."""
+    quantity, _, place = key.partition(".")
+    believed = f"if the column is right, write {_believed(key, source, numbers)}, a range to believe it in"
+    if silence.kind == "wrap":
+        meant = replace(source, wrap=float(f"{silence.value / abs(source.scale):.4g}"))
+        return f"these readings are left out; to have a counter unwrapped, write {as_line_or_option(key, meant)}"
+    if not silence.lasts:
+        return "these readings are left out"
+    if silence.whole and quantity in INPUTS:
+        return f"the heat of {place} is not known; map the column that has it; {believed}"
+    if silence.whole and key not in roles.predicted:
+        return f"no sensor is there; map another column, or write a number for {place}; {believed}"
+    if silence.whole:
+        if roles.left_out(key, source, silence):
+            return f"it is left out; {believed}"
+        return "it is the only sensor, and counts all the same; if it was stuck, nothing can be concluded from it"
+    if not roles.left_out(key, source, silence):
+        gap = replace(source, invalid=(*source.invalid, _in_file(source, silence, numbers)))
+        return f"it is taken as it stands; to have a gap there, write {as_line_or_option(key, gap)}"
+    if key in roles.predicted:
+        return "these readings are left out"
+    what = f"the heat of {place}" if quantity in INPUTS else "what it gives to the model"
+    return f"{what} is not known there, so that the log is cut; {believed}"
 
 
 def _in_file(source: ColumnSource, silence: Silence, numbers: Mapping[str, FloatArray]) -> float:
@@ -428,7 +482,7 @@ def _suspect_torque(key: str, source: ColumnSource, values: FloatArray) -> list[
 def duplicates_of(sources: Mapping[str, ColumnSource], values: Mapping[str, FloatArray]) -> dict[str, str]:
     """Temperatures that say number by number what another column says, by quantity, each with that other."""
     read = {key: values[key] for key in sources if key.startswith("temperature.") and key != AMBIENT}
-    pairs = duplicates(read)
+    pairs = duplicates(read, {f"temperature.{place}": load for place, load in loads_of(values).items()})
     return {key: other for key, other in pairs.items() if sources[key].columns != sources[other].columns}
 
 
@@ -439,6 +493,43 @@ def _suspect_duplicates(sources: Mapping[str, ColumnSource], values: Mapping[str
         Issue(key, sources[key].columns[0], f"the same readings as {other}", remedy, False, kind="duplicate")
         for key, other in duplicates_of(sources, values).items()
     ]
+
+
+def _suspect_same_loads(
+    sources: Mapping[str, ColumnSource], numbers: Mapping[str, FloatArray], values: Mapping[str, FloatArray]
+) -> list[Issue]:
+    """Torques and currents that are another joint's."""
+    issues = []
+    for key, other in same_loads({key: values[key] for key in sources}).items():
+        if sources[key].columns == sources[other].columns or np.isfinite(sources[key].valid).any():
+            continue
+        remedy = "one of the two is not where it is said to be: map its own column; if both are right, write "
+        remedy += _believed(key, sources[key], numbers)
+        problem = f"the same numbers as {other}"
+        issues.append(Issue(key, sources[key].columns[0], problem, remedy, False, kind="duplicate"))
+    return issues
+
+
+def without_held_rows(column: str, values: dict[str, FloatArray]) -> tuple[dict[str, FloatArray], list[Issue]]:
+    """Quantities without what stands in rows that the logger did not write, but repeated; and what is said of these.
+
+    Args:
+        column: of the times.
+        values: time [s] and the quantities, (n,) each.
+    """
+    held, time = held_rows(values), values["time"]
+    if not held:
+        return values, []
+    rows = np.zeros(time.size, dtype=bool)
+    for first, last in held:
+        rows[first : last + 1] = True
+    length = sum(time[last] - time[first - 1] for first, last in held)
+    start, stop = float(time[held[0][0]]), float(time[held[-1][1]])
+    problem = f"all columns stand {len(held)} time{'s' * (len(held) > 1)}, {length:.4g} s in all, "
+    problem += f"from {start:.6g} to {stop:.6g} s"
+    remedy = "these rows are left out"
+    issue = Issue("time", column, problem, remedy, certain=False, kind="held", stretch=(start, stop))
+    return {key: x if key == "time" else np.where(rows, np.nan, x) for key, x in values.items()}, [issue]
 
 
 _MOST_POWER = 5000.0  # W, of torque and speed: the strongest joints of legged robots reach some 3 kW for a moment
@@ -478,6 +569,58 @@ def _suspect_sign(key: str, source: ColumnSource, values: Mapping[str, FloatArra
     return [correctable(key, problem, replace(source, scale=-1.0), False, remedy, kind="sign")]
 
 
+_OFFSETS = (30.0, 40.0, 50.0)  # K, that drives add to a temperature so that a byte holds it below zero, too
+_NEAR_OFFSET = 3.0  # K, that robots at rest are warmer than the air, and their joints apart from each other
+_OF_OFFSET = (0.35, 0.4)  # by which share of it a part may settle off it; where other joints begin as cold as the air
+_RESTED = 6.0  # K above the air, where joints begin at rest
+_COOLER = 2.0  # K, by which a part that begins at rest never cools: what does was warm
+_PARTS = 60  # of a log, whose means tell how a part warms and cools
+
+
+def _suspect_offsets(
+    sources: Mapping[str, ColumnSource], numbers: Mapping[str, FloatArray], values: Mapping[str, FloatArray]
+) -> list[Issue]:
+    """Whole numbers that begin, and without a load would settle, by one of the usual offsets above the air."""
+    loads, air = loads_of(values), values.get(AMBIENT, np.zeros(0))
+    sensors = [key for key in sources if _is_read_temperature(key, values[key]) and key != AMBIENT and air.size]
+    warmth = {key: values[key] - air for key in sensors}
+    starts = {key: float(x[np.isfinite(x)][0]) for key, x in warmth.items() if np.isfinite(x).any()}
+    warm = {key: start for key, start in starts.items() if start > _RESTED}
+    # A robot that was at work begins with joints that are each as warm as their work made them.
+    places = {key: place for key in warm if (place := key.partition(".")[2]) in loads}
+    if not places or max(warm.values()) - min(warm.values()) > _NEAR_OFFSET:
+        return []
+    offset = min(_OFFSETS, key=lambda one: abs(one - max(warm.values())))
+    settles = float(np.median([_settles(warmth[key], loads[place]) for key, place in places.items()]))
+    near = _OF_OFFSET[len(starts) > 1 and len(warm) < len(starts)] * offset
+    if not abs(settles - offset) < near or not -1.0 <= min(warm.values()) - offset <= _NEAR_OFFSET:
+        return []
+    issues = []
+    for key, start in warm.items():
+        source, readings = sources[key], values[key][np.isfinite(values[key])]
+        stated = source.unit or source.offset or np.isfinite(source.valid).any()
+        if stated or not (np.round(readings) == readings).all() or np.nanmin(warmth[key]) < start - _COOLER:
+            continue
+        problem = f"begins {start:.3g} K above the surroundings, in whole numbers, and at rest it would stay warm: "
+        problem += f"a byte with an offset of {offset:g}?"
+        remedy = f"if so, write {{}}; if the joint is as warm, write {_believed(key, source, numbers)}"
+        meant = replace(source, offset=-offset)
+        issues.append(correctable(key, problem, meant, False, remedy, kind="offset"))
+    return issues
+
+
+def _settles(warmth: FloatArray, load: FloatArray) -> float:
+    """By how much a part would stay warmer than the air without its load [K], as it warms and cools in a log."""
+    size = max(warmth.size // _PARTS, 1)
+    warm, heat = means_of_blocks(warmth, size), means_of_blocks(np.square(load), size)
+    known = np.isfinite(warm[:-1]) & np.isfinite(warm[1:]) & np.isfinite(heat[:-1]) & np.isfinite(heat[1:])
+    if np.count_nonzero(known) < _PARTS // 2 or not np.ptp(heat[np.isfinite(heat)]) > 0:
+        return np.nan
+    middle = [0.5 * (x[:-1] + x[1:])[known] for x in (heat / np.nanmax(heat), warm)]
+    rates = np.linalg.lstsq(np.column_stack([*middle, np.ones(known.sum())]), np.diff(warm)[known], rcond=None)[0]
+    return float(-rates[2] / rates[1]) if rates[0] > 0 > rates[1] else np.nan
+
+
 _FOLLOWS = 0.9  # share of the variance of an ambient that a joint's own warmth explains
 _LEAST_FOLLOWED = 2.0  # K, by which the ambient rises: less is the room, which a robot may warm
 _MOST_FOLLOWED = 1.0  # of a joint's warmth: what moves farther moves the joint
@@ -513,6 +656,9 @@ def _suspect_ambient(
 # --- All that looks wrong in a log -----------------------------------------------------------------
 
 
+_STILL = ("frozen", "clamped", "dead")
+
+
 def issues_of(
     sources: Mapping[str, ColumnSource],
     numbers: Mapping[str, FloatArray],
@@ -541,16 +687,22 @@ def issues_of(
         of_column = of_column or suspect_unit(key, source, values[key], units.get(source.columns[0], ""))
         said = silent.get(key, [])
         if of_column:
-            # Readings in another unit look like codes, and like spikes; a converter rests at another number than 0.
-            said = [silence for silence in said if silence.lasts and of_column[0].kind != "counts"]
+            # Readings in another unit look like those of no part; a converter rests at another number than 0.
+            said = [one for one in said if one.kind in _STILL and of_column[0].kind != "counts"]
         elif key.startswith("torque."):
             of_column = _suspect_torque(key, source, values[key]) or _suspect_sign(key, source, values)
         elif key.startswith("velocity."):
             of_column = _suspect_power(key, source, values)
         issues += [*of_column, *suspect_silence(key, source, said, numbers, roles)]
-    issues += [*_suspect_duplicates(sources, values), *_suspect_ambient(sources, numbers, values)]
+    issues += [*_suspect_duplicates(sources, values), *_suspect_same_loads(sources, numbers, values)]
+    issues += _suspect_offsets(sources, numbers, values)
+    issues += [*_suspect_ambient(sources, numbers, values)]
     of_air = [issue.corrected for issue in issues if issue.key == AMBIENT]
-    in_other_units = [issue for issue in issues if issue.key.startswith("temperature.") and issue.key != AMBIENT]
+    in_other_units = [
+        issue
+        for issue in issues
+        if issue.key.startswith("temperature.") and issue.key != AMBIENT and issue.kind != "offset"
+    ]
     if not in_other_units and all(corrected and corrected.unit == "degF" for corrected in of_air):
         others = [issue for issue in suspect_fahrenheit(sources, values) if issue.key != AMBIENT or not of_air]
         issues += others

@@ -30,7 +30,7 @@ from lptn.logs.followed import refuse_exchanged
 from lptn.logs.guess import format_note, guess
 from lptn.logs.issue import Issue
 from lptn.logs.joining import SECOND_TIME, join
-from lptn.logs.quality import Roles, check_values, duplicates_of, issues_of
+from lptn.logs.quality import Roles, check_values, duplicates_of, issues_of, without_held_rows
 from lptn.logs.remedies import weighed
 from lptn.logs.resampling import (
     ROUNDING,
@@ -51,7 +51,7 @@ from lptn.logs.run import LATEST_FIRST, Run
 from lptn.logs.scatter import scatter_of
 from lptn.logs.silence import Silence, of_sensor, quantisation_step, silences_of, without_silent
 from lptn.logs.spreadsheets import open_spreadsheet
-from lptn.logs.streams import rows_of_zeros
+from lptn.logs.streams import back_and_forth, rows_of_zeros
 from lptn.logs.tables import Table, column_sources, open_parquet, table_of, with_times
 from lptn.logs.ulog import open_ulog
 
@@ -383,13 +383,14 @@ def _checked_samples(table: Table, choice: ColumnChoice, strict: bool) -> tuple[
     """The log's samples in SI and degC, notes, and what looks wrong."""
     _refuse_other_quantities(table, choice.sources)
     numbers, raw, notes = _values(table, choice.sources)
+    raw, held = (raw, []) if table.mixed else without_held_rows(choice.sources["time"].columns[0], raw)
     predicted = frozenset(choice.outputs) - frozenset(choice.inputs)
     with np.errstate(over="ignore", invalid="ignore"):  # what overflows here is refused as a time below
         silent = _silences(choice.sources, numbers, raw)
         speaking = [key for key in predicted if not any(stretch.whole for stretch in silent.get(key, []))]
         roles = Roles(predicted, bool(speaking))
         issues = issues_of(choice.sources, numbers, raw, silent, roles, table.units)
-        issues = weighed(issues, choice.sources, numbers, raw)
+        issues = weighed([*issues, *back_and_forth(raw, choice.sources), *held], choice.sources, numbers, raw)
     for issue in issues:
         if strict and issue.certain:
             raise InputError(table.path, *issue.error)

@@ -5,13 +5,12 @@ steps allow is *frozen*; *clamped* where that is the highest or lowest number th
 and again; *dead* where the number is far from all around it, as 0 or full scale is. A torque that stands still, or is
 exactly zero while its joint moves, is found in the same way. What a channel says in such a stretch is no reading.
 
-Single readings that no thermal mass could have are *spikes*; numbers that come back exactly, far from what is read
-before and after, are *codes* by which a sensor says that it has no reading.
+What no heated part could have given is found in `passive.py`: spikes, codes, broken wires, counters that turn.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -19,8 +18,10 @@ import numpy as np
 import pandas as pd
 
 from lptn.basics.arrays import BoolArray, FloatArray, IntArray
+from lptn.logs.passive import CODES, Surroundings, leaps_by_heat, off
+from lptn.logs.resampling import means_of_blocks
 
-Kind = Literal["frozen", "clamped", "dead", "spike", "code"]
+Kind = Literal["frozen", "clamped", "dead", "disconnected", "wrap", "spike", "code"]
 
 
 @dataclass(frozen=True)
@@ -29,7 +30,7 @@ class Silence:
 
     Args:
         kind: of silence.
-        value: what the channel gives all the while, in SI or degC; of spikes how far they leap.
+        value: what the channel gives all the while, in SI or degC; of spikes and counters that wrap how far they leap.
         start: s, of the first of these readings.
         stop: s, of the last.
         rows: which rows of the log it covers, shape (n,).
@@ -48,7 +49,7 @@ class Silence:
     @property
     def lasts(self) -> bool:
         """Whether it is a stretch, and not single readings here and there."""
-        return self.kind not in ("spike", "code")
+        return self.kind not in ("spike", "code", "wrap")
 
 
 _SHORTEST = 60.0  # s, of a number far from all others, or of a sensor that never repeats itself; in less little is lost
@@ -67,7 +68,9 @@ _LONGER = 20.0  # times the median time that a number stands: topics that repeat
 _JUMPS = 3.0  # steps: a coarse sensor that was alive all the while never moves by so many at once
 _LAST_MOVES, _RESTS = 5, 0.125
 """Readings before a stretch, and the share of the usual move below which they are at rest; of white noise 3 in 1000."""
-_TOUCHES = 5  # readings at the end of its range, before and after it stays there
+_TOUCHES = 30  # readings at the end of a channel's range: of so many noise of half a step would lead beyond
+_PILED, _NEXT, _NOISY = 2.0, 8.0, 0.5  # times the readings of the next number; noise to it; steps, as noise
+_TURNS = 0.5  # share of readings that are noise, as `_back_and_forth` counts it; of swings over ten readings 0.4
 _CLEAR = 20  # readings without a touch: what is cut off of the noise then shifts the mean by a hundredth of it
 _FAR = 10.0  # K from what was read before and after: a number that is dead, or a code
 _FEWEST = 20  # readings, to know what a sensor is like
@@ -93,6 +96,11 @@ def silences(
     first, last = np.concatenate(([0], changes + 1)), np.concatenate((changes, [readings.size - 1]))
     spans = logged[last] - logged[first]
     stretches: list[Silence] = []
+    for limit in _limits(readings, resolution) if temperature else ():
+        for begin, end in _touched(readings, limit):
+            rows = np.zeros(len(values), dtype=bool)
+            rows[there[begin] : there[end] + 1] = True
+            stretches.append(Silence("clamped", limit, float(stamps[begin]), float(stamps[end]), rows))
     rests = (spans >= _SHORTEST) & (readings[first] == 0) & (not temperature)  # joints that stand say so for long
     shortest = _SHORTEST if temperature and _hardly_repeats(last - first, spans) else STILL
     for k in np.flatnonzero(spans >= _SHORTEST):
@@ -101,17 +109,12 @@ def silences(
             continue
         if not lone and not _is_too_long(spans, readings, in_gap, first, last, int(k), rests, resolution, temperature):
             continue
-        kind: Kind = "dead" if lone else "frozen"
-        if not lone and temperature and _is_end_of_range(readings, first[k], last[k]):
-            kind = "clamped"
-        pieces = [(first[k], last[k])] if kind != "clamped" else _touched(readings, first[k])
-        for begin, end in pieces:
-            rows = np.zeros(len(values), dtype=bool)
-            rows[there[begin] : there[end] + 1] = True
-            if not any(stretch.rows[there[begin]] for stretch in stretches):
-                stretches.append(
-                    Silence(kind, float(readings[first[k]]), float(stamps[begin]), float(stamps[end]), rows)
-                )
+        rows = np.zeros(len(values), dtype=bool)
+        rows[there[first[k]] : there[last[k]] + 1] = True
+        if not any(stretch.rows[there[first[k]]] for stretch in stretches):
+            kind: Kind = "dead" if lone else "frozen"
+            span = float(stamps[first[k]]), float(stamps[last[k]])
+            stretches.append(Silence(kind, float(readings[first[k]]), *span, rows))
     stretches.sort(key=lambda stretch: stretch.start)
     return stretches
 
@@ -181,7 +184,8 @@ def _is_too_long(
     noisy = float(np.mean(np.sign(moves[1:]) != np.sign(moves[:-1]))) > _REVERSALS
     lively = alike <= _LIVELY
     if resolution > 0:
-        by_two = np.count_nonzero(np.abs(moves) > 1.5 * resolution)
+        # By two steps at once, and back: what goes on that way is heated.
+        by_two = np.count_nonzero((np.abs(moves[1:]) > 1.5 * resolution) & (moves[1:] * moves[:-1] < 0))
         alike, lively = _STAYS, by_two - _SURELY * np.sqrt(by_two) >= _BY_TWO * moves.size
     # A filtered temperature may stand when it has risen; a torque or speed that moves all the time does not.
     if lively and (noisy or not temperature):
@@ -195,25 +199,38 @@ def _is_too_long(
     return bool(resolution > 0 and max(beside, default=0.0) >= _JUMPS * step)
 
 
-def _touched(readings: FloatArray, limit: int) -> list[tuple[int, int]]:
-    """First and last of the readings of which a limit, that of the reading `limit`, cuts the noise off on one side.
+def _limits(readings: FloatArray, resolution: float) -> list[float]:
+    """The highest and the lowest number of a noisy channel, where they stand so often that noise is cut off there."""
+    moves, limits = np.diff(readings), []
+    for limit in (float(readings.max()), float(readings.min())):
+        away = np.abs(readings - limit)
+        inside = moves[(away[1:] > 0) & (away[:-1] > 0)]
+        noise = float(np.median(np.abs(inside))) if inside.size else 0.0
+        # Its steps may hide whether it is alive, and what moves in long swings comes to rest at their ends.
+        if noise == 0 or noise < _NOISY * resolution or _back_and_forth(inside) < _TURNS * inside.size:
+            continue
+        edges = np.flatnonzero(np.diff(away > 0))  # noise comes and goes there; a code is far from what is beside it
+        if edges.size and float(np.median(np.maximum(away[edges], away[edges + 1]))) > _NEXT * noise:
+            continue
+        beyond = float(np.min(away, where=away > 0, initial=np.inf))
+        at, near = (np.count_nonzero(away <= size) for size in (0.0, beyond))
+        if at >= _TOUCHES and at >= _PILED * (near - at) and beyond < _NEXT * noise:
+            limits.append(limit)
+    return limits
+
+
+def _touched(readings: FloatArray, limit: float) -> list[tuple[int, int]]:
+    """First and last of the readings of which a limit cuts the noise off on one side.
 
     Where noise only touches the limit, what is left of it is too high on average, or too low.
     """
-    touches = np.flatnonzero(readings == readings[limit])
+    touches = np.flatnonzero(readings == limit)
     apart = np.flatnonzero(np.diff(touches) > _CLEAR)
-    begins, ends = np.concatenate(([0], apart + 1)), np.concatenate((apart, [touches.size - 1]))
+    begins, ends = np.append(0, apart + 1), np.append(apart, touches.size - 1)
     return [
         (max(int(touches[begin]) - _CLEAR, 0), min(int(touches[end]) + _CLEAR, readings.size - 1))
         for begin, end in zip(begins, ends, strict=True)
-        if end - begin >= _TOUCHES
     ]
-
-
-def _is_end_of_range(readings: FloatArray, first: int, last: int) -> bool:
-    """Whether a number is the highest, or lowest, of all, and one that noise brought the sensor to again and again."""
-    others, value = np.delete(readings, np.s_[first : last + 1]), readings[first]
-    return bool((value >= others.max() or value <= others.min()) and (others == value).sum() >= _TOUCHES)
 
 
 # --- A limit at which a sensor of coarse steps stands, while the heat goes on ------------------------
@@ -285,85 +302,6 @@ def clamped_while_heated(time: FloatArray, values: FloatArray, load: FloatArray,
     return stretches
 
 
-# --- Single readings that no thermal mass could have ------------------------------------------------
-
-
-_LEAST_SPIKE = 3.0  # K
-_SPIKE, _SPIKE_STEPS = 8.0, 2.5  # times the usual move from reading to reading; steps of a coarse sensor
-_SPIKE_TIME = 10.0  # s between readings at most: in longer a winding may warm and cool by as much
-
-
-def spikes(time: FloatArray, values: FloatArray, *, resolution: float = 0.0) -> list[Silence]:
-    """Readings that leap away from the one before, and all the way back to the next; none, or all in one.
-
-    Args:
-        time: (n,) s.
-        values: (n,) degC, NaN where missing.
-        resolution: the sensor's steps [K], 0 for none.
-    """
-    there = np.flatnonzero(np.isfinite(values))
-    if there.size < _FEWEST:
-        return []
-    moves, steps = np.diff(values[there]), np.diff(time[there])
-    usual = float(np.median(np.abs(moves)))
-    least = max(_LEAST_SPIKE, _SPIKE_STEPS * resolution if resolution > 0 else _SPIKE * usual)
-    height = np.minimum(np.abs(moves[:-1]), np.abs(moves[1:]))
-    soon = np.maximum(steps[:-1], steps[1:]) <= _SPIKE_TIME
-    leaps = (height > least) & (moves[:-1] * moves[1:] < 0) & soon
-    if not leaps.any():
-        return []
-    rows = np.zeros(len(values), dtype=bool)
-    rows[there[1:-1][leaps]] = True
-    stamps = time[rows]
-    return [Silence("spike", float(height[leaps].max()), float(stamps[0]), float(stamps[-1]), rows)]
-
-
-# --- Codes: numbers that a sensor gives for no reading ------------------------------------------------
-
-
-# degC that failing sensors are known to give: DS18B20 at power-up (85) and disconnected (-127), codes of drives and of
-# converters of 8 and 16 bit.
-_FAULT_CODES = (0.0, -127.0, 85.0, -999.0, 999.0, 127.0, 255.0, 65535.0, 32767.0, -32768.0)
-_FAR_OF_UNLISTED = 30.0  # K, from the readings on both sides: no sensor on a motor moves so far from row to row
-_FEWEST_NEAR = 3  # times that an unlisted number comes back, not quite so far off, in readings that follow soon
-_TOO_HOT = 150.0  # degC: a number beyond, or below its negative, may be a code though it occurs but once
-_OF_FAR = 0.2  # of all readings so far off, that one number is: spikes hit the same one now and then by chance
-_MOST_CODES = 4  # of one sensor; with more of them it is noise
-
-
-def codes(time: FloatArray, values: FloatArray, known: Collection[float] = ()) -> list[Silence]:
-    """Values that stand exactly the same, and each time far from the readings on both sides; one for each code.
-
-    Args:
-        time: (n,) s.
-        values: (n,) degC, NaN where missing.
-        known: numbers at which the sensor was dead for long.
-    """
-    there = np.flatnonzero(np.isfinite(values))
-    readings = values[there]
-    if readings.size < 3:
-        return []
-    levels = readings[np.concatenate(([True], np.diff(readings) != 0))]
-    distance = np.fmin(np.abs(np.diff(levels, prepend=np.nan)), np.abs(np.diff(levels, append=np.nan)))
-    quick = float(np.median(np.diff(time[there]))) <= _SPIKE_TIME
-    suspects, lone, far = [], np.count_nonzero(distance > _FAR_OF_UNLISTED), np.count_nonzero(distance > _FAR)
-    for level in np.unique(levels[distance > _FAR]):
-        distances = distance[levels == level]
-        nearest, count = distances.min(), distances.size
-        listed = (level in _FAULT_CODES or level in known) and nearest > _FAR
-        farther = nearest > _FAR_OF_UNLISTED and (abs(level) > _TOO_HOT or count > max(1, _OF_FAR * lone))
-        if listed or farther or (quick and nearest > _FAR and count >= max(_FEWEST_NEAR, _OF_FAR * far)):
-            suspects.append(float(level))
-    # A minority: of a sensor that reads nothing else, nothing tells which is the code.
-    if np.isin(readings, suspects).mean() >= 0.5 or len(suspects) > _MOST_CODES:
-        return []
-    stamps = [time[values == level] for level in suspects]
-    return [
-        Silence("code", level, float(own[0]), float(own[-1]), np.asarray(values == level))
-        for level, own in zip(suspects, stamps, strict=True)
-    ]
-
-
 # --- A sensor's steps -----------------------------------------------------------------------------
 
 
@@ -397,7 +335,8 @@ def quantisation_step(values: FloatArray) -> float:
 
 
 AMBIENT = "temperature.ambient"
-INPUTS = ("torque", "current", "velocity")
+HEATS = ("torque", "current")
+INPUTS = (*HEATS, "velocity")
 """Quantities that drive a joint's heat."""
 _MOVING = 0.05  # rad/s, mean of |speed|: a joint that moves
 _AT_REST = 0.01  # rad/s: an encoder's noise, and so little that friction of 10 N·m makes 0.1 W of it
@@ -410,14 +349,14 @@ def silences_of(values: Mapping[str, FloatArray]) -> dict[str, list[Silence]]:
         values: time [s] and the quantities, (n,) each, in SI and degC.
     """
     silent: dict[str, list[Silence]] = {}
-    still = _still_throughout(values)
+    still, around = _still_throughout(values), _surroundings(values)
     speeds = [np.abs(velocity) for key, velocity in values.items() if key.startswith("velocity.")]
     of_all = np.max(speeds, axis=0) if speeds else np.zeros(values["time"].size)  # a motor's may stand at its housing
     # Speeds first: a joint of which nobody knows whether it moves may have no torque.
     for key in sorted(values, key=lambda key: not key.startswith("velocity.")):
         channel, (quantity, _, place) = values[key], key.partition(".")
         if quantity == "temperature":
-            silent[key] = still[key] if key in still else of_sensor(values["time"], channel)
+            silent[key] = still[key] if key in still else of_sensor(values["time"], channel, around.get(key))
             load = values.get(f"torque.{place}", values.get(f"current.{place}"))
             if load is not None and not silent[key]:
                 silent[key] = clamped_while_heated(values["time"], channel, load, resolution=quantisation_step(channel))
@@ -441,13 +380,51 @@ def silences_of(values: Mapping[str, FloatArray]) -> dict[str, list[Silence]]:
     return {key: stretches for key, stretches in silent.items() if stretches}
 
 
-def of_sensor(time: FloatArray, values: FloatArray) -> list[Silence]:
-    """What a temperature sensor says that is no reading: stretches, codes and spikes; (n,) s and degC."""
+def of_sensor(time: FloatArray, values: FloatArray, around: Surroundings | None = None) -> list[Silence]:
+    """What a temperature sensor says that is no reading; (n,) s and degC."""
     resolution = quantisation_step(values)
     stretches = silences(time, values, resolution=resolution)
-    dead = {stretch.value for stretch in stretches if stretch.kind == "dead"}
-    stretches += codes(time, without_silent(values, stretches), dead)
-    return stretches + spikes(time, without_silent(values, stretches), resolution=resolution)
+    if resolution > 0 and around is not None:  # a coarse sensor is known by its leap, which its own heat may make
+        stretches = [
+            one for one in stretches if one.kind != "frozen" or not leaps_by_heat(time, values, one.rows, around)
+        ]
+    for none in off(time, without_silent(values, stretches), resolution, around):
+        stamps = time[none.rows]
+        stretches.append(Silence(none.kind, none.value, float(stamps[0]), float(stamps[-1]), none.rows))
+    return stretches
+
+
+_OF_MOST = 0.05  # of what goes with the heat of the joint that has most: with less a part is warmed by its neighbours
+_LOW, _THIN = 0.05, 10_000  # share of readings, below which a channel seldom is; readings that tell it
+
+
+def loads_of(values: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+    """Torque or current of each place of which a part's own heat goes with the square, (n,) each; as logged."""
+    loads: dict[str, FloatArray] = {}
+    for quantity in reversed(HEATS):
+        own = {key.partition(".")[2]: channel for key, channel in values.items() if key.startswith(f"{quantity}.")}
+        thin = {place: channel[:: max(1, channel.size // _THIN)] for place, channel in own.items()}
+        power = {place: float(np.nanmean(np.square(x))) for place, x in thin.items() if np.isfinite(x).any()}
+        most = max(power.values(), default=0.0)
+        loads |= {place: own[place] for place, mean in power.items() if mean > _OF_MOST * most}
+    return loads
+
+
+def _surroundings(values: Mapping[str, FloatArray]) -> dict[str, Surroundings]:
+    """What the channels of a log say of each temperature."""
+    read = {key: channel[np.isfinite(channel)] for key, channel in values.items() if key.startswith("temperature.")}
+    read = {key: readings for key, readings in read.items() if readings.size}
+    starts = {key: float(readings[0]) for key, readings in read.items()}
+    lows = {key: float(np.quantile(x[:: max(1, x.size // _THIN)], _LOW)) for key, x in read.items()}
+    loads = loads_of(values)
+    around = {}
+    for key in read:
+        place = key.partition(".")[2]
+        others = [other for other in read if other != key]
+        start = float(np.median([starts[other] for other in others])) if others else np.nan
+        coldest = min((lows[other] for other in others), default=-np.inf)
+        around[key] = Surroundings(start, coldest, loads.get(place), values.get(AMBIENT) if key != AMBIENT else None)
+    return around
 
 
 _STUCK = 600.0  # s
@@ -477,7 +454,7 @@ def _still_throughout(values: Mapping[str, FloatArray]) -> dict[str, list[Silenc
         one = Silence("frozen", float(read[key][0]), float(stamps[0]), float(stamps[-1]), rows, whole=True)
         if key != AMBIENT:
             still[key] = [one]
-        elif one.value in _FAULT_CODES and all(
+        elif one.value in CODES and all(
             abs(readings[0] - one.value) > _FAR for readings in read.values() if np.ptp(readings)
         ):
             still[key] = [replace(one, kind="dead")]
@@ -524,6 +501,49 @@ def without_silent(values: FloatArray, silent: list[Silence]) -> FloatArray:
     return np.where(np.any([stretch.rows for stretch in silent], axis=0), np.nan, values) if silent else values
 
 
+# --- Rows that say the same -----------------------------------------------------------------------
+
+
+_HELD, _HELD_ROWS, _AROUND = 2.0, 3, 50  # s, and rows in turn, that stand; rows on both sides that tell what is usual
+_SEVERAL = 2  # columns that hardly ever stand: one alone is a sensor that froze
+_SURE = 1e-9  # chance that temperatures and speeds of a robot that was logged all the while would stand so long
+
+
+def held_rows(values: Mapping[str, FloatArray]) -> list[tuple[int, int]]:
+    """First and last of rows in which all columns stand, though some hardly ever do: rows that the logger repeated.
+
+    Torques may stand, as they were asked for, and so may what is zero.
+
+    Args:
+        values: time [s] and the quantities, (n,) each.
+    """
+    time, channels = values["time"], {key: channel for key, channel in values.items() if key != "time"}
+    alike = np.ones(max(time.size - 1, 0), dtype=bool)
+    for channel in channels.values():
+        alike &= channel[1:] == channel[:-1]
+    edges = np.flatnonzero(np.diff(alike, prepend=False, append=False))
+    measured = [channel for key, channel in channels.items() if key.startswith(("temperature.", "velocity."))]
+    lively = [x for x in measured if alike.any() and _back_and_forth(np.diff(x)) > (1 - _LIVELY) * alike.size]
+    held = []
+    for first, last in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+        if last - first < _HELD_ROWS or time[last] - time[first] < _HELD:
+            continue
+        beside = np.r_[max(first - _AROUND, 0) : first, last : min(last + _AROUND, alike.size)]
+        beside = beside[~alike[beside]]
+        moves = [_back_and_forth(x[beside + 1] - x[beside]) for x in lively if x[first] != 0]
+        shares = [(beside.size - count + 1) / (beside.size + 2) for count in moves]
+        telling = [share for share in shares if share < _LIVELY]
+        if len(telling) >= _SEVERAL and (last - first) * np.log(telling).sum() < np.log(_SURE):
+            held.append((first + 1, last))
+    return held
+
+
+def _back_and_forth(moves: FloatArray) -> int:
+    """How many of a channel's moves are noise: on average, every second one turns back."""
+    moves = moves[np.abs(moves) > 0]
+    return min(moves.size, 2 * int(np.count_nonzero(moves[1:] * moves[:-1] < 0)))
+
+
 # --- Channels that say the same -------------------------------------------------------------------
 
 
@@ -534,28 +554,101 @@ _TOGETHER = 0.5
 of 1 K, give the same number in 99 of 100 rows, but cross a step at different ones."""
 
 
-def duplicates(values: Mapping[str, FloatArray]) -> dict[str, str]:
-    """Of temperature channels that say the same the later ones, each with the first.
+def duplicates(values: Mapping[str, FloatArray], loads: Mapping[str, FloatArray] | None = None) -> dict[str, str]:
+    """Of channels that say the same the later ones, each with the first.
 
     Args:
-        values: by channel, (n,) degC each.
+        values: by channel, (n,) degC or SI each.
+        loads: by channel what goes with the square root of the heat put in there, (n,) each: two parts with other
+            heats have other temperatures, though their noise is not the same.
     """
     pairs: dict[str, str] = {}
     names = list(values)
+    slow = {name: _means(values[name]) for name in names if name in (loads or {})}
     for number, name in enumerate(names):
         for earlier in names[:number]:
-            equal = int(np.count_nonzero(values[name] == values[earlier]))
-            if equal < _FEWEST:  # the usual case, said by one look at millions of rows
+            if earlier in pairs:
                 continue
-            both = np.isfinite(values[name]) & np.isfinite(values[earlier])
-            if equal < _ALIKE * np.count_nonzero(both):
-                continue
-            one, other = np.diff(values[name][both]), np.diff(values[earlier][both])
-            changes = np.count_nonzero(one)
-            if earlier in pairs or changes < _FEWEST or np.ptp(values[name][both]) < _MOVED:
-                continue
-            if np.count_nonzero((one == other) & (one != 0)) < _TOGETHER * changes:
-                continue
-            pairs[name] = earlier
-            break
+            if _is_copy(values[name], values[earlier]) or (
+                loads and name in slow and earlier in slow and _is_as_warm(values, slow, loads, name, earlier)
+            ):
+                pairs[name] = earlier
+                break
     return pairs
+
+
+def same_loads(values: Mapping[str, FloatArray]) -> dict[str, str]:
+    """Torques and currents that are number by number those of another joint, which moves otherwise, with that other.
+
+    Two joints that are made alike, and commanded alike, have one speed as well.
+    """
+    pairs = {}
+    for quantity in HEATS:
+        names = [key for key in values if key.startswith(f"{quantity}.")]
+        for number, name in enumerate(names):
+            for earlier in names[:number]:
+                one, other = (f"velocity.{key.partition('.')[2]}" for key in (name, earlier))
+                alike = one in values and other in values and _is_copy(values[one], values[other], moved=0.0)
+                if not alike and _is_copy(values[name], values[earlier], moved=0.0, levels=_MEASURED):
+                    pairs[name] = earlier
+                    break
+    return pairs
+
+
+_MEASURED = 50  # numbers that a measured channel takes; fewer are what was asked for
+
+
+def _is_copy(one: FloatArray, other: FloatArray, moved: float = _MOVED, levels: int = 0) -> bool:
+    """Whether two channels give the same numbers, and move by so much, through so many numbers."""
+    equal = int(np.count_nonzero(one == other))
+    if equal < _FEWEST:  # the usual case, said by one look at millions of rows
+        return False
+    both = np.isfinite(one) & np.isfinite(other)
+    if equal < _ALIKE * np.count_nonzero(both):
+        return False
+    moves, others = np.diff(one[both]), np.diff(other[both])
+    changes = np.count_nonzero(moves)
+    if changes < _FEWEST or np.ptp(one[both]) < moved or np.unique(one[both]).size < levels:
+        return False
+    return bool(np.count_nonzero((moves == others) & (moves != 0)) >= _TOGETHER * changes)
+
+
+_BLOCKS = 100  # parts of a log
+_WARMED, _SAME = 5.0, 0.02  # K, by which both move; of it, by which they may differ
+_APART, _LEAST_APART = 5.0, 0.1  # times what they differ by, K: so far apart would other heats bring them
+_ROUNDED, _LAG = 0.1, 0.1  # of the noise, which blocks may differ by beside; of the log, in which a slow part warms
+
+
+def _is_as_warm(
+    values: Mapping[str, FloatArray],
+    slow: Mapping[str, FloatArray],
+    loads: Mapping[str, FloatArray],
+    one: str,
+    other: str,
+) -> bool:
+    """Whether two parts are as warm as each other to their noise, though the heat that is put in is not the same."""
+    apart = slow[one] - slow[other]
+    if not np.isfinite(apart).all():
+        return False
+    moved, differ = float(min(np.ptp(slow[one]), np.ptp(slow[other]))), float(np.sqrt(np.mean(apart**2)))
+    if moved < _WARMED or differ > _SAME * moved:
+        return False
+    noise = float(np.nanstd(np.diff(values[one] - values[other]))) / np.sqrt(2)
+    if differ > (2 / np.sqrt(max(values[one].size // _BLOCKS, 1)) + _ROUNDED) * noise:
+        return False
+    # What would make their temperatures differ: the heats, as a slow part means them, scaled to be as alike as can be.
+    a, b = (_lagged(_means(np.square(loads[name]))) for name in (one, other))
+    if not a @ a > 0 or not b @ b > 0:
+        return False
+    left = a - b * float(a @ b / (b @ b))
+    return float(np.ptp(left) / np.ptp(a)) * moved > _APART * max(differ, _LEAST_APART)
+
+
+def _means(values: FloatArray) -> FloatArray:
+    return means_of_blocks(values, max(values.size // _BLOCKS, 1))
+
+
+def _lagged(heat: FloatArray) -> FloatArray:
+    """A heat as a part follows it that warms within a tenth of the log."""
+    weights = np.exp(-np.arange(heat.size) / (_LAG * heat.size))
+    return np.convolve(np.nan_to_num(heat), weights)[: heat.size]

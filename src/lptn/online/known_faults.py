@@ -16,6 +16,8 @@ _KINDS: dict[str, Kind] = {
     "clamped": "clamped",
     "dead": "dead",
     "code": "dead",
+    "disconnected": "dropout",
+    "wrap": "dropout",
     "spike": "spikes",
     "duplicate": "duplicate",
 }

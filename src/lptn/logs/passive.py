@@ -1,0 +1,400 @@
+"""Which readings of a temperature channel one passive, heated part could have given.
+
+A part with a heat capacity moves at a bounded rate, and faster only with the heat that is put in. So a channel is cut
+where it moves as no part of a robot does, within a row or within half a minute. Of the stretches between these cuts the
+longest chain is believed through which one part can have passed; rather one that begins as warm as the rest of the
+robot, and hardly one that is colder than all that surrounds it. What is not of that chain is no reading, whatever it
+came from: a broken wire, a short, a code, a spike, a filter that starts, a plug that comes loose, a counter that turns,
+another unit from some row on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from lptn.basics.arrays import BoolArray, FloatArray, IntArray
+
+Kind = Literal["spike", "code", "dead", "disconnected", "wrap"]
+
+
+_LEAP = 3.0  # K, beside noise: so much any part may seem to move at once
+_NOISE, _STEPS = 8.0, 2.5  # times the usual move from reading to reading; steps of a coarse sensor
+_RATE = 1.0  # K/s: a winding at stall warms as fast, for some seconds
+_ALONE = 0.5  # of a move from row to row, that the moves beside it have at the most: a part that goes fast goes on so
+_SAMPLED = 2.0  # s between readings: in more a small part goes on no longer
+_QUICK = 10.0  # s between readings: in more a winding may warm and cool again by any number
+_SLOW_LEAP = 30.0  # K, then
+_WINDOWS = (3.0, 10.0, 30.0)  # s, within which a filter, or a wire that corrodes, lets a channel leave
+_FEWEST = 20  # readings, to know what a sensor is like
+_SAMPLE = 100_000  # moves, of which the usual one is taken
+_BEGINS, _COLDER = 6.0, 10.0  # K, from the start of the others; below all of them
+_HOTTEST = 300.0  # degC: insulation of the best class bears 240, magnets less
+_FIRST, _LAST = 3.0, 0.1  # times that a stretch counts that begins as warm as the others; that no part can have
+_EDGE = 5  # readings at the ends of a stretch, whose middle value is taken
+_MOST = 2000  # stretches; in more pieces a channel is noise, and nothing is known of it
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """What other channels say of a part.
+
+    Args:
+        start: degC, what the others begin at; NaN where there is none.
+        coldest: degC, the least that any of them has for long; −inf where there is none.
+        load: (n,) whose square goes with the heat put in, as torque or current; None where nothing says it.
+        air: (n,) degC; None where it is not logged, or is this channel.
+    """
+
+    start: float = np.nan
+    coldest: float = -np.inf
+    load: FloatArray | None = None
+    air: FloatArray | None = None
+
+
+class Off(NamedTuple):
+    """Readings that are none.
+
+    Args:
+        kind: "code" for a number that stands again and again, "dead" for one that stands for a minute, "spike" for
+            single readings, "wrap" where all leaps are alike, "disconnected" for all else.
+        value: the number, or the middle one, degC; of spikes and of a counter that wraps how far they leap, K.
+        rows: which of the channel's, shape (n,).
+    """
+
+    kind: Kind
+    value: float
+    rows: BoolArray
+
+
+def off(time: FloatArray, values: FloatArray, resolution: float = 0.0, around: Surroundings | None = None) -> list[Off]:
+    """The readings that no passive part could have given with the others.
+
+    Args:
+        time: (n,) s.
+        values: (n,) degC, NaN where missing.
+        resolution: the sensor's steps [K], 0 for none.
+        around: what is known of the part.
+    """
+    there = np.flatnonzero(np.isfinite(values))
+    if there.size < _FEWEST:
+        return []
+    around = around or Surroundings()
+    channel = _Channel(time[there], values[there], resolution, around, there)
+    cuts = channel.cuts()
+    begins, ends = _stretches(cuts)
+    if begins.size > _MOST or not begins.size:
+        return []
+    kept = np.ones(there.size, dtype=bool)
+    if cuts.any():
+        kept[:] = False
+        believed = _chain(channel, begins, ends)
+        for begin, end in _trimmed(channel, begins[believed], ends[believed], cuts):
+            kept[begin : end + 1] = True
+    for begin, end in channel.at_the_air(kept):
+        kept[begin : end + 1] = False
+    out = np.zeros(values.size, dtype=bool)
+    out[there[~kept]] = True
+    turn = channel.turn(cuts, kept)
+    if turn:
+        return [Off("wrap", turn, out)]
+    return list(_named(time, values, out, channel.every))
+
+
+def leaps_by_heat(time: FloatArray, values: FloatArray, stretch: BoolArray, around: Surroundings) -> bool:
+    """Whether a change of the heat put in explains how a channel goes into a stretch, or out of it.
+
+    Args:
+        time: (n,) s.
+        values: (n,) degC, NaN where missing.
+        stretch: its rows, shape (n,).
+        around: what is known of the part.
+    """
+    there = np.flatnonzero(np.isfinite(values))
+    channel = _Channel(time[there], values[there], 0.0, around, there)
+    inside = stretch[there]
+    ends = np.flatnonzero(inside[1:] != inside[:-1])
+    rows = max(1, round(_WINDOWS[0] / channel.every)) if channel.every > 0 else 1
+    ends = np.minimum(ends, max(there.size - 1 - rows, 0))
+    ends = ends[np.abs(channel.readings[ends + rows] - channel.readings[ends]) > _LEAP]
+    return bool(channel.heated(ends, rows).any())
+
+
+class _Channel:
+    """A channel's readings, and what it moves by."""
+
+    def __init__(
+        self, stamps: FloatArray, readings: FloatArray, resolution: float, around: Surroundings, rows: IntArray
+    ) -> None:
+        self.stamps, self.readings, self.around, self._rows = stamps, readings, around, rows
+        self._resolution = resolution
+        apart, moves = np.diff(stamps), np.abs(np.diff(readings))
+        thin = max(1, apart.size // _SAMPLE)
+        self.every = float(np.median(apart[::thin]))
+        self.least = max(_LEAP, _STEPS * resolution if resolution > 0 else _NOISE * float(np.median(moves[::thin])))
+
+    @cached_property
+    def _heat(self) -> FloatArray:
+        """What goes with the heat put in at each reading; nothing where that is not known."""
+        load = self.around.load
+        return np.zeros(0) if load is None else np.square(np.nan_to_num(load[self._rows]))
+
+    def cuts(self) -> IntArray:
+        """For each step from reading to reading whether no part makes it: 1 alone, 2 as a part of a slow leap."""
+        moves, apart = np.diff(self.readings), np.diff(self.stamps)
+        size, quick = np.abs(moves), apart <= _QUICK
+        cuts = np.zeros(moves.size, dtype=np.int64)
+        suspects = np.flatnonzero(size > np.where(quick, self.least, max(self.least, _SLOW_LEAP)))
+        if suspects.size:
+            padded = np.concatenate(([0.0], moves, [0.0]))
+            before, after = padded[suspects], padded[suspects + 2]
+            own, direction = size[suspects], np.sign(moves[suspects])
+            # What goes away and comes back at once is no heat.
+            back = np.maximum(-before * direction, -after * direction) > self.least
+            alone = np.maximum(before * direction, after * direction) < _ALONE * own
+            known = (apart[suspects] <= _SAMPLED) | (self.around.load is not None) | self._nowhere(suspects + 1)
+            far = own > self.least + _RATE * np.minimum(apart[suspects], _QUICK)
+            leap = (back & quick[suspects]) | (far & alone & known)
+            cuts[suspects[leap & ~self.heated(suspects, 1)]] = 1
+        for window in _WINDOWS:
+            rows = round(window / self.every) if self.every > 0 else 0
+            if 2 <= rows < self.readings.size:
+                self._cut_slow(cuts, window, rows)
+        return cuts
+
+    def _cut_slow(self, cuts: IntArray, window: float, rows: int) -> None:
+        """Mark the steps of windows in which the channel goes as far as no part does."""
+        moves = self.readings[rows:] - self.readings[:-rows]
+        suspects = np.flatnonzero(np.abs(moves) > self.least + _RATE * window)
+        if not suspects.size:
+            return
+        passed = np.concatenate(([0], np.cumsum(cuts > 0)))
+        inside = passed[suspects + rows] == passed[suspects]
+        suspects = suspects[inside & (self.stamps[suspects + rows] - self.stamps[suspects] < 2 * window)]
+        impossible = self._nowhere(suspects + rows) | self._nowhere(suspects)
+        if self.around.load is not None:
+            # A log may begin where a small part is hot, and cools: then it is as quick later on.
+            later = moves[self.stamps[: moves.size] > self.stamps[0] + 2 * _BEGINNING]
+            usual = float(np.quantile(np.abs(later), _NEARLY_ALL)) if later.size else np.inf
+            cools = (self.stamps[suspects] < self.stamps[0] + _BEGINNING) & (moves[suspects] < 0)
+            impossible |= ~self.heated(suspects, rows) & (~cools | (np.abs(moves[suspects]) > _QUICKER * usual))
+        edges = np.zeros(cuts.size + 1, dtype=np.int64)
+        np.add.at(edges, suspects[impossible], 1)
+        np.add.at(edges, suspects[impossible] + rows, -1)
+        cuts[(np.cumsum(edges)[:-1] > 0) & (cuts == 0)] = 2
+
+    def turn(self, cuts: IntArray, kept: BoolArray) -> float:
+        """By how much a channel leaps whose leaps are alike, and that goes on between them [K]; 0 for any other."""
+        leaps = np.diff(self.readings)[cuts == 1]
+        if leaps.size < _ALIKE or leaps.min() > 0 or leaps.max() < 0:
+            return 0.0
+        if np.count_nonzero(~kept) < _EDGE * leaps.size / 2 or np.unique(self.readings[~kept]).size < _EDGE:
+            return 0.0
+        middle = float(np.median(np.abs(leaps)))
+        near = np.abs(np.abs(leaps) - middle) <= max(_OF_TURN * middle, self.least / 2)
+        return middle if middle > 2 * self.least and near.mean() > _MOSTLY else 0.0
+
+    def at_the_air(self, kept: BoolArray) -> list[tuple[int, int]]:
+        """Stretches in which a channel stays at the air's temperature, though as much heat comes as warmed it before.
+
+        A sensor that has come off its part shows the air. What is left out begins where it left the part.
+        """
+        if self.around.load is None or self.around.air is None:
+            return []
+        thin = max(1, kept.size // _THINNED)
+        few = self._thinned(thin)
+        found = few._at_the_air(np.where(kept[::thin], few.readings - self.around.air[few._rows], np.nan))
+        return [(begin * thin, min((end + 1) * thin, kept.size) - 1) for begin, end in found]
+
+    def _thinned(self, thin: int) -> _Channel:
+        """Every so many readings of it."""
+        if thin == 1:
+            return self
+        return _Channel(self.stamps[::thin], self.readings[::thin], self._resolution, self.around, self._rows[::thin])
+
+    def _at_the_air(self, warmth: FloatArray) -> list[tuple[int, int]]:
+        warm = np.flatnonzero(warmth > _WARM)
+        cold = np.abs(warmth) < max(_AT_AIR, self.least / 2)
+        if not warm.size or not cold.any():
+            return []
+        energy = np.concatenate(([0.0], np.cumsum(self._heat[:-1] * np.minimum(np.diff(self.stamps), _QUICK))))
+        starts = np.flatnonzero(cold[: warm[0]])
+        if not starts.size:  # it was warm from the first: nothing says what warms it
+            return []
+        needed, span = float(energy[warm[0]] - energy[starts[-1]]), 2 * int(warm[0] - starts[-1])
+
+        def most(begin: int, end: int) -> float:
+            """The heat put in within `span` rows between two of them, at the most."""
+            return float((energy[np.minimum(np.arange(begin, end + 1) + span, end)] - energy[begin : end + 1]).max())
+
+        if most(0, int(starts[-1])) > needed:  # as much came while it was cold: what warmed it is another's
+            return []
+        edges = np.flatnonzero(np.diff(cold, prepend=False, append=False))
+        rows = max(1, round(2 * _WINDOWS[-1] / self.every))
+        falls = self.readings[rows:] - self.readings[:-rows] < -self.least / _PARTS
+        stretches = []
+        for begin, end in zip(edges[::2].tolist(), (edges[1::2] - 1).tolist(), strict=True):
+            if begin < warm[0] or most(begin, end) <= _TIMES * needed:
+                continue
+            holds = np.flatnonzero(~falls[: max(begin - rows, 0)])
+            stretches.append((int(holds[-1]) + 1 if holds.size else begin, end))
+        return stretches
+
+    def _nowhere(self, at: IntArray) -> BoolArray:
+        """Whether readings are where no part of this robot is."""
+        readings = self.readings[at]
+        return np.asarray((readings < self.around.coldest - _COLDER) | (readings > _HOTTEST))
+
+    def heated(self, at: IntArray, rows: int) -> BoolArray:
+        """Whether a change of the heat put in explains moves over some rows: one as large moves it alike elsewhere."""
+        if self.around.load is None or not at.size:
+            return np.zeros(at.size, dtype=bool)
+        total = np.concatenate(([0.0], np.cumsum(self._heat)))
+        back, lag = max(1, round(_BEFORE / self.every)), round(_LAG / self.every)
+        k = np.arange(self.readings.size - rows)
+        middle, first, last = np.maximum(k - lag, 0), np.maximum(k - lag - back, 0), k + rows
+        after = (total[last] - total[middle]) / (last - middle)
+        change = after - (total[middle] - total[first]) / back  # before the log there was none
+        moves = self.readings[rows:] - self.readings[:-rows]
+        explained = np.zeros(at.size, dtype=bool)
+        for number, k_at in enumerate(at.tolist()):
+            if change[k_at] * moves[k_at] <= 0:
+                continue
+            alike = np.sign(change[k_at]) * change >= _AS_LARGE * abs(change[k_at])
+            gain = float(np.quantile(moves[alike] / change[alike], _NEARLY))
+            explained[number] = abs(moves[k_at]) <= _GAIN * gain * abs(change[k_at])
+        return explained
+
+
+_ALIKE, _OF_TURN, _MOSTLY = 4, 0.03, 0.8  # leaps; of a turn; share of the leaps
+_THINNED = 20_000  # readings, of which some tell whether a sensor is at the air for minutes
+_WARM, _AT_AIR, _TIMES = 6.0, 1.5, 2.0  # K above the air; K from it; times the heat that warmed it in as long
+_PARTS = 6  # of what a channel may move by at once: so much it falls in a minute, at least, on its way to the air
+_BEFORE, _LAG = 20.0, 2.0  # s, in which the heat before is meant; by which a sensor may come late
+_AS_LARGE, _NEARLY, _GAIN = 0.5, 0.9, 3.0  # of a change of heat; share of such moves; times the largest of these
+_NEARLY_ALL = 0.98  # of a channel's moves
+_BEGINNING, _QUICKER = 60.0, 12.0  # s; times what it does elsewhere
+
+
+def _stretches(cuts: IntArray) -> tuple[IntArray, IntArray]:
+    """First and last reading of each stretch without a cut; readings within a slow leap are of none."""
+    slow = (np.append(cuts[:1], cuts) == 2) & (np.append(cuts, cuts[-1:]) == 2)
+    begins = np.flatnonzero(np.append(True, cuts > 0) & ~slow)
+    return begins, np.flatnonzero(np.append(cuts > 0, True) & ~slow)
+
+
+def _chain(channel: _Channel, begins: IntArray, ends: IntArray) -> IntArray:
+    """The numbers of the stretches through which one part can have passed, and which hold the most readings."""
+    stamps, readings, around = channel.stamps, channel.readings, channel.around
+    size = np.minimum(_EDGE, ends - begins + 1)
+    first = np.array([np.median(readings[b : b + n]) for b, n in zip(begins, size, strict=True)])
+    last = np.array([np.median(readings[e + 1 - n : e + 1]) for e, n in zip(ends, size, strict=True)])
+    still = np.array([np.ptp(readings[b : e + 1]) == 0 for b, e in zip(begins, ends, strict=True)])
+    still &= (stamps[ends] - stamps[begins] >= _LONG) & ~still.all()
+    nowhere = (np.maximum(first, last) < around.coldest - _COLDER) | (np.minimum(first, last) > _HOTTEST)
+    weight = (ends - begins + 1.0) * np.where(still | nowhere, _LAST, 1.0)
+    if abs(first[0] - around.start) < _BEGINS and not still[0]:
+        weight[0] *= _FIRST
+    rate = _usual_rate(channel, begins, ends)
+    score, before = weight.copy(), np.full(begins.size, -1)
+    for k in range(1, begins.size):
+        apart = stamps[begins[k] + size[k] // 2] - stamps[ends[:k] - size[:k] // 2]
+        near = np.abs(first[k] - last[:k]) <= channel.least + rate * apart
+        if near.any():
+            best = int(np.argmax(np.where(near, score[:k], -np.inf)))
+            score[k], before[k] = weight[k] + score[best], best
+    chain = [int(np.argmax(score))]
+    while before[chain[-1]] >= 0:
+        chain.append(int(before[chain[-1]]))
+    return np.array(chain[::-1])
+
+
+def _usual_rate(channel: _Channel, begins: IntArray, ends: IntArray) -> float:
+    """How fast a channel goes where it goes fast, within its longest stretches [K/s]."""
+    rows = max(1, round(_WINDOWS[-1] / channel.every))
+    rates = [np.zeros(1)]
+    for k in np.argsort(begins - ends)[:_EDGE]:
+        stamps, readings = (x[begins[k] : ends[k] + 1] for x in (channel.stamps, channel.readings))
+        if stamps.size > rows:
+            rates.append(np.abs(readings[rows:] - readings[:-rows]) / (stamps[rows:] - stamps[:-rows]))
+    return 2 * float(np.quantile(np.concatenate(rates), 0.9))
+
+
+def _trimmed(channel: _Channel, begins: IntArray, ends: IntArray, cuts: IntArray) -> Iterator[tuple[int, int]]:
+    """Believed stretches without what is left of a slow leap at their ends, where they still move faster than usual."""
+    rows = max(1, round(_WINDOWS[1] / channel.every))
+    for begin, end in zip(begins.tolist(), ends.tolist(), strict=True):
+        if end - begin > rows + _FEWEST:
+            moves = np.abs(channel.readings[begin + rows : end + 1] - channel.readings[begin : end + 1 - rows])
+            calm = np.flatnonzero(moves <= 2 * float(np.quantile(moves, 0.9)))
+            if begin > 0 and cuts[begin - 1] == 2 and calm[0] > 0:
+                begin = min(begin + int(calm[0]) + _TAIL * rows, end)
+            if end < channel.readings.size - 1 and cuts[end] == 2 and calm[-1] < moves.size - 1:
+                end = max(end - (moves.size - 1 - int(calm[-1])) - _TAIL * rows, begin)
+        yield begin, end
+
+
+_TAIL = 3  # times ten seconds, in which the rest of a filter's way is lost in what is usual
+
+
+_LONG = 60.0  # s, of one number
+CODES = (0.0, -127.0, 85.0, -999.0, 999.0, 127.0, 255.0, 65535.0, 32767.0, -32768.0)
+"""degC that failing sensors are known to give: DS18B20 at power-up (85) and disconnected (-127), codes of drives and of
+converters of 8 and 16 bit."""
+_AGAIN, _OF_ALL = 3, 0.2  # times, and share of all that is left out, that one number comes back as a code
+_TOO_HOT = 150.0  # degC: a number beyond, or below its negative, may be a code though it occurs but once
+
+
+def _named(time: FloatArray, values: FloatArray, out: BoolArray, every: float) -> Iterator[Off]:
+    """What the readings are that are left out: those of one number together, single ones, and each long stretch."""
+    there = np.flatnonzero(np.isfinite(values))
+    left = out[there]
+    edges = np.flatnonzero(np.diff(left, prepend=False, append=False))
+    runs = [there[a:b] for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    by_value: dict[float, list[IntArray]] = {}
+    rest = []
+    for rows in runs:
+        same = bool((values[rows] == values[rows[0]]).all())
+        if same and time[rows[-1]] - time[rows[0]] >= _LONG:
+            yield _off("dead", float(values[rows[0]]), [rows], values.size)
+        elif same:
+            by_value.setdefault(float(values[rows[0]]), []).append(rows)
+        else:
+            rest.append(rows)
+    single = []
+    for value, own in by_value.items():
+        often = len(own) >= max(_AGAIN, _OF_ALL * len(runs)) or any(rows.size > 1 for rows in own)
+        if often and min(rows.size for rows in own) > 1:  # it is one where the part is nearly as warm, too
+            own = [*own, *_alike(values, value, out, min(rows.size for rows in own) // 2)]
+        if often or value in CODES or abs(value) > _TOO_HOT:
+            yield _off("code", value, own, values.size)
+        elif every <= _QUICK:
+            single += own
+    if single:
+        leaps = [abs(values[rows[0]] - _beside(values, out, int(rows[0]))) for rows in single]
+        yield _off("spike", float(max(leaps)), single, values.size)
+    for rows in rest:
+        yield _off("disconnected", float(np.median(values[rows])), [rows], values.size)
+
+
+def _alike(values: FloatArray, value: float, out: BoolArray, least: int) -> list[IntArray]:
+    """Rows that are not left out and that give a number more than so often in turn."""
+    edges = np.flatnonzero(np.diff((values == value) & ~out, prepend=False, append=False))
+    return [np.arange(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a > least]
+
+
+def _beside(values: FloatArray, out: BoolArray, row: int) -> float:
+    """The nearest reading that is believed."""
+    good = np.flatnonzero(np.isfinite(values) & ~out)
+    at = int(np.searchsorted(good, row))
+    return float(values[good[min(at, good.size - 1)]]) if good.size else np.nan
+
+
+def _off(kind: Kind, value: float, runs: list[IntArray], size: int) -> Off:
+    rows = np.zeros(size, dtype=bool)
+    rows[np.concatenate(runs)] = True
+    return Off(kind, value, rows)

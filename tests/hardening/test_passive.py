@@ -1,0 +1,186 @@
+"""Readings that no heated, passive part could have given are left out; what a part can do is believed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+import pytest
+
+from lptn.logs.columns import ColumnSource
+from lptn.logs.issue import Issue
+from lptn.logs.reading import read_log
+
+Array = npt.NDArray[np.float64]
+CAPACITY, RESISTANCE, WINDING = 300.0, 5.0, 0.2  # J/K, K/W, ohm
+KNEE = "temperature.knee"
+
+
+def _knee(
+    air: float = 25.0, start: float = 25.0, step: float = 1.0, capacity: float = CAPACITY, scale: float = 1.0
+) -> tuple[Array, Array, Array]:
+    """An hour of one mass that a current heats in steps of a minute: time, current, temperature."""
+    time = np.arange(0.0, 3600.0, step)
+    levels = np.random.default_rng(1).choice([0.0, 2.0, 4.0, 6.0, 8.0, 5.0], size=60) * scale
+    current = levels[(time // 60).astype(int)]
+    temperature = np.empty(time.size)
+    temperature[0] = start
+    for k in range(time.size - 1):
+        end = air + RESISTANCE * WINDING * current[k] ** 2
+        temperature[k + 1] = end + (temperature[k] - end) * np.exp(-step / capacity / RESISTANCE)
+    return time, current, temperature
+
+
+def _log(time: Array, current: Array, readings: Array, air: float = 25.0) -> pd.DataFrame:
+    return pd.DataFrame({"time": time, KNEE: readings.round(2), "current.knee": current, "temperature.ambient": air})
+
+
+def _read(log: pd.DataFrame, columns: dict[str, ColumnSource] | None = None) -> tuple[Array, tuple[Issue, ...]]:
+    (run,) = read_log(
+        log, columns or {}, inputs=["current.knee", "temperature.ambient"], outputs=[KNEE], strict=False, step=None
+    )
+    return run.columns[KNEE], run.issues
+
+
+def _dies(since: Array, constant: float) -> Array:
+    return np.exp(-np.maximum(since, 0.0) / constant)
+
+
+Fault = Callable[[Array, Array, np.random.Generator], Array]
+FAULTS: dict[str, Fault] = {
+    "an open thermistor": lambda t, x, r: np.where((t > 1500) & (t < 2200), r.normal(-94.6, 0.3, t.size), x),
+    "an open Pt100": lambda t, x, r: np.where((t > 1500) & (t < 2200), r.normal(850, 3, t.size), x),
+    "a shorted Pt100": lambda t, x, r: np.where((t > 1500) & (t < 2200), r.normal(-88.6, 2, t.size), x),
+    "open for 5 s, each 5 min": lambda t, x, r: np.where(t % 300 > 294, r.normal(-40, 1, t.size), x),
+    "open from the first row on": lambda t, x, r: np.where(t < 900, r.normal(-40, 0.5, t.size), x),
+    "opens slowly": lambda t, x, _: np.where(t > 2400, -50 + 90 * _dies(t - 2400, 20), x),
+    "opens through a filter of 2 s": lambda t, x, _: np.where(t > 2400, -50 + 90 * _dies(t - 2400, 2), x),
+    "a filter that begins 117 K above": lambda t, x, _: x + 117 * np.exp(-t / 20),
+    "a filter that begins 60 K below": lambda t, x, _: x - 60 * np.exp(-t / 12),
+    "comes loose": lambda t, x, r: np.where(t > 1800, r.normal(25 + 15 * _dies(t - 1800, 100), 0.05), x),
+    "jumps by 30 K": lambda t, x, _: np.where(t > 2000, x + 30, x),
+    "jumps down by 12 K": lambda t, x, _: np.where(t > 2000, x - 12, x),
+    "in degF from the middle on": lambda t, x, _: np.where(t > 1900, 1.8 * x + 32, x),
+    "turns at 44 K": lambda _, x, __: np.where(np.round(x * 64) >= 44 * 64, x - 44, x),
+    "turns at 40 K": lambda _, x, __: np.where(x >= 40, x - 40, x),
+    "falls to 25.0 for 20 s": lambda t, x, _: np.where(t % 300 < 20, 25.0, x),
+    "rises to 99.5 for 7 s": lambda t, x, _: np.where(t % 200 < 7, 99.5, x),
+}
+
+
+@pytest.mark.parametrize("step", [0.2, 1.0, 5.0])
+@pytest.mark.parametrize("fault", FAULTS)
+def test_what_no_part_could_have_given_is_left_out_and_said(fault: str, step: float) -> None:
+    time, current, true = _knee(step=step)
+    rng = np.random.default_rng(3)
+    readings = FAULTS[fault](time, true + rng.normal(0, 0.05, time.size), rng)
+    (run,) = read_log(
+        _log(time, current, readings), inputs=["current.knee", "temperature.ambient"], outputs=[KNEE], step=step
+    )
+    assert {issue.key for issue in run.issues} == {KNEE}
+    taken, truth, given = run.columns[KNEE], np.interp(run.time, time, true), np.interp(run.time, time, readings)
+    wrong, false = np.abs(given - truth) > 2.5, np.abs(taken - truth) > 2.5
+    assert false.sum() <= 0.02 * wrong.sum()
+    assert np.isnan(taken[~wrong]).mean() < 0.12
+
+
+HEALTHY: dict[str, dict[str, float]] = {
+    "a knee": {},
+    "in the cold": {"air": -20.0, "start": -20.0},
+    "that comes out of a warm room": {"air": -20.0, "start": 22.0},
+    "that begins hot": {"start": 120.0},
+    "that comes out of a fridge": {"start": -15.0},
+    "of a small mass": {"capacity": 4.0},
+    "of a mass smaller still": {"capacity": 1.0},
+    "of an oven": {"scale": 1.7},
+}
+
+
+@pytest.mark.parametrize("steps", [0.0, 0.1, 1.0])
+@pytest.mark.parametrize("step", [0.2, 1.0, 5.0, 20.0])
+@pytest.mark.parametrize("robot", HEALTHY)
+def test_of_a_part_that_its_heat_explains_nothing_is_said(robot: str, step: float, steps: float) -> None:
+    time, current, true = _knee(**HEALTHY[robot], step=step)
+    readings = true + np.random.default_rng(4).normal(0, 0.05, time.size)
+    readings = np.round(readings / steps) * steps if steps else readings
+    taken, issues = _read(_log(time, current, readings, HEALTHY[robot].get("air", 25.0)))
+    assert [issue.sentence for issue in issues] == []
+    assert np.isfinite(taken).all()
+
+
+def test_a_jump_of_all_channels_is_said_of_each_and_the_log_is_cut_where_the_air_jumps() -> None:
+    time, current, true = _knee()
+    rng = np.random.default_rng(5)
+    log = _log(time, current, true + rng.normal(0, 0.05, time.size) + 28.0 * (time > 2100))
+    log["temperature.ambient"] = 25.0 + rng.normal(0, 0.03, time.size) + 31.0 * (time > 2100)
+    run, *_ = read_log(log, inputs=["current.knee", "temperature.ambient"], outputs=[KNEE])
+    assert {issue.key for issue in run.issues} == {KNEE, "temperature.ambient"}
+    assert run.time[-1] <= 2101
+    assert np.abs(run.columns[KNEE] - true[: len(run)]).max() < 1.0
+
+
+def test_two_parts_as_warm_as_each_other_under_other_loads_are_one_sensor() -> None:
+    time, current, true = _knee()
+    rng = np.random.default_rng(6)
+    hip = true + rng.normal(0, 0.1, time.size)
+    log = _log(time, current, hip).assign(**{"temperature.hip": hip + rng.normal(0, 0.1, time.size)})
+    other = log.assign(**{"current.hip": np.roll(current, 1500)})
+    alike = log.assign(**{"current.hip": current + rng.normal(0, 0.01, time.size)})
+    assert [issue.kind for issue in read_log(other)[0].issues] == ["duplicate"]
+    assert not read_log(alike)[0].issues  # so warm they are by right
+
+
+def test_rows_that_a_logger_repeats_are_left_out_and_a_robot_at_rest_is_logged() -> None:
+    time, current, true = _knee(step=0.1)
+    rng = np.random.default_rng(7)
+    log = _log(time, current + rng.normal(0, 0.1, time.size), true + rng.normal(0, 0.05, time.size))
+    log["velocity.knee"] = rng.normal(0, 1, time.size)
+    names = [name for name in map(str, log) if name != "time"]
+    assert not read_log(log)[0].issues
+    for start in (6000, 17000, 30000):
+        log.loc[start : start + 50, names] = log.loc[start, names].to_numpy()
+    (issue,) = read_log(log)[0].issues
+    assert (issue.key, issue.kind) == ("time", "held")
+
+
+def test_one_torque_in_two_columns_is_said_of_joints_that_move_apart() -> None:
+    time, rng = np.arange(900.0), np.random.default_rng(8)
+    torque, speed = rng.normal(0, 3, 900), rng.normal(0, 1, 900)
+    log = pd.DataFrame({"time": time, "torque.a": torque, "torque.b": torque, "velocity.a": speed})
+    apart, together = log.assign(**{"velocity.b": rng.normal(0, 1, 900)}), log.assign(**{"velocity.b": speed})
+    assert [issue.kind for issue in read_log(apart)[0].issues] == ["duplicate"]
+    assert not read_log(together)[0].issues
+    stated = {"torque.b": ColumnSource(("torque.b",), valid=(-100.0, 100.0))}
+    assert not read_log(apart, stated)[0].issues
+
+
+@pytest.mark.parametrize("offset", [30.0, 40.0, 50.0])
+def test_a_byte_with_an_offset_is_doubted_and_its_line_corrects_it(offset: float) -> None:
+    time, current, true = _knee()
+    log = _log(time, current, np.round(true) + offset)
+    _, issues = _read(log)
+    (issue,) = (issue for issue in issues if issue.kind == "offset")
+    assert issue.corrected is not None
+    taken, left = _read(log, {KNEE: issue.corrected})
+    assert (not left, bool(np.abs(taken - true).max() < 1.0)) == (True, True)
+
+
+def test_a_hot_knee_that_cools_has_no_offset() -> None:
+    time, current, true = _knee(start=65.0)
+    assert not _read(_log(time, current, np.round(true)))[1]
+
+
+@pytest.mark.parametrize(("unit", "shift"), [("degC", 273.15), ("K", 0.0)])
+def test_a_unit_that_is_stated_is_doubted_where_nothing_has_such_temperatures(unit: str, shift: float) -> None:
+    time, current, true = _knee()
+    log = _log(time, current, true + shift)
+    stated = {KNEE: ColumnSource((KNEE,), unit=unit)}
+    _, (issue,) = _read(log, stated)
+    assert (issue.kind, "in the unit that is stated" in issue.problem) == ("unit", True)
+    assert issue.corrected is not None
+    taken, left = _read(log, {KNEE: issue.corrected})
+    assert (not left, bool(np.abs(taken - true).max() < 0.1)) == (True, True)
+    believed = ColumnSource((KNEE,), unit=unit, valid=(-500.0, 500.0))
+    assert not _read(log, {KNEE: believed})[1]
