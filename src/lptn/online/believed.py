@@ -1,6 +1,6 @@
 """Which readings of a run are to be believed, by the model and its own errors: those of sensors that are alive.
 
-Reading by reading a filter leaves out sensors that stand or leap (`aliveness`); of the others, offsets, drifts and
+Reading by reading a filter leaves out sensors that are not alive (`living_sensors`); of the others, offsets, drifts and
 lags that the model's errors don't explain are found by their likelihood ratio (`fault_likelihood`).
 """
 
@@ -47,27 +47,27 @@ def without(run: Run, nodes: tuple[str, ...], left_out: BoolArray) -> Run:
     return replace(run, columns=columns)
 
 
-def standing_or_leaping(estimator: Estimator, bound: BoundRun) -> tuple[BoolArray, list[Doubt]]:
-    """Readings of sensors that stand, and single ones that leap, shape (nodes, n); and those not believed at the end.
+def not_alive(estimator: Estimator, bound: BoundRun) -> tuple[BoolArray, list[Doubt]]:
+    """Readings of sensors that are not alive, shape (nodes, n); and the sensors that are not at the end.
 
     Args:
         estimator: fresh, one that watches its sensors.
         bound: the run.
     """
-    sensors, time = estimator.aliveness, bound.run.time
-    if sensors is None:
+    if estimator.sensors is None:
         raise ValueError("estimator: found one that does not watch its sensors; expected watch=True")
-    left_out = np.zeros(bound.measured.shape, dtype=bool)
+    time, left_out = bound.run.time, np.zeros(bound.measured.shape, dtype=bool)
     estimate: Estimate | None = None
-    silent = sensors.silent
+    lived, lost, stood = (np.zeros(len(left_out), dtype=bool) for _ in range(3))
     for k, latest in enumerate(run_filter(estimator, bound)):
-        estimate = latest
-        left_out[:, k] = sensors.far & np.isfinite(bound.measured[:, k])
-        if (sensors.silent & ~silent).any():  # and so were those before it
-            clocks = sensors.clock - (time[k] - time[: k + 1])
-            left_out[:, : k + 1] |= np.array([sensors.silent_at(clock) for clock in clocks]).T
-        silent = sensors.silent
-        left_out[silent, k] = True
+        estimate, sensors = latest, estimator.sensors
+        lived |= sensors.trusted
+        for node in np.flatnonzero((sensors.lost & ~lost) | (sensors.stands & ~stood)):
+            # No reading of a sensor that was never alive was one; of one that stands the first was.
+            since = sensors.since[node] - sensors.clock + time[k] if sensors.stands[node] else time[k]
+            left_out[node, : k + 1] |= (time[: k + 1] > since) | ~lived[node]
+        lost, stood = sensors.lost.copy(), sensors.stands.copy()
+        left_out[lost, k] = True
     reasons = {} if estimate is None else estimate.untrusted
     nodes = estimator.model.nodes
     return left_out, [Doubt(node, _since(left_out[nodes.index(node)], time), why) for node, why in reasons.items()]

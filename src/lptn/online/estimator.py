@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal, NamedTuple, get_args
+from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
@@ -14,8 +14,8 @@ from lptn.basics.arrays import BoolArray, FloatArray
 from lptn.basics.errors import InputError
 from lptn.basics.parameters import Transform
 from lptn.model.model import Model
-from lptn.online.aliveness import Aliveness
 from lptn.online.augmented_model import AugmentedModel, ModelError, by_node
+from lptn.online.living_sensors import ERROR, LivingSensors
 from lptn.online.quantisation import as_gaussian, coarse_noise
 from lptn.simulate.bound_run import BoundRun
 
@@ -101,25 +101,8 @@ _UNKNOWN = 0.3  # standard deviation of a learnt parameter's coordinate: some 30
 _WALK = 0.05  # how far a learnt parameter's coordinate walks in an hour
 _HOUR, _DAY = 3600.0, 86400.0  # s; what was known a day ago is worth no more than a new start
 _LEAST_NOISE = 0.02  # K; no sensor of a robot is quieter
-_KEPT, _PART = 900.0, 30.0
-"""s: so far back an update can be taken again without a sensor that is found to stand, in parts of so long. What stands
-for longer before it is noticed is one of coarse steps, of which the filter has learnt little meanwhile."""
-
-
-class _Update(NamedTuple):
-    """One update as it was made, to make it again: the time then, inputs, readings that were taken in, length."""
-
-    clock: float
-    u: FloatArray
-    y: FloatArray
-    dt: float
-
-
-class _Part(NamedTuple):
-    """Some updates in turn, and the filter before the first of them: mean, covariance, resting, last inputs."""
-
-    before: tuple[FloatArray, FloatArray, FloatArray, FloatArray]
-    updates: list[_Update]
+_GAP = 600.0  # s; inputs that are held for longer are nobody's: what is known of temperatures begins anew
+_PLAUSIBLE = 6.0  # standard deviations of what may be wrong with the model; more is not learnt of it
 
 
 class Estimator:
@@ -128,11 +111,11 @@ class Estimator:
     The state is the model's own, augmented by what `error` allows and by the doubtful parameters. The covariance
     is corrected in Joseph's form, :math:`(I-KH)P(I-KH)^\top + KRK^\top`, which keeps it positive for any gain.
 
-    It leans on no sensor that is not alive: one that stands bit for bit for longer than its steps, its noise and the
-    movement of the model explain, or that leaps. It then goes on from the model and the other sensors, surer of
-    nothing than its covariance says, `Estimate.untrusted` says why, and what it took from a standing sensor before that
-    was noticed is taken back. A sensor that moves again near what is expected is read again. Offsets and drifts are
-    found by `lptn.monitor`.
+    It leans on no sensor that is not alive (`lptn.online.living_sensors`): beside the estimate go references, one for
+    each sensor, the estimate as it would be without this sensor's readings, carried as differences by the same linear
+    algebra. What contradicts its reference is left out, `Estimate.untrusted` says why, and what it taught is taken
+    back.
+    Drifts and small offsets are found by `lptn.monitor`.
 
     Args:
         model: the model, at the values to start from.
@@ -199,9 +182,16 @@ class Estimator:
         self._z = np.full(layout.size, np.nan)
         self._covariance = np.zeros((len(self._z), len(self._z)))
         self._since_correction = np.eye(len(self._z))
-        self.aliveness = Aliveness(self._noise, self._step) if watch else None
+        self.sensors = LivingSensors(self._noise, self._step) if watch else None
         """What is known of the sensors; `None` where they are not watched."""
-        self._recent: list[_Part] = []
+        nodes = len(model.nodes)
+        self._without = np.zeros((layout.size, nodes))  # by how much the state differs in each sensor's reference
+        self._strayed = np.zeros(nodes)  # K, standard deviation of a reference
+        self._settles = np.zeros(nodes)  # s, time constants of the nodes
+        self._renewed = np.zeros(nodes)  # s of the sensors' clock: when each reference was last set to the estimate
+        self._lived = np.zeros(nodes, dtype=bool)  # sensors that were alive once
+        self._taught = np.zeros(nodes, dtype=bool)  # those taken in since what they taught was last taken back
+        self._unheated = np.array([0.0 if not column.startswith("temperature.") else 1.0 for column in model.inputs])
         self.last: Correction | None = None
         """The linear algebra of the last update's correction; `None` where nothing was read."""
 
@@ -237,24 +227,24 @@ class Estimator:
         """
         u, y = _inputs_of(self.model, inputs), _readings_of(self.model, readings)
         self._refuse_time(dt)
-        self._remember(u, dt)
-        if not self.running:
+        if not self.running or (dt > _GAP and np.isfinite(y).any()):
             self._begin(y, u)
-        self._advance(u, dt)
-        if self.aliveness is None:
+        else:
+            self._advance(u, dt)
+        if self.sensors is None:
             return self._correct(y, np.isfinite(y))
         predicted, by_state = self.augmented.readings(self._z)
-        before = self.aliveness.silent
-        taken, again = self.aliveness.judge(
-            y, predicted, np.einsum("ij,jk,ik->i", by_state, self._covariance, by_state)
-        )
-        if (self.aliveness.silent & ~before).any():
-            self._take_back(self.aliveness, self.aliveness.silent & ~before)
-        if again.any():  # the filter starts anew where it was contradicted
-            where = np.flatnonzero((by_state[again] != 0).any(axis=0) & (np.arange(self.size) < len(self.model.states)))
-            self._covariance[where, where] += _UNREAD**2
-        self._recent[-1].updates[-1].y[:] = np.where(taken, y, np.nan)
-        return self._correct(y, taken)
+        without = np.diag(by_state @ self._without)
+        # Of a sensor that was never alive only its own reference tells anything.
+        alone = self.sensors.lost & ~self._lived
+        variance = np.einsum("ij,jk,ik->i", by_state, self._covariance, by_state)
+        self.sensors.judge(
+            dt, y, predicted + alone * without, np.where(alone, self._strayed**2, variance), predicted + without,
+            self._strayed, np.zeros(y.size), self._settles,
+        )  # fmt: skip
+        for node in np.flatnonzero(np.isfinite(y)):
+            self._follow(self.sensors, int(node), float(y[node] - predicted[node]), bool(alone[node]))
+        return self._correct(y, np.isfinite(y) & ~self.sensors.lost)
 
     def advance(self, inputs: Mapping[str, float], dt: float) -> None:
         """Advance by `dt` seconds without any reading.
@@ -264,7 +254,6 @@ class Estimator:
         """
         u = _inputs_of(self.model, inputs)
         self._refuse_time(dt)
-        self._remember(u, dt)
         if not self.running:
             self._begin(np.full(len(self.model.nodes), math.nan), u)
         self._advance(u, dt)
@@ -320,7 +309,10 @@ class Estimator:
             "covariance": self._covariance.copy(),
             "resting": self._resting.copy(),
             "inputs": self._last_inputs.copy(),
-            "sensors": np.zeros((0, len(self.model.nodes))) if self.aliveness is None else self.aliveness.state(),
+            "sensors": np.zeros((0, len(self.model.nodes))) if self.sensors is None else self.sensors.state(),
+            "references": np.vstack(
+                [self._without, self._strayed, self._settles, self._renewed, self._lived, self._taught]
+            ),
         }
 
     def restore(self, state: Mapping[str, FloatArray]) -> None:
@@ -341,38 +333,71 @@ class Estimator:
         self._covariance = np.array(state["covariance"], dtype=float)
         self._resting = np.array(state["resting"], dtype=float)
         self._last_inputs = np.array(state["inputs"], dtype=float)
-        self._recent = []
-        if self.aliveness is not None:
-            self.aliveness.restore(np.array(state["sensors"], dtype=float))
+        *without, self._strayed, self._settles, self._renewed, lived, taught = np.array(
+            state["references"], dtype=float
+        )
+        self._without, self._lived, self._taught = np.array(without), lived > 0, taught > 0
+        if self.sensors is not None:
+            self.sensors.restore(np.array(state["sensors"], dtype=float))
 
-    def _remember(self, u: FloatArray, dt: float) -> None:
-        """Keep what is needed to make the last updates again."""
-        if self.aliveness is None:
+    def _follow(self, sensors: LivingSensors, node: int, away: float, alone: bool) -> None:
+        """After a sensor was judged: keep, renew or take back what it taught.
+
+        Args:
+            sensors: as they were judged.
+            node: of the sensor.
+            away: its reading less the predicted one [K].
+            alone: whether it was never alive when it was judged.
+        """
+        if sensors.lost[node]:
+            if not sensors.agrees[node] and not self._lived[node]:
+                self._begin_again(node, away, alone)
+            elif self._taught[node] and not sensors.proven[node]:
+                self._take_back(node)
             return
-        self.aliveness.clock += dt
-        now = self.aliveness.clock
-        if not self._recent or now - self._recent[-1].updates[0].clock >= _PART:
-            kept = [part for part in self._recent if now - part.updates[-1].clock <= _KEPT]
-            before = (self._z.copy(), self._covariance.copy(), self._resting.copy(), self._last_inputs.copy())
-            self._recent = [*kept, _Part(before, [])]
-        self._recent[-1].updates.append(_Update(now, u, np.full(len(self.model.nodes), math.nan), dt))
+        if alone:
+            self._take_back(node)
+        self._taught[node] = True
+        if sensors.trusted[node]:
+            self._lived[node] = True
+            if sensors.clock - self._renewed[node] >= self._settles[node]:
+                self._without[:, node] = 0.0
+                self._strayed[node] = math.sqrt(max(self._covariance[node, node], 0.0))
+                self._renewed[node] = sensors.clock
 
-    def _take_back(self, sensors: Aliveness, standing: BoolArray) -> None:
-        """Make the last updates again without the readings of sensors that were found to stand since."""
-        since = float(sensors.since[standing].min())
-        first = max((k for k, part in enumerate(self._recent) if part.updates[0].clock <= since), default=0)
-        self._z, self._covariance, self._resting, self._last_inputs = (a.copy() for a in self._recent[first].before)
-        for number, part in enumerate(self._recent[first:]):
-            if number:
-                state = (self._z, self._covariance, self._resting, self._last_inputs)
-                for kept, value in zip(part.before, state, strict=True):
-                    kept[:] = value
-            for update in part.updates:
-                update.y[sensors.silent_at(update.clock)] = math.nan
-                if not self.running:
-                    self._begin(update.y, update.u)
-                self._advance(update.u, update.dt)
-                self._correct(update.y, np.isfinite(update.y))
+    def _errors_of(self, node: int) -> list[int]:
+        """Rows of the state that are what the model lacks at a node."""
+        layout = self.augmented.layout
+        return [where.start + node for where in (layout.heat, layout.bias) if where.stop > where.start]
+
+    def _forget(self, rows: list[int]) -> None:
+        self._covariance[rows], self._covariance[:, rows] = 0.0, 0.0
+        self._covariance[rows, rows] = self.augmented.errors[rows]
+
+    def _take_back(self, node: int) -> None:
+        """The estimate becomes the sensor's reference."""
+        self._z += self._without[:, node]
+        self._without[:, node] = 0.0
+        self._forget(self._errors_of(node))
+        self._covariance[node, node] += self._strayed[node] ** 2
+        self._taught[node] = False
+
+    def _begin_again(self, node: int, away: float, alone: bool) -> None:
+        """A sensor that was never alive told nothing of its node; what it reads now begins a reference of its own."""
+        if not alone:
+            before, others = self._z[node], np.arange(len(self.model.nodes)) != node
+            if others.any():  # robots start near one temperature
+                self._z[node] = self._z[: others.size][others].mean()
+            rows = self._errors_of(node)
+            self._z[rows] = 0.0
+            self._forget(rows)
+            self._covariance[node], self._covariance[:, node] = 0.0, 0.0
+            self._covariance[node, node] = _UNREAD**2
+            away += before - self._z[node]
+        self._without[:, node] = 0.0
+        self._without[node, node] = away
+        self._strayed[node] = math.sqrt(self._noise[node] + self._step[node] ** 2 / 12)
+        self._taught[node] = False
 
     def _choose_parameters(self, walks: Mapping[str, float], covariance: FloatArray | None) -> None:
         """The parameters that become states: those to learn, and those whose covariance is given."""
@@ -389,6 +414,7 @@ class Estimator:
         self._learnt = np.array([index in learnt for index in self.doubtful], dtype=bool)
         parameters = [model.parameters[index] for index in self.doubtful]
         self._transform = Transform(parameters)
+        self._told = self._transform.forward(model.values[self.doubtful])
         self._prior = np.diag(np.full(len(parameters), _UNKNOWN**2))
         if covariance is not None:
             self._prior[: len(free), : len(free)] = covariance
@@ -396,11 +422,15 @@ class Estimator:
         self.augmented = AugmentedModel(model, self.error, self.doubtful, hourly**2 / _HOUR)
         declared = np.array([parameter.declared.bounds for parameter in parameters]).reshape(-1, 2)
         self._bounds = [self._transform.forward(bound) for bound in declared.T]
+        layout = self.augmented.layout
+        self._doubt = self.augmented.errors.copy()
+        self._doubt[layout.parameters] = np.diag(self._prior)
+        """Variance of what may be wrong with the model, before anything was read; 0 for states, shape (z,)."""
 
     def _begin(self, y: FloatArray, u: FloatArray) -> None:
         """Start at the first readings, or where the caller said; without either at the ambient, far from sure."""
         model, layout = self.model, self.augmented.layout
-        start = np.where(np.isfinite(self._start), self._start, y)
+        start = y if self.running else np.where(np.isfinite(self._start), self._start, y)
         seen = np.isfinite(start)
         air = u[[column.startswith("temperature.") for column in model.inputs]]
         near = start[seen] if seen.any() else air[np.isfinite(air)]
@@ -414,11 +444,21 @@ class Estimator:
         z, spread = np.zeros(layout.size), self.augmented.errors.copy()
         z[layout.states], spread[layout.states] = nodes[owners], scatter[owners]
         spread[len(model.nodes) : layout.states.stop] += _HIDDEN**2
-        z[layout.parameters] = self._transform.forward(model.values[self.doubtful])
+        z[layout.parameters] = self._told
+        if self.running:  # after a gap: what was learnt of the parameters stays
+            z[layout.parameters] = self._z[layout.parameters]
+            prior = self._covariance[layout.parameters, layout.parameters]
+        else:
+            prior = self._prior
         self._covariance = np.diag(spread)
-        self._covariance[layout.parameters, layout.parameters] = self._prior
+        self._covariance[layout.parameters, layout.parameters] = prior
         self._resting = np.array([nodes.mean()])
         self._z = z
+        self._without[:] = 0.0
+        self._strayed = np.sqrt(np.diag(self._covariance)[: len(model.nodes)])
+        self._lived[:], self._taught[:] = False, False
+        if self.sensors is not None:
+            self.sensors = LivingSensors(self._noise, self._step)
 
     def _advance(self, u: FloatArray, dt: float) -> None:
         if dt == 0:
@@ -426,10 +466,24 @@ class Estimator:
         u = np.where(np.isnan(u), self._resting, u)
         if self._change.any():
             self._unsettle(u)
+        if self.sensors is not None:
+            self._stray(self.sensors, u, dt)
         step = self.augmented.step(self._z, u, dt)
         self._z = step.states
+        self._without = step.transition @ self._without
         self._covariance = step.transition @ self._covariance @ step.transition.T + step.added
         self._since_correction = step.transition @ self._since_correction
+
+    def _stray(self, sensors: LivingSensors, u: FloatArray, dt: float) -> None:
+        """References become less sure: by the relative error of heat put in and heat that leaves, and by `error`."""
+        sensors.clock += dt
+        left = self.augmented.warming(self._z, u * self._unheated)
+        put_in = self.augmented.warming(self._z, u) - left
+        own, by_errors = self.augmented.by_own_and_errors(self._z, u)
+        rate = np.sqrt(ERROR**2 * (put_in**2 + left**2) + by_errors**2 @ self._doubt)
+        self._settles = 1 / np.maximum(-own, 1 / _DAY)
+        stays = np.exp(-dt / self._settles)
+        self._strayed = stays * self._strayed + self._settles * (1 - stays) * rate
 
     def _unsettle(self, u: FloatArray) -> None:
         """What was learnt of the missing heat counts for less after a change of load.
@@ -452,12 +506,19 @@ class Estimator:
         seen = np.isfinite(innovation)
         spreads[seen] = np.sqrt(np.diag(prior) + self._noise + self._step**2 / 12)[seen]
         h, noise, step = by_state[taken], self._noise[taken], self._step[taken]
+        others = h @ self._without  # the same corrections in the references, but for the sensor that each is without
         cross, prior = self._covariance @ h.T, prior[np.ix_(taken, taken)]
         surprise, variance = innovation[taken], noise + step**2 / 12
         if self._rounding == "cell" and step.any():
             surprise, variance = as_gaussian(surprise, np.diag(prior), noise, step)
         if taken.any():
-            self._take_in(h, cross, prior + np.diag(variance), surprise, variance)
+            gain = self._take_in(h, cross, prior + np.diag(variance), surprise, variance)
+            others[np.arange(len(surprise)), np.flatnonzero(taken)] = surprise
+            self._without -= gain @ others
+            if self.sensors is not None:  # a reference that begins with a reading is surer than the guess beside it
+                alone = np.flatnonzero(self.sensors.lost & ~self._lived)
+                moved = surprise[:, None] - others[:, alone]
+                self._without[alone, alone] -= np.einsum("nr,rn->n", gain[alone], moved)
         return self._estimate(innovation, spreads)
 
     def _take_in(
@@ -467,7 +528,7 @@ class Estimator:
         covariance: FloatArray,
         innovation: FloatArray,
         variance: FloatArray,
-    ) -> None:
+    ) -> FloatArray:
         factor = cho_factor(covariance, lower=True, check_finite=False)
         gain = cho_solve(factor, cross.T, check_finite=False).T
         # What is only doubtful, not learnt, keeps its value; Joseph's form holds for that gain too.
@@ -476,10 +537,15 @@ class Estimator:
         kept = np.eye(len(self._z)) - gain @ by_state
         after = kept @ self._covariance @ kept.T + (gain * variance) @ gain.T
         self._covariance = 0.5 * (after + after.T)
-        where = self.augmented.layout.parameters
+        # What else the readings may say, the model is not that wrong: a sensor that lies would run away with it.
+        layout, most = self.augmented.layout, _PLAUSIBLE * np.sqrt(self._doubt)
+        for where, middle in ((slice(layout.air.start, layout.inputs.stop), 0.0), (layout.parameters, self._told)):
+            self._z[where] = np.clip(self._z[where], middle - most[where], middle + most[where])
+        where = layout.parameters
         self._z[where] = np.clip(self._z[where], *self._bounds)
         self.last = Correction(self._since_correction, by_state, gain, covariance, innovation)
         self._since_correction = np.eye(len(self._z))
+        return gain
 
     def _estimate(self, innovation: FloatArray, spreads: FloatArray) -> Estimate:
         nodes, where = len(self.model.nodes), self.augmented.layout.parameters
@@ -492,7 +558,7 @@ class Estimator:
             for index, value, error, chosen in zip(self.doubtful, values, errors, self._learnt, strict=True)
             if chosen
         }
-        watched = self.aliveness
+        watched = self.sensors
         reasons = {} if watched is None else {node: watched.why_not(k) for k, node in enumerate(self.model.nodes)}
         doubts = {node: reason for node, reason in reasons.items() if reason}
         hottest = {

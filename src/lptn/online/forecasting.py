@@ -25,7 +25,7 @@ from lptn.logs.run import Run
 from lptn.model.model import Model
 from lptn.model.tables import FitTable
 from lptn.online.augmented_model import AugmentedModel, ModelError
-from lptn.online.believed import Doubt, refuse_none, standing_or_leaping, wandering, without
+from lptn.online.believed import Doubt, not_alive, refuse_none, wandering, without
 from lptn.online.estimator import Estimator, run_filter
 from lptn.online.fault_likelihood import KINDS
 from lptn.online.operating_point import Gait, OperatingPoint, WindowChoice, find_gait, present_operating_point
@@ -340,9 +340,9 @@ def present_by_live_sensors(model: Model, run: Run, uncertainty: ModelUncertaint
     white = np.maximum(np.maximum(noise.white, coarse), max(_LEAST_NOISE, float(np.median(noise.white))))
 
     def watched(error: ModelError) -> tuple[Run, list[Doubt], Noise, Estimator]:
-        """The log without readings of sensors that stand or leap to a model of that error."""
+        """The log without readings of sensors that are not alive to a model of that error."""
         watching = _estimator(model, white, noise.step, uncertainty, error, watch=True)
-        left_out, doubts = standing_or_leaping(watching, bound)
+        left_out, doubts = not_alive(watching, bound)
         rest = without(run, nodes, left_out)
         refuse_none(rest, nodes, doubts)
         left = estimate_noise([bind(model, rest)], nodes)
