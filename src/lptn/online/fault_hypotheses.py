@@ -23,7 +23,7 @@ from lptn.model.model import Model
 from lptn.online.augmented_model import ModelError, by_node
 from lptn.online.calibration import Calibration
 from lptn.online.estimator import run_filter
-from lptn.online.fault_likelihood import OFFSET, fault_statistics, gaussian_estimator
+from lptn.online.fault_likelihood import OFFSET, fault_statistics, first_alarm, gaussian_estimator
 from lptn.online.fault_naming import LAGS, lagged
 from lptn.online.sensor_faults import Alarm
 from lptn.simulate.bound_run import BoundRun
@@ -67,6 +67,14 @@ class Suspicion:
             if estimator.last is not None:
                 log_likelihoods[k] = estimator.last.log_likelihood
         return log_likelihoods, np.array(temperatures).T
+
+    @cached_property
+    def alarm(self) -> Alarm | None:
+        """The first one among the sensors that are believed."""
+        if not np.isfinite(self.measured).any():
+            return None
+        estimator = gaussian_estimator(self.model, self.calibration.noise, self.error)
+        return first_alarm(estimator, self.run, self.measured, self.calibration.limits)
 
     def behind(self, onset: float) -> BoolArray:
         """Steps that end behind a time [s], shape (n,)."""

@@ -17,8 +17,6 @@ from lptn.online.fault_likelihood import (
     KINDS,
     STEP,
     coarsely_bound,
-    first_alarm,
-    gaussian_estimator,
 )
 from lptn.online.fault_naming import named
 from lptn.online.known_faults import known_faults, noisy, silent_rows
@@ -185,13 +183,14 @@ def alarms_by_statistics(
     for alarm in known:
         if alarm.channel in model.inputs and alarm.node in model.nodes:
             given = given.with_unknown_input(alarm.channel)
-    exchanged, given = exchanged_channels(given)
-    faulty = [*exchanged]
+    faulty: list[Alarm] = []
+    if given.alarm is not None:  # else nothing is to be explained by an exchange
+        faulty, given = exchanged_channels(given)
     for alarm in (*noise, *_standing(watched, calibration)):
         if alarm.node not in {other.node for other in faulty}:
             given = given.without([model.nodes.index(alarm.node)], alarm.onset)
             faulty.append(alarm)
-    while (first := _first_alarm(given)) is not None:
+    while (first := given.alarm) is not None:
         told, after = attributed(given, first)
         if told is not None and told.channel and told.channel in {alarm.channel for alarm in faulty}:
             told, after = None, given.without([model.nodes.index(first.node)], -inf)  # what that leaves
@@ -204,14 +203,6 @@ def alarms_by_statistics(
             )
             alarms += [told] * (_largest(told, float(coarse.run.time[-1])) >= NOTICED)
     return first_at_each_sensor(alarms)
-
-
-def _first_alarm(given: Suspicion) -> Alarm | None:
-    """Of the sensors that are still believed."""
-    if not np.isfinite(given.measured).any():
-        return None
-    estimator = gaussian_estimator(given.model, given.calibration.noise, given.error)
-    return first_alarm(estimator, given.run, given.measured, given.calibration.limits)
 
 
 def _largest(alarm: Alarm, end: float) -> float:
