@@ -25,6 +25,7 @@ _SAME: dict[str, Request] = {"current": "current", "current_abs": "current", "to
 """What each of a joint's inputs is: of a constant current RMS and mean magnitude are one, else the mean is less."""
 _POWER = "mechanical_power"
 _LEAST = 1e-6  # A or N*m, below what any drive resolves: no root has a slope at 0
+_ROOM = 25.0  # degC
 _TYPICAL = 40.0  # degC, and any condition
 _RANDOM_POINTS, _TOLERANCE = 5, 1e-7  # of the check that joints heat independently; the tolerance is relative
 
@@ -83,17 +84,21 @@ class Heating:
             InputError: an unknown name, or a wrong number of values.
         """
         if isinstance(given, Mapping) and not given.keys().isdisjoint(self.decided):
-            per_unit = ca.Function("torque", [self.x, self.p], [self.torque])
-            at_room = np.asarray(per_unit(np.full(self.x.numel(), 25.0), self.model.values)).ravel()
-            torque = dict(zip(self.joints, np.abs(asked) * at_room, strict=True))
             kept = {column: value for column, value in given.items() if column not in self.decided}
-            for column, value in given.items():
-                quantity, _, joint = column.partition(".")
-                if quantity == _POWER and column in self.decided:
-                    speed = abs(value) / torque[joint] if torque[joint] else 0.0
-                    kept.setdefault(f"velocity.{joint}", speed)
+            powers = [column.partition(".")[2] for column in given.keys() - kept.keys() if column.startswith(_POWER)]
+            if unsaid := [joint for joint in powers if f"velocity.{joint}" not in kept]:
+                torques = dict(zip(self.joints, np.abs(asked) * self._torque_at_room(), strict=True))
+                for joint in unsaid:
+                    power = abs(given[f"{_POWER}.{joint}"])
+                    kept[f"velocity.{joint}"] = power / torques[joint] if torques[joint] else 0.0
             given = kept
         return in_order(given, self.conditions, "conditions", np.nan)
+
+    def _torque_at_room(self) -> FloatArray:
+        """Torques per unit requested [N*m], shape (joints,)."""
+        make = lambda: ca.Function("torque", [self.x, self.p], [self.torque])  # noqa: E731
+        function = self.model.made_once(("torque per unit", self.request), make)
+        return np.asarray(function(np.full(self.x.numel(), _ROOM), self.model.values)).ravel()
 
     def function(self) -> ca.Function:
         """(x, heat, d, p) -> rates at no heat [K/s]; their slope in x at the heat, transposed; their slope in the heat
