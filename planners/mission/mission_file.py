@@ -125,11 +125,11 @@ def _mission(tables: File, origin: str, model: Model) -> Mission:
         _activity(activity, f"activities[{k}]", gaits, origin) for k, activity in enumerate(tables.activities)
     )
     limits = by_place(tables.limits, model.places, origin, "limits")
-    ways = [activity.least_time if activity.travels else 0.0 for activity in activities]
-    if sum(ways) > LONGEST:
-        found = f"{sum(ways):.3g} s of way in all, at the greatest speeds"
+    times = [activity.least_time for activity in activities]
+    if sum(times) > LONGEST:
+        found = f"{sum(times):.3g} s in all, at the greatest speeds"
         expected = f"a day at most, {LONGEST:g} s: fine simulations take steps of a second"
-        raise InputError(origin, f"activities[{ways.index(max(ways))}].distance", found, expected)
+        raise InputError(origin, f"activities[{times.index(max(times))}]", found, expected)
     start = _start(task, model, origin)
     hot = any(start[model.places.index(node)] > most for node, most in limits.items())
     rest = gaits.get(REST) if task.longest_rest > 0 or hot else None

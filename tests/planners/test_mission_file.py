@@ -90,7 +90,8 @@ def test_units_may_be_given(tmp_path: Path) -> None:
         ("pieces = 3", "pieces = 300", ["activities[0].pieces"]),
         ("speeds = [0.2, 0.6, 1.0]", "speeds = [0.6, 0.2, 1.0]", ["gaits.walk.speeds", "rising numbers"]),
         ("power = { pc = 26 }", "power = { cpu = 26 }", ['gaits.walk.power."cpu"', "pc"]),
-        ("distance = 350 ", "distance = 1e9 ", ["activities[0].distance: found 1e+09 s of way", "a day at most"]),
+        ("distance = 350 ", "distance = 1e9 ", ["activities[0]: found 1e+09 s in all", "a day at most"]),
+        ("duration = 120", "duration = 86400", ["activities[3]: found 8.7", "a day at most"]),
         ("[gaits.rest] ", "[gaits.break] ", ["gaits.break.torque", "nothing for FR_hip"]),
     ],
 )  # fmt: skip
