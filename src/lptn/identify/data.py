@@ -17,6 +17,7 @@ from lptn.effects import catalogue
 from lptn.logs.columns import ColumnSource, parse_map_option
 from lptn.logs.reading import GUESSED, ROWS_UNKNOWN, read_log
 from lptn.logs.run import Run
+from lptn.logs.streams import ANOTHER_SOURCE
 from lptn.model.file import ModelFile, read_model_file
 from lptn.model.heat_balance import input_column
 from lptn.model.model import Model
@@ -394,8 +395,8 @@ class LoadedModel:
                 guessed = [f"{GUESSED}the same {len(guessed)} columns as in {all_runs[0].source}."]
             elif not said:
                 said = guessed
-            unknown = [note for note in runs[0].notes if strict and note.startswith(ROWS_UNKNOWN)]
-            for note in [*guessed, *unknown, *issues]:
+            asked = [note for note in runs[0].notes if note.startswith(ROWS_UNKNOWN) or ANOTHER_SOURCE in note]
+            for note in [*guessed, *asked * strict, *issues]:
                 notify(Path(runs[0].source), note)
             all_runs += runs
         return all_runs

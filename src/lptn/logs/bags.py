@@ -24,7 +24,7 @@ from lptn.basics.errors import InputError
 from lptn.basics.files import fingerprint
 from lptn.logs.bag_messages import COMMON_TYPES, Decoder, label_of, numbers_in, quantities
 from lptn.logs.resampling import on_one_time
-from lptn.logs.streams import conflicts
+from lptn.logs.streams import ANOTHER_SOURCE, conflicts
 from lptn.logs.tables import Table, broken, check_size
 
 # --- A bag opened ----------------------------------------------------------------------------------
@@ -138,13 +138,14 @@ def _of_one_source(
         if len(conflict.silent) != 1:
             numbers = [first.index(source) + 1 if source in first else 0 for source in conflict.sources]
             said = f"messages of 2 sources in turn, {_words(one, other)}, which say different things of {conflict.name}"
-            columns = " or ".join(f"{stream.topic}:{number}.{conflict.name}" for number in numbers if number)
-            expected = f"one of them, named in [columns] or by --map: {columns}" if all(numbers) else "one of them"
+            columns = " or ".join(f'"{stream.topic}:{number}.{conflict.name}"' for number in numbers)
+            expected = f"one of them, in [columns] as {columns} (behind --map with [] at its end), and so for others"
+            expected = expected if all(numbers) else "a bag of one of them"
             raise InputError(path, stream.topic, said, expected)
     silent = {source for conflict in found for source in conflict.silent}
     rows = np.array([source not in silent for source in stream.sources], dtype=bool)
     left_out = int((~rows).sum())
-    notes = [f"{stream.topic}: {left_out} messages of another source hold zeros alone; left out."] if silent else []
+    notes = [f"{stream.topic}: {left_out} messages {ANOTHER_SOURCE} hold zeros alone; left out."] if silent else []
     return stream.only(rows, wanted, stream.topic), notes
 
 

@@ -51,7 +51,7 @@ from lptn.logs.run import LATEST_FIRST, Run
 from lptn.logs.scatter import scatter_of
 from lptn.logs.silence import Silence, of_sensor, quantisation_step, silences_of, without_silent
 from lptn.logs.spreadsheets import open_spreadsheet
-from lptn.logs.streams import back_and_forth, rows_of_zeros
+from lptn.logs.streams import ANOTHER_SOURCE, rows_of_zeros
 from lptn.logs.tables import Table, column_sources, open_parquet, table_of, with_times
 from lptn.logs.ulog import open_ulog
 
@@ -390,7 +390,7 @@ def _checked_samples(table: Table, choice: ColumnChoice, strict: bool) -> tuple[
         speaking = [key for key in predicted if not any(stretch.whole for stretch in silent.get(key, []))]
         roles = Roles(predicted, bool(speaking))
         issues = issues_of(choice.sources, numbers, raw, silent, roles, table.units)
-        issues = weighed([*issues, *back_and_forth(raw, choice.sources), *held], choice.sources, numbers, raw)
+        issues = weighed([*issues, *held], choice.sources, numbers, raw)
     for issue in issues:
         if strict and issue.certain:
             raise InputError(table.path, *issue.error)
@@ -430,7 +430,7 @@ def _values(
     zeros, of_zeros = rows_of_zeros({key: values for key, values in raw.items() if key != "time"}, sources)
     if of_zeros:
         raw |= {key: np.where(zeros, np.nan, raw[key]) for key in of_zeros}
-        said = f"zero in {zeros.sum()} rows between rows of other values, as of another source; these are left out."
+        said = f"zero in {zeros.sum()} rows between rows of other values, as if {ANOTHER_SOURCE}; these are left out."
         notes.append(f"{', '.join(of_zeros)}: {said}")
     if not table.mixed:
         others = {key: values for key, values in raw.items() if key != "time"}

@@ -17,6 +17,9 @@ from lptn.basics.arrays import BoolArray, FloatArray, IntArray
 from lptn.logs.columns import ColumnSource
 from lptn.logs.issue import Issue
 
+ANOTHER_SOURCE = "of another source"
+"""What notes on messages and rows say that are left out, and every command says."""
+
 # --- Sources that a topic's messages name -----------------------------------------------------------
 
 
