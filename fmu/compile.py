@@ -12,6 +12,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib.resources import files
 from importlib.util import find_spec
@@ -32,6 +33,7 @@ _FLAGS = (
     "-ffp-contract=off",  # the same digits on every platform
 )
 _TIMEOUT = 600.0  # s
+_ROOM = 100_000_000  # bytes; zig keeps 30 MB for each platform in its cache
 _PATIENCE = 20.0  # s; a build takes 2 s, 20 s with admissible torques
 _PATIENTLY = "%s: still compiling; a large model or a busy machine takes a minute"
 # Linked without zig's own runtime: the code uses nothing of it, and zig would first build it on each machine.
@@ -166,11 +168,10 @@ def local_compiler() -> list[str] | None:
 
 def _surroundings(folder: Path) -> dict[str, str]:
     """A compiler's environment variables: zig waits without end for a cache that it can't write, and gets one here."""
-    try:
-        own_folder(platformdirs.user_cache_path("zig"))
-    except OSError:
-        return {"ZIG_GLOBAL_CACHE_DIR": str(folder / "zig"), **os.environ}
-    return dict(os.environ)
+    with suppress(OSError):
+        if shutil.disk_usage(own_folder(platformdirs.user_cache_path("zig"))).free > _ROOM:
+            return dict(os.environ)
+    return {"ZIG_GLOBAL_CACHE_DIR": str(folder / "zig"), **os.environ}
 
 
 def _run(words: Sequence[str], folder: Path, target: Platform) -> tuple[int, str]:

@@ -34,6 +34,7 @@ _LARGEST_SCALE = 1e6  # a factor on the load above which nothing limits it
 _STARTS = 3  # of Newton's method on the heat alone, for a place to start from
 _ITERATIONS = 3  # of Newton's method beyond the first; each squares its error
 _STEADY_ITERATIONS = 8  # of Newton's method in the steady state, which depends more on z; the last one tells the error
+_BACK = 16.0  # times: so far back at most from a torque that is too much, where none was tried that is not
 _SETTLES = 300.0  # s; in about as long a joint settles, for the place to start from
 _POWERS = (0.5, 4.0)  # with which heat goes with torque, at least and at most
 _LEAST_ROOM = 0.01  # K, to start from
@@ -262,19 +263,24 @@ def _root(heating: Heating, seconds: float, steps: int, s: _Symbols) -> tuple[An
         _heats(heating),
     )
     z = before = _start(heats, seconds, s)
-    step = most = s.most
+    step = most = high = s.most
+    low = ca.MX(0)
     for number in range(1 + _ITERATIONS):
         over, room, slope = course(s.x, z, *rest)
         power = heats(s.x, z, *rest[:-1])[1]
         if not number:
-            most = _molten(z, slope, power, s.most)
-        better = ca.if_else(over < _NEVER, _moved(z, room, power, most), z / 2)  # an overflow is no number
+            most = high = _molten(z, slope, power, s.most)
+        fits = over <= _ROUNDING
+        low, high = ca.if_else(fits, ca.fmax(low, z), low), ca.if_else(fits, high, ca.fmin(high, z))
+        better = _moved(z, room, power, most)
+        # A step from where the course overflows, or past what was tried before, is none.
+        good = ca.logic_and(over < _NEVER, ca.logic_and(better >= low, better <= high))
+        better = ca.if_else(good, better, ca.sqrt(ca.fmax(low, high / _BACK) * high))
         z, step, before = better, ca.fabs(better - z), step
     # Newton's error falls with the square of its step: twice what the next one would be is below the root.
     below = ca.fmax(0, z - 2 * step * ca.fmin(1, step / ca.fmax(before, _RISES)))
     over, over_below = excess(s.x, z, *rest), excess(s.x, below, *rest)
     chord = below + (z - below) * over_below / ca.fmin(over_below - over, -_RISES)
-    low = ca.MX(0)
     for tried, excess_there in ((below, over_below), (chord, excess(s.x, chord, *rest)), (z, over)):
         low = ca.if_else(excess_there <= _ROUNDING, ca.fmax(low, tried), low)
     return low, most

@@ -258,6 +258,33 @@ def test_without_any_compiler_one_line_says_so(tmp_path: Path, monkeypatch: pyte
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize("kind", ["a full disk", "a file", "a circle of links", "nobody's"])
+def test_a_cache_that_zig_can_t_write_is_none(kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It would wait for it without end."""
+    cache, seen = tmp_path / "cache", tmp_path / "seen"
+    monkeypatch.delenv("ZIG_GLOBAL_CACHE_DIR", raising=False)
+    monkeypatch.setattr("platformdirs.user_cache_path", lambda name: cache / name)
+    asks = [
+        sys.executable,
+        "-c",
+        f"import os; open({str(seen)!r}, 'w').write(os.environ.get('ZIG_GLOBAL_CACHE_DIR', ''))",
+    ]
+    _run(asks, tmp_path, PLATFORMS["linux64"])
+    assert seen.read_text() == ""
+    if kind == "a full disk":
+        monkeypatch.setattr("lptn.fmu.compile._ROOM", 1 << 62)
+    else:
+        shutil.rmtree(cache)
+    if kind == "a file":
+        cache.write_text("")
+    if kind == "a circle of links":
+        cache.symlink_to(cache)
+    if kind == "nobody's":
+        cache.symlink_to("/proc/nowhere")
+    _run(asks, tmp_path, PLATFORMS["linux64"])
+    assert seen.read_text() == str(tmp_path / "zig")
+
+
 def test_who_waits_for_a_compiler_is_told_for_what(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -11,7 +11,6 @@ import pandas as pd
 import pytest
 
 from lptn.basics.arrays import FloatArray
-from lptn.logs.beside import refuse_doubtful
 from lptn.logs.columns import ColumnSource
 from lptn.logs.reading import read_log
 from lptn.logs.run import Run
@@ -20,7 +19,7 @@ from tests.logs.conftest import Refuse
 
 rosbags = pytest.importorskip("rosbags")
 
-from tests.logs.test_bags import Recorder  # noqa: E402 - only where there is the package
+from tests.logs.test_bags import START, Recorder  # noqa: E402 - only where there is the package
 
 N = 400
 LEVELS = np.repeat(np.random.default_rng(1).choice([0.0, 2.0, 4.0, 5.0, 6.0, 8.0], N // 20), 20)
@@ -43,9 +42,10 @@ def bag(path: Path, plugin: str, second: Callable[[Recorder, int], Any]) -> Path
 
 def is_the_drive(runs: list[Run]) -> None:
     (run,) = runs
-    torque = run.columns["torque.a"]
-    np.testing.assert_allclose(torque[: N - 1], LEVELS[: N - 1])
-    np.testing.assert_allclose(run.columns["torque.b"][: N - 1], OTHER[: N - 1])
+    rows = np.round(run.time - START).astype(int)
+    assert rows[0] <= 1  # the first speed of all is zero, as another source's
+    for key, truth in (("torque.a", LEVELS), ("torque.b", OTHER)):
+        np.testing.assert_allclose(run.columns[key][: N - 2], truth[rows[: N - 2]])
 
 
 def zeros(names: Names, every: int = 1, speeds: bool = False) -> Callable[[Recorder, int], Any]:
@@ -93,6 +93,17 @@ def framed(made: Recorder, k: int) -> Any:
     message = made.joints(k + 0.5, ["a", "b"], [0.0, 0.0], [LEVELS[k] / 2, OTHER[k] / 2])
     message.header.frame_id = "desired"
     return message
+
+
+def like_the_drive_s(made: Recorder, k: int) -> Any:
+    return made.joints(k + 0.5, ["a", "b"], [0.0, 0.0], [LEVELS[k] / 2, OTHER[k] / 2])
+
+
+@PLUGINS
+def test_commands_that_know_no_speeds_are_left_out(tmp_path: Path, plugin: str) -> None:
+    runs = read_log(bag(tmp_path / "bag", plugin, like_the_drive_s), step=1.0)
+    is_the_drive(runs)
+    assert any("left out" in note for note in runs[0].notes)
 
 
 @PLUGINS
@@ -191,6 +202,7 @@ def swinging(rng: np.random.Generator, n: int) -> FloatArray:
         lambda rng, n: np.round(swinging(rng, n)),  # through 0 in coarse steps
         lambda rng, n: swinging(rng, n),
         lambda rng, n: rng.normal(0, 3, n),
+        lambda rng, n: 5 + 2 * np.sin(np.pi * 1.01 * np.arange(n)),  # a gait that is logged at twice its rate
         lambda rng, n: rng.choice([1.0, 2.0], n) * 0.02,
         lambda rng, n: np.abs(np.round(rng.normal(0, 1.5, n))),
     ],
@@ -203,6 +215,19 @@ def test_a_joint_that_rests_now_and_then_is_one_stream(
         runs = read_log(frame_of(torque), step=1.0, strict=False, inputs=["torque.a"], outputs=["temperature.a"])
         said = [*runs[0].notes, *(issue.sentence for issue in runs[0].issues)]
         assert not any("source" in note or "zero" in note for note in said), said
+
+
+def test_speeds_that_are_zero_now_and_then_are_of_one_source() -> None:
+    rng = np.random.default_rng(4)
+    moves = np.repeat(rng.random(200) < 0.5, 10)[:, None]
+    for speeds in (
+        np.round(rng.normal(0, 0.5, (2000, 2))),  # in coarse steps
+        moves * rng.normal(0, 3, (2000, 2)),  # moved now and then
+        np.round(3 * np.sin(0.7 * np.arange(2000)))[:, None] * [1, -1],  # through zero, both at once, in coarse steps
+    ):
+        frame = frame_of(rng.normal(0, 3, 2000)).assign(**{"velocity.a": speeds[:, 0], "velocity.b": speeds[:, 1]})
+        runs = read_log(frame, step=1.0, strict=False)
+        assert not any("another source" in note for note in runs[0].notes)
 
 
 # --- Tables ----------------------------------------------------------------------------------------------
@@ -219,11 +244,3 @@ def test_rows_of_zeros_between_those_of_a_drive_are_left_out(every: int) -> None
     (run,) = read_log(frame, step=1.0)
     np.testing.assert_allclose(run.columns["torque.a"][: N - 1], LEVELS[: N - 1])
     assert any("zero" in note and "left out" in note for note in run.notes)
-
-
-def test_rows_that_go_back_and_forth_are_doubted() -> None:
-    mixed = np.column_stack([LEVELS, LEVELS / 2]).ravel()
-    runs = read_log(frame_of(mixed, 0.5), step=1.0)
-    assert any("two sources" in issue.sentence for issue in runs[0].issues)
-    with pytest.raises(Exception, match="two sources"):
-        refuse_doubtful(runs)

@@ -7,6 +7,7 @@ import os
 import pickle
 import queue
 import re
+import signal
 import socket
 import subprocess
 import sys
@@ -309,6 +310,21 @@ def test_a_body_of_300_megabytes_is_refused_before_it_is_held(
     assert sent < 20
     assert answer == b"" or b" 413 " in answer
     assert httpx.get(f"http://{host}/state", headers={"cookie": cookie}).status_code == 200
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGINT])
+def test_the_file_that_leads_to_the_page_goes_with_the_server(how: signal.Signals, tmp_path: Path) -> None:
+    words = [sys.executable, "-m", "lptn", "open", str(OPENING.model), str(OPENING.fit[0]), "--no-browser"]
+    places = {"TMPDIR": str(tmp_path), "XDG_STATE_HOME": str(tmp_path / "state")}
+    with subprocess.Popen(words, env=os.environ | places, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        while "token=" not in process.stdout.readline():
+            pass
+        (page,) = tmp_path.glob("lptn-open-*/workbench.html")
+        assert page.stat().st_mode & 0o777 == 0o600
+        process.send_signal(how)
+    assert not page.parent.exists()
 
 
 # --- two of one study -----------------------------------------------------------------------------------------------

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import signal
+import sys
 from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
@@ -92,6 +94,7 @@ def open(  # noqa: A001 - the command's name
         if browser:
             _show(page)
 
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # and take away what lies about for the browser
     with suppress(KeyboardInterrupt):
         serve(session, port, ready)
     print("Ended; the same command goes on from here.")
@@ -100,7 +103,6 @@ def open(  # noqa: A001 - the command's name
 def _show(page: Path) -> None:
     """Show a file in the browser, where there is a screen: a browser in the terminal would take its place."""
     import os
-    import sys
     import webbrowser
 
     if sys.platform in ("win32", "darwin") or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):

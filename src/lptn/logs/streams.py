@@ -1,8 +1,9 @@
 """Streams of several publishers under one name, told apart: their mean is nobody's torque.
 
 A bag says who speaks: messages of one topic come over connections, and bear frames and names of joints in an order.
-Sources whose messages take turns, and say different things of one quantity, are two. Where nothing names them, a course
-that goes back and forth from row to row does.
+Sources whose messages take turns, and say different things of one quantity, are two. Where nothing names them, rows of
+zeros between those of a steady course do. Two that both speak are not known by their courses: a gait that is logged
+at twice its rate goes back and forth as well.
 """
 
 from __future__ import annotations
@@ -11,11 +12,9 @@ from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from lptn.basics.arrays import BoolArray, FloatArray, IntArray
+from lptn.basics.arrays import BoolArray, FloatArray
 from lptn.logs.columns import ColumnSource
-from lptn.logs.issue import Issue
 
 ANOTHER_SOURCE = "of another source"
 """What notes on messages and rows say that are left out, and every command says."""
@@ -96,79 +95,63 @@ def _differ(x: FloatArray, one: BoolArray, other: BoolArray) -> bool:
     )
 
 
-# --- Courses that go back and forth, where nothing names their sources --------------------------------
+# --- A source that says zero of all joints, where nothing names it ---------------------------------------
 
 
-_DRIVES = ("torque", "current")
-_TURNED_OFF = ("torque", "current", "velocity")
-_OFTEN, _SHARE = 20, 0.4  # times, and share of the rows, that a course goes back and forth
+_QUANTITIES = ("torque", "current", "velocity")
+_OFTEN = 20  # stretches of zeros
 _SAME, _MOSTLY = 0.25, 0.7  # of its size, by which a course differs at most across another's row, and how often
 _LOUD = 0.1  # of the size of all: steps of a coarse sensor at rest are none
 _FEWEST_SIZES = 3  # that a course has, and none that turns between two steps of a coarse sensor
-_BETWEEN = 5.0  # times the difference of its neighbours, that a row lies off both
+_FINE = 10.0  # steps of its sensor, that a speed has around zeros that are another's
 
 
 def rows_of_zeros(values: Mapping[str, FloatArray], sources: Mapping[str, ColumnSource]) -> tuple[BoolArray, list[str]]:
     """Rows, (n,), of a second source that says zero of all joints between those of one that does not, and of what.
 
     A joint that is driven now and then rests longer than a row, or comes back with another torque; one that turns
-    round goes through zero. Who says in an entry of [columns] what is valid is believed.
+    round goes through zero; and several joints do not stop all at once for a row. Who says in an entry of [columns]
+    what is valid is believed.
 
     Args:
         values: (n,) each, in order of time.
         sources: where they stand.
     """
-    keys, rows, drives = _drives_of(values, sources)
-    none = np.zeros(next(iter(values.values())).size, dtype=bool)
+    none = np.zeros(next((x.size for x in values.values()), 0), dtype=bool)
+    said = [key for key in values if key.partition(".")[0] in _QUANTITIES]
+    said = [key for key in said if not np.isfinite(sources[key].valid).any()]
+    for quantity in _QUANTITIES:
+        keys = [key for key in said if key.partition(".")[0] == quantity]
+        if not keys or (quantity == "velocity" and len(keys) == 1):
+            continue
+        table = np.column_stack([values[key] for key in keys])
+        rows = np.flatnonzero(np.isfinite(table).all(axis=1))
+        zero = _between_others(table[rows], stopped=quantity == "velocity")
+        if zero.any():
+            none[rows[zero]] = True
+            # What does not know the joints' speeds is no drive; what knows no torque may know speeds.
+            whole = quantity == "velocity"
+            return none, [key for key in said if key in keys or whole or not np.nan_to_num(values[key][none]).any()]
+    return none, []
+
+
+def _between_others(drives: FloatArray, *, stopped: bool) -> BoolArray:
+    """Rows of (n, joints) that are zero, single ones or between single others; of speeds, where joints stop at once."""
     size = np.linalg.norm(drives, axis=1)
-    if not size.any():
-        return none, []
-    zero = size == 0
+    zero, nowhere = size == 0, np.zeros(size.size, dtype=bool)
     edges = np.flatnonzero(np.diff(zero.astype(int))) + 1
+    if edges.size < _OFTEN:
+        return nowhere
     starts, stops = np.concatenate(([0], edges)), np.concatenate((edges, [zero.size]))
     lengths, of_zeros = stops - starts, zero[starts]
     inner = of_zeros & (starts > 0) & (stops < zero.size)
     if inner.sum() < _OFTEN or min(np.median(lengths[inner]), np.median(lengths[~of_zeros])) > 1:
-        return none, []
+        return nowhere
     before, behind = drives[starts[inner] - 1], drives[stops[inner]]
     largest = np.maximum(np.linalg.norm(before, axis=1), np.linalg.norm(behind, axis=1))
-    same = np.linalg.norm(before - behind, axis=1) <= _SAME * largest
-    loud = largest > _LOUD * float(np.sqrt(np.mean(size[~zero] ** 2)))
-    if np.mean(same & loud) < _MOSTLY or np.unique(largest).size < _FEWEST_SIZES:
-        return none, []
-    none[rows[zero]] = True
-    off = [key for key in values if key.partition(".")[0] in _TURNED_OFF and not np.nan_to_num(values[key][none]).any()]
-    return none, [*keys, *(key for key in off if key not in keys)]
-
-
-def back_and_forth(values: Mapping[str, FloatArray], sources: Mapping[str, ColumnSource]) -> list[Issue]:
-    """The doubt that torques or currents are those of two sources in turn: each row lies off both of its neighbours."""
-    keys, _, drives = _drives_of(values, sources)
-    if len(drives) < 3 * _OFTEN:
-        return []
-    off = np.linalg.norm(drives[1:-1] - (drives[:-2] + drives[2:]) / 2, axis=1)
-    turn = (off > _BETWEEN * np.linalg.norm(drives[2:] - drives[:-2], axis=1)) & (off > 0)
-    size = np.linalg.norm(drives, axis=1)
-    active = np.maximum(size[1:-1], size[:-2]) > _LOUD * size.max()
-    turn &= active
-    if turn.sum() < max(_OFTEN, _SHARE * active.sum()) or np.unique(size[1:-1][turn]).size < _FEWEST_SIZES:
-        return []
-    column = sources[keys[0]].columns[0]
-    problem = f"goes back and forth from row to row, {turn.sum()} times, as the courses of two sources would"
-    remedy = "log one of them; if it is one all the same, say so by valid = [LEAST, GREATEST] in its entry of [columns]"
-    return [Issue(keys[0], column, problem, remedy, False, kind="streams")]
-
-
-def _drives_of(
-    values: Mapping[str, FloatArray], sources: Mapping[str, ColumnSource]
-) -> tuple[list[str], IntArray, FloatArray]:
-    """Torques, or else currents: their names, the rows that have all of them, (m,), and their values, (m, k)."""
-    for quantity in _DRIVES:
-        keys = [
-            key for key in values if key.partition(".")[0] == quantity and not np.isfinite(sources[key].valid).any()
-        ]
-        if keys:
-            table: npt.NDArray[np.float64] = np.column_stack([values[key] for key in keys])
-            rows = np.flatnonzero(np.isfinite(table).all(axis=1))
-            return keys, rows, table[rows]
-    return [], np.zeros(0, dtype=np.intp), np.zeros((0, 1))
+    tells = largest > _LOUD * float(np.sqrt(np.mean(size[~zero] ** 2)))
+    if stopped:
+        tells &= largest > _FINE * float(np.abs(drives[drives != 0]).min())
+    else:
+        tells &= np.linalg.norm(before - behind, axis=1) <= _SAME * largest
+    return zero if np.mean(tells) >= _MOSTLY and np.unique(largest).size >= _FEWEST_SIZES else nowhere
