@@ -145,6 +145,15 @@ def test_rows_that_a_logger_repeats_are_left_out_and_a_robot_at_rest_is_logged()
     assert (issue.key, issue.kind) == ("time", "held")
 
 
+@pytest.mark.parametrize(("sigma", "steps"), [(0.1, 0.1), (0.1, 1.0), (0.3, 1.0), (0.5, 1.0), (0.0, 0.1)])
+def test_coarse_sensors_that_seldom_move_are_no_repeated_rows(sigma: float, steps: float) -> None:
+    time, current, true = _knee()
+    rng = np.random.default_rng(9)
+    read = [np.round((true + rng.normal(0, sigma, time.size)) / steps) * steps for _ in range(3)]
+    log = _log(time, current, read[0]).assign(**{"temperature.a": read[1], "temperature.b": read[2]})
+    assert "held" not in {issue.kind for issue in read_log(log)[0].issues}
+
+
 def test_one_torque_in_two_columns_is_said_of_joints_that_move_apart() -> None:
     time, rng = np.arange(900.0), np.random.default_rng(8)
     torque, speed = rng.normal(0, 3, 900), rng.normal(0, 1, 900)

@@ -129,3 +129,22 @@ def test_a_node_with_a_small_swing_weighs_more_but_not_without_limit() -> None:
     large, small = balanced_sigma(bound, estimate_noise(bound, model.nodes))
     assert 0.01 < small < large
     assert large / small == pytest.approx(np.sqrt(8.0), rel=0.05)
+
+
+@pytest.mark.parametrize(("rate", "mean"), [(10.0, 1.0), (10.0, 5.0), (1.0, 10.0), (2.0, 30.0)])
+@pytest.mark.parametrize("step", [0.1, 0.5, 1.0])
+@pytest.mark.parametrize("sigma", [0.02, 0.1, 0.3, 1.0])
+def test_means_of_a_coarse_sensor_scatter_as_its_noise_and_its_steps_let_them(
+    rate: float, mean: float, step: float, sigma: float
+) -> None:
+    rng, time = np.random.default_rng(9), np.arange(0.0, 3600.0, 1 / rate)
+    true = 40.0 + 20.0 * np.sin(2 * np.pi * time / 7200.0) + 2.0 * np.sin(time / 300.0)
+    readings = np.round((true + sigma * rng.standard_normal(time.size)) / step) * step
+    log = pd.DataFrame(
+        {"time": time, "temperature.a": readings, "temperature.b": readings, "temperature.ambient": 20.0}
+    )
+    (run,) = read_log(log, step=mean, inputs=["temperature.ambient"], outputs=["temperature.a", "temperature.b"])
+    # A mean of samples is that of the time up to the last of them.
+    truth = np.interp(run.time + (mean - 1 / rate) / 2, time, true)
+    scatter = float(np.sqrt(np.nanmean((run.columns["temperature.a"] - truth) ** 2)))
+    assert 0.75 * scatter < _noise(run).floor[0] < 1.6 * scatter

@@ -39,13 +39,17 @@ def estimate_noise(bound_runs: Sequence[BoundRun], nodes: Sequence[str]) -> Nois
 
     White noise is what readings are off the line between their neighbours, in the runs, or, where that is more, in the
     logs that they are of: read off lines between a log's readings, a run's share their noise, and seem to have less.
-    What rounding to a sensor's steps adds, the step over √12, is not part of it, but for what means have left of it.
+    What rounding to a sensor's steps adds, the step over √12, is not part of it. Of means over several readings noise
+    and step follow from the readings' own noise and steps: what noise carries over the edges is not rounded any more.
     """
     white = np.zeros(len(nodes))
     step = np.zeros(len(nodes))
     for row, node in enumerate(nodes):
         column, runs = f"temperature.{node}", [bound.run for bound in bound_runs]
         step[row] = max((run.resolution.get(column, 0.0) for run in runs), default=0.0)
+        if step[row] > 0 and all(run.averaged and column in run.scatter for run in runs):
+            white[row], step[row] = _of_means(bound_runs, row, column)
+            continue
         by_step: dict[float, list[FloatArray]] = {}
         for bound, run in zip(bound_runs, runs, strict=True):
             rounded_to = 0.0 if run.averaged else run.resolution.get(column, 0.0)
@@ -55,6 +59,29 @@ def estimate_noise(bound_runs: Sequence[BoundRun], nodes: Sequence[str]) -> Nois
         of_logs = {run.source: run.scatter[column] for run in runs if column in run.scatter}  # pieces of a log share it
         white[row] = max(usual(scatters, runs[0].step) for scatters in (of_runs, of_logs.values()))
     return Noise(white, step)
+
+
+_OVER = 5  # means, over which their moves are taken: noise moves them from one to the next
+
+
+def _of_means(bound_runs: Sequence[BoundRun], row: int, column: str) -> tuple[float, float]:
+    """White noise of means of a coarse sensor's readings, and the step that they still seem to have [K].
+
+    Of several logs what half of all readings have at most, both together.
+    """
+    parts = []
+    for bound in bound_runs:
+        run, measured = bound.run, bound.measured[row]
+        moves = np.abs(measured[_OVER:] - measured[:-_OVER]) / _OVER
+        scatter = run.scatter[column]
+        noise, left = scatter.of_means(run.step, run.resolution.get(column, 0.0), moves[np.isfinite(moves)])
+        parts.append(
+            (float(np.hypot(noise, left / np.sqrt(12.0))), noise, left, np.count_nonzero(np.isfinite(measured)))
+        )
+    parts.sort()
+    counts = np.cumsum([count for *_, count in parts])
+    _, noise, left, _ = parts[int(np.searchsorted(counts, 0.5 * counts[-1]))]
+    return noise, left
 
 
 def balanced_sigma(bound_runs: Sequence[BoundRun], noise: Noise) -> FloatArray:

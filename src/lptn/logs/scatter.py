@@ -12,6 +12,7 @@ from lptn.logs.resampling import SEVERAL
 
 _MAD_TO_SIGMA = 1.4826  # standard deviation of normal noise over its median absolute value
 _ROUNDED_AND_BLURRED = 2 / 12  # of the step squared: variance of rounding, and as much of the blur
+_HARMONICS = 30  # of the rounding, in which all but a fiftieth of it is
 _HALVINGS = 40  # of the stretch in which the median is: to 1e-12 of it
 
 
@@ -31,6 +32,31 @@ class Scatter(NamedTuple):
     def within(self, step: float) -> float:
         """Standard deviation of a mean of as many readings as a step of so many seconds holds, one at least [K]."""
         return self.noise * min(1.0, float(np.sqrt(self.every / step)))
+
+    def of_means(self, step: float, resolution: float, moves: FloatArray) -> tuple[float, float]:
+        """White noise of means over steps of so many seconds, and what they have left of a sensor's steps [K].
+
+        Noise carries a reading over the edges of a step, so that a mean of several lies between these: what is left of
+        the rounding are its harmonics in the temperature, each less by the noise (Widrow's theory of quantisation), and
+        by what the temperature passes of a step within the mean. The rest of the rounding is noise from reading to
+        reading.
+
+        Args:
+            step: s, of a mean.
+            resolution: K, of the sensor's steps, 0 for none.
+            moves: K, by which the temperature moves in a mean's time, at some times.
+
+        Returns:
+            the standard deviation, and the steps that would round as much, in the sense of a step over √12.
+        """
+        count = max(1.0, step / self.every) if self.every > 0 else 1.0
+        if resolution == 0.0:
+            return self.noise / float(np.sqrt(count)), 0.0
+        k = np.arange(1, _HARMONICS + 1)
+        power = (resolution / (np.pi * k)) ** 2 / 2 * np.exp(-((2 * np.pi * k * self.noise / resolution) ** 2))
+        passed = np.sinc(np.outer(k, moves if moves.size else np.zeros(1)) / resolution) ** 2
+        white = max(self.noise**2 + resolution**2 / 12 - float(power.sum()), 0.0) / count
+        return float(np.sqrt(white)), float(np.sqrt(12 * power @ passed.mean(axis=1)))
 
 
 def scatter_of(time: FloatArray, values: FloatArray, step: float = 0.0) -> Scatter:

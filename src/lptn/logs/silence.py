@@ -505,6 +505,7 @@ def without_silent(values: FloatArray, silent: list[Silence]) -> FloatArray:
 
 
 _HELD, _HELD_ROWS, _AROUND = 2.0, 3, 50  # s, and rows in turn, that stand; rows on both sides that tell what is usual
+_NEW = 0.5  # share of rows in which a column that tells has another number, back and forth
 _SEVERAL = 2  # columns that hardly ever stand: one alone is a sensor that froze
 _SURE = 1e-9  # chance that temperatures and speeds of a robot that was logged all the while would stand so long
 
@@ -523,16 +524,15 @@ def held_rows(values: Mapping[str, FloatArray]) -> list[tuple[int, int]]:
         alike &= channel[1:] == channel[:-1]
     edges = np.flatnonzero(np.diff(alike, prepend=False, append=False))
     measured = [channel for key, channel in channels.items() if key.startswith(("temperature.", "velocity."))]
-    lively = [x for x in measured if alike.any() and _back_and_forth(np.diff(x)) > (1 - _LIVELY) * alike.size]
+    lively = [x for x in measured if alike.any() and _back_and_forth(np.diff(x)) > _NEW * alike.size]
     held = []
     for first, last in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
         if last - first < _HELD_ROWS or time[last] - time[first] < _HELD:
             continue
         beside = np.r_[max(first - _AROUND, 0) : first, last : min(last + _AROUND, alike.size)]
-        beside = beside[~alike[beside]]
         moves = [_back_and_forth(x[beside + 1] - x[beside]) for x in lively if x[first] != 0]
         shares = [(beside.size - count + 1) / (beside.size + 2) for count in moves]
-        telling = [share for share in shares if share < _LIVELY]
+        telling = [share for share in shares if share < 1 - _NEW]
         if len(telling) >= _SEVERAL and (last - first) * np.log(telling).sum() < np.log(_SURE):
             held.append((first + 1, last))
     return held
