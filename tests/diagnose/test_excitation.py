@@ -59,3 +59,14 @@ def test_the_load_is_that_of_the_joints_and_not_of_one_computer() -> None:
     data = table().assign(**{"power.b": 20.0})
     seen = excitation([run(data.drop(columns="torque.b").assign(**{"torque.c": 1.0}))], ("a", "b", "c"))
     assert seen.levels == 3
+
+
+def test_a_given_temperature_is_surroundings_whatever_it_is_called() -> None:
+    ambient = table()
+    ambient["temperature.ambient"] = 22.0 + 4.0 * ambient["time"] / ambient["time"].iloc[-1]
+    room = ambient.rename(columns={"temperature.ambient": "temperature.room"})
+    one, other = (excitation([run(data)], NODES) for data in (ambient, room))
+    assert (other.rise, other.ambient) == (one.rise, one.ambient)
+    assert one.ambient == pytest.approx(4.0, abs=0.2)
+    shed = excitation([run(room.assign(**{"temperature.shed": 10.0}))], NODES)
+    assert shed.rise > one.rise

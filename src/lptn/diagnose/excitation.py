@@ -28,7 +28,6 @@ _LOW = 0.5  # of the largest load: below it a hot node may cool
 _STEP = 0.3  # of the largest load from one minute to the next
 _COOLS = 1.0  # K in a time of little load
 _LOADS = {"power": 1.0, "current": 2.0, "torque": 2.0}  # exponent that makes it a heat
-_AMBIENT = "temperature.ambient"
 
 
 def excitation(runs: Sequence[Run], nodes: Sequence[str]) -> Excitation:
@@ -43,7 +42,7 @@ def excitation(runs: Sequence[Run], nodes: Sequence[str]) -> Excitation:
     loads = [record.load / most if most > 0 else np.zeros(0) for record in blocks]
     rests = [load < _STILL for load in loads]
     steady = np.concatenate([_steady(load) for load in loads]) if loads else np.zeros(0)
-    airs = [record.means[_AMBIENT] for record in blocks if _AMBIENT in record.means]
+    airs = [air for record in blocks for air in record.surroundings]
     columns = dict.fromkeys(column for record in blocks for column in record.means)
     return Excitation(
         minutes=sum(len(run) * run.step for run in runs) / 60,
@@ -74,6 +73,8 @@ class _Blocks:
             name: values for name, values in run.columns.items() if name not in {f"temperature.{n}" for n in nodes}
         }
         self.means = {name: means_of_blocks(values, size) for name, values in inputs.items()}
+        # Whatever it is called: a temperature that is given and not predicted.
+        self.surroundings = [means for name, means in self.means.items() if name.startswith("temperature.")]
         measured = [run.columns[f"temperature.{node}"] for node in nodes if run.has(f"temperature.{node}")]
         self.temperatures = np.array([means_of_blocks(values, size) for values in measured])
         kinds = [
@@ -89,7 +90,8 @@ class _Blocks:
         self.rise, self.spread = 0.0, 0.0
         finite = np.isfinite(self.temperatures)
         if finite.any():
-            around = self.means.get(_AMBIENT, float(self.temperatures[finite].min()))
+            lowest = float(self.temperatures[finite].min())
+            around = np.min(self.surroundings, axis=0) if self.surroundings else np.full(finite.shape[1], lowest)
             self.rise = float(np.nanmax(self.temperatures - around)) if np.isfinite(around).any() else 0.0
             whole = self.temperatures[finite.all(axis=1)]
             self.spread = float(np.ptp(whole - whole[:1], axis=1).max()) if len(whole) > 1 else 0.0
