@@ -147,4 +147,7 @@ def test_means_of_a_coarse_sensor_scatter_as_its_noise_and_its_steps_let_them(
     # A mean of samples is that of the time up to the last of them.
     truth = np.interp(run.time + (mean - 1 / rate) / 2, time, true)
     scatter = float(np.sqrt(np.nanmean((run.columns["temperature.a"] - truth) ** 2)))
-    assert 0.75 * scatter < _noise(run).floor[0] < 1.6 * scatter
+    floor = _noise(run).floor[0]
+    assert floor > 0.75 * scatter
+    if mean == 1.0:  # in longer ones the temperature passes through steps
+        assert floor < 1.25 * scatter + 0.002

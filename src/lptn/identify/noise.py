@@ -23,15 +23,18 @@ class Noise:
     Args:
         white: standard deviation of white noise [K], shape (nodes,).
         step: step of a quantised sensor [K], 0 where it is fine, shape (nodes,).
+        left: what means over several readings have left of that step [K], shape (nodes,); all of it by default.
     """
 
     white: FloatArray
     step: FloatArray
+    left: FloatArray | None = None
 
     @property
     def floor(self) -> FloatArray:
         """The RMSE that a perfect model would show [K], shape (nodes,)."""
-        return np.asarray(np.maximum(np.hypot(self.white, self.step / np.sqrt(12.0)), LEAST_NOISE))
+        left = self.step if self.left is None else self.left
+        return np.asarray(np.maximum(np.hypot(self.white, left / np.sqrt(12.0)), LEAST_NOISE))
 
 
 def estimate_noise(bound_runs: Sequence[BoundRun], nodes: Sequence[str]) -> Noise:
@@ -43,12 +46,14 @@ def estimate_noise(bound_runs: Sequence[BoundRun], nodes: Sequence[str]) -> Nois
     and step follow from the readings' own noise and steps: what noise carries over the edges is not rounded any more.
     """
     white = np.zeros(len(nodes))
-    step = np.zeros(len(nodes))
+    step, left = np.zeros(len(nodes)), np.zeros(len(nodes))
     for row, node in enumerate(nodes):
         column, runs = f"temperature.{node}", [bound.run for bound in bound_runs]
         step[row] = max((run.resolution.get(column, 0.0) for run in runs), default=0.0)
+        left[row] = step[row]
         if step[row] > 0 and all(run.averaged and column in run.scatter for run in runs):
-            white[row], step[row] = _of_means(bound_runs, row, column)
+            # Where the temperature stands, what is left may be more for a while: who asks for minutes has all of it.
+            white[row], left[row] = _of_means(bound_runs, row, column)
             continue
         by_step: dict[float, list[FloatArray]] = {}
         for bound, run in zip(bound_runs, runs, strict=True):
@@ -58,10 +63,7 @@ def estimate_noise(bound_runs: Sequence[BoundRun], nodes: Sequence[str]) -> Nois
         of_runs = [Scatter(white_noise(off, size), runs[0].step, off.size) for size, off in pooled.items()]
         of_logs = {run.source: run.scatter[column] for run in runs if column in run.scatter}  # pieces of a log share it
         white[row] = max(usual(scatters, runs[0].step) for scatters in (of_runs, of_logs.values()))
-    return Noise(white, step)
-
-
-_OVER = 5  # means, over which their moves are taken: noise moves them from one to the next
+    return Noise(white, step, left)
 
 
 def _of_means(bound_runs: Sequence[BoundRun], row: int, column: str) -> tuple[float, float]:
@@ -72,9 +74,7 @@ def _of_means(bound_runs: Sequence[BoundRun], row: int, column: str) -> tuple[fl
     parts = []
     for bound in bound_runs:
         run, measured = bound.run, bound.measured[row]
-        moves = np.abs(measured[_OVER:] - measured[:-_OVER]) / _OVER
-        scatter = run.scatter[column]
-        noise, left = scatter.of_means(run.step, run.resolution.get(column, 0.0), moves[np.isfinite(moves)])
+        noise, left = run.scatter[column].of_means(run.step, run.resolution.get(column, 0.0))
         parts.append(
             (float(np.hypot(noise, left / np.sqrt(12.0))), noise, left, np.count_nonzero(np.isfinite(measured)))
         )

@@ -33,18 +33,17 @@ class Scatter(NamedTuple):
         """Standard deviation of a mean of as many readings as a step of so many seconds holds, one at least [K]."""
         return self.noise * min(1.0, float(np.sqrt(self.every / step)))
 
-    def of_means(self, step: float, resolution: float, moves: FloatArray) -> tuple[float, float]:
+    def of_means(self, step: float, resolution: float) -> tuple[float, float]:
         """White noise of means over steps of so many seconds, and what they have left of a sensor's steps [K].
 
         Noise carries a reading over the edges of a step, so that a mean of several lies between these: what is left of
-        the rounding are its harmonics in the temperature, each less by the noise (Widrow's theory of quantisation), and
-        by what the temperature passes of a step within the mean. The rest of the rounding is noise from reading to
-        reading.
+        the rounding are its harmonics in the temperature, each less by the noise (Widrow's theory of quantisation). The
+        rest of the rounding is noise from reading to reading. A temperature that passes through steps within a mean
+        leaves less, but it comes to rest, too.
 
         Args:
             step: s, of a mean.
             resolution: K, of the sensor's steps, 0 for none.
-            moves: K, by which the temperature moves in a mean's time, at some times.
 
         Returns:
             the standard deviation, and the steps that would round as much, in the sense of a step over √12.
@@ -54,9 +53,8 @@ class Scatter(NamedTuple):
             return self.noise / float(np.sqrt(count)), 0.0
         k = np.arange(1, _HARMONICS + 1)
         power = (resolution / (np.pi * k)) ** 2 / 2 * np.exp(-((2 * np.pi * k * self.noise / resolution) ** 2))
-        passed = np.sinc(np.outer(k, moves if moves.size else np.zeros(1)) / resolution) ** 2
         white = max(self.noise**2 + resolution**2 / 12 - float(power.sum()), 0.0) / count
-        return float(np.sqrt(white)), float(np.sqrt(12 * power @ passed.mean(axis=1)))
+        return float(np.sqrt(white)), float(np.sqrt(12 * power.sum()))
 
 
 def scatter_of(time: FloatArray, values: FloatArray, step: float = 0.0) -> Scatter:
