@@ -192,7 +192,9 @@ def alarms_by_statistics(
             faulty.append(alarm)
     while (first := given.alarm) is not None:
         told, after = attributed(given, first)
-        if told is not None and told.channel and told.channel in {alarm.channel for alarm in faulty}:
+        # A sensor can't be judged by a load that is wrong, nor is that load told twice.
+        inputs = {alarm.channel: alarm.node for alarm in faulty if alarm.channel}
+        if told is not None and (told.channel in inputs or first.node in inputs.values()):
             told, after = None, given.without([model.nodes.index(first.node)], -inf)  # what that leaves
         given = after
         faulty += [] if told is None else [or_stuck(watched, told)] if told is first else [told]
