@@ -264,18 +264,12 @@ class AugmentedModel:
         self._rate()
         return np.asarray(self._slope[: len(self._capacities)] * self._capacities)
 
-    def warming(self, z: FloatArray, u: FloatArray) -> FloatArray:
-        """How fast each node warms [K/s], shape (nodes,)."""
-        return np.asarray(self.heat_flow(z, u) / self._capacities)
-
-    def by_own_and_errors(self, z: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Derivative of each node's rate by its own temperature [1/s], shape (nodes,), and by all else but the states,
-        shape (nodes, z), 0 there."""
-        self.rates_by_state(z, u)
-        rows = self._jacobian.T[: len(self._capacities)].copy()
-        own = np.diag(rows).copy()
-        rows[:, self.layout.states] = 0.0
-        return own, rows
+    def warming(self, z: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """How fast each node warms [K/s], shape (nodes,), and the derivative of that by the state, shape (nodes, z)."""
+        self._z[:], self._u[:] = z, u
+        self._rate()
+        nodes = len(self._capacities)
+        return self._slope[:nodes].copy(), self._jacobian.T[:nodes].copy()
 
     def rates_by_state(self, z: FloatArray, u: FloatArray) -> FloatArray:
         """Derivative of the model's own rates by its own states [1/s], shape (states, states)."""

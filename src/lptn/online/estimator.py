@@ -477,10 +477,10 @@ class Estimator:
     def _stray(self, sensors: LivingSensors, u: FloatArray, dt: float) -> None:
         """References become less sure: by the relative error of heat put in and heat that leaves, and by `error`."""
         sensors.clock += dt
-        left = self.augmented.warming(self._z, u * self._unheated)
-        put_in = self.augmented.warming(self._z, u) - left
-        own, by_errors = self.augmented.by_own_and_errors(self._z, u)
-        rate = np.sqrt(ERROR**2 * (put_in**2 + left**2) + by_errors**2 @ self._doubt)
+        left, _ = self.augmented.warming(self._z, u * self._unheated)
+        warming, by_state = self.augmented.warming(self._z, u)
+        own = np.diag(by_state)
+        rate = np.sqrt(ERROR**2 * ((warming - left) ** 2 + left**2) + by_state**2 @ self._doubt)
         self._settles = 1 / np.maximum(-own, 1 / _DAY)
         stays = np.exp(-dt / self._settles)
         self._strayed = stays * self._strayed + self._settles * (1 - stays) * rate
