@@ -158,6 +158,7 @@ def structs(heating: Heating, limits: int, stages: int) -> Structs:
         *((name, _D) for name in ("smoothing", "linear", "quadratic", "noise", "grain", "sigmas")),
         ("doubt", _D * x),
         ("gain_doubt", _D * x),
+        ("settles", _D * nodes),
         ("tolerance", _D),
         *((name, _I) for name in ("iterations", "warm", "lost_sensor")),
     ]
@@ -175,7 +176,7 @@ def structs(heating: Heating, limits: int, stages: int) -> Structs:
         ("spread", _D * elements * elements),
         ("made", _D * nodes),
         ("without", _D * elements * nodes),
-        *((name, _D * nodes) for name in ("strayed", "settles", "renewed")),
+        *((name, _D * nodes) for name in ("own", "tied", "strayed", "renewed")),
         *((name, _I * nodes) for name in ("read", "lived", "taught", "guessed")),
         ("applied", _D * u),
         ("conditions", _D * (d + 1)),

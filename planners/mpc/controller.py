@@ -18,6 +18,7 @@ from lptn.basics.errors import InputError
 from lptn.basics.files import write_folder
 from lptn.basics.tables import Tabular
 from lptn.model.model import Model
+from lptn.online.living_sensors import LEAST
 
 from ..heating import Request, heating, requested_by
 from ..values import Each, Values, in_order
@@ -29,6 +30,11 @@ _MEANING = {
     64: "a condition is no number; the last good one, else zero, stands in for it",
     8: "a request lies above the current limit and is cut to it",
     32: "the solver did not converge; this is the best plan that it met, not proven to be the best there is",
+}
+_INSTEAD = {
+    "model": "the model stands in for it",
+    "derate": "its joint gets what holds the limit",
+    "stop": "its joint gets no more than its floor",
 }
 _PROGRAMS = ("main.c", "loop.c")  # that run the emitted step, and the loop of short ticks about it
 _MISSING, _STANDS, _CONTRADICTS = 1, 2, 3  # of a sensor, as in `c/lptn_mpc.h`
@@ -57,6 +63,8 @@ class Plan(Tabular):
         limited: names of the limited nodes.
         untrusted: nodes whose sensor is not alive, and why its reading is not believed; the prediction stands in.
         unread: nodes of which there is no reading, or an absurd one; the prediction stands in.
+        doubted: nodes that are planned hotter than their sensor says, by how much [K]; from 1 K on.
+        lost_sensor: what a joint gets whose node has lost its sensor.
         error: change of the last linearisation [K].
     """
 
@@ -74,6 +82,8 @@ class Plan(Tabular):
     limited: tuple[str, ...]
     untrusted: Mapping[str, str]
     unread: tuple[str, ...]
+    doubted: Mapping[str, float]
+    lost_sensor: LostSensor
     error: float
 
     @property
@@ -91,10 +101,15 @@ class Plan(Tabular):
         """In words, what could not be had; empty where all limits and inputs were good."""
         margins = dict(zip(self.limited, self.margin, strict=True))
         reasons = dict(self.untrusted) | dict.fromkeys(self.unread, "has no reading")
-        sentences = [
-            f"{node} {why}; the model stands in for it"
-            + (f", {margins[node]:.2g} K below the limit" if node in margins else "")
-            for node, why in reasons.items()
+        sentences = []
+        for node, why in reasons.items():
+            instead = _INSTEAD["model" if node in self.unread else self.lost_sensor]
+            below = f", {margins[node]:.2g} K below the limit" if node in margins else ""
+            sentences.append(f"{node} {why}; {instead}{below}")
+        sentences += [
+            f"{node} reads colder than the model expects, and has not shown that it follows the heat; "
+            f"planned {hotter:.2g} K hotter"
+            for node, hotter in self.doubted.items()
         ]
         sentences += [text for bit, text in _MEANING.items() if self.status & bit]
         if self.status & _TOO_HOT:
@@ -357,6 +372,12 @@ class TorqueMPC:
             tuple(self.settings.limits),
             self._untrusted() if result.status & _NOT_ALIVE else {},
             tuple(node for node, sensor in zip(self.model.nodes, result.sensor, strict=True) if sensor == _MISSING),
+            {
+                node: hotter
+                for node, hotter, sensor in zip(self.model.nodes, result.doubt, result.sensor, strict=True)
+                if hotter >= LEAST and sensor not in (_STANDS, _CONTRADICTS)
+            },
+            self.settings.lost_sensor,
             result.error,
         )
 
@@ -386,6 +407,7 @@ class TorqueMPC:
         to.smoothing, (to.linear, to.quadratic) = settings.smoothing, settings.prices
         to.noise, to.grain, to.sigmas = math.hypot(settings.noise, settings.grain), settings.grain, settings.sigmas
         to.doubt[:], to.gain_doubt[:] = settings.doubt.tolist(), settings.gain_doubt.tolist()
+        to.settles[:] = settings.settles.tolist()
         to.tolerance, to.iterations, to.warm = settings.tolerance, settings.iterations, settings.warm
         to.lost_sensor = get_args(LostSensor).index(settings.lost_sensor)
 

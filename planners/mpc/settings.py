@@ -22,7 +22,7 @@ LostSensor = Literal["model", "derate", "stop"]
 """What a joint gets whose node has lost its sensor; the order is that of `c/lptn_mpc.h`."""
 
 _POSITIVE = 1e-12  # the least positive number that is taken for one
-_ROOM = 25.0  # degC
+_ROOM, _DAY = 25.0, 86400.0  # degC; s
 _LEAST_COOLING = 0.1  # of the fastest state's; a state that hardly cools may lack heat all the same
 BAND = 10.0  # K above its limit at which a node, by default, is to cool as fast as it does without any load
 _LEVEL, _MOST_LEVELS = 100.0, 2  # of weights: a joint gives way by a hundredth of the share of one a level below
@@ -49,6 +49,7 @@ class Settings:
         model_error: relative; 0: readings are taken as they are, and nothing is learnt of what the model lacks.
         doubt: heat that the model may lack, as a rate of each state [K/s].
         gain_doubt: relative error of the controlled heat of each state.
+        settles: time in which each node forgets how warm the whole robot began [s].
         lost_sensor: what a joint gets whose node has lost its sensor.
         tolerance: on the duality gap; the cost of admitting nothing is 1.
         iterations: of the solver, at most.
@@ -70,6 +71,7 @@ class Settings:
     model_error: float
     doubt: FloatArray
     gain_doubt: FloatArray
+    settles: FloatArray
     lost_sensor: LostSensor = "model"
     tolerance: float = 1e-6
     iterations: int = 100
@@ -172,6 +174,7 @@ def settle(
         level,
         model_error,
         *_doubts(heating, bounds, model_error, standard_errors),
+        _settling(heating, bounds),
         lost_sensor,
     )
 
@@ -224,6 +227,18 @@ def _doubts(
     share = np.abs(of_heat) / np.maximum(np.abs(heat), 1e-300) * (np.abs(heat) > 0)
     return (np.sqrt((model_error * cooling) ** 2 + (missing**2) @ errors**2),
             np.sqrt(relative**2 + (share**2) @ errors**2))  # fmt: skip
+
+
+def _settling(heating: Heating, limits: dict[str, float]) -> FloatArray:
+    """Mean time in which each node forgets how warm all began [s], at most a day: of one mass its time constant."""
+    model = heating.model
+    x, _, room = _at_limits(heating, limits)
+    slope = ca.Function("slope", [heating.x, heating.amount, heating.d, heating.p],
+                        [ca.jacobian(heating.rates, heating.x)])  # fmt: skip
+    nodes = len(model.nodes)
+    a = np.asarray(slope(x, np.zeros(len(heating.joints)), room, model.values).full())[:nodes, :nodes]
+    times = np.linalg.lstsq(-a, np.ones(nodes))[0]
+    return np.asarray(np.where((times > 0) & (times < _DAY), times, _DAY))
 
 
 def _cooling(heating: Heating, limits: dict[str, float]) -> FloatArray:

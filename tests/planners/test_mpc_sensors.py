@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
@@ -35,6 +36,26 @@ kind = "copper_loss"
 at = "knee"
 input = "current"
 resistance = 0.2
+"""
+_WINDING = """\
+[model]
+joints = ["a"]
+ambient = "temperature.ambient"
+[nodes.a]
+capacity = 60
+[nodes.a_case]
+capacity = 300
+[[links]]
+between = ["a", "a_case"]
+resistance = 1
+[[links]]
+between = ["a_case", "ambient"]
+resistance = 3
+[[effects]]
+kind = "copper_loss"
+at = "a"
+resistance = 0.2
+input = "current"
 """
 _GLUE = """\
 #include "lptn_mpc.c"
@@ -208,6 +229,33 @@ def test_a_model_that_is_wrong_costs_no_sensor_its_trust(off: float) -> None:
     """The true knee heats by a fifth less, or a quarter more, than the model says."""
     _, plans = one_joint(lambda _, true, noise: 25.0 + off * (true - 25.0) + noise)
     assert not any(plan.untrusted for plan in plans)
+
+
+@pytest.mark.parametrize("reads", [-40.0, 0.0, 25.0, 40.0, None])
+def test_a_sensor_that_is_dead_teaches_a_winding_beside_it_nothing(reads: float | None) -> None:
+    """Only the housing is read; its sensor is dead from the start, or comes loose in 300 s after a quarter hour."""
+    mpc = TorqueMPC(Model(parse_model(_WINDING, Path("winding.toml")).network), {"a": 80.0}, current_limits=40.0)
+    random, x, worst = np.random.default_rng(0), np.array([25.0, 25.0, 1.0]), -np.inf
+    for k in range(360):
+        loose = 25.0 + (x[1] - 25.0) * float(np.exp(-max(k - 180, 0) / 60))
+        reading = (loose if reads is None else reads) + 0.1 * random.standard_normal()
+        plan = mpc.step({"a_case": reading}, [20.0], {"temperature.ambient": 25.0})
+        rate = np.zeros((3, 3))
+        rate[0] = [-1 / 60, 1 / 60, 0.2 * plan.admitted[0] ** 2 / 60]
+        rate[1] = [1 / 300, -(1 + 1 / 3) / 300, 25 / 3 / 300]
+        x = expm(PERIOD * rate) @ x
+        worst = max(worst, x[0] - 80.0)
+    assert worst < 0.5
+    assert plan.given_up
+
+
+@pytest.mark.parametrize("spike", [85.0, -50.0])
+@pytest.mark.parametrize("at", [0, 1, 2])
+def test_one_false_reading_at_the_start_costs_little(spike: float, at: int) -> None:
+    worst, plans = one_joint(lambda k, true, noise: spike if k == at else true + noise)
+    assert worst < 0.05
+    assert not any(plan.untrusted for plan in plans[at + 20 :])
+    assert np.mean([plan.admitted[0] for plan in plans[:60]]) > 8.0  # of 12.8 without it
 
 
 def test_what_a_joint_gets_that_has_lost_its_sensor_is_the_users_choice() -> None:

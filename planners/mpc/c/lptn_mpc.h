@@ -46,6 +46,7 @@ typedef struct {
     double doubt[LPTN_NX];      /* heat that the model may lack, as a rate of each state [K/s]; 0: readings are taken
                                    as they are */
     double gain_doubt[LPTN_NX]; /* relative error that the controlled heat may have */
+    double settles[LPTN_NN];    /* time in which a node forgets how warm all began [s] */
     double tolerance;           /* on the duality gap */
     int iterations, warm;       /* at most; the first `warm` of them from the last plan, the others from a cold start */
     int lost_sensor;            /* LPTN_MODEL, LPTN_DERATE or LPTN_STOP */
@@ -58,7 +59,7 @@ typedef struct {
     double evidence[LPTN_NN];             /* that it stands: what the chance of its repeated readings multiplies to, -log */
     double grain[LPTN_NN];                /* smallest move so far [K], infinite for none */
     double moves[LPTN_NN], due[LPTN_NN];  /* moves seen, and to be expected */
-    double agreed[LPTN_NN];               /* s of the clock: since then it has agreed with its reference */
+    double agreed[LPTN_NN];               /* s for which it has agreed with its reference */
     double moved[LPTN_NN][6];             /* its readings and its reference since then: count, means, sums of squares */
     double apart[LPTN_NN];                /* s for which it had contradicted its reference before */
     double heard[LPTN_NN];                /* s of the clock: its last reading */
@@ -74,8 +75,8 @@ typedef struct {
     double spread[LPTN_NZ][LPTN_NZ];  /* covariance of z */
     double made[LPTN_NN];             /* what the controlled heat warmed each node by, over the last period [K/s] */
     double without[LPTN_NN][LPTN_NZ]; /* by how much z differs in each sensor's reference, the estimate without its readings */
-    double strayed[LPTN_NN];          /* by how much the reference may be off by now, standard deviation [K] */
-    double settles[LPTN_NN];          /* time constant of each node [s] */
+    double own[LPTN_NN], tied[LPTN_NN], strayed[LPTN_NN]; /* by how much a reference may be off by errors of its node, of
+                                                             neighbours that are not read, in all [K] */
     double renewed[LPTN_NN];          /* s of the clock: when the reference was last set to the estimate */
     int read[LPTN_NN], lived[LPTN_NN], taught[LPTN_NN], guessed[LPTN_NN]; /* has been read; was trusted once; was taken in since
                                                    the last was taken back; is taken to be as hot as allowed */
@@ -95,7 +96,7 @@ typedef struct {
     double cost, worst, error, gap;  /* cost, 1 for admitting nothing; largest slack [K]; by how much a stage's
                                         end misses the next one's start [K]; duality gap */
     int iterations, linearisations, status;
-    double doubt[LPTN_NN]; /* share by which planning follows the model where a sensor reads colder */
+    double doubt[LPTN_NN]; /* by how much a node is planned hotter than its sensor says, since the model expects it [K] */
     int sensor[LPTN_NN];   /* LPTN_ALIVE, or why the prediction stood in for the reading */
 } lptn_mpc_result;
 

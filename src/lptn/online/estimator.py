@@ -243,7 +243,7 @@ class Estimator:
             self._strayed, np.zeros(y.size), self._settles,
         )  # fmt: skip
         for node in np.flatnonzero(np.isfinite(y)):
-            self._follow(self.sensors, int(node), float(y[node] - predicted[node]), bool(alone[node]))
+            self._follow(self.sensors, int(node), float(y[node]), bool(alone[node]), u)
         return self._correct(y, np.isfinite(y) & ~self.sensors.lost)
 
     def advance(self, inputs: Mapping[str, float], dt: float) -> None:
@@ -340,18 +340,19 @@ class Estimator:
         if self.sensors is not None:
             self.sensors.restore(np.array(state["sensors"], dtype=float))
 
-    def _follow(self, sensors: LivingSensors, node: int, away: float, alone: bool) -> None:
+    def _follow(self, sensors: LivingSensors, node: int, reading: float, alone: bool, u: FloatArray) -> None:
         """After a sensor was judged: keep, renew or take back what it taught.
 
         Args:
             sensors: as they were judged.
             node: of the sensor.
-            away: its reading less the predicted one [K].
+            reading: its own [degC].
             alone: whether it was never alive when it was judged.
+            u: inputs.
         """
         if sensors.lost[node]:
             if not sensors.agrees[node] and not self._lived[node]:
-                self._begin_again(node, away, alone)
+                self._begin_again(node, reading, alone, u)
             elif self._taught[node] and not sensors.proven[node]:
                 self._take_back(node)
             return
@@ -377,27 +378,38 @@ class Estimator:
     def _take_back(self, node: int) -> None:
         """The estimate becomes the sensor's reference."""
         self._z += self._without[:, node]
+        self._clip()
         self._without[:, node] = 0.0
         self._forget(self._errors_of(node))
         self._covariance[node, node] += self._strayed[node] ** 2
         self._taught[node] = False
 
-    def _begin_again(self, node: int, away: float, alone: bool) -> None:
+    def _begin_again(self, node: int, reading: float, alone: bool, u: FloatArray) -> None:
         """A sensor that was never alive told nothing of its node; what it reads now begins a reference of its own."""
         if not alone:
-            before, others = self._z[node], np.arange(len(self.model.nodes)) != node
-            if others.any():  # robots start near one temperature
-                self._z[node] = self._z[: others.size][others].mean()
+            self._z += self._without[:, node]
+            self._clip()
+            others = np.arange(len(self.model.nodes)) != node
+            air = u[(self._unheated > 0) & np.isfinite(u)]
+            near = self._z[: others.size][others] if others.any() else air
+            if near.size:  # robots start near one temperature
+                self._z[node] = near.mean()
             rows = self._errors_of(node)
             self._z[rows] = 0.0
             self._forget(rows)
             self._covariance[node], self._covariance[:, node] = 0.0, 0.0
             self._covariance[node, node] = _UNREAD**2
-            away += before - self._z[node]
         self._without[:, node] = 0.0
-        self._without[node, node] = away
+        self._without[node, node] = reading - self.augmented.readings(self._z)[0][node]
         self._strayed[node] = math.sqrt(self._noise[node] + self._step[node] ** 2 / 12)
         self._taught[node] = False
+
+    def _clip(self) -> None:
+        """What else the readings may say, the model is not that wrong: a sensor that lies would run away with it."""
+        layout, most = self.augmented.layout, _PLAUSIBLE * np.sqrt(self._doubt)
+        for where, middle in ((slice(layout.air.start, layout.inputs.stop), 0.0), (layout.parameters, self._told)):
+            self._z[where] = np.clip(self._z[where], middle - most[where], middle + most[where])
+        self._z[layout.parameters] = np.clip(self._z[layout.parameters], *self._bounds)
 
     def _choose_parameters(self, walks: Mapping[str, float], covariance: FloatArray | None) -> None:
         """The parameters that become states: those to learn, and those whose covariance is given."""
@@ -456,7 +468,7 @@ class Estimator:
         self._z = z
         self._without[:] = 0.0
         self._strayed = np.sqrt(np.diag(self._covariance)[: len(model.nodes)])
-        self._lived[:], self._taught[:] = False, False
+        self._lived[:], self._taught[:], self._renewed[:] = False, False, 0.0
         if self.sensors is not None:
             self.sensors = LivingSensors(self._noise, self._step)
 
@@ -537,12 +549,7 @@ class Estimator:
         kept = np.eye(len(self._z)) - gain @ by_state
         after = kept @ self._covariance @ kept.T + (gain * variance) @ gain.T
         self._covariance = 0.5 * (after + after.T)
-        # What else the readings may say, the model is not that wrong: a sensor that lies would run away with it.
-        layout, most = self.augmented.layout, _PLAUSIBLE * np.sqrt(self._doubt)
-        for where, middle in ((slice(layout.air.start, layout.inputs.stop), 0.0), (layout.parameters, self._told)):
-            self._z[where] = np.clip(self._z[where], middle - most[where], middle + most[where])
-        where = layout.parameters
-        self._z[where] = np.clip(self._z[where], *self._bounds)
+        self._clip()
         self.last = Correction(self._since_correction, by_state, gain, covariance, innovation)
         self._since_correction = np.eye(len(self._z))
         return gain

@@ -2,11 +2,11 @@
 
 Each reading is compared with its *reference*: the estimate as it would be without this sensor's readings. A node
 follows the heat that is put in: so a sensor is alive once it has moved as its reference did, and as long as it agrees
-with it. Until then it may warm the estimate, not cool it. A sensor that contradicts its reference is lost; it is
+with it. Until then limits are planned by the hotter of the two. A sensor that contradicts its reference is lost; it is
 believed again when it has agreed for as long as it was apart or, where that was over a minute, for as long as its node
 takes to settle, and has moved as the model does. A sensor that repeats its last reading bit for bit for
-longer than noise, steps and the model's movement explain does not live either. The C code of `lptn.planners.mpc` does
-the same, with the constants of this file.
+longer than noise, steps and the model's movement explain does not live either. The C code of `lptn.planners.mpc` judges
+each reading alike, with the constants of this file; what a filter does with the verdict is its own.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from lptn.basics.arrays import BoolArray, FloatArray
 from lptn.logs.silence import CHANCE
 
 ERROR = 0.2
-"""Relative error of heat flows, beyond which a model tests no sensor: what `TorqueMPC` takes it to be where nobody says
-better. A model that may be wrong by more tests sensors as if it were wrong by this."""
+"""Relative error of heat flows in the model that tests sensors, whatever is told of it: a model is rarely worse, and a
+better one gains nothing that would be worth a healthy sensor."""
 COLDER = 3.5
 """Standard deviations below the reference. Chance makes a model so wrong in one node of 4000, sensors fail oftener."""
 AGAIN = 2.0
@@ -58,7 +58,7 @@ class LivingSensors:
         self.grain = np.full(count, np.inf)  # K, the smallest move so far
         self.moves, self.due = np.zeros(count), np.zeros(count)  # moves seen, and to be expected
         self.agreed = np.zeros(count)
-        """s of the clock, since when each agrees with its reference."""
+        """s for which each has agreed with its reference."""
         self.moved = np.zeros((6, count))
         """Readings and reference since then: count, means of reference and reading, sums of squares and products."""
         self.apart = np.zeros(count)
@@ -103,7 +103,7 @@ class LivingSensors:
             self._watch_repeats(seen, readings, predicted, variance, near)
             agrees = seen & near & ~misleads & ~self.stands
             begins = agrees & ~self.agrees
-            self.agreed[begins] = self.clock
+            self.agreed = np.where(begins, 0.0, self.agreed + seconds * agrees)
             self.moved[:, begins] = 0.0
             self.proven |= self._move_along(agrees, readings, reference, noise, colder)
         contradicts = seen & ~agrees
@@ -113,7 +113,7 @@ class LivingSensors:
         apart = np.where(self.stands, np.minimum(self.clock - self.since, settles), apart)
         self.apart = np.where(contradicts, apart, self.apart)
         self.proven &= ~(contradicts & ((self.apart > SHORTEST) | misleads))
-        earned = self.clock - self.agreed >= self.apart
+        earned = self.agreed >= self.apart
         self.agrees = np.where(seen, agrees, self.agrees)
         self.trusted = np.where(seen, agrees & self.proven & earned, self.trusted)
         self.lost = (self.lost | contradicts) & ~(seen & self.trusted)
@@ -170,12 +170,13 @@ class LivingSensors:
         return ""
 
     def state(self) -> FloatArray:
-        """All that is remembered, shape (16, nodes)."""
+        """All that is remembered, shape (20, nodes)."""
         clock = np.full(self.last.size, self.clock)
-        return np.array([clock, *(np.asarray(getattr(self, name), dtype=float) for name in _ARRAYS)])
+        return np.array([clock, *self.moved, *(np.asarray(getattr(self, name), dtype=float) for name in _ARRAYS)])
 
     def restore(self, state: FloatArray) -> None:
         """Go on from what `state` returned."""
         self.clock = float(state[0, 0])
-        for name, row in zip(_ARRAYS, state[1:], strict=True):
+        self.moved = state[1:7].copy()
+        for name, row in zip(_ARRAYS, state[7:], strict=True):
             setattr(self, name, row > 0 if name in _FLAGS else row.copy())
