@@ -21,7 +21,7 @@ SOLVER = ("lptn_mpc.h", "lptn_mpc.c", "linear.inc", "living.inc", "observe.inc",
 _NUMBERS_IN_A_LINE = 8
 _REPEAT = 4  # iterations between linearisations, where only the temperatures make the problem not linear
 _D, _I = ctypes.c_double, ctypes.c_int
-_LIVING = ("STANDS", "SHORTEST", "LEAST_CHANCE", "COARSEST", "ERROR", "COLDER", "AGAIN", "HOTTER",
+_LIVING = ("STANDS", "SHORTEST", "LEAST_CHANCE", "COARSEST", "ERROR", "BELOW", "BELOW_IF_LOST", "ABOVE",
            "NOISE", "LEAST", "FEWEST")  # fmt: skip
 _GLUE = """\
 #define LPTN_WIDE
@@ -166,9 +166,9 @@ def structs(heating: Heating, limits: int, stages: int) -> Structs:
     sensors = [
         ("clock", _D),
         *((name, _D * nodes) for name in
-          ("last", "since", "evidence", "grain", "moves", "due", "agreed")),
-        ("moved", _D * 6 * nodes),
-        *((name, _D * nodes) for name in ("apart", "heard")),
+          ("last", "since", "evidence", "grain", "moves", "due", "agreed_for")),
+        ("regression", _D * 6 * nodes),
+        *((name, _D * nodes) for name in ("contradicted_for", "last_seen")),
         *((name, _I * nodes) for name in ("stands", "agrees", "proven", "trusted", "lost")),
     ]  # fmt: skip
     state = [
@@ -176,8 +176,8 @@ def structs(heating: Heating, limits: int, stages: int) -> Structs:
         ("spread", _D * elements * elements),
         ("made", _D * nodes),
         ("without", _D * elements * nodes),
-        *((name, _D * nodes) for name in ("own", "tied", "strayed", "renewed")),
-        *((name, _I * nodes) for name in ("read", "lived", "taught", "guessed")),
+        *((name, _D * nodes) for name in ("own", "linked", "deviation", "renewed")),
+        *((name, _I * nodes) for name in ("read", "once_trusted", "used", "guessed")),
         ("applied", _D * u),
         ("conditions", _D * (d + 1)),
         ("scale", _D * u * stages),

@@ -1,4 +1,4 @@
-"""Sensors that stand or leap, seen reading by reading; truth by scipy alone."""
+"""Sensors that are not alive, found reading by reading; truth by scipy alone."""
 
 from __future__ import annotations
 

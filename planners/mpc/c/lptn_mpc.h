@@ -59,10 +59,10 @@ typedef struct {
     double evidence[LPTN_NN];             /* that it stands: what the chance of its repeated readings multiplies to, -log */
     double grain[LPTN_NN];                /* smallest move so far [K], infinite for none */
     double moves[LPTN_NN], due[LPTN_NN];  /* moves seen, and to be expected */
-    double agreed[LPTN_NN];               /* s for which it has agreed with its reference */
-    double moved[LPTN_NN][6];             /* its readings and its reference since then: count, means, sums of squares */
-    double apart[LPTN_NN];                /* s for which it had contradicted its reference before */
-    double heard[LPTN_NN];                /* s of the clock: its last reading */
+    double agreed_for[LPTN_NN];           /* s for which it has agreed with its reference */
+    double regression[LPTN_NN][6];        /* its readings and its reference since then: count, means, sums of squares */
+    double contradicted_for[LPTN_NN];     /* s for which it contradicted its reference before */
+    double last_seen[LPTN_NN];            /* s of the clock: its last reading */
     int stands[LPTN_NN], agrees[LPTN_NN]; /* repeats itself bit for bit; agrees with its reference */
     int proven[LPTN_NN], trusted[LPTN_NN], lost[LPTN_NN]; /* has moved as the reference did; counts as alive; was found
                                                              not to be, and has not come back */
@@ -70,16 +70,16 @@ typedef struct {
 
 /* What is kept between steps; all zero before the first. z: states, missing heat and relative error of each node. */
 typedef struct {
-    double x[LPTN_NX], bias[LPTN_NX]; /* estimate [degC]; heat that the model lacks, as a rate [K/s] */
-    double gain[LPTN_NX];             /* relative error of the controlled heat */
-    double spread[LPTN_NZ][LPTN_NZ];  /* covariance of z */
-    double made[LPTN_NN];             /* what the controlled heat warmed each node by, over the last period [K/s] */
-    double without[LPTN_NN][LPTN_NZ]; /* by how much z differs in each sensor's reference, the estimate without its readings */
-    double own[LPTN_NN], tied[LPTN_NN], strayed[LPTN_NN]; /* by how much a reference may be off by errors of its node, of
-                                                             neighbours that are not read, in all [K] */
-    double renewed[LPTN_NN];          /* s of the clock: when the reference was last set to the estimate */
-    int read[LPTN_NN], lived[LPTN_NN], taught[LPTN_NN], guessed[LPTN_NN]; /* has been read; was trusted once; was taken in since
-                                                   the last was taken back; is taken to be as hot as allowed */
+    double x[LPTN_NX], bias[LPTN_NX];    /* estimate [degC]; heat that the model lacks, as a rate [K/s] */
+    double gain[LPTN_NX];                /* relative error of the controlled heat */
+    double spread[LPTN_NZ][LPTN_NZ];     /* covariance of z */
+    double made[LPTN_NN];                /* what the controlled heat warmed each node by, over the last period [K/s] */
+    double without[LPTN_NN][LPTN_NZ];    /* z of each sensor's reference, the estimate without its readings, less z */
+    double own[LPTN_NN], linked[LPTN_NN]; /* standard deviation of a reference by errors of its own node, and of those of */
+    double deviation[LPTN_NN];            /* neighbours that are not read; by both [K] */
+    double renewed[LPTN_NN];             /* s of the clock: when the reference was last set to the estimate */
+    int read[LPTN_NN], guessed[LPTN_NN]; /* how often its sensor began, 0 for never read; is taken to be as hot as allowed */
+    int once_trusted[LPTN_NN], used[LPTN_NN]; /* its sensor was trusted once; was used since its reference was set */
     double applied[LPTN_NU], conditions[LPTN_ND + 1];
     double scale[LPTN_N][LPTN_NU];    /* of the heat, as solved last */
     double asked[LPTN_NU], share[LPTN_NU]; /* request of the last period, and the share of it that was admitted */

@@ -58,14 +58,14 @@ def not_alive(estimator: Estimator, bound: BoundRun) -> tuple[BoolArray, list[Do
         raise ValueError("estimator: found one that does not watch its sensors; expected watch=True")
     time, left_out = bound.run.time, np.zeros(bound.measured.shape, dtype=bool)
     estimate: Estimate | None = None
-    lived, lost, stood = (np.zeros(len(left_out), dtype=bool) for _ in range(3))
+    once_trusted, lost, stood = (np.zeros(len(left_out), dtype=bool) for _ in range(3))
     for k, latest in enumerate(run_filter(estimator, bound)):
         estimate, sensors = latest, estimator.sensors
-        lived |= sensors.trusted
+        once_trusted |= sensors.trusted
         for node in np.flatnonzero((sensors.lost & ~lost) | (sensors.stands & ~stood)):
             # No reading of a sensor that was never alive was one; of one that stands the first was.
             since = sensors.since[node] - sensors.clock + time[k] if sensors.stands[node] else time[k]
-            left_out[node, : k + 1] |= (time[: k + 1] > since) | ~lived[node]
+            left_out[node, : k + 1] |= (time[: k + 1] > since) | ~once_trusted[node]
         lost, stood = sensors.lost.copy(), sensors.stands.copy()
         left_out[lost, k] = True
     reasons = {} if estimate is None else estimate.untrusted

@@ -113,8 +113,8 @@ class Estimator:
 
     It leans on no sensor that is not alive (`lptn.online.living_sensors`): beside the estimate go references, one for
     each sensor, the estimate as it would be without this sensor's readings, carried as differences by the same linear
-    algebra. What contradicts its reference is left out, `Estimate.untrusted` says why, and what it taught is taken
-    back.
+    algebra. What contradicts its reference is left out, `Estimate.untrusted` says why, and the estimate reverts
+    to the reference.
     Drifts and small offsets are found by `lptn.monitor`.
 
     Args:
@@ -186,12 +186,12 @@ class Estimator:
         """What is known of the sensors; `None` where they are not watched."""
         nodes = len(model.nodes)
         self._without = np.zeros((layout.size, nodes))  # by how much the state differs in each sensor's reference
-        self._strayed = np.zeros(nodes)  # K, standard deviation of a reference
+        self._deviations = np.zeros(nodes)  # K, standard deviation of a reference
         self._settles = np.zeros(nodes)  # s, time constants of the nodes
         self._renewed = np.zeros(nodes)  # s of the sensors' clock: when each reference was last set to the estimate
-        self._lived = np.zeros(nodes, dtype=bool)  # sensors that were alive once
-        self._taught = np.zeros(nodes, dtype=bool)  # those taken in since what they taught was last taken back
-        self._unheated = np.array([0.0 if not column.startswith("temperature.") else 1.0 for column in model.inputs])
+        self._once_trusted = np.zeros(nodes, dtype=bool)  # sensors that were trusted once
+        self._used = np.zeros(nodes, dtype=bool)  # those used since their references were set
+        self._is_temperature = np.array([column.startswith("temperature.") for column in model.inputs], dtype=float)
         self.last: Correction | None = None
         """The linear algebra of the last update's correction; `None` where nothing was read."""
 
@@ -235,12 +235,12 @@ class Estimator:
             return self._correct(y, np.isfinite(y))
         predicted, by_state = self.augmented.readings(self._z)
         without = np.diag(by_state @ self._without)
-        # Of a sensor that was never alive only its own reference tells anything.
-        alone = self.sensors.lost & ~self._lived
+        # Of a sensor that was never trusted only its own reference tells anything.
+        alone = self.sensors.lost & ~self._once_trusted
         variance = np.einsum("ij,jk,ik->i", by_state, self._covariance, by_state)
         self.sensors.judge(
-            dt, y, predicted + alone * without, np.where(alone, self._strayed**2, variance), predicted + without,
-            self._strayed, np.zeros(y.size), self._settles,
+            dt, y, predicted + alone * without, np.where(alone, self._deviations**2, variance), predicted + without,
+            self._deviations, np.zeros(y.size), self._settles,
         )  # fmt: skip
         for node in np.flatnonzero(np.isfinite(y)):
             self._follow(self.sensors, int(node), float(y[node]), bool(alone[node]), u)
@@ -311,7 +311,7 @@ class Estimator:
             "inputs": self._last_inputs.copy(),
             "sensors": np.zeros((0, len(self.model.nodes))) if self.sensors is None else self.sensors.state(),
             "references": np.vstack(
-                [self._without, self._strayed, self._settles, self._renewed, self._lived, self._taught]
+                [self._without, self._deviations, self._settles, self._renewed, self._once_trusted, self._used]
             ),
         }
 
@@ -333,37 +333,37 @@ class Estimator:
         self._covariance = np.array(state["covariance"], dtype=float)
         self._resting = np.array(state["resting"], dtype=float)
         self._last_inputs = np.array(state["inputs"], dtype=float)
-        *without, self._strayed, self._settles, self._renewed, lived, taught = np.array(
+        *without, self._deviations, self._settles, self._renewed, once_trusted, used = np.array(
             state["references"], dtype=float
         )
-        self._without, self._lived, self._taught = np.array(without), lived > 0, taught > 0
+        self._without, self._once_trusted, self._used = np.array(without), once_trusted > 0, used > 0
         if self.sensors is not None:
             self.sensors.restore(np.array(state["sensors"], dtype=float))
 
     def _follow(self, sensors: LivingSensors, node: int, reading: float, alone: bool, u: FloatArray) -> None:
-        """After a sensor was judged: keep, renew or take back what it taught.
+        """After a sensor was judged: use it, renew its reference, or revert to it.
 
         Args:
             sensors: as they were judged.
             node: of the sensor.
             reading: its own [degC].
-            alone: whether it was never alive when it was judged.
+            alone: whether it had never been trusted when it was judged.
             u: inputs.
         """
         if sensors.lost[node]:
-            if not sensors.agrees[node] and not self._lived[node]:
-                self._begin_again(node, reading, alone, u)
-            elif self._taught[node] and not sensors.proven[node]:
-                self._take_back(node)
+            if not sensors.agrees[node] and not self._once_trusted[node]:
+                self._reinitialise(node, reading, alone, u)
+            elif self._used[node] and not sensors.proven[node]:
+                self._revert(node)
             return
         if alone:
-            self._take_back(node)
-        self._taught[node] = True
+            self._revert(node)
+        self._used[node] = True
         if sensors.trusted[node]:
-            self._lived[node] = True
+            self._once_trusted[node] = True
             if sensors.clock - self._renewed[node] >= self._settles[node]:
                 self._without[:, node] = 0.0
-                self._strayed[node] = math.sqrt(max(self._covariance[node, node], 0.0))
+                self._deviations[node] = math.sqrt(max(self._covariance[node, node], 0.0))
                 self._renewed[node] = sensors.clock
 
     def _errors_of(self, node: int) -> list[int]:
@@ -375,22 +375,22 @@ class Estimator:
         self._covariance[rows], self._covariance[:, rows] = 0.0, 0.0
         self._covariance[rows, rows] = self.augmented.errors[rows]
 
-    def _take_back(self, node: int) -> None:
+    def _revert(self, node: int) -> None:
         """The estimate becomes the sensor's reference."""
         self._z += self._without[:, node]
         self._clip()
         self._without[:, node] = 0.0
         self._forget(self._errors_of(node))
-        self._covariance[node, node] += self._strayed[node] ** 2
-        self._taught[node] = False
+        self._covariance[node, node] += self._deviations[node] ** 2
+        self._used[node] = False
 
-    def _begin_again(self, node: int, reading: float, alone: bool, u: FloatArray) -> None:
-        """A sensor that was never alive told nothing of its node; what it reads now begins a reference of its own."""
+    def _reinitialise(self, node: int, reading: float, alone: bool, u: FloatArray) -> None:
+        """A sensor that was never trusted says nothing of its node; what it reads now begins a reference of its own."""
         if not alone:
             self._z += self._without[:, node]
             self._clip()
             others = np.arange(len(self.model.nodes)) != node
-            air = u[(self._unheated > 0) & np.isfinite(u)]
+            air = u[(self._is_temperature > 0) & np.isfinite(u)]
             near = self._z[: others.size][others] if others.any() else air
             if near.size:  # robots start near one temperature
                 self._z[node] = near.mean()
@@ -401,8 +401,8 @@ class Estimator:
             self._covariance[node, node] = _UNREAD**2
         self._without[:, node] = 0.0
         self._without[node, node] = reading - self.augmented.readings(self._z)[0][node]
-        self._strayed[node] = math.sqrt(self._noise[node] + self._step[node] ** 2 / 12)
-        self._taught[node] = False
+        self._deviations[node] = math.sqrt(self._noise[node] + self._step[node] ** 2 / 12)
+        self._used[node] = False
 
     def _clip(self) -> None:
         """What else the readings may say, the model is not that wrong: a sensor that lies would run away with it."""
@@ -467,8 +467,8 @@ class Estimator:
         self._resting = np.array([nodes.mean()])
         self._z = z
         self._without[:] = 0.0
-        self._strayed = np.sqrt(np.diag(self._covariance)[: len(model.nodes)])
-        self._lived[:], self._taught[:], self._renewed[:] = False, False, 0.0
+        self._deviations = np.sqrt(np.diag(self._covariance)[: len(model.nodes)])
+        self._once_trusted[:], self._used[:], self._renewed[:] = False, False, 0.0
         if self.sensors is not None:
             self.sensors = LivingSensors(self._noise, self._step)
 
@@ -489,13 +489,13 @@ class Estimator:
     def _stray(self, sensors: LivingSensors, u: FloatArray, dt: float) -> None:
         """References become less sure: by the relative error of heat put in and heat that leaves, and by `error`."""
         sensors.clock += dt
-        left, _ = self.augmented.warming(self._z, u * self._unheated)
+        left, _ = self.augmented.warming(self._z, u * self._is_temperature)
         warming, by_state = self.augmented.warming(self._z, u)
         own = np.diag(by_state)
         rate = np.sqrt(ERROR**2 * ((warming - left) ** 2 + left**2) + by_state**2 @ self._doubt)
         self._settles = 1 / np.maximum(-own, 1 / _DAY)
         stays = np.exp(-dt / self._settles)
-        self._strayed = stays * self._strayed + self._settles * (1 - stays) * rate
+        self._deviations = stays * self._deviations + self._settles * (1 - stays) * rate
 
     def _unsettle(self, u: FloatArray) -> None:
         """What was learnt of the missing heat counts for less after a change of load.
@@ -528,9 +528,9 @@ class Estimator:
             others[np.arange(len(surprise)), np.flatnonzero(taken)] = surprise
             self._without -= gain @ others
             if self.sensors is not None:  # a reference that begins with a reading is surer than the guess beside it
-                alone = np.flatnonzero(self.sensors.lost & ~self._lived)
-                moved = surprise[:, None] - others[:, alone]
-                self._without[alone, alone] -= np.einsum("nr,rn->n", gain[alone], moved)
+                alone = np.flatnonzero(self.sensors.lost & ~self._once_trusted)
+                difference = surprise[:, None] - others[:, alone]
+                self._without[alone, alone] -= np.einsum("nr,rn->n", gain[alone], difference)
         return self._estimate(innovation, spreads)
 
     def _take_in(

@@ -1,12 +1,12 @@
 """Whether each temperature sensor is alive, reading by reading, by what a model without it expects.
 
 Each reading is compared with its *reference*: the estimate as it would be without this sensor's readings. A node
-follows the heat that is put in: so a sensor is alive once it has moved as its reference did, and as long as it agrees
-with it. Until then limits are planned by the hotter of the two. A sensor that contradicts its reference is lost; it is
-believed again when it has agreed for as long as it was apart or, where that was over a minute, for as long as its node
-takes to settle, and has moved as the model does. A sensor that repeats its last reading bit for bit for
-longer than noise, steps and the model's movement explain does not live either. The C code of `lptn.planners.mpc` judges
-each reading alike, with the constants of this file; what a filter does with the verdict is its own.
+follows the heat that is put in: so a sensor is trusted once it has moved as its reference did, and as long as it agrees
+with it. Until then limits are planned by the hotter of the two. A sensor that contradicts its reference is lost. It is
+trusted again when it has agreed for as long as it contradicted or, where that was over a minute, for as long as its
+node takes to settle, and has moved as the model does. A sensor that repeats its last reading bit for bit for longer
+than noise, steps and the model's movement explain is lost, too. The C code of `lptn.planners.mpc` judges each reading
+alike, with the constants of this file; what a filter does with the verdict is its own.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from lptn.logs.silence import CHANCE
 ERROR = 0.2
 """Relative error of heat flows in the model that tests sensors, whatever is told of it: a model is rarely worse, and a
 better one gains nothing that would be worth a healthy sensor."""
-COLDER = 3.5
+BELOW = 3.5
 """Standard deviations below the reference. Chance makes a model so wrong in one node of 4000, sensors fail oftener."""
-AGAIN = 2.0
-"""The same for a sensor that has been lost: to be wrong is no longer rare for it."""
-HOTTER = 6.0
+BELOW_IF_LOST = 2.0
+"""The same for a sensor that has been lost: a fault is no longer rare for it."""
+ABOVE = 6.0
 """Standard deviations above it: to disbelieve a hot sensor burns motors, to disbelieve a cold one costs torque."""
 NOISE = 6.0  # standard deviations of a reading; chance gives one in 500 million
 LEAST = 1.0  # K; the accuracy of sensors of motors, and the least movement (root sum of squares) by which one is known
@@ -34,7 +34,7 @@ STANDS = float(-np.log(CHANCE))
 SHORTEST = 60.0  # s; nothing thermal is lost in less
 LEAST_CHANCE = 1e-3  # of one reading like the one before: no single one decides
 COARSEST = 5.0  # K; steps that a sensor may have of which nothing is known yet
-_ARRAYS = ("last", "since", "evidence", "grain", "moves", "due", "agreed", "apart",
+_ARRAYS = ("last", "since", "evidence", "grain", "moves", "due", "agreed_for", "contradicted_for",
            "stands", "agrees", "proven", "trusted", "lost")  # fmt: skip
 _FLAGS = _ARRAYS[-5:]
 
@@ -57,11 +57,11 @@ class LivingSensors:
         self.evidence = np.zeros(count)
         self.grain = np.full(count, np.inf)  # K, the smallest move so far
         self.moves, self.due = np.zeros(count), np.zeros(count)  # moves seen, and to be expected
-        self.agreed = np.zeros(count)
+        self.agreed_for = np.zeros(count)
         """s for which each has agreed with its reference."""
-        self.moved = np.zeros((6, count))
+        self.regression = np.zeros((6, count))
         """Readings and reference since then: count, means of reference and reading, sums of squares and products."""
-        self.apart = np.zeros(count)
+        self.contradicted_for = np.zeros(count)
         """s for which it had contradicted its reference before."""
         self.stands, self.agrees, self.proven = (np.zeros(count, dtype=bool) for _ in range(3))
         """Whether it repeats itself bit for bit; agrees with its reference; has moved as its reference did."""
@@ -93,37 +93,37 @@ class LivingSensors:
             settles: time constants of the nodes [s].
         """
         noise, seen = np.sqrt(self._noise + self._step**2 / 12), np.isfinite(readings)
-        colder = np.where(self.lost, AGAIN, COLDER)
+        below = np.where(self.lost, BELOW_IF_LOST, BELOW)
         with np.errstate(invalid="ignore", divide="ignore"):
             away = readings - reference
-            near = away >= -np.maximum(colder * deviation + NOISE * noise, LEAST)
-            near &= away <= np.maximum(HOTTER * deviation + NOISE * noise, LEAST)
+            near = away >= -np.maximum(below * deviation + NOISE * noise, LEAST)
+            near &= away <= np.maximum(ABOVE * deviation + NOISE * noise, LEAST)
             near &= np.abs(readings - predicted) <= LEAST + NOISE * np.sqrt(np.maximum(variance, 0) + noise**2)
-            misleads = self.trusted & ((learned < -COLDER) | (learned > HOTTER))
+            misleads = self.trusted & ((learned < -BELOW) | (learned > ABOVE))
             self._watch_repeats(seen, readings, predicted, variance, near)
             agrees = seen & near & ~misleads & ~self.stands
             begins = agrees & ~self.agrees
-            self.agreed = np.where(begins, 0.0, self.agreed + seconds * agrees)
-            self.moved[:, begins] = 0.0
-            self.proven |= self._move_along(agrees, readings, reference, noise, colder)
+            self.agreed_for = np.where(begins, 0.0, self.agreed_for + seconds * agrees)
+            self.regression[:, begins] = 0.0
+            self.proven |= self._follow_reference(agrees, readings, reference, noise, below)
         contradicts = seen & ~agrees
-        apart = self.apart + seconds
-        gone = misleads | (apart > SHORTEST)
-        apart = np.where(gone, np.maximum(settles, SHORTEST), apart)
-        apart = np.where(self.stands, np.minimum(self.clock - self.since, settles), apart)
-        self.apart = np.where(contradicts, apart, self.apart)
-        self.proven &= ~(contradicts & ((self.apart > SHORTEST) | misleads))
-        earned = self.agreed >= self.apart
+        contradicted_for = self.contradicted_for + seconds
+        gone = misleads | (contradicted_for > SHORTEST)
+        contradicted_for = np.where(gone, np.maximum(settles, SHORTEST), contradicted_for)
+        contradicted_for = np.where(self.stands, np.minimum(self.clock - self.since, settles), contradicted_for)
+        self.contradicted_for = np.where(contradicts, contradicted_for, self.contradicted_for)
+        self.proven &= ~(contradicts & ((self.contradicted_for > SHORTEST) | misleads))
+        earned = self.agreed_for >= self.contradicted_for
         self.agrees = np.where(seen, agrees, self.agrees)
         self.trusted = np.where(seen, agrees & self.proven & earned, self.trusted)
         self.lost = (self.lost | contradicts) & ~(seen & self.trusted)
-        self.apart[seen & self.trusted] = 0.0
+        self.contradicted_for[seen & self.trusted] = 0.0
 
-    def _move_along(
-        self, agrees: BoolArray, readings: FloatArray, reference: FloatArray, noise: FloatArray, colder: FloatArray
+    def _follow_reference(
+        self, agrees: BoolArray, readings: FloatArray, reference: FloatArray, noise: FloatArray, below: FloatArray
     ) -> BoolArray:
         """Which sensors have moved as their reference did: by the regression of one on the other since they agree."""
-        count, mean_reference, mean_reading, squares, of_readings, products = self.moved
+        count, mean_reference, mean_reading, squares, of_readings, products = self.regression
         count += agrees
         along = np.where(agrees, reference - mean_reference, 0.0)
         up = np.where(agrees, readings - mean_reading, 0.0)
@@ -134,7 +134,7 @@ class LivingSensors:
         products += np.where(agrees, along * (readings - mean_reading), 0.0)
         slope = products / squares
         scatter = np.sqrt(np.maximum(of_readings - slope * products, 0) / (count - 2))
-        enough = agrees & (count >= FEWEST) & (squares >= LEAST**2) & (slope >= 1 - colder * ERROR)
+        enough = agrees & (count >= FEWEST) & (squares >= LEAST**2) & (slope >= 1 - below * ERROR)
         return np.asarray(enough & (slope * np.sqrt(squares) >= NOISE * np.maximum(scatter, noise)))
 
     def _watch_repeats(
@@ -172,11 +172,11 @@ class LivingSensors:
     def state(self) -> FloatArray:
         """All that is remembered, shape (20, nodes)."""
         clock = np.full(self.last.size, self.clock)
-        return np.array([clock, *self.moved, *(np.asarray(getattr(self, name), dtype=float) for name in _ARRAYS)])
+        return np.array([clock, *self.regression, *(np.asarray(getattr(self, name), dtype=float) for name in _ARRAYS)])
 
     def restore(self, state: FloatArray) -> None:
         """Go on from what `state` returned."""
         self.clock = float(state[0, 0])
-        self.moved = state[1:7].copy()
+        self.regression = state[1:7].copy()
         for name, row in zip(_ARRAYS, state[7:], strict=True):
             setattr(self, name, row > 0 if name in _FLAGS else row.copy())
