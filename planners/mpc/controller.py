@@ -55,7 +55,7 @@ class Plan(Tabular):
         currents: planned for each stage, in the request's unit, shape (stages, joints).
         temperatures: expected at the n + 1 ends of the stages [degC], shape (states, stages + 1).
         slack: by how much each limit less its margin is passed at the end of each stage [K], shape (stages, limited
-            nodes).
+            nodes); where a sensor is lost, the course on which its node comes to that.
         margin: what is kept below each limit for what is not known, beside a fixed one [K], shape (limited nodes,).
         cost: 0 for all that was requested, 1 for nothing.
         iterations: of the solver, 0 where the full request stays cool.

@@ -96,7 +96,7 @@ def test_the_study_is_not_overwritten(option: str, tmp_path: Path, capsys: pytes
     with pytest.raises(SystemExit) as stop:
         main(["trade", str(path), option, str(path)])
     assert stop.value.code == 2
-    assert "the study itself" in capsys.readouterr().err
+    assert "found a file that is read" in capsys.readouterr().err
     assert path.read_text() == GOOD
 
 

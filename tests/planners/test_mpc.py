@@ -435,7 +435,10 @@ def test_it_always_converges_and_never_admits_more_than_is_asked(seed: int) -> N
     assert plan.converged
     assert np.all((plan.currents >= 0) & (plan.currents <= request + 1e-9))
     over = plan.temperatures[:3, 1:].T - mpc.settings.planned_limits
-    assert np.all(over <= plan.slack + 1e-6)
+    judged = [
+        node not in plan.untrusted for node in plan.limited
+    ]  # a lost sensor's node comes to its limit in its time
+    assert np.all((over <= plan.slack + 1e-6)[:, judged])
 
 
 @cache

@@ -91,7 +91,9 @@ static void report(const lptn_mpc_settings *o, lptn_mpc_state *m, const lptn_mpc
             out->cost += w->a[k][j] * (1 - scale) * (1 - scale);
         }
         for (int l = 0; l < LPTN_NL; l++) {
-            out->slack[k][l] = fmax(w->x[k + 1][o->node[l]] - (o->limit[l] - out->margin[l]), 0.0);
+            const int owner = o->owner[o->node[l]], lost = m->sensors.lost[owner];
+            const double bound = lost ? w->limit[k][l] : o->limit[l] - out->margin[l]; /* to which it comes in its time */
+            out->slack[k][l] = fmax(w->x[k + 1][o->node[l]] - bound, 0.0);
             out->worst = fmax(out->worst, out->slack[k][l]);
         }
     }
