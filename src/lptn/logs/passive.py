@@ -161,7 +161,7 @@ class _Channel:
             leap = (back & quick[suspects]) | (far & alone & known)
             cuts[suspects[leap & ~self.heated(suspects, 1)]] = 1
         for window in _WINDOWS:
-            rows = round(window / self.every) if self.every > 0 else 0
+            rows = round(min(window / self.every, self.readings.size)) if self.every > 0 else 0
             if 2 <= rows < self.readings.size:
                 self._cut_slow(cuts, window, rows)
         return cuts
