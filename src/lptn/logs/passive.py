@@ -134,7 +134,8 @@ class _Channel:
         self._resolution = resolution
         apart, moves = np.diff(stamps), np.abs(np.diff(readings))
         thin = max(1, apart.size // _SAMPLE)
-        self.every = float(np.median(apart[::thin]))
+        every = float(np.median(apart[::thin]))
+        self.every = max(every, _FASTEST) if np.isfinite(every) else np.inf
         self.least = max(_LEAP, _STEPS * resolution if resolution > 0 else _NOISE * float(np.median(moves[::thin])))
 
     @cached_property
@@ -161,7 +162,7 @@ class _Channel:
             leap = (back & quick[suspects]) | (far & alone & known)
             cuts[suspects[leap & ~self.heated(suspects, 1)]] = 1
         for window in _WINDOWS:
-            rows = round(min(window / self.every, self.readings.size)) if self.every > 0 else 0
+            rows = round(window / self.every)
             if 2 <= rows < self.readings.size:
                 self._cut_slow(cuts, window, rows)
         return cuts
@@ -274,6 +275,7 @@ _ALIKE, _OF_TURN, _MOSTLY = 4, 0.03, 0.8  # leaps; of a turn; share of the leaps
 _THINNED = 20_000  # readings, of which some tell whether a sensor is at the air for minutes
 _WARM, _AT_AIR, _TIMES = 6.0, 1.5, 2.0  # K above the air; K from it; times the heat that warmed it in as long
 _PARTS = 6  # of what a channel may move by at once: so much it falls in a minute, at least, on its way to the air
+_FASTEST = 1e-6  # s between two readings; clocks of loggers tell no less
 _BEFORE, _LAG = 20.0, 2.0  # s, in which the heat before is meant; by which a sensor may come late
 _AS_LARGE, _NEARLY, _GAIN = 0.5, 0.9, 3.0  # of a change of heat; share of such moves; times the largest of these
 _NEARLY_ALL = 0.98  # of a channel's moves
