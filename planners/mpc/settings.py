@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Literal, NamedTuple, get_args
 
 import casadi as ca
 import numpy as np
@@ -179,21 +179,33 @@ def settle(
     )
 
 
-def _at_limits(heating: Heating, limits: Mapping[str, float]) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """States [degC] where limited nodes are at their limits without load and the others in balance with them, in air of
-    25 degC; the rates there [K/s]; and the conditions. Balance is that of the linearisation at the limits."""
+class _Balance(NamedTuple):
+    """States without load [degC], conditions of a room, rates there [K/s] and their slopes in the states [1/s]."""
+
+    x: FloatArray
+    room: FloatArray
+    rates: FloatArray
+    slope: FloatArray
+
+
+def _at_limits(heating: Heating, limits: Mapping[str, float]) -> _Balance:
+    """Limited nodes at their limits without load, the others in balance with them in air of 25 degC; balance is that of
+    the linearisation at the limits."""
     model = heating.model
     x = np.array([limits.get(node, max(limits.values())) for node in model.nodes])[np.array(model.owners)]
     room = np.array([_ROOM if name.startswith("temperature") else 0.0 for name in heating.conditions])
-    rates = ca.Function("rates", [heating.x, heating.amount, heating.d, heating.p],
-                        [heating.rates, ca.jacobian(heating.rates, heating.x)])  # fmt: skip
-    none = np.zeros(len(heating.joints))
-    at, slope = (np.asarray(value.full()) for value in rates(x, none, room, model.values))
+
+    def unloaded() -> ca.Function:
+        rates = ca.substitute(heating.rates, heating.amount, ca.SX.zeros(heating.amount.shape))
+        return ca.Function("unloaded", [heating.x, heating.d, heating.p], [rates, ca.jacobian(rates, heating.x)])
+
+    function = model.made_once(("rates without load", heating.request), unloaded)
     free = [row for row, owner in enumerate(model.owners) if model.nodes[owner] not in limits]
+    rates, slope = (np.asarray(value.full()) for value in function(x, room, model.values))
     if free:
-        x[free] -= np.linalg.lstsq(slope[np.ix_(free, free)], at.ravel()[free])[0]
-        at = np.asarray(rates(x, none, room, model.values)[0].full())
-    return x, at.ravel(), room
+        x[free] -= np.linalg.lstsq(slope[np.ix_(free, free)], rates.ravel()[free])[0]
+        rates, slope = (np.asarray(value.full()) for value in function(x, room, model.values))
+    return _Balance(x, room, rates.ravel(), slope)
 
 
 def _doubts(
@@ -218,12 +230,13 @@ def _doubts(
     all_ones = ca.substitute(heating.rates, heating.amount, ca.SX.ones(heating.amount.shape)) - none
     slopes = ca.Function("slopes", [heating.x, heating.d, heating.p],
                          [ca.jacobian(none, heating.p), ca.jacobian(all_ones, heating.p), all_ones])  # fmt: skip
-    hot, _, room = _at_limits(heating, limits)
-    missing, of_heat, heat = (np.asarray(value.full()) for value in slopes(hot, room, model.values))
+    hot = _at_limits(heating, limits)
+    missing, of_heat, heat = (np.asarray(value.full()) for value in slopes(hot.x, hot.room, model.values))
     for node, limit in limits.items():
         row = model.places.index(node)
-        alone, _, _ = _at_limits(heating, {node: limit})
-        missing[row] = np.maximum(np.abs(missing[row]), np.abs(slopes(alone, room, model.values)[0].full()[row]))
+        alone = _at_limits(heating, {node: limit})
+        by_parameter = slopes(alone.x, alone.room, model.values)[0].full()[row]
+        missing[row] = np.maximum(np.abs(missing[row]), np.abs(by_parameter))
     share = np.abs(of_heat) / np.maximum(np.abs(heat), 1e-300) * (np.abs(heat) > 0)
     return (np.sqrt((model_error * cooling) ** 2 + (missing**2) @ errors**2),
             np.sqrt(relative**2 + (share**2) @ errors**2))  # fmt: skip
@@ -231,12 +244,8 @@ def _doubts(
 
 def _settling(heating: Heating, limits: dict[str, float]) -> FloatArray:
     """Mean time in which each node forgets how warm all began [s], at most a day: of one mass its time constant."""
-    model = heating.model
-    x, _, room = _at_limits(heating, limits)
-    slope = ca.Function("slope", [heating.x, heating.amount, heating.d, heating.p],
-                        [ca.jacobian(heating.rates, heating.x)])  # fmt: skip
-    nodes = len(model.nodes)
-    a = np.asarray(slope(x, np.zeros(len(heating.joints)), room, model.values).full())[:nodes, :nodes]
+    nodes = len(heating.model.nodes)
+    a = _at_limits(heating, limits).slope[:nodes, :nodes]
     times = np.linalg.lstsq(-a, np.ones(nodes))[0]
     return np.asarray(np.where((times > 0) & (times < _DAY), times, _DAY))
 
@@ -245,9 +254,9 @@ def _cooling(heating: Heating, limits: dict[str, float]) -> FloatArray:
     """How fast each state would cool at its limit, in a room and without load [K/s]: the scale of the heat that may be
     missing. A node without a limit is taken to be as hot as the hottest limit."""
     model, hottest = heating.model, max(limits.values())
-    cooling = np.abs(_at_limits(heating, dict.fromkeys(model.nodes, hottest) | limits)[1])
+    cooling = np.abs(_at_limits(heating, dict.fromkeys(model.nodes, hottest) | limits).rates)
     limited = [model.places.index(place) for place in limits]
-    cooling[limited] = np.abs(_at_limits(heating, limits)[1])[limited]
+    cooling[limited] = np.abs(_at_limits(heating, limits).rates)[limited]
     return np.asarray(np.maximum(cooling, _LEAST_COOLING * cooling.max()))
 
 

@@ -113,9 +113,8 @@ class Estimator:
 
     It leans on no sensor that is not alive (`lptn.online.living_sensors`): beside the estimate go references, one for
     each sensor, the estimate as it would be without this sensor's readings, carried as differences by the same linear
-    algebra. What contradicts its reference is left out, `Estimate.untrusted` says why, and the estimate reverts
-    to the reference.
-    Drifts and small offsets are found by `lptn.monitor`.
+    algebra. What contradicts its reference is left out, `Estimate.untrusted` says why, and the estimate reverts to the
+    reference. Drifts and small offsets are found by `lptn.monitor`.
 
     Args:
         model: the model, at the values to start from.
@@ -405,9 +404,9 @@ class Estimator:
         self._used[node] = False
 
     def _clip(self) -> None:
-        """What else the readings may say, the model is not that wrong: a sensor that lies would run away with it."""
+        """Bound what is learnt of the model by what may be wrong with it: a false sensor would run away with it."""
         layout, most = self.augmented.layout, _PLAUSIBLE * np.sqrt(self._doubt)
-        for where, middle in ((slice(layout.air.start, layout.inputs.stop), 0.0), (layout.parameters, self._told)):
+        for where, middle in ((slice(layout.air.start, layout.inputs.stop), 0.0), (layout.parameters, self._given)):
             self._z[where] = np.clip(self._z[where], middle - most[where], middle + most[where])
         self._z[layout.parameters] = np.clip(self._z[layout.parameters], *self._bounds)
 
@@ -426,7 +425,7 @@ class Estimator:
         self._learnt = np.array([index in learnt for index in self.doubtful], dtype=bool)
         parameters = [model.parameters[index] for index in self.doubtful]
         self._transform = Transform(parameters)
-        self._told = self._transform.forward(model.values[self.doubtful])
+        self._given = self._transform.forward(model.values[self.doubtful])
         self._prior = np.diag(np.full(len(parameters), _UNKNOWN**2))
         if covariance is not None:
             self._prior[: len(free), : len(free)] = covariance
@@ -456,7 +455,7 @@ class Estimator:
         z, spread = np.zeros(layout.size), self.augmented.errors.copy()
         z[layout.states], spread[layout.states] = nodes[owners], scatter[owners]
         spread[len(model.nodes) : layout.states.stop] += _HIDDEN**2
-        z[layout.parameters] = self._told
+        z[layout.parameters] = self._given
         if self.running:  # after a gap: what was learnt of the parameters stays
             z[layout.parameters] = self._z[layout.parameters]
             prior = self._covariance[layout.parameters, layout.parameters]
@@ -479,14 +478,14 @@ class Estimator:
         if self._change.any():
             self._unsettle(u)
         if self.sensors is not None:
-            self._stray(self.sensors, u, dt)
+            self._widen_references(self.sensors, u, dt)
         step = self.augmented.step(self._z, u, dt)
         self._z = step.states
         self._without = step.transition @ self._without
         self._covariance = step.transition @ self._covariance @ step.transition.T + step.added
         self._since_correction = step.transition @ self._since_correction
 
-    def _stray(self, sensors: LivingSensors, u: FloatArray, dt: float) -> None:
+    def _widen_references(self, sensors: LivingSensors, u: FloatArray, dt: float) -> None:
         """References become less sure: by the relative error of heat put in and heat that leaves, and by `error`."""
         sensors.clock += dt
         left, _ = self.augmented.warming(self._z, u * self._is_temperature)
