@@ -88,7 +88,7 @@ def _model(folder: Path) -> Path:
     return path
 
 
-@pytest.mark.long
+@pytest.mark.slow
 @pytest.mark.parametrize("missing", list(HIDDEN), ids=lambda key: key[0] or "nothing")
 def test_what_an_arm_lacks_is_named(missing: tuple[str, str], tmp_path: Path) -> None:
     """Friction fifty times a leg's; a joint so warm by heat that no model has that a fit takes its way out away."""

@@ -48,7 +48,7 @@ def test_pmsm_models_fit_their_log(name: str) -> None:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("fitted", "most"), [(4400.0, 2.3), (5200.0, 0.9)])
+@pytest.mark.parametrize(("fitted", "most"), [pytest.param(4400.0, 2.3, marks=pytest.mark.slow), (5200.0, 0.9)])
 def test_held_out_data_lead_the_winding_to_a_model_that_predicts_other_operating_points(
     fitted: float, most: float
 ) -> None:

@@ -91,7 +91,7 @@ def test_model_exchange_shows_them_too(fmi: int, built: Build) -> None:
     assert [rows[0][name] for name in NAMES] == pytest.approx(_expected("loaded").tolist(), rel=1e-9)
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_limits_are_tunable_and_currents_an_end(tmp_path: Path) -> None:
     limits = {"FR_hip": 60.0, "FR_thigh": 70.0, "FR_calf": 90.0}
     exported = export(
@@ -107,7 +107,7 @@ def test_limits_are_tunable_and_currents_an_end(tmp_path: Path) -> None:
         assert session.read(NAMES) == pytest.approx(_expected("cool", tuned, 12.0), rel=1e-9)
 
 
-@pytest.mark.long
+@pytest.mark.slow
 @pytest.mark.parametrize("fmi", [2, 3])
 @pytest.mark.parametrize("solver", ["rk4", "ros2"])
 def test_fmpy_finds_no_fault(fmi: int, solver: str, tmp_path: Path) -> None:
@@ -165,7 +165,7 @@ def test_adjoint_and_forward_derivatives_are_one(case: str, built: Build) -> Non
 # --- asked for or not -----------------------------------------------------------------------------------
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_without_the_option_nothing_of_it_is_there(built: Build) -> None:
     with ZipFile(built("leg").path) as plain, ZipFile(built("leg", admissible=True).path) as more:
         texts = [name for name in plain.namelist() if not name.startswith("binaries/")]

@@ -28,6 +28,7 @@ def _reverse(session: Session, parameters: list[int], knowns: list[int], seed: F
     return np.array(session._fmu.getAdjointDerivative(parameters, knowns, seed.tolist(), len(knowns)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("fmi", "solver"), [(2, "rk4"), (3, "rk4"), (3, "ros2")])
 def test_forward_derivatives_are_those_of_differences(fmi: int, solver: str, built: Build) -> None:
     exported = built("leg", fmi, solver, forecast=True, events=True)
@@ -50,7 +51,7 @@ def test_forward_derivatives_are_those_of_differences(fmi: int, solver: str, bui
     assert derivatives == pytest.approx(differences, rel=2e-4, abs=1e-4)
 
 
-@pytest.mark.parametrize("name", ["leg", "everything"])
+@pytest.mark.parametrize("name", ["leg", pytest.param("everything", marks=pytest.mark.slow)])
 def test_adjoint_and_forward_derivatives_are_one(name: str, built: Build) -> None:
     exported = built(name, forecast=True, events=True)
     parameters, knowns = unknowns_and_knowns(exported)
@@ -167,7 +168,15 @@ class _Point:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("name", "fmi"), [("leg", 2), ("leg", 3), ("everything", 3), ("quadruped", 3)])
+@pytest.mark.parametrize(
+    ("name", "fmi"),
+    [
+        ("leg", 2),
+        ("leg", 3),
+        pytest.param("everything", 3, marks=pytest.mark.slow),
+        pytest.param("quadruped", 3, marks=pytest.mark.slow),
+    ],
+)
 def test_jacobians_before_and_after_an_adjoint_call(name: str, fmi: int, built: Build, tmp_path: Path) -> None:
     exported = built(name, fmi, casadi=True)
     imported = _imported(exported, tmp_path)

@@ -33,7 +33,14 @@ from lptn.model.network import Network, NodeDeclaration  # isort: skip
 
 @pytest.mark.long
 @pytest.mark.parametrize("fmi", [2, 3])
-@pytest.mark.parametrize("name", [*presets(), "everything", "bare"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "leg",
+        "bare",
+        *(pytest.param(name, marks=pytest.mark.slow) for name in (*presets(), "everything") if name != "leg"),
+    ],
+)
 def test_fmpy_finds_no_fault(name: str, fmi: int, tmp_path: Path) -> None:
     exported = export(Model(network(name)), tmp_path / "x.fmu", fmi=fmi, platforms=())
     assert validate_fmu(str(exported.path)) == []
@@ -362,7 +369,7 @@ def test_other_platforms_print_the_same_digits(system: str, exported: tuple[Expo
     assert digits == pytest.approx(expected, rel=1e-12, abs=1e-12)
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_the_library_for_windows_runs_and_gives_the_digits_of_linux(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -133,7 +133,7 @@ def _with_small_hip(built: Build) -> np.ndarray:
     return np.asarray(values)
 
 
-@pytest.mark.long
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["quadruped", "everything"])
 def test_heat_flows_add_up_to_what_warms_each_node(name: str, built: Build) -> None:
     exported = built(name)
@@ -218,7 +218,7 @@ def trusted(tmp_path: Path) -> Iterator[Path]:
         yield tmp_path
 
 
-@pytest.mark.long
+@pytest.mark.slow
 @pytest.mark.parametrize("fmi", [2, 3])
 def test_every_effect_of_a_run_of_any_name(fmi: int, trusted: Path) -> None:
     every = with_every_effect()

@@ -258,7 +258,7 @@ def test_cvodes_goes_on_after_trial_steps_out_of_range(fmi: int, built: Build, t
     assert np.abs(temperatures - leg_by_hand(np.array([[150.0 - ZERO, 0.0, 0.0, 5.0]]), 100.0)[-1]).max() < 1e-3
 
 
-@pytest.mark.long
+@pytest.mark.slow
 @FMI
 @pytest.mark.parametrize("exchange", [False, True])
 def test_no_call_gives_a_number_that_is_none_with_status_ok(

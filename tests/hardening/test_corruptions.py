@@ -43,7 +43,14 @@ def test_of_the_measured_logs_nothing_is_said(model: str, logs: list[str]) -> No
     assert [issue.sentence for run in runs for issue in run.issues] == []
 
 
-@pytest.mark.parametrize(("kind", "robot"), [asked for asked in product(CORRUPTIONS, ROBOTS) if asked not in UNSEEN])
+@pytest.mark.parametrize(
+    ("kind", "robot"),
+    [
+        pytest.param(kind, robot, marks=[pytest.mark.slow] if robot == "quadruped" else [])
+        for kind, robot in product(CORRUPTIONS, ROBOTS)
+        if (kind, robot) not in UNSEEN
+    ],
+)
 def test_what_is_wrong_is_said_of_that_channel_alone(kind: str, robot: str) -> None:
     for steps in STEPS if CORRUPTIONS[kind].coarse else STEPS[:1]:
         answer = ask(kind, robot, SEED, steps)

@@ -18,7 +18,7 @@ def _killed(name: str, kills: int, folder: Path) -> None:
     assert tally.ended_before < kills
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_logs_of_a_virtual_robot_that_was_killed_are_whole(tmp_path: Path) -> None:
     _killed("virtual", 2, tmp_path)
 

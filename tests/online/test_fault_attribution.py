@@ -16,7 +16,7 @@ def blamed(seed: int, mode: str, faults: list[str]) -> tuple[dict[str, tuple[str
     )
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_a_wrong_load_is_told_as_one_and_a_wrong_sensor_as_one() -> None:
     """The currents' faults were a drift of one sensor, and offsets of its neighbours."""
     faults = ["healthy", "current half, later", "currents exchanged", "offset of -4 K", "drift of +0.01 K/s"]

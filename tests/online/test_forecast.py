@@ -189,7 +189,7 @@ def test_standard_errors_of_parameters_at_a_bound_are_not_believed(motor: Model)
     assert uncertainty.covariance[0, 0] > 100 * uncertainty.covariance[1, 1]
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_intervals_cover_what_they_promise(motor: Model) -> None:
     """Sensor steps of 1 K and a torque that wanders: 90 % intervals hold the true time in most of 25 logs."""
     inside, errors, widths = [], [], []

@@ -300,7 +300,7 @@ def run_command(*words: object) -> int:
     return 0
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_the_command_shows_both_detectors(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     target, picture, kept_file = folder / "found.json", folder / "found.png", folder / "calibration.json"
     words = ("monitor", folder / "two.toml", folder / "today.csv", "--threshold", 10, "--json", target)

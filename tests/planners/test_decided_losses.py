@@ -226,10 +226,12 @@ def test_the_emitted_limiter_says_the_same(name: str, tmp_path: Path) -> None:
 
 @pytest.mark.skipif(compiler() is None, reason="no C compiler")
 @pytest.mark.parametrize(("name", "given"), [
-    ("drive by current", {"a.current": 1.0}),
+    pytest.param("drive by current", {"a.current": 1.0}, marks=pytest.mark.slow),
     ("drive by torque", {"a.torque": 1.0, "a.torque_abs": 9.0}),
-    ("gear of a moving joint", {"a.torque": 2.0, "a.velocity": -SPEED}),
-    ("gear of a moving joint", {"a.torque": 2.0, "a.mechanical_power": 2.0 * SPEED}),
+    pytest.param("gear of a moving joint", {"a.torque": 2.0, "a.velocity": -SPEED}, marks=pytest.mark.slow),
+    pytest.param(
+        "gear of a moving joint", {"a.torque": 2.0, "a.mechanical_power": 2.0 * SPEED}, marks=pytest.mark.slow
+    ),
 ])  # fmt: skip
 def test_the_fmu_admits_what_its_limit_bears(name: str, given: dict[str, float], tmp_path: Path) -> None:
     case = CASES[name]

@@ -153,7 +153,7 @@ def test_the_forces_hold_the_robot(stance: Stance) -> None:
 # --- optima -------------------------------------------------------------------------------------
 
 
-@pytest.mark.long
+@pytest.mark.slow
 @pytest.mark.parametrize("uneven", [False, True], ids=["cool", "one knee hot"])
 @pytest.mark.parametrize("stance", POSTURES.values(), ids=list(POSTURES))
 def test_no_other_sharing_lasts_longer(stance: Stance, uneven: bool) -> None:

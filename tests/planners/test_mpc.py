@@ -210,7 +210,7 @@ def test_a_copy_at_other_values_plans_with_its_own() -> None:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("resolution", [0.0, 1.0])
+@pytest.mark.parametrize("resolution", [pytest.param(0.0, marks=pytest.mark.slow), 1.0])
 def test_limits_are_passed_no_oftener_than_the_level_says(resolution: float) -> None:
     """Parameters 20 % off, an ambient that is unknown by up to 10 K, noise or whole degrees, in closed loop."""
     for level in (0.8, 0.95):

@@ -29,7 +29,7 @@ def logs() -> dict[str, pd.DataFrame]:
     return finite_volume_leg_logs(seed=3, noise=0, steps=0)
 
 
-@pytest.mark.long
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in CHANGES if name not in LOGGED_ONLY])
 def test_each_change_moves_temperatures_and_nothing_else(logs: dict[str, pd.DataFrame], name: str) -> None:
     at = place(CHANGES[name])

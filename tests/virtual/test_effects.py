@@ -47,7 +47,7 @@ def temperatures(hidden: tuple[Hidden, ...] = ()) -> Array:
     return np.concatenate([log[[f"temperature.{joint}" for joint in LEG_JOINTS]].to_numpy() for log in logs.values()])
 
 
-@pytest.mark.long
+@pytest.mark.slow
 @ONE_PLACE_OR_ALL
 @pytest.mark.parametrize("effect", EFFECTS)
 def test_peak_of_each_effect(effect: str, every: bool) -> None:
@@ -70,13 +70,14 @@ def test_size_zero_is_off_to_the_last_bit() -> None:
     assert np.array_equal(temperatures(nothing), temperatures())
 
 
-@pytest.mark.long
+@pytest.mark.slow
 @pytest.mark.parametrize("effect", ["resistance_rise", "radiation", "sensor_lag", "splash"])
 def test_everywhere_is_every_joint(effect: str) -> None:
     separate = tuple(Hidden(effect, joint) for joint in LEG_JOINTS)
     assert temperatures((Hidden(effect, "*"),)) == pytest.approx(temperatures(separate), abs=0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize("rough", [False, True])
 def test_nothing_is_cooked(seed: int, rough: bool) -> None:
@@ -122,7 +123,7 @@ def test_bad_size_is_refused(size: float) -> None:
         Hidden("radiation", "*", size)
 
 
-@pytest.mark.long
+@pytest.mark.slow
 @pytest.mark.parametrize("effect", [name for name, effect in EFFECTS.items() if effect.signed])
 def test_signed_effect_goes_either_way(effect: str) -> None:
     place = places(effect)[0]

@@ -62,6 +62,7 @@ def test_the_balance_of_heat_closes(computer: bool, wax: float) -> None:
     assert done.lost > 0.2 * done.generated
 
 
+@pytest.mark.slow
 def test_finer_cells_and_shorter_steps_change_little_and_ever_less() -> None:
     leg = draw_finite_volumes(2)
 

@@ -166,7 +166,7 @@ def test_shorter_one_has_an_hour_to_fit() -> None:
     assert acts == [(one.activity, one.joints, one.torque) for one in same["fit2"].segments]
 
 
-@pytest.mark.long
+@pytest.mark.slow
 @pytest.mark.parametrize("every", [pytest.param(2, id="some"), pytest.param(1, id="all", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("effect", EFFECTS)
 def test_every_effect_is_excited(effect: str, every: int) -> None:

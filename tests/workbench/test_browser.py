@@ -164,6 +164,7 @@ def test_from_opening_to_a_fallen_error(browser: Browser, tmp_path: Path) -> Non
         server.kill()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("example", ["tclab", pytest.param("leg", marks=pytest.mark.slow)])
 def test_the_tour_ends_where_the_error_has_fallen(browser: Browser, tmp_path: Path, example: str) -> None:
     server = Server(tmp_path, files=[])
@@ -200,6 +201,7 @@ def test_the_tour_ends_where_the_error_has_fallen(browser: Browser, tmp_path: Pa
         server.kill()
 
 
+@pytest.mark.slow
 def test_parameters_conditions_and_ways_that_were_left(browser: Browser, tmp_path: Path) -> None:
     server = Server(tmp_path)
     complaints: list[str] = []
@@ -243,6 +245,7 @@ def test_parameters_conditions_and_ways_that_were_left(browser: Browser, tmp_pat
         server.kill()
 
 
+@pytest.mark.slow
 def test_zoom_and_a_stretch_left_out(browser: Browser, tmp_path: Path) -> None:
     server = Server(tmp_path)
     try:
