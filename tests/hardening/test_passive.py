@@ -181,6 +181,25 @@ def test_a_hot_knee_that_cools_has_no_offset() -> None:
     assert not _read(_log(time, current, np.round(true)))[1]
 
 
+@pytest.mark.parametrize("air", [10.0, 18.0, 25.0, 30.0])
+@pytest.mark.parametrize(("scale", "capacity"), [(1.7, 300.0), (1.4, 1000.0), (1.7, 3000.0)])
+def test_a_joint_that_begins_as_warm_as_its_air_is_in_fahrenheit_is_told_by_where_it_would_settle(
+    air: float, scale: float, capacity: float
+) -> None:
+    noise = np.random.default_rng(1).normal(0, 0.05, 3600)
+    time, current, hot = _knee(air=air, start=1.8 * air + 32, scale=scale, capacity=capacity)
+    assert hot.min() > hot[0] - 10.0  # it hardly cools, as one that begins at rest
+    assert not _read(_log(time, current, hot + noise, air))[1]
+    _, _, rested = _knee(air=air, start=air, scale=scale, capacity=capacity)
+    log = _log(time, current, 1.8 * (rested + noise) + 32, air)
+    (issue,) = _read(log)[1]
+    assert "looks like degF" in issue.problem
+    assert "if it is degC all the same" in issue.remedy
+    assert issue.corrected is not None
+    taken, left = _read(log, {KNEE: issue.corrected})
+    assert (not left, bool(np.abs(taken - rested).max() < 0.5)) == (True, True)
+
+
 @pytest.mark.parametrize(("unit", "shift"), [("degC", 273.15), ("K", 0.0)])
 def test_a_unit_that_is_stated_is_doubted_where_nothing_has_such_temperatures(unit: str, shift: float) -> None:
     time, current, true = _knee()

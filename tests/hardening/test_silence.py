@@ -170,6 +170,21 @@ def test_a_torque_that_no_joint_bears_is_refused() -> None:
     read_log(log, {"torque.FR_calf": replace(source, valid=(-100.0, 100.0))})
 
 
+@pytest.mark.parametrize(("quantity", "value"), [("current", -4e4), ("velocity", 9e3), ("torque", -2e3)])
+def test_single_values_that_no_joint_has_are_refused_and_their_line_leaves_them_out(
+    quantity: str, value: float
+) -> None:
+    log, key = _log(), f"{quantity}.FR_calf"
+    log["current.FR_calf"] = 2 * log["torque.FR_calf"]
+    log.loc[[700, 9000], key] = value
+    with pytest.raises(ValueError, match="2 values up to"):
+        read_log(log)
+    (issue,) = _issues(log)
+    assert issue.corrected is not None
+    (run,) = read_log(log, {key: issue.corrected})
+    assert max(np.abs(run.columns[name]).max() for name in run.columns if quantity in name) < 100
+
+
 def test_the_heat_of_a_joint_whose_torque_froze_is_a_gap_unless_its_range_is_stated() -> None:
     log = _log()
     log.loc[_between(log, 300, 1200), "torque.FR_calf"] = 4.0

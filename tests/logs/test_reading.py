@@ -330,7 +330,7 @@ def spoilt(column: str, row: int, value: object) -> dict[str, list[object]]:
         (
             GOOD | {"temperature.a": [293, 333] * 10},
             "column 'temperature.a'",
-            "values 293 … 333",
+            "values around 313",
             'unit = "K"',
         ),
         (GOOD | {"temperature.a": [45000] * 20}, "column 'temperature.a'", "values around 4.5e+04", "0.001"),

@@ -20,10 +20,9 @@ import numpy as np
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.logs.columns import ColumnName, ColumnSource, map_option, toml_line, words_of
-from lptn.logs.quality import suspect_unit
-from lptn.logs.remedies import weighed
 from lptn.logs.resampling import raw_keys
 from lptn.logs.tables import Table, column_sources
+from lptn.logs.units import room_of, suspect_unit
 
 _NUMBERED = "number "  # how it begins what speaks for a column that is one of a row
 Names = Mapping[str, ColumnName]  # the columns that are left to propose, by their names
@@ -197,10 +196,9 @@ def _with_unit(
         return Guess(key, replace(source, unit=unit), f"{why}, unit and all")
     if quantity == "current" and _of_opensourceleg(table):
         return Guess(key, replace(source, unit="mA"), f"{why}; opensourceleg logs mA")
-    of_column = suspect_unit(key, source, values, table.units.get(column, ""))
     others = {name: there for name, there in beside.items() if set(there.columns) <= numbers.keys()}
-    read = {name: there.values(name, numbers) for name, there in others.items()}
-    issue = next(iter(weighed(of_column, {key: source, **others}, numbers, read)), None)
+    room = room_of({name: there.values(name, numbers) for name, there in others.items()})
+    issue = next(iter(suspect_unit(key, source, numbers, values, table.units.get(column, ""), room)), None)
     if issue is None:
         return Guess(key, source, why)
     return Guess(key, issue.corrected or source, f"{why}; {issue.problem}")

@@ -17,11 +17,11 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.logs.clock import check_time, in_order
 from lptn.logs.columns import ColumnSource
-from lptn.logs.quality import suspect_unit
 from lptn.logs.resampling import on_one_time
 from lptn.logs.scatter import off_their_neighbours, white_noise
 from lptn.logs.silence import AMBIENT
 from lptn.logs.tables import Table, check_size, column_sources
+from lptn.logs.units import suspect_unit
 
 # --- Two logs made one table -----------------------------------------------------------------------
 
@@ -100,8 +100,9 @@ class _Timed:
             problem = f"no such column; the log has: {', '.join(table.names[:30])}"
             raise InputError(table.path, f"column {key}", problem, f"a line in [columns] / --map {key}=YOURNAME")
         self.column = source.columns[0]
-        time = source.values("time", table.numbers(source.columns))
-        for issue in suspect_unit("time", source, time, table.units.get(self.column, "")):
+        numbers = table.numbers(source.columns)
+        time = source.values("time", numbers)
+        for issue in suspect_unit("time", source, numbers, time, table.units.get(self.column, "")):
             if issue.certain:
                 remedy = issue.remedy.replace('"time=', f'"{key}=').replace("write time =", f'write "{key}" =')
                 raise InputError(table.path, f"column '{issue.column}'", issue.problem, remedy)

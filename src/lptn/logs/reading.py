@@ -31,7 +31,6 @@ from lptn.logs.guess import format_note, guess
 from lptn.logs.issue import Issue
 from lptn.logs.joining import SECOND_TIME, join
 from lptn.logs.quality import Roles, check_values, duplicates_of, issues_of, without_held_rows
-from lptn.logs.remedies import weighed
 from lptn.logs.resampling import (
     ROUNDING,
     SEVERAL,
@@ -390,7 +389,7 @@ def _checked_samples(table: Table, choice: ColumnChoice, strict: bool) -> tuple[
         speaking = [key for key in predicted if not any(stretch.whole for stretch in silent.get(key, []))]
         roles = Roles(predicted, bool(speaking))
         issues = issues_of(choice.sources, numbers, raw, silent, roles, table.units)
-        issues = weighed([*issues, *held], choice.sources, numbers, raw)
+        issues = (*issues, *held)
     for issue in issues:
         if strict and issue.certain:
             raise InputError(table.path, *issue.error)

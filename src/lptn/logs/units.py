@@ -1,0 +1,475 @@
+"""What each quantity of a robot can be, and in which other unit a column is that leaves it.
+
+`PLAUSIBLE` is the table. A column is doubted where a row of units or its name says another unit, or where its values
+leave what its quantity can be. It is then read in each way in which such numbers are written, and those are proposed by
+which it is what it can be and begins as a robot does: as warm as the air, or warmer. The nearest stands first; where
+several fit all are named, and none is taken unseen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lptn.basics.arrays import FloatArray
+from lptn.logs.clock import suspect_unit_of_time
+from lptn.logs.columns import ColumnName, ColumnSource, as_line_or_option, column_unit
+from lptn.logs.issue import Issue, correctable, in_unit
+from lptn.logs.resampling import means_of_blocks
+from lptn.logs.silence import AMBIENT, loads_of, quantisation_step
+
+
+@dataclass(frozen=True)
+class Plausible:
+    """What a quantity can be, in SI or degC; of all but temperatures the magnitude.
+
+    Attributes:
+        most: of a temperature the middle reading, of all else 99 of 100: no part of a robot has more.
+        most_whole: the same where all are whole numbers: nobody measures large ones so coarsely.
+        unit: in which such numbers rather are.
+        named: units that a column's name says beyond doubt; "c" or "s" may mean something else.
+        full_scale: of a converter whose counts they may be, in the line that is proposed: no number tells it.
+    """
+
+    most: float
+    most_whole: float
+    unit: str
+    named: frozenset[str]
+    full_scale: float = 0.0
+
+
+PLAUSIBLE = {
+    # Insulation of the best class bears 240 degC, magnets less, and none of them for half of a log.
+    "temperature": Plausible(200.0, 200.0, "K", frozenset({"degF", "K"}), 125.0),
+    "torque": Plausible(1000.0, 150.0, "mN*m", frozenset({"mN*m"}), 50.0),
+    "current": Plausible(1000.0, 250.0, "mA", frozenset({"mA"}), 40.0),
+    "velocity": Plausible(2000.0, 300.0, "rpm", frozenset({"rpm", "deg/s", "turn/s"})),  # 19,000 rpm
+    # Of torque and speed, or of a supply: the strongest joints of legged robots reach some 3 kW for a moment.
+    "power": Plausible(5000.0, 5000.0, "mW", frozenset({"mW", "kW"})),
+}
+_COLDEST = -60.0  # degC, of a sensor on a robot, the middle reading
+_MELTS = 300.0  # degC, the middle reading: it is refused; 200 to 300 is asked for where a tenth of it is below 200
+_EXAMPLE_POLE_PAIRS = 14  # in the line that is proposed: a common number for robots' outrunners
+
+
+def suspect_unit(
+    key: str,
+    source: ColumnSource,
+    numbers: Mapping[str, FloatArray],
+    values: FloatArray,
+    stated: str = "",
+    room: float | None = None,
+) -> list[Issue]:
+    """Another unit than the entry's, or SI, by the column's name or its values.
+
+    Args:
+        key: `time` or `<quantity>.<place>`.
+        source: where the values come from.
+        numbers: the file's columns, (n,) each.
+        values: (n,) as read, in SI or degC if `source` says nothing else; NaN where missing.
+        stated: what a row of units in the file says.
+        room: degC, of the air or the coldest sensor where the log begins, as `room_of` finds it.
+    """
+    readings, quantity, name = values[np.isfinite(values)], key.partition(".")[0], source.columns[0]
+    if not readings.size or (len(source.columns) > 1 and source.how != "mean"):
+        return []
+    if source.unit is None:
+        unit = ColumnName.of(name, stated).unit(quantity) if stated else ""
+        if unit and unit != column_unit(key) and source.scale == 1:
+            return [in_unit(key, source, unit, f"the row of units below the names says {unit}")]
+        if key == "time":
+            return suspect_unit_of_time(source, values)
+        unit = ColumnName.of(name).unit(quantity)
+        if source.scale == 1 and _is_named(key, source, unit, numbers):
+            return [in_unit(key, source, unit, f"no unit is given for '{name}', whose name says {unit}")]
+        if quantity == "velocity" and ColumnName.of(name).electrical:
+            meant = replace(source, unit="rpm", scale=1 / _EXAMPLE_POLE_PAIRS)
+            remedy = f"for {_EXAMPLE_POLE_PAIRS} pole pairs, say, write {as_line_or_option(key, meant)}"
+            # No log says how many there are, so that nobody is to take this line unseen.
+            return [Issue(key, name, "electrical turns, by the column's name", remedy, True)]
+    if np.isfinite(source.valid).any():  # who says what is valid knows the machine
+        return []
+    match quantity:
+        case "temperature":
+            return _suspect_temperature(key, source, numbers, readings, room)
+        case "torque" | "current" | "velocity":
+            return _suspect_counts(key, source, readings) or _suspect_size(key, source, numbers, readings)
+    return []
+
+
+def _is_named(key: str, source: ColumnSource, unit: str, numbers: Mapping[str, FloatArray]) -> bool:
+    """Whether a column's name says a unit beyond doubt; a column T_K that was converted to degC keeps its name."""
+    quantity = key.partition(".")[0]
+    if quantity not in PLAUSIBLE or unit not in PLAUSIBLE[quantity].named:
+        return False
+    return quantity != "temperature" or _can_be(_middle(replace(source, unit=unit).values(key, numbers)))
+
+
+def believed(key: str, source: ColumnSource, numbers: Mapping[str, FloatArray]) -> str:
+    """The entry by which all that a channel says is valid: a range with some room around all its numbers."""
+    raw = np.concatenate([numbers[name][np.isfinite(numbers[name])] for name in source.columns])
+    far = float(f"{max(2 * np.abs(raw).max(initial=0.0), 1.0):.0e}")
+    return as_line_or_option(key, replace(source, valid=(-far, far)))
+
+
+def _suspect_size(
+    key: str, source: ColumnSource, numbers: Mapping[str, FloatArray], readings: FloatArray
+) -> list[Issue]:
+    """Values larger than any joint's; fewer than one reading in a hundred are outliers, and no other unit."""
+    can, size = PLAUSIBLE[key.partition(".")[0]], np.abs(readings)
+    high, beyond = float(np.percentile(size, 99)), int(np.count_nonzero(size > can.most))
+    if beyond and high <= can.most:
+        problem = f"{beyond} value{'s' * (beyond > 1)} up to {size.max():.4g} {column_unit(key)}, "
+        problem += "more than any joint bears"
+        if source.scale == 1 and source.unit is None and len(source.columns) == 1:
+            meant = replace(source, valid=(-can.most, can.most))
+            return [correctable(key, problem, meant, True, "to leave them out, write {}", kind="size")]
+        remedy = "write another unit, or in its entry of [columns] a range, valid = [LEAST, MOST], without these"
+        return [Issue(key, source.columns[0], problem, remedy, True, kind="size")]
+    if not beyond and not (
+        high > can.most_whole and source.unit is None and bool((np.round(readings) == readings).all())
+    ):
+        return []
+    problem = f"values up to {high:.4g}, which look like {can.unit}"
+    if source.unit is None:
+        return [in_unit(key, source, can.unit, problem, certain=beyond > 0)]
+    remedy = f"write another unit; if it is right, write {believed(key, source, numbers)}"
+    return [Issue(key, source.columns[0], problem, remedy, True, kind="size")]
+
+
+_CONVERTERS = (10, 12, 14, 16)  # bits that converters have
+_LEAST_COUNTS = 0.25  # of a converter's range, that whole numbers reach
+_MOST_AWAY, _AT_REST = 0.125, 0.01  # of it, from the middle: usually, and now and then
+
+
+def _bits_of(readings: FloatArray) -> int:
+    """How many bits a converter has whose counts, from 0 up, these may be; 0 where they can't."""
+    high = float(readings.max())
+    if readings.min() < 0 or not (np.round(readings) == readings).all():
+        return 0
+    return next((bits for bits in _CONVERTERS if _LEAST_COUNTS * 2**bits < high < 2**bits), 0)
+
+
+def _suspect_counts(key: str, source: ColumnSource, readings: FloatArray) -> list[Issue]:
+    """Whole numbers about the middle of a converter's range, which stand for none; or of torques large ones about 0."""
+    quantity, bits, high = key.partition(".")[0], _bits_of(readings), float(np.percentile(np.abs(readings), 99))
+    can, zero = PLAUSIBLE[quantity], 2.0 ** (bits - 1)
+    away = np.abs(readings - zero) / (2 * zero)
+    full, whole = can.full_scale, bool((np.round(readings) == readings).all())
+    if source.unit is not None or not full:
+        return []
+    if bits and readings.min() > 0 and np.median(away) < _MOST_AWAY and away.min() < _AT_REST:
+        meant = replace(source, scale=full / zero, offset=-full)
+        problem = f"whole numbers from {readings.min():.6g} to {readings.max():.6g}, as a converter of {bits} bit gives"
+        what, certain = "one", True
+    elif quantity == "torque" and whole and can.most_whole < high <= can.most:
+        meant = replace(source, scale=full / 2**11)
+        problem, what = f"whole numbers up to {high:.4g}, which look like the counts of a converter", "12 bit"
+        certain = False
+    else:
+        return []
+    # No number tells its full scale, so that nobody is to take this line unseen.
+    remedy = f"for {what} with ±{full:g} {column_unit(key)} at full scale, say, write {as_line_or_option(key, meant)}"
+    return [Issue(key, source.columns[0], problem, remedy, certain, kind="counts")]
+
+
+# --- Temperatures, read in all ways in which they are written ---------------------------------------
+
+
+_PARTS = {"tenths of a degree": 0.1, "hundredths of a degree": 0.01, "thousandths of a degree": 0.001}
+_UNITS = {"kelvin": "K", "degC": "degC", "degF": "degF"}
+_NOT_FROZEN = 5.0  # degC, that the middle of a column in parts of a degree has: of less any number would be one
+_TURNS = (256.0, 65536.0)  # of numbers of 8 and 16 bit
+_COLDER, _WARMER = 5.0, 70.0  # K: a robot's first reading beside the air's; sensors differ, and robots begin warm
+_OUTDOORS = (-30.0, 60.0)  # degC, where a robot begins of whose surroundings nothing is known
+_KELVIN = 273.15  # K, of 0 degC
+_USUAL = 22.0  # degC, of a room: which of two readings is named first if both are possible
+
+
+def room_of(values: Mapping[str, FloatArray]) -> float | None:
+    """Where a log begins [degC]: the air's first reading, else that of the coldest sensor; None where there is none.
+
+    Sensors that read what no part of a robot has are not asked.
+    """
+    read = {key: x[np.isfinite(x)] for key, x in values.items() if key.startswith("temperature.")}
+    starts = {key: float(x[0]) for key, x in read.items() if x.size and _can_be(x[0]) and _can_be(_middle(x))}
+    return starts.get(AMBIENT, min(starts.values(), default=None))
+
+
+def _suspect_temperature(
+    key: str, source: ColumnSource, numbers: Mapping[str, FloatArray], readings: FloatArray, room: float | None
+) -> list[Issue]:
+    """A temperature that as it is read can be no robot's."""
+    middle, can = _middle(readings), PLAUSIBLE["temperature"]
+    if middle < can.most and (middle > _COLDEST or source.unit is None):  # who fails at -127 is no other unit's
+        return []
+    ways = _ways(source, numbers[source.columns[0]])
+    problem = f"values around {middle:.4g}"
+    if source.unit is not None:
+        problem += f" degC, in the unit that is stated, {source.unit}: no part of a robot has that"
+    certain = source.unit is None and (middle > _MELTS or float(np.percentile(readings, 10)) > can.most)
+    stays = "if it is degC all the same, say so as its unit"
+    if source.unit is not None:
+        stays = f"if it is right, write {believed(key, source, numbers)}"
+    if middle > _MELTS + _KELVIN and (bits := _bits_of(readings)):
+        scale = float(f"{can.full_scale / (2**bits - 1):.6g}")
+        stays = f"for counts of a converter, with {can.full_scale:g} degC at full scale, say, write " + (
+            f"{as_line_or_option(key, replace(source, scale=scale))}; {stays}"
+        )
+    return [proposed(key, source, numbers, problem, ways, room, certain=certain, stays=stays)]
+
+
+def _ways(source: ColumnSource, raw: FloatArray) -> dict[str, ColumnSource]:
+    """The other entries by which a temperature could be read, each with its words."""
+    raw = raw[np.isfinite(raw)]
+    ways = {words: replace(source, unit=unit) for words, unit in _UNITS.items() if unit != source.unit}
+    if source.unit is None:
+        ways = {"kelvin": ways["kelvin"]}
+    turns = [source.wrap] if source.wrap else [turn for turn in _TURNS if turn / 2 <= raw.min() <= raw.max() < turn]
+    whole, middle = bool((np.round(raw) == raw).all()), _middle(raw) * source.scale
+    if source.unit is None and (whole or middle > _MELTS + _KELVIN):
+        parts = {words: part for words, part in _PARTS.items() if middle * part > _NOT_FROZEN}
+        ways |= {words: replace(source, scale=source.scale * part) for words, part in parts.items()}
+    if whole and turns:
+        ways["a number that began below 0"] = below_zero(source, turns[0])
+    return ways
+
+
+def below_zero(source: ColumnSource, turn: float) -> ColumnSource:
+    """A counter of a temperature that begins below 0, and is written from 0 up."""
+    return replace(source, wrap=turn, offset=source.offset - turn * source.scale)
+
+
+@dataclass(frozen=True)
+class _Reading:
+    """A way to read a temperature: its words, its entry, degC where it begins, and whether a robot begins there."""
+
+    words: str
+    source: ColumnSource
+    start: float
+    fits: bool
+
+
+def proposed(
+    key: str,
+    source: ColumnSource,
+    numbers: Mapping[str, FloatArray],
+    problem: str,
+    ways: Mapping[str, ColumnSource],
+    room: float | None,
+    *,
+    certain: bool,
+    stays: str = "",
+    kind: str = "unit",
+) -> Issue:
+    """The issue that a temperature is rather read in other ways, those first by which it can be a robot's.
+
+    Args:
+        key: the quantity.
+        source: where it stands.
+        numbers: the file's columns, (n,) each.
+        problem: what is odd; of a unit it is said what it looks like.
+        ways: entries, each with its words.
+        room: degC, where the log begins.
+        certain: it can't be right as it is read.
+        stays: what to do where it is.
+        kind: of issue.
+    """
+    read = [one for words, way in ways.items() if (one := _read(key, words, way, numbers, room))]
+    near = sorted(read, key=lambda one: (not one.fits, abs(one.start - (_USUAL if room is None else room))))
+    fitting = [one for one in near if one.fits] or near[:1]
+    if kind == "unit" and fitting and source.unit is None:
+        problem += f", which look like {' or '.join(one.words for one in fitting)}"
+    lines = [f"for {one.words} write {as_line_or_option(key, one.source)}" for one in fitting]
+    for one in near[len(fitting) :]:
+        side = "below" if one.start < (_USUAL if room is None else room) else "above"
+        where = "any room" if room is None else "its surroundings"
+        lines.append(
+            f"less likely for {one.words}, by which it begins at {one.start:.3g} degC, {side} {where}: "
+            f"{as_line_or_option(key, one.source)}"
+        )
+    remedy = "; ".join([*lines, *[stays] * bool(stays)]) if lines else f"write its unit; {stays}"
+    only = fitting[0].source if len(fitting) == 1 else None
+    return Issue(key, source.columns[0], problem, remedy, certain, only, kind)
+
+
+def _read(
+    key: str, words: str, source: ColumnSource, numbers: Mapping[str, FloatArray], room: float | None
+) -> _Reading | None:
+    """A column read in a way; None where no part of a robot would be so warm, or cold."""
+    x = source.values(key, numbers)
+    x = x[np.isfinite(x)]
+    if not x.size or not _can_be(_middle(x)):
+        return None
+    start = float(x[0])
+    fits = _OUTDOORS[0] <= start <= _OUTDOORS[1]
+    if room is not None:
+        fits = -_COLDER <= (room - start if key == AMBIENT else start - room) <= _WARMER
+    return _Reading(words, source, start, fits)
+
+
+def _can_be(reading: float) -> bool:
+    return _COLDEST < reading < PLAUSIBLE["temperature"].most
+
+
+def _middle(values: FloatArray) -> float:
+    return float(np.median(values[np.isfinite(values)]))
+
+
+# --- Counters that jump from one end of their range to the other ------------------------------------
+
+
+_JUMP, _SHORT = 0.75, 0.1  # of the range: a jump from end to end; the usual step, taken the shorter way round
+_FEWEST_COUNTS = 5  # different numbers in each half of the range, through which a counter passes
+
+
+def suspect_wrap(key: str, source: ColumnSource, numbers: Mapping[str, FloatArray], room: float | None) -> list[Issue]:
+    """A counter of 8, 16 or 32 bit that wraps.
+
+    Args:
+        key: the quantity.
+        source: where it stands.
+        numbers: the file's columns, (n,) each.
+        room: degC, where the log begins.
+    """
+    raw = numbers[source.columns[0]]
+    raw = raw[np.isfinite(raw)]
+    temperature = key.startswith("temperature.")
+    whole = bool((np.round(raw) == raw).all())
+    unit = 1.0 if whole else quantisation_step(raw) if temperature else 0.0
+    if source.wrap or len(source.columns) > 1 or raw.size < 2 or unit == 0:
+        return []
+    counts = raw / unit
+    steps = np.abs(np.diff(counts))
+    jumps = -np.diff(counts) if key == "time" else steps  # time that leaps ahead is a gap
+    low, high = counts.min(), counts.max()
+    for bits in (8, 16, 32) if temperature else (16, 32):  # torques of a byte may change so much
+        turn = float(2**bits)
+        unsigned = low >= 0 and high < turn
+        in_range = unsigned or (low >= -turn / 2 and high < turn / 2)
+        wraps = int((jumps > _JUMP * turn).sum())
+        # A signal about 0 jumps at every change of sign: short are its steps the other way round.
+        if not (in_range and wraps and np.median(np.minimum(steps, turn - steps)) < _SHORT * turn):
+            continue
+        above = counts > (turn / 2 if unsigned else 0)
+        if min(np.unique(counts[above]).size, np.unique(counts[~above]).size) < _FEWEST_COUNTS:
+            continue  # always the same number is a code for no reading
+        turn *= unit
+        problem = f"{wraps} jumps of some {turn:.6g}: a counter of {bits} bit that wraps"
+        meant = replace(source, wrap=turn)
+        ways = {"a counter from 0 up": meant, "a counter that began below 0": below_zero(source, turn)}
+        if temperature:
+            return [proposed(key, source, numbers, problem, ways, room, certain=True, kind="wrap")]
+        return [correctable(key, problem, meant, True, kind="wrap")]
+    return []
+
+
+# --- Temperatures beside each other, and beside the heat that is put in -----------------------------
+
+
+_FAHRENHEIT = (48.0, 120.0)  # degF, 9 … 49 degC: surroundings, and the coldest reading of a log in a room
+_WARM_ROOM, _NO_ROOM = 55.0, 60.0  # degC: surroundings that are doubted; in which no robot works, or begins at rest
+_OVER_ROBOT = 20.0  # K over the robot at the first reading: robots begin as warm as the room, or warmer
+_ALIKE = 3.0  # K, by which sensors of a robot at rest are apart, and from the air
+_COOLS = 10.0  # K, or degF, by which a part that begins at rest never cools: what does was warm
+_OFFSETS = (30.0, 40.0, 50.0)  # K, that drives add to a temperature so that a byte holds it below zero, too
+_OF_WARMTH = (0.35, 0.4)  # of it, by which a part may settle off it; where other joints begin as cold as the air
+_OVER_ROOM = 30.0  # K over the room at the first reading: hardly any log begins so warm
+
+
+def suspect_starts(
+    sources: Mapping[str, ColumnSource], numbers: Mapping[str, FloatArray], values: Mapping[str, FloatArray]
+) -> list[Issue]:
+    """Fahrenheit and bytes with an offset, by how warm a log begins and where its parts would settle without a load.
+
+    Args:
+        sources: where the quantities stand.
+        numbers: the file's columns, (n,) each.
+        values: the quantities, (n,) each.
+    """
+    keys = [key for key in sources if key.startswith("temperature.") and np.isfinite(values[key]).any()]
+    free = [key for key in keys if sources[key].unit is None and not np.isfinite(sources[key].valid).any()]
+    starts = {key: float(values[key][np.isfinite(values[key])][0]) for key in keys}
+    in_kelvin = any(sources[key].unit not in (None, "degF") for key in keys)
+    warm_air = _middle(values[AMBIENT]) if AMBIENT in free else -np.inf
+    coldest, begun = min((float(np.nanmin(values[key])) for key in free), default=np.nan), [starts[key] for key in free]
+    # Sensors that begin apart are those of a robot that was warm.
+    if not in_kelvin and _FAHRENHEIT[0] < coldest < _FAHRENHEIT[1] and np.ptp(begun) < 2 * _ALIKE:
+        problem = f"no temperature of the whole log is below {coldest:.4g} degC, which looks like degF"
+        certain = len(keys) > 1 and coldest > max(_NO_ROOM, min(begun) - _ALIKE)
+        if certain:
+            problem = "begins at {:.4g} degC, as all sensors do, and none of them ever cools: which looks like degF"
+        certain |= warm_air > _NO_ROOM
+        return [in_unit(key, sources[key], "degF", problem.format(starts[key]), certain=certain) for key in free]
+    if AMBIENT not in starts:
+        return []
+    room = starts.pop(AMBIENT)
+    robot = float(np.median(list(starts.values()))) if starts else np.nan
+    around = room - robot > _OVER_ROBOT and abs((room - 32) / 1.8 - robot) < _ALIKE and not in_kelvin
+    if AMBIENT in free and _FAHRENHEIT[0] < room < _FAHRENHEIT[1] and (around or warm_air > _WARM_ROOM):
+        problem = (
+            f"surroundings of {room:.4g} degC around a robot that begins at {robot:.4g} degC, which look like degF"
+        )
+        return [in_unit(AMBIENT, sources[AMBIENT], "degF", problem, certain=around or warm_air > _NO_ROOM)]
+    return _warm_without_load(sources, numbers, values, {key: start - room for key, start in starts.items()})
+
+
+def _warm_without_load(
+    sources: Mapping[str, ColumnSource],
+    numbers: Mapping[str, FloatArray],
+    values: Mapping[str, FloatArray],
+    starts: Mapping[str, float],
+) -> list[Issue]:
+    """Joints that begin warmer than the air, all by the same, by `starts` [K]: so warm they would stay without a load.
+
+    A robot that was at work begins with joints that are each as warm as their work made them, and that cool.
+    """
+    air, loads = values[AMBIENT], loads_of(values)
+    warm = {key: start for key, start in starts.items() if start > 2 * _ALIKE}
+    warm = {key: x for key, x in warm.items() if np.nanmin(values[key] - air) > x - _COOLS}
+    others = [start for key, start in starts.items() if key not in warm]
+    if not warm or np.ptp(list(warm.values())) > 2 * _ALIKE or (others and float(np.median(others)) > 2 * _ALIKE):
+        return []
+    most, room = max(warm.values()), float(air[np.isfinite(air)][0])
+    places = {key: loads[place] for key in warm if (place := key.partition(".")[2]) in loads}
+    known = [x for key, load in places.items() if np.isfinite(x := _settles(values[key] - air, load))]
+    settles = float(np.median(known)) if known else np.nan
+    near = _OF_WARMTH[bool(others)]
+    issues = []
+    for key, start in warm.items():
+        source, readings = sources[key], values[key][np.isfinite(values[key])]
+        if source.unit or source.offset or np.isfinite(source.valid).any():
+            continue
+        as_fahrenheit, offset = 0.8 * room + 32, min(_OFFSETS, key=lambda one: abs(one - most))
+        stays = not known or abs(settles - as_fahrenheit) < near * as_fahrenheit
+        if stays and start > _OVER_ROOM and abs(start - as_fahrenheit) < 2 * _ALIKE:
+            problem = f"begins at {start + room:.4g} degC where the surroundings have {room:.4g} degC, "
+            problem += "which looks like degF"
+            issues.append(in_unit(key, source, "degF", problem, certain=False))
+        whole = bool((np.round(readings) == readings).all())
+        if whole and abs(settles - offset) < near * offset and -1.0 <= start - offset <= _ALIKE:
+            problem = f"begins {start:.3g} K above the surroundings, in whole numbers, and at rest it would stay warm: "
+            problem += f"a byte with an offset of {offset:g}?"
+            remedy = f"if so, write {{}}; if the joint is as warm, write {believed(key, source, numbers)}"
+            issues.append(correctable(key, problem, replace(source, offset=-offset), False, remedy, kind="offset"))
+    return issues
+
+
+_PIECES = 60  # of a log, whose means tell how a part warms and cools
+
+
+def _settles(warmth: FloatArray, load: FloatArray) -> float:
+    """By how much a part would stay warmer than the air without its load [K], as it warms and cools in a log.
+
+    NaN where the log does not tell.
+    """
+    size = max(warmth.size // _PIECES, 1)
+    warm, heat = means_of_blocks(warmth, size), means_of_blocks(np.square(load), size)
+    known = np.isfinite(warm[:-1]) & np.isfinite(warm[1:]) & np.isfinite(heat[:-1]) & np.isfinite(heat[1:])
+    if np.count_nonzero(known) < _PIECES // 2 or not np.ptp(heat[np.isfinite(heat)]) > 0:
+        return np.nan
+    middle = [0.5 * (x[:-1] + x[1:])[known] for x in (heat / np.nanmax(heat), warm)]
+    rates = np.linalg.lstsq(np.column_stack([*middle, np.ones(known.sum())]), np.diff(warm)[known], rcond=None)[0]
+    return float(-rates[2] / rates[1]) if rates[0] > 0 > rates[1] else np.nan
