@@ -176,7 +176,7 @@ MIXED = {
 
 def test_numbers_are_found_among_the_bytes_of_any_layout(tmp_path: Path) -> None:
     """The quick way, which looks at bytes, against rosbags' own reading of each message."""
-    from lptn.logs.bag_messages import Decoder, numbers_in
+    from lptn.logs.bag_messages import Decoder, Numbers
 
     recorder = Recorder(tmp_path / "bag", "mcap")
     for name, text in MIXED.items():
@@ -200,7 +200,7 @@ def test_numbers_are_found_among_the_bytes_of_any_layout(tmp_path: Path) -> None
     kind = "maker_msgs/msg/Mixed"
     messages = [message(k, "same" if k % 10 else "other text") for k in range(60)]
     raws = [bytes(recorder.store.serialize_cdr(original, kind)) for original in messages]
-    wanted = list(dict(numbers_in(messages[0])))
+    wanted = list(Numbers(recorder.store, messages[0]).values)
     assert {"cells[2].temperature", "cells[0].counts[2]", "y", "triple[1]", "last"} <= set(wanted)
     assert not any(name.startswith("picture") for name in wanted)
     decoder = Decoder(recorder.store, kind, wanted)
@@ -208,7 +208,8 @@ def test_numbers_are_found_among_the_bytes_of_any_layout(tmp_path: Path) -> None
     assert len(labels) == len(raws)
     # The first's layout is that of one in ten.
     assert [template.like(raws)[1].sum() for template in decoder.templates] == [6, 54]
-    expected = [list(dict(numbers_in(recorder.store.deserialize_cdr(raw, kind))).values()) for raw in raws]
+    whole = [recorder.store.deserialize_cdr(raw, kind) for raw in raws]
+    expected = [list(Numbers(recorder.store, message).values.values()) for message in whole]
     np.testing.assert_array_equal(values, expected)
     np.testing.assert_array_equal(stamps, [(START + k) * 10**9 for k in range(60)])
 

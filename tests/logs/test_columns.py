@@ -176,7 +176,7 @@ def test_a_winding_is_its_own_thermometer() -> None:
 
 def test_a_thermometer_is_for_temperatures(refuse: Refuse) -> None:
     entry = {"column": "R", "thermometer": {"resistance": 0.186}}
-    assert "a thermometer for torque.a" in refuse("m", parse_columns, {"torque.a": entry}, "m", "[columns]")
+    assert "thermometer of a temperature alone" in refuse("m", parse_columns, {"torque.a": entry}, "m", "[columns]")
 
 
 def test_a_rate_is_of_time_alone() -> None:

@@ -17,12 +17,12 @@ from lptn.logs.resampling import (
     hold,
     interpolate,
     mean_in_bins,
-    on_one_time,
     raw_keys,
     reduce_blocks,
     sample_values,
     temperatures_on_grid,
 )
+from lptn.logs.tables import on_one_time
 
 COLUMNS = ["torque.a", "current.a", "current_abs.a", "velocity.a", "velocity_rms.a", "speed.base", "power.pc"]
 numbers = st.floats(-1e3, 1e3).map(lambda x: round(x, 6))
@@ -105,8 +105,8 @@ def test_readings_between_the_rows_of_another_clock_are_kept(every: float, late:
     own = late + every * (np.arange(100) + rng.uniform(-jitter, jitter, 100) * (np.arange(100) > 0))
     driven = np.arange(0.0, own[-1] + 2.0)
     warms = 20 + 0.5 * own
-    time, raw = on_one_time([(own, {"temperature.a": warms}), (driven, {"current.a": np.ones(driven.size)})])
-    samples = Samples(time, raw)
+    raw = on_one_time([(own, {"temperature.a": warms}), (driven, {"current.a": np.ones(driven.size)})])
+    samples = Samples(raw.pop("time"), raw)
     step = max(1.0, samples.period)
     at = step * np.arange(int(own[-1] / step) + 1)
     (resampled,) = temperatures_on_grid(samples, ["temperature.a"], 0.0, step, at.size, 10.0).values()

@@ -165,8 +165,7 @@ def test_a_package_that_is_not_installed(
 ) -> None:
     extras = {"rosbags": (".mcap", "ros"), "pyulog": (".ulg", "ulog"), "openpyxl": (".xlsx", "excel")}
     ending, extra = extras[module]
-    for name in ("bags", "ulog", "spreadsheets"):
-        monkeypatch.setattr(f"lptn.logs.{name}.find_spec", lambda _: None)
+    monkeypatch.setattr("lptn.logs.tables.find_spec", lambda _: None)
     path = tmp_path / f"log{ending}"
     path.write_bytes(whole(ending))
     assert f"pip install 'lptn[{extra}]'" in refuse(path, read_log, path)
@@ -247,7 +246,7 @@ def test_a_last_line_that_was_cut_is_left_out_and_said(tmp_path: Path) -> None:
 def test_a_table_that_unfolds_to_a_hundred_times_its_size(
     tmp_path: Path, refuse: Refuse, monkeypatch: pytest.MonkeyPatch, piece: bytes
 ) -> None:
-    monkeypatch.setattr("lptn.logs.csv_files._UNPACKED", 1_000_000)
+    monkeypatch.setattr("lptn.logs.tables._UNPACKED", 1_000_000)
     path = tmp_path / "bomb.csv.gz"
     path.write_bytes(
         gzip.compress(b"time,torque.a,temperature.a\n" + 20 * b"0,1,20\n" + 20_000_000 // len(piece) * piece)
@@ -256,7 +255,7 @@ def test_a_table_that_unfolds_to_a_hundred_times_its_size(
 
 
 def test_a_log_of_a_robot_at_rest_is_no_bomb(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("lptn.logs.csv_files._UNPACKED", 1000)
+    monkeypatch.setattr("lptn.logs.tables._UNPACKED", 1000)
     rows = b"".join(b"%d,0,20.0\n" % k for k in range(20_000))
     path = tmp_path / "rest.csv.gz"
     path.write_bytes(gzip.compress(b"time,torque.a,temperature.a\n" + rows, 9))
@@ -303,7 +302,7 @@ def test_rows_and_cells_that_no_sheet_has(tmp_path: Path, refuse: Refuse, old: b
 def test_a_spreadsheet_that_unfolds_to_a_hundred_times_its_size(
     tmp_path: Path, refuse: Refuse, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("lptn.logs.spreadsheets._UNPACKED", 1_000_000)
+    monkeypatch.setattr("lptn.logs.tables._UNPACKED", 1_000_000)
     path = tmp_path / "bomb.xlsx"
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("xl/sharedStrings.xml", b" " * 20_000_000)

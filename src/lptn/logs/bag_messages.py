@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from lptn.basics.arrays import BoolArray, FloatArray, IntArray
 from lptn.logs.columns import ColumnSource, is_key, words_of
 
-# --- The numbers of a message, and their names -----------------------------------------------------
+# --- The numbers of a message: their names, and where they stand among its bytes (CDR, little-endian) ---
 
 
 COMMON_TYPES = {  # that do not come with ROS 2 itself: ros-controls/control_msgs, Apache-2.0
@@ -21,45 +21,104 @@ COMMON_TYPES = {  # that do not come with ROS 2 itself: ros-controls/control_msg
         "std_msgs/Header header\nstring[] joint_names\ncontrol_msgs/InterfaceValue[] interface_values\n"
     ),
 }
+_NUMPY_TYPES = {"bool": "u1", "byte": "u1", "char": "u1", "float32": "<f4", "float64": "<f8"} | {
+    f"{sign}int{8 * size}": f"<{sign or 'i'}{size}" for sign in ("", "u") for size in (1, 2, 4, 8)
+}
 _LONGEST = 64  # entries of an array; longer ones are pictures and clouds
+_HEAD = 4  # bytes that say how a message is encoded
+_BASE, _NAME, _SEQUENCE = 1, 2, 4  # kinds of types, as rosbags numbers them
 
 
-def numbers_in(message: Any) -> Iterator[tuple[str, float]]:
-    """Each number in a message and its name: `twist.linear.x`, `motor_state[3].temperature`, `effort[FR_calf]`."""
-    return ((name, value) for name, _, value in _named(message, ""))
+class Numbers:
+    """The numbers of one message, read along the definition of its type.
+
+    Attributes:
+        values: by name, such as `twist.linear.x`, `motor_state[3].temperature`, `effort[FR_calf]`.
+        places: first byte and numpy type of each, and of those in its header.
+        fixed: bytes that hold texts and counts: messages in which these are the same have the same layout.
+        end: byte behind the message's last; -1 where it holds a type whose length nobody knows.
+    """
+
+    def __init__(self, store: Any, message: Any) -> None:
+        self._types = store.fielddefs
+        self.values: dict[str, float] = {}
+        self.places: dict[str, tuple[int, str]] = {}
+        self.fixed: list[int] = []
+        self.end = _HEAD
+        self._members(message.__msgtype__, message, "")
+
+    def _members(self, kind: str, message: Any, prefix: str | None) -> None:
+        """The members of a message, called by `prefix` and their names; of `None` the places alone are followed."""
+        joints = _joints(message)
+        for member, described in self._types[kind][1]:
+            entries: Sequence[str] = ()
+            if member == "interface_values":
+                entries = joints
+            elif member == "values":
+                entries = getattr(message, "interface_names", ())
+            elif hasattr(message, "effort"):
+                entries = [f"{member}[{joint}]" for joint in joints]
+            hidden = prefix is None or (member == "header" and prefix)
+            self._value(described, getattr(message, member), "" if hidden else f"{prefix}{member}", entries)
+
+    def _value(self, described: Any, value: Any, name: str, entries: Sequence[str] = ()) -> None:
+        form, inner = described
+        if form == _NAME:
+            self._members(inner, value, f"{name}." if name else None)
+        elif form == _BASE:
+            self._single(inner[0], value, name)
+        else:
+            if form == _SEQUENCE:
+                self._texts_or_counts(4, 4)
+            self._many(inner[0], value, name, entries)
+
+    def _many(self, described: Any, values: Any, name: str, entries: Sequence[str]) -> None:
+        """An array, whose entries are called by names of their own or by their number."""
+        size = int(_NUMPY_TYPES.get(described[1][0], "0")[-1]) if described[0] == _BASE else 0
+        prefix = name.rpartition(".")[0]
+        if len(entries) == len(values):
+            names = [f"{prefix}.{entry}" if prefix else entry for entry in entries]
+        elif len(values) <= _LONGEST:
+            names = [f"{name}[{number}]" for number in range(len(values))]
+        elif size and self.end >= 0:
+            self._skip(size, size * len(values))
+            return
+        else:
+            names = [""] * len(values)
+        for value, own in zip(values, names if name else [""] * len(values), strict=True):
+            self._value(described, value, own)
+
+    def _single(self, kind: str, value: Any, name: str) -> None:
+        if kind == "string":
+            self._texts_or_counts(4, 4)
+            self._texts_or_counts(1, len(value.encode()) + 1)
+            return
+        if name and not name.startswith("header."):
+            self.values[name] = float(value)
+        if kind not in _NUMPY_TYPES:
+            self.end = -1
+        elif self.end >= 0:
+            size = int(_NUMPY_TYPES[kind][-1])
+            self._skip(size, size)
+            self.places[name] = self.end - size, _NUMPY_TYPES[kind]
+
+    def _texts_or_counts(self, aligned: int, size: int) -> None:
+        if self.end >= 0:
+            self._skip(aligned, size)
+            self.fixed += range(self.end - size, self.end)
+
+    def _skip(self, aligned: int, size: int) -> None:
+        self.end += -(self.end - _HEAD) % aligned + size
 
 
-def _named(message: Any, prefix: str) -> Iterator[tuple[str, str, float]]:
-    """Name, path and value of each number; they differ where joints have names."""
+def _joints(message: Any) -> Sequence[str]:
     names = getattr(message, "joint_names", None) or getattr(message, "name", None)
-    if hasattr(message, "interface_values") and names is not None:
-        for row, (joint, entry) in enumerate(zip(names, message.interface_values, strict=False)):
-            for column, (what, value) in enumerate(zip(entry.interface_names, entry.values, strict=False)):
-                yield f"{prefix}{joint}.{what}", f"{prefix}interface_values[{row}].values[{column}]", float(value)
-        return
-    labels = names if isinstance(names, list) and hasattr(message, "effort") else None
-    for member in fields(message):
-        if member.name != "header" and not member.name.startswith("_"):
-            path = f"{prefix}{member.name}"
-            yield from _of_value(getattr(message, member.name), path, path, labels)
-
-
-def _of_value(value: Any, name: str, path: str, labels: Sequence[str] | None) -> Iterator[tuple[str, str, float]]:
-    if isinstance(value, bool | int | float | np.number):
-        yield name, path, float(value)
-    elif isinstance(value, np.ndarray | list) and len(value) <= _LONGEST:
-        marks = labels if labels is not None and len(labels) == len(value) else range(len(value))
-        for number, (mark, entry) in enumerate(zip(marks, value, strict=True)):
-            yield from _of_value(entry, f"{name}[{mark}]", f"{path}[{number}]", None)
-    elif is_dataclass(value):
-        yield from _named(value, f"{path}.")
+    return names if isinstance(names, list) else ()
 
 
 def label_of(message: Any) -> Hashable:
     """What a message says of who sent it: its frame, and the names of its joints in their order."""
-    header = getattr(message, "header", None)
-    names = getattr(message, "joint_names", None) or getattr(message, "name", None)
-    return getattr(header, "frame_id", ""), tuple(names) if isinstance(names, list) else ()
+    return getattr(getattr(message, "header", None), "frame_id", ""), tuple(_joints(message))
 
 
 # --- The quantities that messages of well-known types hold -----------------------------------------
@@ -137,106 +196,12 @@ _RULES = {
 }
 
 
-# --- Where the numbers of a message stand among its bytes: CDR, little-endian, as one message is laid out ---
-
-
-_NUMPY_TYPES = {
-    "bool": "u1",
-    "byte": "u1",
-    "char": "u1",
-    "uint8": "u1",
-    "int8": "i1",
-    "uint16": "<u2",
-    "int16": "<i2",
-    "uint32": "<u4",
-    "int32": "<i4",
-    "uint64": "<u8",
-    "int64": "<i8",
-    "float32": "<f4",
-    "float64": "<f8",
-}
-_HEAD = 4  # bytes that say how a message is encoded
-_LITTLE_ENDIAN = 1  # the second of them
-_PADDED = 4  # bytes, to a multiple of which a message may be filled up
-_BASE, _NAME, _ARRAY, _SEQUENCE = 1, 2, 3, 4  # kinds of types, as rosbags numbers them
-
-
-@dataclass
-class Layout:
-    """The layout of one message.
-
-    Attributes:
-        numbers: first byte and numpy type of each number by its path, such as `motor_state[3].temperature`.
-        fixed: spans of bytes, first and behind the last, that hold texts and counts: messages in which these are
-            the same have the same layout.
-        end: byte behind the message's last.
-    """
-
-    numbers: dict[str, tuple[int, str]] = field(default_factory=dict)
-    fixed: list[tuple[int, int]] = field(default_factory=list)
-    end: int = _HEAD
-
-    @classmethod
-    def of(cls, store: Any, kind: str, message: Any, longest: int) -> Layout:
-        """The layout of a message; arrays longer than `longest` are passed over.
-
-        Raises:
-            KeyError: a type that is no number, text or message.
-        """
-        layout = cls()
-        layout._fields(store, kind, message, "", longest)
-        return layout
-
-    def _fields(self, store: Any, kind: str, message: Any, prefix: str, longest: int) -> None:
-        for name, described in store.fielddefs[kind][1]:
-            self._value(store, described, getattr(message, name), f"{prefix}{name}", longest)
-
-    def _value(self, store: Any, described: Any, value: Any, path: str, longest: int) -> None:
-        form, inner = described
-        if form == _NAME:
-            self._fields(store, inner, value, f"{path}.", longest)
-        elif form == _BASE:
-            self._base(inner[0], value, path)
-        else:
-            if form == _SEQUENCE:
-                self._count()
-            self._many(store, inner[0], value, path, longest)
-
-    def _many(self, store: Any, described: Any, values: Any, path: str, longest: int) -> None:
-        form, inner = described
-        if form == _BASE and inner[0] in _NUMPY_TYPES and len(values) > longest:
-            size = int(_NUMPY_TYPES[inner[0]][-1])
-            self._align(size)
-            self.end += size * len(values)
-            return
-        for number, value in enumerate(values):
-            self._value(store, described, value, f"{path}[{number}]", longest)
-
-    def _base(self, kind: str, value: Any, path: str) -> None:
-        if kind == "string":
-            self._count()
-            length = len(value.encode()) + 1
-            self.fixed.append((self.end, self.end + length))
-            self.end += length
-            return
-        size = int(_NUMPY_TYPES[kind][-1])
-        self._align(size)
-        self.numbers[path] = self.end, _NUMPY_TYPES[kind]
-        self.end += size
-
-    def _count(self) -> None:
-        self._align(4)
-        self.fixed.append((self.end, self.end + 4))
-        self.end += 4
-
-    def _align(self, size: int) -> None:
-        self.end += -(self.end - _HEAD) % size
-
-
 # --- Many messages read at once --------------------------------------------------------------------
 
 
 _LAYOUTS = 8  # of a type that are read by their bytes
+_LITTLE_ENDIAN = 1  # the second byte of a message
+_PADDED = 4  # bytes, to a multiple of which a message may be filled up
 
 
 class Decoder:
@@ -248,13 +213,12 @@ class Decoder:
     Args:
         store: the types that rosbags knows.
         kind: of the messages.
-        wanted: names of the numbers, as `numbers_in` gives them.
+        wanted: names of the numbers, as `Numbers` has them.
     """
 
     def __init__(self, store: Any, kind: str, wanted: Sequence[str]) -> None:
         self._store, self._kind, self._wanted = store, kind, wanted
         self.templates: list[_Template] = []
-        self._labels: list[Hashable] = []
         self._learns = True
 
     def read(self, raws: Sequence[bytes]) -> tuple[IntArray, FloatArray, list[Hashable]]:
@@ -269,14 +233,15 @@ class Decoder:
         for number in range(_LAYOUTS):
             if not rest.size or not self._has_template(number, raws[int(rest[0])]):
                 break
-            rows, like = self.templates[number].like([raws[row] for row in rest.tolist()])
-            stamps[rest[like]], values[rest[like]] = self.templates[number].read(rows)
+            template = self.templates[number]
+            rows, like = template.like([raws[row] for row in rest.tolist()])
+            stamps[rest[like]], values[rest[like]] = template.read(rows)
             for row in rest[like].tolist():
-                labels[row] = self._labels[number]
+                labels[row] = template.label
             rest = rest[~like]
         for row in rest.tolist():
             message = self._store.deserialize_cdr(raws[row], self._kind)
-            numbers = dict(numbers_in(message))
+            numbers = Numbers(self._store, message).values
             values[row] = [numbers.get(name, np.nan) for name in self._wanted]
             labels[row] = label_of(message)
             if (header := getattr(message, "header", None)) is not None:
@@ -288,40 +253,34 @@ class Decoder:
         if number == len(self.templates) and self._learns:
             template = _Template.of(self._store, self._kind, raw, self._wanted)
             self._learns = template is not None
-            if template is not None:
-                self.templates.append(template)
-                self._labels.append(label_of(self._store.deserialize_cdr(raw, self._kind)))
+            self.templates += [template] if template is not None else []
         return number < len(self.templates)
 
 
 @dataclass(frozen=True)
 class _Template:
-    """A message's bytes, those that show its layout, and where its stamp and the wanted numbers stand."""
+    """A message's bytes, those that show its layout, where its stamp and the wanted numbers stand, and its sender."""
 
     raw: NDArray[np.uint8]
     fixed: IntArray
     at: tuple[tuple[int, str], ...]
     stamp: tuple[tuple[int, str], ...]
+    label: Hashable
 
     @classmethod
     def of(cls, store: Any, kind: str, raw: bytes, wanted: Sequence[str]) -> _Template | None:
-        """`None` where the message is laid out in another way than `Layout` reads it."""
+        """`None` where the message is laid out in another way than `Numbers` reads it."""
         message = store.deserialize_cdr(raw, kind)
-        try:
-            layout = Layout.of(store, kind, message, _LONGEST)
-        except (KeyError, AttributeError, TypeError):
+        numbers = Numbers(store, message)
+        if raw[1] != _LITTLE_ENDIAN or not 0 <= len(raw) - numbers.end < _PADDED:
             return None
-        paths = {name: path for name, path, _ in _named(message, "")}
-        at = tuple(layout.numbers.get(paths.get(name, ""), (0, "")) for name in wanted)
-        if raw[1] != _LITTLE_ENDIAN or not 0 <= len(raw) - layout.end < _PADDED:
-            return None
-        fixed = np.array([place for start, stop in layout.fixed for place in range(start, stop)], np.int64)
+        at = tuple(numbers.places.get(name, (0, "")) for name in wanted)
         clock = ("header.stamp.sec", "header.stamp.nanosec")
-        stamp = tuple(layout.numbers[path] for path in clock if path in layout.numbers)
-        template = cls(np.frombuffer(raw, np.uint8), fixed, at, stamp)
+        stamp = tuple(numbers.places[name] for name in clock if name in numbers.places)
+        fixed = np.array(numbers.fixed, np.int64)
+        template = cls(np.frombuffer(raw, np.uint8), fixed, at, stamp, label_of(message))
         values = template.read(template.raw[None])[1][0]
-        numbers = dict(numbers_in(message))
-        expected = [numbers.get(name, np.nan) for name in wanted]
+        expected = [numbers.values.get(name, np.nan) for name in wanted]
         return template if np.array_equal(values, expected, equal_nan=True) else None
 
     def like(self, raws: Sequence[bytes]) -> tuple[NDArray[np.uint8], BoolArray]:

@@ -10,22 +10,19 @@ from collections.abc import Hashable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
-from importlib.util import find_spec
 from itertools import islice
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, BinaryIO
 
 import numpy as np
-import pandas as pd
 
 from lptn.basics.arrays import BoolArray, FloatArray, IntArray
 from lptn.basics.errors import InputError
 from lptn.basics.files import fingerprint
-from lptn.logs.bag_messages import COMMON_TYPES, Decoder, label_of, numbers_in, quantities
-from lptn.logs.resampling import on_one_time
+from lptn.logs.bag_messages import COMMON_TYPES, Decoder, Numbers, label_of, quantities
 from lptn.logs.streams import ANOTHER_SOURCE, conflicts
-from lptn.logs.tables import Table, broken, check_size
+from lptn.logs.tables import Source, Table, one_line_if_broken, require_package, table_of_sources
 
 # --- A bag opened ----------------------------------------------------------------------------------
 
@@ -47,60 +44,53 @@ def open_bag(path: Path) -> Table:
     Raises:
         InputError: the package rosbags is not installed, or the bag can't be read.
     """
-    if find_spec("rosbags") is None:
-        raise InputError(path, "log", "a ROS 2 bag, and no package to read it", "pip install 'lptn[ros]'")
-    with _errors_as_one_line(path), _reader(path) as reader:
+    require_package(path, "rosbags", "a ROS 2 bag", "pip install 'lptn[ros]'")
+    with _reader(path) as reader:
         store = _store(reader.connections)
         kinds, of_opening = _kinds(reader, store)
-        decoded = {topic: _first_numbers(reader, store, topic, kind) for topic, kind in kinds.items()}
-    undecoded = [topic for topic, first in decoded.items() if first is None]
+        looks = {topic: _first_numbers(reader, store, topic, kind) for topic, kind in kinds.items()}
+    first = {topic: look for topic, look in looks.items() if look is not None}
+    undecoded = [topic for topic in kinds if topic not in first]
     of_opening += [f"{topic}: its messages do not decode as {kinds[topic]}; left out." for topic in undecoded]
-    topics = {topic: first.names for topic, first in decoded.items() if first is not None and first.names}
-    sources = {topic: first.sources for topic, first in decoded.items() if first is not None}
+    topics = {topic: look.names for topic, look in first.items() if look.names}
     if not topics:
         raise InputError(path, "log", "no topic whose messages hold numbers", "a bag with joint states or the like")
     # Those of each source by itself, where several have one.
     numbered = {
         f"{topic}:{number}": (topic, source)
-        for topic, first in decoded.items()
-        if first is not None and first.shared
-        for number, source in enumerate(first.sources, start=1)
+        for topic, look in first.items()
+        if look.shared
+        for number, source in enumerate(look.sources, start=1)
     }
     all_numbers = topics | {name: topics[topic] for name, (topic, _) in numbered.items()}
     names = ("time", *(f"{topic}.{name}" for topic, numbers in all_numbers.items() for name in numbers))
     notes = [*of_opening]
-    times: list[float] = []
 
-    def read(wanted: Sequence[str]) -> pd.DataFrame:
-        asked = {name: [n for n in numbers if f"{name}.{n}" in wanted] for name, numbers in all_numbers.items()}
+    def sources(wanted: Sequence[str]) -> list[Source]:
+        of_all = set(wanted)
+        asked = {name: [n for n in numbers if f"{name}.{n}" in of_all] for name, numbers in all_numbers.items()}
         asked = {name: numbers for name, numbers in asked.items() if numbers} or {next(iter(topics)): []}
-        with _errors_as_one_line(path), _reader(path) as again:
-            whole: dict[str, Stream] = {}
-            for topic in dict.fromkeys(numbered.get(name, (name,))[0] for name in asked):
-                of_topic = [n for name in asked if numbered.get(name, (name,))[0] == topic for n in asked[name]]
-                whole[topic] = _stream(again, store, topic, kinds[topic], list(dict.fromkeys(of_topic)))
+        of_topic: dict[str, dict[str, None]] = {}
+        for name, numbers in asked.items():
+            of_topic.setdefault(numbered.get(name, (name,))[0], {}).update(dict.fromkeys(numbers))
+        with _reader(path) as again:
+            every = {topic: _stream(again, store, topic, kinds[topic], list(some)) for topic, some in of_topic.items()}
         streams, of_sources = [], []
         for name, numbers in asked.items():
             if name in numbered:
                 topic, source = numbered[name]
-                rows = np.array([label == source for label in whole[topic].sources], dtype=bool)
-                streams.append(whole[topic].only(rows, numbers, name))
+                rows = np.array([label == source for label in every[topic].sources], dtype=bool)
+                streams.append(every[topic].only(rows, numbers, name))
             else:
-                stream, said = _of_one_source(path, whole[name], numbers, sources[name])
+                stream, said = _of_one_source(path, every[name], numbers, first[name].sources)
                 streams.append(stream)
                 of_sources += said
         stamps, of_clock = one_clock(streams)
         notes[:] = [*of_opening, *of_sources, *of_clock]
-        check_size(path, sum(own.size for own in stamps), len(wanted))
-        frame = _merged(streams, stamps)
-        times[:] = frame["time"].tolist()
-        return frame[list(wanted)]
+        return [(own / 1e9, stream.columns()) for stream, own in zip(streams, stamps, strict=True)]
 
-    def where(row: int) -> str:
-        return f"at {times[row]:.6f} s"
-
-    defaults = quantities(topics, kinds)
-    return Table(path, names, read, where, "ROS 2 bag", True, defaults, notes, partial(_digest, path))
+    defaults, digest = quantities(topics, kinds), partial(_digest, path)
+    return table_of_sources(path, names, sources, "ROS 2 bag", defaults=defaults, notes=notes, digest=digest)
 
 
 def _stream(reader: Any, store: Any, topic: str, kind: str, wanted: list[str]) -> Stream:
@@ -163,16 +153,6 @@ def _connections(reader: Any, topic: str, kind: str) -> list[Any]:
     return [channel for channel in reader.connections if channel.topic == topic and channel.msgtype == kind]
 
 
-def _merged(streams: Sequence[Stream], stamps: Sequence[Any]) -> pd.DataFrame:
-    """The streams on the union of their times; empty where a topic has no message at a time."""
-    sources = [
-        (own, {f"{stream.topic}.{name}": stream.values[:, number] for number, name in enumerate(stream.names)})
-        for stream, own in zip(streams, stamps, strict=True)
-    ]
-    time, columns = on_one_time(sources)
-    return pd.DataFrame({"time": time / 1e9} | columns, copy=False)
-
-
 def _kinds(reader: Any, store: Any) -> tuple[dict[str, str], list[str]]:
     """The type of each topic's messages, and what is left out, a sentence each."""
     kinds: dict[str, str] = {}
@@ -209,7 +189,7 @@ def _first_numbers(reader: Any, store: Any, topic: str, kind: str) -> First | No
                 return None
             source = (connection.id, label_of(message))
             sources[source] = None
-            for name, _ in islice(numbers_in(message), _WIDEST):
+            for name in islice(Numbers(store, message).values, _WIDEST):
                 names.setdefault(name, set()).add(source)
     shared = len(sources) <= _MOST_SOURCES and any(len(of_name) > 1 for of_name in names.values())
     return First(list(names)[:_WIDEST], list(sources), shared)
@@ -264,22 +244,12 @@ def _texts(described: Any) -> Iterator[str]:
 
 @contextmanager
 def _reader(path: Path) -> Iterator[Any]:
+    """The bag, open for reading."""
     from rosbags.rosbag2 import Reader
 
-    with bounded(), Reader(path) as reader:
+    expected = "a whole ROS 2 bag; one that was not closed is mended by `mcap recover` or `ros2 bag reindex`"
+    with one_line_if_broken(path, expected), bounded(), Reader(path) as reader:
         yield reader
-
-
-@contextmanager
-def _errors_as_one_line(path: Path) -> Iterator[None]:
-    """Whatever a broken bag makes the library raise becomes an InputError."""
-    try:
-        yield
-    except InputError:
-        raise
-    except Exception as error:
-        expected = "a whole ROS 2 bag; one that was not closed is mended by `mcap recover` or `ros2 bag reindex`"
-        raise broken(path, error, expected) from error
 
 
 def _digest(path: Path) -> str:
@@ -308,6 +278,10 @@ class Stream:
         """Some of its messages, and numbers, under another name."""
         columns = [self.names.index(name) for name in names]
         return Stream(topic, names, self.stamps[rows], self.received[rows], self.values[rows][:, columns])
+
+    def columns(self) -> dict[str, FloatArray]:
+        """Its numbers as columns of the bag, (n,) each."""
+        return {f"{self.topic}.{name}": self.values[:, number] for number, name in enumerate(self.names)}
 
 
 _APART = 1_000_000_000  # ns; no message is under way for so long

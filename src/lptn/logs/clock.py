@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
-from lptn.logs.columns import ColumnName, ColumnSource, as_line_or_option, to_si
+from lptn.logs.columns import ColumnName, ColumnSource, as_line_or_option, is_number, to_si
 from lptn.logs.issue import Issue, in_unit
 from lptn.logs.tables import Table
 
@@ -91,7 +91,7 @@ def _refuse_backwards(table: Table, key: str, source: ColumnSource, time: FloatA
     found, expected = f"{now:.12g} s after {before:.12g} s", "time that runs forwards"
     seconds = float(to_si(np.array([source.scale]), "time", source.unit)[0])  # of one in the file
     cells = table.read([name])[name].iloc[[row - 1, row]].astype("str").tolist()
-    as_text = len(table.numbers([name])[name]) == time.size and not all(map(_is_number, cells))
+    as_text = len(table.numbers([name])[name]) == time.size and not all(map(is_number, cells))
     if as_text:
         found = f"{cells[1]} after {cells[0]}"
     if as_text and 0 <= now - (before - _SUMMER_TIME) <= _FEW * float(np.median(np.abs(np.diff(time)))):
@@ -104,14 +104,6 @@ def _refuse_backwards(table: Table, key: str, source: ColumnSource, time: FloatA
         expected += "; a counter that overflows is written as wrap = 65536, or whatever it counts to, in its entry"
         expected += " of [columns]"
     table.refuse(row, name, found, expected)
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True
 
 
 def _require_rows(table: Table, rows: int, different: int) -> None:

@@ -8,7 +8,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal, NoReturn
+from typing import Any, Literal, NoReturn
 
 import numpy as np
 
@@ -19,21 +19,17 @@ from lptn.basics.units import registry
 # --- Units that people write, turned into SI (temperatures into degC) -----------------------------
 
 
-_SI = {  # of a quantity, and what a unit of it is called in a message
+_SI = {  # by quantity, and what a unit of it is called in a message
     "time": ("s", "time, such as s"),
     "temperature": ("degC", "temperature, such as degC"),
     "torque": ("N*m", "torque, such as N*m"),
-    "current": ("A", "current, such as A"),
-    "current_abs": ("A", "current, such as A"),
-    "velocity": ("rad/s", "angular velocity, such as rad/s"),
-    "velocity_rms": ("rad/s", "angular velocity, such as rad/s"),
+    **dict.fromkeys(("current", "current_abs"), ("A", "current, such as A")),
+    **dict.fromkeys(("velocity", "velocity_rms"), ("rad/s", "angular velocity, such as rad/s")),
     "speed": ("m/s", "speed, such as m/s"),
-    "power": ("W", "power, such as W"),
-    "mechanical_power": ("W", "power, such as W"),
+    **dict.fromkeys(("power", "mechanical_power"), ("W", "power, such as W")),
     "voltage": ("V", "voltage, such as V"),
     "resistance": ("ohm", "resistance, such as ohm"),
 }
-
 _NEVER_CONVERTED = {"torque_abs": "N*m", "powered": "1", "fan": "1", "irradiance": "W/m^2"}
 
 
@@ -173,19 +169,54 @@ class ColumnSource:
 
 
 _OPTION = re.compile(r"(?P<key>[^=]+)=(?P<column>.*?)(?:\[(?P<unit>[^\[\]]*)\])?")
-_COLUMN_ENTRIES = ("column", "norm", "product", "mean", "ratio", "rate")  # of which an entry has one
-_SETTINGS = ("unit", "scale", "offset", "wrap", "invalid", "valid", "afterwards", "thermometer", "rows")
-_ENTRIES = (*_COLUMN_ENTRIES, *_SETTINGS)
-_EXAMPLES = {
-    "norm": '["i_d", "i_q"]',
-    "product": '["u_dc", "i_dc"]',
-    "mean": '["T1", "T2"]',
-    "ratio": '["u_dc", "i_dc"]',
-}
 MEANS = {"means after": 0.0, "means around": 0.5, "means before": 1.0}
 """What a row may be the mean over, and the share of this interval that lies before the row's time."""
 SAMPLES = "samples"
-_THERMOMETER = "{ resistance = 0.186, at = 25, alpha = 0.0039 }: ohm, degC, 1/K"
+_COPPER = {"at": 25.0, "alpha": 0.0039}  # degC, 1/K: of a thermometer that says nothing else
+
+
+def _is_finite(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _are_finite(value: object) -> bool:
+    return isinstance(value, Sequence) and not isinstance(value, str) and len(value) > 0 and all(map(_is_finite, value))
+
+
+def _are_names(value: object) -> bool:
+    listed = value if isinstance(value, Sequence) and not isinstance(value, str) else ()
+    return len(listed) > 1 and all(isinstance(name, str) and name for name in listed)
+
+
+def _is_thermometer(value: object) -> bool:
+    numbers = {**_COPPER, **value} if isinstance(value, Mapping) else {}
+    known = numbers.keys() == {"resistance", "at", "alpha"} and all(map(_is_finite, numbers.values()))
+    return known and numbers["resistance"] > 0 and numbers["alpha"] > 0
+
+
+_Rule = tuple[Callable[[Any], bool], str]
+_PLACES: Mapping[str, _Rule] = {
+    "column": (lambda x: isinstance(x, str) and x != "", "the name of a column"),
+    "norm": (_are_names, 'two or more column names, such as ["i_d", "i_q"]'),
+    "product": (_are_names, 'two or more column names, such as ["u_dc", "i_dc"]'),
+    "mean": (_are_names, 'two or more column names, such as ["T1", "T2"]'),
+    "ratio": (lambda x: _are_names(x) and len(x) == 2, 'two column names, such as ["u_dc", "i_dc"]'),
+    "rate": (lambda x: _is_finite(x) and x > 0, "the rows of the log a second, such as 50"),
+}
+"""How an entry says where its values stand, of which it has one: whether its value can be used, and what can."""
+_SETTINGS: Mapping[str, _Rule] = {
+    "unit": (lambda x: isinstance(x, str) and x.strip() != "", 'the name of a unit, such as "degC"'),
+    "scale": (lambda x: _is_finite(x) and x != 0, "a finite number but 0"),
+    "offset": (_is_finite, "a finite number"),
+    "wrap": (lambda x: _is_finite(x) and x > 0, "a finite number above 0"),
+    "invalid": (lambda x: _is_finite(x) or _are_finite(x), "numbers, such as [850, -127]"),
+    "valid": (lambda x: _are_finite(x) and len(x) == 2 and x[0] < x[1], "least and greatest, such as [-40, 200]"),
+    "afterwards": (_is_finite, "a finite number"),
+    "thermometer": (_is_thermometer, "{ resistance = 0.186, at = 25, alpha = 0.0039 }, above 0: ohm, degC, 1/K"),
+    "rows": (lambda x: x in (*MEANS, SAMPLES), f"of time: one of {', '.join(map(shown, (*MEANS, SAMPLES)))}"),
+}
+"""The same of what an entry may say besides."""
+_CHECKS = {**_PLACES, **_SETTINGS}
 
 
 def parse_columns(table: Mapping[str, object], file: str | Path, place: str) -> dict[str, ColumnSource]:
@@ -205,7 +236,7 @@ def parse_columns(table: Mapping[str, object], file: str | Path, place: str) -> 
     Raises:
         InputError: a key, name, unit or number that can't be used.
     """
-    return {str(key): _Entry(str(key), entry, file, f"{place} {key}").source() for key, entry in table.items()}
+    return {str(key): _source(str(key), entry, file, f"{place} {key}") for key, entry in table.items()}
 
 
 def parse_map_option(text: str, option: str = "--map") -> tuple[str, ColumnSource]:
@@ -221,179 +252,105 @@ def parse_map_option(text: str, option: str = "--map") -> tuple[str, ColumnSourc
     match = _OPTION.fullmatch(text.strip())
     if match is None:
         raise InputError(option, "its value", f"'{text}'", "<quantity>.<place>=COLUMN or …=COLUMN[UNIT]")
-    key, (unit, *settings) = match["key"].strip(), [word.strip() for word in (match["unit"] or "").split(";")]
-    entry: dict[str, object] = {"unit": unit} if unit else {}
-    if "=" in unit:
-        entry, settings = {}, [unit, *settings]
-    for setting in filter(None, settings):
-        name, _, value = (word.strip() for word in setting.partition("="))
+    entry: dict[str, object] = {}
+    for number, setting in enumerate(word.strip() for word in (match["unit"] or "").split(";")):
+        name, equals, value = (word.strip() for word in setting.partition("="))
         words = [word.strip() for word in value.split(",")]
-        numbers = [_number_or_text(word) for word in words]
-        entry[name] = numbers if name in {"invalid", "valid"} else numbers[0] if len(numbers) == 1 else value
-        if name in _EXAMPLES:
+        numbers = [float(word) if is_number(word) else word for word in words]
+        if number == 0 and name and not equals:
+            entry["unit"] = name
+        elif name in {"norm", "product", "mean", "ratio"}:
             entry[name] = words
+        elif setting:
+            entry[name] = numbers if name in {"invalid", "valid"} else numbers[0] if len(numbers) == 1 else value
     column = match["column"].strip()
-    if column or not entry.keys() & set(_COLUMN_ENTRIES):
+    if column or not entry.keys() & _PLACES.keys():
         entry["column"] = column
-    return key, _Entry(key, entry, option, key).source()
+    key = match["key"].strip()
+    return key, _source(key, entry, option, key)
 
 
-def _number_or_text(text: str) -> object:
-    """A number that stands in an option; the text itself where it is none, for the message."""
+def is_number(text: str) -> bool:
+    """Whether a text is a number as Python writes it."""
     try:
-        return float(text)
+        float(text)
     except ValueError:
-        return text
+        return False
+    return True
 
 
-class _Entry:
-    """One entry of `[columns]`, checked as it is read.
+_OF_KEYS = {  # settings of some quantities alone, and those that can't stand beside them
+    "rate": (re.compile(r"time(\.2)?"), "time alone: time = { rate = 50 }", _CHECKS.keys() - {"rate", "rows"}),
+    "rows": (re.compile("time"), _SETTINGS["rows"][1], frozenset[str]()),
+    "thermometer": (re.compile(r"temperature\..*"), "a temperature alone", {"unit", "scale", "offset"}),
+}
+
+
+def _check(key: str, said: Mapping[str, Any], file: str | Path, place: str) -> None:
+    """Refuse settings that can't be used, or not for this quantity, or not beside each other."""
+
+    def refuse(problem: str, expected: str, name: str = "") -> NoReturn:
+        raise InputError(file, f"{place} {name}".rstrip(), problem, expected)
+
+    for name, value in said.items():
+        if name not in _CHECKS:
+            refuse(f"key '{name}'", f"one of {', '.join(_CHECKS)}")
+        usable, expected = _CHECKS[name]
+        if not usable(value):
+            refuse(shown(value), expected, name)
+    places = [name for name in _PLACES if name in said]
+    if len(places) != 1:
+        problem = f"both {places[0]} and {places[1]}" if places else "neither column nor norm, product, mean or ratio"
+        refuse(problem, 'one of them: column = "T1" or mean = ["T1", "T2"]')
+    for name in said.keys() & _OF_KEYS.keys():
+        keys, expected, others = _OF_KEYS[name]
+        if not keys.fullmatch(key):
+            refuse(shown(said[name]), f"{name} of {expected}", name)
+        if beside := sorted(others & said.keys()):
+            refuse(f"{beside[0]} beside {name}", "one of the two")
+
+
+def _source(key: str, entry: object, file: str | Path, place: str) -> ColumnSource:
+    """What an entry of `[columns]` says.
 
     Args:
         key: the quantity that it is for.
         entry: a name, or a table.
         file: the file, or option, that holds it.
         place: where it stands there.
-
-    Raises:
-        InputError: a wrong key, an entry that is neither name nor table, or one with an unknown setting.
     """
-
-    def __init__(self, key: str, entry: object, file: str | Path, place: str) -> None:
-        self.key, self.file, self.place = key, file, place
-        if not is_key(key):
-            self.refuse("", f"key '{key}'", "time or <quantity>.<place>, such as torque.FR_calf")
-        if isinstance(entry, str):
-            entry = {"column": entry}
-        if not isinstance(entry, Mapping):
-            self.refuse("", shown(entry), 'a column\'s name or a table such as { column = "T1" }')
-        self.table: Mapping[str, object] = entry
-        for name in entry:
-            if name not in _ENTRIES:
-                self.refuse("", f"key '{name}'", f"one of {', '.join(_ENTRIES)}")
-
-    def refuse(self, name: str, problem: str, expected: str) -> NoReturn:
-        raise InputError(self.file, f"{self.place} {name}" if name else self.place, problem, expected)
-
-    def source(self) -> ColumnSource:
-        """What the entry says.
-
-        Raises:
-            InputError: a name, unit or number that can't be used.
-        """
-        low, high = self.numbers("valid", (-math.inf, math.inf))[:2]
-        how, columns = self.columns()
-        if how == "rate":
-            return self.rate()
-        unit, (scale, offset) = self.unit(), self.thermometer()
-        return ColumnSource(
-            columns,
-            unit,
-            scale,
-            offset,
-            how if how in _EXAMPLES else "norm",  # type: ignore[arg-type]
-            self.number("wrap", 0.0),
-            self.numbers("invalid", ()),
-            (low, high),
-            afterwards=self.number("afterwards", 0.0) if "afterwards" in self.table else None,
-            rows=self.rows(),
-        )
-
-    def thermometer(self) -> tuple[float, float]:
-        """Factor and offset; those that make a temperature of a resistance where the entry says that it is one."""
-        if "thermometer" not in self.table:
-            return self.number("scale", 1.0), self.number("offset", 0.0)
-        said = self.table["thermometer"]
-        both = [name for name in ("unit", "scale", "offset") if name in self.table]
-        if both or not self.key.startswith("temperature."):
-            problem = f"{both[0]} beside thermometer" if both else f"a thermometer for {self.key}"
-            self.refuse("", problem, f"of a temperature: thermometer = {_THERMOMETER}")
-        numbers = {"at": 25.0, "alpha": 0.0039, **(said if isinstance(said, Mapping) else {})}
-        if set(numbers) != {"resistance", "at", "alpha"} or not all(map(_is_finite_number, numbers.values())):
-            self.refuse("thermometer", shown(said), _THERMOMETER)
-        cold, at, alpha = (float(numbers[name]) for name in ("resistance", "at", "alpha"))
-        if cold <= 0 or alpha <= 0:
-            self.refuse("thermometer", shown(said), "a resistance and an alpha above 0")
+    if not is_key(key):
+        raise InputError(file, place, f"key '{key}'", "time or <quantity>.<place>, such as torque.FR_calf")
+    said: Any = {"column": entry} if isinstance(entry, str) else entry
+    if not isinstance(said, Mapping):
+        raise InputError(file, place, shown(entry), 'a column\'s name or a table such as { column = "T1" }')
+    _check(key, said, file, place)
+    scale, offset = said.get("scale", 1.0), said.get("offset", 0.0)
+    if "thermometer" in said:
         # R = R_0 (1 + α (T - T_0)), solved for T.
-        return 1 / (alpha * cold), at - 1 / alpha
-
-    def rows(self) -> str:
-        rows, possible = self.table.get("rows", ""), (*MEANS, SAMPLES)
-        if "rows" in self.table and not (self.key == "time" and rows in possible):
-            self.refuse("rows", shown(rows), f"of time: one of {', '.join(shown(value) for value in possible)}")
-        return str(rows)
-
-    def rate(self) -> ColumnSource:
-        rate = self.table["rate"]
-        if self.key not in ("time", "time.2"):
-            self.refuse("rate", shown(rate), "a rate for time alone: time = { rate = 50 }")
-        others = [name for name in self.table if name not in ("rate", "rows")]
-        if others:
-            self.refuse("", f"{others[0]} beside rate", "the rows of the log a second, alone or with rows")
-        if not _is_finite_number(rate) or not rate > 0:  # type: ignore[operator]
-            self.refuse("rate", shown(rate), "the rows of the log a second, such as 50")
-        return ColumnSource((), rate=float(rate), rows=self.rows())  # type: ignore[arg-type]
-
-    def columns(self) -> tuple[str, tuple[str, ...]]:
-        """How an entry says where its values stand, and the names of their columns."""
-        names = [name for name in _COLUMN_ENTRIES if name in self.table]
-        if len(names) != 1:
-            problem = f"both {names[0]} and {names[1]}" if names else "neither column nor norm, product, mean or ratio"
-            self.refuse("", problem, 'one of them: column = "T1" or mean = ["T1", "T2"]')
-        name, value = names[0], self.table[names[0]]
-        if name == "rate":
-            return name, ()
-        if name == "column":
-            if isinstance(value, str) and value:
-                return name, (str(value),)
-            self.refuse(name, shown(value), "the name of a column")
-        listed = value if isinstance(value, Sequence) and not isinstance(value, str) else ()
-        columns = tuple(str(column) for column in listed if isinstance(column, str) and column)
-        if len(columns) < 2 or len(columns) < len(listed) or (name == "ratio" and len(columns) > 2):
-            many = "two column names" if name == "ratio" else "two or more column names"
-            self.refuse(name, shown(value), f"{many}, such as {_EXAMPLES[name]}")
-        return name, columns
-
-    def unit(self) -> str | None:
-        if "unit" not in self.table:
-            return None
-        unit = self.table["unit"]
-        if not isinstance(unit, str) or not unit.strip():
-            self.refuse("unit", shown(unit), 'the name of a unit, such as "degC"')
-        unit, quantity = unit.strip(), self.key.partition(".")[0]
-        try:
-            to_si(np.zeros(1), quantity, unit)
-        except Exception as error:  # pint raises a dozen kinds of its own and Python's for a text that is no unit
-            wanted = _SI[quantity][1] if quantity in _SI else "its quantity, such as V"
-            raise InputError(self.file, self.place, f"unit '{unit}'", f"a unit of {wanted}") from error
-        return unit
-
-    def number(self, name: str, default: float) -> float:
-        value = self.table.get(name, default)
-        zero = {"scale": " but 0", "wrap": " above 0"}.get(name, "")
-        usable = _is_finite_number(value)
-        if usable and name in self.table:
-            usable = {"scale": value != 0, "wrap": value > 0}.get(name, True)  # type: ignore[operator]
-        if not usable:
-            self.refuse(name, shown(value), "a finite number" + zero)
-        return float(value)  # type: ignore[arg-type]
-
-    def numbers(self, name: str, default: tuple[float, ...]) -> tuple[float, ...]:
-        if name not in self.table:
-            return default
-        value = self.table[name]
-        listed = [value] if name == "invalid" and _is_finite_number(value) else value
-        numbers: list[float] = []
-        if isinstance(listed, Sequence) and not isinstance(listed, str) and all(map(_is_finite_number, listed)):
-            numbers = [float(number) for number in listed]
-        if not numbers or (name == "valid" and not (len(numbers) == 2 and numbers[0] < numbers[1])):
-            example = "numbers, such as [850, -127]" if name == "invalid" else "least and greatest, such as [-40, 200]"
-            self.refuse(name, shown(value), example)
-        return tuple(numbers)
-
-
-def _is_finite_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+        numbers = {**_COPPER, **said["thermometer"]}
+        scale, offset = 1 / (numbers["alpha"] * numbers["resistance"]), numbers["at"] - 1 / numbers["alpha"]
+    quantity, unit = key.partition(".")[0], said["unit"].strip() if "unit" in said else None
+    try:
+        to_si(np.zeros(1), quantity, unit)
+    except Exception as error:  # pint raises a dozen kinds of its own and Python's for a text that is no unit
+        wanted = _SI[quantity][1] if quantity in _SI else "its quantity, such as V"
+        raise InputError(file, place, f"unit '{unit}'", f"a unit of {wanted}") from error
+    (how,) = _PLACES.keys() & said.keys()
+    columns, invalid = said[how], said.get("invalid", ())
+    return ColumnSource(
+        () if how == "rate" else (columns,) if how == "column" else tuple(columns),
+        unit,
+        float(scale),
+        float(offset),
+        how if how in _COMBINED else "norm",  # type: ignore[arg-type]
+        float(said.get("wrap", 0.0)),
+        (float(invalid),) if _is_finite(invalid) else tuple(map(float, invalid)),
+        tuple(map(float, said.get("valid", (-math.inf, math.inf)))),  # type: ignore[arg-type]
+        float(said.get("rate", 0.0)),
+        float(said["afterwards"]) if "afterwards" in said else None,
+        said.get("rows", ""),
+    )
 
 
 # --- Where it stands, written: the line that a user pastes into `[columns]`, or an option `--map` ---
@@ -401,38 +358,31 @@ def _is_finite_number(value: object) -> bool:
 
 def toml_line(key: str, source: ColumnSource) -> str:
     """A line of `[columns]`, such as `"temperature.a" = { column = "T1", unit = "degF" }`."""
-    name = key if key == "time" else json.dumps(key, ensure_ascii=False)
-    if source.rate:
-        rows = f', rows = "{source.rows}"' if source.rows else ""
-        return f"{name} = {{ rate = {source.rate:.12g}{rows} }}"
-    columns = [json.dumps(column, ensure_ascii=False) for column in source.columns]
-    settings = [f'{word} = "{text}"' for word, text in (("unit", source.unit), ("rows", source.rows)) if text]
-    settings += [
-        f"{word} = [{', '.join(numbers)}]" if word in {"invalid", "valid"} else f"{word} = {numbers[0]}"
-        for word, numbers in _settings(source)
-    ]
-    if len(columns) == 1 and not settings:
-        return f"{name} = {columns[0]}"
-    several = f"{source.how} = [{', '.join(columns)}]"
-    where = several if len(columns) > 1 else f"column = {columns[0]}"
-    return f"{name} = {{ {', '.join([where, *settings])} }}"
+
+    def toml(value: Any) -> str:
+        if isinstance(value, str):
+            return json.dumps(value, ensure_ascii=False)
+        return f"[{', '.join(map(toml, value))}]" if isinstance(value, tuple) else f"{value:.12g}"
+
+    name, entry = key if key == "time" else toml(key), _as_entry(source)
+    if entry.keys() == {"column"}:
+        return f"{name} = {toml(entry['column'])}"
+    return f"{name} = {{ {', '.join(f'{word} = {toml(value)}' for word, value in entry.items())} }}"
 
 
 def map_option(key: str, source: ColumnSource) -> str:
     """An option such as `--map "temperature.a=T1[degF]"`; '' for columns of several whose names have a comma."""
-    settings = [f"{word}={','.join(numbers)}" for word, numbers in _settings(source)]
-    settings += [f"rows={source.rows}"] if source.rows else []
-    if len(source.columns) == 1:
-        column = source.columns[0]
-    else:
-        column = ""
-        settings = [
-            f"{source.how}={','.join(source.columns)}" if source.columns else f"rate={source.rate:g}",
-            *settings,
-        ]
-        if any("," in name or ";" in name or "]" in name or "[" in name for name in source.columns):
-            return ""
-    inside = "; ".join([source.unit, *settings] if source.unit else settings)
+
+    def text(value: Any) -> str:
+        if isinstance(value, tuple):
+            return ",".join(map(text, value))
+        return value if isinstance(value, str) else f"{value:.12g}"
+
+    if len(source.columns) > 1 and any(mark in name for name in source.columns for mark in ",;[]"):
+        return ""
+    entry = _as_entry(source)
+    column, unit = entry.pop("column", ""), entry.pop("unit", "")
+    inside = "; ".join([*filter(None, [unit]), *(f"{word}={text(value)}" for word, value in entry.items())])
     bracket = f"[{inside}]" if inside or column.endswith("]") else ""
     return f'--map "{key}={column}{bracket}"'
 
@@ -443,22 +393,15 @@ def as_line_or_option(key: str, source: ColumnSource) -> str:
     return f"{toml_line(key, source)} in [columns]" + (f", or {option}" if option else "")
 
 
-def _settings(source: ColumnSource) -> list[tuple[str, list[str]]]:
-    """The settings of a source that are numbers, and not as they are by default."""
-    settings: list[tuple[str, list[float]]] = []
-    if source.scale != 1.0:
-        settings.append(("scale", [source.scale]))
-    if source.offset:
-        settings.append(("offset", [source.offset]))
-    if source.wrap:
-        settings.append(("wrap", [source.wrap]))
-    if source.invalid:
-        settings.append(("invalid", list(source.invalid)))
-    if source.valid != (-math.inf, math.inf):
-        settings.append(("valid", list(source.valid)))
-    if source.afterwards is not None:
-        settings.append(("afterwards", [source.afterwards]))
-    return [(word, [f"{number:.12g}" for number in numbers]) for word, numbers in settings]
+def _as_entry(source: ColumnSource) -> dict[str, Any]:
+    """A source as an entry of `[columns]`, without what it has by default."""
+    place: tuple[str, Any] = ("rate", source.rate)
+    if source.columns:
+        place = ("column", source.columns[0]) if len(source.columns) == 1 else (source.how, source.columns)
+    names = ("unit", "rows", "scale", "offset", "wrap", "invalid", "valid", "afterwards")
+    settings = {name: getattr(source, name) for name in names}
+    default = ColumnSource(())
+    return dict([place]) | {name: said for name, said in settings.items() if said not in ("", getattr(default, name))}
 
 
 # --- What a column's name says: its words, and the unit that it ends in ----------------------------

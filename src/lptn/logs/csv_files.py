@@ -26,8 +26,9 @@ import pyarrow.csv as pa_csv
 from lptn.basics.errors import InputError
 from lptn.basics.files import fingerprint
 from lptn.logs import tables
+from lptn.logs.columns import is_number
 from lptn.logs.layout import LOOKED_AT, Layout, RowsBelow, find_layout, is_value, names_of
-from lptn.logs.tables import Table, broken, too_large
+from lptn.logs.tables import TIMES_PACKED, Table, most_unpacked, one_line_if_broken, too_large
 
 ENDINGS = (".csv", ".tsv", ".txt", ".csv.gz", ".tsv.gz", ".txt.gz")
 
@@ -49,12 +50,11 @@ def open_csv(path: Path) -> Table:
     Raises:
         InputError: it can't be read, or begins no table.
     """
-    encoding, head = _begin(path)
-    text = _Text.of(path, encoding, head)
+    text = _Text.of(path, *_begin(path))
     cut = _ends_within_a_line(path)
     notes = ["the file ends within a line, which is left out: its last number may be cut."] if cut else []
-    if encoding != _ENCODING:
-        notes.append(f"log: its text is read as {encoding}, for it is not in UTF-8.")
+    if text.encoding != _ENCODING:
+        notes.append(f"log: its text is read as {text.encoding}, for it is not in UTF-8.")
     if not text.layout.named:
         notes.append(f"log: there are no names above line {text.first_line}; {text.said_of_names}.")
     elif text.layout.header:
@@ -70,17 +70,18 @@ def open_csv(path: Path) -> Table:
             frame = frame.iloc[: len(frame) - cut]
         else:
             frame, lines[:], said = text.read_any(positions, cut)
-            notes.extend(note for note in said if note not in notes)
+            table.note(said)
         return text.with_points(frame).set_axis(list(wanted), axis="columns")
 
     def where(row: int) -> str:
         if lines:
             return f"line {lines[row]}"
-        line, _ = next(islice(_lines(path, encoding), text.layout.first + row, None), (0, ""))
+        line, _ = next(islice(_lines(path, text.encoding), text.layout.first + row, None), (0, ""))
         return f"line {line}" if line else f"row {row + 1}"  # of a file that pyarrow cuts into lines another way
 
     units = dict(zip(text.names, text.layout.units, strict=False))
-    return Table(path, text.names, read, where, units=units, notes=notes, digest=partial(fingerprint, path))
+    table = Table(path, text.names, read, where, units=units, notes=notes, digest=partial(fingerprint, path))
+    return table
 
 
 @dataclass(frozen=True)
@@ -147,7 +148,7 @@ class _Text:
                 names, said = names_of(comment), "those of the comment above are taken"
             elif layout.header >= 0 and separator.strip(" ") and len(list(filter(None, above))) > 1:
                 raise _other_count(path, len(first), len(above))
-        if layout.rows == 0 and all(map(_is_number, names)):
+        if layout.rows == 0 and all(map(is_number, names)):
             raise InputError(path, "header", f"numbers ({', '.join(names[:3])})", "a line of column names, and rows")
         if len(first) > len(names) + 1 or any(first[len(names) :]):
             raise _other_count(path, len(first), len(names))
@@ -165,49 +166,41 @@ class _Text:
             return None
         keys = [str(number) for number in range(len(self.names))]
         wanted = [keys[position] for position in dict.fromkeys((*positions, 0))]
-        numbers = {key: pa.float64() for key in wanted if self._is_number(int(key))}
-        most, count = tables.MOST_NUMBERS // max(len(positions), 1), 0
+        kinds = {key: pa.float64() if self._is_number(int(key)) else pa.string() for key in wanted}
+        most, batches = tables.MOST_NUMBERS // max(len(positions), 1), list[pa.RecordBatch]()
         longest = max(map(len, self.first), default=0) * len(self.names)
-        pieces: list[list[pa.Array]] = [[] for _ in wanted]
+        reading = pa_csv.ReadOptions(
+            use_threads=False,
+            skip_rows=self.first_line - 1,
+            column_names=keys,
+            block_size=max(_BLOCK, _LINES_IN_A_BLOCK * longest),
+            encoding=self.encoding,
+        )
+        conversion = pa_csv.ConvertOptions(
+            include_columns=wanted, column_types=kinds, decimal_point=self.decimal, strings_can_be_null=True
+        )
+        parsing = pa_csv.ParseOptions(delimiter=self.separator)
         try:
             with (
                 _unpacked(self.path) if self.path.suffix == ".gz" else nullcontext(self.path) as file,
-                pa_csv.open_csv(
-                    file,
-                    pa_csv.ReadOptions(
-                        use_threads=False,
-                        skip_rows=self.first_line - 1,
-                        column_names=keys,
-                        block_size=max(_BLOCK, _LINES_IN_A_BLOCK * longest),
-                        encoding=self.encoding,
-                    ),
-                    pa_csv.ParseOptions(delimiter=self.separator),
-                    pa_csv.ConvertOptions(
-                        include_columns=wanted,
-                        column_types={key: numbers.get(key, pa.string()) for key in wanted},
-                        decimal_point=self.decimal,
-                        strings_can_be_null=True,
-                    ),
-                ) as reader,
+                pa_csv.open_csv(file, reading, parsing, conversion) as reader,
             ):
                 for batch in reader:
-                    count += batch.num_rows
-                    if count >= most:
+                    batches.append(batch)
+                    if sum(batch.num_rows for batch in batches) >= most:
                         raise too_large(self.path, f"{most} rows or more")
-                    for piece, column in zip(pieces, batch.columns, strict=True):
-                        piece.append(column)
         except InputError:
             raise
         except (pa.ArrowException, OSError, ValueError):
             return None
-        columns = {int(key): _joined(piece) for key, piece in zip(wanted, pieces, strict=True)}
-        if "0" not in numbers and pd.Series(columns[0]).str.lstrip().str.startswith("#", na=False).any():
+        columns = {int(key): _joined([batch[k] for batch in batches]) for k, key in enumerate(wanted)}
+        if kinds["0"] == pa.string() and pd.Series(columns[0]).str.lstrip().str.startswith("#", na=False).any():
             return None
         return pd.DataFrame({k: columns[position] for k, position in enumerate(positions)}, copy=False)
 
     def _is_number(self, position: int) -> bool:
         cell = self.first[position].strip()
-        return not cell or _is_number(cell.replace(self.decimal, "."))
+        return not cell or is_number(cell.replace(self.decimal, "."))
 
     def read_any(self, positions: Sequence[int], cut: bool) -> tuple[pd.DataFrame, list[int], list[str]]:
         """The columns at `positions` of any file of rows, comments among them; the rows' lines; and notes.
@@ -221,15 +214,11 @@ class _Text:
         below, lines = RowsBelow(self.path, self.names, self.layout.units), list[int]()
         most = tables.MOST_NUMBERS // max(len(positions), 1)
         frames = []
-        try:
+        with one_line_if_broken(self.path, "a whole table"):
             for order, texts in self._chunks(below, lines, cut):
                 frames.append(self._parsed(texts, [order[position] for position in positions]))
                 if len(lines) >= most:
                     raise too_large(self.path, f"{most} rows or more")
-        except InputError:
-            raise
-        except (OSError, EOFError, zlib.error, ValueError, OverflowError, MemoryError) as error:
-            raise broken(self.path, error, "a whole table") from error
         frame = pd.concat(frames, ignore_index=True) if frames else pd.DataFrame({k: [] for k in range(len(positions))})
         return frame, lines, below.said()
 
@@ -307,23 +296,37 @@ def _joined(pieces: list[pa.Array]) -> object:
 def _begin(path: Path) -> tuple[str, list[tuple[int, str]]]:
     """How a file's characters are written, and its first lines that hold something, each with its number.
 
+    UTF-16 says so by its first bytes; what is not UTF-8 is as Windows had it.
+
     Raises:
         InputError: it can't be read, or is no table of text.
     """
+    lines: list[tuple[int, str]] = []
     try:
-        encoding = _encoding(path)
-        head = _head(path, encoding)
+        with _unpacked(path) as file:
+            head = file.read(_HEAD)
+        encoding = _ENCODING
+        try:
+            # The last character may be cut.
+            codecs.getincrementaldecoder(_ENCODING)().decode(head)
+        except UnicodeDecodeError:
+            is_utf16 = head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+            encoding = "utf-16" if is_utf16 and "\n" in head.decode("utf-16", "replace") else "cp1252"
+            if b"\0" in head and encoding == "cp1252":
+                raise
+        characters = 0
+        for number, text in islice(_lines(path, encoding), LOOKED_AT):
+            lines.append((number, text))
+            characters += len(text)
+            if characters > _HEAD and len(lines) >= _FEWEST_LINES:
+                break
     except (OSError, EOFError, zlib.error, UnicodeError) as error:
         raise InputError(path, "log", f"a file that can't be read ({error})", "CSV text in UTF-8") from error
-    if not head:
+    if not lines:
         raise InputError(path, "log", "an empty file", "a header line and at least 10 rows")
-    if len(head[0][1]) >= _LONGEST_LINE - 1:
+    if len(lines[0][1]) >= _LONGEST_LINE - 1:
         raise InputError(path, "header", "a line of 16 million characters", "a line of column names")
-    return encoding, head
-
-
-_UNPACKED = 100_000_000  # bytes that any packed file may have …
-_TIMES_PACKED = 100  # … and times its own size: numbers that change take a third, a robot that rests a thirtieth
+    return encoding, lines
 
 
 def _unpacked(path: Path) -> BinaryIO:
@@ -332,17 +335,14 @@ def _unpacked(path: Path) -> BinaryIO:
     Raises:
         InputError: while it is read, where it unfolds to more than any log does.
     """
-    if path.suffix != ".gz":
-        return path.open("rb")
-    return io.BufferedReader(_Unpacked(path), _BLOCK)
+    return io.BufferedReader(_Unpacked(path), _BLOCK) if path.suffix == ".gz" else path.open("rb")
 
 
 class _Unpacked(io.RawIOBase):
     """A compressed file that unfolds to so many bytes at most."""
 
     def __init__(self, path: Path) -> None:
-        self._path, self._file = path, gzip.open(path)  # noqa: SIM115 - closed with this one
-        self._left = max(_UNPACKED, _TIMES_PACKED * path.stat().st_size)
+        self._path, self._file, self._left = path, gzip.open(path), most_unpacked(path)  # noqa: SIM115 - see `close`
 
     def readable(self) -> bool:
         return True
@@ -351,7 +351,7 @@ class _Unpacked(io.RawIOBase):
         piece = self._file.read(len(buffer))
         self._left -= len(piece)
         if self._left < 0:
-            problem = f"a file that unfolds to more than {_TIMES_PACKED} times its size"
+            problem = f"a file that unfolds to more than {TIMES_PACKED} times its size"
             raise InputError(self._path, "log", problem, "a compressed table of readings")
         buffer[: len(piece)] = piece
         return len(piece)
@@ -359,43 +359,6 @@ class _Unpacked(io.RawIOBase):
     def close(self) -> None:
         self._file.close()
         super().close()
-
-
-def _with_mark(encoding: str) -> str:
-    """The same, if at the beginning there may be a byte order mark, as Excel writes one."""
-    return "utf-8-sig" if encoding == _ENCODING else encoding
-
-
-def _encoding(path: Path) -> str:
-    """How characters are written: UTF-16 says so by its first bytes; what is not UTF-8 is as Windows had it.
-
-    Raises:
-        UnicodeError: it is no text at all.
-    """
-    with _unpacked(path) as file:
-        head = file.read(_HEAD)
-    if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) and "\n" in head.decode("utf-16", "replace"):
-        return "utf-16"
-    try:
-        # The last character may be cut.
-        codecs.getincrementaldecoder(_ENCODING)().decode(head)
-    except UnicodeDecodeError:
-        if b"\0" in head:
-            raise
-        return "cp1252"
-    return _ENCODING
-
-
-def _head(path: Path, encoding: str) -> list[tuple[int, str]]:
-    """The first lines that hold something, each with its number."""
-    head: list[tuple[int, str]] = []
-    characters = 0
-    for number, text in islice(_lines(path, encoding), LOOKED_AT):
-        head.append((number, text))
-        characters += len(text)
-        if characters > _HEAD and len(head) >= _FEWEST_LINES:
-            break
-    return head
 
 
 def _cells(text: str, separator: str) -> list[str]:
@@ -426,7 +389,8 @@ def _lines(path: Path, encoding: str, comments: bool = False) -> Iterator[tuple[
     A comment is a line that begins with #: in a name, or within a row, it is a character like any other.
     """
     with _unpacked(path) as file:
-        text_stream = io.TextIOWrapper(file, encoding=_with_mark(encoding), errors="replace", newline="")
+        marked = "utf-8-sig" if encoding == _ENCODING else encoding  # Excel writes a byte order mark
+        text_stream = io.TextIOWrapper(file, encoding=marked, errors="replace", newline="")
         for number, line in enumerate(iter(partial(text_stream.readline, _LONGEST_LINE), ""), start=1):
             text = line.strip("\r\n ")
             if text.strip() and text.startswith("#") == comments:
@@ -448,11 +412,3 @@ def _comment_above(path: Path, encoding: str, line: int) -> str:
     """What the last line of comment says above one of data, without its mark; '' where there is none."""
     above = takewhile(lambda one: one[0] < line, _lines(path, encoding, comments=True))
     return next((text.lstrip("# ") for _, text in deque(above, maxlen=1)), "")
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True

@@ -11,16 +11,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.logs.clock import check_time, in_order
 from lptn.logs.columns import ColumnSource
-from lptn.logs.resampling import on_one_time
 from lptn.logs.scatter import off_their_neighbours, white_noise
 from lptn.logs.silence import AMBIENT
-from lptn.logs.tables import Table, check_size, column_sources
+from lptn.logs.tables import Source, Table, column_sources, table_of_sources
 from lptn.logs.units import suspect_unit
 
 # --- Two logs made one table -----------------------------------------------------------------------
@@ -68,21 +66,19 @@ def join(
     if doubled:
         notes.append(f"{', '.join(doubled)}: in both files; the second's is called {renamed[doubled[0]]}.")
 
-    def read(wanted: Sequence[str]) -> pd.DataFrame:
-        originals = {new: name for name, new in renamed.items() if new in wanted}
-        mine = [name for name in wanted if name not in originals and name != "time"]
-        check_size(path, one.time.size + other.time.size, len(wanted))
-        return _merged(one, other, seconds, mine, originals, wanted)
+    def sources(wanted: Sequence[str]) -> list[Source]:
+        mine = {name: name for name in wanted if name != "time" and name not in renamed.values()}
+        others = {name: new for name, new in renamed.items() if new in wanted}
+        return [one.columns(mine, 0.0), other.columns(others, seconds)]
 
-    table = Table(
+    units = {name: unit for name, unit in first.units.items() if name not in {one.column, "time"}}
+    units |= {renamed[name]: unit for name, unit in second.units.items() if name in renamed}
+    table = table_of_sources(
         path,
         names,
-        read,
-        where=lambda row: f"row {row + 1} of both",
-        kind=f"{first.kind} joined with {second.kind}",
-        mixed=True,
-        units={name: unit for name, unit in first.units.items() if name not in {one.column, "time"}}
-        | {renamed[name]: unit for name, unit in second.units.items() if name in renamed},
+        sources,
+        f"{first.kind} joined with {second.kind}",
+        units=units,
         defaults=dict(second.defaults) | dict(first.defaults),
         notes=notes,
         digest=lambda: hashlib.sha256(f"{first.digest()} {second.digest()}".encode()).hexdigest(),
@@ -110,6 +106,11 @@ class _Timed:
         order = np.arange(time.size) if order is None else order
         self.rows = order[check_time(table, key, source, time[order])[0]]
         self.time = time[self.rows]
+
+    def columns(self, names: Mapping[str, str], shift: float) -> Source:
+        """Times moved by a shift, (n,) s, and some columns under their new names, (n,) each."""
+        numbers = self.table.numbers(names)
+        return self.time + shift, {new: numbers[name][self.rows] for name, new in names.items()}
 
     def values(self, sources: Mapping[str, ColumnSource], quantities: Sequence[str]) -> dict[str, FloatArray]:
         """The columns of some quantities that this log has, (n,) each."""
@@ -175,22 +176,6 @@ def _pairs(
         name = f"{key} against {own or f'all {kind}s'}"
         pairs[name] = (warm.time[read], readings[read], hot.time[fed], heat[fed])
     return pairs
-
-
-def _merged(
-    one: _Timed, other: _Timed, shift: float, mine: Sequence[str], others: Mapping[str, str], wanted: Sequence[str]
-) -> pd.DataFrame:
-    """Both logs' columns on the union of their times; empty where the other log has a row."""
-    sources = []
-    for log, time, names in (
-        (one, one.time, {name: name for name in mine}),
-        (other, other.time + shift, others),
-    ):
-        numbers = log.table.numbers(names.values())
-        sources.append((time, {new: numbers[name][log.rows] for new, name in names.items()}))
-    time, columns = on_one_time(sources)
-    columns["time"] = time
-    return pd.DataFrame({name: columns[name] for name in wanted}, copy=False)
 
 
 # --- The shift between two clocks, from the onset of heating: heat in one log, what it warms in the other ---

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from numpy.typing import NDArray
 
 from lptn.basics.arrays import FloatArray
 
@@ -401,28 +399,3 @@ def hold(values: FloatArray) -> FloatArray:
         return values
     last = np.maximum.accumulate(np.where(missing, 0, np.arange(values.size)))
     return values[last]
-
-
-# --- Columns with times of their own put on the union of their times ------------------------------
-
-
-def on_one_time(
-    sources: Sequence[tuple[NDArray[Any], Mapping[str, FloatArray]]],
-) -> tuple[NDArray[Any], dict[str, FloatArray]]:
-    """All times, (m,) increasing, and each column on them, (m,), NaN at the times of others.
-
-    Where a source has several values of a column at one time the first counts: messages of one stamp may hold some of
-    the joints each.
-
-    Args:
-        sources: times, (n,), and columns by name, (n,) each; all times in the same unit.
-    """
-    time = np.unique(np.concatenate([own for own, _ in sources]))
-    columns: dict[str, FloatArray] = {}
-    for own, values in sources:
-        at = np.searchsorted(time, own)
-        for name, column in values.items():
-            backwards = np.flatnonzero(~np.isnan(column))[::-1]
-            columns[name] = np.full(time.size, np.nan)
-            columns[name][at[backwards]] = column[backwards]
-    return time, columns

@@ -8,9 +8,9 @@ from __future__ import annotations
 import datetime
 import zipfile
 from collections.abc import Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from functools import cached_property, partial
-from importlib.util import find_spec
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -20,13 +20,12 @@ import pandas as pd
 from lptn.basics.errors import InputError
 from lptn.basics.files import fingerprint
 from lptn.logs.layout import LOOKED_AT, Layout, RowsBelow, find_layout, names_of
-from lptn.logs.tables import Table, broken, too_large
+from lptn.logs.tables import Table, most_unpacked, one_line_if_broken, require_package, too_large
 
 _MOST_CELLS = 10_000_000  # a sheet has a million rows at most; so many cells take half a minute and 1 GB
 _MOST_BYTES = 1_000_000_000  # of what is packed in the file: as many cells, at a hundred bytes each
-_UNPACKED = 100_000_000  # bytes that any file may hold; a larger one …
-_TIMES_PACKED = 100  # … so many times its own size: cells of a sheet take a tenth
 _MOST_ROWS = 1 << 20  # of a sheet, by its format
+_EXPECTED = "a whole .xlsx file"
 
 
 def open_spreadsheet(path: Path) -> Table:
@@ -35,18 +34,14 @@ def open_spreadsheet(path: Path) -> Table:
     Raises:
         InputError: `openpyxl` is not installed, the file is broken or too large, or no sheet holds a table.
     """
-    if find_spec("openpyxl") is None:
-        raise InputError(path, "log", "a spreadsheet", "pip install 'lptn[excel]', or the sheet saved as CSV")
-    try:
+    require_package(path, "openpyxl", "a spreadsheet", "pip install 'lptn[excel]', or the sheet saved as CSV")
+    with one_line_if_broken(path, _EXPECTED):
         with zipfile.ZipFile(path) as archive:
             unpacked = sum(part.file_size for part in archive.infolist())
-            if unpacked > min(_MOST_BYTES, max(_UNPACKED, _TIMES_PACKED * path.stat().st_size)):
-                raise InputError(path, "log", f"{unpacked / 1e9:.2g} GB unpacked", "a spreadsheet of readings, or CSV")
-        heads = _heads(path)
-    except InputError:
-        raise
-    except Exception as error:  # of broken bytes the library makes errors of many kinds
-        raise broken(path, error, "a whole .xlsx file") from error
+        if unpacked > min(_MOST_BYTES, most_unpacked(path)):
+            raise InputError(path, "log", f"{unpacked / 1e9:.2g} GB unpacked", "a spreadsheet of readings, or CSV")
+        with _book(path) as book:
+            heads = {sheet.title: list(islice(_rows(sheet), LOOKED_AT)) for sheet in book.worksheets}
     sheets = {
         name: _Sheet(path, name, rows, find_layout([_texts(row) for _, row in rows])) for name, rows in heads.items()
     }
@@ -62,16 +57,16 @@ def open_spreadsheet(path: Path) -> Table:
 
     def read(wanted: Sequence[str]) -> pd.DataFrame:
         _, frame, said = sheet.frame
-        notes.extend(note for note in said if note not in notes)
+        table.note(said)
         return frame[list(wanted)]
 
     def where(row: int) -> str:
         return f"sheet '{name}', row {sheet.frame[0][row]}"
 
     units = dict(zip(sheet.names, sheet.layout.units, strict=False))
-    return Table(
-        path, sheet.names, read, where, "spreadsheet", units=units, notes=notes, digest=partial(fingerprint, path)
-    )
+    digest = partial(fingerprint, path)
+    table = Table(path, sheet.names, read, where, "spreadsheet", units=units, notes=notes, digest=digest)
+    return table
 
 
 Row = tuple[int, tuple[Any, ...]]  # its number in the sheet, and its values
@@ -116,49 +111,28 @@ class _Sheet:
         width, below = len(self.names), RowsBelow(self.path, self.names, self.layout.units)
         numbers: list[int] = []
         rows: list[list[Any]] = []
-        try:
-            with _Book(self.path) as book:
-                for number, values in _rows(book[self.name]):
-                    if number < self.first_row:
-                        continue
-                    if len(rows) * width > _MOST_CELLS:
-                        raise too_large(self.path, f"a spreadsheet of more than {_MOST_CELLS:.0e} cells")
-                    row = [_plain(value) for value in values] + [None] * (width - len(values))
-                    if not any(isinstance(value, int | float) for value in row[:width]) or any(
-                        value is not None for value in row[width:]
-                    ):
-                        place = f"sheet '{self.name}', row {number}"
-                        if not below.holds_values(place, _texts(row)):
-                            continue
+        with one_line_if_broken(self.path, _EXPECTED), _book(self.path) as book:
+            for number, values in _rows(book[self.name]):
+                if number < self.first_row:
+                    continue
+                if len(rows) * width > _MOST_CELLS:
+                    raise too_large(self.path, f"a spreadsheet of more than {_MOST_CELLS:.0e} cells")
+                row = [_plain(value) for value in values] + [None] * (width - len(values))
+                numeric = any(isinstance(value, int | float) for value in row[:width])
+                fits = all(value is None for value in row[width:])
+                plain = numeric and fits
+                if plain or below.holds_values(f"sheet '{self.name}', row {number}", _texts(row)):
                     numbers.append(number)
                     rows.append([row[place] for place in below.order])
-        except InputError:
-            raise
-        except Exception as error:
-            raise broken(self.path, error, "a whole .xlsx file") from error
         columns = {name: pd.Series([row[k] for row in rows]) for k, name in reversed(list(enumerate(self.names)))}
         return numbers, pd.DataFrame(columns), below.said()
 
 
-class _Book:
+def _book(path: Path) -> closing[Any]:
     """A workbook, open for reading row by row, closed in the end."""
+    from openpyxl import load_workbook
 
-    def __init__(self, path: Path) -> None:
-        from openpyxl import load_workbook
-
-        self._book = load_workbook(path, read_only=True, data_only=True, keep_links=False)
-
-    def __enter__(self) -> Any:
-        return self._book
-
-    def __exit__(self, *_: object) -> None:
-        self._book.close()
-
-
-def _heads(path: Path) -> dict[str, list[Row]]:
-    """The first rows of each sheet of cells."""
-    with _Book(path) as book:
-        return {sheet.title: list(islice(_rows(sheet), LOOKED_AT)) for sheet in book.worksheets}
+    return closing(load_workbook(path, read_only=True, data_only=True, keep_links=False))
 
 
 def _rows(sheet: Any) -> Any:

@@ -1,15 +1,17 @@
-"""An open log is a table of named number columns; here data frames and Parquet files are opened as such."""
+"""An open log is a table of named number columns: data frames, Parquet files, and columns with times of their own."""
 
 from __future__ import annotations
 
 import hashlib
 import re
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
 import numpy.typing as npt
@@ -26,6 +28,8 @@ COLUMNS = Bound(100_000, "columns")
 """Of a table: a file of so many takes 8 s to open; of a robot's log a thousand are many."""
 MOST_NUMBERS = 500_000_000  # 4 GB; a day of twelve joints at 100 Hz has 400 million
 _NUMBERS_AT_ONCE = 10_000_000  # read from a file before they are copied into their columns, so that few stand twice
+_UNPACKED = 100_000_000  # bytes that any packed file may have …
+TIMES_PACKED = 100  # … and times its own size
 _LONGEST_REASON = 200  # characters of another library's error that go into a message
 _MOST_WORDS = 5  # that a note gives as examples
 _LONGEST_CELL = 100  # characters of a cell that go into a message
@@ -155,9 +159,11 @@ class Table:
 
     def _note_words(self, name: str, words: pd.Series) -> None:
         shown = ", ".join(f"'{word[:_LONGEST_CELL]}'" for word in words.unique()[:_MOST_WORDS])
-        note = f"{name}: {words.size} cells hold a word ({shown}), which is no reading."
-        if note not in self.notes:
-            self.notes.append(note)
+        self.note([f"{name}: {words.size} cells hold a word ({shown}), which is no reading."])
+
+    def note(self, notes: Iterable[str]) -> None:
+        """Add what reading brought up, once though it is read twice."""
+        self.notes.extend(note for note in notes if note not in self.notes)
 
 
 def _is_time(values: pd.Series | pd.Index) -> bool:
@@ -186,10 +192,35 @@ def too_large(path: Path, size: str) -> InputError:
     return InputError(path, "log", size, f"at most {MOST_NUMBERS:.0e} numbers; cut the log into pieces")
 
 
-def broken(path: Path, error: Exception, expected: str) -> InputError:
-    """What to raise for a file that a library can't read."""
-    reason = (str(error) or type(error).__name__)[:_LONGEST_REASON]
-    return InputError(path, "log", f"a broken file ({reason})", expected)
+def most_unpacked(path: Path) -> int:
+    """Bytes that a packed file may unfold to: numbers that change take a third of them, a robot at rest a thirtieth."""
+    return max(_UNPACKED, TIMES_PACKED * path.stat().st_size)
+
+
+def require_package(path: Path, package: str, log: str, instead: str) -> None:
+    """Refuse a log whose format a package reads that is not installed.
+
+    Raises:
+        InputError: it is not; what is expected is `instead`.
+    """
+    if find_spec(package) is None:
+        raise InputError(path, "log", f"{log}, and no package to read it", instead)
+
+
+@contextmanager
+def one_line_if_broken(path: Path, expected: str) -> Iterator[None]:
+    """Make one line of whatever a library raises of broken bytes, which are errors of many kinds.
+
+    Raises:
+        InputError: there is such an error within, or an InputError, which stays as it is.
+    """
+    try:
+        yield
+    except InputError:
+        raise
+    except Exception as error:
+        reason = (str(error) or type(error).__name__)[:_LONGEST_REASON]
+        raise InputError(path, "log", f"a broken file ({reason})", expected) from error
 
 
 def with_times(table: Table, rate: float) -> Table:
@@ -250,23 +281,70 @@ def open_parquet(path: Path) -> Table:
     """
     import pyarrow.parquet as pq  # here, since most logs are CSV
 
-    try:
-        with pq.ParquetFile(path) as file:
-            names, rows = tuple(file.schema_arrow.names), int(file.metadata.num_rows)
-    except Exception as error:  # of broken bytes the library makes errors of many kinds
-        raise broken(path, error, "a whole Parquet file") from error
+    expected = "a whole Parquet file"
+    with one_line_if_broken(path, expected), pq.ParquetFile(path) as file:
+        names, rows = tuple(file.schema_arrow.names), int(file.metadata.num_rows)
     COLUMNS.check(len(names), path, "columns")
 
     def read(wanted: Sequence[str]) -> pd.DataFrame:
         check_size(path, rows, len(wanted))  # such a number of rows takes few bytes to write
-        try:
-            with pq.ParquetFile(path) as file:
-                at_once = max(1, _NUMBERS_AT_ONCE // max(rows, 1))
-                some = [list(wanted[k : k + at_once]) for k in range(0, len(wanted), at_once)]
-                frames = [file.read(names).to_pandas(ignore_metadata=True, split_blocks=True) for names in some]
-                frame: pd.DataFrame = pd.concat(frames, axis="columns")
-        except Exception as error:
-            raise broken(path, error, "a whole Parquet file") from error
+        at_once = max(1, _NUMBERS_AT_ONCE // max(rows, 1))
+        some = [list(wanted[k : k + at_once]) for k in range(0, len(wanted), at_once)]
+        with one_line_if_broken(path, expected), pq.ParquetFile(path) as file:
+            frames = [file.read(names).to_pandas(ignore_metadata=True, split_blocks=True) for names in some]
+            frame: pd.DataFrame = pd.concat(frames, axis="columns")
         return frame
 
     return Table(path, names, read, lambda row: f"row {row + 1}", "Parquet", digest=partial(fingerprint, path))
+
+
+# --- Columns with times of their own, put on the union of their times -----------------------------------
+
+
+Source = tuple[FloatArray, Mapping[str, FloatArray]]
+"""Times, (n,) s, and columns by name, (n,) each."""
+
+
+def table_of_sources(
+    path: Path,
+    names: tuple[str, ...],
+    read_sources: Callable[[Sequence[str]], Sequence[Source]],
+    kind: str,
+    **known: Any,
+) -> Table:
+    """Columns of several rates as one table, on the union of their times.
+
+    Args:
+        path: of the log.
+        names: of its columns, `time` among them.
+        read_sources: gives those that hold the wanted columns; at least one, for its times.
+        kind: its format, in words.
+        known: other attributes of the table.
+    """
+    stamps = [np.zeros(0)]  # of the rows that were read last, by which a row is named in messages
+
+    def read(wanted: Sequence[str]) -> pd.DataFrame:
+        sources = read_sources(wanted)
+        check_size(path, sum(own.size for own, _ in sources), len(wanted))
+        columns = on_one_time(sources)
+        stamps[0] = columns["time"]
+        return pd.DataFrame({name: columns[name] for name in wanted}, copy=False)
+
+    return Table(path, names, read, lambda row: f"at {stamps[0][row]:.6f} s", kind, mixed=True, **known)
+
+
+def on_one_time(sources: Sequence[Source]) -> dict[str, FloatArray]:
+    """All times as `time`, (n,) s, increasing, and each column on them, (n,), NaN at the times of others.
+
+    Where a source has several values of a column at one time the first counts: messages of one stamp may hold some of
+    the joints each.
+    """
+    time = np.unique(np.concatenate([own for own, _ in sources]))
+    columns = {"time": time}
+    for own, values in sources:
+        at = np.searchsorted(time, own)
+        for name, column in values.items():
+            backwards = np.flatnonzero(~np.isnan(column))[::-1]
+            columns[name] = np.full(time.size, np.nan)
+            columns[name][at[backwards]] = column[backwards]
+    return columns

@@ -7,19 +7,17 @@ import re
 from collections.abc import Mapping, Sequence
 from contextlib import redirect_stdout
 from functools import partial
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
-import pandas as pd
 
+from lptn.basics.arrays import FloatArray, IntArray
 from lptn.basics.errors import InputError
 from lptn.basics.files import fingerprint
 from lptn.logs.clock import in_order
 from lptn.logs.columns import ColumnSource
-from lptn.logs.resampling import on_one_time
-from lptn.logs.tables import Table, broken, check_size
+from lptn.logs.tables import Source, Table, one_line_if_broken, require_package, table_of_sources
 
 _ESC = re.compile(r"(?P<topic>esc_status|esc_report)\.esc\[(?P<number>\d+)\]\.(?P<field>esc_\w+)")
 _ESC_FIELDS = {
@@ -41,8 +39,7 @@ def open_ulog(path: Path) -> Table:
     Raises:
         InputError: the package pyulog is not installed, or the file can't be read.
     """
-    if find_spec("pyulog") is None:
-        raise InputError(path, "log", "a PX4 ULog, and no package to read it", "pip install 'lptn[ulog]'")
+    require_package(path, "pyulog", "a PX4 ULog", "pip install 'lptn[ulog]'")
     topics = _topics(path)
     columns = (f"{topic}.{field}" for topic, fields in topics.items() for field in fields if field != "timestamp")
     names = ("time", *columns)
@@ -51,34 +48,28 @@ def open_ulog(path: Path) -> Table:
     defaults = _defaults(names, topics)
     notes = [f"{', '.join(defaults)}: known by PX4's names; the units are PX4's."] if defaults else []
 
-    times: list[float] = []
+    def sources(wanted: Sequence[str]) -> list[Source]:
+        found: list[Source] = []
+        of_all = set(wanted)
+        for topic, fields in topics.items():
+            asked = [field for field in fields if f"{topic}.{field}" in of_all]
+            if not asked and of_all != {"time"}:
+                continue
+            time, rows, said = _in_time(path, topic, fields)
+            table.note(said)
+            found.append((time, {f"{topic}.{name}": np.asarray(fields[name], np.float64)[rows] for name in asked}))
+        return found
 
-    def read(wanted: Sequence[str]) -> pd.DataFrame:
-        asked = {
-            topic: fields for topic, fields in topics.items() if any(f"{topic}.{field}" in wanted for field in fields)
-        }
-        check_size(path, sum(len(fields["timestamp"]) for fields in asked.values()), len(wanted))
-        timed = {topic: _in_time(path, topic, fields) for topic, fields in (asked or topics).items()}
-        said = [note for _, topic_notes in timed.values() for note in topic_notes]
-        notes.extend(note for note in said if note not in notes)
-        frame = _merged({topic: fields for topic, (fields, _) in timed.items()}, wanted)
-        times[:] = frame["time"].tolist()
-        return frame[list(wanted)]
-
-    def where(row: int) -> str:
-        return f"at {times[row]:.6f} s"
-
-    return Table(path, names, read, where, "PX4 ULog", True, defaults, notes, partial(fingerprint, path))
+    digest = partial(fingerprint, path)
+    table = table_of_sources(path, names, sources, "PX4 ULog", defaults=defaults, notes=notes, digest=digest)
+    return table
 
 
 def _topics(path: Path) -> dict[str, Mapping[str, Any]]:
     """Each topic's fields, (n,) each; the time of the message, us, is `timestamp`."""
     noise = io.StringIO()  # the library prints what it finds odd
-    try:
-        with path.open("rb") as stream, redirect_stdout(noise):
-            log = _bounded_reader()(stream)
-    except Exception as error:
-        raise broken(path, error, "a whole PX4 ULog") from error
+    with one_line_if_broken(path, "a whole PX4 ULog"), path.open("rb") as stream, redirect_stdout(noise):
+        log = _bounded_reader()(stream)
     topics: dict[str, Mapping[str, Any]] = {}
     for data in log.data_list:
         stamps = data.data.get("timestamp")
@@ -151,8 +142,8 @@ def _has_controller(topic: Mapping[str, Any], number: int) -> bool:
     return readings is None or bool(np.any(np.asarray(readings) != 0))
 
 
-def _in_time(path: Path, topic: str, fields: Mapping[str, Any]) -> tuple[Mapping[str, Any], list[str]]:
-    """A topic's messages in order of time, those without one left out; and notes.
+def _in_time(path: Path, topic: str, fields: Mapping[str, Any]) -> tuple[FloatArray, IntArray, list[str]]:
+    """Times of a topic's messages, (n,) s, and which they are, in order of time, those without one left out; notes.
 
     Raises:
         InputError: its clock goes back by more than a few messages.
@@ -161,33 +152,14 @@ def _in_time(path: Path, topic: str, fields: Mapping[str, Any]) -> tuple[Mapping
     rows = np.flatnonzero(stamps)  # PX4 writes 0 where it has no time
     lost = stamps.size - rows.size
     notes = [f"{topic}: {lost} message{'s' * (lost > 1)} without a time; left out."] if lost else []
-    steps = np.diff(stamps[rows])
-    if (steps < 0).any():
+    back = np.diff(stamps[rows]) < 0
+    if back.any():
         order = in_order(stamps[rows])
         if order is None:
-            at = int((steps < 0).argmax())
+            at = int(back.argmax())
             before, now = (f"{stamps[rows[row]]:.10g} s" for row in (at, at + 1))
             place = f"{topic}, message {rows[at + 1] + 1}"
             raise InputError(path, place, f"{now} after {before}", "time that runs forwards; cut the log there")
         rows = rows[order]
         notes.append(f"{topic}: messages out of order, by a few; sorted.")
-    if rows.size == stamps.size and not (steps < 0).any():
-        return fields, notes
-    return {name: np.asarray(values)[rows] for name, values in fields.items()}, notes
-
-
-def _merged(topics: Mapping[str, Mapping[str, Any]], wanted: Sequence[str]) -> pd.DataFrame:
-    """The topics on the union of their times, s; empty where a topic has no message at a time."""
-    sources = [
-        (
-            np.asarray(fields["timestamp"], np.float64) / 1e6,  # us
-            {
-                f"{topic}.{field}": np.asarray(values, np.float64)
-                for field, values in fields.items()
-                if f"{topic}.{field}" in wanted
-            },
-        )
-        for topic, fields in topics.items()
-    ]
-    time, columns = on_one_time(sources)
-    return pd.DataFrame({"time": time} | columns, copy=False)
+    return stamps[rows], rows, notes
