@@ -185,8 +185,10 @@ def watched(name: str, seed: int, noise: float, modes: list[str], chosen: list[s
 
 
 def _names_one(alarm: Alarm, faulty: set[str]) -> bool:
-    """Whether an alarm of one channel or another is of the joint that is at fault."""
-    return alarm.kind == "undecided" and any(alarm.node == name.partition(".")[2] for name in faulty)
+    """Whether an alarm of one channel or another is of the joint that is at fault, or names the one that is."""
+    return alarm.kind == "undecided" and any(
+        alarm.node == name.partition(".")[2] or name in alarm.detail for name in faulty
+    )
 
 
 def _words(alarm: Alarm) -> str:

@@ -134,7 +134,7 @@ def test_a_model_that_lacks_something_is_not_bent_to_the_log(motor: Model) -> No
     """A poor fit's parameters stay: in the first minutes a missing mass looks like a small one, and like a draught."""
     table = FitTable(rmse=0.5, parameters={})
     poor, good = (ModelUncertainty.of_table(motor, table, np.array([floor])) for floor in (0.3, 0.5))
-    assert (poor.adequate, good.adequate) == (False, True)
+    assert (poor.learns, good.learns) == (False, True)
     assert "lptn diagnose" in poor.source
     run = warming(np.full(600, 10.0), extra=8.0)
     noise = Noise(np.array([0.05]), np.array([0.0]))

@@ -223,12 +223,18 @@ def test_a_kept_calibration_is_the_same_and_belongs_to_its_model(
     assert again.as_json(model.nodes) == calibration.as_json(model.nodes)
     content = json.loads(file.read_text())
     del content["limits"]["lag"]  # as earlier versions wrote it
+    content["still"] = [2.5, 2.5]
     file.write_text(json.dumps(content))
     old = read_calibration(file, model).limits
     assert old.shape == again.limits.shape
     assert (old[LAG] >= again.limits[LAG]).all()
     spoilt: object
-    for spoilt in (content | {"nodes": ["a", "c"]}, content | {"still": [1.0]}, content | {"more": 1}, []):
+    for spoilt in (
+        content | {"nodes": ["a", "c"]},
+        content | {"limits": {"offset": [1.0, 1.0]}},
+        content | {"more": 1},
+        [],
+    ):
         file.write_text(json.dumps(spoilt))
         with pytest.raises(InputError, match="calibration"):
             read_calibration(file, model)
@@ -246,9 +252,7 @@ def test_the_picture_shows_the_faulty_sensor(model: Model, calibration: Calibrat
 def test_a_run_knows_how_long_a_reading_stands() -> None:
     run = replace(truth_run(100.0), resolution={})
     readings = np.array([[1.0, 1.0, np.nan, 1.0, 2.0, 2.0]])
-    expected = np.array([[0.0, 1.0, 2.0, 3.0, 3.0, 5.0]])
-    watched = MonitoredRun(run.slice(0.0, 6.0), ("a",), readings, expected)
-    assert watched.moved.tolist() == [[0.0, 1.0, 0.0, 3.0, 0.0, 2.0]]
+    watched = MonitoredRun(run.slice(0.0, 6.0), ("a",), readings, readings)
     assert [watched.stands_since(0, at) for at in (3, 5)] == [0, 4]
 
 

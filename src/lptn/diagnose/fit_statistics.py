@@ -17,6 +17,7 @@ from lptn.basics.arrays import BoolArray, FloatArray, IntArray
 from lptn.basics.places import EVERYWHERE, is_of_run
 from lptn.identify.comparison import Errors, Prediction
 from lptn.identify.fitting import Fit
+from lptn.identify.noise import PLAIN
 from lptn.simulate.bound_run import BoundRun
 
 # --- The information criterion: which of two fits to the same runs is better, parameters paid for --
@@ -155,7 +156,6 @@ MOST = 0.75
 HALF = 0.5
 """Share of it that the steps of a search must explain, since held-out runs chose them; share of a held-out error,
 squared and beyond noise, that must go with it; and share of its own sensors' misfit that an error of the log must."""
-_SHOWS_PLAINLY = 2.0  # times the misfit that noise leaves: single readings show such a one
 
 
 @dataclass(frozen=True)
@@ -224,7 +224,7 @@ def explains(
     own = [bound for bound in base.problem.bound_runs if is_of_run(bound.run.name, runs)]
     floor = float(sum((bound.counted.sum(axis=1) * share_of_noise)[asked].sum() for bound in own))
     before, after = (_squares(fit, base.problem.sigma, asked, runs) for fit in (base, larger))
-    if before > _SHOWS_PLAINLY * floor:
+    if before > PLAIN * floor:
         return before - after > share * (before - floor)
     before, after = (_beyond_noise(fit, noise, asked, runs) for fit in (base, larger))
     return before - after > share * max(before, 0.0)

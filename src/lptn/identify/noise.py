@@ -16,6 +16,10 @@ LEAST_NOISE = 1e-3
 """K; a noise-free log must not weigh infinitely."""
 
 
+PLAIN = 2.0
+"""Times the mean square that noise leaves: a misfit that single readings show, so that something is missing."""
+
+
 @dataclass(frozen=True)
 class Noise:
     """The scatter of each node's readings, as the runs hold them.

@@ -224,12 +224,15 @@ class AugmentedModel:
 
     def step(self, z: FloatArray, u: FloatArray, h: float) -> Step:
         """Advance by `h` seconds with the inputs held, in as many RK4 steps as the fastest rate asks for."""
-        # The largest row sum bounds every eigenvalue from above.
-        fastest = max(float(np.abs(self.rates_by_state(z, u)).sum(axis=1).max()), self._fastest)
+        self._z[:], self._u[:], self._h[0] = z, u, h
+        self._stages()
+        states = self.layout.states
+        # The largest row sum of the rates' derivative at the start bounds every eigenvalue from above.
+        fastest = max(float(np.abs(self._jacobians[0][states, states]).sum(axis=0).max()), self._fastest)
         substeps = max(1, ceil(h * fastest / RATE_OF_A_STEP))
         h /= substeps
         half = 0.5 * self._gained(h)
-        z, transition = self._runge_kutta(z, u, h)
+        z, transition = self._runge_kutta(z, u, h) if substeps > 1 else self._stepped(h)
         added = _spread(transition, half)
         for _ in range(substeps - 1):
             z, by_last = self._runge_kutta(z, u, h)
@@ -285,11 +288,19 @@ class AugmentedModel:
     def _runge_kutta(self, z: FloatArray, u: FloatArray, h: float) -> tuple[FloatArray, FloatArray]:
         self._z[:], self._u[:], self._h[0] = z, u, h
         self._stages()
-        return self._next.copy(), runge_kutta_derivative([stage.T for stage in self._jacobians], h)
+        return self._stepped(h)
+
+    def _stepped(self, h: float) -> tuple[FloatArray, FloatArray]:
+        """States behind the stages computed last, and their derivative by those before."""
+        moving, transition = self.layout.bias.stop, np.eye(self.layout.size)  # what follows is constant over a run
+        transition[:moving] = runge_kutta_derivative([stage.T[:moving] for stage in self._jacobians], h)
+        return self._next.copy(), transition
 
 
 def _spread(transition: FloatArray, half: FloatArray) -> FloatArray:
     """Covariance gained in a step, half of the variances before it and half behind it."""
-    covariance = (transition * half) @ transition.T
+    grows = half > 0
+    by_these = transition[:, grows]
+    covariance = (by_these * half[grows]) @ by_these.T
     np.einsum("ii->i", covariance)[:] += half
     return covariance

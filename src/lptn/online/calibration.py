@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, Field, ValidationError
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.bounds import DESCRIPTION
@@ -24,10 +24,9 @@ from lptn.basics.toml import expectation, found_in, sentence
 from lptn.identify.noise import Noise, estimate_noise
 from lptn.logs.run import Run
 from lptn.model.model import Model
-from lptn.online.augmented_model import ModelError
+from lptn.online.augmented_model import BIAS_TIME, ModelError
 from lptn.online.estimator import run_filter
 from lptn.online.fault_likelihood import KINDS, LAG, STEP, coarsely_bound, fault_statistics, gaussian_estimator
-from lptn.online.sensor_faults import MonitoredRun
 from lptn.simulate.bound_run import BoundRun, bind
 
 FALSE_ALARMS = 0.01
@@ -37,7 +36,6 @@ _SEARCH_RUNS = 8
 _BLOCK = 1800.0  # s; the largest weight is taken over blocks of about so long, beyond a joint's time constant
 _LEAST_LIMIT = 4.5  # standard deviations; a quieter log is luck
 _UNTRIED = 9.0  # standard deviations; the limit where no healthy log was given
-_LEAST_MOVE = 2.5  # K, beyond the sensor's step: so far a free-running model may go astray by itself
 
 Report = Callable[[str], None]
 
@@ -50,26 +48,22 @@ class Calibration:
         noise: of the sensors.
         error: what the model lacks on healthy logs.
         limits: weight that calls an offset, a drift, a lag [standard deviations], shape (3, nodes).
-        still: predicted change [K] over which a healthy reading never stands still, shape (nodes,).
         hours: length of the healthy logs; 0 where there were none.
     """
 
     noise: Noise
     error: ModelError
     limits: FloatArray
-    still: FloatArray
     hours: float
 
     def as_json(self, nodes: Sequence[str]) -> dict[str, object]:
         """The calibration as other tools read it."""
-        error = {name: getattr(self.error, name) for name in ("heat", "heat_time", "change", "bias", "air", "inputs")}
         return {
             "nodes": list(nodes),
             "healthy_hours": self.hours,
             "limits": {kind: limits.tolist() for kind, limits in zip(KINDS, self.limits, strict=True)},
-            "still": self.still.tolist(),
             "noise": {"white": self.noise.white.tolist(), "step": self.noise.step.tolist()},
-            "model_error": error,
+            "model_error": asdict(self.error),
         }
 
 
@@ -97,18 +91,16 @@ def calibrate(
     noise = estimate_noise([bind(model, run) for run in runs], model.nodes)
     some = np.unique(np.linspace(0, len(runs) - 1, min(len(runs), _SEARCH_RUNS)).round().astype(int))
     error = likeliest(model, noise, [coarsely_bound(model, runs[index], _SEARCH_STEP) for index in some], report)
-    weights, moved = [], []
+    weights = []
     for number, run in enumerate(runs, start=1):
         report(f"learning what is healthy: log {number} of {len(runs)}")
         bound = coarsely_bound(model, run, STEP)
         followed = fault_statistics(gaussian_estimator(model, noise, error), bound, bound.measured)
         weights += _block_maxima(np.array([statistics.weight for _, statistics in followed]), bound.run.step)
-        moved += _block_maxima(MonitoredRun.of(model, run).moved.T, run.step)
     hours = sum(len(run) * run.step for run in runs) / 3600
     share = false_alarms * hours / len(weights) / (len(KINDS) * len(model.nodes))
     limits = [_rare_by_class(np.array(weights)[:, kind], model.nodes, share) for kind in range(len(KINDS))]
-    still = np.maximum(_rare_by_class(np.array(moved), model.nodes, share), noise.step + _LEAST_MOVE)
-    return Calibration(noise, error, np.maximum(limits, _LEAST_LIMIT), still, hours)
+    return Calibration(noise, error, np.maximum(limits, _LEAST_LIMIT), hours)
 
 
 def uncalibrated(model: Model, runs: Sequence[Run], rmse: float | None) -> Calibration:
@@ -125,7 +117,7 @@ def uncalibrated(model: Model, runs: Sequence[Run], rmse: float | None) -> Calib
     error = ModelError(size, _FIRST_HEAT_TIME, _FIRST_SIZES["change"], size, 2 * _FIRST_AIR, dict.fromkeys(air, 2.0))
     limits = np.full((len(KINDS), len(model.nodes)), _UNTRIED)
     limits[LAG] = _LEAST_LIMIT  # of a fault whose course is known, and which explains more than any other
-    return Calibration(noise, error, limits, noise.step + 3 * size, 0.0)
+    return Calibration(noise, error, limits, 0.0)
 
 
 # --- Limits that healthy logs pass rarely ---------------------------------------------------------
@@ -171,7 +163,7 @@ def rare(maxima: FloatArray, share: float) -> float:
 
 _FACTOR = 2.0  # from one size tried to the next
 _GAIN = 2e-3  # of log-likelihood a reading; less than that is not worth another trial
-_LEAST = {"heat_time": _SEARCH_STEP}  # s; what wanders within a step is white, of which the noise already is
+_HEAT_TIMES = _SEARCH_STEP, BIAS_TIME  # s; what wanders within a step is white, what lasts for longer is the bias
 _FIRST_SIZES = {"heat": 0.5, "change": 0.5, "bias": 0.5}  # W, share, W
 _FIRST_HEAT_TIME, _FIRST_AIR, _FIRST_INPUT = 100.0, 0.1, 1.0  # s; share; K
 
@@ -226,9 +218,13 @@ def _improved(best: dict[str, float], value: Callable[[dict[str, float]], float]
     """Each size in turn made larger or smaller, as far as that helps."""
     for name in best:
         for times in (_FACTOR, 1 / _FACTOR):
-            while value(trial := best | {name: max(best[name] * times, _LEAST.get(name, 0.0))}) > value(best) + _GAIN:
+            while value(trial := best | {name: _admissible(name, best[name] * times)}) > value(best) + _GAIN:
                 best = trial
     return best
+
+
+def _admissible(name: str, size: float) -> float:
+    return float(np.clip(size, *_HEAT_TIMES)) if name == "heat_time" else size
 
 
 # --- The file -------------------------------------------------------------------------------------
@@ -237,22 +233,7 @@ _Size = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 _Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
-
-class _Limits(_Strict):
-    offset: list[_Positive]
-    drift: list[_Positive]
-    lag: list[_Positive] | None = None  # files of earlier versions know none
-
-
-class _Noise(_Strict):
-    white: list[_Size]
-    step: list[_Size]
-
-
-class _Error(_Strict):
+class _Error(BaseModel, extra="forbid"):
     heat: _Size | dict[str, _Size]
     heat_time: _Positive
     change: _Size | dict[str, _Size]
@@ -261,13 +242,13 @@ class _Error(_Strict):
     inputs: dict[str, _Size]
 
 
-class _File(_Strict):
+class _File(BaseModel, extra="forbid"):
     nodes: list[str]
     healthy_hours: _Size
-    limits: _Limits
-    still: list[_Size]
-    noise: _Noise
+    limits: dict[Literal["offset", "drift", "lag"], list[_Positive]]
+    noise: dict[Literal["white", "step"], list[_Size]]
     model_error: _Error
+    still: list[_Size] | None = None  # of earlier versions: nobody asks for it any more
 
 
 def write_calibration(calibration: Calibration, nodes: Sequence[str], path: Path) -> None:
@@ -289,16 +270,12 @@ def read_calibration(path: Path, model: Model) -> Calibration:
         stands = sentence(first["msg"]) if first["type"] == "json_invalid" else found_in(first)
         expected = "JSON" if first["type"] == "json_invalid" else expectation(first)
         raise InputError(path, place, stands, f"{expected}, as `lptn monitor --healthy` writes it") from error
-    limits = [file.limits.offset, file.limits.drift, file.limits.lag or [_UNTRIED] * len(model.nodes)]
-    lists = (file.still, file.noise.white, file.noise.step, *limits)
-    same = all(len(values) == len(model.nodes) for values in lists)
+    # Files of earlier versions know no lag; without any other list the lengths differ.
+    given = {"lag": [_UNTRIED] * len(model.nodes)} | file.limits
+    limits, noise = [given.get(kind, []) for kind in KINDS], [file.noise.get("white", []), file.noise.get("step", [])]
+    same = all(len(values) == len(model.nodes) for values in (*noise, *limits))
     if file.nodes != model.nodes or not same or not set(file.model_error.inputs) <= set(model.inputs):
         expected = f"those of the model: {', '.join(model.nodes)}"
         raise InputError(path, "nodes", ", ".join(file.nodes) or "none", expected)
-    return Calibration(
-        Noise(np.array(file.noise.white), np.array(file.noise.step)),
-        ModelError(**file.model_error.model_dump()),
-        np.array(limits),
-        np.array(file.still),
-        file.healthy_hours,
-    )
+    allowed = ModelError(**file.model_error.model_dump())
+    return Calibration(Noise(*map(np.array, noise)), allowed, np.array(limits), file.healthy_hours)

@@ -1,10 +1,10 @@
-"""Which channel is wrong where readings and model disagree: hypotheses, scored by the likelihood of a filter.
+"""Which channel is wrong where readings and model disagree: hypotheses, scored by the likelihood of one filter.
 
 A node that is warmer than the model says has a sensor that reads too much, or more heat than the log's torque, current
-or speed says, or air that the log has wrong. A wrong sensor goes its own way, and all others follow the model; heat
-moves the neighbours, too, and moves nothing at once. Each hypothesis leaves what it speaks of free, over the model's
-own errors, and takes the readings behind the onset in. A sensor is blamed if they are clearly likelier where it may be
-wrong than where heat or air alone may be; else an input, if they are clearly likelier where that may be; else neither.
+or speed says, or air that the log has wrong; or the model is off there. A wrong sensor goes its own way, and all others
+follow the model; heat moves the neighbours, too, and moves nothing at once. Each hypothesis is a `Suspicion`: the run,
+and what of it is free over the model's own errors. That every capacity, resistance and loss may be off belongs to all
+of them, so a model that is a little wrong never has to be a fault of somebody else.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -23,20 +22,32 @@ from lptn.model.model import Model
 from lptn.online.augmented_model import ModelError, by_node
 from lptn.online.calibration import Calibration
 from lptn.online.estimator import run_filter
-from lptn.online.fault_likelihood import OFFSET, fault_statistics, first_alarm, gaussian_estimator
-from lptn.online.fault_naming import LAGS, lagged
-from lptn.online.sensor_faults import Alarm
+from lptn.online.fault_likelihood import first_alarm, gaussian_estimator
+from lptn.online.sensor_faults import Alarm, Kind
 from lptn.simulate.bound_run import BoundRun
 from lptn.simulate.simulation import simulate
 
+MODEL_OFF = 0.1
+"""Relative standard deviation of each of the model's free parameters: data sheets, and fits to other loads, are so far
+off. Readings learn more of them within minutes."""
 DECIDES = 10.0
 """nats by which readings must be likelier: odds of 20,000, for a thermal model is wrong for minutes on end, and its
 readings say less than if each stood for itself."""
-_FREE = 10.0  # K; so far off a wrong sensor may be at the onset, and the air all the while
-_WALKS = tuple(np.geomspace(0.003, 3.0, 7))  # K; by how much that may wander from one step to the next
-_SCALES = (0.5, 0.7, 1.4, 2.0)  # of a load; its heat is half to twice as much between two of them
-_SLOPE = 0.3  # K a step; and so fast it may drift: 1 K in half a minute
-_LIFT = 10.0  # K; so far heat that nobody knows of may warm its node while what the model lacks wanders
+_LIFTS = (1 / 60, 1 / 600, 1 / 6)  # K/s; so fast heat that nobody knows of warms its node: the last, a motor's peak
+
+
+def loads(model: Model) -> dict[str, str]:
+    """The input that tells what heats a joint, by node."""
+    columns = [(*column.partition(".")[::2], column) for column in model.inputs]
+    return {place: column for quantity, place, column in reversed(columns)
+            if quantity in INPUTS and place in model.nodes}  # fmt: skip
+
+
+def suspects(model: Model, node: str) -> list[str]:
+    """The inputs that lead a node's temperature astray: loads of its own and of its neighbours, and the air."""
+    near = {node, *(end for link in model.network.resistors if node in link.ends for end in link.ends)}
+    own = [column for place, column in sorted(loads(model).items(), key=lambda one: one[0] != node) if place in near]
+    return own + [column for column in model.inputs if column.startswith("temperature.")]
 
 
 @dataclass(frozen=True)
@@ -60,7 +71,7 @@ class Suspicion:
     @cached_property
     def filtered(self) -> tuple[FloatArray, FloatArray]:
         """Logarithms of the likelihood of each step's innovations, (n,); temperatures [degC], shape (nodes, n)."""
-        estimator = gaussian_estimator(self.model, self.calibration.noise, self.error)
+        estimator = gaussian_estimator(self.model, self.calibration.noise, self.error, MODEL_OFF)
         log_likelihoods, temperatures = np.zeros(len(self.run)), []
         for k, estimate in enumerate(run_filter(estimator, self.run, self.measured)):
             temperatures.append(estimate.temperatures)
@@ -87,8 +98,7 @@ class Suspicion:
     def without(self, rows: Sequence[int], onset: float) -> Suspicion:
         """The same without some sensors' readings behind a time [s]."""
         measured = self.measured.copy()
-        for row in rows:
-            measured[row, self.behind(onset)] = np.nan
+        measured[np.array(rows)[:, None], self.behind(onset)] = np.nan
         return replace(self, measured=measured)
 
     def with_added(self, row: int, added: FloatArray) -> Suspicion:
@@ -97,15 +107,14 @@ class Suspicion:
         measured[row] += added
         return replace(self, measured=measured)
 
-    def with_unknown_input(self, column: str) -> Suspicion:
-        """The same with heat at a joint that its torque, current or speed doesn't tell, or air that is far off."""
-        quantity, _, place = column.partition(".")
-        if quantity == "temperature":
+    def with_unknown_input(self, column: str, lift: float = _LIFTS[0]) -> Suspicion:
+        """The same with heat [K/s] at a joint that its load doesn't tell, or air that is far off."""
+        if column.startswith("temperature."):
             return replace(self, error=replace(self.error, inputs={**self.error.inputs, column: _FREE}))
+        place = column.partition(".")[2]
         capacity = float(self.model.values[self.model.network.capacities[place]])
-        lasting = dict(zip(self.model.nodes, by_node(self.error.bias, self.model.nodes).tolist(), strict=True))
-        lasting[place] = max(lasting[place], capacity * _LIFT / self.error.heat_time)
-        return replace(self, error=replace(self.error, bias=lasting))
+        heat = dict(zip(self.model.nodes, by_node(self.error.heat, self.model.nodes).tolist(), strict=True))
+        return replace(self, error=replace(self.error, heat=heat | {place: capacity * lift}))
 
     def with_scaled_input(self, column: str, onset: float, factor: float) -> Suspicion:
         """The same with a load that is so many times what the log says behind a time [s]."""
@@ -125,59 +134,88 @@ class Suspicion:
         inputs[[one, other]] = self.run.inputs[[other, one]]
         return replace(self, run=replace(self.run, inputs=inputs))
 
-    @cached_property
-    def loads(self) -> dict[str, str]:
-        """The input that tells what heats a joint, by node."""
-        columns = [(*column.partition(".")[::2], column) for column in self.model.inputs]
-        return {place: column for quantity, place, column in reversed(columns)
-                if quantity in INPUTS and place in self.model.nodes}  # fmt: skip
+
+# --- What a sensor that is wrong reads ------------------------------------------------------------
+
+_FREE = 10.0  # K; so far off a wrong sensor may be at the onset, and the air all the while
+_LAGS = (30.0, 60.0, 120.0, 240.0, 480.0, 960.0)  # s; a factor of two is as finely as a lag is known
+_LEAST_LAG_GAIN = 10.0  # nats by which a lag, which a missing mass resembles, must explain more than any other
+_FEWEST = 12  # readings behind the onset, that a name needs
+_WALKS = tuple(np.geomspace(0.003, 3.0, 7))  # K; by how much what a sensor adds may wander from one step to the next
+_SLOPE = 0.3  # K a step; and so fast it may drift: 1 K in half a minute
 
 
-# --- One sensor, or an input ----------------------------------------------------------------------
+class _Course(NamedTuple):
+    """What a sensor reads with one fault: kind, size, words, readings [degC] of shape (n,), free numbers, nats owed."""
+
+    kind: Kind
+    size: float | None
+    detail: str
+    path: FloatArray
+    free: int = 0
+    owed: float = 0.0
 
 
-def attributed(given: Suspicion, alarm: Alarm) -> tuple[Alarm | None, Suspicion]:
-    """The alarm of a sensor, or that of an input, or of either; none where the model's own errors explain as much.
+def _courses(given: Suspicion, measured: FloatArray, row: int, onset: float) -> Iterator[_Course]:
+    """The table of a sensor's faults, beside what the model and all other sensors let expect behind the onset."""
+    behind, time = given.run.run.time >= onset, given.run.run.time
+    expected, readings = given.without([row], onset).filtered[1][row], measured[row]
+    seen, since = behind & np.isfinite(readings), np.maximum(time - onset, 0.0)
+    off = (readings - expected)[seen]
+    rate = float(off @ since[seen]) / max(float(since[seen] @ since[seen]), 1e-9)
+    yield _Course("offset", float(off.mean()), "", expected + off.mean(), 1)
+    yield _Course("drift", rate, "", expected + rate * since, 1)
+    for column, values in zip(given.model.inputs, given.run.inputs, strict=True):
+        if column.startswith("temperature."):
+            yield _Course("disconnected", None, f"reads {column}", values)
+    for lag in _LAGS:
+        yield _Course("lag", lag, "", _lagged(expected, lag, given.run.run.step, behind), 1, _LEAST_LAG_GAIN)
+    for other, node in enumerate(given.model.nodes):
+        beside = seen & np.isfinite(measured[other])
+        # The other one reads what this one should, too.
+        if other != row and beside.sum() >= _FEWEST and _nearer(measured[other], readings, expected, beside):
+            both = given.without([row, other], onset).filtered[1]
+            if _nearer(both[row], both[other], measured[other], beside):
+                yield _Course("swapped", None, f"with {node}", both[other])
+
+
+def _nearer(one: FloatArray, other: FloatArray, to: FloatArray, where: BoolArray) -> bool:
+    """Whether one course is nearer to a third than another, by squares."""
+    return bool(np.square(one - to)[where].sum() < np.square(other - to)[where].sum())
+
+
+def named(given: Suspicion, measured: FloatArray, alarm: Alarm) -> Alarm:
+    """The same alarm, named by all that was read behind its onset, the model being right.
+
+    The fault whose course leaves least of the readings unexplained gives the name, each free number having to pay for
+    itself by the Bayesian information criterion.
 
     Args:
-        given: the run, with all that was found before.
-        alarm: of a sensor that goes its own way.
-
-    Returns:
-        It, and the run without the sensor's readings, or with the input as it may be.
+        given: the run with those readings that nothing speaks against.
+        measured: all readings [degC], NaN where missing, shape (nodes, n).
+        alarm: an offset, a drift or a lag.
     """
-    model, onset = given.model, alarm.onset
-    row, loads = model.nodes.index(alarm.node), given.loads
-    near = {end for link in model.network.resistors if alarm.node in link.ends for end in link.ends} | {alarm.node}
-    suspects = [loads[node] for node in model.nodes if node in near & loads.keys()]
-    suspects += [column for column in model.inputs if column.startswith("temperature.")]
-    freed = {column: given.with_unknown_input(column) for column in suspects}
-    likeliest = max(freed, key=lambda column: freed[column].nats(onset), default="")
-    trials = [freed[likeliest]] if likeliest else []
-    if likeliest in loads.values():
-        trials += [given.with_scaled_input(likeliest, onset, factor) for factor in _SCALES]
-    as_input = max(trials, key=lambda trial: trial.nats(onset), default=given)
-    nothing, of_input, of_sensor = given.nats(onset), as_input.nats(onset), _of_a_sensor(given, row, onset)
-    without = given.without([row], min(onset, alarm.time))
-    if not np.isnan(without.measured[row]).sum() > np.isnan(given.measured[row]).sum():
-        without = given.without([row], -np.inf)  # it is called again for what was read before
-    if max(of_sensor, of_input) < nothing + DECIDES:
-        return None, without
-    if of_sensor > max(of_input, nothing) + DECIDES or not likeliest:
-        return alarm, without
-    as_input = as_input.with_unknown_input(likeliest)
-    # Without healthy logs nobody knows how wrong the model is about a node's heat.
-    if of_input > of_sensor + DECIDES and given.calibration.hours > 0:
-        place = likeliest.partition(".")[2]
-        node = place if place in model.nodes else alarm.node
-        detail = "does not explain the temperatures"
-        return Alarm(node, "input", alarm.time, onset, detail=detail, channel=likeliest), as_input
-    return undecided(alarm, f"temperature.{alarm.node} or {likeliest}"), replace(as_input, measured=without.measured)
+    row = given.model.nodes.index(alarm.node)
+    seen = (given.run.run.time >= alarm.onset) & np.isfinite(measured[row])
+    count, noise = int(seen.sum()), float(given.calibration.noise.floor[row]) ** 2
+    if count < _FEWEST:
+        return alarm
+
+    def cost(course: _Course) -> float:
+        """Minus the logarithm of the likelihood, with what the free numbers cost."""
+        left = float(np.mean(np.square(measured[row] - course.path)[seen])) + noise
+        return 0.5 * count * float(np.log(left)) + 0.5 * course.free * float(np.log(count)) + course.owed
+
+    best = min(_courses(given, measured, row, alarm.onset), key=cost)
+    return replace(alarm, kind=best.kind, size=best.size, detail=best.detail)
 
 
-def undecided(alarm: Alarm, what: str) -> Alarm:
-    """An alarm of one or the other."""
-    return Alarm(alarm.node, "undecided", alarm.time, alarm.onset, detail=f"{what} is wrong: not decided which")
+def _lagged(path: FloatArray, lag: float, step: float, behind: BoolArray) -> FloatArray:
+    """A path that is followed with a time constant [s] from the onset on."""
+    lagged, keep = path.copy(), float(np.exp(-step / lag))
+    for k in np.flatnonzero(behind).tolist():
+        lagged[k] = keep * lagged[max(k - 1, 0)] + (1 - keep) * path[k]
+    return lagged
 
 
 def _of_a_sensor(given: Suspicion, row: int, onset: float) -> float:
@@ -187,19 +225,19 @@ def _of_a_sensor(given: Suspicion, row: int, onset: float) -> float:
     without this sensor expects there, or beside that with a lag.
     """
     behind, since = given.behind(onset), np.maximum(given.run.run.time - onset, 0.0)
-    of_shapes = []
+    of_shapes, nothing = [], given.nats(onset)
     for added in (behind.astype(float), np.asarray(since / max(float(since[-1]), 1.0))):
         # Of a linear filter it is a parabola in the size of what is added; three points tell its vertex.
         one, two = (given.with_added(row, np.asarray(size * added)).nats(onset) for size in (-1.0, -2.0))
-        nothing = given.nats(onset)
         slope, bend = 2 * one - 0.5 * two - 1.5 * nothing, two - 2 * one + nothing
         of_shapes.append(nothing - 0.5 * slope**2 / bend if bend < 0 else nothing)
     others = given.without([row], onset)
     expected, readings = others.filtered[1][row], given.measured[row]
-    paths = [expected, *(lagged(expected, lag, given.run.run.step, behind) for lag in LAGS)]
+    paths = [expected, *(_lagged(expected, lag, given.run.run.step, behind) for lag in _LAGS)]
     noise = float(given.calibration.noise.floor[row]) ** 2
-    free = max(_level_and_slope((readings - path)[behind], noise) for path in paths)
-    return max(*of_shapes, others.nats(onset) + free)
+    return max(
+        *of_shapes, others.nats(onset) + max(_level_and_slope((readings - path)[behind], noise) for path in paths)
+    )
 
 
 def _level_and_slope(off: FloatArray, noise: float) -> float:
@@ -219,77 +257,98 @@ def _level_and_slope(off: FloatArray, noise: float) -> float:
     return float(total.max())
 
 
-# --- Two sensors, or two inputs, that stand for each other ---------------------------------------------
+# --- The table of what may be wrong ---------------------------------------------------------------
+
+_SCALES = (0.5, 0.7, 1.4, 2.0)  # of a load; its heat is half to twice as much between two of them
 
 
-def exchanged_channels(given: Suspicion) -> tuple[list[Alarm], Suspicion]:
-    """Pairs of sensors, or of loads, swapped from the beginning of a run: nobody swaps plugs while a robot works.
-
-    A filter on the model takes the log in as it is, and with the two exchanged; the logarithm of the likelihood that
-    this gains decides: it has to pass the limit of an offset, and to explain more than a fault of any one sensor. Only
-    pairs are tried that bring the model, run freely, nearer to the readings.
-    """
-    alarms: list[Alarm] = []
-    while found := sorted(_exchanges(given), key=lambda one: -one.gain):
-        best, start = found[0], float(given.run.run.time[0])
-        if best.gain <= _of_one_fault(given):
-            break
-        rivals = [other for other in found[1:] if other.gain > best.gain - DECIDES]
-        for node, other in (best.nodes, best.nodes[::-1]):
-            alarm = Alarm(node, "swapped", best.time, start, detail=f"with {other}")
-            if rivals:
-                alarm = undecided(
-                    alarm, f"{best.quantity}, or {rivals[0].quantity} of {' and '.join(rivals[0].nodes)},"
-                )
-            elif best.quantity != "temperature":
-                channel = f"{best.quantity}.{node}"
-                alarm = replace(alarm, kind="input", detail=f"exchanged with {best.quantity}.{other}", channel=channel)
-            alarms.append(alarm)
-        given = best.after
-    return alarms, given
-
-
-class _Exchange(NamedTuple):
-    """Two channels of one quantity exchanged: nats gained, when that is clear [s], nodes, and the run with them so."""
+class _Answer(NamedTuple):
+    """What explains an alarm: nats gained, the channels in words, their alarms, the run with them as they may be."""
 
     gain: float
-    time: float
-    quantity: str
-    nodes: tuple[str, str]
+    what: str
+    alarms: list[Alarm]
     after: Suspicion
 
 
-def _exchanges(given: Suspicion) -> Iterator[_Exchange]:
-    """Those that gain more than the limit of an offset."""
-    model, step = given.model, given.run.run.step
-    predicted = simulate(model, given.run).readings
-    apart = _squares(given.measured, predicted)
-    for one, other in combinations(model.nodes, 2):
-        rows = [model.nodes.index(node) for node in (one, other)]
-        trials = []
-        if np.isfinite(given.measured[rows]).any(axis=1).all():
-            trials.append(("temperature", given.exchanged(*rows), predicted))
-        columns = [given.loads.get(node, "") for node in (one, other)]
-        quantity, same = columns[0].partition(".")[0], columns[1].partition(".")[0]
-        if quantity and quantity == same:
-            after = given.with_exchanged_inputs(*map(model.inputs.index, columns))
+def attributed(given: Suspicion, alarm: Alarm) -> tuple[list[Alarm], Suspicion]:
+    """Whose alarm it is: of the hypothesis under which the readings are clearly likelier than under any other.
+
+    Args:
+        given: the run, with all that was found before.
+        alarm: of a sensor that goes its own way.
+
+    Returns:
+        The alarms, none where the model's own errors explain as much; and the run with what was found, or without the
+        sensor's readings.
+    """
+    row = given.model.nodes.index(alarm.node)
+    without = given.without([row], min(alarm.onset, alarm.time))
+    if not np.isnan(without.measured[row]).sum() > np.isnan(given.measured[row]).sum():
+        without = given.without([row], -np.inf)  # it is called again for what was read before
+    gain = _of_a_sensor(given, row, alarm.onset) - given.nats(alarm.onset)
+    sensor = _Answer(gain, f"temperature.{alarm.node}", [alarm], without)
+    others = sorted([*_inputs(given, alarm), *_exchanges(given, alarm)], key=lambda answer: -answer.gain)
+    best, *rivals = sorted([sensor, *others], key=lambda answer: -answer.gain)
+    if best.gain < DECIDES:
+        return [], without
+    # Without healthy logs nobody knows how wrong the model is about a node's heat.
+    unsure = best.alarms[0].kind == "input" and len(best.alarms) == 1 and given.calibration.hours == 0
+    rivals = [rival for rival in rivals if rival.gain > best.gain - DECIDES] or [sensor] * unsure
+    if not rivals:
+        return best.alarms, best.after
+    what = undecided(alarm, f"{best.what} or {rivals[0].what}")
+    return [what], replace(others[0].after, measured=without.measured)
+
+
+def undecided(alarm: Alarm, what: str) -> Alarm:
+    """An alarm of one or the other."""
+    return Alarm(alarm.node, "undecided", alarm.time, alarm.onset, detail=f"{what} is wrong: not decided which")
+
+
+def _inputs(given: Suspicion, alarm: Alarm) -> Iterator[_Answer]:
+    """A load that is wrong, at the node or near it, or the air; of the likeliest load the size, too."""
+    model, onset = given.model, alarm.onset
+    freed = {column: given.with_unknown_input(column) for column in suspects(model, alarm.node)}
+    likeliest = max(freed, key=lambda column: freed[column].nats(onset), default="")
+    for column, trial in freed.items():
+        trials, place = [trial], column.partition(".")[2]
+        if column == likeliest and place in loads(model):
+            trials += [given.with_unknown_input(column, lift) for lift in _LIFTS[1:]]
+            trials += [given.with_scaled_input(column, onset, factor) for factor in _SCALES]
+        best = max(trials, key=lambda trial: trial.nats(onset))
+        node = place if place in model.nodes else alarm.node
+        detail = "does not explain the temperatures"
+        told = Alarm(node, "input", alarm.time, onset, detail=detail, channel=column)
+        gain = best.nats(onset) - given.nats(onset)
+        yield _Answer(gain, column, [told], best.with_unknown_input(column, _LIFTS[-1]))
+
+
+def _exchanges(given: Suspicion, alarm: Alarm) -> Iterator[_Answer]:
+    """The node's sensor, or load, and that of another node, swapped from the beginning of a run.
+
+    Nobody swaps plugs while a robot works. Only pairs are tried that bring the model, run freely, nearer to the
+    readings.
+    """
+    model, measured, start = given.model, given.measured, float(given.run.run.time[0])
+    predicted, driven, row = simulate(model, given.run).readings, loads(model), model.nodes.index(alarm.node)
+    everywhere = np.isfinite(measured)
+    for other, node in enumerate(model.nodes):
+        pair, trials = (alarm.node, node), []
+        if node != alarm.node and everywhere[[row, other]].any(axis=1).all():
+            trials.append(("temperature", given.exchanged(row, other), predicted))
+        quantity, *differ = {driven.get(place, place).partition(".")[0] for place in pair}
+        if node != alarm.node and driven.keys() >= set(pair) and not differ:
+            after = given.with_exchanged_inputs(*(model.inputs.index(driven[place]) for place in pair))
             trials.append((quantity, after, simulate(model, after.run).readings))
         for what, after, expected in trials:
-            if _squares(after.measured, expected) < apart:
-                gained = np.cumsum(after.filtered[0] - given.filtered[0])
-                limit = 0.5 * float(given.calibration.limits[OFFSET, rows].max()) ** 2
-                if gained[-1] > limit:
-                    time = float(given.run.run.time[int(np.argmax(gained > limit))]) + step
-                    yield _Exchange(float(gained[-1]), time, what, (one, other), after)
-
-
-def _squares(measured: FloatArray, predicted: FloatArray) -> float:
-    """Sum of squared errors of the readings that are there [K²]."""
-    return float(np.nansum((measured - predicted) ** 2))
-
-
-def _of_one_fault(given: Suspicion) -> float:
-    """The most that an offset, a drift or a lag of one sensor adds to the logarithm of the likelihood, by any time."""
-    estimator = gaussian_estimator(given.model, given.calibration.noise, given.error)
-    weights = [statistics.weight.max() for _, statistics in fault_statistics(estimator, given.run, given.measured)]
-    return 0.5 * float(max(weights)) ** 2
+            if np.nansum(np.square(after.measured - expected)) < np.nansum(np.square(measured - predicted)):
+                alarms = [
+                    Alarm(one, "swapped", alarm.time, start, detail=f"with {two}") for one, two in (pair, pair[::-1])
+                ]
+                if what != "temperature":
+                    alarms = [
+                        replace(one, kind="input", detail=f"exchanged {one.detail}", channel=driven[one.node])
+                        for one in alarms
+                    ]
+                yield _Answer(after.nats() - given.nats(), f"{what} of {' and '.join(pair)}", alarms, after)

@@ -178,6 +178,8 @@ class LikelihoodRatios:
 
 STEP = 10.0
 """s; how often the statistical detector looks."""
+LEAST_NOISE = 0.05
+"""K; of a mean over so long: a sensor's own errors don't average out, nor does what a model loses by such steps."""
 _FEWEST = 20  # steps that a short run keeps
 
 
@@ -187,10 +189,14 @@ def coarsely_bound(model: Model, run: Run, step: float) -> BoundRun:
     return bind(model, run.coarsen(factor))
 
 
-def gaussian_estimator(model: Model, noise: Noise, error: ModelError) -> Estimator:
+def gaussian_estimator(model: Model, noise: Noise, error: ModelError, off: float = 0.0) -> Estimator:
     """An estimator for coarse steps; rounding enters as white noise, since the likelihood ratios are of Gaussians."""
-    white = dict(zip(model.nodes, noise.floor.tolist(), strict=True))
-    return Estimator(model, noise=white, error=error, watch=False)
+    white = dict(zip(model.nodes, np.maximum(noise.floor, LEAST_NOISE).tolist(), strict=True))
+    free = [model.parameters[index].name for index in model.free] if off else []
+    covariance = off**2 * np.eye(len(free)) if off else None
+    return Estimator(
+        model, noise=white, error=error, learn=dict.fromkeys(free, 0.0), covariance=covariance, watch=False
+    )
 
 
 def fault_statistics(

@@ -7,7 +7,7 @@ holds what the fit left uncertain, heat that the model lacks, and the scatter of
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from math import inf, isfinite, log
 
@@ -20,14 +20,14 @@ from lptn.basics.parameters import ParameterInstance, Transform
 from lptn.basics.places import matching
 from lptn.basics.processes import one_blas_thread
 from lptn.identify.fitting import Fit
-from lptn.identify.noise import Noise, estimate_noise
+from lptn.identify.noise import PLAIN, Noise, estimate_noise
 from lptn.logs.run import Run
 from lptn.model.model import Model
 from lptn.model.tables import FitTable
 from lptn.online.augmented_model import AugmentedModel, ModelError
 from lptn.online.believed import Doubt, not_alive, refuse_none, wandering, without
 from lptn.online.estimator import Estimator, run_filter
-from lptn.online.fault_likelihood import KINDS
+from lptn.online.fault_likelihood import KINDS, LEAST_NOISE, STEP
 from lptn.online.operating_point import Gait, OperatingPoint, WindowChoice, find_gait, present_operating_point
 from lptn.online.quantisation import coarse_noise
 from lptn.simulate.bound_run import BoundRun, bind, default_start
@@ -126,30 +126,18 @@ class Forecast:
                 "steady": self.window.steady,
                 "why": self.window.why,
             },
-            "nodes": {name: _json(node) for name, node in self.nodes.items()},
+            "nodes": {
+                name: {"reaches": node.reaches}
+                | {key: value if isfinite(value) else None for key, value in asdict(node).items() if key != "node"}
+                for name, node in self.nodes.items()
+            },
             "not_believed": {doubt.node: {"since": doubt.since, "why": doubt.why} for doubt in self.doubts},
-            "path": {
-                "time": self.time.tolist(),
-                "temperature": dict(zip(self.names, self.temperature.tolist(), strict=True)),
-                "low": dict(zip(self.names, self.low.tolist(), strict=True)),
-                "high": dict(zip(self.names, self.high.tolist(), strict=True)),
+            "path": {"time": self.time.tolist()}
+            | {
+                key: dict(zip(self.names, getattr(self, key).tolist(), strict=True))
+                for key in ("temperature", "low", "high")
             },
         }
-
-
-def _json(node: NodeForecast) -> dict[str, object]:
-    numbers = {
-        "limit": node.limit,
-        "now": node.now,
-        "time_to_limit": node.time_to_limit,
-        "low": node.low,
-        "high": node.high,
-        "chance": node.chance,
-        "steady": node.steady,
-        "steady_low": node.steady_low,
-        "steady_high": node.steady_high,
-    }
-    return {"reaches": node.reaches, **{name: value if isfinite(value) else None for name, value in numbers.items()}}
 
 
 # --- How far a model is to be trusted -------------------------------------------------------------
@@ -170,13 +158,13 @@ class ModelUncertainty:
             the typical size), shape (free, free).
         error: how far a free-running simulation strays from noise-free readings, root mean square [K], shape (nodes,).
         source: where this is from, in words.
-        adequate: whether the model followed what it was fitted to as well as the sensors' noise allows.
+        learns: whether the log may move its parameters: not those of a fit that misses its readings plainly.
     """
 
     covariance: FloatArray
     error: FloatArray
     source: str
-    adequate: bool = True
+    learns: bool = True
 
     @classmethod
     def of_fit(cls, fit: Fit) -> ModelUncertainty:
@@ -210,11 +198,10 @@ class ModelUncertainty:
         variance *= _WIDEST**2 / (variance + _WIDEST**2)
         variance = np.where(np.isnan(errors) | _at_bound(free), _WIDEST**2, variance)
         error = np.sqrt(np.maximum(table.rmse**2 - floor**2, _LEAST_ERROR**2))
-        adequate = table.rmse**2 < 2 * float(floor.max()) ** 2  # what the model adds is less than the noise
-        source = "standard errors and RMSE of its fit"
-        if not adequate:
+        source, plain = "standard errors and RMSE of its fit", table.rmse**2 >= PLAIN * float(floor.max()) ** 2
+        if plain:
             source += ", which is worse than the sensors' noise: something is missing, see lptn diagnose"
-        return cls(np.diag(variance), error, source, adequate)
+        return cls(np.diag(variance), error, source, not plain)
 
     @classmethod
     def nothing(cls, model: Model) -> ModelUncertainty:
@@ -236,7 +223,6 @@ def _at_bound(free: Sequence[ParameterInstance]) -> BoolArray:
 
 # --- The present, estimated from the log so far ---------------------------------------------------
 
-_BLOCK = 10.0  # s; readings are averaged over it: short against a winding's minute
 _MEMORY = 3600.0  # s of the log that are looked at: some time constants of a joint
 _HEAT_TIME = 1800.0  # s over which the heat that a model lacks stays alike
 _AIR = 0.1  # relative error of all conductances to the air in one run: a draught, a load on the back
@@ -244,7 +230,6 @@ _SCALES = 2.0 ** np.arange(-1, 12)  # of missing heat that are tried, times the 
 _CONSISTENT = 2.0  # mean square of innovations in standard deviations: 1 of a consistent filter, by chance never 2
 _USUAL_SCALE = 1.5  # on a run that it never saw a model is that much worse than where it was fitted
 _WORST_SCALE = 4.0  # up to which missing heat is not told by a log whose sensors may be at fault
-_LEAST_NOISE = 0.05  # K; of a block: a sensor's own errors don't average out
 
 
 def present(model: Model, run: Run, noise: Noise, uncertainty: ModelUncertainty) -> Estimator:
@@ -298,7 +283,7 @@ def _estimator(
     model: Model, white: FloatArray, step: FloatArray, uncertainty: ModelUncertainty, error: ModelError, *, watch: bool
 ) -> Estimator:
     """An estimator with what the fit leaves open; readings are means, or are taken one by one and watched."""
-    learn = [model.parameters[index].name for index in model.free] if uncertainty.adequate else []
+    learn = [model.parameters[index].name for index in model.free] if uncertainty.learns else []
     return Estimator(
         model,
         noise=dict(zip(model.nodes, white.tolist(), strict=True)),
@@ -306,7 +291,7 @@ def _estimator(
         error=error,
         learn=dict.fromkeys(learn, 0.0),
         covariance=uncertainty.covariance,
-        learn_air=uncertainty.adequate,
+        learn_air=uncertainty.learns,
         rounding="cell" if watch else "white",  # means over blocks lie between a sensor's steps
         watch=watch,
     )
@@ -314,7 +299,7 @@ def _estimator(
 
 def _of_blocks(model: Model, count: float, noise: Noise, uncertainty: ModelUncertainty, error: ModelError) -> Estimator:
     """An estimator for means over so many readings."""
-    white = np.maximum(noise.white / np.sqrt(max(1.0, count)), _LEAST_NOISE)
+    white = np.maximum(noise.white / np.sqrt(max(1.0, count)), LEAST_NOISE)
     return _estimator(model, white, noise.step, uncertainty, error, watch=False)
 
 
@@ -337,7 +322,7 @@ def present_by_live_sensors(model: Model, run: Run, uncertainty: ModelUncertaint
     noise, size = estimate_noise([bound], nodes), _missing_heat(model, bound, uncertainty)
     coarse = [coarse_noise([bound], row, step) if step > 0 else 0.0 for row, step in enumerate(noise.step)]
     # A sensor that stands for most of the log shows no noise of its own.
-    white = np.maximum(np.maximum(noise.white, coarse), max(_LEAST_NOISE, float(np.median(noise.white))))
+    white = np.maximum(np.maximum(noise.white, coarse), max(LEAST_NOISE, float(np.median(noise.white))))
 
     def watched(error: ModelError) -> tuple[Run, list[Doubt], Noise, Estimator]:
         """The log without readings of sensors that are not alive to a model of that error."""
@@ -393,7 +378,7 @@ def _without_readings(bound: BoundRun, model: Model, doubts: Sequence[Doubt]) ->
 def _blocks(run: Run) -> Run:
     """The end of a run in steps of about 10 s, none of its last seconds lost."""
     run = run.slice(float(run.time[-1]) - _MEMORY, float("inf"))
-    factor = max(1, round(_BLOCK / run.step))
+    factor = max(1, round(STEP / run.step))
     steps = len(run) if run.averaged else len(run) - 1
     if factor == 1 or steps < factor:
         return run

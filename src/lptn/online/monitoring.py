@@ -12,22 +12,19 @@ from lptn.basics.processes import one_blas_thread
 from lptn.logs.run import Run
 from lptn.model.model import Model
 from lptn.online.calibration import Calibration, uncalibrated
-from lptn.online.fault_hypotheses import Suspicion, attributed, exchanged_channels, undecided
-from lptn.online.fault_likelihood import (
-    KINDS,
-    STEP,
-    coarsely_bound,
-)
-from lptn.online.fault_naming import named
-from lptn.online.known_faults import known_faults, noisy, silent_rows
+from lptn.online.fault_hypotheses import Suspicion, attributed, named, suspects, undecided
+from lptn.online.fault_likelihood import KINDS, STEP, coarsely_bound
 from lptn.online.sensor_faults import (
     Alarm,
     MonitoredRun,
     believable,
     dropouts,
     first_at_each_sensor,
+    known_faults,
+    noisy,
     offset_or_drift,
     or_stuck,
+    silent_rows,
 )
 
 THRESHOLD = 10.0
@@ -119,7 +116,7 @@ def monitor(
         report(f"watching log {number} of {len(runs)}")
         one, said = MonitoredRun.of(model, run), faults[number - 1]
         by_statistics = alarms_by_statistics(model, one, calibration, said)
-        by_threshold = _unless_explained(alarms_by_threshold(one, threshold), by_statistics)
+        by_threshold = _unless_explained(model, alarms_by_threshold(one, threshold), by_statistics)
         watched.append(replace(one, threshold_alarms=by_threshold, statistical_alarms=by_statistics))
     return Monitoring(threshold, calibration, tuple(watched))
 
@@ -140,7 +137,7 @@ def alarms_by_threshold(watched: MonitoredRun, threshold: float) -> tuple[Alarm,
     return first_at_each_sensor(alarms)
 
 
-def _unless_explained(alarms: tuple[Alarm, ...], found: tuple[Alarm, ...]) -> tuple[Alarm, ...]:
+def _unless_explained(model: Model, alarms: tuple[Alarm, ...], found: tuple[Alarm, ...]) -> tuple[Alarm, ...]:
     """Alarms of the plain detector but for those that others explain.
 
     It can't tell a sensor from an input, and a wrong one of either leads the free-running model astray at other nodes.
@@ -150,7 +147,10 @@ def _unless_explained(alarms: tuple[Alarm, ...], found: tuple[Alarm, ...]) -> tu
         return tuple(alarm for alarm in alarms if alarm.node in nodes)
     shapes = [alarm for alarm in alarms if alarm.kind in KINDS]
     others = [alarm for alarm in alarms if alarm.kind not in KINDS]
-    first = [undecided(alarm, f"temperature.{alarm.node}, a load or the model") for alarm in shapes[:1]]
+    first = [
+        undecided(alarm, f"{', '.join([f'temperature.{alarm.node}', *suspects(model, alarm.node)])} or the model")
+        for alarm in shapes[:1]
+    ]
     return first_at_each_sensor([*others, *first])
 
 
@@ -183,27 +183,21 @@ def alarms_by_statistics(
     for alarm in known:
         if alarm.channel in model.inputs and alarm.node in model.nodes:
             given = given.with_unknown_input(alarm.channel)
+    for alarm in noise:
+        given = given.without([model.nodes.index(alarm.node)], alarm.onset)
     faulty: list[Alarm] = []
-    if given.alarm is not None:  # else nothing is to be explained by an exchange
-        faulty, given = exchanged_channels(given)
-    for alarm in (*noise, *_standing(watched, calibration)):
-        if alarm.node not in {other.node for other in faulty}:
-            given = given.without([model.nodes.index(alarm.node)], alarm.onset)
-            faulty.append(alarm)
     while (first := given.alarm) is not None:
         told, after = attributed(given, first)
         # A sensor can't be judged by a load that is wrong, nor is that load told twice.
         inputs = {alarm.channel: alarm.node for alarm in faulty if alarm.channel}
-        if told is not None and (told.channel in inputs or first.node in inputs.values()):
-            told, after = None, given.without([model.nodes.index(first.node)], -inf)  # what that leaves
+        if first.node in inputs.values() or any(alarm.channel in inputs for alarm in told):
+            told, after = [], given.without([model.nodes.index(first.node)], -inf)  # what that leaves
         given = after
-        faulty += [] if told is None else [or_stuck(watched, told)] if told is first else [told]
+        faulty += [or_stuck(watched, alarm) if alarm is first else alarm for alarm in told]
     for alarm in faulty:
         if alarm.channel or alarm.node not in named_already:
-            told = (
-                named(model, given.run, measured, given.measured, calibration, alarm) if alarm.kind in KINDS else alarm
-            )
-            alarms += [told] * (_largest(told, float(coarse.run.time[-1])) >= NOTICED)
+            one = named(given, measured, alarm) if alarm.kind in KINDS else alarm
+            alarms += [one] * (_largest(one, float(coarse.run.time[-1])) >= NOTICED)
     return first_at_each_sensor(alarms)
 
 
@@ -212,13 +206,3 @@ def _largest(alarm: Alarm, end: float) -> float:
     if alarm.size is None or alarm.kind == "lag":
         return inf
     return abs(alarm.size) * (end - alarm.onset if alarm.kind == "drift" else 1.0)
-
-
-def _standing(watched: MonitoredRun, calibration: Calibration) -> list[Alarm]:
-    """Sensors whose reading stands still while the model moves further than it ever did when all was well."""
-    alarms = []
-    for row, still in enumerate(calibration.still):
-        far = np.flatnonzero(watched.moved[row] > still)
-        if far.size:
-            alarms.append(or_stuck(watched, offset_or_drift(watched, row, int(far[0]))))
-    return alarms

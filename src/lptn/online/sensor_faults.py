@@ -1,21 +1,21 @@
-"""A run as it is watched for faults of its temperature sensors: readings, predictions, alarms and what they are called.
+"""A run as it is watched for faults of its temperature sensors, and those faults that no filter is needed for.
 
-The size of a fault is what it adds to the reading, so a sensor 3 K too high has an offset of +3 K: there
-error = predicted − measured is −3 K.
+They are what the log's own quality pass says, missing readings, noise that grew, and the shape of the error of a model
+that runs freely. The size of a fault is what it adds to the reading, so a sensor 3 K too high has an offset of +3 K:
+there error = predicted − measured is −3 K.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
-from functools import cached_property
-from itertools import pairwise
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass, replace
 from typing import Literal
 
 import numpy as np
 
 from lptn.basics.arrays import BoolArray, FloatArray
 from lptn.logs.run import Run
+from lptn.logs.silence import INPUTS, STILL
 from lptn.model.model import Model
 from lptn.simulate.bound_run import bind
 from lptn.simulate.simulation import simulate
@@ -65,15 +65,7 @@ class Alarm:
 
     def as_json(self) -> dict[str, object]:
         """The alarm as other tools read it."""
-        return {
-            "node": self.node,
-            "kind": self.kind,
-            "time": self.time,
-            "onset": self.onset,
-            "size": self.size,
-            "detail": self.detail,
-            "channel": self.channel or f"temperature.{self.node}",
-        }
+        return asdict(self) | {"channel": self.channel or f"temperature.{self.node}"}
 
 
 def first_at_each_sensor(alarms: Iterable[Alarm]) -> tuple[Alarm, ...]:
@@ -138,45 +130,21 @@ class MonitoredRun:
             if np.isfinite(error).any()
         }
 
-    @property
-    def time(self) -> FloatArray:
-        """Time of each reading [s, in the log's clock], shape (n,)."""
-        return self.run.time
-
     def index_at(self, time: float) -> int:
         """Index of the last reading not after a time [s]."""
-        return max(0, int(np.searchsorted(self.time, time, side="right")) - 1)
+        return max(0, int(np.searchsorted(self.run.time, time, side="right")) - 1)
 
-    @cached_property
+    @property
     def steps(self) -> FloatArray:
         """Step of each sensor [K], 0 for a fine one, shape (nodes,)."""
         return np.array([self.run.resolution.get(f"temperature.{node}", 0.0) for node in self.nodes])
 
-    @cached_property
-    def moved(self) -> FloatArray:
-        """How far the model moved [K] since each reading last changed, shape (nodes, n).
-
-        A sensor with 1 K steps stands still for minutes when all is well; only where the model moved on is it
-        stuck. A missing reading is no change.
-        """
-        moved = np.zeros_like(self.predicted)
-        for row, path in enumerate(self.predicted):
-            begins = np.flatnonzero(np.append(self._changed(row), True))
-            for begin, end in pairwise(begins):
-                still = path[begin:end]
-                moved[row, begin:end] = np.maximum.accumulate(still) - np.minimum.accumulate(still)
-        return np.where(np.isfinite(self.measured), moved, 0.0)
-
     def stands_since(self, row: int, at: int) -> int:
-        """Index of the reading since which a sensor's reading has not changed."""
-        return int(np.flatnonzero(self._changed(row)[: at + 1])[-1])
-
-    def _changed(self, row: int) -> BoolArray:
-        """Where a reading differs from the last one before it that was not missing; the first one does."""
-        finite = np.isfinite(self.measured[row])
-        last = np.maximum.accumulate(np.where(finite, np.arange(finite.size), 0))
-        jumps = np.abs(np.diff(self.measured[row][last]))
-        return np.concatenate([[True], jumps > _SAME])
+        """Index of the reading since which a sensor's reading has not changed; a missing one is no change."""
+        readings = self.measured[row, : at + 1]
+        finite = np.flatnonzero(np.isfinite(readings))
+        changes = np.flatnonzero(np.abs(np.diff(readings[finite])) > _SAME)
+        return int(finite[changes[-1] + 1]) if changes.size else 0
 
 
 def believable(measured: FloatArray) -> FloatArray:
@@ -208,7 +176,7 @@ def dropouts(watched: MonitoredRun, explained: BoolArray) -> list[Alarm]:
         silent = np.flatnonzero(count >= need)
         if silent.size and np.isfinite(readings).any():
             begin = int(silent[0]) - need + 1
-            alarms.append(Alarm(node, "dropout", float(watched.time[silent[0]]), float(watched.time[begin])))
+            alarms.append(Alarm(node, "dropout", float(watched.run.time[silent[0]]), float(watched.run.time[begin])))
     return alarms
 
 
@@ -220,15 +188,15 @@ def offset_or_drift(watched: MonitoredRun, row: int, at: int) -> Alarm:
         row: of the sensor.
         at: index of the alarm.
     """
-    end = watched.index_at(watched.time[at] + _NAMING)
-    time, added = watched.time[: end + 1], -watched.error[row, : end + 1]  # what the fault adds to the reading
+    end = watched.index_at(watched.run.time[at] + _NAMING)
+    time, added = watched.run.time[: end + 1], -watched.error[row, : end + 1]  # what the fault adds to the reading
     finite = np.isfinite(added)
     time, added = time[finite], added[finite]
-    onsets = np.linspace(time[0], watched.time[at], _ONSETS)
+    onsets = np.linspace(time[0], watched.run.time[at], _ONSETS)
     steps = [_least_squares((time >= onset).astype(float), added) for onset in onsets]
     lines = [_least_squares(np.maximum(time - onset, 0.0), added) for onset in onsets]
     step, line = (min(range(_ONSETS), key=lambda k: fits[k][0]) for fits in (steps, lines))
-    when, node = float(watched.time[at]), watched.nodes[row]
+    when, node = float(watched.run.time[at]), watched.nodes[row]
     if steps[step][0] <= lines[line][0]:
         return Alarm(node, "offset", when, float(onsets[step]), steps[step][1])
     return Alarm(node, "drift", when, float(onsets[line]), lines[line][1])
@@ -248,8 +216,89 @@ def or_stuck(watched: MonitoredRun, alarm: Alarm) -> Alarm:
     A drift, too, can hold a reading for a while: against a temperature that moves the other way.
     """
     row, at = watched.nodes.index(alarm.node), watched.index_at(alarm.time)
-    end = watched.index_at(watched.time[at] + _NAMING)
+    end = watched.index_at(watched.run.time[at] + _NAMING)
     begin = watched.stands_since(row, end)
-    if begin > at or watched.moved[row, begin : end + 1].max() <= watched.steps[row] + _MOVED:
+    if begin > at or np.ptp(watched.predicted[row, begin : end + 1]) <= watched.steps[row] + _MOVED:
         return alarm
-    return replace(alarm, kind="stuck", onset=float(watched.time[begin]), size=None)
+    return replace(alarm, kind="stuck", onset=float(watched.run.time[begin]), size=None)
+
+
+# --- What the log's own quality pass says ---------------------------------------------------------
+
+_KINDS: dict[str, Kind] = {
+    "frozen": "stuck",
+    "clamped": "clamped",
+    "dead": "dead",
+    "code": "dead",
+    "disconnected": "dropout",
+    "wrap": "dropout",
+    "spike": "spikes",
+    "duplicate": "duplicate",
+}
+
+
+def known_faults(runs: Sequence[Run], nodes: Sequence[str]) -> list[list[Alarm]]:
+    """For each run the alarms that its log's issues are, of sensors and of the inputs that drive a joint.
+
+    Pieces of a log have their issues in common: one belongs to the piece in which, or behind which, it begins.
+    """
+    alarms: list[list[Alarm]] = [[] for _ in runs]
+    for source in dict.fromkeys(run.source for run in runs):
+        pieces = [number for number, run in enumerate(runs) if run.source == source]
+        for issue in runs[pieces[0]].issues:
+            quantity, _, place = issue.key.partition(".")
+            is_input = quantity in INPUTS
+            if issue.kind not in _KINDS or not (is_input or (quantity == "temperature" and place in nodes)):
+                continue
+            start, stop = issue.stretch or (float(runs[pieces[0]].time[0]), float(runs[pieces[-1]].time[-1]))
+            piece = max((number for number in pieces if runs[number].time[0] <= start), default=pieces[0])
+            time = min(start + STILL, stop)  # what stands for so long is seen to stand
+            kind: Kind = "input" if is_input else _KINDS[issue.kind]
+            alarms[piece].append(
+                Alarm(place, kind, time, start, detail=issue.problem, channel=issue.key if is_input else "")
+            )
+    return alarms
+
+
+def silent_rows(run: Run, nodes: Sequence[str]) -> BoolArray:
+    """Where a log's issues say why a reading is missing, shape (nodes, n)."""
+    rows = np.zeros((len(nodes), len(run)), dtype=bool)
+    for issue in run.issues:
+        node = issue.key.removeprefix("temperature.")
+        if issue.key.startswith("temperature.") and node in nodes and issue.kind in _KINDS:
+            start, stop = issue.stretch or (-np.inf, np.inf)
+            rows[list(nodes).index(node)] |= (run.time >= start - run.step) & (run.time <= stop + run.step)
+    return rows
+
+
+# --- Noise that grew ------------------------------------------------------------------------------
+
+_BLOCK = 60.0  # s; enough readings for a scatter, short against a fault
+_LOUD = 4.0  # times the usual scatter; of a coarse sensor more than its step, since noise of a fraction moves it by one
+_BLOCKS = 3  # in turn
+_FEWEST = 20  # readings in a block
+_LEAST = 0.1  # K; of sensors that show none
+_MAD_TO_SIGMA = 1.4826 / np.sqrt(6.0)  # of second differences
+
+
+def noisy(watched: MonitoredRun) -> list[Alarm]:
+    """The first time at each sensor at which its noise grew, and stayed so for minutes."""
+    size, time = max(1, round(_BLOCK / watched.run.step)), watched.run.time
+    alarms: list[Alarm] = []
+    if size < _FEWEST:
+        return alarms
+    second = np.abs(np.diff(watched.measured, 2, axis=1))
+    blocks = second[:, : second.shape[1] // size * size].reshape(len(second), -1, size)
+    few = np.isfinite(blocks).sum(axis=2) < _FEWEST
+    # Standard deviation of the noise in each block [K], NaN where too few readings are there.
+    scatters = np.where(few, np.nan, _MAD_TO_SIGMA * np.nanmedian(np.where(few[..., None], 0.0, blocks), axis=2))
+    for node, scatter, step in zip(watched.nodes, scatters, watched.steps, strict=True):
+        if np.isfinite(scatter).sum() < 2 * _BLOCKS:
+            continue
+        loud = scatter > _LOUD * max(float(np.nanquantile(scatter, 0.25)), float(step) / _LOUD, _LEAST)
+        begins = np.flatnonzero(np.convolve(loud, np.ones(_BLOCKS), "valid") == _BLOCKS)
+        if begins.size:
+            at, seen = begins[0] * size, min((begins[0] + _BLOCKS) * size, time.size - 1)
+            detail = f"{np.nanmedian(scatter[loud]):.2g} K"
+            alarms.append(Alarm(node, "noise", float(time[seen]), float(time[at]), detail=detail))
+    return alarms
