@@ -339,9 +339,12 @@ def test_one_of_unlike_parts_may_radiate_alone() -> None:
 def at_size(key: str, name: str, share: float, at: str = "a") -> tuple[Fit, EffectDeclaration]:
     """A fit with an effect at so many times its usual size, and the effect."""
     declared = effect(key, at)
+    if at == "*":  # one size for all places, as a candidate has it
+        declared = replace(declared, parameters=tuple(replace(each, share="all") for each in declared.parameters))
     fitted = fit_of(run_with(np.zeros(STEPS)), declared)
     values = fitted.model.values
-    values[[parameter.name for parameter in fitted.model.parameters].index(f"{key}.{name}.{at}")] = share * next(
+    own = declared.shared_name(name) if at == "*" else f"{key}.{name}.{at}"
+    values[[parameter.name for parameter in fitted.model.parameters].index(own)] = share * next(
         parameter.typical for parameter in declared.parameters if parameter.name == name
     )
     return replace(fitted, model=fitted.model.with_values(values)), declared
@@ -358,10 +361,24 @@ def test_sizes_of_things_are_plausible_by_factors_of_three(share: float, logarit
 
 @pytest.mark.parametrize(("share", "logarithm"), [(0.01, 0.0), (3.0, -0.5), (-6.0, -2.0), (-9.1, None), (9.1, None)])
 def test_errors_of_either_sign_are_normal_about_none(share: float, logarithm: float | None) -> None:
-    fitted, declared = at_size("sensor_offset", "offset", share)
+    fitted, declared = at_size("sensor_drift", "rate", share)
     assert is_implausible(fitted, [declared], fitted) == (logarithm is None)
     if logarithm is not None:
         assert log_prior_of_sizes(fitted, [declared]) == pytest.approx(logarithm, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("kind", "at"), [("sensor_offset", "a"), ("sensor_offset", "*"), ("ambient_offset", "ambient")]
+)
+@pytest.mark.parametrize(("share", "logarithm"), [(-6.0, -2.0), (9.0, -4.5), (40.0, -4.5), (-273.0, -4.5)])
+def test_a_shift_beyond_calibration_is_as_rare_whatever_its_size(
+    kind: str, at: str, share: float, logarithm: float
+) -> None:
+    """Bytes with an offset and other units befall all sensors of a kind, errors of calibration a single one."""
+    fitted, declared = at_size(kind, "offset", share, at)
+    assert not is_implausible(fitted, [declared], fitted)
+    common = np.log(10.0) if at == "*" and abs(share) > 9 else 0.0
+    assert log_prior_of_sizes(fitted, [declared]) == pytest.approx(logarithm + common, abs=1e-4)
 
 
 @pytest.mark.parametrize(

@@ -19,11 +19,14 @@ _AT_BOUND = 1e-3  # relative; so near a bound a size is only a limit
 def log_prior_of_size(parameter: Parameter, value: float) -> float:
     """How usual a value is, as a logarithm: 0 for what is usual, less for what is not.
 
-    Errors, which may be of either sign, are normal about none. Sizes of things, and factors, vary by decades (a fan
-    multiplies what a surface loses by ten): theirs is a double exponential of the logarithm. Time constants are usual
-    anywhere between those that an effect is scored at.
+    Errors, which may be of either sign, are normal about none. But any shift of a temperature has a cause, such as a
+    byte whose offset nobody took away: beyond what is believed of calibration all sizes are alike, and rare. Sizes of
+    things, and factors, vary by decades (a fan multiplies what a surface loses by ten): theirs is a double exponential
+    of the logarithm. Time constants are usual anywhere between those that an effect is scored at.
     """
     off = _factors_off(parameter, value)
+    if _is_shift(parameter):
+        off = min(off, BELIEVED)
     return -0.5 * off**2 if is_error(parameter) else -off
 
 
@@ -36,6 +39,8 @@ def is_beyond_belief(parameter: Parameter, value: float) -> bool:
 def believed(parameter: Parameter) -> tuple[float, float]:
     """The least and the largest value that somebody would believe, in the parameter's unit."""
     usual = abs(parameter.typical)
+    if _is_shift(parameter):
+        return parameter.bounds
     if is_error(parameter):
         off = parameter.off or 0.0
         return off - BELIEVED * FACTOR * usual, off + BELIEVED * FACTOR * usual
@@ -44,6 +49,11 @@ def believed(parameter: Parameter) -> tuple[float, float]:
         return math.expm1(-largest), math.expm1(largest)
     largest = FACTOR**BELIEVED * max(_usual_sizes(parameter))
     return -largest, largest
+
+
+def is_beyond_calibration(parameter: Parameter, value: float) -> bool:
+    """Whether a shift of temperatures is larger than calibration leaves: numbers are sent, or read, another way."""
+    return _is_shift(parameter) and _factors_off(parameter, value) > BELIEVED
 
 
 def is_at(value: float, bound: float) -> bool:
@@ -59,6 +69,11 @@ def _is_change(parameter: Parameter) -> bool:
 def is_error(parameter: Parameter) -> bool:
     """Whether it is an error of a sensor or a clock, or a difference, which may be of either sign."""
     return _either_sign(parameter) and parameter.unit != "1"
+
+
+def _is_shift(parameter: Parameter) -> bool:
+    """Whether it is an error by which all readings of a temperature are off alike."""
+    return is_error(parameter) and parameter.unit == "K"
 
 
 def _usual_change(parameter: Parameter) -> float:

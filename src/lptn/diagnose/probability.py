@@ -21,7 +21,7 @@ from scipy.special import logsumexp, ndtr, softmax
 
 from lptn.basics.arrays import BoolArray, FloatArray, IntArray
 from lptn.basics.parameters import Parameter
-from lptn.basics.places import EVERYWHERE, is_of_run
+from lptn.basics.places import EVERYWHERE, is_of_run, is_pattern
 from lptn.diagnose.candidates import Candidate
 from lptn.diagnose.fit_statistics import (
     RunErrors,
@@ -35,6 +35,7 @@ from lptn.diagnose.plausibility import (
     LEAST_SHARE,
     is_at,
     is_beyond_belief,
+    is_beyond_calibration,
     is_error,
     log_prior_of_size,
 )
@@ -266,8 +267,18 @@ def _level(candidate: Candidate, most: int) -> Level:
 
 
 def log_prior_of_sizes(fit: Fit, declarations: Iterable[EffectDeclaration]) -> float:
-    """How usual the fitted sizes of added effects are, as a logarithm: 0 for what is usual, less for what is not."""
-    return sum(log_prior_of_size(parameter, parameter.value) for parameter in _free_parameters(fit, declarations))
+    """How usual the fitted sizes of added effects are, as a logarithm: 0 for what is usual, less for what is not.
+
+    Sensors that are alike off by more than calibration leaves have a cause in common, so that as many are no less usual
+    than one (`log_priors` has them off by as little as it leaves).
+    """
+    total = 0.0
+    for declaration in declarations:
+        for parameter in _free_parameters(fit, [declaration]):
+            total += log_prior_of_size(parameter, parameter.value)
+            if is_pattern(declaration.at) and is_beyond_calibration(parameter, parameter.value):
+                total -= log(_ERRORS_ALIKE)
+    return total
 
 
 def log_prior_of_starts(fit: Fit) -> float:
