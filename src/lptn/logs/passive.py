@@ -297,6 +297,7 @@ def _chain(channel: _Channel, begins: IntArray, ends: IntArray) -> IntArray:
     last = np.array([np.median(readings[e + 1 - n : e + 1]) for e, n in zip(ends, size, strict=True)])
     still = np.array([np.ptp(readings[b : e + 1]) == 0 for b, e in zip(begins, ends, strict=True)])
     still &= (stamps[ends] - stamps[begins] >= _LONG) & ~still.all()
+    begun, ended = _moving(channel, begins, ends)
     nowhere = (np.maximum(first, last) < around.coldest - _COLDER) | (np.minimum(first, last) > _HOTTEST)
     weight = (ends - begins + 1.0) * np.where(still | nowhere, _LAST, 1.0)
     if abs(first[0] - around.start) < _BEGINS and not still[0]:
@@ -304,7 +305,7 @@ def _chain(channel: _Channel, begins: IntArray, ends: IntArray) -> IntArray:
     rate = _usual_rate(channel, begins, ends)
     score, before = weight.copy(), np.full(begins.size, -1)
     for k in range(1, begins.size):
-        apart = stamps[begins[k] + size[k] // 2] - stamps[ends[:k] - size[:k] // 2]
+        apart = begun[k] - ended[:k]
         near = np.abs(first[k] - last[:k]) <= channel.least + rate * apart
         if near.any():
             best = int(np.argmax(np.where(near, score[:k], -np.inf)))
@@ -313,6 +314,28 @@ def _chain(channel: _Channel, begins: IntArray, ends: IntArray) -> IntArray:
     while before[chain[-1]] >= 0:
         chain.append(int(before[chain[-1]]))
     return np.array(chain[::-1])
+
+
+def _moving(channel: _Channel, begins: IntArray, ends: IntArray) -> tuple[FloatArray, FloatArray]:
+    """When each stretch gives its first and its last reading [s], shape (stretches,): one that stands is none anew.
+
+    Of a sensor that mostly repeats itself, since its steps are coarse, all are.
+    """
+    stamps, readings = channel.stamps, channel.readings
+    size = np.minimum(_EDGE, ends - begins + 1) // 2
+    first, last = stamps[begins + size], stamps[ends - size]
+    if np.median(np.abs(np.diff(readings))) == 0:
+        return first, last
+    for k, (begin, end) in enumerate(zip(begins.tolist(), ends.tolist(), strict=True)):
+        moves = np.flatnonzero(np.diff(readings[begin : end + 1]))
+        if not moves.size:
+            continue
+        stands_until, stands_since = stamps[begin + moves[0]], stamps[begin + moves[-1] + 1]
+        if stands_until - stamps[begin] >= _LONG:
+            first[k] = stands_until
+        if stamps[end] - stands_since >= _LONG:
+            last[k] = stands_since
+    return first, last
 
 
 def _usual_rate(channel: _Channel, begins: IntArray, ends: IntArray) -> float:
