@@ -14,6 +14,7 @@ from typing import Literal
 import numpy as np
 
 from lptn.basics.arrays import BoolArray, FloatArray
+from lptn.basics.errors import InputError
 from lptn.logs.run import Run
 from lptn.logs.silence import INPUTS, STILL
 from lptn.model.model import Model
@@ -111,10 +112,14 @@ class MonitoredRun:
         """Let the model run; no alarms yet.
 
         Raises:
-            InputError: the run lacks an input, or measures none of the model's nodes.
+            InputError: the run lacks an input, or no reading of the model's nodes is one.
         """
         bound = bind(model, run)
-        return cls(run, tuple(model.nodes), believable(bound.measured), simulate(model, bound).readings)
+        measured = believable(bound.measured)
+        if not np.isfinite(measured).any():
+            expected = f"readings from {_COLDEST:g} to {_HOTTEST:g} degC: is that their unit?"
+            raise InputError(run.source, "temperature.*", "no reading that a robot's part can have", expected)
+        return cls(run, tuple(model.nodes), measured, simulate(model, bound).readings)
 
     @property
     def error(self) -> FloatArray:
