@@ -217,3 +217,36 @@ def test_an_effect_in_a_run_that_no_log_is_is_said(
     assert stop.value.code in (0, None)
     line = f'lptn: constant_heat at motor acts only in run "{run}", and no log is that run (here: monday): it is off\n'
     assert (line in capsys.readouterr().err) == said
+
+
+@pytest.mark.parametrize("unit", ["degC", "degF"])
+@pytest.mark.parametrize(
+    "words",
+    [
+        "check",
+        "fit -o fitted.toml",
+        "compare",
+        "diagnose",
+        "improve -o fitted.toml",
+        "forecast --limit motor=80",
+        "monitor",
+        "simulate -o simulated.csv",
+    ],
+)
+def test_kelvin_under_another_unit_is_refused_alike_by_every_command(
+    words: str, unit: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    columns = [key for key in map(str, GOOD) if key.startswith("temperature")]
+    stated = "".join(f'"{key}" = {{ column = "{key}", unit = "{unit}" }}\n' for key in columns)
+    Path("model.toml").write_text(f"{MODEL}\n[columns]\n{stated}", encoding="utf-8")
+    offset = 273.15 if unit == "degC" else 473.15
+    GOOD.assign(**{key: GOOD[key] + offset for key in columns}).to_csv("log.csv", index=False)
+    command, *options = words.split()
+    with pytest.raises(SystemExit) as stop:
+        main([command, "model.toml", "log.csv", *options])
+    (line,) = [line for line in capsys.readouterr().err.splitlines() if "found" in line]
+    assert stop.value.code == 2
+    assert line.startswith("lptn: log.csv: column 'temperature.")
+    assert f"in the unit that is stated, {unit}" in line
+    assert "valid = [" in line

@@ -86,6 +86,21 @@ def test_what_no_part_could_have_given_is_left_out_and_said(fault: str, step: fl
     assert np.isnan(taken[~wrong]).mean() < 0.12
 
 
+@pytest.mark.parametrize("stands", [(600, 1000), (900, 1500), (1200, 1900), (2000, 2600)])
+@pytest.mark.parametrize("again", [0.0, 100.0])
+def test_what_comes_after_a_sensor_that_stood_is_believed(stands: tuple[int, int], again: float) -> None:
+    """How warm it was when it stopped says when it was as warm: it had until now to become as warm as it is."""
+    time, current, true = _knee(step=0.2, capacity=60.0, scale=1.4)
+    readings = true + np.random.default_rng(3).normal(0, 0.05, time.size)
+    for start, stop in [stands] + [(stands[1], stands[1] + again)] * bool(again):
+        readings[(time >= start) & (time < stop)] = readings[time >= start][0]
+    (run,) = read_log(_log(time, current, readings), inputs=["current.knee"], outputs=[KNEE], step=0.2)
+    assert "frozen" in {issue.kind for issue in run.issues}
+    taken = np.isfinite(run.columns[KNEE])
+    assert taken[run.time >= stands[1] + again].mean() > 0.9
+    assert taken[run.time < stands[0]].mean() > 0.9
+
+
 HEALTHY: dict[str, dict[str, float]] = {
     "a knee": {},
     "in the cold": {"air": -20.0, "start": -20.0},
@@ -206,9 +221,17 @@ def test_a_unit_that_is_stated_is_doubted_where_nothing_has_such_temperatures(un
     log = _log(time, current, true + shift)
     stated = {KNEE: ColumnSource((KNEE,), unit=unit)}
     _, (issue,) = _read(log, stated)
-    assert (issue.kind, "in the unit that is stated" in issue.problem) == ("unit", True)
+    assert (issue.kind, issue.certain, "in the unit that is stated" in issue.problem) == ("unit", True, True)
     assert issue.corrected is not None
     taken, left = _read(log, {KNEE: issue.corrected})
     assert (not left, bool(np.abs(taken - true).max() < 0.1)) == (True, True)
     believed = ColumnSource((KNEE,), unit=unit, valid=(-500.0, 500.0))
     assert not _read(log, {KNEE: believed})[1]
+
+
+def test_a_nozzle_that_begins_cold_is_read_in_the_unit_that_is_stated() -> None:
+    time, current, true = _knee(scale=4.5)
+    log = _log(time, current, true)
+    assert true.max() > np.median(true) > 250
+    _, (issue,) = _read(log, {KNEE: ColumnSource((KNEE,), unit="degC")})
+    assert (issue.kind, issue.certain) == ("unit", False)

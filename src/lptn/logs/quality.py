@@ -7,7 +7,7 @@ and can be read all the same: another unit, a counter that wraps, a frozen senso
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,8 +15,9 @@ import numpy as np
 from lptn.basics.arrays import FloatArray
 from lptn.logs.clock import FEWEST_ROWS
 from lptn.logs.columns import ColumnSource, as_line_or_option, column_unit
+from lptn.logs.gain import gain_change
 from lptn.logs.issue import Issue, correctable, in_unit
-from lptn.logs.silence import AMBIENT, INPUTS, Silence, duplicates, held_rows, loads_of, same_loads
+from lptn.logs.silence import AMBIENT, HEATS, INPUTS, Silence, duplicates, held_rows, loads_of, same_loads
 from lptn.logs.tables import Table
 from lptn.logs.units import PLAUSIBLE, believed, room_of, suspect_starts, suspect_unit, suspect_wrap
 
@@ -256,6 +257,36 @@ def _suspect_power(key: str, source: ColumnSource, values: Mapping[str, FloatArr
     return [in_unit(key, source, "rpm", problem, certain=False)]
 
 
+def _suspect_gains(
+    sources: Mapping[str, ColumnSource],
+    numbers: Mapping[str, FloatArray],
+    values: Mapping[str, FloatArray],
+    said: Collection[str],
+) -> list[Issue]:
+    """Loads that heat their parts as no load does from some row on, in columns of which nothing else is said."""
+    sensors = {key: x for key, x in values.items() if _is_read_temperature(key, x) and key not in said}
+    air = [sensors[AMBIENT]] if AMBIENT in sensors else [np.zeros(values["time"].size)]
+    issues = []
+    for key in (key for key in sources if key.partition(".")[0] in HEATS and key not in said):
+        place, source = key.partition(".")[2], sources[key]
+        part = sensors.get(f"temperature.{place}")
+        if part is None or np.isfinite(source.valid).any():
+            continue
+        others = [x for other, x in sensors.items() if other != AMBIENT and x is not part]
+        change = gain_change(values["time"], values[key], part, [*air, *others], values.get(f"velocity.{place}"))
+        if change is None:
+            continue
+        start, stop = float(values["time"][change.start]), float(values["time"][-1])
+        problem = (
+            f"from about {start:.4g} s on it heats temperature.{place} {max(change.ratio, 0.0):.2g} times as much "
+        )
+        problem += "as before for its square, which looks like another unit from there on"
+        remedy = "cut the log there, and say each part's unit; if the column is right, write "
+        remedy += believed(key, source, numbers)
+        issues.append(Issue(key, source.columns[0], problem, remedy, False, stretch=(start, stop)))
+    return issues
+
+
 _BRAKES = 0.98  # of the work of a joint, that is taken up: legs and wheels that are driven brake in a part of it
 _LEAST_POWER = 1.0  # W, on average: of less the sign is the noise's
 
@@ -354,7 +385,7 @@ def issues_of(
     issues += [*_suspect_ambient(sources, numbers, values)]
     if not any(issue.key.startswith("temperature.") and issue.kind == "unit" for issue in issues):
         issues += suspect_starts(sources, numbers, values)
-    return tuple(issues)
+    return (*issues, *_suspect_gains(sources, numbers, values, {issue.key for issue in issues}))
 
 
 def _is_read_temperature(key: str, values: FloatArray) -> bool:

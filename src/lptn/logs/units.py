@@ -209,7 +209,9 @@ def _suspect_temperature(
     problem = f"values around {middle:.4g}"
     if source.unit is not None:
         problem += f" degC, in the unit that is stated, {source.unit}: no part of a robot has that"
-    certain = source.unit is None and (middle > _MELTS or float(np.percentile(readings, 10)) > can.most)
+    low, high = np.percentile(readings, [10, 90])
+    # What begins, or cools, where robots are may be an oven whose unit somebody stated.
+    certain = bool(low > can.most or high < _COLDEST or (source.unit is None and middle > _MELTS))
     stays = "if it is degC all the same, say so as its unit"
     if source.unit is not None:
         stays = f"if it is right, write {believed(key, source, numbers)}"

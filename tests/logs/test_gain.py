@@ -1,0 +1,76 @@
+"""A load's column that turns into something else is doubted from there on; what a robot does is not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+import pytest
+
+from lptn.basics.errors import InputError
+from lptn.logs.beside import refuse_doubtful
+from lptn.logs.columns import ColumnSource
+from lptn.logs.reading import read_log
+
+Array = npt.NDArray[np.float64]
+STEP, SINCE = 0.5, 1500.0  # s
+CAPACITY, TO_AIR, LINK, WINDING = 300.0, 0.2, 0.3, 0.2  # J/K, W/K, W/K, ohm
+
+
+def _two_joints(fan: float = 1.0, friction: float = 0.0, rise: float = 0.0) -> pd.DataFrame:
+    """Fifty minutes of two masses on end in the same air; from the middle on one loses `fan` times as much to it."""
+    time, rng = np.arange(0.0, 3000.0, STEP), np.random.default_rng(2)
+    load = np.stack([rng.choice([0.0, 2.0, 4.0, 6.0, 8.0], size=60)[(time // 50).astype(int)] for _ in range(2)])
+    speed = np.stack([rng.choice([0.0, 1.0, 3.0], size=60)[(time // 50).astype(int)] for _ in range(2)])
+    warmth = np.zeros((2, time.size))
+    for k in range(time.size - 1):
+        to_air = TO_AIR * np.array([fan if time[k] >= SINCE else 1.0, 1.0])
+        heat = WINDING * load[:, k] ** 2 * (1 + rise * warmth[:, k]) + friction * speed[:, k]
+        flow = heat - to_air * warmth[:, k] + LINK * (warmth[::-1, k] - warmth[:, k])
+        warmth[:, k + 1] = warmth[:, k] + STEP * flow / CAPACITY
+    readings = 25 + warmth + rng.normal(0, 0.05, warmth.shape)
+    joints = {f"{key}.{joint}": rows[j] for j, joint in enumerate("ab")
+              for key, rows in {"temperature": readings, "current": load, "velocity": speed}.items()}  # fmt: skip
+    return pd.DataFrame({"time": time, "temperature.ambient": 25.0} | joints)
+
+
+LATE: dict[str, Callable[[pd.DataFrame], Array]] = {
+    "in another unit": lambda log: 0.4 * log["current.a"].to_numpy(),
+    "in a smaller one": lambda log: 3.0 * log["current.a"].to_numpy(),
+    "in steps of a sixth": lambda log: np.round(6.0 * log["current.a"].to_numpy()),
+    "its size doubled, with a sign": lambda log: -2.0 * log["current.a"].to_numpy(),
+}
+
+
+@pytest.mark.parametrize("velocity", [True, False])
+@pytest.mark.parametrize("what", LATE)
+def test_a_load_that_is_something_else_from_some_row_on_is_doubted_and_concluded_from_by_nobody(
+    what: str, velocity: bool
+) -> None:
+    log = _two_joints()
+    log.loc[log["time"] >= SINCE, "current.a"] = LATE[what](log)[log["time"] >= SINCE]
+    if not velocity:
+        log = log.drop(columns=["velocity.a", "velocity.b"])
+    (run,) = read_log(log)
+    (issue,) = run.issues
+    assert (issue.key, issue.kind, issue.certain) == ("current.a", "unit", False)
+    assert issue.stretch is not None
+    assert issue.stretch[0] == pytest.approx(SINCE, abs=100)
+    with pytest.raises(InputError, match=r"times as much as before.*valid = \["):
+        refuse_doubtful([run])
+    (run,) = read_log(log, {"current.a": ColumnSource(("current.a",), valid=(-80.0, 80.0))})
+    assert not run.issues
+
+
+@pytest.mark.parametrize("robot", [{}, {"fan": 3.0}, {"friction": 2.0}, {"rise": 0.01}, {"fan": 0.3, "friction": 1.0}])
+@pytest.mark.parametrize("velocity", [True, False])
+@pytest.mark.parametrize("rest", [False, True])
+def test_of_what_a_robot_does_nothing_is_said(robot: dict[str, float], velocity: bool, rest: bool) -> None:
+    log = _two_joints(**robot)
+    if not velocity:
+        log = log.drop(columns=["velocity.a", "velocity.b"])
+    if rest:
+        log = log[log["time"] < SINCE + 300]
+    assert not read_log(log)[0].issues
