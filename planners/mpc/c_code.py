@@ -176,7 +176,7 @@ def structs(heating: Heating, limits: int, stages: int) -> Structs:
         ("spread", _D * elements * elements),
         ("made", _D * nodes),
         ("without", _D * elements * nodes),
-        *((name, _D * nodes) for name in ("own", "linked", "deviation", "renewed")),
+        *((name, _D * nodes) for name in ("own", "linked", "deviation")),
         *((name, _I * nodes) for name in ("read", "once_trusted", "used", "guessed")),
         ("applied", _D * u),
         ("conditions", _D * (d + 1)),

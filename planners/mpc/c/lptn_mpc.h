@@ -77,7 +77,6 @@ typedef struct {
     double without[LPTN_NN][LPTN_NZ];    /* z of each sensor's reference, the estimate without its readings, less z */
     double own[LPTN_NN], linked[LPTN_NN]; /* standard deviation of a reference by errors of its own node, and of those of */
     double deviation[LPTN_NN];            /* neighbours that are not read; by both [K] */
-    double renewed[LPTN_NN];             /* s of the clock: when the reference was last set to the estimate */
     int read[LPTN_NN], guessed[LPTN_NN]; /* how often its sensor began, 0 for never read; is taken to be as hot as allowed */
     int once_trusted[LPTN_NN], used[LPTN_NN]; /* its sensor was trusted once; was used since its reference was set */
     double applied[LPTN_NU], conditions[LPTN_ND + 1];

@@ -404,11 +404,14 @@ class Estimator:
         self._used[node] = False
 
     def _clip(self) -> None:
-        """Bound what is learnt of the model by what may be wrong with it: a false sensor would run away with it."""
-        layout, most = self.augmented.layout, _PLAUSIBLE * np.sqrt(self._doubt)
+        """Bound what is learnt of the model by what may be wrong with it: a false sensor would run away with it.
+
+        The references stay where they were."""
+        layout, most, before = self.augmented.layout, _PLAUSIBLE * np.sqrt(self._doubt), self._z.copy()
         for where, middle in ((slice(layout.air.start, layout.inputs.stop), 0.0), (layout.parameters, self._given)):
             self._z[where] = np.clip(self._z[where], middle - most[where], middle + most[where])
         self._z[layout.parameters] = np.clip(self._z[layout.parameters], *self._bounds)
+        self._without += (before - self._z)[:, None]
 
     def _choose_parameters(self, walks: Mapping[str, float], covariance: FloatArray | None) -> None:
         """The parameters that become states: those to learn, and those whose covariance is given."""
