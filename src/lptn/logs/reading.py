@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -36,6 +38,7 @@ from lptn.logs.resampling import (
     SEVERAL,
     STEADY_GAP,
     Samples,
+    Span,
     features_of,
     find_stretches,
     gaps_in_words,
@@ -58,7 +61,14 @@ from lptn.logs.ulog import open_ulog
 
 
 _PAIR = re.compile(r"(?P<first>.+?)\+(?P<second>[^+]+?)(?:@(?P<shift>[-+]?\d+(?:\.\d+)?))?")
-_ENDINGS = (".csv", ".tsv", ".txt", ".xlsx", ".xlsm", ".parquet", ".mcap", ".db3", ".ulg", ".ulog")
+_OPENERS: Mapping[tuple[str, ...], Callable[[Path], Table]] = {
+    CSV_ENDINGS: open_csv,
+    (".parquet",): open_parquet,
+    (".xlsx", ".xlsm"): open_spreadsheet,
+    (".mcap", ".db3"): open_bag,
+    (".ulg", ".ulog"): open_ulog,
+}
+"""How a file is opened, by the end of its name."""
 
 
 def open_log(path: Path, columns: Mapping[str, ColumnSource]) -> tuple[Table, dict[str, ColumnSource]]:
@@ -103,16 +113,11 @@ def open_table(path: Path) -> Table:
         raise InputError(path, "log", "no such file", LOG_FILE)
     if path.is_dir() and not (path / "metadata.yaml").is_file():
         raise InputError(path, "log", "a folder", f"{LOG_FILE} with its metadata.yaml")
-    if path.is_dir() or path.suffix in {".mcap", ".db3"}:
+    if path.is_dir():
         return open_bag(path)
-    if path.suffix in {".ulg", ".ulog"}:
-        return open_ulog(path)
-    if path.name.endswith(".parquet"):
-        return open_parquet(path)
-    if path.suffix in {".xlsx", ".xlsm"}:
-        return open_spreadsheet(path)
-    if path.name.endswith(CSV_ENDINGS):
-        return open_csv(path)
+    for endings, opened in _OPENERS.items():
+        if path.name.endswith(endings):
+            return opened(path)
     raise InputError(path, "log", f"the ending '{path.suffix}'", LOG_FILE)
 
 
@@ -146,7 +151,7 @@ def run_name(path: Path) -> str:
     if log.is_dir():
         return log.name
     name = log.name.removesuffix(".gz")
-    return name.rpartition(".")[0] if name.endswith(_ENDINGS) else name
+    return name.rpartition(".")[0] if name.endswith(tuple(chain(*_OPENERS))) else name
 
 
 # --- Which of a log's columns a model needs, and what to say when one is not there ----------------
@@ -362,8 +367,12 @@ def read_log(
     choice = choose_columns(table, columns, inputs, outputs, optional)
     samples, of_values, issues = _checked_samples(table, choice, strict)
     refuse_exchanged(path, guesses, choice.sources, samples.time, samples.raw)
-    choice, samples, gappy = _without_gappy(choice, samples, {*inputs, *outputs} or set(choice.inputs), table.mixed)
-    choice, samples, empty = _without_empty(table, choice, samples, issues)
+    gappy = _gappy(choice, samples, {*inputs, *outputs} or set(choice.inputs), table.mixed)
+    choice, samples = _without(choice, samples, gappy)
+    empty = _empty(table, choice, samples, issues)
+    of_columns = [f"{column}: has gaps, and the model does not need it; left out." for column in gappy]
+    of_columns += [f"{key}: no value in any row; left out." for key in samples.raw if key in empty]
+    choice, samples = _without(choice, samples, empty)
     step, of_step = _step(step, samples.period)
     steady_gap = STEADY_GAP if max_gap is None else 0.0
     max_gap = max_gap if max_gap is not None else max(_BRIDGED, _BRIDGED_STEPS * step)
@@ -372,7 +381,7 @@ def read_log(
         raise InputError(path, "max_gap", f"{max_gap:g} s", expected)
     notes = [f"{GUESSED}{guessed.line} ({guessed.why})." for guessed in guesses]
     notes += [*filter(None, [format_note(table)]), *table.notes, *choice.notes]
-    notes += [*of_values, *gappy, *empty, *of_step]
+    notes += [*of_values, *of_columns, *of_step]
     runs = _runs(table, choice, samples, step, max_gap, steady_gap, notes)
     begun = runs if choice.everything else _beginning_with_readings(runs, choice.outputs)
     return [replace(run, issues=issues) for run in begun]
@@ -505,51 +514,41 @@ def _resolution(raw: Mapping[str, FloatArray]) -> dict[str, float]:
     return {key: step for key, step in steps.items() if step > 0}
 
 
-def _without_gappy(
-    choice: ColumnChoice, samples: Samples, needed: Collection[str], mixed: bool
-) -> tuple[ColumnChoice, Samples, list[str]]:
-    """Leave out inputs that nobody needs and that would cut the log into pieces; with notes."""
+def _without(choice: ColumnChoice, samples: Samples, lost: Collection[str]) -> tuple[ColumnChoice, Samples]:
+    """Both without some columns, and without the raw ones that nothing else is formed from."""
+    inputs, outputs = (tuple(c for c in columns if c not in lost) for columns in (choice.inputs, choice.outputs))
+    kept = {key for column in (*inputs, *outputs) for key in raw_keys(column, samples.raw)}.difference(lost)
+    raw = {key: values for key, values in samples.raw.items() if key in kept}
+    return replace(choice, inputs=inputs, outputs=outputs), replace(samples, raw=raw)
+
+
+def _gappy(choice: ColumnChoice, samples: Samples, needed: Collection[str], mixed: bool) -> list[str]:
+    """Inputs that nobody needs and that would cut the log into pieces."""
     kept_anyway = {key for column in needed for key in raw_keys(column, samples.raw)}.difference(choice.outputs)
     gappy = would_cut(samples.time, samples.period, samples.raw, kept_anyway, mixed) - kept_anyway
-    left_out = [
-        column
-        for column in choice.inputs
-        if column not in needed and not gappy.isdisjoint(raw_keys(column, samples.raw))
-    ]
-    if not left_out:
-        return choice, samples, []
-    inputs = tuple(column for column in choice.inputs if column not in left_out)
-    kept = {key for column in (*inputs, *choice.outputs) for key in raw_keys(column, samples.raw)}
-    raw = {key: values for key, values in samples.raw.items() if key in kept}
-    notes = [f"{column}: has gaps, and the model does not need it; left out." for column in left_out]
-    return replace(choice, inputs=inputs), replace(samples, raw=raw), notes
+    inputs = [column for column in choice.inputs if column not in needed]
+    return [column for column in inputs if not gappy.isdisjoint(raw_keys(column, samples.raw))]
 
 
-def _without_empty(
-    table: Table, choice: ColumnChoice, samples: Samples, issues: Collection[Issue]
-) -> tuple[ColumnChoice, Samples, list[str]]:
-    """Leave out columns that hold no number at all, unless the model can't do without; with notes.
+def _empty(table: Table, choice: ColumnChoice, samples: Samples, issues: Collection[Issue]) -> list[str]:
+    """Columns that hold no number at all, and inputs that would be formed from them.
 
     Raises:
-        InputError: it can't.
+        InputError: the model can't do without.
     """
     empty = [key for key, values in samples.raw.items() if np.isnan(values).all()]
-    if not empty:
-        return choice, samples, []
-    rest = {key: values for key, values in samples.raw.items() if key not in empty}
-    lost = [column for column in choice.inputs if not all(key in rest for key in raw_keys(column, rest))]
-    outputs = tuple(column for column in choice.outputs if column in rest)
-    inputs = tuple(column for column in choice.inputs if column not in lost)
-    none_left = not outputs and (choice.outputs or not inputs)
-    if (lost and not choice.everything) or none_left:
+    rest = samples.raw.keys() - set(empty)
+    lost = [column for column in choice.inputs if not rest.issuperset(raw_keys(column, rest))]
+    outputs = [column for column in choice.outputs if column in rest]
+    none_left = not outputs and (choice.outputs or len(lost) == len(choice.inputs))
+    if empty and ((lost and not choice.everything) or none_left):
         needed = {key for column in lost for key in raw_keys(column, samples.raw)}
         key = next((key for key in empty if key in needed), empty[0])
         for issue in (issue for issue in issues if issue.key == key):
             raise InputError(table.path, *issue.error)  # which is why nothing of it is left
         place = f"column '{choice.sources[key].columns[0]}'"
         raise InputError(table.path, place, "no value in any row", f"numbers for {key}")
-    notes = [f"{key}: no value in any row; left out." for key in empty]
-    return replace(choice, inputs=inputs, outputs=outputs), replace(samples, raw=rest), notes
+    return list(dict.fromkeys([*empty, *lost]))
 
 
 def _step(step: float | None, period: float) -> tuple[float, list[str]]:
@@ -577,13 +576,21 @@ def _runs(
         InputError: none is.
     """
     needed = {key: values for key, values in samples.raw.items() if key not in choice.outputs}
-    stretches, gaps = find_stretches(samples.time, samples.period, needed, max_gap, steady_gap)
+    without_gaps = partial(find_stretches, samples.time, samples.period, max_gap=max_gap, steady_gap=steady_gap)
+    stretches, gaps = without_gaps(needed)
     if table.mixed:  # rows of several clocks follow each other at any distance
         gaps = [note for note in gaps if not (note.startswith("time: ") and "bridged" in note)]
     counts = [math.floor((stop - start) / step + ROUNDING) for start, stop in stretches]
     kept = [(start, n) for (start, _), n in zip(stretches, counts, strict=True) if n >= _FEWEST_STEPS]
     if not kept:
-        _refuse_hardly_there(table, choice, samples, needed, step * _FEWEST_STEPS, max_gap, steady_gap)
+        key = _hardly_there(needed, lambda inputs: without_gaps(inputs)[0], step * _FEWEST_STEPS)
+        if key:
+            values = needed[key][np.isfinite(needed[key])]
+            problem = f"{values.size} value{'s' * (values.size != 1)} of {key} in {samples.time.size} rows"
+            expected = f"values no more than {max_gap:g} s apart"
+            if key.startswith("temperature."):
+                expected += without_column(key).replace("= 22 ", f"= {np.median(values):.4g} ", 1)
+            raise InputError(table.path, f"column '{choice.sources[key].columns[0]}'", problem, expected)
         problem = f"at most {max(counts, default=0)} steps of {step:g} s in one stretch"
         expected = f"a stretch of at least {_FEWEST_STEPS} steps without a gap over {max_gap:g} s"
         raise InputError(table.path, "log", problem, expected)
@@ -620,37 +627,19 @@ def _runs(
     return runs
 
 
-def _refuse_hardly_there(
-    table: Table,
-    choice: ColumnChoice,
-    samples: Samples,
-    needed: Mapping[str, FloatArray],
-    shortest: float,
-    max_gap: float,
-    steady_gap: float,
-) -> None:
-    """Refuse the input without which there would be a stretch as long as the shortest, s, where there is one.
+def _hardly_there(
+    needed: Mapping[str, FloatArray], stretches_of: Callable[[Mapping[str, FloatArray]], list[Span]], shortest: float
+) -> str:
+    """The input without which there would be a stretch as long as the shortest [s]; '' where there is none."""
 
-    Raises:
-        InputError: it is named, with what can be said in its place.
-    """
+    def long_enough(inputs: Mapping[str, FloatArray]) -> bool:
+        return any(stop - start >= shortest for start, stop in stretches_of(inputs))
+
     for key in sorted(needed, key=lambda key: int(np.isfinite(needed[key]).sum())):
         others = {other: values for other, values in needed.items() if other != key}
-        alone, without = (
-            max(
-                (stop - start for start, stop in find_stretches(samples.time, samples.period, some, *gaps)[0]),
-                default=0.0,
-            )
-            for some in ({key: needed[key]}, others)
-            for gaps in [(max_gap, steady_gap)]
-        )
-        if alone < shortest <= without:
-            values = needed[key][np.isfinite(needed[key])]
-            problem = f"{values.size} value{'s' * (values.size != 1)} of {key} in {samples.time.size} rows"
-            expected = f"values no more than {max_gap:g} s apart"
-            if key.startswith("temperature."):
-                expected += without_column(key).replace("= 22 ", f"= {np.median(values):.4g} ", 1)
-            raise InputError(table.path, f"column '{choice.sources[key].columns[0]}'", problem, expected)
+        if long_enough(others) and not long_enough({key: needed[key]}):
+            return key
+    return ""
 
 
 def _beginning_with_readings(runs: list[Run], outputs: Collection[str]) -> list[Run]:
