@@ -13,7 +13,7 @@ from functools import partial
 from itertools import islice
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from lptn.basics.errors import InputError
 from lptn.basics.files import fingerprint
 from lptn.logs.bag_messages import COMMON_TYPES, Decoder, Numbers, label_of, quantities
 from lptn.logs.streams import ANOTHER_SOURCE, conflicts
-from lptn.logs.tables import Source, Table, one_line_if_broken, require_package, table_of_sources
+from lptn.logs.tables import Bounded, Source, Table, one_line_if_broken, require_package, table_of_sources
 
 # --- A bag opened ----------------------------------------------------------------------------------
 
@@ -332,7 +332,7 @@ def _listed(streams: Sequence[Stream]) -> str:
 
 _MOST = 1 << 30  # bytes of a chunk, or of a message; recorders make chunks of some megabytes
 _SHARE = 0.5  # of the disk's free space that a bag may take while it is read
-_PIECE = 1 << 20  # bytes that are read at a time
+_TOO_LARGE = "a compressed file of more than half of the disk's free space"
 _METHODS = ("lz4", "zstd")
 
 
@@ -352,7 +352,7 @@ def bounded() -> Iterator[None]:
         chunks["zstd"] = lambda data, size: _within(zstd.ZstdDecompressor(), data, size)
         vars(reader)["zstd"] = SimpleNamespace(
             decompress=lambda data: _within(zstd.ZstdDecompressor(), data, _MOST),
-            open=lambda stream, mode: _File(zstd.open(stream, mode)),
+            open=lambda stream, mode: Bounded(zstd.open(stream, mode), _free_space(), ValueError(_TOO_LARGE)),
         )
     try:
         yield
@@ -360,6 +360,11 @@ def bounded() -> Iterator[None]:
         chunks.update(usual)
         if zstd is not None:
             vars(reader)["zstd"] = zstd
+
+
+def _free_space() -> int:
+    """Bytes of the disk that a bag may take."""
+    return int(_SHARE * shutil.disk_usage(tempfile.gettempdir()).free)
 
 
 def _lz4(data: bytes, size: int) -> bytes:
@@ -382,24 +387,3 @@ def _within(decompressor: Any, data: bytes, size: int) -> bytes:
     if not decompressor.eof:
         raise ValueError("a compressed piece that is cut off")
     return unpacked
-
-
-class _File:
-    """A compressed file that is read up to half of the disk's free space."""
-
-    def __init__(self, stream: BinaryIO) -> None:
-        self._stream = stream
-        self._left = int(_SHARE * shutil.disk_usage(Path(tempfile.gettempdir())).free)
-
-    def __enter__(self) -> _File:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._stream.close()
-
-    def read(self, size: int = _PIECE) -> bytes:
-        piece = self._stream.read(size)
-        self._left -= len(piece)
-        if self._left < 0:
-            raise ValueError("a compressed file of more than half of the disk's free space")
-        return piece

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import islice, takewhile
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import BinaryIO
 
 import numpy as np
 import pandas as pd
@@ -28,7 +28,7 @@ from lptn.basics.files import fingerprint
 from lptn.logs import tables
 from lptn.logs.columns import is_number
 from lptn.logs.layout import LOOKED_AT, Layout, RowsBelow, find_layout, is_value, names_of
-from lptn.logs.tables import TIMES_PACKED, Table, most_unpacked, one_line_if_broken, too_large
+from lptn.logs.tables import TIMES_PACKED, Bounded, Table, most_unpacked, one_line_if_broken, too_large
 
 ENDINGS = (".csv", ".tsv", ".txt", ".csv.gz", ".tsv.gz", ".txt.gz")
 
@@ -330,35 +330,13 @@ def _begin(path: Path) -> tuple[str, list[tuple[int, str]]]:
 
 
 def _unpacked(path: Path) -> BinaryIO:
-    """A file's bytes, to be read, unpacked where it is compressed.
-
-    Raises:
-        InputError: while it is read, where it unfolds to more than any log does.
-    """
-    return io.BufferedReader(_Unpacked(path), _BLOCK) if path.suffix == ".gz" else path.open("rb")
-
-
-class _Unpacked(io.RawIOBase):
-    """A compressed file that unfolds to so many bytes at most."""
-
-    def __init__(self, path: Path) -> None:
-        self._path, self._file, self._left = path, gzip.open(path), most_unpacked(path)  # noqa: SIM115 - see `close`
-
-    def readable(self) -> bool:
-        return True
-
-    def readinto(self, buffer: Any) -> int:
-        piece = self._file.read(len(buffer))
-        self._left -= len(piece)
-        if self._left < 0:
-            problem = f"a file that unfolds to more than {TIMES_PACKED} times its size"
-            raise InputError(self._path, "log", problem, "a compressed table of readings")
-        buffer[: len(piece)] = piece
-        return len(piece)
-
-    def close(self) -> None:
-        self._file.close()
-        super().close()
+    """A file's bytes, to be read, unpacked where it is compressed."""
+    if path.suffix != ".gz":
+        return path.open("rb")
+    found = f"a file that unfolds to more than {TIMES_PACKED} times its size"
+    error = InputError(path, "log", found, "a compressed table of readings")
+    packed = gzip.open(path)  # noqa: SIM115 - closed with what is returned
+    return io.BufferedReader(Bounded(packed, most_unpacked(path), error), _BLOCK)
 
 
 def _cells(text: str, separator: str) -> list[str]:

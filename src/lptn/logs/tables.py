@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import io
 import re
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
@@ -11,7 +12,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, BinaryIO, NoReturn
 
 import numpy as np
 import numpy.typing as npt
@@ -195,6 +196,34 @@ def too_large(path: Path, size: str) -> InputError:
 def most_unpacked(path: Path) -> int:
     """Bytes that a packed file may unfold to: numbers that change take a third of them, a robot at rest a thirtieth."""
     return max(_UNPACKED, TIMES_PACKED * path.stat().st_size)
+
+
+class Bounded(io.RawIOBase):
+    """A file that is unpacked as it is read, of which so many bytes may come.
+
+    Args:
+        file: gives what is unpacked.
+        most: bytes.
+        error: what to raise where there are more.
+    """
+
+    def __init__(self, file: BinaryIO, most: int, error: Exception) -> None:
+        self._file, self._left, self._error = file, most, error
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: Any) -> int:
+        piece = self._file.read(len(buffer))
+        self._left -= len(piece)
+        if self._left < 0:
+            raise self._error
+        buffer[: len(piece)] = piece
+        return len(piece)
+
+    def close(self) -> None:
+        self._file.close()
+        super().close()
 
 
 def require_package(path: Path, package: str, log: str, instead: str) -> None:
