@@ -209,10 +209,18 @@ class NoOnsetError(ValueError):
 
 @dataclass(frozen=True)
 class Shift:
-    """What to add to the heat's clock to have the temperature's, with its standard error, s."""
+    """What to add to the heat's clock to have the temperature's, with its standard error, s.
+
+    Raises:
+        NoOnsetError: its error leaves it open.
+    """
 
     seconds: float
     error: float
+
+    def __post_init__(self) -> None:
+        if self.error > _LARGEST_ERROR:
+            raise NoOnsetError(f"the rise is too gradual: the shift is known to ± {self.error:.2g} s only")
 
 
 def shift_of(warm_time: FloatArray, temperature: FloatArray, heat_time: FloatArray, heat: FloatArray) -> Shift:
@@ -233,77 +241,56 @@ def shift_of(warm_time: FloatArray, temperature: FloatArray, heat_time: FloatArr
         NoOnsetError: heating begins before one of the logs does, or nothing warms, or the shift is left open.
     """
     on = _begun(heat_time, heat)
-    whole = _fitted(on, warm_time, temperature, heat_time, heat, 1.0)
-    try:
-        half = _fitted(on, warm_time, temperature, heat_time, heat, 0.5)
-    except NoOnsetError:  # too noisy for half the rise
-        return _known(Shift(whole.seconds, 2 * whole.error))
-    # What the equation leaves out shows in how far half the rise says otherwise.
-    return _known(Shift(whole.seconds, float(np.hypot(whole.error, half.seconds - whole.seconds))))
-
-
-def _fitted(
-    on: float, warm_time: FloatArray, temperature: FloatArray, heat_time: FloatArray, heat: FloatArray, share: float
-) -> Shift:
-    """The shift from a share of the first rise."""
-    window = _first_rise(temperature, share)
-    time, readings = warm_time[:window], temperature[:window]
     energy = np.concatenate(([0.0], np.cumsum(heat[:-1] * np.diff(heat_time))))
     lost = np.concatenate(([0.0], np.cumsum(0.5 * (energy[1:] + energy[:-1]) * np.diff(heat_time))))
 
-    def cost(shift: float) -> float:
-        own = time - shift
-        put_in = np.interp(own, heat_time, energy)
-        # Behind the log's last row the energy stays.
-        gone = np.interp(own, heat_time, lost) + energy[-1] * np.maximum(0.0, own - heat_time[-1])
-        return _sum_of_squares(readings, put_in, gone)
+    def fitted(share: float) -> Shift:
+        """The shift from a share of the first rise."""
+        window = _first_rise(temperature, share)
+        time, readings = warm_time[:window], temperature[:window]
 
-    tried = np.linspace(time[0] - on, time[-1] - on, _COARSE)
-    costs = np.array([cost(shift) for shift in tried])
-    for _ in range(_REFINEMENTS):
-        best = int(costs.argmin())
-        low, high = tried[max(best - 2, 0)], tried[min(best + 2, tried.size - 1)]
-        more = np.linspace(low, high, _FINE)
-        order = np.argsort(np.concatenate([tried, more]))
-        costs = np.concatenate([costs, [cost(shift) for shift in more]])[order]
-        tried = np.concatenate([tried, more])[order]
-    return _least(tried, costs, readings, time, heat_time)
+        def cost(shift: float) -> float:
+            own = time - shift
+            # Behind the log's last row the energy stays.
+            gone = np.interp(own, heat_time, lost) + energy[-1] * np.maximum(0.0, own - heat_time[-1])
+            return _sum_of_squares(readings, np.interp(own, heat_time, energy), gone)
+
+        tried = np.linspace(time[0] - on, time[-1] - on, _COARSE)
+        costs = np.array([cost(shift) for shift in tried])
+        for _ in range(_REFINEMENTS):
+            best = int(costs.argmin())
+            more = np.linspace(tried[max(best - 2, 0)], tried[min(best + 2, tried.size - 1)], _FINE)
+            order = np.argsort(np.concatenate([tried, more]))
+            costs = np.concatenate([costs, [cost(shift) for shift in more]])[order]
+            tried = np.concatenate([tried, more])[order]
+        return _least(tried, costs, readings, (time, heat_time))
+
+    whole = fitted(1.0)
+    try:
+        # What the equation leaves out shows in how far half the rise says otherwise.
+        error = float(np.hypot(whole.error, fitted(0.5).seconds - whole.seconds))
+    except NoOnsetError:  # too noisy for half the rise
+        error = 2 * whole.error
+    return Shift(whole.seconds, error)
 
 
-def _least(
-    tried: FloatArray, costs: FloatArray, readings: FloatArray, time: FloatArray, heat_time: FloatArray
-) -> Shift:
-    """The shift of least cost, with its standard error.
-
-    Raises:
-        NoOnsetError: the heat does not explain the rise, or leaves the shift open.
-    """
+def _least(tried: FloatArray, costs: FloatArray, readings: FloatArray, clocks: Sequence[FloatArray]) -> Shift:
+    """The shift of least cost; refused where the heat does not explain the rise, or leaves the shift open."""
     best = int(costs.argmin())
     flat = float(np.sum((readings - readings.mean()) ** 2))
     if costs[best] > _MISFIT * flat:
         raise NoOnsetError("the temperature does not rise as the heat would have it")
     # What the equation leaves out correlates neighbouring errors; one a second, at most, counts as its own. Three
     # coefficients and the shift are fitted to them.
-    count = max(3.0, min(float(readings.size), float(time[-1] - time[0])) - 4.0)
+    count = max(3.0, min(float(readings.size), float(np.ptp(clocks[0]))) - 4.0)
     floor = max(costs[best], 1e-12 * flat)
     inside = tried[costs <= floor * (1 + _WIDTH / count)]
     if inside[0] <= tried[0] or inside[-1] >= tried[-1]:
         raise NoOnsetError("the temperature's log begins too late, or shows too little of the rise")
     spread = (inside[-1] - inside[0]) / 6  # from three standard errors below to three above
-    periods = (float(np.median(np.diff(stamps))) for stamps in (time, heat_time))
-    error = float(np.sqrt(spread**2 + sum(period**2 / 12 for period in periods)))  # a stamp is uniform in its period
-    return _known(Shift(float(tried[best]), error))
-
-
-def _known(shift: Shift) -> Shift:
-    """The same.
-
-    Raises:
-        NoOnsetError: its error leaves it open.
-    """
-    if shift.error > _LARGEST_ERROR:
-        raise NoOnsetError(f"the rise is too gradual: the shift is known to ± {shift.error:.2g} s only")
-    return shift
+    # A stamp is uniform in its period.
+    periods = (float(np.median(np.diff(stamps))) for stamps in clocks)
+    return Shift(float(tried[best]), float(np.sqrt(spread**2 + sum(period**2 / 12 for period in periods))))
 
 
 def _sum_of_squares(readings: FloatArray, put_in: FloatArray, gone: FloatArray) -> float:
@@ -320,11 +307,7 @@ def _sum_of_squares(readings: FloatArray, put_in: FloatArray, gone: FloatArray) 
 
 
 def _begun(time: FloatArray, heat: FloatArray) -> float:
-    """When heating begins, s.
-
-    Raises:
-        NoOnsetError: there is no heat, or it is on from the first row.
-    """
+    """When heating begins [s]; refused where there is no heat, or it is on from the first row."""
     high = float(np.percentile(heat, 95))
     if not high > 0:
         raise NoOnsetError("no heat")
@@ -339,11 +322,7 @@ def _begun(time: FloatArray, heat: FloatArray) -> float:
 
 
 def _first_rise(temperature: FloatArray, share: float) -> int:
-    """How many readings, from the first, hold the rest and a share of the first of the rise.
-
-    Raises:
-        NoOnsetError: nothing rises.
-    """
+    """How many readings, from the first, hold the rest and a share of the first of the rise; refused without one."""
     smooth = np.convolve(temperature, np.ones(3) / 3, mode="valid")
     rest = float(np.median(temperature[:_FEWEST]))
     noise = white_noise(off_their_neighbours(np.arange(temperature.size, dtype=float), temperature))
