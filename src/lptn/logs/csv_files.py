@@ -18,7 +18,6 @@ from itertools import islice, takewhile
 from pathlib import Path
 from typing import BinaryIO
 
-import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pyarrow.csv as pa_csv
@@ -193,10 +192,10 @@ class _Text:
             raise
         except (pa.ArrowException, OSError, ValueError):
             return None
-        columns = {int(key): _joined([batch[k] for batch in batches]) for k, key in enumerate(wanted)}
-        if kinds["0"] == pa.string() and pd.Series(columns[0]).str.lstrip().str.startswith("#", na=False).any():
+        frame = pa.Table.from_batches(batches, reader.schema).to_pandas(split_blocks=True)
+        if kinds["0"] == pa.string() and frame["0"].str.lstrip().str.startswith("#", na=False).any():
             return None
-        return pd.DataFrame({k: columns[position] for k, position in enumerate(positions)}, copy=False)
+        return pd.DataFrame({k: frame[keys[position]] for k, position in enumerate(positions)}, copy=False)
 
     def _is_number(self, position: int) -> bool:
         cell = self.first[position].strip()
@@ -212,54 +211,47 @@ class _Text:
             InputError: a row has more or fewer cells than there are names, or the file is broken.
         """
         below, lines = RowsBelow(self.path, self.names, self.layout.units), list[int]()
-        most = tables.MOST_NUMBERS // max(len(positions), 1)
-        frames = []
+        most, at_once = tables.MOST_NUMBERS // max(len(positions), 1), max(_CELLS_IN_A_CHUNK // len(self.names), 1)
+        frames, rows = [pd.DataFrame({position: [] for position in positions})], self._rows(below, lines, cut)
         with one_line_if_broken(self.path, "a whole table"):
-            for order, texts in self._chunks(below, lines, cut):
-                frames.append(self._parsed(texts, [order[position] for position in positions]))
+            while some := "\n".join(islice(rows, at_once)):
                 if len(lines) >= most:
                     raise too_large(self.path, f"{most} rows or more")
-        frame = pd.concat(frames, ignore_index=True) if frames else pd.DataFrame({k: [] for k in range(len(positions))})
-        return frame, lines, below.said()
+                frame = pd.read_csv(
+                    io.StringIO(some),
+                    sep=self._between,
+                    decimal=self.decimal,
+                    header=None,
+                    usecols=sorted(set(positions)),
+                    skipinitialspace=True,
+                    skip_blank_lines=False,
+                    low_memory=False,
+                )
+                frames.append(frame)
+        whole = pd.concat(frames[1:] or frames, ignore_index=True)
+        return whole[list(positions)].set_axis(range(len(positions)), axis="columns"), lines, below.said()
 
-    def _chunks(self, below: RowsBelow, lines: list[int], cut: bool) -> Iterator[tuple[list[int], list[str]]]:
-        """Rows as lines of text, some at a time, with the order of the names in them; their numbers go into `lines`."""
-        width, texts = len(self.names), list[str]()
-        at_once = max(_CELLS_IN_A_CHUNK // width, 1)
+    def _rows(self, below: RowsBelow, lines: list[int], cut: bool) -> Iterator[str]:
+        """Rows as lines of text whose cells stand in the order of the names; the lines' numbers go into `lines`."""
+        in_order = below.order
         for number, line in _whole_lines(self.path, self.encoding, self.first_line, cut):
-            text, order = line, below.order
             # Most begin with a number, and their cells need no look.
-            looks_right = line[0] in _BEGINS_A_NUMBER and '"' not in line and self.separator not in (_BLANK, _WIDE)
-            if not looks_right or line.count(self.separator) + 1 != width:
-                cells = _cells(line, self.separator)
-                text = _written(cells[:width], self._between) if below.holds_values(f"line {number}", cells) else ""
-            if texts and (len(texts) >= at_once or below.order is not order):
-                yield order, texts
-                texts = []
-            if text:
+            plain = line[0] in _BEGINS_A_NUMBER and '"' not in line and self.separator not in (_BLANK, _WIDE)
+            if plain and below.order == in_order and line.count(self.separator) + 1 == len(self.names):
                 lines.append(number)
-                texts.append(text)
-        if texts:
-            yield below.order, texts
+                yield line
+                continue
+            cells = _cells(line, self.separator)
+            if below.holds_values(f"line {number}", cells):
+                lines.append(number)
+                text = io.StringIO()
+                csv.writer(text, delimiter=self._between, lineterminator="").writerow(cells[k] for k in below.order)
+                yield text.getvalue()
 
     @property
     def _between(self) -> str:
         """What stands between cells where a row is written anew."""
         return "\t" if self.separator in (_BLANK, _WIDE) else self.separator
-
-    def _parsed(self, texts: Sequence[str], positions: Sequence[int]) -> pd.DataFrame:
-        """Rows of whole lines, the columns at `positions` in this order."""
-        frame = pd.read_csv(
-            io.StringIO("\n".join(texts)),
-            sep=self._between,
-            decimal=self.decimal,
-            header=None,
-            usecols=sorted(set(positions)),
-            skipinitialspace=True,
-            skip_blank_lines=False,
-            low_memory=False,
-        )
-        return frame[list(positions)].set_axis(range(len(positions)), axis="columns")
 
     def with_points(self, frame: pd.DataFrame) -> pd.DataFrame:
         """The same, where words made text of numbers beside them that are written with a comma."""
@@ -276,21 +268,6 @@ class _Text:
 def _other_count(path: Path, values: int, names: int) -> InputError:
     problem = f"{values} values in the first row under {names} names"
     return InputError(path, "header", problem, "a name for each column, and numbers with a decimal point")
-
-
-def _written(cells: Sequence[str], separator: str) -> str:
-    """Cells as a line."""
-    line = io.StringIO()
-    csv.writer(line, delimiter=separator, lineterminator="").writerow(cells)
-    return line.getvalue()
-
-
-def _joined(pieces: list[pa.Array]) -> object:
-    """Pieces of a column as one; numbers with NaN for what is empty."""
-    column = pa.chunked_array(pieces)
-    if not pa.types.is_floating(column.type):
-        return column.to_pandas()
-    return np.concatenate([piece.to_numpy(zero_copy_only=False) for piece in pieces])
 
 
 def _begin(path: Path) -> tuple[str, list[tuple[int, str]]]:
