@@ -6,18 +6,19 @@ import hashlib
 import re
 import shutil
 import tempfile
-from collections.abc import Hashable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
 from itertools import islice
+from operator import eq
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
-from lptn.basics.arrays import BoolArray, FloatArray, IntArray
+from lptn.basics.arrays import FloatArray, IntArray
 from lptn.basics.errors import InputError
 from lptn.basics.files import fingerprint
 from lptn.logs.bag_messages import COMMON_TYPES, Decoder, Numbers, label_of, quantities
@@ -55,36 +56,32 @@ def open_bag(path: Path) -> Table:
     topics = {topic: look.names for topic, look in first.items() if look.names}
     if not topics:
         raise InputError(path, "log", "no topic whose messages hold numbers", "a bag with joint states or the like")
-    # Those of each source by itself, where several have one.
-    numbered = {
-        f"{topic}:{number}": (topic, source)
-        for topic, look in first.items()
-        if look.shared
-        for number, source in enumerate(look.sources, start=1)
-    }
-    all_numbers = topics | {name: topics[topic] for name, (topic, _) in numbered.items()}
-    names = ("time", *(f"{topic}.{name}" for topic, numbers in all_numbers.items() for name in numbers))
+    # A topic's messages, and those of each source by itself where several have one number.
+    parts: dict[str, tuple[str, Hashable]] = {topic: (topic, None) for topic in topics}
+    for topic, look in first.items():
+        if look.shared:
+            parts |= {f"{topic}:{number}": (topic, source) for number, source in enumerate(look.sources, start=1)}
+    names = ("time", *(f"{part}.{name}" for part, (topic, _) in parts.items() for name in topics[topic]))
     notes = [*of_opening]
 
     def sources(wanted: Sequence[str]) -> list[Source]:
         of_all = set(wanted)
-        asked = {name: [n for n in numbers if f"{name}.{n}" in of_all] for name, numbers in all_numbers.items()}
-        asked = {name: numbers for name, numbers in asked.items() if numbers} or {next(iter(topics)): []}
+        asked = {part: [n for n in topics[topic] if f"{part}.{n}" in of_all] for part, (topic, _) in parts.items()}
+        asked = {part: numbers for part, numbers in asked.items() if numbers} or {next(iter(topics)): []}
         of_topic: dict[str, dict[str, None]] = {}
-        for name, numbers in asked.items():
-            of_topic.setdefault(numbered.get(name, (name,))[0], {}).update(dict.fromkeys(numbers))
+        for part, numbers in asked.items():
+            of_topic.setdefault(parts[part][0], {}).update(dict.fromkeys(numbers))
         with _reader(path) as again:
             every = {topic: _stream(again, store, topic, kinds[topic], list(some)) for topic, some in of_topic.items()}
         streams, of_sources = [], []
-        for name, numbers in asked.items():
-            if name in numbered:
-                topic, source = numbered[name]
-                rows = np.array([label == source for label in every[topic].sources], dtype=bool)
-                streams.append(every[topic].only(rows, numbers, name))
-            else:
-                stream, said = _of_one_source(path, every[name], numbers, first[name].sources)
-                streams.append(stream)
+        for part, numbers in asked.items():
+            topic, source = parts[part]
+            if source is None:
+                stream, said = _of_one_source(path, every[topic], numbers, first[topic].sources)
                 of_sources += said
+            else:
+                stream = every[topic].only(partial(eq, source), numbers, part)
+            streams.append(stream)
         stamps, of_clock = one_clock(streams)
         notes[:] = [*of_opening, *of_sources, *of_clock]
         return [(own / 1e9, stream.columns()) for stream, own in zip(streams, stamps, strict=True)]
@@ -133,10 +130,9 @@ def _of_one_source(
             expected = expected if all(numbers) else "a bag of one of them"
             raise InputError(path, stream.topic, said, expected)
     silent = {source for conflict in found for source in conflict.silent}
-    rows = np.array([source not in silent for source in stream.sources], dtype=bool)
-    left_out = int((~rows).sum())
+    left_out = sum(source in silent for source in stream.sources)
     notes = [f"{stream.topic}: {left_out} messages {ANOTHER_SOURCE} hold zeros alone; left out."] if silent else []
-    return stream.only(rows, wanted, stream.topic), notes
+    return stream.only(lambda source: source not in silent, wanted, stream.topic), notes
 
 
 def _words(one: Any, other: Any) -> str:
@@ -274,8 +270,9 @@ class Stream:
     values: FloatArray
     sources: Sequence[Hashable] = ()
 
-    def only(self, rows: BoolArray, names: Sequence[str], topic: str) -> Stream:
-        """Some of its messages, and numbers, under another name."""
+    def only(self, of_source: Callable[[Hashable], bool], names: Sequence[str], topic: str) -> Stream:
+        """The messages of some sources, and some of their numbers, under another name."""
+        rows = np.fromiter(map(of_source, self.sources), dtype=bool, count=len(self.sources))
         columns = [self.names.index(name) for name in names]
         return Stream(topic, names, self.stamps[rows], self.received[rows], self.values[rows][:, columns])
 
@@ -295,28 +292,22 @@ def one_clock(streams: Sequence[Stream]) -> tuple[list[IntArray], list[str]]:
     reception there.
     """
     stamped = [stream for stream in streams if _usable(stream.stamps)]
-    notes = []
+    rest = [stream for stream in streams if stream not in stamped]
+    notes, shift, moved = [], 0, ""
     if stamped:
-        offset = int(np.median(np.concatenate([stream.stamps - stream.received for stream in stamped])))
+        shift = int(np.median(np.concatenate([stream.stamps - stream.received for stream in stamped])))
+        moved = f", moved by {shift / 1e9:.6g} s onto the header stamps' clock"
         notes.append(f"time: from the header stamps of {_listed(stamped)}.")
-        notes += _disagreeing(stamped)
-    rest = [stream for stream in streams if not _usable(stream.stamps)]
+        ahead = [int(np.median(stream.stamps - stream.received)) for stream in stamped]
+        notes += [  # nobody knows which is right
+            f"time: the header stamps of {stream.topic} lie {(own - ahead[0]) / 1e9:+.4g} s from those of "
+            f"{stamped[0].topic}, by the times of reception; two clocks, it seems, and nothing was moved."
+            for stream, own in zip(stamped, ahead, strict=True)
+            if abs(own - ahead[0]) > _APART
+        ]
     if rest:
-        moved = f", moved by {offset / 1e9:.6g} s onto the header stamps' clock" if stamped else ""
         notes.append(f"time: of {_listed(rest)} the time of reception{moved}; no usable header stamps.")
-    shift = offset if stamped else 0
     return [stream.stamps if stream in stamped else stream.received + shift for stream in streams], notes
-
-
-def _disagreeing(stamped: Sequence[Stream]) -> list[str]:
-    """What to say of topics whose stamps come from another clock than the first one's; nobody knows which is right."""
-    ahead = [int(np.median(stream.stamps - stream.received)) for stream in stamped]
-    return [
-        f"time: the header stamps of {stream.topic} lie {(own - ahead[0]) / 1e9:+.4g} s from those of "
-        f"{stamped[0].topic}, by the times of reception; two clocks, it seems, and nothing was moved."
-        for stream, own in zip(stamped, ahead, strict=True)
-        if abs(own - ahead[0]) > _APART
-    ]
 
 
 def _usable(stamps: IntArray) -> bool:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, BinaryIO, NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
 import numpy.typing as npt
@@ -207,7 +207,7 @@ class Bounded(io.RawIOBase):
         error: what to raise where there are more.
     """
 
-    def __init__(self, file: BinaryIO, most: int, error: Exception) -> None:
+    def __init__(self, file: io.BufferedIOBase, most: int, error: Exception) -> None:
         self._file, self._left, self._error = file, most, error
 
     def readable(self) -> bool:
