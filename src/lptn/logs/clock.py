@@ -112,7 +112,9 @@ def _require_rows(table: Table, rows: int, different: int) -> None:
 
 
 _MOSTLY_TWICE = 0.5  # share of the rows of one stamp that say something else than the one before; else it is a copy
-_COARSEST_CLOCK = 10.0  # s: rows that are spread may come as late, which moves a temperature little
+_COARSEST_CLOCK = (
+    10.0  # s between the times of a log: rows that are spread may come as late, and move temperatures little
+)
 _OF_DEVICES = 3.0
 """Times by which temperatures differ more within a time stamp than from one to the next, where rows of several devices
 follow each other; of one sensor's rows they differ less."""
@@ -167,9 +169,7 @@ def within_stamps(
 
 _IN_NAMES = ("ms", "us", "ns", "min")  # units that nothing else at a name's end means; "s" may
 _SINCE_1970 = (("ms", 3e11, 1e13), ("us", 3e14, 1e16), ("ns", 3e17, 1e19))  # first times from 1979 to 2286
-_LONG_PERIOD = 20.0  # s: a log of whole numbers this far apart …
-_HALF_A_DAY = 43200.0  # s: … that lasts longer than this is rather one in a smaller unit
-_LONG_PERIOD_AS_MEANT = 10.0  # s, the most that the rows are then taken to be apart
+_LONG_PERIOD = 20.0  # s: a log of whole numbers this far apart, over half a day, is rather one in a smaller unit
 
 
 def suspect_unit_of_time(source: ColumnSource, time: FloatArray) -> list[Issue]:
@@ -191,7 +191,7 @@ def suspect_unit_of_time(source: ColumnSource, time: FloatArray) -> list[Issue]:
         return [in_unit("time", source, named, problem)]
     span = float(abs(time[-1] - time[0]))
     of_minutes = period % 60 == 0  # buildings are logged so; nobody logs every 60 ms
-    if period >= _LONG_PERIOD and not of_minutes and span > _HALF_A_DAY and bool((np.round(time) == time).all()):
+    if period >= _LONG_PERIOD and not of_minutes and span > _DAY / 2 and bool((np.round(time) == time).all()):
         unit = _unit_of_rows(period)
         problem = f"{period:.4g} s from row to row over {span / 3600:.3g} h, which looks like {unit}"
         return [in_unit("time", source, unit, problem, certain=False)]
@@ -201,4 +201,4 @@ def suspect_unit_of_time(source: ColumnSource, time: FloatArray) -> list[Issue]:
 def _unit_of_rows(period: float) -> str:
     """The longest unit of time in which rows that are so many units apart are as close as those of a log."""
     per_second = {"ms": 1e3, "us": 1e6}
-    return next((name for name, n in per_second.items() if period / n <= _LONG_PERIOD_AS_MEANT), "ns")
+    return next((name for name, n in per_second.items() if period / n <= _COARSEST_CLOCK), "ns")

@@ -106,18 +106,15 @@ def guess(
     moves = {f"{quantity}.{place}" for quantity in _MOVES for place in (*driven, "base")}
     missing += [key for key in missing_keys(table, columns, optional, ()) if key in moves.difference(missing)]
     choice: Choice = {}
-    if "time" in missing and (name := _time(names)):
-        choice["time"] = name, "its name"
-    for key in missing:
-        if key != "time" and (name := _by_place(key, names, places)):
-            choice[key] = name, "its name"
     for method, among in (
+        (_time, places),
+        (_by_place, places),
         (_by_last_word, places),
         (_by_number, places),
         (_by_number, driven),
         (_by_being_alone, places),
     ):
-        rest = [key for key in missing if key not in choice and key != "time"]
+        rest = [key for key in missing if key not in choice and (key != "time" or method is _time)]
         chosen = {column for column, _ in choice.values()}
         choice |= method(rest, {name: parts for name, parts in names.items() if name not in chosen}, among)
     there = _logged(table, sources)
@@ -297,8 +294,8 @@ def _words_besides(name: ColumnName, quantity: str, spellings: set[str]) -> int 
 # --- The ways in which a column may be meant -------------------------------------------------------
 
 
-def _time(names: Names) -> str:
-    """The column whose name begins or ends with a word for time, and has no more than a unit besides; '' for none."""
+def _time(missing: Sequence[str], names: Names, _: Sequence[str]) -> Choice:
+    """The column whose name begins or ends with a word for time, and has no more than a unit besides."""
     ranked: list[tuple[int, int, str]] = []
     for column, name in names.items():
         words = [word for word in name.words if word not in _NOT_MEASURED]
@@ -307,24 +304,26 @@ def _time(names: Names) -> str:
         if for_time and (words[0] in for_time or words[-1] in for_time or unit):
             # A t alone may be a temperature's.
             ranked.append((len(words) - len(for_time) - unit + (for_time == ["t"]), len(ranked), column))
-    return min(ranked)[2] if ranked else ""
+    return {"time": (min(ranked)[2], "its name")} if ranked and "time" in missing else {}
 
 
-def _by_place(key: str, names: Names, places: Sequence[str]) -> str:
-    """The column that names the place and the quantity with the fewest words besides; '' if two are as good."""
-    quantity, _, place = key.partition(".")
-    mine = _spellings(place)
-    # `FR_calf_upper` is another place where the model has one of that name.
-    longer = [other for other in map(_spellings, places) if other != mine and len(min(other)) > len(min(mine))]
-    ranked: list[tuple[int, str]] = []
-    for column, name in names.items():
-        besides = _words_besides(name, quantity, mine)
-        if besides is not None and all(_words_besides(name, quantity, other) is None for other in longer):
-            ranked.append((besides, column))
-    ranked.sort()
-    if len(ranked) > 1 and ranked[0][0] == ranked[1][0]:
-        return ""
-    return ranked[0][1] if ranked else ""
+def _by_place(missing: Sequence[str], names: Names, places: Sequence[str]) -> Choice:
+    """The column that names the place and the quantity with the fewest words besides, if no other has as few."""
+    choice: Choice = {}
+    for key in missing:
+        quantity, _, place = key.partition(".")
+        mine = _spellings(place)
+        # `FR_calf_upper` is another place where the model has one of that name.
+        longer = [other for other in map(_spellings, places) if other != mine and len(min(other)) > len(min(mine))]
+        ranked: list[tuple[int, str]] = []
+        for column, name in names.items():
+            besides = _words_besides(name, quantity, mine)
+            if besides is not None and all(_words_besides(name, quantity, other) is None for other in longer):
+                ranked.append((besides, column))
+        ranked.sort()
+        if ranked and (len(ranked) == 1 or ranked[0][0] < ranked[1][0]):
+            choice[key] = ranked[0][1], "its name"
+    return choice
 
 
 def _of_its_joint(key: str, places: Sequence[str]) -> str:

@@ -14,7 +14,7 @@ import numpy as np
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
-from lptn.logs.clock import check_time, in_order
+from lptn.logs.clock import FEWEST_ROWS, check_time, in_order
 from lptn.logs.columns import ColumnSource
 from lptn.logs.scatter import off_their_neighbours, white_noise
 from lptn.logs.silence import AMBIENT
@@ -27,7 +27,6 @@ from lptn.logs.units import suspect_unit
 SECOND_TIME = "time.2"
 """What the second log's time column is mapped as."""
 _HEAT = {"power": 1, "current": 2, "current_abs": 2, "torque": 2, "torque_abs": 2}  # exponent that makes it a heat
-_FEWEST_VALUES = 10  # of a column, to align on it
 _APART = 5.0  # s, beyond which shifts that other columns give are worth a word
 
 
@@ -93,7 +92,7 @@ class _Timed:
         self.table = table
         missing = source is None or any(name not in table.names for name in source.columns)
         if source is None or missing:
-            problem = f"no such column; the log has: {', '.join(table.names[:30])}"
+            problem = f"no such column; the log has: {table.listing}"
             raise InputError(table.path, f"column {key}", problem, f"a line in [columns] / --map {key}=YOURNAME")
         self.column = source.columns[0]
         numbers = table.numbers(source.columns)
@@ -119,7 +118,7 @@ class _Timed:
             for key, source in sources.items()
             if key.partition(".")[0] in quantities and set(source.columns) <= set(self.table.names)
         }
-        return {key: values for key, values in columns.items() if np.isfinite(values).sum() > _FEWEST_VALUES}
+        return {key: values for key, values in columns.items() if np.isfinite(values).sum() > FEWEST_ROWS}
 
 
 def _aligned(path: Path, one: _Timed, other: _Timed, columns: Mapping[str, ColumnSource]) -> tuple[float, str]:

@@ -11,6 +11,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NoReturn
 
 from lptn.basics.errors import InputError
 from lptn.logs.columns import is_unit
@@ -153,19 +154,19 @@ class RowsBelow:
     def _heed_units(self, place: str, cells: Cells) -> None:
         units = tuple(map(_without_bracket, cells[: len(self.names)]))
         if units != self.units:
-            said = f"units ({', '.join(units)}) that the table does not begin with"
-            raise InputError(self.path, place, said, "a table of one kind of rows; what follows, in a file of its own")
+            self._refuse(place, f"units ({', '.join(units)}) that the table does not begin with")
 
     def _heed_names(self, place: str, names: Sequence[str]) -> None:
         if sorted(names) != sorted(self.names) or (names != self.names and len(set(names)) < len(names)):
-            said = f"other names ({', '.join(names)}) than the table begins with"
-            raise InputError(self.path, place, said, "a table of one kind of rows; what follows, in a file of its own")
+            self._refuse(place, f"other names ({', '.join(names)}) than the table begins with")
         order = [names.index(name) for name in self.names] if names != self.names else list(range(len(names)))
         if order != self.order:
-            self.notes.append(
-                f"log: its names stand again, in another order, in {place}; what follows is read by them."
-            )
+            said = f"log: its names stand again, in another order, in {place}; what follows is read by them."
+            self.notes.append(said)
         self.order = order
+
+    def _refuse(self, place: str, said: str) -> NoReturn:
+        raise InputError(self.path, place, said, "a table of one kind of rows; what follows, in a file of its own")
 
     def said(self) -> list[str]:
         """Notes on what was left out, or read by other names."""

@@ -16,7 +16,7 @@ import pandas as pd
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import LOG_FILE, InputError
 from lptn.logs.bags import open_bag
-from lptn.logs.clock import check_time, in_order, within_stamps
+from lptn.logs.clock import FEWEST_ROWS, check_time, in_order, within_stamps
 from lptn.logs.columns import (
     MEANS,
     SAMPLES,
@@ -205,7 +205,7 @@ def choose_columns(
         inputs = tuple(column for column in features if column not in outputs)
         if not features:
             expected = "<quantity>.<place>, or lines in [columns] / --map torque.FR_calf=YOURNAME"
-            raise InputError(table.path, "columns", f"none that is known in: {_listing(table)}", expected)
+            raise InputError(table.path, "columns", f"none that is known in: {table.listing}", expected)
     else:
         for column in inputs:
             _require(table, sources, raw_keys(column, sources), column)
@@ -245,7 +245,7 @@ def _require(table: Table, sources: Mapping[str, ColumnSource], keys: Collection
         for name in _absent(table, sources, key):
             place = f"column '{name}'" if key in sources else f"column {key}"
             because = f" (for {purpose})" if purpose and purpose != key else ""
-            problem = f"no such column; the log has: {_listing(table)}"
+            problem = f"no such column; the log has: {table.listing}"
             raise InputError(table.path, place + because, problem, _instead(table, sources, key, purpose))
 
 
@@ -280,18 +280,9 @@ def without_column(key: str) -> str:
     )
 
 
-_MOST_LISTED = 30  # names of columns in a message
-
-
-def _listing(table: Table) -> str:
-    more = len(table.names) - _MOST_LISTED
-    return ", ".join(table.names[:_MOST_LISTED]) + (f" and {more} more" if more > 0 else "")
-
-
 # --- A log read into runs: mapped, checked, split at its gaps and resampled -----------------------
 
 
-_FEWEST_STEPS = 10  # of a run; in fewer nothing can be seen to warm
 _SHORTEST_STEP = 1.0  # s, unless the user asks for less: bodies of a robot's size warm over minutes
 _BRIDGED, _BRIDGED_STEPS = 10.0, 5.0  # s, and steps: the gap that is bridged unless the user says another
 _SLOW = 60.0  # s from row to row, from which half of it is what a winding or a sensor lags by
@@ -373,7 +364,11 @@ def read_log(
     of_columns = [f"{column}: has gaps, and the model does not need it; left out." for column in gappy]
     of_columns += [f"{key}: no value in any row; left out." for key in samples.raw if key in empty]
     choice, samples = _without(choice, samples, empty)
-    step, of_step = _step(step, samples.period)
+    own = float(f"{samples.period:.3g}")
+    of_step = []
+    if step is not None and step < own:
+        of_step.append(f"time: sampled every {own:g} s, so steps of {own:g} s are used in place of {step:g} s.")
+    step = max(own, _SHORTEST_STEP if step is None else step)
     steady_gap = STEADY_GAP if max_gap is None else 0.0
     max_gap = max_gap if max_gap is not None else max(_BRIDGED, _BRIDGED_STEPS * step)
     if max_gap < SEVERAL * samples.period:
@@ -448,11 +443,7 @@ def _values(
 
 
 def _refuse_other_quantities(table: Table, sources: Mapping[str, ColumnSource]) -> None:
-    """Refuse columns under whose names a row of units says a unit that their quantity hasn't.
-
-    Raises:
-        InputError: there is one, and nobody has said its unit.
-    """
+    """Refuse columns under whose names a row of units says one that their quantity hasn't, and nobody another."""
     for key, source in sources.items():
         if source.unit is not None or (len(source.columns) > 1 and source.how != "mean"):
             continue
@@ -531,11 +522,7 @@ def _gappy(choice: ColumnChoice, samples: Samples, needed: Collection[str], mixe
 
 
 def _empty(table: Table, choice: ColumnChoice, samples: Samples, issues: Collection[Issue]) -> list[str]:
-    """Columns that hold no number at all, and inputs that would be formed from them.
-
-    Raises:
-        InputError: the model can't do without.
-    """
+    """Columns that hold no number at all, and inputs formed from them; refused where the model can't do without."""
     empty = [key for key, values in samples.raw.items() if np.isnan(values).all()]
     rest = samples.raw.keys() - set(empty)
     lost = [column for column in choice.inputs if not rest.issuperset(raw_keys(column, rest))]
@@ -551,16 +538,6 @@ def _empty(table: Table, choice: ColumnChoice, samples: Samples, issues: Collect
     return list(dict.fromkeys([*empty, *lost]))
 
 
-def _step(step: float | None, period: float) -> tuple[float, list[str]]:
-    """The runs' step, s, and a note where it is not what was asked for."""
-    own = float(f"{period:.3g}")
-    if step is None:
-        return max(own, _SHORTEST_STEP), []
-    if step < own:
-        return own, [f"time: sampled every {own:g} s, so steps of {own:g} s are used in place of {step:g} s."]
-    return step, []
-
-
 def _runs(
     table: Table,
     choice: ColumnChoice,
@@ -570,20 +547,16 @@ def _runs(
     steady_gap: float,
     notes: list[str],
 ) -> list[Run]:
-    """One run for each stretch of the log that is long enough.
-
-    Raises:
-        InputError: none is.
-    """
+    """One run for each stretch of the log that is long enough; refused where none is."""
     needed = {key: values for key, values in samples.raw.items() if key not in choice.outputs}
     without_gaps = partial(find_stretches, samples.time, samples.period, max_gap=max_gap, steady_gap=steady_gap)
     stretches, gaps = without_gaps(needed)
     if table.mixed:  # rows of several clocks follow each other at any distance
         gaps = [note for note in gaps if not (note.startswith("time: ") and "bridged" in note)]
     counts = [math.floor((stop - start) / step + ROUNDING) for start, stop in stretches]
-    kept = [(start, n) for (start, _), n in zip(stretches, counts, strict=True) if n >= _FEWEST_STEPS]
+    kept = [(start, n) for (start, _), n in zip(stretches, counts, strict=True) if n >= FEWEST_ROWS]
     if not kept:
-        key = _hardly_there(needed, lambda inputs: without_gaps(inputs)[0], step * _FEWEST_STEPS)
+        key = _hardly_there(needed, lambda inputs: without_gaps(inputs)[0], step * FEWEST_ROWS)
         if key:
             values = needed[key][np.isfinite(needed[key])]
             problem = f"{values.size} value{'s' * (values.size != 1)} of {key} in {samples.time.size} rows"
@@ -592,11 +565,11 @@ def _runs(
                 expected += without_column(key).replace("= 22 ", f"= {np.median(values):.4g} ", 1)
             raise InputError(table.path, f"column '{choice.sources[key].columns[0]}'", problem, expected)
         problem = f"at most {max(counts, default=0)} steps of {step:g} s in one stretch"
-        expected = f"a stretch of at least {_FEWEST_STEPS} steps without a gap over {max_gap:g} s"
+        expected = f"a stretch of at least {FEWEST_ROWS} steps without a gap over {max_gap:g} s"
         raise InputError(table.path, "log", problem, expected)
     if len(kept) < len(stretches):
         dropped = f"{len(stretches) - len(kept)} of {len(stretches)} stretches"
-        gaps.append(f"log: {dropped} hold fewer than {_FEWEST_STEPS} steps of {step:g} s; dropped.")
+        gaps.append(f"log: {dropped} hold fewer than {FEWEST_ROWS} steps of {step:g} s; dropped.")
     stem, resolution = run_name(table.path), _resolution(samples.raw)
     whole = Run(
         name=stem,
@@ -656,7 +629,7 @@ def _beginning_with_readings(runs: list[Run], outputs: Collection[str]) -> list[
         first = int(np.argmax(reads))
         if run is runs[0] or first * run.step <= LATEST_FIRST:
             kept.append(run)
-        elif len(run) - first >= _FEWEST_STEPS:
+        elif len(run) - first >= FEWEST_ROWS:
             kept.append(run.slice(float(run.time[first]), np.inf))
             late.append(f"{run.name} by {first * run.step:.4g} s")
     if not kept:

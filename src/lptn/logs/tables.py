@@ -31,8 +31,8 @@ MOST_NUMBERS = 500_000_000  # 4 GB; a day of twelve joints at 100 Hz has 400 mil
 _NUMBERS_AT_ONCE = 10_000_000  # read from a file before they are copied into their columns, so that few stand twice
 _UNPACKED = 100_000_000  # bytes that any packed file may have …
 TIMES_PACKED = 100  # … and times its own size
-_LONGEST_REASON = 200  # characters of another library's error that go into a message
 _MOST_WORDS = 5  # that a note gives as examples
+_MOST_LISTED = 30  # names of columns in a message
 _LONGEST_CELL = 100  # characters of a cell that go into a message
 _NO_NUMBER = re.compile(r"[-+]?1\.#(?:INF|IND|QNAN|SNAN)\d*", re.IGNORECASE)  # as Windows prints what is no number
 _YES_OR_NO = {"true": 1.0, "false": 0.0, "yes": 1.0, "no": 0.0, "on": 1.0, "off": 0.0}
@@ -162,6 +162,12 @@ class Table:
         shown = ", ".join(f"'{word[:_LONGEST_CELL]}'" for word in words.unique()[:_MOST_WORDS])
         self.note([f"{name}: {words.size} cells hold a word ({shown}), which is no reading."])
 
+    @property
+    def listing(self) -> str:
+        """The names of its columns, for a message of one line."""
+        more = len(self.names) - _MOST_LISTED
+        return ", ".join(self.names[:_MOST_LISTED]) + (f" and {more} more" if more > 0 else "")
+
     def note(self, notes: Iterable[str]) -> None:
         """Add what reading brought up, once though it is read twice."""
         self.notes.extend(note for note in notes if note not in self.notes)
@@ -248,8 +254,7 @@ def one_line_if_broken(path: Path, expected: str) -> Iterator[None]:
     except InputError:
         raise
     except Exception as error:
-        reason = (str(error) or type(error).__name__)[:_LONGEST_REASON]
-        raise InputError(path, "log", f"a broken file ({reason})", expected) from error
+        raise InputError(path, "log", f"a broken file ({str(error) or type(error).__name__})", expected) from error
 
 
 def with_times(table: Table, rate: float) -> Table:
