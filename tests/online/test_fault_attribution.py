@@ -7,9 +7,9 @@ import pytest
 from tests.hardening.monitored_faults import FAULTS, watched
 
 
-def blamed(seed: int, mode: str, faults: list[str]) -> tuple[dict[str, tuple[str, ...]], set[str]]:
+def blamed(seed: int, mode: str, faults: list[str], noise: float = 0.1) -> tuple[dict[str, tuple[str, ...]], set[str]]:
     """The healthy channels that are blamed, by fault; and the faults that are called."""
-    said = watched("leg", seed, 0.1, [mode], faults)
+    said = watched("leg", seed, noise, [mode], faults)
     return (
         {fault: answer.blamed for (_, fault), answer in said.items() if answer.blamed},
         {fault for (_, fault), answer in said.items() if answer.called},
@@ -33,4 +33,14 @@ def test_of_16_faults_none_is_put_on_a_healthy_channel(seed: int, mode: str) -> 
     wrongly, called = blamed(seed, mode, list(FAULTS))
     assert wrongly == {}
     assert len(called) >= 12
+    assert "healthy" not in called
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("seed", "noise"), [(1, 0.1), (1, 0.005), (3, 0.1), (3, 0.005), (6, 0.005)])
+def test_a_model_that_is_off_is_not_a_healthy_channels_fault(seed: int, noise: float) -> None:
+    """Every value 10 % off, and healthy logs that teach: it was in up to five logs of 18."""
+    wrongly, called = blamed(seed, "taught", list(FAULTS), noise)
+    assert wrongly == {}
+    assert len(called) >= 14
     assert "healthy" not in called

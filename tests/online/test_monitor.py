@@ -16,8 +16,17 @@ from lptn.basics.errors import InputError
 from lptn.cli.main import main
 from lptn.logs.run import Run
 from lptn.model.model import Model
-from lptn.online.calibration import Calibration, calibrate, rare, read_calibration, write_calibration
-from lptn.online.fault_likelihood import DRIFT, LAG, OFFSET, STEP, coarsely_bound, fault_statistics, gaussian_estimator
+from lptn.online.calibration import Calibration, calibrate, rare, read_calibration, uncalibrated, write_calibration
+from lptn.online.fault_likelihood import (
+    DRIFT,
+    LAG,
+    OFFSET,
+    STEP,
+    coarsely_bound,
+    fault_statistics,
+    first_alarm,
+    gaussian_estimator,
+)
 from lptn.online.monitoring import Monitoring, alarms_by_threshold, monitor
 from lptn.online.sensor_faults import Alarm, MonitoredRun
 from lptn.report.online_figures import monitoring_figure
@@ -180,6 +189,18 @@ def test_the_size_of_a_drift_is_estimated_right(model: Model, calibration: Calib
     assert last.size[DRIFT, 0] == pytest.approx(FASTEST, rel=0.2)
     assert last.weight[DRIFT, 0] > last.weight[OFFSET, 0] > 0
     assert last.weight[DRIFT, 0] > last.weight[DRIFT, 1]
+
+
+@pytest.mark.parametrize("share", [0.4, 0.6, 0.8, 1.0])
+def test_what_is_called_had_begun(model: Model, share: float) -> None:
+    """A sensor that comes loose looks like a later fault some minutes behind its alarm."""
+    run = log(4, lambda since, readings: readings + share * (1 - np.exp(-since / 30.0)) * (21.0 - readings))
+    guessed, bound = uncalibrated(model, [run], None), coarsely_bound(model, run, STEP)
+    estimator = gaussian_estimator(model, guessed.noise, guessed.error)
+    alarm = first_alarm(estimator, bound, bound.measured, np.full_like(guessed.limits, 4.5))
+    assert alarm is not None
+    assert alarm.node == "a"
+    assert BEGIN - STEP <= alarm.onset <= alarm.time
 
 
 @pytest.mark.long

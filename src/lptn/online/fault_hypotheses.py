@@ -101,11 +101,17 @@ class Suspicion:
         measured[np.array(rows)[:, None], self.behind(onset)] = np.nan
         return replace(self, measured=measured)
 
-    def with_added(self, row: int, added: FloatArray) -> Suspicion:
-        """The same with something added to a sensor's readings [K], shape (n,)."""
+    def with_readings(self, rows: Sequence[int], values: FloatArray) -> Suspicion:
+        """The same with other readings of some sensors [degC], shape (rows, n)."""
         measured = self.measured.copy()
-        measured[row] += added
+        measured[list(rows)] = values
         return replace(self, measured=measured)
+
+    def with_inputs(self, rows: Sequence[int], values: FloatArray) -> Suspicion:
+        """The same with other values of some inputs, shape (rows, n)."""
+        inputs = self.run.inputs.copy()
+        inputs[list(rows)] = values
+        return replace(self, run=replace(self.run, inputs=inputs))
 
     def with_unknown_input(self, column: str, lift: float = _LIFTS[0]) -> Suspicion:
         """The same with heat [K/s] at a joint that its load doesn't tell, or air that is far off."""
@@ -115,24 +121,6 @@ class Suspicion:
         capacity = float(self.model.values[self.model.network.capacities[place]])
         heat = dict(zip(self.model.nodes, by_node(self.error.heat, self.model.nodes).tolist(), strict=True))
         return replace(self, error=replace(self.error, heat=heat | {place: capacity * lift}))
-
-    def with_scaled_input(self, column: str, onset: float, factor: float) -> Suspicion:
-        """The same with a load that is so many times what the log says behind a time [s]."""
-        inputs = self.run.inputs.copy()
-        inputs[self.model.inputs.index(column), self.behind(onset)] *= factor
-        return replace(self, run=replace(self.run, inputs=inputs))
-
-    def exchanged(self, one: int, other: int) -> Suspicion:
-        """The same with the readings of two sensors exchanged."""
-        measured = self.measured.copy()
-        measured[[one, other]] = self.measured[[other, one]]
-        return replace(self, measured=measured)
-
-    def with_exchanged_inputs(self, one: int, other: int) -> Suspicion:
-        """The same with two inputs exchanged."""
-        inputs = self.run.inputs.copy()
-        inputs[[one, other]] = self.run.inputs[[other, one]]
-        return replace(self, run=replace(self.run, inputs=inputs))
 
 
 # --- What a sensor that is wrong reads ------------------------------------------------------------
@@ -228,7 +216,7 @@ def _of_a_sensor(given: Suspicion, row: int, onset: float) -> float:
     of_shapes, nothing = [], given.nats(onset)
     for added in (behind.astype(float), np.asarray(since / max(float(since[-1]), 1.0))):
         # Of a linear filter it is a parabola in the size of what is added; three points tell its vertex.
-        one, two = (given.with_added(row, np.asarray(size * added)).nats(onset) for size in (-1.0, -2.0))
+        one, two = (given.with_readings([row], given.measured[row] + size * added).nats(onset) for size in (-1.0, -2.0))
         slope, bend = 2 * one - 0.5 * two - 1.5 * nothing, two - 2 * one + nothing
         of_shapes.append(nothing - 0.5 * slope**2 / bend if bend < 0 else nothing)
     others = given.without([row], onset)
@@ -283,7 +271,7 @@ def attributed(given: Suspicion, alarm: Alarm) -> tuple[list[Alarm], Suspicion]:
         sensor's readings.
     """
     row = given.model.nodes.index(alarm.node)
-    without = given.without([row], min(alarm.onset, alarm.time))
+    without = given.without([row], alarm.onset)
     if not np.isnan(without.measured[row]).sum() > np.isnan(given.measured[row]).sum():
         without = given.without([row], -np.inf)  # it is called again for what was read before
     gain = _of_a_sensor(given, row, alarm.onset) - given.nats(alarm.onset)
@@ -315,7 +303,8 @@ def _inputs(given: Suspicion, alarm: Alarm) -> Iterator[_Answer]:
         trials, place = [trial], column.partition(".")[2]
         if column == likeliest and place in loads(model):
             trials += [given.with_unknown_input(column, lift) for lift in _LIFTS[1:]]
-            trials += [given.with_scaled_input(column, onset, factor) for factor in _SCALES]
+            index, scales = model.inputs.index(column), np.where(given.behind(onset), np.array(_SCALES)[:, None], 1.0)
+            trials += [given.with_inputs([index], scale * given.run.inputs[index]) for scale in scales]
         best = max(trials, key=lambda trial: trial.nats(onset))
         node = place if place in model.nodes else alarm.node
         detail = "does not explain the temperatures"
@@ -336,10 +325,11 @@ def _exchanges(given: Suspicion, alarm: Alarm) -> Iterator[_Answer]:
     for other, node in enumerate(model.nodes):
         pair, trials = (alarm.node, node), []
         if node != alarm.node and everywhere[[row, other]].any(axis=1).all():
-            trials.append(("temperature", given.exchanged(row, other), predicted))
+            trials.append(("temperature", given.with_readings([row, other], measured[[other, row]]), predicted))
         quantity, *differ = {driven.get(place, place).partition(".")[0] for place in pair}
         if node != alarm.node and driven.keys() >= set(pair) and not differ:
-            after = given.with_exchanged_inputs(*(model.inputs.index(driven[place]) for place in pair))
+            here, there = (model.inputs.index(driven[place]) for place in pair)
+            after = given.with_inputs([here, there], given.run.inputs[[there, here]])
             trials.append((quantity, after, simulate(model, after.run).readings))
         for what, after, expected in trials:
             if np.nansum(np.square(after.measured - expected)) < np.nansum(np.square(measured - predicted)):

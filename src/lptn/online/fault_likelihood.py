@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from math import ceil
 from typing import NamedTuple
 
 import numpy as np
@@ -21,8 +22,8 @@ OFFSET, DRIFT, LAG = 0, 1, 2
 """Rows of what is said of each kind of fault."""
 KINDS: tuple[Kind, ...] = ("offset", "drift", "lag")
 _FRESH = 360.0  # s; an offset that was not noticed by then is absorbed: later on it looks like a drift
-_DRIFTS = 60  # onsets of drifts that are followed at once
-_BETWEEN_DRIFTS = 60.0  # s between these onsets; doubled when there would be too many
+_DRIFTS = 60  # onsets of drifts at most
+_BETWEEN_DRIFTS = 60.0  # s between these onsets; more in long runs
 _LAGS = (60.0, 240.0, 960.0)  # s; a lag between two of them shows as the nearer one
 _LAG_ONSETS = 20
 _BETWEEN_LAGS = 240.0  # s; a lag shows over minutes, and one that begins this much later is nearly the same
@@ -39,36 +40,6 @@ class FaultStatistics(NamedTuple):
     weight: FloatArray
     onset: FloatArray
     size: FloatArray
-
-
-class _Onsets:
-    """Regular onsets of one kind of fault: every second one is dropped when there would be too many.
-
-    Args:
-        first: slot of the first onset.
-        count: of onsets that are followed at once.
-        width: slots of an onset.
-        between: time between onsets [s].
-    """
-
-    def __init__(self, first: int, count: int, width: int, between: float) -> None:
-        self.slots = slice(first, first + count * width)
-        self._count, self._width, self._between = count, width, between
-        self._followed, self._last = 0, -np.inf
-
-    def next(self, onset: float, arrays: tuple[FloatArray, ...]) -> slice | None:
-        """The slots of a new onset [s], where it is time for one; in the arrays, (…, slots), others make room."""
-        if onset < self._last + self._between:
-            return None
-        if self._followed == self._count:
-            self._followed, self._between = self._count // 2, 2 * self._between
-            for array in arrays:
-                onsets = array[..., self.slots].reshape(*array.shape[:-1], self._count, self._width)
-                kept = onsets[..., ::2, :].reshape(*array.shape[:-1], -1)
-                array[..., self.slots.start : self.slots.start + kept.shape[-1]] = kept
-        start = self.slots.start + self._followed * self._width
-        self._followed, self._last = self._followed + 1, onset
-        return slice(start, start + self._width)
 
 
 class LikelihoodRatios:
@@ -88,14 +59,19 @@ class LikelihoodRatios:
         nodes: number of nodes.
         states: number of the filter's states.
         step: time between updates [s].
+        count: of updates.
     """
 
-    def __init__(self, nodes: int, states: int, step: float) -> None:
+    def __init__(self, nodes: int, states: int, step: float, count: int) -> None:
         self._nodes, self._step = nodes, step
         self._fresh = max(2, round(_FRESH / step))
-        self._drifts = _Onsets(self._fresh, _DRIFTS, 1, max(_BETWEEN_DRIFTS, step))
-        self._lags = _Onsets(self._drifts.slots.stop, _LAG_ONSETS, len(_LAGS), max(_BETWEEN_LAGS, step))
-        slots = self._lags.slots.stop
+        drifts = np.arange(0, count, max(1, round(_BETWEEN_DRIFTS / step), ceil(count / _DRIFTS)))
+        lags = np.arange(0, count, max(1, round(_BETWEEN_LAGS / step), ceil(count / _LAG_ONSETS)))
+        # The update with which each slot begins; slots of offsets begin again and again.
+        self._begins = np.concatenate([np.arange(self._fresh), drifts, np.repeat(lags, len(_LAGS))])
+        self._drifts = slice(self._fresh, self._fresh + drifts.size)
+        self._lags, self._lag_times = slice(self._drifts.stop, self._begins.size), np.tile(_LAGS, lags.size)
+        slots = self._begins.size
         self._shift = np.zeros((states, nodes, slots))
         self._score = np.zeros((nodes, slots))
         self._information = np.zeros((nodes, slots))
@@ -136,38 +112,32 @@ class LikelihoodRatios:
     def _faults(self, time: float, predicted: FloatArray) -> FloatArray:
         """What each fault of unit size adds to the reading now, (nodes, slots); 0 in a slot that follows none."""
         faults = np.tile(np.where(np.isnan(self._onset), 0.0, 1.0), (self._nodes, 1))
-        drifts, lags = self._drifts.slots, self._lags.slots
+        drifts, lags = self._drifts, self._lags
         faults[:, drifts] *= np.nan_to_num(time - self._onset[drifts])
-        keep = np.tile(np.exp(-self._step / np.array(_LAGS)), _LAG_ONSETS)
+        keep = np.exp(-self._step / self._lag_times)
         self._path[:, lags] = keep * self._path[:, lags] + (1 - keep) * predicted[:, None]
         faults[:, lags] *= self._path[:, lags] - predicted[:, None]
         return faults
 
     def _begin_new(self, time: float, before: FloatArray) -> None:
         """Begin a new offset, and a new drift or lag now and then; `before` is what was predicted an update ago."""
-        offset = self._updates % self._fresh
-        self._begin(slice(offset, offset + 1), time)
-        arrays = (self._shift, self._score, self._information, self._onset, self._path)
-        for onsets in (self._drifts, self._lags):
-            if (slots := onsets.next(time - self._step, arrays)) is not None:
-                self._begin(slots, time - self._step)
-                self._path[:, slots] = before[:, None]
-
-    def _begin(self, slots: slice, onset: float) -> None:
-        self._onset[slots] = onset
+        begin = self._begins == self._updates
+        begin[: self._fresh] = self._begins[: self._fresh] == self._updates % self._fresh
+        self._onset[begin] = np.where(np.flatnonzero(begin) < self._fresh, time, time - self._step)
+        self._path[:, begin] = before[:, None]
         for array in (self._shift, self._score, self._information):
-            array[..., slots] = 0.0
+            array[..., begin] = 0.0
 
     def _best(self) -> FaultStatistics:
         information = np.maximum(self._information, _LEAST_INFORMATION)
         weight = np.abs(self._score) / np.sqrt(information)
         size = self._score / information
-        lags = self._lags.slots
+        lags = self._lags
         weight[:, lags] = np.sqrt(np.maximum(2 * self._score - self._information, 0.0))[:, lags]
-        size[:, lags] = np.tile(_LAGS, _LAG_ONSETS)
+        size[:, lags] = self._lag_times
         weight[:, np.isnan(self._onset)] = 0.0
         kinds = []
-        for slots in (slice(0, self._fresh), self._drifts.slots, lags):
+        for slots in (slice(0, self._fresh), self._drifts, lags):
             chosen = weight[:, slots].argmax(axis=1)
             rows = np.arange(self._nodes)
             kinds.append((weight[:, slots][rows, chosen], self._onset[slots][chosen], size[:, slots][rows, chosen]))
@@ -211,7 +181,7 @@ def fault_statistics(
     """
     step = bound.run.step
     delay = step if bound.run.averaged else 0.0  # a mean is known at the end of its step
-    ratios = LikelihoodRatios(len(measured), estimator.size, step)
+    ratios = LikelihoodRatios(len(measured), estimator.size, step, len(bound))
     predicted = simulate(estimator.model, bound).readings
     for k, _ in enumerate(run_filter(estimator, bound, measured)):
         time = float(bound.run.time[k]) + delay
@@ -256,4 +226,5 @@ def _excess(statistics: FaultStatistics, limits: FloatArray) -> FloatArray:
 
 def _alarm(node: str, statistics: FaultStatistics, row: int, excess: FloatArray, time: float) -> Alarm:
     kind = int(excess[:, row].argmax())
-    return Alarm(node, KINDS[kind], time, float(statistics.onset[kind, row]), float(statistics.size[kind, row]))
+    onset = min(float(statistics.onset[kind, row]), time)  # what was called had begun
+    return Alarm(node, KINDS[kind], time, onset, float(statistics.size[kind, row]))
