@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
@@ -52,24 +53,17 @@ def conflicts(names: Sequence[str], values: FloatArray, sources: Sequence[Hashab
         sources: (n,), whose message each is.
     """
     order = list(dict.fromkeys(sources))
-    if len(order) < 2:
-        return []
-    label = np.array([order.index(source) for source in sources])
+    number = {source: k for k, source in enumerate(order)}
+    label = np.array([number[source] for source in sources])
     found = []
-    for k, one in enumerate(order):
-        for j in range(k + 1, len(order)):
-            both = (label == k) | (label == j)
-            if not _take_turns(label[both] == j):
-                continue
-            columns = [np.where(both, values[:, place], np.nan) for place in range(len(names))]
-            name = next(
-                (name for name, x in zip(names, columns, strict=True) if _differ(x, label == k, label == j)), ""
-            )
-            if name:
-                silent = [
-                    source for source, at in ((one, k), (order[j], j)) if not np.nan_to_num(values[label == at]).any()
-                ]
-                found.append(Conflict((one, order[j]), name, tuple(silent)))
+    for pair in combinations(order, 2):
+        one, other = (label == number[source] for source in pair)
+        if not _take_turns(other[one | other]):
+            continue
+        name = next((name for name, x in zip(names, values.T, strict=True) if _differ(x, one, other)), "")
+        if name:
+            silent = (source for source in pair if not np.nan_to_num(values[label == number[source]]).any())
+            found.append(Conflict(pair, name, tuple(silent)))
     return found
 
 
@@ -80,7 +74,7 @@ def _take_turns(second: BoolArray) -> bool:
 
 def _differ(x: FloatArray, one: BoolArray, other: BoolArray) -> bool:
     """Whether two sources of one number say different things of it."""
-    there = np.isfinite(x)
+    there = np.isfinite(x) & (one | other)
     a, b = x[one & there], x[other & there]
     if min(a.size, b.size) < _FEWEST:
         return False
