@@ -313,6 +313,19 @@ def test_a_cold_sensor_counts_less_where_the_model_would_have_to_be_worse_than_t
     assert worst < most
 
 
+@pytest.mark.parametrize("heats", [0.8, 1.0, 1.2])
+@pytest.mark.parametrize("seconds", [60.0, 90.0, 120.0])
+def test_a_winding_whose_sensor_is_lost_is_not_taught_by_a_late_housing(seconds: float, heats: float) -> None:
+    """Both sensors tell what was before: the housing's taught that the current hardly heats, 20 to 75 K above."""
+    past: list[FloatArray] = []
+
+    def read(_: float, true: FloatArray) -> FloatArray:
+        past.append(true)
+        return past[max(0, len(past) - 1 - round(seconds / PERIOD))]
+
+    assert both_read(read, heats)[0] < 7.0
+
+
 @pytest.mark.parametrize("spike", [85.0, -50.0])
 @pytest.mark.parametrize("at", [0, 1, 2])
 def test_one_false_reading_at_the_start_costs_little(spike: float, at: int) -> None:
