@@ -9,8 +9,7 @@ import datetime
 import zipfile
 from collections.abc import Sequence
 from contextlib import closing
-from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cache, partial
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -19,7 +18,7 @@ import pandas as pd
 
 from lptn.basics.errors import InputError
 from lptn.basics.files import fingerprint
-from lptn.logs.layout import LOOKED_AT, Layout, RowsBelow, find_layout, names_of
+from lptn.logs.layout import LOOKED_AT, RowsBelow, find_layout, names_of
 from lptn.logs.tables import Table, most_unpacked, one_line_if_broken, require_package, too_large
 
 _MOST_CELLS = 10_000_000  # a sheet has a million rows at most; so many cells take half a minute and 1 GB
@@ -42,90 +41,63 @@ def open_spreadsheet(path: Path) -> Table:
             raise InputError(path, "log", f"{unpacked / 1e9:.2g} GB unpacked", "a spreadsheet of readings, or CSV")
         with _book(path) as book:
             heads = {sheet.title: list(islice(_rows(sheet), LOOKED_AT)) for sheet in book.worksheets}
-    sheets = {
-        name: _Sheet(path, name, rows, find_layout([_texts(row) for _, row in rows])) for name, rows in heads.items()
-    }
-    tables = {name: sheet for name, sheet in sheets.items() if sheet.layout.rows}
+    layouts = {name: find_layout([_texts(row) for _, row in rows]) for name, rows in heads.items()}
+    tables = [name for name, layout in layouts.items() if layout.rows]
     if not tables:
         raise InputError(path, "log", "no table in any sheet", "a row of column names, and rows of numbers below it")
-    name, sheet = max(tables.items(), key=lambda item: item[1].layout.rows)
-    notes = []
+    sheet = max(tables, key=lambda name: layouts[name].rows)
+    head, layout, notes = heads[sheet], layouts[sheet], []
     if len(tables) > 1:
-        others = ", ".join(f"'{other}'" for other in tables if other != name)
-        notes.append(f"log: sheet '{name}' is read; {others} not (another sheet: save it as CSV).")
-    notes += sheet.said_of_names()
+        others = ", ".join(f"'{other}'" for other in tables if other != sheet)
+        notes.append(f"log: sheet '{sheet}' is read; {others} not (another sheet: save it as CSV).")
+    first = head[layout.first][0]
+    above = _texts(head[layout.header if layout.named else layout.first][1])
+    while not above[-1].strip():  # empty cells behind the last name
+        above.pop()
+    if not layout.named:
+        notes.append(f"log: there are no names above row {first}; columns are called column 1, column 2 ….")
+        above = [""] * len(above)
+    elif layout.header:
+        notes.append(f"log: its table begins in row {head[layout.header][0]}; what stands above is left out.")
+    names = names_of(above)
+
+    @cache
+    def values() -> tuple[list[int], pd.DataFrame]:
+        below = RowsBelow(path, names, layout.units)
+        numbers, frame = _values(path, sheet, first, below)
+        table.note(below.said())
+        return numbers, frame
 
     def read(wanted: Sequence[str]) -> pd.DataFrame:
-        _, frame, said = sheet.frame
-        table.note(said)
-        return frame[list(wanted)]
+        return values()[1][list(wanted)]
 
     def where(row: int) -> str:
-        return f"sheet '{name}', row {sheet.frame[0][row]}"
+        return f"sheet '{sheet}', row {values()[0][row]}"
 
-    units = dict(zip(sheet.names, sheet.layout.units, strict=False))
-    digest = partial(fingerprint, path)
-    table = Table(path, sheet.names, read, where, "spreadsheet", units=units, notes=notes, digest=digest)
+    units, digest = dict(zip(names, layout.units, strict=False)), partial(fingerprint, path)
+    table = Table(path, names, read, where, "spreadsheet", units=units, notes=notes, digest=digest)
     return table
 
 
-Row = tuple[int, tuple[Any, ...]]  # its number in the sheet, and its values
-
-
-@dataclass(frozen=True)
-class _Sheet:
-    """A sheet, its first rows and where its table begins among them."""
-
-    path: Path
-    name: str
-    head: Sequence[Row]
-    layout: Layout
-
-    @property
-    def first_row(self) -> int:
-        """The number of the first row of values."""
-        return self.head[self.layout.first][0]
-
-    def said_of_names(self) -> list[str]:
-        """Where the table begins, if not with its first row."""
-        if not self.layout.named:
-            return [f"log: there are no names above row {self.first_row}; columns are called column 1, column 2 …."]
-        row = self.head[self.layout.header][0]
-        return [f"log: its table begins in row {row}; what stands above is left out."] if self.layout.header else []
-
-    @cached_property
-    def names(self) -> tuple[str, ...]:
-        """Of the columns, without the empty ones behind the last."""
-        texts = _texts(self.head[self.layout.header if self.layout.named else self.layout.first][1])
-        while not texts[-1].strip():
-            texts.pop()
-        return names_of(texts if self.layout.named else [""] * len(texts))
-
-    @cached_property
-    def frame(self) -> tuple[list[int], pd.DataFrame, list[str]]:
-        """The numbers of the rows in the sheet, their values, and notes.
-
-        Raises:
-            InputError: a row has more cells than there are names, or the file is broken or too large.
-        """
-        width, below = len(self.names), RowsBelow(self.path, self.names, self.layout.units)
-        numbers: list[int] = []
-        rows: list[list[Any]] = []
-        with one_line_if_broken(self.path, _EXPECTED), _book(self.path) as book:
-            for number, values in _rows(book[self.name]):
-                if number < self.first_row:
-                    continue
-                if len(rows) * width > _MOST_CELLS:
-                    raise too_large(self.path, f"a spreadsheet of more than {_MOST_CELLS:.0e} cells")
-                row = [_plain(value) for value in values] + [None] * (width - len(values))
-                numeric = any(isinstance(value, int | float) for value in row[:width])
-                fits = all(value is None for value in row[width:])
-                plain = numeric and fits
-                if plain or below.holds_values(f"sheet '{self.name}', row {number}", _texts(row)):
-                    numbers.append(number)
-                    rows.append([row[place] for place in below.order])
-        columns = {name: pd.Series([row[k] for row in rows]) for k, name in reversed(list(enumerate(self.names)))}
-        return numbers, pd.DataFrame(columns), below.said()
+def _values(path: Path, sheet: str, first: int, below: RowsBelow) -> tuple[list[int], pd.DataFrame]:
+    """The numbers of the rows from the `first` on that hold values, and these; refused where a row fits no names."""
+    width = len(below.names)
+    numbers: list[int] = []
+    rows: list[list[Any]] = []
+    with one_line_if_broken(path, _EXPECTED), _book(path) as book:
+        for number, cells in _rows(book[sheet]):
+            if number < first:
+                continue
+            if len(rows) * width > _MOST_CELLS:
+                raise too_large(path, f"a spreadsheet of more than {_MOST_CELLS:.0e} cells")
+            row = [_plain(value) for value in cells] + [None] * (width - len(cells))
+            fits = all(value is None for value in row[width:])
+            plain = fits and any(isinstance(value, int | float) for value in row[:width])
+            if plain or below.holds_values(f"sheet '{sheet}', row {number}", _texts(row)):
+                numbers.append(number)
+                rows.append([row[place] for place in below.order])
+    columns = {name: pd.Series([row[k] for row in rows]) for k, name in reversed(list(enumerate(below.names)))}
+    return numbers, pd.DataFrame(columns)
 
 
 def _book(path: Path) -> closing[Any]:
