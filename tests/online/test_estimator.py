@@ -23,6 +23,7 @@ from lptn.online.estimator import Estimate, Estimator, run_filter
 from lptn.online.quantisation import as_gaussian, coarse_noise
 from lptn.robots.presets import presets
 from lptn.simulate.bound_run import bind
+from lptn.simulate.simulation import simulate
 from tests.builders import leg, make_run, random_inputs, random_run, with_every_effect
 from tests.identify.truth import TRUTH, network, truth_run
 
@@ -148,6 +149,24 @@ def test_a_fine_sensor_and_an_impossible_reading_count_as_gaussian() -> None:
 
 
 # --- against the truth --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("currents", ["rest", "settled", "cooling", "stairs"])
+def test_exact_readings_are_no_mistake_and_their_sensors_live(model: Model, currents: str) -> None:
+    """Noise of 0: a covariance that can't be inverted, and readings that repeat themselves to the last bit."""
+    torque = {
+        "rest": np.zeros(1500),
+        "settled": np.full(1500, 2.0),
+        "cooling": np.repeat([4.0, 0.0], [300, 1200]),
+        "stairs": np.repeat([1.0, 4.0, 2.0, 0.0], [300, 300, 300, 600]),
+    }[currents]
+    columns = {f"temperature.{place}": np.full(1500, 21.0) for place in ("ambient", "a", "b")} | {"torque.a": torque}
+    exact = simulate(model, bind(model, make_run(columns))).readings
+    estimator = Estimator(model, noise=0.0)
+    for k in range(1500):
+        inputs = {name: float(columns[name][max(k - 1, 0)]) for name in model.inputs}
+        estimate = estimator.update(inputs, dict(zip(model.nodes, exact[:, k].tolist(), strict=True)), float(k > 0))
+        assert estimate.untrusted == {}
 
 
 @pytest.mark.long

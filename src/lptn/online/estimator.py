@@ -13,6 +13,7 @@ from scipy.linalg import cho_factor, cho_solve
 from lptn.basics.arrays import BoolArray, FloatArray
 from lptn.basics.errors import InputError
 from lptn.basics.parameters import Transform
+from lptn.identify.noise import LEAST_NOISE
 from lptn.model.model import Model
 from lptn.online.augmented_model import AugmentedModel, ModelError, by_node
 from lptn.online.living_sensors import ERROR, LivingSensors
@@ -165,7 +166,7 @@ class Estimator:
             raise ValueError(f"rounding: found {rounding!r}; expected one of {', '.join(get_args(Rounding))}")
         self.model, self.error = model, error or ModelError()
         self._rounding = rounding
-        self._noise = _sizes_of(model, noise, "noise") ** 2
+        self._noise = np.maximum(_sizes_of(model, noise, "noise"), LEAST_NOISE) ** 2
         self._step = _sizes_of(model, step, "step") * (rounding != "ignored")
         self._change = by_node(self.error.change, model.nodes)
         _refuse_unknown(self.error.inputs, model.inputs, model, "error.inputs")

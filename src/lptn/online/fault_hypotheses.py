@@ -22,7 +22,7 @@ from lptn.model.model import Model
 from lptn.online.augmented_model import ModelError, by_node
 from lptn.online.calibration import Calibration
 from lptn.online.estimator import run_filter
-from lptn.online.fault_likelihood import first_alarm, gaussian_estimator
+from lptn.online.fault_likelihood import LEAST_NOISE, first_alarm, gaussian_estimator
 from lptn.online.sensor_faults import Alarm, Kind
 from lptn.simulate.bound_run import BoundRun
 from lptn.simulate.simulation import simulate
@@ -149,9 +149,8 @@ def _courses(given: Suspicion, measured: FloatArray, row: int, onset: float) -> 
     behind, time = given.run.run.time >= onset, given.run.run.time
     expected, readings = given.without([row], onset).filtered[1][row], measured[row]
     seen, since = behind & np.isfinite(readings), np.maximum(time - onset, 0.0)
-    off = (readings - expected)[seen]
-    rate = float(off @ since[seen]) / max(float(since[seen] @ since[seen]), 1e-9)
-    yield _Course("offset", float(off.mean()), "", expected + off.mean(), 1)
+    level, rate = _level_and_rate(readings - expected, behind, since)
+    yield _Course("offset", level, "", expected + level, 1)
     yield _Course("drift", rate, "", expected + rate * since, 1)
     for column, values in zip(given.model.inputs, given.run.inputs, strict=True):
         if column.startswith("temperature."):
@@ -206,6 +205,14 @@ def _lagged(path: FloatArray, lag: float, step: float, behind: BoolArray) -> Flo
     return lagged
 
 
+def _level_and_rate(off: FloatArray, behind: BoolArray, since: FloatArray) -> tuple[float, float]:
+    """What a sensor is off by behind an onset, as a level [K] and as a drift from 0 [K/s], by least squares."""
+    seen = behind & np.isfinite(off)
+    if not seen.any():
+        return 0.0, 0.0
+    return float(off[seen].mean()), float(off[seen] @ since[seen]) / max(float(since[seen] @ since[seen]), 1e-9)
+
+
 def _of_a_sensor(given: Suspicion, row: int, onset: float) -> float:
     """Logarithm of the likelihood behind the onset that a sensor is wrong, in the way that is likeliest.
 
@@ -213,16 +220,14 @@ def _of_a_sensor(given: Suspicion, row: int, onset: float) -> float:
     without this sensor expects there, or beside that with a lag.
     """
     behind, since = given.behind(onset), np.maximum(given.run.run.time - onset, 0.0)
-    of_shapes, nothing = [], given.nats(onset)
-    for added in (behind.astype(float), np.asarray(since / max(float(since[-1]), 1.0))):
-        # Of a linear filter it is a parabola in the size of what is added; three points tell its vertex.
-        one, two = (given.with_readings([row], given.measured[row] + size * added).nats(onset) for size in (-1.0, -2.0))
-        slope, bend = 2 * one - 0.5 * two - 1.5 * nothing, two - 2 * one + nothing
-        of_shapes.append(nothing - 0.5 * slope**2 / bend if bend < 0 else nothing)
     others = given.without([row], onset)
     expected, readings = others.filtered[1][row], given.measured[row]
+    level, rate = _level_and_rate(readings - expected, behind, since)
+    of_shapes = [
+        given.with_readings([row], readings - added).nats(onset) for added in (level * behind, np.asarray(rate * since))
+    ]
     paths = [expected, *(_lagged(expected, lag, given.run.run.step, behind) for lag in _LAGS)]
-    noise = float(given.calibration.noise.floor[row]) ** 2
+    noise = max(float(given.calibration.noise.floor[row]), LEAST_NOISE) ** 2
     return max(
         *of_shapes, others.nats(onset) + max(_level_and_slope((readings - path)[behind], noise) for path in paths)
     )
@@ -286,7 +291,8 @@ def attributed(given: Suspicion, alarm: Alarm) -> tuple[list[Alarm], Suspicion]:
     if not rivals:
         return best.alarms, best.after
     what = undecided(alarm, f"{best.what} or {rivals[0].what}")
-    return [what], replace(others[0].after, measured=without.measured)
+    # The sensor is not believed, and the rest is as the likeliest of the others says.
+    return [what], (others[0] if best is sensor else best).after.without([row], alarm.onset)
 
 
 def undecided(alarm: Alarm, what: str) -> Alarm:

@@ -188,9 +188,10 @@ def alarms_by_statistics(
     faulty: list[Alarm] = []
     while (first := given.alarm) is not None:
         told, after = attributed(given, first)
-        # A sensor can't be judged by a load that is wrong, nor is that load told twice.
+        # A sensor can't be judged by a load that is wrong; and no channel is told twice.
         inputs = {alarm.channel: alarm.node for alarm in faulty if alarm.channel}
-        if first.node in inputs.values() or any(alarm.channel in inputs for alarm in told):
+        called = {alarm.node for alarm in faulty}
+        if first.node in called or any(alarm.channel in inputs for alarm in told):
             told, after = [], given.without([model.nodes.index(first.node)], -inf)  # what that leaves
         given = after
         faulty += [or_stuck(watched, alarm) if alarm is first else alarm for alarm in told]
