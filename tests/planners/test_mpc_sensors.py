@@ -20,6 +20,7 @@ from lptn.planners import TorqueMPC
 from lptn.planners.compiled import compiled
 from lptn.planners.mpc import Plan
 from tests.builders import effect, leg
+from tests.hardening import plants
 from tests.planners.truth import World, conditions, model_of, true_robot
 
 LIMIT, PERIOD = 60.0, 5.0
@@ -324,6 +325,18 @@ def test_a_winding_whose_sensor_is_lost_is_not_taught_by_a_late_housing(seconds:
         return past[max(0, len(past) - 1 - round(seconds / PERIOD))]
 
     assert both_read(read, heats)[0] < 7.0
+
+
+@pytest.mark.parametrize("value", [-1.0, 0.0, 10.0, 25.0])
+def test_of_many_sensors_that_are_dead_none_teaches_that_currents_cool(value: float) -> None:
+    """Four legs at a trunk, 13 sensors at one number: gains beyond their bound let joints get to twice their limit."""
+    robot = plants.quadruped()
+    mpc = TorqueMPC(Model(parse_model(robot.toml(), Path("quadruped.toml")).network), LIMIT, request="current")
+    plant, order = plants.Plant(robot, 50.0, PERIOD), [mpc.joints.index(robot.nodes[node]) for node in robot.driven]
+    for _ in range(80):
+        plan = mpc.step(np.full(13, value), np.full(12, 20.0), {"temperature.ambient": 25.0})
+        plant.step(plan.admitted[order])
+        assert plant.temperature.max() < LIMIT + 0.5
 
 
 @pytest.mark.parametrize("spike", [85.0, -50.0])
