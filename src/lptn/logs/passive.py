@@ -13,13 +13,50 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 
 from lptn.basics.arrays import BoolArray, FloatArray, IntArray
 
-Kind = Literal["spike", "code", "dead", "disconnected", "wrap"]
+Kind = Literal["frozen", "clamped", "dead", "disconnected", "wrap", "spike", "code"]
+
+
+@dataclass(frozen=True)
+class Silence:
+    """A stretch in which what a channel says is no reading; or all its spikes, or all readings of one code, together.
+
+    Args:
+        kind: "spike" for single readings, "code" for a number that stands again and again, "wrap" where all leaps are
+            alike, "dead" for one far number that stands for a minute, "frozen" for one that it had, "clamped" for the
+            end of its range, "disconnected" for all else.
+        value: what the channel gives, or the middle of it, in SI or degC; of spikes and counters that wrap how far they
+            leap.
+        start: s, of the first of these readings.
+        stop: s, of the last.
+        rows: which rows of the log it covers, shape (n,).
+        column: of several that are averaged the one; '' for a quantity of one column.
+        whole: the channel never says anything else.
+    """
+
+    kind: Kind
+    value: float
+    start: float
+    stop: float
+    rows: BoolArray
+    column: str = ""
+    whole: bool = False
+
+    @property
+    def lasts(self) -> bool:
+        """Whether it is a stretch, and not single readings here and there."""
+        return self.kind not in ("spike", "code", "wrap")
+
+
+def silence_at(time: FloatArray, kind: Kind, value: float, rows: BoolArray, *, whole: bool = False) -> Silence:
+    """One of the rows, of shape (n,) like the times [s]."""
+    stamps = time[rows]
+    return Silence(kind, value, float(stamps[0]), float(stamps[-1]), rows, whole=whole)
 
 
 _LEAP = 3.0  # K, beside noise: so much any part may seem to move at once
@@ -48,30 +85,19 @@ class Surroundings:
         coldest: degC, the least that any of them has for long; −inf where there is none.
         load: (n,) whose square goes with the heat put in, as torque or current; None where nothing says it.
         air: (n,) degC; None where it is not logged, or is this channel.
+        heated: whether heat may be put in that nobody logs; none is put into the air.
     """
 
     start: float = np.nan
     coldest: float = -np.inf
     load: FloatArray | None = None
     air: FloatArray | None = None
+    heated: bool = True
 
 
-class Off(NamedTuple):
-    """Readings that are none.
-
-    Args:
-        kind: "code" for a number that stands again and again, "dead" for one that stands for a minute, "spike" for
-            single readings, "wrap" where all leaps are alike, "disconnected" for all else.
-        value: the number, or the middle one, degC; of spikes and of a counter that wraps how far they leap, K.
-        rows: which of the channel's, shape (n,).
-    """
-
-    kind: Kind
-    value: float
-    rows: BoolArray
-
-
-def off(time: FloatArray, values: FloatArray, resolution: float = 0.0, around: Surroundings | None = None) -> list[Off]:
+def off(
+    time: FloatArray, values: FloatArray, resolution: float = 0.0, around: Surroundings | None = None
+) -> list[Silence]:
     """The readings that no passive part could have given with the others.
 
     Args:
@@ -101,7 +127,7 @@ def off(time: FloatArray, values: FloatArray, resolution: float = 0.0, around: S
     out[there[~kept]] = True
     turn = channel.turn(cuts, kept)
     if turn:
-        return [Off("wrap", turn, out)]
+        return [silence_at(time, "wrap", turn, out)]
     return list(_named(time, values, out, channel.every))
 
 
@@ -138,6 +164,11 @@ class _Channel:
         self.every = max(every, _FASTEST) if np.isfinite(every) else np.inf
         self.least = max(_LEAP, _STEPS * resolution if resolution > 0 else _NOISE * float(np.median(moves[::thin])))
 
+    @property
+    def _is_known(self) -> bool:
+        """Whether all heat that is put in is logged, so that what moves otherwise is no part."""
+        return self.around.load is not None or not self.around.heated
+
     @cached_property
     def _heat(self) -> FloatArray:
         """What goes with the heat put in at each reading; nothing where that is not known."""
@@ -157,7 +188,7 @@ class _Channel:
             # What goes away and comes back at once is no heat.
             back = np.maximum(-before * direction, -after * direction) > self.least
             alone = np.maximum(before * direction, after * direction) < _ALONE * own
-            known = (apart[suspects] <= _SAMPLED) | (self.around.load is not None) | self._nowhere(suspects + 1)
+            known = (apart[suspects] <= _SAMPLED) | self._is_known | self._nowhere(suspects + 1)
             far = own > self.least + _RATE * np.minimum(apart[suspects], _QUICK)
             leap = (back & quick[suspects]) | (far & alone & known)
             cuts[suspects[leap & ~self.heated(suspects, 1)]] = 1
@@ -177,7 +208,7 @@ class _Channel:
         inside = passed[suspects + rows] == passed[suspects]
         suspects = suspects[inside & (self.stamps[suspects + rows] - self.stamps[suspects] < 2 * window)]
         impossible = self._nowhere(suspects + rows) | self._nowhere(suspects)
-        if self.around.load is not None:
+        if self._is_known:
             # A log may begin where a small part is hot, and cools: then it is as quick later on.
             later = moves[self.stamps[: moves.size] > self.stamps[0] + 2 * _BEGINNING]
             usual = float(np.quantile(np.abs(later), _NEARLY_ALL)) if later.size else np.inf
@@ -374,36 +405,39 @@ _AGAIN, _OF_ALL = 3, 0.2  # times, and share of all that is left out, that one n
 _TOO_HOT = 150.0  # degC: a number beyond, or below its negative, may be a code though it occurs but once
 
 
-def _named(time: FloatArray, values: FloatArray, out: BoolArray, every: float) -> Iterator[Off]:
+def _named(time: FloatArray, values: FloatArray, out: BoolArray, every: float) -> Iterator[Silence]:
     """What the readings are that are left out: those of one number together, single ones, and each long stretch."""
     there = np.flatnonzero(np.isfinite(values))
     left = out[there]
     edges = np.flatnonzero(np.diff(left, prepend=False, append=False))
     runs = [there[a:b] for a, b in zip(edges[::2], edges[1::2], strict=True)]
     by_value: dict[float, list[IntArray]] = {}
-    rest = []
+
+    def named(kind: Kind, value: float, stretches: list[IntArray]) -> Silence:
+        rows = np.zeros(values.size, dtype=bool)
+        rows[np.concatenate(stretches)] = True
+        return silence_at(time, kind, value, rows)
+
     for rows in runs:
-        same = bool((values[rows] == values[rows[0]]).all())
-        if same and time[rows[-1]] - time[rows[0]] >= _LONG:
-            yield _off("dead", float(values[rows[0]]), [rows], values.size)
-        elif same:
-            by_value.setdefault(float(values[rows[0]]), []).append(rows)
+        value = float(values[rows[0]])
+        if not (values[rows] == value).all():
+            yield named("disconnected", float(np.median(values[rows])), [rows])
+        elif time[rows[-1]] - time[rows[0]] >= _LONG:
+            yield named("dead", value, [rows])
         else:
-            rest.append(rows)
+            by_value.setdefault(value, []).append(rows)
     single = []
     for value, own in by_value.items():
         often = len(own) >= max(_AGAIN, _OF_ALL * len(runs)) or any(rows.size > 1 for rows in own)
         if often and min(rows.size for rows in own) > 1:  # it is one where the part is nearly as warm, too
             own = [*own, *_alike(values, value, out, min(rows.size for rows in own) // 2)]
         if often or value in CODES or abs(value) > _TOO_HOT:
-            yield _off("code", value, own, values.size)
+            yield named("code", value, own)
         elif every <= _QUICK:
             single += own
     if single:
         leaps = [abs(values[rows[0]] - _beside(values, out, int(rows[0]))) for rows in single]
-        yield _off("spike", float(max(leaps)), single, values.size)
-    for rows in rest:
-        yield _off("disconnected", float(np.median(values[rows])), [rows], values.size)
+        yield named("spike", float(max(leaps)), single)
 
 
 def _alike(values: FloatArray, value: float, out: BoolArray, least: int) -> list[IntArray]:
@@ -413,13 +447,6 @@ def _alike(values: FloatArray, value: float, out: BoolArray, least: int) -> list
 
 
 def _beside(values: FloatArray, out: BoolArray, row: int) -> float:
-    """The nearest reading that is believed."""
+    """The last reading before that is believed, or the first after it."""
     good = np.flatnonzero(np.isfinite(values) & ~out)
-    at = int(np.searchsorted(good, row))
-    return float(values[good[min(at, good.size - 1)]]) if good.size else np.nan
-
-
-def _off(kind: Kind, value: float, runs: list[IntArray], size: int) -> Off:
-    rows = np.zeros(size, dtype=bool)
-    rows[np.concatenate(runs)] = True
-    return Off(kind, value, rows)
+    return float(values[good[max(int(np.searchsorted(good, row)) - 1, 0)]]) if good.size else np.nan

@@ -11,46 +11,14 @@ What no heated part could have given is found in `passive.py`: spikes, codes, br
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import Literal
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 
 from lptn.basics.arrays import BoolArray, FloatArray, IntArray
-from lptn.logs.passive import CODES, Surroundings, leaps_by_heat, off
+from lptn.logs.passive import CODES, Kind, Silence, Surroundings, leaps_by_heat, off, silence_at
 from lptn.logs.resampling import means_of_blocks
-
-Kind = Literal["frozen", "clamped", "dead", "disconnected", "wrap", "spike", "code"]
-
-
-@dataclass(frozen=True)
-class Silence:
-    """One such stretch, or all spikes, or all readings of one code, of a channel together.
-
-    Args:
-        kind: of silence.
-        value: what the channel gives all the while, in SI or degC; of spikes and counters that wrap how far they leap.
-        start: s, of the first of these readings.
-        stop: s, of the last.
-        rows: which rows of the log it covers, shape (n,).
-        column: of several that are averaged the one; '' for a quantity of one column.
-        whole: the channel never says anything else.
-    """
-
-    kind: Kind
-    value: float
-    start: float
-    stop: float
-    rows: BoolArray
-    column: str = ""
-    whole: bool = False
-
-    @property
-    def lasts(self) -> bool:
-        """Whether it is a stretch, and not single readings here and there."""
-        return self.kind not in ("spike", "code", "wrap")
-
 
 _SHORTEST = 60.0  # s, of a number far from all others, or of a sensor that never repeats itself; in less little is lost
 STILL = 180.0  # s, of one among them: filters in drives let a steady motor's reading stand for two minutes
@@ -96,27 +64,27 @@ def silences(
     first, last = np.concatenate(([0], changes + 1)), np.concatenate((changes, [readings.size - 1]))
     spans = logged[last] - logged[first]
     stretches: list[Silence] = []
-    for limit in _limits(readings, resolution) if temperature else ():
-        for begin, end in _touched(readings, limit):
-            rows = np.zeros(len(values), dtype=bool)
-            rows[there[begin] : there[end] + 1] = True
-            stretches.append(Silence("clamped", limit, float(stamps[begin]), float(stamps[end]), rows))
+
+    def add(kind: Kind, value: float, begin: int, end: int) -> None:
+        rows = np.zeros(values.size, dtype=bool)
+        rows[there[begin] : there[end] + 1] = True
+        stretches.append(silence_at(time, kind, value, rows))
+
+    for value in _limits(readings, resolution) if temperature else ():
+        for begin, end in _touched(readings, value):
+            add("clamped", value, begin, end)
     rests = (spans >= _SHORTEST) & (readings[first] == 0) & (not temperature)  # joints that stand say so for long
     shortest = _SHORTEST if temperature and _hardly_repeats(last - first, spans) else STILL
-    for k in np.flatnonzero(spans >= _SHORTEST):
-        lone = _is_alone(readings, first[k], last[k]) if temperature else False
-        if not lone and (spans[k] < shortest or (spans[k] < STILL and _comes_to_rest(readings, first[k], last[k]))):
+    for k in np.flatnonzero(spans >= shortest):
+        if spans[k] < STILL and _comes_to_rest(readings, first[k], last[k]):
             continue
-        if not lone and not _is_too_long(spans, readings, in_gap, first, last, int(k), rests, resolution, temperature):
+        if any(stretch.rows[there[first[k]]] for stretch in stretches):
             continue
-        rows = np.zeros(len(values), dtype=bool)
-        rows[there[first[k]] : there[last[k]] + 1] = True
-        if not any(stretch.rows[there[first[k]]] for stretch in stretches):
-            kind: Kind = "dead" if lone else "frozen"
-            span = float(stamps[first[k]]), float(stamps[last[k]])
-            stretches.append(Silence(kind, float(readings[first[k]]), *span, rows))
-    stretches.sort(key=lambda stretch: stretch.start)
-    return stretches
+        if _is_too_long(spans, readings, in_gap, first, last, int(k), rests, resolution, temperature):
+            beside = readings[[at for at in (first[k] - 1, last[k] + 1) if 0 <= at < readings.size]]
+            far = temperature and beside.size > 0 and bool((np.abs(beside - readings[first[k]]) > _FAR).all())
+            add("dead" if far else "frozen", float(readings[first[k]]), first[k], last[k])
+    return sorted(stretches, key=lambda stretch: stretch.start)
 
 
 def _gaps(stamps: FloatArray) -> tuple[BoolArray, FloatArray]:
@@ -127,16 +95,6 @@ def _gaps(stamps: FloatArray) -> tuple[BoolArray, FloatArray]:
     apart = np.diff(stamps)
     in_gap = apart > max(_GAP * float(np.median(apart)), _SHORTEST) if apart.size else np.zeros(0, dtype=bool)
     return in_gap, np.concatenate(([0.0], np.cumsum(np.where(in_gap, 0.0, apart))))
-
-
-def _is_alone(readings: FloatArray, first: int, last: int) -> bool:
-    """Whether a number is far from the readings just before and after it, and from all other numbers."""
-    beside = readings[[k for k in (first - 1, last + 1) if 0 <= k < readings.size]]
-    others = readings[readings != readings[first]]  # it may come back
-    if not beside.size or others.size < _FEWEST:
-        return False
-    outside = readings[first] < others.min() - _FAR or readings[first] > others.max() + _FAR
-    return bool((np.abs(beside - readings[first]) > _FAR).all() and outside)
 
 
 def _hardly_repeats(repeats: IntArray, spans: FloatArray) -> bool:
@@ -383,15 +341,10 @@ def silences_of(values: Mapping[str, FloatArray]) -> dict[str, list[Silence]]:
 def of_sensor(time: FloatArray, values: FloatArray, around: Surroundings | None = None) -> list[Silence]:
     """What a temperature sensor says that is no reading; (n,) s and degC."""
     resolution = quantisation_step(values)
-    stretches = silences(time, values, resolution=resolution)
+    stands = silences(time, values, resolution=resolution)
     if resolution > 0 and around is not None:  # a coarse sensor is known by its leap, which its own heat may make
-        stretches = [
-            one for one in stretches if one.kind != "frozen" or not leaps_by_heat(time, values, one.rows, around)
-        ]
-    for none in off(time, without_silent(values, stretches), resolution, around):
-        stamps = time[none.rows]
-        stretches.append(Silence(none.kind, none.value, float(stamps[0]), float(stamps[-1]), none.rows))
-    return stretches
+        stands = [one for one in stands if one.kind != "frozen" or not leaps_by_heat(time, values, one.rows, around)]
+    return [*stands, *off(time, without_silent(values, stands), resolution, around)]
 
 
 _OF_MOST = 0.05  # of what goes with the heat of the joint that has most: with less a part is warmed by its neighbours
@@ -423,7 +376,8 @@ def _surroundings(values: Mapping[str, FloatArray]) -> dict[str, Surroundings]:
         others = [other for other in read if other != key]
         start = float(np.median([starts[other] for other in others])) if others else np.nan
         coldest = min((lows[other] for other in others), default=-np.inf)
-        around[key] = Surroundings(start, coldest, loads.get(place), values.get(AMBIENT) if key != AMBIENT else None)
+        air = values.get(AMBIENT) if key != AMBIENT else None
+        around[key] = Surroundings(start, coldest, loads.get(place), air, heated=key != AMBIENT)
     return around
 
 
