@@ -17,7 +17,8 @@ from lptn.logs.clock import FEWEST_ROWS
 from lptn.logs.columns import ColumnSource, as_line_or_option, column_unit
 from lptn.logs.gain import gain_change
 from lptn.logs.issue import Issue, correctable, in_unit
-from lptn.logs.silence import AMBIENT, HEATS, INPUTS, Silence, duplicates, held_rows, loads_of, same_loads
+from lptn.logs.passive import Silence
+from lptn.logs.silence import AMBIENT, HEATS, INPUTS, duplicates, held_rows, loads_of, same_loads
 from lptn.logs.tables import Table
 from lptn.logs.units import PLAUSIBLE, believed, room_of, suspect_starts, suspect_unit, suspect_wrap
 

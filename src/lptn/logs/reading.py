@@ -32,6 +32,7 @@ from lptn.logs.followed import refuse_exchanged
 from lptn.logs.guess import format_note, guess
 from lptn.logs.issue import Issue
 from lptn.logs.joining import SECOND_TIME, join
+from lptn.logs.passive import Silence
 from lptn.logs.quality import Roles, check_values, duplicates_of, issues_of, without_held_rows
 from lptn.logs.resampling import (
     ROUNDING,
@@ -51,7 +52,7 @@ from lptn.logs.resampling import (
 )
 from lptn.logs.run import LATEST_FIRST, Run
 from lptn.logs.scatter import scatter_of
-from lptn.logs.silence import Silence, of_sensor, quantisation_step, silences_of, without_silent
+from lptn.logs.silence import of_sensor, quantisation_step, silences_of, without_silent
 from lptn.logs.spreadsheets import open_spreadsheet
 from lptn.logs.streams import ANOTHER_SOURCE, rows_of_zeros
 from lptn.logs.tables import Table, column_sources, open_parquet, table_of, with_times
