@@ -181,7 +181,7 @@ class Study:
         """The model file as it is now, with the effects that were added and the fitted values."""
         if not self._steps:
             return self._loaded.file
-        return self._loaded.file.with_effects(effects_added(self._steps)).with_fit(self._steps[-1].for_use.table())
+        return self._loaded.file.with_effects(effects_added(self._steps)).with_fit(self._steps[-1].fit.table())
 
     @property
     def steps(self) -> tuple[Step, ...]:
@@ -328,10 +328,7 @@ class Study:
         if self._advice is None or self._advice[0] is not last:
             history = self._searched[1] if self._searched else None
             first = history.first if history else last  # what the search chose among
-            differing = history.differing if history else last.differing
-            # Where a search added steps, what they leave open is to be decided; before that, what was missing.
-            rivals = history.rivals if history and len(history.steps) > 1 else None
-            self._advice = last, advise(first, last.fit, for_search(self.data), logger.info, differing, rivals)
+            self._advice = last, advise(first, last.fit, for_search(self.data), logger.info)
         return self._advice[1]
 
     def add(self, effect: str | Step, at: str = "", *, run: str = "") -> Step:
@@ -526,9 +523,7 @@ class Study:
         return replace(
             chosen,
             considered=history.considered,
-            differing=history.differing,
             rivals=history.rivals,
-            set_aside=history.set_aside,
         )
 
     def report(self, path: str | Path, commands: Sequence[str] = ()) -> None:
@@ -582,7 +577,7 @@ class Study:
         if fitted:
             self.fit()
         for step in added:
-            self.add(replace(step, probability=0.0, p_value=1.0, indistinguishable=()))  # said of other data
+            self.add(replace(step, probability=0.0, indistinguishable=()))  # said of other data
         return self
 
     def _shown(self) -> Sequence[Segment]:
@@ -610,7 +605,7 @@ class Study:
 
     def _append(self, step: Step) -> Step:
         """Take a step, with its errors."""
-        self._steps.append(step.made_for_use(self.data).judged_on(self.data))
+        self._steps.append(step.judged_on(self.data))
         self._diagnoses.pop(len(self._steps) - 1, None)
         self._searched = None
         return self._steps[-1]

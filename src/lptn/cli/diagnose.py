@@ -25,10 +25,7 @@ from lptn.cli.options import (
 
 if TYPE_CHECKING:
     from lptn.diagnose.advice import Advice
-    from lptn.diagnose.answers import Step
     from lptn.diagnose.diagnosis import Diagnosis, Verdict
-    from lptn.diagnose.runs_that_differ import RunDifference
-    from lptn.identify.fitting import Fit
 
 
 def diagnose(
@@ -83,11 +80,12 @@ _FEW = 3  # rivals named in a sentence; all of them stand in the JSON and on the
 
 
 def show_diagnosis(diagnosis: Diagnosis) -> None:
-    """Verdict, and the candidates that were refitted."""
+    """Verdict, and what is missing."""
     from lptn.cli.terminal import show_table
     from lptn.report.shown import noise_alone
     from lptn.report.tables import FAR
-    from lptn.report.text import kelvin, percent
+    from lptn.report.text import kelvin, named, percent
+    from lptn.report.words import size_in_words
 
     held_out = f", {kelvin(diagnosis.holdout.rmse)} on the held-out ones" if diagnosis.holdout else ""
     step = diagnosis.fit.problem.bound_runs[0].run.step
@@ -99,26 +97,20 @@ def show_diagnosis(diagnosis: Diagnosis) -> None:
         print("they hold something that the fitted runs do not. Fit on runs like them as well.")
     print(f"RMSE {kelvin(diagnosis.fit.rmse)} on the fitted runs{held_out}, in steps of {step:g} s.")
     print(f"Misfit over one-minute means, 1 being the most that noise would leave: {lack}.")
-    show_what_runs_have_of_their_own(diagnosis.fit, diagnosis.differing)
-    if not diagnosis.helpful:
+    if not diagnosis.steps:
         _show_that_nothing_helps(diagnosis)
         return
     if diagnosis.verdict == "missing":
-        _show_first(diagnosis)
-    ranks = {finding.key: str(rank) for rank, finding in enumerate(diagnosis.helpful, start=1)}
+        _show_all(diagnosis)
     rows = []
-    for finding in diagnosis.helpful:
-        errors = kelvin(finding.fit.rmse), kelvin(finding.holdout.rmse if finding.holdout else None)
-        chance = f"{'≤ ' if _is_finest(diagnosis, finding) else ''}{finding.p_value:.2g}"
-        same = " ".join(ranks[key] for key in finding.indistinguishable if key in ranks)
-        rows.append((ranks[finding.key], *finding.key, *errors, chance, percent(finding.probability), same))
-    show_table(("rank", "effect", "at", ">fit", ">held out", ">p", ">probability", "indistinguishable from"), rows)
-    print("fit, held out: RMSE once the effect is added. p: how often chance alone would score as high.")
-    print("probability: of being what is missing, if one of these is, by the fitted runs and by what is usual.")
-    one_run = any("@" in at for _, at in ranks)
-    print(f"at: * is everywhere.{' NODE@RUN is in that run alone.' if one_run else ''} The last column names ranks.")
+    for missing in diagnosis.steps:
+        same = ", ".join(named(*key) for key in missing.indistinguishable)
+        rows.append((*missing.key, size_in_words(missing, missing.fit), percent(missing.probability), same))
+    show_table(("effect", "at", "size", ">probability", "or"), rows)
+    one_run = any("@" in (step.at or "") for step in diagnosis.steps)
+    print(f"at: * is everywhere.{' NODE@RUN is in that run alone.' if one_run else ''}")
     if diagnosis.verdict == "missing":
-        print("To add it, fit again, and look for more: `lptn improve` with the same model and logs.")
+        print("To add all of it and fit at full resolution: `lptn improve` with the same model and logs.")
 
 
 def _show_that_nothing_helps(diagnosis: Diagnosis) -> None:
@@ -127,67 +119,23 @@ def _show_that_nothing_helps(diagnosis: Diagnosis) -> None:
     from lptn.report.text import percent
 
     shares = dict(diagnosis.probabilities)
-    if diagnosis.refits or not shares:
-        return
     others = [f"{in_words([key])} {percent(share)}" for key, share in shares.items() if key != NOTHING][:_FEW]
     text = f"By the fitted data nothing that matters is missing with a probability of {percent(shares[NOTHING])}"
     print(f"{text}; next: {', '.join(others)}." if others else f"{text}.")
 
 
-def _show_first(diagnosis: Diagnosis) -> None:
-    """The first answer in words: what, where, how much better, how sure."""
+def _show_all(diagnosis: Diagnosis) -> None:
+    """What is missing, and how much better the model is with it."""
     from lptn.report.text import kelvin
 
-    first = diagnosis.helpful[0]
-    text = f"Missing first of all: {in_words([first.key])}. With it the RMSE goes from {kelvin(diagnosis.fit.rmse)} to "
-    text += f"{kelvin(first.fit.rmse)} on the fitted runs"
-    if diagnosis.holdout and first.holdout:
-        text += f", from {kelvin(diagnosis.holdout.rmse)} to {kelvin(first.holdout.rmse)} on the held-out ones"
-    at_most = "at most " if _is_finest(diagnosis, first) else ""
-    text += f". Chance alone would score as high in {at_most}{100 * first.p_value:.2g} % of logs; "
-    same = f"these data can't tell it from {in_words(first.indistinguishable)}" if first.indistinguishable else ""
-    print(f"{text}{same or 'nothing else in the catalogue explains them as well'}.")
+    last = diagnosis.steps[-1]
+    text = f"Missing: {in_words([step.key for step in diagnosis.steps])}. With all of it the RMSE goes from "
+    text += f"{kelvin(diagnosis.fit.rmse)} to {kelvin(last.fit.rmse)} on the fitted runs"
+    if diagnosis.holdout and last.holdout:
+        text += f", from {kelvin(diagnosis.holdout.rmse)} to {kelvin(last.holdout.rmse)} on the held-out ones"
+    print(f"{text}.")
 
 
-def _is_finest(diagnosis: Diagnosis, finding: Step) -> bool:
-    """Whether none of the simulated logs scored as much, so that the share by chance is only an upper bound."""
-    return finding.p_value <= (1 + 1e-9) / (1 + len(diagnosis.scores.null_gains))
-
-
-def show_what_runs_have_of_their_own(
-    fit: Fit, differing: Sequence[RunDifference], as_logged: str = "`lptn compare` does without."
-) -> None:
-    """Which errors each run may have, and which held-out runs a parameter of their own, fitted to each alone.
-
-    Args:
-        fit: of the model.
-        differing: held-out runs with a parameter of their own.
-        as_logged: what to say of predictions without.
-    """
-    from lptn.basics.words import listed
-    from lptn.diagnose.runs_that_differ import nuisances_at_limit
-    from lptn.report.text import nuisances_in_words
-
-    for difference in differing:
-        print(
-            f"{difference.run} is predicted with one parameter of its own, fitted on it; "
-            "it judges the rest of the model."
-        )
-    errors = nuisances_in_words(fit.model)
-    if errors:
-        print(
-            f"Each run, held-out ones too, may have {errors} (standard deviations; at most twice that): fitted to "
-            f"that run alone. {as_logged}"
-        )
-    at_limit = [nuisance.text for nuisance in nuisances_at_limit(fit)]
-    if at_limit:
-        told, more = listed(at_limit), len(at_limit) - _MOST_AT_LIMIT
-        if more > 0:
-            told = f"{'; '.join(at_limit[:_MOST_AT_LIMIT])}; and {more} more, in the JSON"
-        print(f"That is not enough: {told}. These runs differ, or the model is wrong in another way.")
-
-
-_MOST_AT_LIMIT = 3  # errors of runs that end at their limits, on the terminal; the JSON has all
 _MOST_STRETCHES = 8  # of unexplained heat, on the terminal
 
 

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter as Option
 from cyclopts import validators
 
-from lptn.basics.words import listed
-from lptn.cli.diagnose import in_words, show_advice, show_what_runs_have_of_their_own
+from lptn.cli.diagnose import in_words, show_advice
 from lptn.cli.options import (
     AmbientError,
     Holdout,
@@ -114,85 +113,37 @@ def show_history(history: History) -> None:
     if len(history.steps) > 1:
         print(left_in_words(history))
     print(_who_chose(history))
-    show_what_runs_have_of_their_own(history.best.fit, history.differing, *_as_logged(history))
     for number, step in enumerate(history.steps):
         if step.effect and step.at:
             size = size_in_words(step, history.best.fit)
             text = f"Step {number}, {in_words([(step.effect, step.at)])}: {_sure(history, number)}."
             own = [text, f"Its {size}." if size else "", removed_in_words(history, number)]
             print(for_people(" ".join(filter(None, own))))
-    if len(history.steps) == 2:
-        print("Probable: given that one of the answers that were refitted is right.")
-    if len(history.steps) > 2:
-        print("Probable: beside the other steps, and given that one of the answers that were refitted is right.")
-        print(
-            "Order: first where something is missing more probably than not. Of these, faults come before how the "
-            "robot is made (a fault is at one place, in one limb, in one run or in the log); then what explains more."
-        )
+    if len(history.steps) > 1:
+        print("Probable: beside the other steps, and that nothing is missing.")
     for warning in history.best.fit.uncertainty.warnings:
         print(f"Warning: {warning}.")
 
 
-def _as_logged(history: History) -> list[str]:
-    """How well held-out runs are predicted without nuisance parameters; nothing without any."""
-    from lptn.report.text import kelvin
-
-    errors = [step.holdout_as_logged.rmse for step in history.steps if step.holdout_as_logged]
-    if not errors:
-        return []
-    off = f"{kelvin(errors[0])} as given and {kelvin(errors[-1])} in the end" if len(errors) > 1 else kelvin(errors[0])
-    text = f"Without, as `lptn compare` predicts, held-out runs are off by {off}"
-    return [f"{text}, with values fitted without as well, which a file gets." if history.best.plain else f"{text}."]
-
-
 def _sure(history: History, number: int) -> str:
     """How sure a step is, and what else it might be; without a full stop."""
-    from lptn.diagnose.answers import LIKELY
     from lptn.report.text import percent
-    from lptn.report.words import chosen_in_words, outweighed_in_words
 
     step = history.steps[number]
     if not step.probability:
         return "chosen by hand, and not compared with others"
-    # What was added as well, later or before, is no other name for it any more.
-    added = {added_step.key for added_step in history.steps}
-    others = [key for key in step.indistinguishable if key not in added]
-    share, likelier = percent(step.probability), ""
-    likeliest = max(history.first.refits, key=lambda refit: refit.probability, default=step)
-    if len(history.steps) == 2 and likeliest.key != step.key and likeliest.probability > step.probability:
-        likelier = percent(likeliest.probability)
-    if likelier not in ("", share):
-        share += f", {in_words([likeliest.key])} {likelier}"
-        others = [key for key in others if key != likeliest.key]
-    if step.indistinguishable and step.probability < LIKELY:
-        text = f"the fitted data alone leave it open (this one {share})"
-        text += f" and don't rule out {in_words(others)}" if others else ""
-        return text + chosen_in_words(step)
-    text = f"by the fitted data {share} probable; "
-    if others:
-        return f"{text}they don't rule out {in_words(others)}"
-    if added & set(step.indistinguishable):
-        return f"{text}what explains the fitted data as well was added, too"
-    return text + (
-        outweighed_in_words(step)
-        if step.outweighed
-        else "nothing else in the catalogue explains the fitted data as well"
-    )
+    text = f"{percent(step.probability)} probable"
+    return text + (f"; it may be {in_words(step.indistinguishable)}" if step.indistinguishable else "")
 
 
 def _who_chose(history: History) -> str:
     """Which data chose the steps, and which only test them."""
-    text = "Effects were chosen on the fitted data."
     if history.searched_from is None:
         text = "Which effects were added, somebody chose."
-    elif history.considered == 1 and history.first.refits:
-        text = "Of the effects that were proposed each is implausible, or within chance."
-    elif history.considered == 1:
-        text = "No effect was proposed beyond chance."
-    elif history.last.holdout:
-        text += f" Held-out data chose among {history.considered} models that were tried, and where to end."
-    elif not history.steps[0].holdout:
-        text += " No data were held out: the steps end by Schwarz's criterion, and nothing tests them."
-    if history.set_aside:
-        text += f" No model that was tried explains {listed(history.set_aside)}, held out: that chose nothing."
-    return text + (" Test data chose nothing." if history.steps[0].test else "")
+    elif len(history.steps) == 1:
+        text = "Nothing is missing more probably than not."
+    else:
+        text = f"The fitted data chose, among {history.considered} models."
+        if not history.steps[0].holdout:
+            text += " No data were held out: nothing tests the choice."
+    return text

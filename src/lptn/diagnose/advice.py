@@ -72,7 +72,6 @@ def advise(
     last: Fit,
     data: DataSplit,
     report: Report = lambda _: None,
-    differing: Sequence[RunDifference] = (),
     rivals: Sequence[Step] | None = None,
 ) -> Advice:
     """Work out what to do next.
@@ -82,21 +81,18 @@ def advise(
         last: the fit of the model that it led to, or of the given one.
         data: the runs, in the steps of the search.
         report: called with a sentence on what is being done.
-        differing: held-out runs that are known to differ.
-        rivals: answers that the data don't tell apart, which an experiment has to; the names of the diagnosis' first
-            answer by default.
+        rivals: answers that the data don't tell apart, which an experiment has to; those of the diagnosis by
+            default.
     """
     report("looking for what is left, and for the next experiment")
-    if rivals is None:
-        names = {name for step in diagnosis.refits[:1] for name in (step.key, *step.indistinguishable)}
-        rivals = [step for step in diagnosis.refits if step.key in names]
+    rivals = diagnosis.rivals if rivals is None else rivals
     # What is missing shows in held-out runs as well: as long as it is not added, nothing is said of the runs.
     added = last is not diagnosis.fit or diagnosis.verdict != "missing"
     return Advice(
         propose(rivals[:_MOST_RIVALS]) if len(rivals) > 1 else None,
         stretches(unexplained_heat(last)),
         smallest(diagnosis.scores),
-        [*differing, *(runs_that_differ(last, data.holdout) if added else [])],
+        runs_that_differ(last, data.holdout) if added else [],
         _rows_as_means(last, data),
     )
 

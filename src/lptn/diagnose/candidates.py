@@ -16,22 +16,15 @@ import numpy as np
 from lptn.basics.arrays import FloatArray
 from lptn.basics.parameters import Parameter
 from lptn.basics.places import EVERYWHERE, class_of, in_run, is_glob, is_of_run, limb_of, matching, run_label
-from lptn.diagnose.plausibility import believed
 from lptn.effects import Effect, GroupEffect, MassEffect, catalogue
-from lptn.effects.ambient_offset import AmbientOffset
 from lptn.effects.base import Place
-from lptn.effects.loss_scale import LossScale
-from lptn.effects.surface_scale import SurfaceScale
-from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit
 from lptn.logs.resampling import raw_keys
 from lptn.model.heat_balance import input_column
-from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration, Network
 from lptn.model.sizes import Sizes
 from lptn.simulate.bound_run import default_start, start_from
 
-_FARTHEST = 2.0  # standard deviations that a run's own error may reach: readings by the thousand outvote any prior
 _FEWEST = 3  # nodes that share an unseen mass
 _WARM, _NO_HEAT = 25.0, 1e-12  # degC, W
 _ONE_LOGGER = 0.03
@@ -166,13 +159,10 @@ class Candidate:
 
     @property
     def room(self) -> tuple[float, float]:
-        """How far its amplitude may go from where the effect is off, down and up, in the amplitude's unit.
-
-        As far as its bounds, and as somebody would believe.
-        """
+        """How far its amplitude may go from where the effect is off, down and up, in the amplitude's unit."""
         amplitude = self.amplitude
-        off, (lower, upper) = amplitude.off or 0.0, believed(amplitude)
-        return max(amplitude.bounds[0], lower) - off, min(amplitude.bounds[1], upper) - off
+        off = amplitude.off or 0.0
+        return amplitude.bounds[0] - off, amplitude.bounds[1] - off
 
     @property
     def one_sided(self) -> bool:
@@ -604,11 +594,9 @@ def _shaped(parameter: Parameter, shape: float | None) -> Parameter:
     return replace(parameter, value=shape) if parameter.grid and shape is not None else parameter
 
 
-# --- Nuisance parameters: what every log has wrong in each run, so that no effect stands in for it ---------
+# --- What every log has wrong in each run, so that no effect stands in for it ------------------------------
 
 
-NUISANCE = "_nuisance"
-"""What the name of an effect ends in that stands for a small error of each run."""
 AMBIENT_ERROR = 0.3
 """K, one standard deviation: how far an ambient sensor may be off in each run where nothing else is known of it. So
 much is allowed to a platinum thermometer of class B at 0 °C [IEC60751], and air a metre away differs by as much."""
@@ -623,51 +611,3 @@ of it. In still air it goes with the fourth root of how much warmer the surface 
 runs of which one is an eighth hotter the conductances differ by as much, and a room is not always equally still. Of
 six sound legs without lumps two were told to lose 9 % less in one run with none of it, none with 3 or 5 %; with 5 %
 a surface that loses 30 % more in one run no longer shows in steps of 1 K (`tests/benchmarks/verdict_trial.py`)."""
-
-
-def with_errors_of_runs(
-    model: Model,
-    data: DataSplit,
-    ambient: float = AMBIENT_ERROR,
-    torque: float = TORQUE_ERROR,
-    surface: float = SURFACE_ERROR,
-) -> Model:
-    """The model with small errors of its inputs and of its surfaces in each run: nuisance parameters with a prior.
-
-    An ambient sensor that is off by half a kelvin moves all nodes for hours, a torque that is off by 2 % heats its
-    joint 4 % more, and a hotter surface loses more a kelvin; without this, constant heat, a sensor's offset or a cover
-    in one run is named for it, and a held-out run judges its own sensors and its air in place of the model. Errors of
-    fitted runs are fitted with the rest; those of other runs whenever one is predicted. With one run alone they can't
-    be told from the model's own parameters, and are left out.
-
-    Args:
-        model: the model.
-        data: the runs.
-        ambient: standard deviation of the ambient sensor's errors [K], which go no farther than two of them; 0 for
-            none.
-        torque: that of torques or currents, as a share of them; 0 for none.
-        surface: that of what each surface loses a kelvin, as a share of it; 0 for none.
-    """
-    fitted = [segment.run.name for segment in data.fit]
-    runs = separate_runs([*fitted, *(segment.run.name for segment in (*data.holdout, *data.test))])
-    network = model.network
-    surroundings = [name for name, source in network.prescribed.items() if not isinstance(source, int)]
-    driven = [instance.ends[0] for instance in network.effect_instances if instance.effect.key == LossScale.heat_of]
-    wanted: list[tuple[Effect, str, float]] = [(AmbientOffset(), place, ambient) for place in surroundings]
-    wanted += [(LossScale(), place, 2 * torque) for place in dict.fromkeys(driven)]
-    surfaces = network.places_for(EffectDeclaration(SurfaceScale(), EVERYWHERE))
-    wanted += [(SurfaceScale(), place, surface) for place, _ in surfaces]
-    errors = [
-        _nuisance(effect, place, spread, run, fitted=any(is_of_run(name, run) for name in fitted))
-        for effect, place, spread in wanted
-        for run in runs
-        if spread > 0
-    ]
-    return Model(network.with_effects(errors)) if errors else model
-
-
-def _nuisance(effect: Effect, place: str, spread: float, run: str, *, fitted: bool) -> EffectDeclaration:
-    (size,) = effect.parameters
-    bounds = (-_FARTHEST * spread, _FARTHEST * spread)
-    size = replace(size, value=0.0, prior=(0.0, spread), nuisance=True, bounds=bounds, share="each", fixed=not fitted)
-    return EffectDeclaration(effect, place, (size,), f"{effect.key}{NUISANCE}", run=run)

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from math import log
 
 import numpy as np
 
 from lptn.basics.arrays import FloatArray
-from lptn.diagnose.plausibility import FACTOR
 from lptn.identify.fitting import Fit, fit
 from lptn.identify.problem import Bounds, Point
 from lptn.model.model import Model
@@ -24,24 +22,6 @@ def refit(
 ) -> Fit:
     """The baseline and one more effect, started from the baseline's solution; arguments as for `continued`."""
     return continued(base, base.model.network.with_effects([declaration]), rival, within)
-
-
-def kept_beside(fit: Fit, given: Fit) -> dict[str, Bounds]:
-    """Bounds that would keep what vanishes in a fit and is told in a given one, by name; empty where nothing does.
-
-    Of links, capacities and windings' losses; they end at their declared bound, a factor of three off. No effect stands
-    for a link that may as well be none, or for a capacity that nothing tells: within these bounds they are no farther
-    off. What is nearer to its bound, the right effect may bring there: bounds are a user's guess.
-    """
-    before = {parameter.name: parameter.value for parameter in given.model.parameters}
-    after = {parameter.name: parameter for parameter in fit.model.parameters}
-    kept = {}
-    for name, side in fit.vanished.items():
-        told = name in before and name not in given.vanished and not given.may_be_at_bound(name, side)
-        if told and abs(log(after[name].value / before[name])) > log(FACTOR):
-            lower, upper = after[name].declared.bounds
-            kept[name] = (lower, FACTOR * before[name]) if side else (before[name] / FACTOR, upper)
-    return kept
 
 
 def continued(base: Fit, network: Network, rival: float = np.inf, within: Mapping[str, Bounds] | None = None) -> Fit:

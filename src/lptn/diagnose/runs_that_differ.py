@@ -3,29 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.special import softmax
 
 from lptn.basics.parameters import ParameterInstance
 from lptn.basics.places import EVERYWHERE
 from lptn.basics.processes import one_blas_thread
 from lptn.basics.words import short_size
-from lptn.diagnose.answers import Step, answers
+from lptn.diagnose.answers import Step
 from lptn.diagnose.candidates import possible_effects
+from lptn.diagnose.composition import with_priors
+from lptn.diagnose.evidence import ErrorsOfRuns, Evidence, allowances
 from lptn.diagnose.fit_statistics import CLEARLY, explained_elsewhere, standing_out
-from lptn.diagnose.plausibility import is_at
-from lptn.diagnose.probability import in_occams_window, log_prior_of_sizes, probabilities
-from lptn.diagnose.refits import continued, refit
-from lptn.identify.comparison import Errors, Prediction, predict, with_own_errors
+from lptn.diagnose.priors import in_occams_window, log_priors
+from lptn.diagnose.refits import continued
+from lptn.identify.comparison import Errors, predict
 from lptn.identify.data import Segment
-from lptn.identify.fitting import Fit, nuisances
+from lptn.identify.fitting import Fit
 from lptn.identify.problem import Problem
-from lptn.identify.uncertainty import rows_at_bounds
-from lptn.logs.run import Run
-from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration
-from lptn.simulate.bound_run import bind
 
 
 @dataclass(frozen=True)
@@ -159,17 +157,21 @@ class RunDifference:
 # --- The procedure: what a run lacks beside the fitted model ---------------------------------------
 
 
+_EXACT = 4  # causes that are fitted exactly
+
+
 @one_blas_thread
-def runs_that_differ(fit: Fit, segments: Sequence[Segment]) -> list[RunDifference]:
+def runs_that_differ(fit: Fit, segments: Sequence[Segment], errors: ErrorsOfRuns | None = None) -> list[RunDifference]:
     """For each run that a fitted model predicts clearly worse than it fits: what would have to differ in it.
 
     The run is asked what it lacks, as in any diagnosis, of what may differ from run to run; the model's own parameters
-    are held. What the run itself can't tell apart is refitted to all runs together, all parameters free.
+    are held.
 
     Args:
         fit: the fitted model.
         segments: held-out runs; the rest of a run whose beginning was fitted is left out, since one parameter can't
             differ within a run.
+        errors: how far a log may be off.
 
     Returns:
         The runs whose error is beyond noise and clearly beyond that of the fitted runs; others are not mentioned.
@@ -178,26 +180,23 @@ def runs_that_differ(fit: Fit, segments: Sequence[Segment]) -> list[RunDifferenc
         InputError: a run lacks an input of the model.
     """
     step = fit.problem.bound_runs[0].run.step
-    differences = (
-        _difference(fit, segment.coarsened(step)) for segment in segments if is_of_another_log(fit, segment.run)
-    )
+    fitted = {bound.run.source for bound in fit.problem.bound_runs}
+    others = (segment.coarsened(step) for segment in segments if segment.run.source not in fitted)
+    differences = (_difference(fit, segment, errors or ErrorsOfRuns()) for segment in others)
     return [difference for difference in differences if difference is not None]
 
 
-def is_of_another_log(fit: Fit, run: Run) -> bool:
-    """Whether a run is not the rest of one whose beginning was fitted."""
-    return run.source not in {bound.run.source for bound in fit.problem.bound_runs}
-
-
-def _difference(fit: Fit, segment: Segment) -> RunDifference | None:
+def _difference(fit: Fit, segment: Segment, errors: ErrorsOfRuns) -> RunDifference | None:
     before = predict(fit.model, segment, fit.problem.sigma)
     where = standing_out(fit, before)
     if not where:
         return None
-    names = _names_of_one_answer(_fitted(fit, before, alone=True))
-    answer = _decided_together(fit, before, names) if len(names) > 1 else names
+    bound = before.bound.count((float("-inf"), float("inf")))
+    problem = Problem(fit.model, [bound], fit.problem.sigma, free=())
+    z = problem.guess(fit.model.values, [before.states[:, 0]])
+    alone = continued(Fit(fit.model, problem, z, problem.cost(z), fit.noise, 0, "converged"), fit.model.network)
     error, causes = Errors.of(before.error), []
-    for step in answer:
+    for step in _names_of_one_answer(alone, errors):
         (declaration,), amplitude = step.declarations, step.amplitude
         assert amplitude is not None  # what may differ from run to run has one
         after = Errors.of(predict(step.fit.model, segment, fit.problem.sigma).error)
@@ -207,116 +206,25 @@ def _difference(fit: Fit, segment: Segment) -> RunDifference | None:
     return RunDifference(segment.run.name, error.rmse, fit.rmse, tuple(causes), where)
 
 
-def _fitted(fit: Fit, before: Prediction, *, alone: bool) -> Fit:
-    """All of a predicted run as the model has it: alone, its start and nuisance parameters fitted and the model's own
-    parameters held; or together with the fitted runs, these free to be fitted.
-    """
-    model = with_own_errors(fit.model, before.segment, fit.problem.sigma)
-    others = [] if alone else zip(fit.problem.bound_runs, fit.point.starts, strict=True)
-    runs = [(replace(bind(model, bound.run), counted=bound.counted), start) for bound, start in others]
-    runs.append((before.bound.count((float("-inf"), float("inf"))), before.states[:, 0]))
-    bound_runs, starts = zip(*runs, strict=True)
-    free = nuisances(model, before.segment.run.name) if alone else None
-    fitted = fit.problem
-    problem = Problem(model, bound_runs, fitted.sigma, fitted.symmetry_penalty, free, within=fitted.within)
-    z = problem.guess(model.values, starts)
-    done = Fit(model, problem, z, problem.cost(z), fit.noise, 0, "converged")
-    return continued(done, model.network) if alone else done
-
-
-def _names_of_one_answer(alone: Fit) -> list[Step]:
+def _names_of_one_answer(alone: Fit, errors: ErrorsOfRuns) -> list[Step]:
     """What a run lacks, the most probable first, then what it can't tell from that."""
     run = alone.problem.bound_runs[0].run
     log = run.name.partition("#")[0]
     fitted = ""  # the other runs, by whatever name: what differs in a run differs from them
     possible = [candidate for candidate in possible_effects(alone, run.columns, [fitted, log]) if candidate.run == log]
-    steps = answers(alone, possible).steps
-    names = {steps[0].key, *steps[0].indistinguishable} if steps and steps[0].gain > 0 else set()
-    return [step for step in steps if step.key in names]
-
-
-def _decided_together(fit: Fit, before: Prediction, names: Sequence[Step]) -> list[Step]:
-    """Names by what they explain of all runs together, the other parameters free: those are unsure themselves."""
-    together = _fitted(fit, before, alone=False)
-    done = [refit(together, declaration) for step in names for declaration in step.declarations]
-    priors = [
-        step.log_odds + log_prior_of_sizes(solution, step.declarations)
-        for step, solution in zip(names, done, strict=True)
-    ]
-    return [names[k] for k in in_occams_window(probabilities(done, np.array(priors)))]
-
-
-def explained_differences(
-    model: Model, fit: Fit, segments: Sequence[Segment]
-) -> tuple[Model, tuple[RunDifference, ...]]:
-    """A model whose badly predicted held-out runs have a parameter of their own, and which; as it is where that fails.
-
-    Args:
-        model: the model to question.
-        fit: the likeliest fit of it, or of it with an effect more: its predictions say which runs differ.
-        segments: the held-out runs.
-
-    Returns:
-        The model and these differences; nothing where a run that differs is not explained, since held-out runs must not
-        be excused by halves.
-    """
-    differing = runs_that_differ(fit, segments)
-    if not all(difference.explained for difference in differing):
-        return model, ()
-    return with_differences(model, differing), tuple(differing)
-
-
-def with_differences(model: Model, differing: Sequence[RunDifference]) -> Model:
-    """The model with what differs in held-out runs as a nuisance of each, which every prediction of the run fits anew.
-
-    A run that is predicted so judges the rest of a model, and no longer the one parameter that is its own.
-    """
-    declared = []
-    for cause in (difference.causes[0] for difference in differing):
-        parameters = tuple(
-            replace(one.switched_off, fixed=True)
-            if one.off is None
-            else replace(
-                one.switched_off,
-                fixed=True,
-                prior=(one.off, max(abs(cause.amplitude), one.typical)),
-                nuisance=True,
-            )
-            for one in cause.declaration.parameters
-        )
-        # By a name of its own it stands beside what that run is asked to lack.
-        label = f"{cause.declaration.effect.key}_differing"
-        declared.append(replace(cause.declaration, parameters=parameters, label=label))
-    return Model(model.network.with_effects(declared))
-
-
-# --- Nuisance parameters of fitted runs that are not enough ------------------------------------------
-
-
-@dataclass(frozen=True)
-class NuisanceAtLimit:
-    """An error of a fitted run's inputs: the effect that stands for it, where, in which run, how large, in words.
-
-    Its size is in the unit of the effect's amplitude.
-    """
-
-    effect: str
-    at: str
-    run: str
-    size: float
-    text: str
-
-
-def nuisances_at_limit(fit: Fit) -> list[NuisanceAtLimit]:
-    """Nuisance parameters of fitted runs that ended at their bounds: these runs differ by more than that."""
-    ended = [fit.problem.free[row] for row in rows_at_bounds(fit.problem, fit.z)]
-    errors = []
-    for instance in fit.model.network.effect_instances:
-        for index in set(ended) & set(instance.parameters.values()) if instance.declaration.nuisance else ():
-            amplitude, run = fit.model.parameters[index], instance.declaration.run
-            words = _in_words(instance.declaration, amplitude, run)
-            errors.append(NuisanceAtLimit(instance.effect.key, instance.place, run, amplitude.value, words))
-    return errors
+    allowed = allowances(alone, possible, errors)
+    base = Evidence(alone, allowed, possible)
+    odds = log_priors(possible)
+    weighed = base.first_order(odds - np.logaddexp.reduce(odds))
+    prior = dict(zip((candidate.key for candidate in possible), odds.tolist(), strict=True))
+    steps = []
+    for entry in weighed[:_EXACT]:
+        declared = with_priors(entry.candidate, entry.amplitude, entry.shape)
+        fit = continued(alone, alone.model.network.with_effects([declared]))
+        log_odds = Evidence(fit, allowed, beside=base).log_evidence + prior[entry.candidate.key]
+        steps.append(Step(fit, declared, log_odds=log_odds))
+    steps.sort(key=lambda step: -step.log_odds)
+    return [steps[k] for k in in_occams_window(softmax([step.log_odds for step in steps]))] if steps else []
 
 
 # --- Words ----------------------------------------------------------------------------------------
@@ -324,6 +232,7 @@ def nuisances_at_limit(fit: Fit) -> list[NuisanceAtLimit]:
 
 _MOST_LISTED = 3  # causes that a sentence can carry
 _NEARLY_ONE = 0.1  # a factor that differs from one by less is said to the third decimal, and asks nobody why
+_AT_BOUND = 1e-3  # relative; so near a bound a size is only a limit
 _PLAIN = "in {run}{at}: {title}, {amplitude}"
 
 
@@ -331,7 +240,7 @@ def _in_words(declaration: EffectDeclaration, amplitude: ParameterInstance, run:
     """What an amplitude in one run means, by the effect's own sentence."""
     size, at, effect = amplitude.value, declaration.at, declaration.effect
     lower, upper = amplitude.declared.bounds
-    most, least = is_at(size, upper), is_at(size, lower)
+    most, least = (abs(size - bound) <= _AT_BOUND * abs(bound) for bound in (upper, lower))
     times = f"{1 + size:.3f}" if abs(size) < _NEARLY_ONE else short_size(1 + size)
     more, less = effect.in_one_run
     sentence = (more if size >= 0 else less) or _PLAIN

@@ -171,6 +171,8 @@ class Effect(ABC):
 
     Such errors are easily fitted and rarely true, so that a search wants more for them than a better prediction.
     """
+    common: ClassVar[bool] = False
+    """Whether it follows from how a machine is built, so that every part may have it: of the structure of a model."""
     per_run: ClassVar[bool] = False
     whole_robot: ClassVar[bool] = False
     in_one_run: ClassVar[tuple[str, str]] = ("", "")

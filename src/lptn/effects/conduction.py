@@ -19,6 +19,7 @@ class Conduction(EdgeEffect):
 
     key = "conduction"
     title = "conduction between two nodes"
+    common = True
     parameters = (
         Parameter(
             "conductance",

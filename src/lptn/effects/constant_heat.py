@@ -19,6 +19,7 @@ class ConstantHeat(NodeEffect):
 
     key = "constant_heat"
     title = "constant heat"
+    common = True
     per_run = True
     in_one_run = (
         "in {run} {size} W more heat goes into {into} all the time: was something beside it on?",

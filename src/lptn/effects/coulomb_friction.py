@@ -22,6 +22,7 @@ class CoulombFriction(NodeEffect):
 
     key = "coulomb_friction"
     title = "Coulomb friction of the joint"
+    common = True
     needs = ("velocity",)
     parameters = (
         Parameter("torque", 0.25, "N*m", (0.0, LARGEST), off=0.0, typical=0.25, title="Coulomb friction torque"),

@@ -21,6 +21,7 @@ class DriverLoss(NodeEffect):
 
     key = "driver_loss"
     title = "loss of the drive in proportion to the current"
+    common = True
     options = {"input": ("torque_abs", "current_abs")}  # noqa: RUF012
     parameters = (
         Parameter("voltage", 0.5, "V", (0.0, LARGEST), off=0.0, typical=0.5, title="voltage drop of the drive"),

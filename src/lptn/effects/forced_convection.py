@@ -19,6 +19,7 @@ class ForcedConvection(LinkEffect):
 
     key = "forced_convection"
     title = "forced convection with base speed"
+    common = True
     needs = ("base_speed",)
     parameters = (Parameter("gamma", 0.5, "s/m", (0.0, 20.0), off=0.0, typical=0.5, title="forced-convection gain"),)
     signature = Signature(

@@ -21,6 +21,7 @@ class GearLoss(NodeEffect):
 
     key = "gear_loss"
     title = "gear loss, a share of the mechanical power"
+    common = True
     needs = ("mechanical_power",)
     parameters = (
         Parameter("fraction", 0.1, "1", (0.0, 1.0), off=0.0, typical=0.1, title="share of the mechanical power lost"),

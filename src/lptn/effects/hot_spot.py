@@ -24,6 +24,7 @@ class HotSpot(ExcessEffect):
 
     key = "hot_spot"
     title = "sensor at a hot spot"
+    common = True
     moves_sensor = True
     heat_of = "copper_loss"
     parameters = (

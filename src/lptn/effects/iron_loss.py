@@ -24,6 +24,7 @@ class IronLoss(NodeEffect):
 
     key = "iron_loss"
     title = "speed-dependent iron loss"
+    common = True
     needs = ("velocity_rms",)
     parameters = (
         Parameter("gain", 0.05, "W*(s/rad)^n", (0.0, LARGEST), off=0.0, typical=0.05, title="loss at 1 rad/s"),

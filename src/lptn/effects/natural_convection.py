@@ -21,6 +21,7 @@ class NaturalConvection(LinkEffect):
 
     key = "natural_convection"
     title = "natural convection growing with the temperature difference"
+    common = True
     alike = True
     parameters = (
         Parameter("beta", 0.006, "1/K", (0.0, 0.05), off=0.0, typical=0.006, title="natural-convection exponent"),

@@ -22,6 +22,7 @@ class Radiation(LinkEffect):
 
     key = "radiation"
     title = "radiation to the surroundings"
+    common = True
     alike = True
     parameters = (
         Parameter(

@@ -19,6 +19,7 @@ class ResistanceRise(LossEffect):
 
     key = "resistance_rise"
     title = "winding resistance rising with temperature"
+    common = True
     alike = True
     heat_of = "copper_loss"
     parameters = (

@@ -21,6 +21,7 @@ class SecondMass(MassEffect):
 
     key = "second_mass"
     title = "a second thermal mass"
+    common = True
     parameters = (
         Parameter(
             "capacity",

@@ -23,6 +23,7 @@ class SensorLag(SensorEffect):
 
     key = "sensor_lag"
     title = "sensor lag"
+    common = True
     has_state = True
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("fraction", 1.0, "1", (0.0, 1.0), off=0.0, on=1.0, typical=1.0, title="share behind the lag"),

@@ -23,6 +23,7 @@ class SharedMass(GroupEffect):
 
     key = "shared_mass"
     title = "a hidden mass shared by several nodes"
+    common = True
     prior_odds = 0.3
     """Each motor has a second mass of its own, its housing; a part that several hang on mostly has a node already."""
     parameters = (

@@ -21,6 +21,7 @@ class TorqueConstantDrop(LossEffect):
 
     key = "torque_constant_drop"
     title = "torque constant falling with temperature"
+    common = True
     heat_of = "copper_loss"
     needs = ("torque",)
     prior_odds = 0.3

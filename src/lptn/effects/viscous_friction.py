@@ -21,6 +21,7 @@ class ViscousFriction(NodeEffect):
 
     key = "viscous_friction"
     title = "viscous friction of the joint"
+    common = True
     needs = ("velocity_rms",)
     parameters = (
         Parameter("damping", 0.04, "N*m*s/rad", (0.0, LARGEST), off=0.0, typical=0.04, title="viscous damping"),

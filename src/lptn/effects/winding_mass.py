@@ -27,6 +27,7 @@ class WindingMass(InertialEffect):
 
     key = "winding_mass"
     title = "a winding that passes its heat on late"
+    common = True
     site = "node"
     heat_of = "copper_loss"
     parameters = (

@@ -115,7 +115,7 @@ def plot_ranking(diagnosis: Diagnosis, added: Collection[Key] = (), ax: Axes | N
     """
     ax = new_axes(ranking_height(diagnosis)) if ax is None else ax
     shown = candidates_shown(diagnosis)
-    refitted = {step.key for step in diagnosis.refits}
+    refitted = {step.key for step in diagnosis.steps}
     shares = [sqrt(score.gain / max(diagnosis.scores.threshold, 1e-30)) for score in shown]
     wide = max(shares) > _WIDE_RANKING * max(min(shares), _LEAST)
     for row, (score, share) in enumerate(zip(shown, shares, strict=True)):

@@ -120,9 +120,6 @@ def headline(history: History) -> str:
     runs, before, after = rmse_by_data(history.steps[0], history.best)[-1]
     runs = {"fitted": "RMSE", "held-out": "held out", "test": "test"}[runs]
     errors = f"{kelvin(after)}" if len(history.steps) == 1 else f"{significant(before, 3)} → {kelvin(after)}"
-    nuisances = any(declaration.nuisance for declaration in history.best.fit.model.network.effects)
-    logged = history.best.holdout_as_logged if nuisances and runs == "held out" else None
-    errors += f" ({kelvin(logged.rmse)} as logged)" if logged else ""  # each run's nuisance parameters make it less
     numbers = f"{runs} {errors}, floor {kelvin(noise_alone(history.best.fit), 2)}."
     outcome = outcome_of(history)
     if len(history.steps) > 1:

@@ -76,7 +76,7 @@ def ranking_figure(diagnosis: Diagnosis, added: Collection[Key] = ()) -> Markup:
         added: effects and places that were added.
     """
     shown = candidates_shown(diagnosis)
-    refitted = {step.key for step in diagnosis.refits}
+    refitted = {step.key for step in diagnosis.steps}
     shares = [sqrt(score.gain / max(diagnosis.scores.threshold, 1e-30)) for score in shown]
     log = max(shares) > _WIDE_RANKING * max(min(shares), _LEAST)
     names = [named(*score.candidate.key) for score in shown]

@@ -147,7 +147,7 @@ def noise_alone(fit: Fit) -> float:
 
 def candidates_shown(diagnosis: Diagnosis) -> list[Score]:
     """The best candidates that score at all, and every one that was refitted."""
-    refitted = {step.key for step in diagnosis.refits}
+    refitted = {step.key for step in diagnosis.steps}
     scoring = [score for score in diagnosis.scores.ranked if score.gain > 0]
     return [score for place, score in enumerate(scoring) if place < _MOST_CANDIDATES or score.candidate.key in refitted]
 

@@ -9,8 +9,6 @@ from pathlib import Path
 
 from lptn.basics.parameters import ParameterInstance
 from lptn.basics.words import short_size
-from lptn.diagnose.answers import Step
-from lptn.diagnose.diagnosis import Diagnosis
 from lptn.diagnose.improvement import History
 from lptn.diagnose.unexplained_heat import HeatPeak
 from lptn.effects import Effect, catalogue
@@ -22,7 +20,9 @@ from lptn.report.text import (
     NOTHING,
     experiment_for,
     kelvin,
+    named,
     number,
+    percent,
     place_of,
     signed_kelvin,
     time_span,
@@ -176,29 +176,17 @@ def history_table(history: History) -> Table:
     return Table((*heads, ">RMSE test") if tested else heads, tuple(rows))
 
 
-def refit_table(history: History) -> Table:
-    """One row for each candidate that the first diagnosis refitted, best first."""
-    first = history.first
-    order = {step.key: str(place) for place, step in enumerate(first.refits, start=1)}
-    before = kelvin(first.holdout.rmse if first.holdout else None)
+def missing_table(history: History) -> Table:
+    """One row for each effect that the first diagnosis found missing."""
     rows = []
-    for step in first.refits:
+    for place, step in enumerate(history.first.steps, start=1):
         key, at = step.key
         effect = catalogue()[key]
-        held_out = NOTHING if step.holdout is None else f"{before} → {kelvin(step.holdout.rmse)}"
-        errors = f"{kelvin(first.fit.rmse)} → {kelvin(step.fit.rmse)}", held_out, share_by_chance(first, step)
-        same = ", ".join(sorted((order[other] for other in step.indistinguishable), key=int)) or NOTHING
-        what = order[step.key], effect.title, place_of(at), short_size(step.size)
-        rows.append((*what, *errors, same, experiment_for(effect)))
-    heads = ("no.", "effect", "place", ">size / typical", ">RMSE fit", ">RMSE held out", ">by chance")
+        same = ", ".join(named(*other) for other in step.indistinguishable) or NOTHING
+        size = short_size(step.size), percent(step.probability)
+        rows.append((str(place), effect.title, place_of(at), *size, same, experiment_for(effect)))
+    heads = ("no.", "effect", "place", ">size / typical", ">probability")
     return Table((*heads, "indistinguishable from", "experiment that separates"), tuple(rows))
-
-
-def share_by_chance(diagnosis: Diagnosis, step: Step) -> str:
-    """How often chance alone scores as much, in percent; the number of simulated logs sets the finest answer."""
-    finest = 1.0 / (1 + len(diagnosis.scores.null_gains))
-    at_most = "at most " if step.p_value <= finest * (1 + 1e-9) else ""
-    return f"{at_most}{100 * step.p_value:.2g} %"
 
 
 def stretch_table(stretches: Sequence[HeatPeak]) -> Table:

@@ -7,14 +7,9 @@ import re
 from collections.abc import Sequence
 
 from lptn.basics.words import listed
-from lptn.diagnose.candidates import NUISANCE
 from lptn.effects import Effect, catalogue
-from lptn.effects.ambient_offset import AmbientOffset
-from lptn.effects.loss_scale import LossScale
-from lptn.effects.surface_scale import SurfaceScale
 from lptn.identify.data import Segment, Window
 from lptn.logs.columns import column_unit
-from lptn.model.model import Model
 
 NOTHING = "–"
 _EVERYWHERE = "everywhere"
@@ -152,22 +147,3 @@ def for_people(text: str) -> str:
 
     text = re.sub(rf"\b({keys}) at ([^\s,;]*[^\s,;.])", titled, text)
     return _MINUS.sub("−", text.replace("degC", "°C").replace("N*m", "N·m"))
-
-
-def nuisances_in_words(model: Model) -> str:
-    """Which errors of its inputs and its air each run may have, and how large; empty for none."""
-
-    def spread(effect: type[Effect]) -> float:
-        declared = [
-            declaration for declaration in model.network.effects if declaration.label == f"{effect.key}{NUISANCE}"
-        ]
-        return min(
-            (parameter.prior[1] for declaration in declared for parameter in declaration.parameters if parameter.prior),
-            default=0.0,
-        )
-
-    air, losses, surfaces = spread(AmbientOffset), spread(LossScale), spread(SurfaceScale)
-    words = [f"its ambient sensor off by {air:g} K"] if air else []
-    words += [f"the heat that a joint's torque or current makes off by {100 * losses:g} %"] if losses else []
-    words += [f"what a surface loses off by {100 * surfaces:g} %"] if surfaces else []
-    return listed(words) if words else ""

@@ -9,9 +9,8 @@ from typing import Protocol
 import numpy as np
 
 from lptn.basics.parameters import Parameter
-from lptn.basics.places import EVERYWHERE
 from lptn.basics.words import listed, short_size
-from lptn.diagnose.answers import LIKELY, Step
+from lptn.diagnose.answers import Step
 from lptn.diagnose.fit_statistics import Removed
 from lptn.diagnose.improvement import History
 from lptn.diagnose.scores import INDISTINGUISHABLE, Confusability, Detectable
@@ -31,7 +30,7 @@ from lptn.report.outcome import (
     tried_in_words,
 )
 from lptn.report.shown import MOST, NOISE_BAND, candidates_shown, initialisation_end, noise_alone, reaches, views
-from lptn.report.tables import FAR, share_by_chance, worst_condition
+from lptn.report.tables import FAR, worst_condition
 from lptn.report.text import (
     bin_text,
     capitalised,
@@ -40,7 +39,6 @@ from lptn.report.text import (
     few,
     kelvin,
     named,
-    nuisances_in_words,
     percent,
     place_of,
     title_of,
@@ -58,11 +56,6 @@ def _added(history: History) -> list[Step]:
 def _found_steps(history: History) -> list[Step]:
     """The steps that helped; all where they did so on the fitted runs alone, and nothing else was found."""
     return sorted_steps(history.steps, history.searched_from)["all"] or _added(history)
-
-
-def _first_refit(history: History) -> Step | None:
-    """What the first diagnosis says of the first effect that was added, where it looked at it."""
-    return next((refit for refit in history.first.refits if refit.key == history.steps[1].key), None)
 
 
 _TOLD = 2.0  # standard errors from which on a size is told from zero
@@ -253,16 +246,10 @@ def _short_found(history: History, heat: HeatStory) -> tuple[str, str, str]:
         places.setdefault(at, []).append(title_of(step.effect or ""))
     where = "; ".join(f"{place} ({listed(effects)})" if len(places) > 1 else place for place, effects in places.items())
     sure = f"{_short_errors(history)}."
-    refit = _first_refit(history)
-    if refit and refit.key == added[0].key:
-        as_high = "as high" if len(history.steps) == 2 else "as high as the first of these"
-        sure = f"Chance alone would score {as_high} in {share_by_chance(history.first, refit)} of logs. {sure}"
     taken = {step.key for step in added}
     rivals = list(dict.fromkeys(named(*key) for step in added for key in step.indistinguishable if key not in taken))
     if rivals:
         sure += f" On the fitted runs alone, {few(rivals, _FEW)} would do about as well."
-    elif any(step.outweighed for step in added):
-        sure += " On the fitted runs alone another answer would do better; the steps together decided."
     elif all(step.probability for step in added):
         sure += " Nothing else in the catalogue explains the fitted runs as well."
     if idle := [step for step in _added(history) if step not in added]:
@@ -309,8 +296,7 @@ def story_in_words(history: History, data: DataSplit) -> list[str]:
         "unexplained": _unexplained,
     }
     what = stories[outcome_of(history)]
-    differing = " ".join(difference.text() for difference in history.differing or history.last.differing)
-    return [what(history, data), *filter(None, [_how_sure(history), differing]), _which_data(history, data)]
+    return [what(history, data), *filter(None, [_how_sure(history)]), _which_data(history, data)]
 
 
 def fitted_in_words(history: History) -> str:
@@ -429,42 +415,15 @@ def _sure(history: History, number: int, step: Step) -> str:
         text += f"Its size: {size}. "
     if removed := removed_in_words(history, number):
         text += f"{removed} "
-    refit = _first_refit(history) if number == 1 else None
-    if refit is not None:
-        text += f"Chance alone would score as high in {share_by_chance(history.first, refit)} of logs. "
     if not step.probability:
         return text + "It was chosen by hand, and not compared with others."
-    if step.outweighed:
-        return f"{text}{capitalised(outweighed_in_words(step))}."
     if not step.indistinguishable:
         return text + "Nothing else in the catalogue explains the fitted runs about as well."
     verb = "explains" if len(step.indistinguishable) == 1 else "explain"
     others = f"{few([named(*key) for key in step.indistinguishable], _FEW)} {verb}"
     if all(effect == step.effect for effect, _ in step.indistinguishable):
         return text + f"The effect is clear, its place is not: {others} the fitted runs about as well."
-    return text + f"The fitted runs alone cannot tell: {others} them about as well{chosen_in_words(step)}."
-
-
-def chosen_in_words(step: Step) -> str:
-    """How probable held-out data make what the fitted data leave open; empty where none were held out.
-
-    Where several names stand for it at one place, or one name at several, that something is missing there is surer than
-    what it is.
-    """
-    if step.by_all_runs is None:
-        return ""
-    text, declared = f"; with the held-out data it is {percent(step.by_all_runs)} probable", step.declaration
-    surer = step.by_all_runs < LIKELY <= step.at_its_place
-    if declared is None or declared.at == EVERYWHERE or not surer:
-        return text
-    places = either([place_of(place) for place in step.places])
-    return f"{text}, and that something is missing at {places} {percent(step.at_its_place)}"
-
-
-def outweighed_in_words(step: Step) -> str:
-    """Why a step is there although the fitted data alone speak for another answer."""
-    held_out = ", held-out runs included," if step.holdout else ""
-    return f"by itself another answer explains the fitted runs better; the steps together{held_out} decided"
+    return text + f"The fitted runs alone cannot tell: {others} them about as well."
 
 
 def _which_data(history: History, data: DataSplit) -> str:
@@ -474,31 +433,14 @@ def _which_data(history: History, data: DataSplit) -> str:
     text = f"Parameters were fitted{proposed} on {_runs(data.fit)}."
     text += " Which effects were added, somebody chose." if by_hand else ""
     if not data.holdout:
-        ends = history.searched_from is not None
-        text += " No data were held out"
-        text += ": the steps end where a further effect does not pay for its parameters." if ends else "."
+        text += " No data were held out."
     else:
-        what = "how good they are" if history.searched_from is None else "where the steps end"
-        among = f"chose among the {history.considered} models that were tried, and "
-        among = "" if history.considered == 1 else among
-        fitted = "No parameter was fitted to it"
-        errors = nuisances_in_words(history.best.fit.model)
-        if errors or history.differing:
-            own = [f"that each run may have {errors}"] if errors else []
-            own += ["what differs in it"] if history.differing else []
-            fitted = f"Nothing was fitted to it but {' and '.join(own)}"
-            as_logged = history.best.holdout_as_logged
-            fitted += f", without which its error is {kelvin(as_logged.rmse)}" if as_logged else ""
-        text += f" Held out: {_runs(data.holdout)}. {fitted}"
-        text += f"; it {among}says {what}." if history.last.holdout else "."
-        if history.set_aside:
-            text += f" No model that was tried explains {listed(history.set_aside)}, so that it chose nothing."
+        text += f" Held out: {_runs(data.holdout)}. Nothing but its start was fitted to it, and it chose nothing."
     if data.test:
         return f"{text} Test: {_runs(data.test)}. It chose nothing, so its error is the one to quote."
     if len(history.steps) == 1:
         return text
-    flaw = "the held-out error is a little flattering" if data.holdout else "nothing tests the result"
-    return f"{text} There are no test runs, so {flaw}; one more log, given with --test, would tell."
+    return text if data.holdout else f"{text} Nothing tests the result; one more log, given with --holdout, would."
 
 
 def _runs(segments: Sequence[Segment]) -> str:
@@ -516,8 +458,7 @@ _PLAIN = 0.5  # share of the RMSE from which its mean is worth a word
 def caption_of_history(history: History) -> str:
     """Under the falling errors."""
     last = len(history.steps) - 1
-    ends = "where to end" if history.searched_from is not None else "how good it is"
-    held = f"the held-out errors say {ends}" if history.best.holdout else "no held-out errors check it"
+    held = "the held-out errors say how good it is" if history.best.holdout else "no held-out errors check it"
     return f"RMSE from the model as given (step 0, blue) to the best model (step {last}, green); {held}."
 
 
@@ -602,7 +543,7 @@ def caption_of_ranking(history: History) -> str:
     """Under the ranking of candidates."""
     shown, whole = len(candidates_shown(history.first)), len(history.first.scores.ranked)
     text = "How far each candidate scores beyond chance; chance alone passes the dashed line once in twenty logs."
-    text += " Filled bars were refitted." if history.first.refits else ""
+    text += " Filled bars are in the best model." if history.first.steps else ""
     text += " Green ones were added." if len(history.steps) > 1 else ""
     return text if shown == whole else f"{text} The {whole - shown} not shown score lower or nothing."
 

@@ -14,6 +14,7 @@ from lptn.basics.errors import InputError
 from lptn.diagnose.answers import Key, Step
 from lptn.diagnose.diagnosis import Diagnosis, for_search
 from lptn.diagnose.previews import Previews
+from lptn.diagnose.refits import refit
 from lptn.diagnose.scores import Score
 from lptn.diagnose.unexplained_heat import UnexplainedHeat
 from lptn.identify.comparison import Errors, Prediction, predict
@@ -160,7 +161,7 @@ class Bench:
         diagnosis = self.study.diagnosed
         if diagnosis is None:
             return []
-        refitted = {step.key for step in diagnosis.refits}
+        refitted = {step.key for step in diagnosis.steps}
         others = [score for score in diagnosis.scores.ranked if score.gain > 0 and score.candidate.key not in refitted]
         return others[:_MOST_SCORED]
 
@@ -174,7 +175,7 @@ class Bench:
 
     def _linearised(self, diagnosis: Diagnosis) -> dict[tuple[str, str], Attempt]:
         """By the scores alone: there as soon as the answers are."""
-        answers = {step.key for step in diagnosis.helpful}
+        answers = {step.key for step in diagnosis.steps}
         shown = [score for score in diagnosis.scores.ranked if score.gain > 0 and score.candidate.key in answers]
         scores = [*shown, *self.scored_only]
         if not scores:
@@ -194,16 +195,18 @@ class Bench:
         }
 
     def _attempted(self, diagnosis: Diagnosis) -> dict[tuple[str, str], Attempt]:
-        """What the page's runs would look like with each answer added: the refits' own predictions."""
+        """What the page's runs would look like with each answer added alone."""
         coarse = for_search(self.study.data)
         lines = {}
-        for step in diagnosis.helpful:
-            problem = step.fit.problem
+        for step in diagnosis.steps:
+            assert step.declaration is not None
+            alone = refit(diagnosis.fit, step.declaration)
+            problem = alone.problem
             fitted = [
                 (bound, bound.measured + error)
-                for bound, error in zip(problem.bound_runs, step.fit.residuals, strict=True)
+                for bound, error in zip(problem.bound_runs, alone.residuals, strict=True)
             ]
-            others = [predict(step.fit.model, segment, problem.sigma) for segment in (*coarse.holdout, *coarse.test)]
+            others = [predict(alone.model, segment, problem.sigma) for segment in (*coarse.holdout, *coarse.test)]
             runs = [*fitted, *((prediction.bound, prediction.readings) for prediction in others)]
             for segment, (bound, readings) in zip(segments(self.study), runs, strict=True):
                 lines[segment, name_of(step)] = _attempt(bound, readings, linearised=False)
@@ -218,7 +221,7 @@ class Bench:
 
     @property
     def _answers(self) -> tuple[Step, ...]:
-        return self.study.diagnosed.helpful if self.study.diagnosed else ()
+        return self.study.diagnosed.steps if self.study.diagnosed else ()
 
     def predictions(self, number: int) -> dict[str, Prediction]:
         """What the model of a step predicts, by segment."""

@@ -108,10 +108,8 @@ def _sentence(bench: Bench, floor: float) -> str:
     helped = bool(by_help["all"] or by_help["fitted"])
     subject = "With what was added the model" if helped else "With or without it the model"
     subject = subject if len(study.steps) > 1 else "The model as given"
-    differing = "".join(f" {difference.sentence}" for difference in diagnosis.differing)
     if diagnosis.verdict == "adequate":
-        where = " but for a run that differs" if differing else ""
-        return f"{subject} is adequate{where}: what is left is no more than the sensors’ noise.{differing}"
+        return f"{subject} is adequate: what is left is no more than the sensors’ noise."
     if diagnosis.verdict == "unexplained":
         return f"{subject} is wrong by more than noise, and the catalogue explains little of it. {_worst(bench, floor)}"
     more = " more" if helped else ""
@@ -120,7 +118,7 @@ def _sentence(bench: Bench, floor: float) -> str:
         return f"{subject} lacks something{more}, but no single effect helps. {_worst(bench, floor)}"
     names = [named(*key) for key in dict.fromkeys([best.key, *best.indistinguishable])]
     rivals = f" – or {few(names[1:], 2)}, which these data can’t rule out" if len(names) > 1 else ""
-    return f"{subject} lacks something{more}: first of all {names[0]}{rivals}.{differing}"
+    return f"{subject} lacks something{more}: first of all {names[0]}{rivals}."
 
 
 def _worst(bench: Bench, floor: float) -> str:
@@ -239,9 +237,13 @@ def _correlations(step: Step) -> list[dict[str, Any]]:
 def _answers(study: Study, diagnosis: Diagnosis, bench: Bench) -> dict[str, Any]:
     tries = bench.tries()
     tried = {answer: line.linearised for (_, answer), line in tries.items()}
-    ranks = {step.key: rank for rank, step in enumerate(diagnosis.helpful, start=1)}
+    errors = {
+        name_of(step): {segment: line.error for (segment, of), line in tries.items() if of == name_of(step)}
+        for step in diagnosis.steps
+    }
+    ranks = {step.key: rank for rank, step in enumerate(diagnosis.steps, start=1)}
     shown = []
-    for step in diagnosis.helpful:
+    for step in diagnosis.steps:
         effect = catalogue()[step.effect or ""]
         shown.append(
             {
@@ -252,9 +254,9 @@ def _answers(study: Study, diagnosis: Diagnosis, bench: Bench) -> dict[str, Any]
                 "place": place_of(step.at or ""),
                 "probability": step.probability,
                 "probable": percent(step.probability),
-                "p": step.p_value,
-                "fit": step.fit.rmse,
-                "holdout": step.holdout.rmse if step.holdout else None,
+                "p": 1.0 - step.probability,
+                "fit": _pooled(errors[name_of(step)], "fit"),
+                "holdout": _pooled(errors[name_of(step)], "holdout"),
                 "size": size_in_words(step, step.fit),
                 "equations": equations_of(effect.__doc__ or ""),
                 "looks_like": effect.signature.looks_like,

@@ -1,0 +1,391 @@
+"""What a machine is made of, and what is wrong with it beyond that.
+
+1. *Made of*: what every part may have (`Effect.common`) goes into the model at once, everywhere, each size and time
+   constant with its prior, and its bound at none. One fit; then what the data don't need is taken out again, the
+   weakest first, as long as the evidence rises.
+2. *Wrong*: what sets a place, a limb, a sensor or a run apart. All candidates are weighed in closed form at that fit,
+   beside what every log and all like parts scatter by anyway; the best few are fitted exactly, and the most probable
+   one stays if something is missing more probably than not. Then again, beside it.
+3. After each step everything is asked anew whether it is needed: a part that all seemed to have may have stood for one
+   that has it.
+
+Evidence decides throughout (`lptn.diagnose.evidence`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import expit, softmax
+
+from lptn.basics.places import EVERYWHERE
+from lptn.diagnose.answers import LIKELY, Key, Report, Step, named
+from lptn.diagnose.candidates import Candidate, candidates, possible_effects
+from lptn.diagnose.evidence import USUAL, ErrorsOfRuns, Evidence, FirstOrder, allowances
+from lptn.diagnose.priors import in_occams_window, log_priors
+from lptn.diagnose.refits import continued, unless_interrupted
+from lptn.identify.comparison import Prediction, predict
+from lptn.identify.data import DataSplit
+from lptn.identify.fitting import Fit, finished
+from lptn.identify.validation import fit_segments
+from lptn.model.model import Model
+from lptn.model.network import EffectDeclaration, Network
+from lptn.simulate.simulation import SimulationError
+
+_START = 0.3  # of its usual size, where the search for an effect that all may have starts: near none
+_EXACT = 6  # candidates that are fitted exactly in each round: closed form ranks well, and knows no curvature
+_WITHIN_REACH = -4.0
+"""Logarithm of a candidate's odds in closed form from which on it is fitted exactly: curvature was seen to move them by
+up to four."""
+_MOST_ROUNDS = 30  # of candidates; each adds, or frees a fit from a local minimum
+_FREED = 0.01  # share of the misfit by which a model is better from elsewhere that stood in a local minimum
+_SURE = 50.0  # logarithm of odds; what lies beyond is no surer
+_NONE = 0.01  # of its usual size, below which an effect is none
+
+
+@dataclass(frozen=True)
+class Composition:
+    """A model with all that it was found to lack.
+
+    Args:
+        fit: of that model.
+        findings: what sets a place, a sensor or a run apart, in the order in which it was found.
+        structure: what all parts have in common, the most needed first.
+        rivals: what the data can't tell from one of the findings, and that itself first; empty where all are told.
+        refused: what was fitted exactly in the last round, and is less probable than nothing.
+        fitted: how many models were fitted.
+    """
+
+    fit: Fit
+    findings: tuple[Step, ...]
+    structure: tuple[Step, ...]
+    rivals: tuple[Step, ...]
+    refused: tuple[Step, ...]
+    fitted: int
+
+    @property
+    def steps(self) -> tuple[Step, ...]:
+        """All that was added."""
+        return *self.findings, *self.structure
+
+
+def composition(
+    given: Fit,
+    data: DataSplit,
+    *,
+    most: int = 6,
+    whole: bool = True,
+    errors: ErrorsOfRuns | None = None,
+    executor: Executor | None = None,
+    report: Report = lambda _: None,
+) -> Composition:
+    """Find what a machine is made of, and what is wrong with it.
+
+    Args:
+        given: the fitted model.
+        data: the runs it was fitted to.
+        most: how many findings to add at most.
+        whole: whether to begin with what every part may have; `False` where the model meets the data already.
+        errors: how far a log may be off.
+        executor: where exact fits run; here, one after the other, by default.
+        report: called with a sentence on what is being done.
+    """
+    search = _Search(given, data, errors or ErrorsOfRuns(), executor, report)
+    if whole:
+        search.add_structure()
+    search.add_findings(most)
+    return search.result()
+
+
+class _Search:
+    """A model on its way; arguments as for `composition`."""
+
+    def __init__(
+        self, given: Fit, data: DataSplit, errors: ErrorsOfRuns, executor: Executor | None, report: Report
+    ) -> None:
+        self.given, self.fit, self.errors, self.report = given, given, errors, report
+        self.map = executor.map if executor else map
+        self.data = data
+        self.columns = set.intersection(*(set(segment.run.columns) for segment in data.fit))
+        self.structure: list[EffectDeclaration] = []
+        self.findings: dict[EffectDeclaration, tuple[Step, tuple[Step, ...]]] = {}
+        self.refused: tuple[Step, ...] = ()
+        self.needed: dict[Key, float] = {}  # log odds, by exact fits, of what was tried to be left out
+        self.fitted = 1
+
+    @property
+    def added(self) -> list[EffectDeclaration]:
+        return [*self.structure, *self.findings]
+
+    # --- made of ------------------------------------------------------------------------------------
+
+    def add_structure(self) -> None:
+        """All that every part may have, in one fit; what the data don't need is taken out."""
+        network = self.given.model.network
+        self.structure = [with_priors(one, None, None) for one in self._common(network)]
+        if not self.structure:
+            return
+        self.report(f"fitting {len(self.structure)} effects that every part may have, all at once")
+        model = Model(network.with_effects(self.structure))
+        self.fit = unless_interrupted(fit_segments(model, self.data.fit))
+        self.fitted += 1
+        if not self.fit.cost < self.given.cost:
+            self.structure, self.fit = [], self.given
+            return
+        self._take_out()
+
+    def _common(self, network: Network) -> list[Candidate]:
+        """Of each common effect the candidate at the most places; of those between two nodes each pair."""
+        runs = [segment.run for segment in self.data.fit]
+        squares = {key: np.concatenate([run.columns[key] ** 2 for run in runs]) for key in self.columns}
+        rms = {key: float(np.sqrt(np.nanmean(values))) for key, values in squares.items()}
+        step, duration = max(run.step for run in runs), max(len(run) * run.step for run in runs)
+        widest: dict[Key, Candidate] = {}
+        for one in candidates(network, self.columns, (), step=step, duration=duration, rms=rms):
+            between = one.effect.site == "edge"
+            if not one.effect.common or one.difference or (between and len(one.places) > 1):
+                continue
+            key = one.effect.key, one.at if between else ""
+            if key not in widest or len(one.places) > len(widest[key].places):
+                widest[key] = one
+        return list(widest.values())
+
+    # --- wrong --------------------------------------------------------------------------------------
+
+    def add_findings(self, most: int) -> None:
+        """Candidate after candidate, as long as something is missing more probably than not."""
+        for _ in range(_MOST_ROUNDS):
+            if len(self.findings) == most:
+                return
+            self.fit = unless_interrupted(finished(self.fit))
+            possible = possible_effects(self.fit, self.columns)
+            allowed = allowances(self.fit, possible, self.errors)
+            base = Evidence(self.fit, allowed, possible, predicted=self._predicted(self.fit))
+            priors = log_priors(possible)
+            priors -= np.logaddexp.reduce(priors)
+            odds = dict(zip((one.key for one in possible), priors.tolist(), strict=True))
+            ranked = base.first_order(priors)
+            self.report(f"{len(ranked)} candidates weighed, fitting the best of them")
+            wanted = [entry for entry in ranked[:_EXACT] if entry.log_odds > _WITHIN_REACH]
+            steps = self._fitted(wanted, base, odds)
+            if not steps:
+                return
+            shares = softmax([*(step.log_odds for step in steps), 0.0])[:-1]
+            self.refused = tuple(judged := _judged(steps, shares.tolist()))
+            best = judged[0]
+            if best.at_its_place < LIKELY:
+                return
+            assert best.declaration is not None
+            # Any effect is a way out of a local minimum, and would seem to explain what it frees.
+            without = _continued(best.fit, self.fit.model.network)
+            if without is not None and without.cost < (1.0 - _FREED) * self.fit.cost:
+                self.fit = without
+                continue
+            self.report(f"{named(best.key)}, {100 * best.probability:.0f} % probable")
+            self.refused, self.fit = (), best.fit
+            if best.declaration.where == EVERYWHERE and not best.declaration.effect.errs:
+                self.structure.append(best.declaration)
+            else:
+                rivals = tuple(step for step in judged[1:] if step.key in best.indistinguishable)
+                self.findings[best.declaration] = best, rivals
+            self._take_out()
+
+    def _fitted(self, wanted: Sequence[FirstOrder], base: Evidence, odds: dict[Key, float]) -> list[Step]:
+        """Each candidate fitted exactly, the most probable first; `log_odds` are those to the model without it."""
+        steps = []
+        declared = [with_priors(one.candidate, one.amplitude, one.shape) for one in wanted]
+        fits = self.map(_added, [(self.fit, declaration) for declaration in declared])
+        for entry, declaration, fit in zip(wanted, declared, fits, strict=True):
+            self.fitted += 1
+            if fit is None or is_at_chosen_bound(fit, declaration):
+                continue
+            try:
+                evidence = self._evidence(fit, base)
+            except SimulationError:  # too stiff for a held-out run
+                continue
+            log_odds = evidence.log_evidence - base.log_evidence + odds[entry.candidate.key]
+            steps.append(Step(fit, declaration, log_odds=log_odds))
+        return sorted(steps, key=lambda step: -step.log_odds)
+
+    def _evidence(self, fit: Fit, beside: Evidence | None = None) -> Evidence:
+        allowed = allowances(fit, possible_effects(fit, self.columns), self.errors)
+        return Evidence(fit, allowed, beside=beside, predicted=self._predicted(fit))
+
+    def _predicted(self, fit: Fit) -> list[Prediction]:
+        """The held-out runs as a file with this fit predicts them."""
+        return [predict(fit.model, segment, fit.problem.sigma) for segment in self.data.holdout]
+
+    # --- needed? ------------------------------------------------------------------------------------
+
+    def _take_out(self) -> None:
+        """Take out what is none, then what the evidence is better without, the least needed first."""
+        if gone := [declared for declared in self.added if _is_none(self.fit, declared)]:
+            self._keep([declared for declared in self.added if declared not in gone])
+        asked: set[Key] = set()
+        now = self._evidence(self.fit)
+        while True:
+            needless = {declared: _log_odds_of_none(now, declared) for declared in self.added}
+            left = [d for d in needless if (d.name, d.where) not in asked and needless[d] > _WITHIN_REACH]
+            if not left:
+                return
+            declared = max(left, key=needless.__getitem__)
+            asked.add((declared.name, declared.where))
+            without = self._without(declared, [other for other in self.added if other is not declared])
+            if without is None:
+                continue
+            needed = now.log_evidence - self._evidence(without[0], now).log_evidence
+            self.needed[declared.name, declared.where] = needed
+            if needed <= 0:
+                self._take(*without)
+                now = self._evidence(self.fit)
+
+    def _without(
+        self, gone: EffectDeclaration, rest: list[EffectDeclaration]
+    ) -> tuple[Fit, list[EffectDeclaration]] | None:
+        own = [_as_its_own(one, self.fit, gone) if _differs_from(one, gone) else one for one in rest]
+        fit = _continued(self.fit, self.given.model.network.with_effects(own))
+        self.fitted += 1
+        return None if fit is None else (fit, own)
+
+    def _keep(self, rest: list[EffectDeclaration]) -> None:
+        fit = _continued(self.fit, self.given.model.network.with_effects(rest))
+        if fit is not None:
+            self._take(fit, rest)
+
+    def _take(self, fit: Fit, rest: list[EffectDeclaration]) -> None:
+        before = {(declared.effect.key, declared.where): entry for declared, entry in self.findings.items()}
+        self.fit = fit
+        self.structure = [one for one in rest if (one.effect.key, one.where) not in before]
+        self.findings = {
+            one: before[one.effect.key, one.where] for one in rest if (one.effect.key, one.where) in before
+        }
+
+    def result(self) -> Composition:
+        """The model as it is now, fitted to the end."""
+        self.report("fitting what was found to the end")
+        fit = unless_interrupted(finished(self.fit))
+        evidence = self._evidence(fit)
+        structure = []
+        for one in self.structure:
+            odds = min(-_log_odds_of_none(evidence, one), _SURE)
+            odds = max(odds, self.needed.get((one.name, one.where), 0.0))
+            share = float(expit(odds))
+            structure.append(Step(fit, one, log_odds=odds, probability=share, places=(one.at,), at_its_place=share))
+        findings = tuple(replace(step, fit=fit, declaration=one) for one, (step, _) in self.findings.items())
+        rivals = next(((step, *others) for step, others in self.findings.values() if others), ())
+        structure.sort(key=lambda step: -step.log_odds)
+        return Composition(fit, findings, tuple(structure), rivals, self.refused, self.fitted)
+
+
+def with_priors(one: Candidate, amplitude: float | None, shape: float | None) -> EffectDeclaration:
+    """A candidate as it is fitted: time constants and other shapes with a prior, sizes with one that holds them where
+    the data say nothing.
+
+    Args:
+        one: the candidate.
+        amplitude: where its size starts, beside where it is off; a share of the usual one by default.
+        shape: where its shape starts; the middle of its grid by default.
+    """
+    grid = [value for value in one.shapes if value is not None]
+    usual = float(np.exp(np.mean(np.log(grid)))) if grid else 0.0
+    least = _NONE * one.typical
+    size = _START * one.typical if amplitude is None else amplitude
+    if abs(size) < least:
+        size = least if size >= 0 else -least
+    declared = one.declaration(size, shape if shape is not None or not grid else grid[len(grid) // 2])
+    parameters = []
+    for parameter in declared.parameters:
+        if parameter.off is not None and parameter.on is None:
+            parameter = replace(parameter, prior=(parameter.off, USUAL * one.typical))
+        elif parameter.grid and grid and not parameter.fixed:
+            lower, upper = parameter.bounds
+            lower = min(max(lower, one.shortest if parameter.unit == "s" else lower), upper)
+            middle = min(max(usual, lower), upper)
+            parameter = replace(
+                parameter, bounds=(lower, upper), value=max(parameter.value, lower), prior=(middle, middle)
+            )
+        parameters.append(parameter)
+    return replace(declared, parameters=tuple(parameters))
+
+
+def is_at_chosen_bound(fit: Fit, declared: EffectDeclaration) -> bool:
+    """Whether a free parameter of an effect ended at a bound that is not nature's: its size is none that was found."""
+    values = {parameter.name: parameter for parameter in fit.model.parameters}
+    for parameter in declared.resolved.values():
+        instance = values.get(declared.shared_name(parameter.name))
+        if instance is None or not instance.free:
+            continue
+        for end in instance.declared.bounds:
+            if end not in instance.declared.ends_by_nature and abs(instance.value - end) <= 1e-3 * abs(end):
+                return True
+    return False
+
+
+def _judged(steps: Sequence[Step], shares: Sequence[float]) -> list[Step]:
+    """The steps with their probabilities, those of their places, and what they can't be told from."""
+    window = {steps[number].key for number in in_occams_window(np.array(shares))}
+    judged = []
+    for step, share in zip(steps, shares, strict=True):
+        at = step.declaration.at if step.declaration else ""
+        same = [other for other, one in zip(shares, steps, strict=True) if one.declaration and one.declaration.at == at]
+        others = tuple(key for key in window - {step.key}) if step.key in window else ()
+        judged.append(
+            replace(step, probability=share, places=(at,), at_its_place=float(sum(same)), indistinguishable=others)
+        )
+    return judged
+
+
+def _added(task: tuple[Fit, EffectDeclaration]) -> Fit | None:
+    """A fit with one effect more; one argument, so that any executor's `map` takes it."""
+    base, declared = task
+    return _continued(base, base.model.network.with_effects([declared]))
+
+
+def _continued(base: Fit, network: Network) -> Fit | None:
+    """The fit of another network from where one stands; `None` where it can't be simulated there."""
+    try:
+        return continued(base, network)
+    except SimulationError:
+        return None
+
+
+def _is_none(fit: Fit, declared: EffectDeclaration) -> bool:
+    amplitude, shape = declared.effect.amplitude(), declared.effect.shape()
+    values = {parameter.name: parameter for parameter in fit.model.parameters}
+    if amplitude is None:
+        return False
+    size = values[declared.shared_name(amplitude.name)]
+    if amplitude.on is not None:  # there or not: none where it acts within a step
+        own = values.get(declared.shared_name(shape.name)) if shape else None
+        return own is not None and own.value <= (1.0 + _NONE) * own.declared.bounds[0]
+    return abs(size.value - (amplitude.off or 0.0)) < _NONE * abs(size.declared.typical)
+
+
+def _log_odds_of_none(evidence: Evidence, declared: EffectDeclaration) -> float:
+    """To first order; infinite for what is there or not, which only a fit can tell."""
+    amplitude = declared.effect.amplitude()
+    if amplitude is None or amplitude.on is not None:
+        return float("inf")
+    return evidence.log_odds_of_none(declared.shared_name(amplitude.name))
+
+
+def _differs_from(one: EffectDeclaration, common: EffectDeclaration) -> bool:
+    return one.difference and one.effect.key == common.effect.key
+
+
+def _as_its_own(difference: EffectDeclaration, fit: Fit, common: EffectDeclaration) -> EffectDeclaration:
+    """What a place had beside a common effect, as an effect of its own that starts from both."""
+    fitted = {parameter.name: parameter.value for parameter in fit.model.parameters}
+    amplitude = difference.effect.amplitude()
+    parameters = []
+    for stated in difference.effect.stated():
+        own = next((parameter for parameter in difference.parameters if parameter.name == stated.name), stated)
+        value = fitted.get(difference.shared_name(own.name), own.value)
+        if amplitude is not None and own.name == amplitude.name:
+            value += fitted[common.shared_name(own.name)] - (stated.off or 0.0)
+        lower, upper = stated.bounds
+        parameters.append(replace(own, bounds=stated.bounds, value=min(max(value, lower), upper)))
+    return replace(difference, parameters=tuple(parameters), difference=False)

@@ -1,0 +1,286 @@
+"""How probable a fitted model is: one likelihood, one prior, and the integral over all parameters at the fit (Laplace).
+
+What a model gets wrong repeats from reading to reading, so the readings count as many times as there are independent
+errors (a tempered likelihood, [MillerDunson2019]); how large errors are is unknown and integrated out. Held-out runs
+count by how a file with the fit predicts them, nothing but their start fitted. Small errors of the log in each run
+(air, torque, surface, each sensor's offset), and how like parts scatter about what they have in common, are part of
+every model: allowances, with a prior of their own and integrated out in closed form.
+
+The size of an effect has a prior with long tails (Cauchy's): an unusual size is improbable, and never forbidden.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from math import log, pi, sqrt
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+from scipy.special import log_ndtr
+
+from lptn.basics.arrays import FloatArray
+from lptn.basics.parameters import Parameter
+from lptn.basics.processes import one_blas_thread
+from lptn.diagnose.candidates import AMBIENT_ERROR, SURFACE_ERROR, TORQUE_ERROR, Candidate, Site
+from lptn.diagnose.fit_statistics import block_misfits, fitted_errors, independent_readings, predicted_errors
+from lptn.diagnose.scores import derivatives, pushed_beyond_bounds
+from lptn.effects.ambient_offset import AmbientOffset
+from lptn.effects.loss_scale import LossScale
+from lptn.effects.sensor_offset import SensorOffset
+from lptn.effects.surface_scale import SurfaceScale
+from lptn.identify.comparison import Prediction
+from lptn.identify.fitting import Fit
+
+USUAL = 2.0
+"""Times its typical size that an effect is as often above as below (the scale of Cauchy's density): sizes are stated to
+a factor of two or three."""
+SCATTER = 0.15
+"""Share, one standard deviation: how far one of several like parts is off what they have in common. Resistances of
+windings are toleranced to 10 %, film coefficients of like surfaces in one machine differ by as much again."""
+OFFSET = 0.3
+"""K, one standard deviation: how far a temperature sensor is off; as the ambient sensor, see `AMBIENT_ERROR`."""
+_GIVEN = 1.5
+"""One standard deviation of the logarithm of a given parameter without a prior: what is drawn from a data sheet or by
+hand is right to a factor of four or so. It is the same for all models, of which it decides nothing."""
+_MIXTURE = (1.0, 3.0, 10.0, 30.0), (0.5, 0.3, 0.15, 0.05)
+"""Cauchy's density of a size as normal ones of so many typical sizes, with these weights: the integral is closed."""
+_LEAST = 1e-6  # share of a trace that is left beside all else, below which nothing can be said of its size
+
+
+@dataclass(frozen=True)
+class ErrorsOfRuns:
+    """How far a log may be off in each run: one standard deviation of the air [K], of torques and of surfaces."""
+
+    ambient: float = AMBIENT_ERROR
+    torque: float = TORQUE_ERROR
+    surface: float = SURFACE_ERROR
+
+
+@dataclass(frozen=True)
+class Allowance:
+    """A small deviation that every model may have, and its standard deviation in its own unit."""
+
+    candidate: Candidate
+    shape: float | None
+    spread: float
+
+
+def allowances(fit: Fit, possible: Iterable[Candidate], errors: ErrorsOfRuns) -> list[Allowance]:
+    """The small deviations that every model may have: of runs, of sensors, of like parts.
+
+    Args:
+        fit: the fitted model.
+        possible: all that it may lack.
+        errors: how far a log may be off.
+    """
+    spreads = {LossScale: 2 * errors.torque, SurfaceScale: errors.surface, AmbientOffset: errors.ambient}
+    values = {parameter.name: parameter for parameter in fit.model.parameters}
+    common = {declared.effect.key: declared for declared in fit.model.network.effects if not declared.difference}
+    allowed = []
+    for one in possible:
+        if len(one.places) > 1:
+            continue
+        if one.run:
+            spread = spreads.get(one.effect, 0.0)
+        elif one.effect is SensorOffset:
+            spread = OFFSET
+        elif one.difference and one.effect.key in common:
+            amplitude = one.amplitude
+            shared = values.get(common[one.effect.key].shared_name(amplitude.name))
+            size = 1.0 if amplitude.on is not None or shared is None else abs(shared.value - (amplitude.off or 0.0))
+            spread = SCATTER * size
+        else:
+            continue
+        if spread > 0:
+            shape = min(one.shapes, key=lambda value: abs(log((value or 1.0) / (one.common_shape or 1.0))))
+            allowed.append(Allowance(one, shape, spread))
+    return allowed
+
+
+@dataclass(frozen=True)
+class FirstOrder:
+    """What a candidate would explain, to first order.
+
+    Args:
+        candidate: effect and place.
+        log_odds: of the model with it, and the candidate's prior odds, to the model without.
+        amplitude: its size beside where it is off, in the amplitude's unit.
+        shape: the shape of its grid that explains most.
+    """
+
+    candidate: Candidate
+    log_odds: float
+    amplitude: float
+    shape: float | None
+
+
+class Evidence:
+    """A fit and all that it may be off by, to first order; how probable that makes its model.
+
+    Args:
+        fit: the fitted model.
+        allowed: small deviations that every model may have.
+        among: candidates that are to be weighed besides, see `first_order`.
+        beside: evidence of another model of the same readings, whose errors say how many of them are independent and
+            how large they are; this one's own by default.
+        predicted: held-out runs as a file with this fit predicts them.
+    """
+
+    @one_blas_thread
+    def __init__(
+        self,
+        fit: Fit,
+        allowed: Sequence[Allowance],
+        among: Sequence[Candidate] = (),
+        beside: Evidence | None = None,
+        predicted: Sequence[Prediction] = (),
+    ) -> None:
+        self.fit, self._among, problem = fit, among, fit.problem
+        residuals, jacobian = problem.jacobian(fit.z)
+        self._free = ~pushed_beyond_bounds(fit, jacobian.T @ residuals)
+        n, weight = problem.readings, problem.weight_of_priors
+        self._residuals, self.squares = residuals[:n], float(residuals[:n] @ residuals[:n])
+        errors = predicted_errors(predicted)
+        self._held_out = float(block_misfits(errors, problem.sigma)[0].sum()) if errors else 1.0
+        if beside is None:
+            self.independent: float = independent_readings(fitted_errors(fit))
+            self.independent_held_out: float = independent_readings(errors) if errors else 0.0
+        else:
+            self.independent, self.independent_held_out = beside.independent, beside.independent_held_out
+        squares = self.squares if beside is None else beside.squares
+        self._share = self.independent / max(squares, np.finfo(float).tiny)
+
+        prior, off = jacobian[n:] / weight, residuals[n:] / weight
+        declared = [fit.model.parameters[index].declared for index in problem.free]
+        self._amplitudes = [row for row, one in enumerate(declared) if one.off is not None]
+        first = problem.rows_of_priors.start - n
+        for number, row in enumerate(row for row, one in enumerate(declared) if one.prior is not None):
+            if declared[row].off is not None:  # the density of sizes has tails longer than what the fit was held by
+                prior[first + number], off[first + number] = 0.0, 0.0
+        weak = np.zeros(problem.size)
+        slope = problem.slope(fit.point.values)
+        for row, one in enumerate(declared):
+            if one.off is not None:
+                weak[row] = _curvature(one, fit.model.parameters[problem.free[row]].value) * slope[row] ** 2
+            elif one.prior is None:
+                weak[row] = _GIVEN**-2.0
+
+        sites = [allowance.candidate.sites(allowance.shape)[0] for allowance in allowed]
+        every = list(dict.fromkeys([*sites, *(s for one in among for shape in one.shapes for s in one.sites(shape))]))
+        self._place = {site: number for number, site in enumerate(every)}
+        self._traces = derivatives(fit, every)[:n] if every else np.zeros((n, 0))
+        spreads = np.array([allowance.spread for allowance in allowed])
+        self._columns = np.hstack([jacobian[:n, self._free], self._traces[:, self._numbers(sites)] * spreads])
+        count = int(self._free.sum())
+        information = self._share * (self._columns.T @ self._columns)
+        information[:count, :count] += prior[:, self._free].T @ prior[:, self._free] + np.diag(weak[self._free])
+        information[range(count, len(information)), range(count, len(information))] += 1.0
+        self._scale = 1.0 / np.sqrt(np.maximum(np.diag(information), np.finfo(float).tiny))
+        scaled = information * np.outer(self._scale, self._scale) + 1e-10 * np.eye(len(information))
+        self._factor = cho_factor(scaled)
+        self._gradient = self._share * (self._columns.T @ self._residuals)
+        self._gradient[:count] += prior[:, self._free].T @ off
+        self._misfit = (
+            self._share * self.squares + float(off @ off) - float(self._gradient @ self._solve(self._gradient))
+        )
+        self._log_volume = 2.0 * float(np.log(np.diag(self._factor[0]) / self._scale).sum())
+        proper = np.einsum("ij,ij->j", prior[:, self._free], prior[:, self._free])
+        self._log_prior_volume = float(np.log(proper[proper > 0]).sum())
+
+    @cached_property
+    def log_evidence(self) -> float:
+        """Logarithm of the probability of the readings, up to a constant that all models of them have in common."""
+        problem, total = self.fit.problem, -0.5 * self.independent * log(self._misfit / self.independent)
+        slope = problem.slope(self.fit.point.values)
+        for row in self._amplitudes:
+            if self._free[row]:
+                instance = self.fit.model.parameters[problem.free[row]]
+                total += _log_density(instance.declared, instance.value) + log(abs(slope[row])) + 0.5 * log(2 * pi)
+                if _is_one_sided(instance.declared):
+                    off = instance.value - (instance.declared.off or 0.0)
+                    total += float(log_ndtr(off / sqrt(self._variance(row))))
+        total -= 0.5 * self.independent_held_out * log(self._held_out)
+        return total + 0.5 * (self._log_prior_volume - self._log_volume)
+
+    def log_odds_of_none(self, name: str) -> float:
+        """Logarithm of the odds that an amplitude is none to that it is not, by its posterior and prior density there.
+
+        The ratio of Savage and Dickey [Dickey1971], to first order; infinite where the amplitude is at none, or nothing
+        is known of it.
+        """
+        problem, parameters = self.fit.problem, self.fit.model.parameters
+        row = next((row for row, index in enumerate(problem.free) if parameters[index].name == name), None)
+        if row is None or not self._free[row]:
+            return float("inf")
+        variance, declared = self._variance(row), parameters[problem.free[row]].declared
+        none = declared.off or 0.0
+        off = (parameters[problem.free[row]].value - none) / sqrt(variance)
+        density = -0.5 * (off**2 + log(2 * pi * variance))
+        if _is_one_sided(declared):
+            density -= float(log_ndtr(off))
+        return density - _log_density(declared, none)
+
+    def _variance(self, row: int) -> float:
+        """Of a free parameter, in its unit, beside all else."""
+        unit = np.zeros(len(self._gradient))
+        unit[int(self._free[:row].sum())] = 1.0
+        slope = float(self.fit.problem.slope(self.fit.point.values)[row])
+        return max(float(unit @ self._solve(unit)) * slope**2, np.finfo(float).tiny)
+
+    def first_order(self, log_priors: FloatArray) -> list[FirstOrder]:
+        """The candidates that a model was given to weigh, the most probable first.
+
+        Args:
+            log_priors: logarithm of the prior odds of each, shape (candidates,).
+        """
+        scales, weights = (np.array(numbers) for numbers in _MIXTURE)
+        weighed = []
+        for one, prior in zip(self._among, log_priors.tolist(), strict=True):
+            amplitude, best = one.amplitude, None
+            least, most = (bound - (amplitude.off or 0.0) for bound in amplitude.bounds)
+            for shape in one.shapes:
+                trace = self._traces[:, self._numbers(one.sites(shape))].sum(axis=1)
+                shared = self._share * (self._columns.T @ trace)
+                whole, beside = self._share * float(trace @ trace), self._solve(shared)
+                information = whole - float(shared @ beside)
+                if information <= _LEAST * whole or whole == 0.0:
+                    continue
+                pull = float(self._gradient @ beside) - self._share * float(trace @ self._residuals)
+                variances = (scales * one.typical) ** 2
+                explained = pull**2 * variances / (1.0 + variances * information)
+                if one.one_sided and pull < 0:
+                    explained = np.zeros_like(explained)
+                left = np.maximum(1.0 - explained / self._misfit, np.finfo(float).eps)
+                odds = -0.5 * self.independent * np.log(left) - 0.5 * np.log1p(variances * information)
+                log_odds = prior + float(np.log(np.sum(weights * np.exp(odds - odds.max()))) + odds.max())
+                log_odds += log(2.0) if one.one_sided and pull > 0 else 0.0
+                if best is None or log_odds > best.log_odds:
+                    best = FirstOrder(one, log_odds, min(max(pull / information, least), most), shape)
+            weighed += [] if best is None else [best]
+        return sorted(weighed, key=lambda entry: -entry.log_odds)
+
+    def _numbers(self, sites: Iterable[Site]) -> list[int]:
+        return [self._place[site] for site in sites]
+
+    def _solve(self, vector: FloatArray) -> FloatArray:
+        return np.asarray(cho_solve(self._factor, vector * self._scale) * self._scale)
+
+
+def _log_density(amplitude: Parameter, value: float) -> float:
+    """Logarithm of the prior density of an effect's size, per unit: Cauchy's about none."""
+    scale = USUAL * abs(amplitude.typical)
+    sides = 2.0 if _is_one_sided(amplitude) else 1.0
+    return log(sides / (pi * scale * (1.0 + ((value - (amplitude.off or 0.0)) / scale) ** 2)))
+
+
+def _curvature(amplitude: Parameter, value: float) -> float:
+    """The precision of a normal density that is as narrow as this one is there; of what the data say nothing of, too,
+    the prior then holds the size."""
+    scale = USUAL * abs(amplitude.typical)
+    return 2.0 / (scale**2 + (value - (amplitude.off or 0.0)) ** 2)
+
+
+def _is_one_sided(amplitude: Parameter) -> bool:
+    return amplitude.off == amplitude.bounds[0]
