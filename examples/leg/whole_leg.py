@@ -37,18 +37,18 @@ compared = study.compare()
 print(compared)
 compared.plot()
 
-# %% What is missing, and where? Each answer with the error that it leaves on the held-out run
+# %% What is missing, and where? What sets one part apart comes first, then what all have in common
 diagnosis = study.diagnose()
 print(f"verdict: {diagnosis.verdict}")
-for answer in diagnosis.helpful[:3]:
-    print(f"  {answer.effect} at {answer.at}: {answer.holdout.rmse:.2f} K held out, p = {answer.p_value:.2g}")
+for answer in diagnosis.steps:
+    print(f"  {answer.effect} at {answer.at}: {100 * answer.probability:.0f} % probable")
 
 # %% Add the first answer and refit: the error falls on the run that the fit never saw
 study.add(diagnosis.best)
 print(study.history)
 study.compare().plot("FR_thigh")
 
-# %% Anything else? `improve` goes the same way by itself, step by step
+# %% Anything else? `improve` adds all of it by itself
 study.undo().improve()
 print("nothing is missing any more" if study.selection().remaining == "adequate" else "something is left")
 for sentence in study.advise().sentences:

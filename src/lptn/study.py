@@ -89,7 +89,8 @@ class Study:
         <StudyComparison: 1 run, RMSE 4.72 K, largest error 9.94 K, mean +3.92 K>
         >>> axes = study.compare().plot()
         >>> study.diagnose()
-        <Diagnosis: unexplained: RMSE 0.655 K fitted, 4.72 K held out; first answer sensor_lag at heater1>
+        <Diagnosis: missing: RMSE 0.655 K fitted, 4.72 K held out;
+        sensor_lag at *, constant_heat at *, natural_convection at *>
         >>> study.add("sensor_lag", at="*")
         <Step: sensor_lag at *, 4 parameters, RMSE 0.504 K fitted, 3.88 K held out>
         >>> study.add("conduction", at="heater1~heater2")
@@ -390,10 +391,10 @@ class Study:
         return self
 
     def improve(self, most: int = 6, on_step: Callable[[tuple[Step, ...]], None] = lambda _: None) -> Study:
-        """Diagnose, add, refit, step by step, until nothing beyond chance is left or nothing helps.
+        """Find what is missing, add it and refit: what is wrong with one part or run, then what every part has.
 
         Args:
-            most: how many effects to add at most.
+            most: how many findings to add at most, beside what all parts have in common.
             on_step: called after each step with the best steps so far, the model as it is now first.
 
         Raises:

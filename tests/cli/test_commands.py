@@ -7,8 +7,10 @@ import re
 import signal
 import subprocess
 import sys
+import textwrap
 import time
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 import pytest
@@ -144,31 +146,67 @@ def test_diagnose_writes_the_agreed_json(lptn: Lptn, short_log: Path, tmp_path: 
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("option", ["--steps", "--rungs"])  # the second is an older name
-def test_improve_writes_model_history_and_report(option: str, lptn: Lptn, short_log: Path, tmp_path: Path) -> None:
-    better, history, story = tmp_path / "better.toml", tmp_path / "ladder.json", tmp_path / "story.html"
-    words = ("improve", MODEL, short_log, "--holdout-after", 110, option, 1)
-    status, out, _ = lptn(*words, "-o", better, "--json", history, "--report", story)
+def test_improve_writes_model_history_and_report(lptn: Lptn, short_log: Path, tmp_path: Path) -> None:
+    better, history, story = tmp_path / "better.toml", tmp_path / "history.json", tmp_path / "story.html"
+    words = ("improve", MODEL, short_log, "--holdout-after", 110, "-o", better, "--json", history, "--report", story)
+    status, out, _ = lptn(*words)
     assert status == 0
     assert "(as given)" in out
     written = json.loads(history.read_text())
-    assert written["ladder"][0]["effect"] is None
-    assert set(written["ladder"][0]) >= {
-        "rung",
-        "effect",
-        "at",
-        "parameters",
-        "rmse_fit",
-        "rmse_holdout",
-        "max_holdout",
-    }
-    added = [
-        instance.effect.key
-        for instance in read_model_file(better).network.effect_instances
-        if instance.effect.key != "heat_input"
-    ]
-    assert len(set(added)) == len(written["ladder"]) - 1
+    given, *steps = written["history"]
+    assert given["effect"] is None
+    added = [(effect.effect.key, effect.where) for effect in read_model_file(better).network.effects]
+    assert [(step["effect"], step["at"]) for step in steps] == added[-len(steps) :]
+    parts = [(part["effect"], part["at"]) for part in (*written["findings"], *written["structure"])]
+    assert sorted(parts) == sorted(added[-len(steps) :])
     assert story.read_text().startswith("<!DOCTYPE html>")
+
+
+@pytest.mark.long
+def test_steps_bounds_findings_and_not_structure(lptn: Lptn, tmp_path: Path) -> None:
+    target = tmp_path / "none.json"
+    assert lptn("improve", MODEL, LOG, "--holdout-after", 300, "--steps", 0, "--json", target)[0] == 0
+    written = json.loads(target.read_text())
+    assert written["findings"] == []
+    assert written["structure"]
+
+
+def test_a_former_name_of_steps_is_unknown(lptn: Lptn) -> None:
+    status, _, said = lptn("improve", MODEL, LOG, "--rungs", 1)
+    assert status == 2
+    assert "--rungs" in said
+
+
+@pytest.fixture(scope="module")
+def improved(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, dict[str, Any]]:
+    """What `improve` prints of the example, and what it writes for programs."""
+    target = tmp_path_factory.mktemp("improved") / "history.json"
+    words = ["improve", str(MODEL), str(LOG), "--holdout-after", "300", "--json", str(target)]
+    code = "import sys; from lptn.cli.main import main; main(sys.argv[1:])"
+    done = subprocess.run([sys.executable, "-c", code, *words], capture_output=True, text=True, check=True)
+    return done.stdout, json.loads(target.read_text())
+
+
+@pytest.mark.long
+def test_improve_prints_sizes_and_errors_as_it_writes_them(improved: tuple[str, dict[str, Any]]) -> None:
+    out, written = improved
+    head, *rows = (re.split(" {2,}", line.strip()) for line in out.splitlines()[: len(written["history"]) + 1])
+    assert head == ["step", "effect", "at", "size", "probable", "fit", "held out"]
+    for row, step in zip(rows, written["history"], strict=True):
+        assert float(row[-2].removesuffix(" K")) == pytest.approx(step["rmse_fit"], rel=5e-3)
+        assert float(row[-1].removesuffix(" K")) == pytest.approx(step["rmse_holdout"], rel=5e-3)
+    sizes = {(part["effect"], part["at"]): part for part in (*written["findings"], *written["structure"])}
+    for _, effect, at, size, *_ in rows[1:]:
+        value, unit = sizes[effect, at]["size"], sizes[effect, at]["unit"]
+        assert size.endswith(unit)
+        assert float(size.split()[0]) == pytest.approx(value, rel=0.05)
+
+
+@pytest.mark.long
+def test_what_improve_prints_is_read_at_a_glance(improved: tuple[str, dict[str, Any]]) -> None:
+    out, _ = improved
+    rows = [row for line in out.splitlines() for row in textwrap.wrap(line, 80)]
+    assert len(rows) <= 15
 
 
 def test_simulate_writes_a_log_that_compares_perfectly(lptn: Lptn, short_log: Path, tmp_path: Path) -> None:

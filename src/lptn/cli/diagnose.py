@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -25,7 +27,9 @@ from lptn.cli.options import (
 
 if TYPE_CHECKING:
     from lptn.diagnose.advice import Advice
+    from lptn.diagnose.answers import Step
     from lptn.diagnose.diagnosis import Diagnosis, Verdict
+    from lptn.identify.fitting import Fit
 
 
 def diagnose(
@@ -67,6 +71,7 @@ def diagnose(
         diagnosis, advice = study.diagnose(), study.advise()
     show_diagnosis(diagnosis)
     show_advice(advice, diagnosis.verdict)
+    _show_heat(advice)
     write_json(json, diagnosis.as_json() | advice.as_json())
 
 
@@ -85,7 +90,6 @@ def show_diagnosis(diagnosis: Diagnosis) -> None:
     from lptn.report.shown import noise_alone
     from lptn.report.tables import FAR
     from lptn.report.text import kelvin, named, percent
-    from lptn.report.words import size_in_words
 
     held_out = f", {kelvin(diagnosis.holdout.rmse)} on the held-out ones" if diagnosis.holdout else ""
     step = diagnosis.fit.problem.bound_runs[0].run.step
@@ -105,7 +109,7 @@ def show_diagnosis(diagnosis: Diagnosis) -> None:
     rows = []
     for missing in diagnosis.steps:
         same = ", ".join(named(*key) for key in missing.indistinguishable)
-        rows.append((*missing.key, size_in_words(missing, missing.fit), percent(missing.probability), same))
+        rows.append((*missing.key, size_told(missing, missing.fit), percent(missing.probability), same))
     show_table(("effect", "at", "size", ">probability", "or"), rows)
     one_run = any("@" in (step.at or "") for step in diagnosis.steps)
     print(f"at: * is everywhere.{' NODE@RUN is in that run alone.' if one_run else ''}")
@@ -136,18 +140,13 @@ def _show_all(diagnosis: Diagnosis) -> None:
     print(f"{text}.")
 
 
-_MOST_STRETCHES = 8  # of unexplained heat, on the terminal
-
-
 def show_advice(advice: Advice, verdict: Verdict) -> None:
-    """What to do next, a sentence or two each, and every stretch of unexplained heat.
+    """What to do next, a sentence or two each.
 
     Args:
         advice: what to do.
         verdict: on the model that it was worked out for.
     """
-    from lptn.cli.terminal import show_table
-    from lptn.report.tables import stretch_table
     from lptn.report.text import for_people
 
     for sentence in advice.sentences:
@@ -156,11 +155,38 @@ def show_advice(advice: Advice, verdict: Verdict) -> None:
         print(
             "That is too little to tell on the fitted runs as a whole, where the model is wrong by no more than noise."
         )
+
+
+_MOST_STRETCHES = 8  # of unexplained heat, on the terminal
+
+
+def _show_heat(advice: Advice) -> None:
+    """Every stretch in which heat is unexplained, where there are several."""
+    from lptn.cli.terminal import show_table
+    from lptn.report.tables import stretch_table
+
     if len(advice.heat) > 1:
         table = stretch_table(advice.heat[:_MOST_STRETCHES])
         show_table(table.columns, table.rows, "Heat that nothing explains, the surest first (+: the model lacks it):")
         if len(advice.heat) > _MOST_STRETCHES:
             print(f"and {len(advice.heat) - _MOST_STRETCHES} more, in the JSON")
+
+
+def size_told(step: Step, last: Fit) -> str:
+    """The size of an effect as the last model has it, with its standard error, such as `0.11 ± 0.014 W`.
+
+    A difference of one place to what all have in common has its sign.
+    """
+    from lptn.basics.words import short_size
+    from lptn.report.text import unit_text
+
+    size = replace(step, fit=last).told_by
+    if size is None or step.declaration is None:
+        return ""
+    error = last.standard_errors.get(size.name)
+    sign = "+" if step.declaration.difference and size.value > 0 else ""
+    spread = f" ± {short_size(error)}" if error is not None and isfinite(error) else ""
+    return f"{sign}{short_size(size.value)}{spread}{unit_text(size.declared.unit_behind)}"
 
 
 def in_words(keys: Sequence[tuple[str, str]]) -> str:

@@ -1,4 +1,4 @@
-"""The command `lptn improve`: diagnose, add, refit, step by step."""
+"""The command `lptn improve`: diagnose, add, refit."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter as Option
 from cyclopts import validators
 
-from lptn.cli.diagnose import in_words, show_advice
+from lptn.cli.diagnose import in_words, show_advice, size_told
 from lptn.cli.options import (
     AmbientError,
     Holdout,
@@ -30,10 +30,12 @@ from lptn.cli.options import (
 )
 
 if TYPE_CHECKING:
+    from lptn.diagnose.answers import Step
     from lptn.diagnose.improvement import History
 
 Steps = Annotated[
-    int, Option(name=["--steps", "--rungs"], help="Effects to add at most.", validator=validators.Number(gte=0))
+    int,
+    Option(name="--steps", help="Findings to add at most, beside structure.", validator=validators.Number(gte=0)),
 ]
 
 
@@ -55,7 +57,7 @@ def improve(
     map: Map = None,  # noqa: A002 - the option's name
     rate: Rate = None,
 ) -> None:
-    """Diagnose, add the missing effect, refit, until nothing is missing; print the history of steps.
+    """Find what the model lacks, add it, refit; print the steps: what is wrong, then what every part has.
 
     Example: lptn improve leg.toml monday.parquet --holdout friday.parquet -o better.toml --report story.html
     """
@@ -92,58 +94,35 @@ def improve(
 
 
 def show_history(history: History) -> None:
-    """The steps, from the model as given to the best."""
+    """The steps, from the model as given to the best, the errors, and what the data can't tell apart."""
     from lptn.cli.terminal import show_table
     from lptn.report.outcome import headline, left_in_words
-    from lptn.report.text import for_people, kelvin
-    from lptn.report.words import removed_in_words, size_in_words
+    from lptn.report.text import kelvin
 
     tested = any(step.test for step in history.steps)
     rows = []
     for number, step in enumerate(history.steps):
-        at = "* (everywhere)" if step.at == "*" else step.at or ""
-        errors = [step.fit.rmse, *((step.holdout.rmse, step.holdout.max) if step.holdout else (None, None))]
+        what = step.key if step.effect else ("(as given)", "")
+        size = size_told(step, history.best.fit), _sure(step)
+        errors = [step.fit.rmse, step.holdout.rmse if step.holdout else None]
         errors += [step.test.rmse if step.test else None] if tested else []
-        row = (str(number), step.effect or "(as given)", at, str(step.parameters), *map(kelvin, errors))
-        rows.append(row)
-    heads = ("step", "effect", "at", ">parameters", ">fit", ">held out", ">max held out")
+        rows.append((str(number), *what, *size, *map(kelvin, errors)))
+    heads = ("step", "effect", "at", "size", ">probable", ">fit", ">held out")
     show_table((*heads, ">test") if tested else heads, rows)
-    print(f"fit, held out{', test' if tested else ''}: RMSE on these data; max: the largest error.")
     print(headline(history))
     if len(history.steps) > 1:
         print(left_in_words(history))
-    print(_who_chose(history))
+        if not history.steps[0].holdout:
+            print("No data were held out: nothing tests the choice.")
     for number, step in enumerate(history.steps):
-        if step.effect and step.at:
-            size = size_in_words(step, history.best.fit)
-            text = f"Step {number}, {in_words([(step.effect, step.at)])}: {_sure(history, number)}."
-            own = [text, f"Its {size}." if size else "", removed_in_words(history, number)]
-            print(for_people(" ".join(filter(None, own))))
-    if len(history.steps) > 1:
-        print("Probable: beside the other steps, and that nothing is missing.")
+        if step.indistinguishable:
+            print(f"Step {number} can't be told from {in_words(step.indistinguishable)}.")
     for warning in history.best.fit.uncertainty.warnings:
         print(f"Warning: {warning}.")
 
 
-def _sure(history: History, number: int) -> str:
-    """How sure a step is, and what else it might be; without a full stop."""
+def _sure(step: Step) -> str:
+    """How probable a step is, short enough for a column; nothing of what somebody chose."""
     from lptn.report.text import percent
 
-    step = history.steps[number]
-    if not step.probability:
-        return "chosen by hand, and not compared with others"
-    text = f"{percent(step.probability)} probable"
-    return text + (f"; it may be {in_words(step.indistinguishable)}" if step.indistinguishable else "")
-
-
-def _who_chose(history: History) -> str:
-    """Which data chose the steps, and which only test them."""
-    if history.searched_from is None:
-        text = "Which effects were added, somebody chose."
-    elif len(history.steps) == 1:
-        text = "Nothing is missing more probably than not."
-    else:
-        text = f"The fitted data chose, among {history.considered} models."
-        if not history.steps[0].holdout:
-            text += " No data were held out: nothing tests the choice."
-    return text
+    return percent(step.probability).replace("more than", ">").replace("less than", "<") if step.probability else ""

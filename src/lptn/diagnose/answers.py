@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import pandas as pd
 
-from lptn.basics.parameters import ParameterInstance
+from lptn.basics.parameters import Parameter, ParameterInstance
 from lptn.basics.places import EVERYWHERE
 from lptn.basics.tables import Tabular
 from lptn.identify.comparison import Errors, Prediction, errors_of, predict
@@ -89,12 +89,22 @@ class Step(Tabular):
     @property
     def amplitude(self) -> ParameterInstance | None:
         """The effect's fitted amplitude; `None` for the model as given, and for an effect without one."""
-        declared = self.declaration
-        amplitude = declared.effect.amplitude() if declared else None
-        if declared is None or amplitude is None:
+        return self._fitted(self.declaration.effect.amplitude() if self.declaration else None)
+
+    @property
+    def told_by(self) -> ParameterInstance | None:
+        """The fitted parameter that tells how large the effect is: its amplitude, or, where that only says whether the
+        effect is there, its time constant or other shape; `None` as for `amplitude`.
+        """
+        effect = self.declaration.effect if self.declaration else None
+        return self.amplitude if effect is None or effect.adds_up() else self._fitted(effect.shape())
+
+    def _fitted(self, parameter: Parameter | None) -> ParameterInstance | None:
+        """A parameter of the effect as it was fitted."""
+        if self.declaration is None or parameter is None:
             return None
-        name = declared.shared_name(amplitude.name)
-        return next((parameter for parameter in self.fit.model.parameters if parameter.name == name), None)
+        name = self.declaration.shared_name(parameter.name)
+        return next((fitted for fitted in self.fit.model.parameters if fitted.name == name), None)
 
     @property
     def size(self) -> float:

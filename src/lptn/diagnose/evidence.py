@@ -17,7 +17,6 @@ from functools import cached_property
 from math import log, pi, sqrt
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
 from scipy.special import log_ndtr
 
 from lptn.basics.arrays import FloatArray
@@ -137,6 +136,8 @@ class Evidence:
         beside: Evidence | None = None,
         predicted: Sequence[Prediction] = (),
     ) -> None:
+        from scipy.linalg import cho_factor  # heavy, and few commands need it
+
         self.fit, self._among, problem = fit, among, fit.problem
         residuals, jacobian = problem.jacobian(fit.z)
         self._free = ~pushed_beyond_bounds(fit, jacobian.T @ residuals)
@@ -265,6 +266,8 @@ class Evidence:
         return [self._place[site] for site in sites]
 
     def _solve(self, vector: FloatArray) -> FloatArray:
+        from scipy.linalg import cho_solve
+
         return np.asarray(cho_solve(self._factor, vector * self._scale) * self._scale)
 
 

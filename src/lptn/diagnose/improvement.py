@@ -121,12 +121,12 @@ class History(Tabular):
 
 def _size(step: Step, fit: Fit) -> dict[str, object]:
     """The size of an effect in a fit, its standard error, and the unit of both."""
-    amplitude = replace(step, fit=fit).amplitude
-    if amplitude is None:
+    size = replace(step, fit=fit).told_by
+    if size is None:
         return {"size": None, "standard_error": None, "unit": None}
-    error = fit.standard_errors.get(amplitude.name)
+    error = fit.standard_errors.get(size.name)
     known = error if error is not None and isfinite(error) else None
-    return {"size": amplitude.value, "standard_error": known, "unit": amplitude.declared.unit}
+    return {"size": size.value, "standard_error": known, "unit": size.declared.unit}
 
 
 def table_of_steps(steps: Sequence[Step]) -> pd.DataFrame:
@@ -197,7 +197,7 @@ def improve(
         >>> data = lptn.split_data(loaded.runs(["examples/tclab/log.csv"]), holdout_after=300)
         >>> history = lptn.improve(loaded.model, data)
         >>> [(step.effect, step.at) for step in history.steps]
-        [(None, None), ('sensor_lag', '*'), ('conduction', 'heater1~heater2')]
+        [(None, None), ('sensor_lag', '*'), ('constant_heat', '*'), ('natural_convection', '*')]
     """
     coarse = for_search(data)
     report("fitting the model as it stands")
