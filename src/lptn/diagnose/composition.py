@@ -21,6 +21,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import expit, softmax
 
+from lptn.basics.errors import InputError
 from lptn.basics.places import EVERYWHERE
 from lptn.diagnose.answers import LIKELY, Key, Report, Step, named
 from lptn.diagnose.candidates import Candidate, candidates, possible_effects
@@ -200,8 +201,8 @@ class _Search:
         fits = self.map(_added, [(self.fit, declaration) for declaration in declared])
         for entry, declaration, fit in zip(wanted, declared, fits, strict=True):
             self.fitted += 1
-            if fit is None or is_at_chosen_bound(fit, declaration):
-                continue
+            if fit is None or is_at_chosen_bound(fit, declaration) or fit.vanished.keys() - base.fit.vanished.keys():
+                continue  # no size was found, or something given would have to vanish beside it
             try:
                 evidence = self._evidence(fit, base)
             except SimulationError:  # too stiff for a held-out run
@@ -233,7 +234,8 @@ class _Search:
                 return
             declared = max(left, key=needless.__getitem__)
             asked.add((declared.name, declared.where))
-            without = self._without(declared, [other for other in self.added if other is not declared])
+            rest = [other for other in self.added if other is not declared]
+            without = self._without(declared, rest, to_the_end=needless[declared] > 0)
             if without is None:
                 continue
             needed = now.log_evidence - self._evidence(without[0], now).log_evidence
@@ -243,12 +245,15 @@ class _Search:
                 now = self._evidence(self.fit)
 
     def _without(
-        self, gone: EffectDeclaration, rest: list[EffectDeclaration]
+        self, gone: EffectDeclaration, rest: list[EffectDeclaration], *, to_the_end: bool
     ) -> tuple[Fit, list[EffectDeclaration]] | None:
         own = [_as_its_own(one, self.fit, gone) if _differs_from(one, gone) else one for one in rest]
         fit = _continued(self.fit, self.given.model.network.with_effects(own))
         self.fitted += 1
-        return None if fit is None else (fit, own)
+        if fit is None:
+            return None
+        # A size that is not told from none may hold a long valley together: only the end of it tells.
+        return unless_interrupted(finished(fit)) if to_the_end else fit, own
 
     def _keep(self, rest: list[EffectDeclaration]) -> None:
         fit = _continued(self.fit, self.given.model.network.with_effects(rest))
@@ -345,10 +350,10 @@ def _added(task: tuple[Fit, EffectDeclaration]) -> Fit | None:
 
 
 def _continued(base: Fit, network: Network) -> Fit | None:
-    """The fit of another network from where one stands; `None` where it can't be simulated there."""
+    """The fit of another network from where one stands; `None` where it can't be simulated there, or is none."""
     try:
         return continued(base, network)
-    except SimulationError:
+    except (SimulationError, InputError):  # too stiff; an effect on an edge that another one made
         return None
 
 

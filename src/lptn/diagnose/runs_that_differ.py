@@ -221,7 +221,8 @@ def _names_of_one_answer(alone: Fit, errors: ErrorsOfRuns) -> list[Step]:
     for entry in weighed[:_EXACT]:
         declared = with_priors(entry.candidate, entry.amplitude, entry.shape)
         fit = continued(alone, alone.model.network.with_effects([declared]))
-        log_odds = Evidence(fit, allowed, beside=base).log_evidence + prior[entry.candidate.key]
+        beside = [allowance for allowance in allowed if allowance.candidate.key != entry.candidate.key]
+        log_odds = Evidence(fit, beside, beside=base).log_evidence + prior[entry.candidate.key]
         steps.append(Step(fit, declared, log_odds=log_odds))
     steps.sort(key=lambda step: -step.log_odds)
     return [steps[k] for k in in_occams_window(softmax([step.log_odds for step in steps]))] if steps else []

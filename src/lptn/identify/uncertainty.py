@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lptn.basics.arrays import BoolArray, FloatArray, IntArray
-from lptn.basics.parameters import ParameterInstance
+from lptn.basics.parameters import Parameter, ParameterInstance
 from lptn.identify.problem import Problem
 
 _UNDETERMINED = 0.7  # standard error of a logarithm, a factor of two, above which a value means little
@@ -191,7 +191,7 @@ def _single_parameters(
             kept += f"{problem.bounds_of(problem.free[row])[side]:.3g}{unit}"
             ended = f"ends at its bound, {bounds[side]:g} ({bounds[0]:g} to {bounds[1]:g}{unit})"
             warnings.append(f"{name}: {kept if problem.is_narrowed(problem.free[row], side) else ended}")
-        elif parameter.declared.prior is not None and _is_far(parameter.declared.prior, values[problem.free[row]]):
+        elif parameter.declared.prior is not None and _is_far(parameter.declared, values[problem.free[row]]):
             mean, deviation = parameter.declared.prior
             value = values[problem.free[row]]
             said = f"{abs(value - mean) / deviation:.2g} standard deviations from what was known of it"
@@ -218,8 +218,13 @@ def rows_at_bounds(problem: Problem, z: FloatArray) -> dict[int, int]:
     }
 
 
-def _is_far(prior: tuple[float, float], value: float) -> bool:
-    mean, deviation = prior
+def _is_far(declared: Parameter, value: float) -> bool:
+    """Whether a value is far off what somebody knows of it; the priors of an effect's size and shape only hold them
+    where the data say nothing.
+    """
+    if declared.prior is None or declared.off is not None or declared.grid:
+        return False
+    mean, deviation = declared.prior
     return abs(value - mean) > _FAR * deviation
 
 
