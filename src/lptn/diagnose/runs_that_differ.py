@@ -13,7 +13,7 @@ from lptn.basics.places import EVERYWHERE
 from lptn.basics.processes import one_blas_thread
 from lptn.basics.words import short_size
 from lptn.diagnose.answers import Step
-from lptn.diagnose.candidates import possible_effects
+from lptn.diagnose.candidates import Candidate, possible_effects
 from lptn.diagnose.composition import with_priors
 from lptn.diagnose.evidence import ErrorsOfRuns, Evidence, allowances
 from lptn.diagnose.fit_statistics import CLEARLY, explained_elsewhere, standing_out
@@ -211,9 +211,12 @@ def _names_of_one_answer(alone: Fit, errors: ErrorsOfRuns) -> list[Step]:
     run = alone.problem.bound_runs[0].run
     log = run.name.partition("#")[0]
     fitted = ""  # the other runs, by whatever name: what differs in a run differs from them
-    possible = [candidate for candidate in possible_effects(alone, run.columns, [fitted, log]) if candidate.run == log]
-    allowed = allowances(alone, possible, errors)
-    base = Evidence(alone, allowed, possible)
+
+    def lacking(fit: Fit) -> list[Candidate]:
+        return [candidate for candidate in possible_effects(fit, run.columns, [fitted, log]) if candidate.run == log]
+
+    possible = lacking(alone)
+    base = Evidence(alone, allowances(alone, possible, errors), possible)
     odds = log_priors(possible)
     weighed = base.first_order(odds - np.logaddexp.reduce(odds))
     prior = dict(zip((candidate.key for candidate in possible), odds.tolist(), strict=True))
@@ -221,8 +224,8 @@ def _names_of_one_answer(alone: Fit, errors: ErrorsOfRuns) -> list[Step]:
     for entry in weighed[:_EXACT]:
         declared = with_priors(entry.candidate, entry.amplitude, entry.shape)
         fit = continued(alone, alone.model.network.with_effects([declared]))
-        beside = [allowance for allowance in allowed if allowance.candidate.key != entry.candidate.key]
-        log_odds = Evidence(fit, beside, beside=base).log_evidence + prior[entry.candidate.key]
+        allowed = allowances(fit, lacking(fit), errors)
+        log_odds = Evidence(fit, allowed, beside=base).log_evidence + prior[entry.candidate.key]
         steps.append(Step(fit, declared, log_odds=log_odds))
     steps.sort(key=lambda step: -step.log_odds)
     return [steps[k] for k in in_occams_window(softmax([step.log_odds for step in steps]))] if steps else []
