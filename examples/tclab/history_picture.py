@@ -7,6 +7,7 @@
 # %%
 import sys
 from pathlib import Path
+from textwrap import wrap
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -15,7 +16,7 @@ from lptn.basics.style import BEST, FAINT, GIVEN, INK, MEASURED, SHADE, dress, s
 from lptn.diagnose.improvement import History, improve
 from lptn.identify.comparison import Prediction, compare
 from lptn.identify.data import load_model, split_data
-from lptn.report.text import place_of, title_of
+from lptn.report.outcome import short_name
 
 here = Path(__file__).parent if "__file__" in globals() else Path.cwd()
 loaded = load_model(here / "two_heaters.toml")
@@ -33,7 +34,7 @@ def draw(history: History, given: Prediction, best: Prediction) -> Figure:
     time = given.bound.run.time
     left.axvspan(time[0], given.segment.initialisation[1], color=SHADE, linewidth=0)
     left.plot(time, given.readings[NODE], label="model as given", **GIVEN)
-    left.plot(time, best.readings[NODE], label="with what was missing", **BEST)
+    left.plot(time, best.readings[NODE], label="with what was added", **BEST)
     left.plot(time, given.bound.measured[NODE], label="measured", **(MEASURED | {"linewidth": 1.2}))
     left.set_xlabel("time [s]")
     left.set_ylabel("temperature of heater 2 [°C]")
@@ -47,8 +48,8 @@ def draw(history: History, given: Prediction, best: Prediction) -> Figure:
         colour = {0: GIVEN["color"], len(errors) - 1: BEST["color"]}.get(place, INK)
         right.plot(place, error, "s", markersize=9, color=colour)
         right.annotate(f"{error:.2f} K", (place, error), (9, 5), textcoords="offset points")
-    names = [f"+ {title_of(step.effect)}\n{place_of(step.at or '')}" if step.effect else "as given" for step in steps]
-    right.set_xticks(range(len(steps)), [name.replace(" between two nodes", "") for name in names])
+    names = [f"+ {short_name(step)}" if step.effect else "as given" for step in steps]
+    right.set_xticks(range(len(steps)), ["\n".join(wrap(name, 12)) for name in names])
     right.set_xlim(-0.4, len(steps) - 0.5)
     right.set_ylim(0.0, 1.15 * errors.max())
     right.set_ylabel("held-out error, RMSE [K]")

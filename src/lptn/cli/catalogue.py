@@ -100,6 +100,7 @@ def where_text(effect: type[Effect]) -> str:
     words = SITES[effect.site]
     words += "; has a state of its own" if effect.has_state else ""
     words += "; the same for the whole robot" if effect.whole_robot else ""
+    words += "; every part may have it" if effect.common else ""
     return words + ("; also in one run" if effect.per_run else "")
 
 
@@ -162,8 +163,9 @@ lptn effects --markdown src/lptn/effects/README.md
 
 *Amplitude* is the parameter that switches an effect off: at its off-value the model is the same to the last bit. A
 *shape* (a time constant, an exponent) is tried on a small grid before it is fitted. `lptn improve` looks for each
-effect at each place where the log has what it needs; "also in one run" says that it is looked for in single runs,
-too. Sources are named in brackets and listed [at the end](#references); what is wrong in their print stands in
+effect at each place where the log has what it needs; what "every part may have" is tried everywhere at once,
+before what sets one part apart; "also in one run" says that it is looked for in single runs, too. Sources are named in
+brackets and listed [at the end](#references); what is wrong in their print stands in
 [the errata](../../../examples/README.md#errata-of-the-sources).
 
 An effect of your own: [in a package of your own](PLUGIN.md).

@@ -1,8 +1,8 @@
 """A better model, step by step: what the given one lacks, added and fitted, and the errors on the way.
 
-The diagnosis says what is missing, on the fitted runs alone. Then each effect is added in its turn and fitted at full
-resolution, which shows how the errors fall, on runs that no fit saw as well. Those errors are of the model as its file
-has it, and as `lptn compare` says them: nothing but the start is fitted to a held-out run.
+The diagnosis says what is missing. Then each effect is added in its turn and fitted at full resolution, which shows how
+the errors fall, on runs that no fit saw as well. Those errors are of the model as its file has it, and as `lptn
+compare` says them: nothing but the start is fitted to a held-out run.
 """
 
 from __future__ import annotations
@@ -174,7 +174,8 @@ def improve(
 ) -> History:
     """Find what the model lacks, add it, fit at full resolution.
 
-    The fitted runs choose; held-out and test runs only tell how good the choice is.
+    No parameter is fitted to held-out runs, but how well a model predicts them counts in the choice; test runs only
+    tell how good it is.
 
     Args:
         model: the model to start from.

@@ -169,7 +169,7 @@ class Effect(ABC):
     errs: ClassVar[bool] = False
     """Whether it is an error of what was logged, of a sensor, a clock or the air, and nothing in the robot.
 
-    Such errors are easily fitted and rarely true, so that a search wants more for them than a better prediction.
+    Such errors are told as findings, the same one at all sensors, too, and never as what a machine is made of.
     """
     common: ClassVar[bool] = False
     """Whether it follows from how a machine is built, so that every part may have it: of the structure of a model."""
