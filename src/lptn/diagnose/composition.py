@@ -131,28 +131,35 @@ class _Search:
             return
         self.report(f"fitting {len(self.structure)} effects that every part may have, all at once")
         model = Model(network.with_effects(self.structure))
-        self.fit = unless_interrupted(fit_segments(model, self.data.fit))
+        fit = unless_interrupted(fit_segments(model, self.data.fit))  # far from the given one: by a search of its own
         self.fitted += 1
-        if not self.fit.cost < self.given.cost:
-            self.structure, self.fit = [], self.given
+        if not fit.cost < self.given.cost:
+            self.structure = []
             return
+        self.fit = fit
         self._take_out()
 
     def _common(self, network: Network) -> list[Candidate]:
-        """Of each common effect the candidate at the most places; of those between two nodes each pair."""
+        """Of each common effect the candidate at the most places; of those between two nodes each class of pairs."""
         runs = [segment.run for segment in self.data.fit]
         squares = {key: np.concatenate([run.columns[key] ** 2 for run in runs]) for key in self.columns}
         rms = {key: float(np.sqrt(np.nanmean(values))) for key, values in squares.items()}
         step, duration = max(run.step for run in runs), max(len(run) * run.step for run in runs)
-        widest: dict[Key, Candidate] = {}
+        widest: dict[str, list[Candidate]] = {}
         for one in candidates(network, self.columns, (), step=step, duration=duration, rms=rms):
-            between = one.effect.site == "edge"
-            if not one.effect.common or one.difference or (between and len(one.places) > 1):
+            if not one.effect.common or one.difference:
                 continue
-            key = one.effect.key, one.at if between else ""
-            if key not in widest or len(one.places) > len(widest[key].places):
-                widest[key] = one
-        return list(widest.values())
+            # Like pairs of like limbs are structure, and each pair where no two are alike; all pairs at once never are.
+            between = one.effect.site == "edge"
+            if between and one.at == EVERYWHERE:
+                continue
+            others = widest.setdefault(one.effect.key, [])
+            most = max((len(other.places) for other in others), default=0)
+            if between and min(len(one.places), 2) == min(most, 2):
+                others.append(one)
+            elif len(one.places) > most or (one.effect.one_place_a_pattern and one.at == EVERYWHERE):
+                widest[one.effect.key] = [one]
+        return [one for group in widest.values() for one in group]
 
     # --- wrong --------------------------------------------------------------------------------------
 

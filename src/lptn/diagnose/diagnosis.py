@@ -28,6 +28,7 @@ from lptn.identify.comparison import Errors
 from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit
 from lptn.identify.validation import fit_segments
+from lptn.logs.run import Run
 from lptn.model.model import Model
 
 Verdict = Literal["adequate", "missing", "unexplained"]
@@ -144,7 +145,8 @@ class Diagnosis(Tabular):
 
 
 _SEARCH_STEP = 5.0  # s; effects are sought on means over so long, which loses little and saves most of the time
-_MOST_STEPS = 4000  # of all fitted runs together: days of data get longer means, so that memory stays bounded
+_MOST_READINGS = 8000
+"""Of all nodes in all fitted runs together: robots of many joints and days of data get longer means."""
 
 
 def diagnose(
@@ -182,9 +184,13 @@ def diagnose(
 
 
 def for_search(data: DataSplit) -> DataSplit:
-    """The same data in the steps of a search, 5 s, longer for more than five hours to fit, and of common inputs."""
-    seconds = sum(len(segment.run) * segment.run.step for segment in data.fit)
-    return data.of_common_inputs().coarsened(max(_SEARCH_STEP, seconds / _MOST_STEPS))
+    """The same data of common inputs in the steps of a search: 5 s, longer where there are very many readings."""
+    seconds = sum(len(one.run) * one.run.step * _thermometers(one.run) for one in data.fit)
+    return data.of_common_inputs().coarsened(max(_SEARCH_STEP, seconds / _MOST_READINGS))
+
+
+def _thermometers(run: Run) -> int:
+    return sum(key.startswith("temperature.") for key in run.columns)
 
 
 def examine(

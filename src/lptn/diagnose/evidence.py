@@ -171,7 +171,7 @@ class Evidence:
         sites = [allowance.candidate.sites(allowance.shape)[0] for allowance in allowed]
         every = list(dict.fromkeys([*sites, *(s for one in among for shape in one.shapes for s in one.sites(shape))]))
         self._place = {site: number for number, site in enumerate(every)}
-        self._traces = derivatives(fit, every)[:n] if every else np.zeros((n, 0))
+        self._traces = np.asfortranarray(derivatives(fit, every)[:n]) if every else np.zeros((n, 0))
         spreads = np.array([allowance.spread for allowance in allowed])
         self._columns = np.hstack([jacobian[:n, self._free], self._traces[:, self._numbers(sites)] * spreads])
         count = int(self._free.sum())
@@ -237,18 +237,21 @@ class Evidence:
             log_priors: logarithm of the prior odds of each, shape (candidates,).
         """
         scales, weights = (np.array(numbers) for numbers in _MIXTURE)
+        shared_by_site = self._share * (self._columns.T @ self._traces)
+        pull_by_site = self._share * (self._traces.T @ self._residuals)
         weighed = []
         for one, prior in zip(self._among, log_priors.tolist(), strict=True):
             amplitude, best = one.amplitude, None
             least, most = (bound - (amplitude.off or 0.0) for bound in amplitude.bounds)
             for shape in one.shapes:
-                trace = self._traces[:, self._numbers(one.sites(shape))].sum(axis=1)
-                shared = self._share * (self._columns.T @ trace)
+                sites = self._numbers(one.sites(shape))
+                trace = self._traces[:, sites[0]] if len(sites) == 1 else self._traces[:, sites].sum(axis=1)
+                shared = shared_by_site[:, sites].sum(axis=1)
                 whole, beside = self._share * float(trace @ trace), self._solve(shared)
                 information = whole - float(shared @ beside)
                 if information <= _LEAST * whole or whole == 0.0:
                     continue
-                pull = float(self._gradient @ beside) - self._share * float(trace @ self._residuals)
+                pull = float(self._gradient @ beside) - float(pull_by_site[sites].sum())
                 variances = (scales * one.typical) ** 2
                 explained = pull**2 * variances / (1.0 + variances * information)
                 if one.one_sided and pull < 0:

@@ -28,6 +28,7 @@ class SensorLoose(SensorLag):
     prior_odds = 0.5
     """Glue and clips mostly hold: a sensor that is slow, but warm through, is the usual thing."""
     befalls_one = True
+    common = False
     parameters = (
         SensorLag.parameters[0],
         Parameter("exposure", 0.3, "1", (0.0, 1.0), typical=0.3, title="share of what is around"),
