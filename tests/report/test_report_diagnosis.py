@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -13,14 +14,16 @@ from lptn.diagnose.improvement import History
 from lptn.diagnose.scores import Confusability, Detectable, smallest
 from lptn.diagnose.unexplained_heat import InputLink, UnexplainedHeat
 from lptn.effects import catalogue
+from lptn.effects.sensor_lag import SensorLag
 from lptn.identify.comparison import compare
+from lptn.model.network import EffectDeclaration
 from lptn.report import words
 from lptn.report.diagnosis_figures import plot_collinearity, plot_detectability
 from lptn.report.heat_figures import fields_figure
 from lptn.report.heat_story import HeatStory, chosen_links, heat_line_picture, heat_map_picture, worst_of
 from lptn.report.pages import story_html
 from lptn.report.shown import error_fields, heat_fields, reaches, worst_runs
-from lptn.report.tables import node_table, refit_table
+from lptn.report.tables import effects_table, node_table, refused_table
 from lptn.report.text import for_people, named
 from lptn.report.words import in_short
 from tests.report.two_joints import NODES, STEP, Told
@@ -116,9 +119,10 @@ def test_heat_without_a_burst_has_no_map(adequate: Told) -> None:
 def test_the_opening_paragraph_of_a_missing_effect(missing: Told, heat: HeatStory) -> None:
     short = _short(missing[0], heat)
     assert list(short) == ["What was missing", "Where", "How sure", "What to do"]
-    assert short["What was missing"] == "Constant heat."
+    assert re.fullmatch(
+        rf"Constant heat at {NODES[0]} \(3 ± \S+ W, more than 99 % probable\)\.", short["What was missing"]
+    )
     assert short["Where"].startswith(NODES[0].capitalize()[:1])
-    assert "in at most 0.5 % of logs" in short["How sure"]
     assert "The RMSE on the test runs goes from" in short["How sure"]
     assert short["What to do"].endswith("Use the best model.")
 
@@ -179,11 +183,18 @@ def test_detectability_has_a_row_for_each_effect(missing: Told) -> None:
 
 def test_tables_hold_size_and_nodes(missing: Told) -> None:
     history, data = missing
-    table = refit_table(history)
-    place = table.heads.index("size / typical")
-    sizes = {finding.key: row[place] for finding, row in zip(history.first.refits, table.rows, strict=True)}
-    (usual,) = (step.declaration.parameters[0].typical for step in history.steps[1:] if step.declaration)
-    assert float(sizes["constant_heat", NODES[0]]) == pytest.approx(HIDDEN / usual, rel=0.1)
+    table = effects_table(history)
+    (row,) = (dict(zip(table.heads, row, strict=True)) for row in table.rows)
+    size, error = re.fullmatch(r"(\S+) ± (\S+) W", row["size"]).groups()  # type: ignore[union-attr]
+    assert abs(float(size) - HIDDEN) < 3 * float(error) < 1.0
+    assert (row["effect"], row["place"], row["kind"]) == ("constant heat", NODES[0], "finding")
+    structure = replace(history.best, declaration=EffectDeclaration(SensorLag(), "*"))
+    chosen = replace(history.best, probability=0.0)
+    kinds = effects_table(replace(history, steps=(*history.steps, structure, chosen))).rows
+    assert [row[3] for row in kinds] == ["finding", "structure", "chosen"]
+    assert kinds[-1][5] == "–"
+    refused = replace(history.last, refused=(replace(history.best, probability=0.2),))
+    assert refused_table(replace(history, last=refused)).rows[0][2:] == (f"{size} ± {error} W", "20 %")
     given, best = (compare(step.fit.model, data.holdout) for step in (history.steps[0], history.best))
     both = node_table(given, best)
     assert [row[0] for row in both.rows] == list(NODES)

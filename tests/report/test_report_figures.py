@@ -30,7 +30,7 @@ from lptn.report.comparison_figures import (
     plot_temperatures,
     predictions_figure,
 )
-from lptn.report.diagnosis_figures import plot_history, plot_ranking
+from lptn.report.diagnosis_figures import plot_history, plot_probabilities
 from lptn.report.shown import views, worst_views
 from lptn.report.tables import conditions_of
 from tests.report.two_joints import NODES, Told, make_run, robot
@@ -77,7 +77,7 @@ def test_every_axis_has_its_unit(missing: Told) -> None:
     given = _comparison(missing)
     assert _labels(predictions_figure(given, given)) == {"temperature [°C]", ERROR, "time [s]"}
     assert _labels(_figure(plot_history(history))) == {"RMSE [K]"}
-    assert _labels(_figure(plot_ranking(history.first))) == {"score as a multiple of the chance threshold [1]"}
+    assert _labels(_figure(plot_probabilities(history))) == {"probability [1]"}
     (maps,) = condition_figures(given, given)
     assert "RMSE [K]" in _labels(maps)
     titles = [ax.get_title(loc="left") for ax in maps.axes if ax.get_title(loc="left")]
@@ -101,7 +101,7 @@ def test_figures_take_and_return_axes(missing: Told) -> None:
         lambda ax: plot_errors(given, ax=ax),
         lambda ax: plot_conditions(given, "temperature [°C]", ax),
         lambda ax: plot_history(history, ax),
-        lambda ax: plot_ranking(history.first, ax=ax),
+        lambda ax: plot_probabilities(history, ax),
     ]
     for draw in drawn:
         ax = new_figure(3.0).add_subplot()
@@ -168,11 +168,14 @@ def test_an_unmeasured_node_is_left_out(missing: Told) -> None:
     assert comparison_figure(comparison).axes
 
 
-def test_ranking_on_both_scales(missing: Told, adequate: Told) -> None:
-    for outcome in (missing, adequate):
-        diagnosis = outcome[0].first
-        ax = plot_ranking(diagnosis, {("constant_heat", NODES[0])})
-        assert len(ax.patches) >= len(diagnosis.refits)
+def test_what_was_added_and_what_was_refused_is_drawn_by_its_probability(missing: Told) -> None:
+    history = missing[0]
+    refused = replace(history.best, probability=0.25)
+    told = replace(history, last=replace(history.last, refused=(refused,)))
+    bars = plot_probabilities(told).patches
+    assert [bar.get_width() for bar in bars] == [history.best.probability, 0.25]  # type: ignore[attr-defined]
+    chosen = replace(history.best, probability=0.0)  # of what somebody chose nobody knows
+    assert not plot_probabilities(replace(history, steps=(history.steps[0], chosen), last=history.first)).patches[1:]
 
 
 def test_two_models_are_called_by_their_names(missing: Told) -> None:

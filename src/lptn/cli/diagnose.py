@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,9 +25,7 @@ from lptn.cli.options import (
 
 if TYPE_CHECKING:
     from lptn.diagnose.advice import Advice
-    from lptn.diagnose.answers import Step
     from lptn.diagnose.diagnosis import Diagnosis, Verdict
-    from lptn.identify.fitting import Fit
 
 
 def diagnose(
@@ -89,7 +85,7 @@ def show_diagnosis(diagnosis: Diagnosis) -> None:
     from lptn.cli.terminal import show_table
     from lptn.report.shown import noise_alone
     from lptn.report.tables import FAR
-    from lptn.report.text import kelvin, named, percent
+    from lptn.report.text import kelvin, named, percent, size_told
 
     held_out = f", {kelvin(diagnosis.holdout.rmse)} on the held-out ones" if diagnosis.holdout else ""
     step = diagnosis.fit.problem.bound_runs[0].run.step
@@ -170,23 +166,6 @@ def _show_heat(advice: Advice) -> None:
         show_table(table.columns, table.rows, "Heat that nothing explains, the surest first (+: the model lacks it):")
         if len(advice.heat) > _MOST_STRETCHES:
             print(f"and {len(advice.heat) - _MOST_STRETCHES} more, in the JSON")
-
-
-def size_told(step: Step, last: Fit) -> str:
-    """The size of an effect as the last model has it, with its standard error, such as `0.11 ± 0.014 W`.
-
-    A difference of one place to what all have in common has its sign.
-    """
-    from lptn.basics.words import short_size
-    from lptn.report.text import unit_text
-
-    size = replace(step, fit=last).told_by
-    if size is None or step.declaration is None:
-        return ""
-    error = last.standard_errors.get(size.name)
-    sign = "+" if step.declaration.difference and size.value > 0 else ""
-    spread = f" ± {short_size(error)}" if error is not None and isfinite(error) else ""
-    return f"{sign}{short_size(size.value)}{spread}{unit_text(size.declared.unit_behind)}"
 
 
 def in_words(keys: Sequence[tuple[str, str]]) -> str:

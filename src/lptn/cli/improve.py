@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter as Option
 from cyclopts import validators
 
-from lptn.cli.diagnose import in_words, show_advice, size_told
+from lptn.cli.diagnose import in_words, show_advice
 from lptn.cli.options import (
     AmbientError,
     Holdout,
@@ -97,7 +97,7 @@ def show_history(history: History) -> None:
     """The steps, from the model as given to the best, the errors, and what the data can't tell apart."""
     from lptn.cli.terminal import show_table
     from lptn.report.outcome import headline, left_in_words
-    from lptn.report.text import kelvin
+    from lptn.report.text import kelvin, size_told
 
     tested = any(step.test for step in history.steps)
     rows = []

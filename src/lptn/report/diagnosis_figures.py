@@ -1,9 +1,8 @@
-"""Figures of a diagnosis: the history of errors, the ranking, what can't be told apart, what could be detected."""
+"""Figures of a diagnosis: errors by step, probabilities, what can't be told apart, what could be detected."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
-from math import sqrt
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -16,18 +15,17 @@ from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from lptn.basics.style import BEST, FAINT, GIVEN, INK, SMALL, TEXT, dress, new_axes, plain
 from lptn.basics.words import short_size
-from lptn.diagnose.answers import Key, Step
-from lptn.diagnose.diagnosis import Diagnosis
+from lptn.diagnose.answers import LIKELY, Step
 from lptn.diagnose.improvement import History
 from lptn.diagnose.scores import Confusability, Detectable
-from lptn.report.shown import candidates_shown, reaches
-from lptn.report.shown import noise_alone as noise_alone
+from lptn.report.shown import noise_alone, reaches, weighed_effects
 from lptn.report.text import named, place_of, title_of, unit_text
 
 # --- the history: how the errors fall from step to step -----------------------------------------------------
 
 
 HISTORY_HEIGHT = 3.2  # inch
+_FRAME = 0.75  # inch, around the rows of a figure
 _WIDE = 8.0  # ratio of errors above which only a logarithmic axis shows them all
 _STYLES: dict[str, dict[str, Any]] = {
     "fit data": {"color": FAINT, "linestyle": "--", "marker": "o"},
@@ -93,44 +91,30 @@ def _plain_numbers(axis: Axis, ticks: Sequence[float]) -> None:
     axis.set_minor_formatter(NullFormatter())
 
 
-# --- the ranking: how far each candidate scores beyond chance -----------------------------------------------
+# --- how probable each effect is ------------------------------------------------------------------------------
 
 
-_WIDE_RANKING = 20.0  # ratio of scores above which only a logarithmic axis shows them all
-_LEAST = 0.1  # shares of chance below this are not worth telling apart
+_BAR_ROW = 0.2  # inch
 
 
-def ranking_height(diagnosis: Diagnosis) -> float:
-    """Height of `plot_ranking` [inch]."""
-    return 0.7 + 0.2 * len(candidates_shown(diagnosis))
-
-
-def plot_ranking(diagnosis: Diagnosis, added: Collection[Key] = (), ax: Axes | None = None) -> Axes:
-    """Score of each candidate as a multiple of what chance alone exceeds once in twenty logs.
+def plot_probabilities(history: History, ax: Axes | None = None) -> Axes:
+    """How probable each effect is that was added, and each that was fitted beside that and refused.
 
     Args:
-        diagnosis: some candidate of which must score (see `candidates_shown`).
-        added: effects and places that were added.
+        history: some effect of which was weighed.
         ax: where to draw; by default new axes.
     """
-    ax = new_axes(ranking_height(diagnosis)) if ax is None else ax
-    shown = candidates_shown(diagnosis)
-    refitted = {step.key for step in diagnosis.steps}
-    shares = [sqrt(score.gain / max(diagnosis.scores.threshold, 1e-30)) for score in shown]
-    wide = max(shares) > _WIDE_RANKING * max(min(shares), _LEAST)
-    for row, (score, share) in enumerate(zip(shown, shares, strict=True)):
-        key = score.candidate.key
-        colour = BEST["color"] if key in added else "0.35"
-        fill: dict[str, Any] = {"color": colour} if key in refitted else {"facecolor": "white", "edgecolor": colour}
-        ax.barh(row, max(share, _LEAST) if wide else share, height=0.65, linewidth=0.8, **fill)
-    ax.axvline(1.0, color=INK, linewidth=1.2, linestyle="--")
+    shown = weighed_effects(history)
+    ax = new_axes(_FRAME + _BAR_ROW * len(shown)) if ax is None else ax
+    for row, step in enumerate(shown):
+        colour = BEST["color"]
+        fill = {"color": colour} if step in history.steps else {"facecolor": "white", "edgecolor": colour}
+        ax.barh(row, step.probability, height=0.65, linewidth=0.8, **fill)
+    ax.axvline(LIKELY, color=INK, linewidth=1.2, linestyle="--")
+    ax.set_xlim(0.0, 1.0)
     ax.set_ylim(len(shown) - 0.4, -0.6)
-    ax.set_yticks(range(len(shown)), [plain(named(*score.candidate.key)) for score in shown])
-    if wide:
-        ax.set_xscale("log")
-        ax.set_xlim(left=0.7 * _LEAST)
-        _plain_numbers(ax.xaxis, (1.0, 2.0, 5.0))
-    ax.set_xlabel("score as a multiple of the chance threshold [1]", size=TEXT)
+    ax.set_yticks(range(len(shown)), [plain(named(*step.key)) for step in shown])
+    ax.set_xlabel("probability [1]", size=TEXT)
     dress(ax)
     ax.tick_params(axis="y", labelsize=SMALL, length=0)
     return ax
@@ -139,7 +123,7 @@ def plot_ranking(diagnosis: Diagnosis, added: Collection[Key] = (), ax: Axes | N
 # --- candidates that leave the same trace: what these data can't tell apart ---------------------------------
 
 
-_ROW, _FRAME = 0.3, 0.75  # inch
+_ROW = 0.3  # inch
 _MAP, _DARK = colormaps["cividis_r"], 0.6  # correlation above which writing must be white
 
 

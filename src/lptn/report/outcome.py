@@ -1,59 +1,83 @@
-"""How a history of steps ended: what headline, summary, story, terminal and workbench agree on."""
+"""How a history of steps ended: what headline, summary, story, terminal and workbench agree on.
+
+First what is wrong (findings: what sets a place, a sensor, a limb or a run apart), then what the machine is made of
+(structure: what all parts have in common), then what somebody added, then the errors.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Literal
 
 from lptn.basics.words import listed
 from lptn.diagnose.answers import LIKELY, Step
 from lptn.diagnose.fit_statistics import criterion_difference
 from lptn.diagnose.improvement import History
+from lptn.identify.fitting import Fit
 from lptn.report.shown import noise_alone
 from lptn.report.tables import FAR
-from lptn.report.text import either, kelvin, named, percent, place_of, significant
+from lptn.report.text import few, kelvin, named, percent, place_of, significant, size_told
 
-Outcome = Literal["adequate", "found", "tried", "asked", "unhelped", "unexplained"]
+Outcome = Literal["adequate", "found", "tried", "asked", "unexplained"]
 
 WORTH = 0.05
-"""Share by which held-out errors must differ to speak for a step: the RMSE of some 200 independent residuals, an hour
-or two of a few nodes, is itself known to 1/√400."""
+"""Share by which held-out errors must differ to speak for a step that somebody chose: the RMSE of some 200 independent
+residuals, an hour or two of a few nodes, is itself known to 1/√400."""
 HELPED = 0.99
 """The share of the error below which an error is called smaller."""
+FEW = 3
+"""Names in a row that a sentence carries."""
 
 
-def outcome_of(history: History) -> Outcome:
-    """How it ended, by its last step; the verdict on the model as given alone would contradict what was found.
+# --- what the steps are -------------------------------------------------------------------------------------
 
-    `"found"`: effects were added, and explain what was missing or most of it. `"tried"`: effects were added, and none
-    helped, or on the fitted runs alone. `"asked"`: something of the catalogue is missing, and nothing was added yet.
-    `"unhelped"`: something of the catalogue is missing, but nothing that a search tried makes the model better.
-    `"unexplained"`: most of the misfit stays.
+
+@dataclass
+class Kinds:
+    """The steps that added an effect, by what is said of them.
+
+    Args:
+        findings: what sets a place, a sensor, a limb or a run apart, by a diagnosis.
+        structure: what all parts have in common, by a diagnosis.
+        helped: what somebody chose, and lowers the errors.
+        fitted: what somebody chose, and lowers those of the fitted runs alone.
+        idle: what somebody chose, and lowers none.
     """
-    if len(history.steps) == 1:
-        if history.verdict == "missing":
-            return "asked" if history.searched_from is None else "unhelped"
-        return history.verdict
-    helped = any(help_of(history.steps, number) == "all" for number in range(1, len(history.steps)))
-    if not helped and (history.verdict == "adequate" or history.remaining != "adequate"):
-        return "tried"
-    return "unexplained" if history.verdict == history.remaining == "unexplained" else "found"
+
+    findings: list[Step] = field(default_factory=list)
+    structure: list[Step] = field(default_factory=list)
+    helped: list[Step] = field(default_factory=list)
+    fitted: list[Step] = field(default_factory=list)
+    idle: list[Step] = field(default_factory=list)
+
+    @classmethod
+    def of(cls, steps: Sequence[Step]) -> Kinds:
+        """Sort the steps of a history, the model as given first.
+
+        What a diagnosis answered, it weighed; of what somebody chose the errors tell.
+        """
+        kinds = cls()
+        for before, step in pairwise(steps):
+            if step.probability:
+                (kinds.structure if step.is_structure else kinds.findings).append(step)
+            else:
+                {"all": kinds.helped, "fitted": kinds.fitted, "": kinds.idle}[_lowered(before, step)].append(step)
+        return kinds
+
+    @property
+    def good(self) -> list[Step]:
+        """What was found, and what else helped."""
+        return [*self.findings, *self.structure, *self.helped]
 
 
-Help = Literal["", "fitted", "all"]
-
-
-def help_of(steps: Sequence[Step], number: int) -> Help:
+def _lowered(before: Step, after: Step) -> Literal["", "fitted", "all"]:
     """Which errors a step lowered: those of held-out data, `"fitted"` where those of the fitted ones alone, or none.
 
     Fitted errors are lower where Schwarz's criterion says so, which decides where nothing is held out. Held-out ones
     are lower by so much that no scatter explains it, or by less where the fitted ones agree.
-
-    Args:
-        steps: the model as given first.
-        number: of the step.
     """
-    before, after = steps[number - 1], steps[number]
     pays = criterion_difference(before.fit, after.fit) > 0
     if before.holdout is None or after.holdout is None:
         return "all" if pays else ""
@@ -63,50 +87,60 @@ def help_of(steps: Sequence[Step], number: int) -> Help:
     return "fitted" if pays else ""
 
 
-def sorted_steps(steps: Sequence[Step], searched_from: int | None) -> dict[Help, list[Step]]:
-    """The steps that added an effect, by what they lowered.
+def outcome_of(history: History) -> Outcome:
+    """How it ended, by its last step; the verdict on the model as given alone would contradict what was found.
 
-    A search takes out again what is not needed beside the others: of a pair that helps together, it found both.
+    `"found"`: effects were added, and explain what was missing or most of it. `"tried"`: somebody added effects, and
+    none helped, or on the fitted runs alone. `"asked"`: something of the catalogue is missing, and nothing was added
+    yet. `"unexplained"`: most of the misfit stays.
+    """
+    if len(history.steps) == 1:
+        return "asked" if history.verdict == "missing" else history.verdict
+    if not Kinds.of(history.steps).good and (history.verdict == "adequate" or history.remaining != "adequate"):
+        return "tried"
+    return "unexplained" if history.verdict == history.remaining == "unexplained" else "found"
+
+
+# --- names, sizes, certainty --------------------------------------------------------------------------------
+
+
+def short_name(step: Step) -> str:
+    """An effect by its key, and where it acts, such as `conduction heater1–heater2`; no place for everywhere."""
+    key, at = step.key
+    place = "" if at == "*" else f"{'' if '~' in at else ' at'} {place_of(at)}".replace(" at everywhere", " everywhere")
+    return f"{key.replace('_', ' ')}{place}".replace("~", "–")
+
+
+def certainty(step: Step) -> str:
+    """How probable an answer is; of one name among several at its place, that something is missing there as well."""
+    text = f"{percent(step.probability)} probable"
+    if step.probability < LIKELY <= step.at_its_place:
+        text += f", that something is missing there {percent(step.at_its_place)}"
+    return text
+
+
+def finding_in_words(step: Step, last: Fit) -> str:
+    """A finding with its size and certainty, such as `fan at knee (0.3 ± 0.02 W/K, 98 % probable)`."""
+    return f"{short_name(step)} ({', '.join(filter(None, (size_told(step, last), certainty(step))))})"
+
+
+def steps_in_words(steps: Sequence[Step], found: str = "found") -> str:
+    """What is wrong, what the machine is made of, and what somebody added, without a full stop; empty for the model as
+    given.
 
     Args:
         steps: the model as given first.
-        searched_from: as `History` says it.
+        found: what findings are said to be.
     """
-    helps = {number: help_of(steps, number) for number in range(1, len(steps))}
-    last = max((number for number, lowered in helps.items() if lowered == "all"), default=0)
-    for number in range(len(steps) if searched_from is None else searched_from + 1, last):
-        helps[number] = "all"
-    kinds: tuple[Help, ...] = ("all", "fitted", "")
-    return {kind: [steps[number] for number, lowered in helps.items() if lowered == kind] for kind in kinds}
-
-
-def _is_improbable(step: Step) -> bool:
-    """Whether it is less probable than not that anything is missing at a step's place; of one added by hand it isn't
-    known.
-    """
-    return 0.0 < step.at_its_place < LIKELY
-
-
-def tried_in_words(steps: Sequence[Step], searched_from: int | None, found: str = "") -> str:
-    """What was found, and what was tried besides and did not help, without a full stop; empty for the model as given.
-
-    Args:
-        steps: the model as given first.
-        searched_from: as `History` says it.
-        found: what something that helped is said to be; by default found, where a diagnosis proposed it and the
-            fitted data alone make it more probable than not.
-    """
-    by_help = sorted_steps(steps, searched_from)
-    # Without a better one, an improbable explanation is the best.
-    good_steps = [step for step in by_help["all"] if not _is_improbable(step)] or by_help["all"]
-    if not found and all(step.probability for step in good_steps):
-        found = "Found" if all(step.likely for step in good_steps) else "Best explanation, not certain"
-    unnamed = [short_name(step) for step in by_help["all"] if step not in good_steps]
-    good, fitted, idle = ([short_name(step) for step in kind] for kind in (good_steps, by_help["fitted"], by_help[""]))
-    parts = [f"{found or 'Added'}: {listed(good)}"] if good else []
-    if unnamed:
-        stands = "stands" if len(unnamed) == 1 else "stand"
-        parts.append(f"{listed(unnamed)} {stands} for something that these data don't name")
+    kinds, last = Kinds.of(steps), steps[-1].fit
+    helped, fitted, idle = ([short_name(step) for step in kind] for kind in (kinds.helped, kinds.fitted, kinds.idle))
+    parts = []
+    if kinds.findings:
+        parts.append(f"{found}: {listed([finding_in_words(step, last) for step in kinds.findings])}")
+    if kinds.structure:
+        parts.append(f"structure: {few([short_name(step) for step in kinds.structure], FEW)}")
+    if helped:
+        parts.append(f"added: {listed(helped)}")
     if fitted:
         parts.append(f"{listed(fitted)} {'helps' if len(fitted) == 1 else 'help'} on the fitted runs alone")
     if idle:
@@ -115,26 +149,27 @@ def tried_in_words(steps: Sequence[Step], searched_from: int | None, found: str 
     return f"{text[:1].upper()}{text[1:]}"
 
 
+# --- sentences ----------------------------------------------------------------------------------------------
+
+
 def headline(history: History) -> str:
-    """What was found, and by how much the error fell, in one sentence."""
+    """What is wrong, what the machine is made of, and by how much the error fell, in one sentence."""
     runs, before, after = rmse_by_data(history.steps[0], history.best)[-1]
     runs = {"fitted": "RMSE", "held-out": "held out", "test": "test"}[runs]
     errors = f"{kelvin(after)}" if len(history.steps) == 1 else f"{significant(before, 3)} → {kelvin(after)}"
     numbers = f"{runs} {errors}, floor {kelvin(noise_alone(history.best.fit), 2)}."
     outcome = outcome_of(history)
+    if len(history.steps) > 1 and outcome != "unexplained":
+        return f"{steps_in_words(history.steps)}; {numbers}"
     if len(history.steps) > 1:
-        word = "Added" if history.verdict == "adequate" else ""
-        if outcome == "unexplained" and history.searched_from == 0:
-            effects = listed([short_name(step) for step in history.steps[1:]])
-            return f"Not explained; the best that the catalogue offers is {effects}; {numbers}"
-        if outcome == "unexplained":
-            word = "Not explained; what helps"
-        return f"{tried_in_words(history.steps, history.searched_from, word)}; {numbers}"
+        text = steps_in_words(history.steps, "the best that the catalogue offers")
+        return f"Not explained; {text[:1].lower()}{text[1:]}; {numbers}"
     sentences = {
         "adequate": "Adequate: nothing is missing that these data can show",
         "asked": f"Something is missing{_first_answer(history)}; nothing was added yet",
-        "unhelped": "Something is missing, but no effect that was tried makes the model better",
-        "unexplained": "Not explained: wrong by more than noise, and the catalogue does not explain it",
+        "unexplained": "Not explained: the held-out runs hold something that the fitted ones do not"
+        if history.first.only_held_out_runs_object
+        else "Not explained: wrong by more than noise, and the catalogue does not explain it",
     }
     return f"{sentences[outcome]}; {numbers}"
 
@@ -142,26 +177,12 @@ def headline(history: History) -> str:
 def answer_in_words(history: History) -> str:
     """The first answer to what the last step lacks, such as `fan at knee (80 % probable)`; empty without any."""
     best = history.last.best
-    return f"{named(*best.key)} ({percent(best.probability)} probable)" if best else ""
+    return f"{named(*best.key)} ({certainty(best)})" if best else ""
 
 
 def _first_answer(history: History) -> str:
     answer = answer_in_words(history)
-    return f", first of all {answer}" if answer else ", but no single effect helps"
-
-
-def short_name(step: Step) -> str:
-    """An effect by its key, and where it acts, such as `conduction heater1–heater2`; no place for everywhere.
-
-    With the other places where the data can't tell it from: `surface scale at L_knee (or R_knee)`.
-    """
-    key, at = step.key
-    place = f"{'' if '~' in at else ' at'} {place_of(at)}".replace(" at everywhere", " everywhere")
-    if len(step.places) > 1:
-        place += f" (or {either([place_of(other) for other in step.places[1:]])})"
-    else:
-        place = place.removeprefix(" everywhere")
-    return f"{key.replace('_', ' ')}{place}".replace("~", "–")
+    return f", first of all {answer}" if answer else ""
 
 
 def left_in_words(history: History) -> str:
@@ -174,16 +195,25 @@ def left_in_words(history: History) -> str:
             return text + "fitted runs do not. Fit on runs like them as well."
         return f"{text}."
     text = f"The model is still wrong by more than noise, which alone would leave about {kelvin(noise, 2)}; "
-    if history.remaining == "unexplained":
-        return text + "the catalogue explains little of the rest."
-    if history.searched_from is None:
-        return text + (
-            f"next to add would be {answer}." if (answer := answer_in_words(history)) else "no single effect helps."
-        )
-    if len(history.steps) == 1:
-        return text + "no effect that was tried makes it better."
-    where = "did not help on the held-out ones" if best.holdout else "did not pay for their parameters"
-    return text + f"further effects lowered the error on the fitted runs but {where}."
+    answer = answer_in_words(history) if history.remaining == "missing" else ""
+    return text + (f"next to add would be {answer}." if answer else "the catalogue explains little of the rest.")
+
+
+def refused_in_words(history: History) -> str:
+    """What was fitted beside all that was added, and is less probable than not; empty where nothing was."""
+    names = [f"{named(*step.key)} ({percent(step.probability)})" for step in history.last.refused]
+    if not names:
+        return ""
+    return f"Fitted beside that, and refused as less probable than not: {few(names, FEW)}."
+
+
+def who_chose(history: History) -> str:
+    """Which data decided on what is missing, in a sentence."""
+    if history.searched_from is None and len(history.steps) > 1:
+        return "Which effects were added, somebody chose."
+    if history.steps[0].holdout:
+        return "What is missing is decided by the fitted runs, and by how the held-out ones are predicted."
+    return "What is missing is decided by the fitted runs alone."
 
 
 def rmse_by_data(given: Step, best: Step) -> list[tuple[str, float, float]]:

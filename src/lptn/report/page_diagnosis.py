@@ -1,21 +1,17 @@
-"""The figures of a diagnosis on the page: how errors fall, the ranking, what can't be told apart, what would show."""
+"""The figures of a diagnosis on the page: how errors fall, probabilities, what can't be told apart, what would show."""
 
 from __future__ import annotations
-
-from collections.abc import Collection
-from math import sqrt
 
 import numpy as np
 from markupsafe import Markup
 
 from lptn.basics.words import short_size
-from lptn.diagnose.answers import Key
-from lptn.diagnose.diagnosis import Diagnosis
+from lptn.diagnose.answers import LIKELY
 from lptn.diagnose.improvement import History
 from lptn.diagnose.scores import Confusability, Detectable
-from lptn.report.shown import candidates_shown, noise_alone, reaches
+from lptn.report.shown import noise_alone, reaches, weighed_effects
 from lptn.report.svg import LETTER, WIDE, Drawing, Panel, strength
-from lptn.report.text import kelvin, named, place_of, title_of, unit_text
+from lptn.report.text import kelvin, named, percent, place_of, title_of, unit_text
 
 # --- the history: how the errors fall from step to step -----------------------------------------------------
 
@@ -60,42 +56,34 @@ def history_figure(history: History) -> Markup:
     return draw.svg("RMSE of each step on fit, held-out and test data")
 
 
-# --- the ranking: how far each candidate scores beyond chance -----------------------------------------------
+# --- how probable each effect is ------------------------------------------------------------------------------
 
 
-_LEAST = 0.1  # shares of chance below this are not worth telling apart
-_WIDE_RANKING = 20.0  # ratio of scores above which only a logarithmic axis shows them all
 _BAR = 18.0  # px
 
 
-def ranking_figure(diagnosis: Diagnosis, added: Collection[Key] = ()) -> Markup:
-    """Score of each candidate as a multiple of what chance alone exceeds once in twenty logs.
+def probability_figure(history: History) -> Markup:
+    """How probable each effect is that was added, and each that was fitted beside that and refused.
 
     Args:
-        diagnosis: some candidate of which must score (see `candidates_shown`).
-        added: effects and places that were added.
+        history: some effect of which was weighed (see `weighed_effects`).
     """
-    shown = candidates_shown(diagnosis)
-    refitted = {step.key for step in diagnosis.steps}
-    shares = [sqrt(score.gain / max(diagnosis.scores.threshold, 1e-30)) for score in shown]
-    log = max(shares) > _WIDE_RANKING * max(min(shares), _LEAST)
-    names = [named(*score.candidate.key) for score in shown]
+    shown = weighed_effects(history)
+    names = [named(*step.key) for step in shown]
     left = min(LETTER * max(map(len, names)) + 14, 430.0)
     bottom = 6 + _BAR * len(shown)
     draw = Drawing(bottom + 40)
-    ends = (0.7 * _LEAST, 1.1 * max(1.0, *shares)) if log else (0.0, 1.08 * max(1.0, *shares))
-    panel = Panel(draw, (left, 4, WIDE - 20, bottom), ends, (0.0, 1.0), log=log)
-    for row, (score, share, name) in enumerate(zip(shown, shares, names, strict=True)):
-        look = "bar-added" if score.candidate.key in added else "bar"
-        look += "" if score.candidate.key in refitted else " hollow"
+    panel = Panel(draw, (left, 4, WIDE - 20, bottom), (0.0, 1.0), (0.0, 1.0))
+    for row, (step, name) in enumerate(zip(shown, names, strict=True)):
+        look = "bar-added" if step in history.steps else "bar hollow"
         top = 6 + _BAR * row
         draw.text(left - 6, top + 12, name, "end")
-        width = float(panel.x(max(share, _LEAST) if log else share)) - left
-        draw.rect(left, top + 2, width, _BAR - 5, look, f"{name}: {share:.2g} times the chance threshold")
-    at = float(panel.x(1.0))
+        width = float(panel.x(step.probability)) - left
+        draw.rect(left, top + 2, width, _BAR - 5, look, f"{name}: {percent(step.probability)} probable")
+    at = float(panel.x(LIKELY))
     draw.line(at, 2, at, bottom, "line-limit")
-    panel.frame("score as a multiple of the chance threshold [1]", rows=True)
-    return draw.svg("ranking of candidates by score")
+    panel.frame("probability [1]", rows=True)
+    return draw.svg("probability of each effect that was fitted")
 
 
 # --- candidates that leave the same trace: what these data can't tell apart ---------------------------------

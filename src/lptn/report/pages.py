@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from lptn.diagnose.improvement import History
 from lptn.diagnose.scores import smallest
-from lptn.effects import Effect
+from lptn.effects import Effect, catalogue
 from lptn.identify.comparison import Comparison, Versus, predict
 from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit
@@ -16,18 +16,19 @@ from lptn.report import words
 from lptn.report.document import Picture, picture, render
 from lptn.report.heat_story import HeatStory, heat_line_picture, heat_map_picture
 from lptn.report.outcome import headline, left_in_words, outcome_of
-from lptn.report.page_diagnosis import collinearity_figure, detectability_figure, history_figure, ranking_figure
+from lptn.report.page_diagnosis import collinearity_figure, detectability_figure, history_figure, probability_figure
 from lptn.report.page_figures import NAMES, conditions, fields, predictions, versus_bars
-from lptn.report.shown import candidates_shown, error_fields
+from lptn.report.shown import effects_told, error_fields, weighed_effects
 from lptn.report.story_charts import CHARTS, network_picture, shown_runs, tiles, time_charts
 from lptn.report.tables import (
     condition_table,
     data_table,
+    effects_table,
     error_table,
     history_table,
-    missing_table,
     node_table,
     parameter_table,
+    refused_table,
     source_table,
     stretch_table,
     versus_table,
@@ -120,8 +121,9 @@ def story_html(
         hiding=heat.hiding,
         more_than_noise=history.remaining != "adequate",
         predictions=picture(words.caption_of_predictions(given, best, data, which), predictions(given, best)),
-        ranking=_ranking(history),
-        refits=missing_table(history),
+        told=effects_table(history),
+        refused=refused_table(history),
+        probabilities=_probabilities(history),
         coarse=_coarse_step(history),
         collinearity=_collinearity(history),
         detectability=_detectability(history),
@@ -160,10 +162,12 @@ def _coarse_step(history: History) -> float | None:
 
 
 def _effects_named(history: History) -> list[type[Effect]]:
-    """The effects of the given and of the best model, and the candidates, each once."""
+    """The effects of the given and of the best model, what was refused, and what would have shown, each once."""
     networks = (step.fit.model.network for step in (history.steps[0], history.best))
     effects = [type(declared.effect) for network in networks for declared in network.effects]
-    return list(dict.fromkeys([*effects, *(score.candidate.effect for score in candidates_shown(history.first))]))
+    answers = [*effects_told(history), *history.last.refused]
+    named = [step.key[0] for step in answers] + [size.effect for size in smallest(history.first.scores)]
+    return list(dict.fromkeys([*effects, *(catalogue()[key] for key in named)]))
 
 
 def _conditions(given: Comparison, best: Comparison | None, which: str) -> Picture | None:
@@ -177,11 +181,10 @@ def _errors(given: Comparison, best: Comparison | None, which: str) -> Picture:
     return picture(words.caption_of_errors(which), *drawings)
 
 
-def _ranking(history: History) -> Picture | None:
-    if not candidates_shown(history.first):
+def _probabilities(history: History) -> Picture | None:
+    if not weighed_effects(history):
         return None
-    added = {step.key for step in history.steps}
-    return picture(words.caption_of_ranking(history), ranking_figure(history.first, added))
+    return picture(words.CAPTION_OF_PROBABILITIES, probability_figure(history))
 
 
 def _collinearity(history: History) -> Picture | None:

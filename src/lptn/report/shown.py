@@ -10,8 +10,9 @@ import numpy as np
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
-from lptn.diagnose.diagnosis import Diagnosis
-from lptn.diagnose.scores import Detectable, Score
+from lptn.diagnose.answers import Step
+from lptn.diagnose.improvement import History
+from lptn.diagnose.scores import Detectable
 from lptn.diagnose.unexplained_heat import UnexplainedHeat
 from lptn.identify.comparison import Comparison, Prediction
 from lptn.identify.fitting import Fit
@@ -137,19 +138,20 @@ def worst_runs(fields: Sequence[Field]) -> list[int]:
 
 # --- a diagnosis --------------------------------------------------------------------------------------------------
 
-_MOST_CANDIDATES = 20
-
 
 def noise_alone(fit: Fit) -> float:
     """The RMSE that the noise of the measured nodes' sensors alone would leave [K]."""
     return sqrt(float(np.mean(fit.noise.floor[fit.problem.measured] ** 2)))
 
 
-def candidates_shown(diagnosis: Diagnosis) -> list[Score]:
-    """The best candidates that score at all, and every one that was refitted."""
-    refitted = {step.key for step in diagnosis.steps}
-    scoring = [score for score in diagnosis.scores.ranked if score.gain > 0]
-    return [score for place, score in enumerate(scoring) if place < _MOST_CANDIDATES or score.candidate.key in refitted]
+def effects_told(history: History) -> tuple[Step, ...]:
+    """What was added, or is the answer where nothing was yet."""
+    return history.steps[1:] or history.first.steps
+
+
+def weighed_effects(history: History) -> list[Step]:
+    """What was found, or is the answer where nothing was added yet, then what was refused; not what somebody chose."""
+    return [step for step in (*effects_told(history), *history.last.refused) if step.probability]
 
 
 @dataclass(frozen=True)

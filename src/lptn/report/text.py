@@ -5,10 +5,13 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 
-from lptn.basics.words import listed
+from lptn.basics.words import listed, short_size
+from lptn.diagnose.answers import Step
 from lptn.effects import Effect, catalogue
 from lptn.identify.data import Segment, Window
+from lptn.identify.fitting import Fit
 from lptn.logs.columns import column_unit
 
 NOTHING = "–"
@@ -112,20 +115,38 @@ def experiment_for(effect: type[Effect]) -> str:
     return effect.signature.separate_by.replace("degC", "°C")
 
 
+# --- sizes of effects ---------------------------------------------------------------------------------
+
+
+def size_told(step: Step, last: Fit) -> str:
+    """The size of an effect with its standard error, such as `0.11 ± 0.014 W`; empty where it has none.
+
+    A difference of one place to what all have in common has its sign.
+
+    Args:
+        step: the effect.
+        last: a fit of a model that has it.
+    """
+    size = replace(step, fit=last).told_by
+    if size is None or step.declaration is None:
+        return ""
+    sign = "+" if step.declaration.difference and size.value > 0 else ""
+    error = last.standard_errors.get(size.name, math.inf)
+    return f"{sign}{value_in_words(size.value, error, size.declared.unit_behind)}"
+
+
+def value_in_words(value: float, error: float, unit: str) -> str:
+    """A fitted value with its standard error and unit, such as `3 ± 0.04 W`."""
+    spread = f" ± {short_size(error)}" if math.isfinite(error) else ""
+    return f"{short_size(value)}{spread}{unit_text(unit)}"
+
+
 # --- sentences --------------------------------------------------------------------------------------
 
 
 def few(items: Sequence[str], most: int) -> str:
     """A list that nobody has to read to its end: `a, b and 7 others` where one more than `most` is too many."""
     return listed(items if len(items) <= most + 1 else [*items[:most], f"{len(items) - most} others"])
-
-
-_MOST_PLACES = 4  # that are named
-
-
-def either(places: Sequence[str]) -> str:
-    """Places of which one is meant: `a or b`, of many `one of 5 places`."""
-    return " or ".join(places) if len(places) <= _MOST_PLACES else f"one of {len(places)} places"
 
 
 def capitalised(text: str) -> str:

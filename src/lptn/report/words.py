@@ -20,42 +20,38 @@ from lptn.identify.fitting import Fit
 from lptn.model.network import EffectDeclaration
 from lptn.report.heat_story import HeatStory
 from lptn.report.outcome import (
+    FEW,
     HELPED,
+    Kinds,
     answer_in_words,
-    help_of,
+    certainty,
+    finding_in_words,
     left_in_words,
     outcome_of,
+    refused_in_words,
     rmse_by_data,
-    sorted_steps,
-    tried_in_words,
+    steps_in_words,
+    who_chose,
 )
-from lptn.report.shown import MOST, NOISE_BAND, candidates_shown, initialisation_end, noise_alone, reaches, views
+from lptn.report.shown import MOST, NOISE_BAND, initialisation_end, noise_alone, reaches, views
 from lptn.report.tables import FAR, worst_condition
 from lptn.report.text import (
     bin_text,
     capitalised,
-    either,
     experiment_for,
     few,
     kelvin,
     named,
     percent,
     place_of,
+    size_told,
     title_of,
     unit_text,
+    value_in_words,
     window_text,
 )
 
 # --- what both the short and the long version say -----------------------------------------------------------
-
-
-def _added(history: History) -> list[Step]:
-    return [step for step in history.steps if step.effect and step.at]
-
-
-def _found_steps(history: History) -> list[Step]:
-    """The steps that helped; all where they did so on the fitted runs alone, and nothing else was found."""
-    return sorted_steps(history.steps, history.searched_from)["all"] or _added(history)
 
 
 _TOLD = 2.0  # standard errors from which on a size is told from zero
@@ -72,13 +68,12 @@ def size_in_words(step: Step, last: Fit) -> str:
     values = {instance.name: instance for instance in last.model.parameters}
     sizes, times, doubt = "", "", ""
     for declaration in step.declarations:
-        for parameter in declaration.parameters:
+        for parameter in declaration.resolved.values():
             name = declaration.shared_name(parameter.name)
             if name not in last.standard_errors:
                 continue
             error, value = last.standard_errors[name], values[name].value
-            spread = f" ± {short_size(error)}" if np.isfinite(error) else ""
-            text = f"{parameter.name.replace('_', ' ')} {short_size(value)}{spread}{unit_text(parameter.unit_behind)}"
+            text = f"{parameter.name.replace('_', ' ')} {value_in_words(value, error, parameter.unit_behind)}"
             if parameter.off is None and parameter.unit == "s":
                 times = text + _where_others_have(declaration, parameter, last)
             elif parameter.off is None and not declaration.effect.adds_up():  # of what is there or not: how it is
@@ -133,15 +128,9 @@ def next_step(history: History) -> str:
             "look in section 4 for where and when the error grows, and ask what happened then that the log does not "
             "hold: touch, water, a fan, a moved sensor, a load without a column. Log it, or leave that part out."
         )
-    if outcome == "unhelped":
-        return "measure a longer run with more contrast (rest, load, speed), and diagnose again."
     answer = answer_in_words(history) if history.remaining == "missing" else ""
     if outcome == "asked":
-        return (
-            f"add {answer}, and see whether the error falls."
-            if answer
-            else "let a search add several effects together."
-        )
+        return f"add {answer}, and see whether the error falls."
     if outcome == "tried":
         then = f"add {answer} in its place" if answer else "look in section 4 for where and when the error grows"
         return "take back what did not help" + (
@@ -158,9 +147,6 @@ def next_step(history: History) -> str:
 
 
 # --- the summary: what is missing, where, how sure, what to do ----------------------------------------------
-
-
-_FEW = 3  # names in a row
 
 
 class Proposal(Protocol):
@@ -184,7 +170,6 @@ def in_short(history: History, heat: HeatStory, proposal: Proposal | None = None
         "found": _short_found,
         "tried": _short_tried,
         "asked": _short_asked,
-        "unhelped": _short_unhelped,
         "unexplained": _short_unexplained,
     }
     what, where, sure = summary[outcome](history, heat)
@@ -206,60 +191,56 @@ def _short_adequate(history: History, heat: HeatStory) -> tuple[str, str, str]:
 
 
 def _short_tried(history: History, heat: HeatStory) -> tuple[str, str, str]:
-    answer = answer_in_words(history)
     what = {
         "adequate": "nothing that these data show",
-        "missing": f"still something, first of all {answer}"
-        if answer
-        else "still something, but no single effect helps",
+        "missing": f"still something, first of all {answer_in_words(history)}",
         "unexplained": "something of which the catalogue explains little",
     }["adequate" if history.verdict == "adequate" else history.remaining]
-    sure = f"{tried_in_words(history.steps, history.searched_from)}. {_short_errors(history)}."
+    sure = f"{steps_in_words(history.steps)}. {_short_errors(history)}."
     return f"{capitalised(what)}.", _where("", heat), sure
 
 
 def _short_asked(history: History, heat: HeatStory) -> tuple[str, str, str]:
-    best, answer = history.last.best, answer_in_words(history)
-    what = (
-        f"First of all {answer}"
-        if answer
-        else "An effect of the catalogue explains most of the misfit, but no single one helps"
-    )
-    rivals = [named(*key) for key in best.indistinguishable] if best else []
-    sure = f"{_short_errors(history)}. Nothing was added yet."
-    if rivals:
-        sure += f" On the fitted runs alone, {few(rivals, _FEW)} would do about as well."
-    return f"{what}.", _where("", heat), sure
+    sure = f"{_short_errors(history)}. Nothing was added yet.{_rivals(history.last.steps[:1])}"
+    return f"First of all {answer_in_words(history)}.", _where("", heat), sure
 
 
-def _short_unhelped(history: History, heat: HeatStory) -> tuple[str, str, str]:
-    what = "An effect of the catalogue explains most of the misfit, but none tried makes the model better."
-    return what, _where("", heat), f"{_short_errors(history)}."
+def _rivals(steps: Sequence[Step]) -> str:
+    """What the data can't tell from any of some steps, as a sentence behind another; empty without any."""
+    taken = {step.key for step in steps}
+    names = list(dict.fromkeys(named(*key) for step in steps for key in step.indistinguishable if key not in taken))
+    return f" These data can't rule out {few(names, FEW)} in its place." if names else ""
 
 
 def _short_found(history: History, heat: HeatStory) -> tuple[str, str, str]:
-    added = _found_steps(history)
-    what = f"{capitalised(listed([title_of(step.effect or '') for step in added]))}."
+    kinds, last = Kinds.of(history.steps), history.best.fit
+    whats = []
+    if kinds.findings:
+        whats.append(f"{capitalised(listed([finding_in_words(step, last) for step in kinds.findings]))}.")
+    if kinds.structure:
+        parts = few([_with_size(step, last) for step in kinds.structure], FEW)
+        whats.append(f"What all parts have in common: {parts}.")
+    if kinds.helped:
+        whats.append(f"Added: {listed([_with_size(step, last) for step in kinds.helped])}.")
     places: dict[str, list[str]] = {}
-    for step in added:
-        at = either([place_of(place) for place in (step.at or "", *step.places[1:])])
-        places.setdefault(at, []).append(title_of(step.effect or ""))
+    for step in [*kinds.findings, *kinds.helped] or kinds.structure:
+        places.setdefault(place_of(step.at or ""), []).append(title_of(step.effect or ""))
     where = "; ".join(f"{place} ({listed(effects)})" if len(places) > 1 else place for place, effects in places.items())
-    sure = f"{_short_errors(history)}."
-    taken = {step.key for step in added}
-    rivals = list(dict.fromkeys(named(*key) for step in added for key in step.indistinguishable if key not in taken))
-    if rivals:
-        sure += f" On the fitted runs alone, {few(rivals, _FEW)} would do about as well."
-    elif all(step.probability for step in added):
-        sure += " Nothing else in the catalogue explains the fitted runs as well."
-    if idle := [step for step in _added(history) if step not in added]:
-        sure += f" Added as well, without help: {listed([named(*step.key) for step in idle])}."
+    sure = f"{_short_errors(history)}.{_rivals(kinds.findings)}"
+    if useless := [*kinds.fitted, *kinds.idle]:
+        sure += f" Added as well, without help: {listed([named(*step.key) for step in useless])}."
     sure += f" {left_in_words(history)}"
     if heat.left:
         stays = ": what was added does not explain that" if heat.event else ""
         sure += f" {'Even so, with' if history.remaining == 'adequate' else 'With'} the best model {heat.left}{stays}."
-    place = f"{capitalised(where)}."
-    return what, f"{place} On the fitted runs, as given, {heat.where}." if heat.where else place, sure
+    place = f"{capitalised(where)}{'' if kinds.findings or kinds.helped else '; nothing sets one part apart'}."
+    return " ".join(whats), f"{place} On the fitted runs, as given, {heat.where}." if heat.where else place, sure
+
+
+def _with_size(step: Step, last: Fit) -> str:
+    """An effect, its place and its size, such as `sensor lag everywhere, 8 ± 1 s`."""
+    size = size_told(step, last)
+    return f"{named(*step.key)} ({size})" if size else named(*step.key)
 
 
 def _short_unexplained(history: History, heat: HeatStory) -> tuple[str, str, str]:
@@ -292,7 +273,6 @@ def story_in_words(history: History, data: DataSplit) -> list[str]:
         "found": _found,
         "tried": _tried,
         "asked": _asked,
-        "unhelped": _unhelped,
         "unexplained": _unexplained,
     }
     what = stories[outcome_of(history)]
@@ -322,7 +302,7 @@ def _adequate(history: History, data: DataSplit) -> str:
 
 
 def _tried(history: History, data: DataSplit) -> str:
-    text = f"{tried_in_words(history.steps, history.searched_from)}. {_fall(history.steps[0], history.best)}"
+    text = f"{steps_in_words(history.steps)}. {_fall(history.steps[0], history.best)}"
     if history.verdict == "adequate":
         return (
             f"{text} The model as given is wrong by no more than noise on the fitted runs, so nothing had to be added."
@@ -331,24 +311,15 @@ def _tried(history: History, data: DataSplit) -> str:
 
 
 def _asked(history: History, data: DataSplit) -> str:
-    answer = answer_in_words(history)
-    first = f"First of all it may be {answer}. " if answer else "No single effect helps. "
-    return f"The model as given is wrong by more than noise. {_errors(history.steps[0])}. {first}Nothing was added yet."
-
-
-def _unhelped(history: History, data: DataSplit) -> str:
     return (
-        f"The model as given is wrong by more than noise. {_errors(history.steps[0])}. On the fitted runs an effect of "
-        "the catalogue explains most of it, but none that was tried makes the model better by the rule that ends the "
-        "selection, so none was added. Section 5 lists what was tried."
+        f"The model as given is wrong by more than noise. {_errors(history.steps[0])}. First of all it may be "
+        f"{answer_in_words(history)}. Nothing was added yet."
     )
 
 
 def _found(history: History, data: DataSplit) -> str:
-    found_by = all(step.probability for step in _found_steps(history))
-    word = "Missing" if found_by and history.verdict != "adequate" else "Added"
-    text = tried_in_words(history.steps, history.searched_from, word)
-    return f"{text}. {_fall(history.steps[0], history.best)} {left_in_words(history)}"
+    text = f"{steps_in_words(history.steps, 'missing')}. {_fall(history.steps[0], history.best)}"
+    return " ".join(filter(None, (text, left_in_words(history), refused_in_words(history))))
 
 
 def _unexplained(history: History, data: DataSplit) -> str:
@@ -362,15 +333,12 @@ def _unexplained(history: History, data: DataSplit) -> str:
     text = "The model as given is wrong by more than the sensors' noise, and the catalogue does not explain it. "
     text += f"{_errors(given)}; noise alone leaves about {kelvin(noise_alone(given.fit), 2)}."
     if best is given:
-        return f"{text} No effect of the catalogue was worth adding."
+        return f"{text} No effect of the catalogue was worth adding. {refused_in_words(history)}".strip()
     return (
-        f"{text} The best that could be done is to add {_effects_added(history)}. {_fall(given, best)} "
+        f"{text} The best that could be done is to add {listed([named(*step.key) for step in history.steps[1:]])}. "
+        f"{_fall(given, best)} "
         "Most of the misfit on the fitted runs stays. Do not read what was added as physics."
     )
-
-
-def _effects_added(history: History) -> str:
-    return listed([named(*step.key) for step in _added(history)])
 
 
 def _errors(step: Step) -> str:
@@ -399,54 +367,47 @@ def _how_sure(history: History) -> str:
     """How sure each step is; empty where none was added, or none explains the misfit."""
     if outcome_of(history) != "found":
         return ""
-    return " ".join(_sure(history, number, step) for number, step in enumerate(history.steps) if step.effect)
+    return " ".join(_sure(history, number) for number in range(1, len(history.steps)))
 
 
-def _sure(history: History, number: int, step: Step) -> str:
-    text = f"How sure is step {number}, {named(*step.key)}? "
-    if step not in _found_steps(history):
-        lowered = "the error of the fitted runs alone" if help_of(history.steps, number) else "no error beyond chance"
-        return f"{text}It lowers {lowered}."
-    if step.probability:
-        beside = " beside the other steps" if len(history.steps) > 2 else ""
-        text += f"Of the answers that were fitted{beside} it is the right one with {percent(step.probability)}, by the "
-        text += "fitted runs and by what is usual. "
+def _sure(history: History, number: int) -> str:
+    step = history.steps[number]
+    parts = [f"How sure is step {number}, {named(*step.key)}? {capitalised(sure_in_words(step))}."]
     if size := size_in_words(step, history.best.fit):
-        text += f"Its size: {size}. "
-    if removed := removed_in_words(history, number):
-        text += f"{removed} "
+        parts.append(f"Its size: {size}.")
+    return " ".join(filter(None, (*parts, removed_in_words(history, number))))
+
+
+def sure_in_words(step: Step) -> str:
+    """How sure a step is, and what else it might be, without a full stop."""
     if not step.probability:
-        return text + "It was chosen by hand, and not compared with others."
-    if not step.indistinguishable:
-        return text + "Nothing else in the catalogue explains the fitted runs about as well."
-    verb = "explains" if len(step.indistinguishable) == 1 else "explain"
-    others = f"{few([named(*key) for key in step.indistinguishable], _FEW)} {verb}"
-    if all(effect == step.effect for effect, _ in step.indistinguishable):
-        return text + f"The effect is clear, its place is not: {others} the fitted runs about as well."
-    return text + f"The fitted runs alone cannot tell: {others} them about as well."
+        return "chosen by hand, and not compared with others"
+    if step.is_structure:
+        return f"the data need it with a probability of {percent(step.probability)}, beside all else in the model"
+    others = [named(*key) for key in step.indistinguishable]
+    beside = f"; these data can't rule out {few(others, FEW)} in its place" if others else ""
+    return f"{certainty(step)}, beside all else in the model{beside}"
 
 
 def _which_data(history: History, data: DataSplit) -> str:
     """Which runs were fitted, which chose, which only test the result."""
-    by_hand = history.searched_from is None and len(history.steps) > 1
-    proposed = "" if by_hand else ", and effects proposed,"
-    text = f"Parameters were fitted{proposed} on {_runs(data.fit)}."
-    text += " Which effects were added, somebody chose." if by_hand else ""
-    if not data.holdout:
-        text += " No data were held out."
-    else:
-        text += f" Held out: {_runs(data.holdout)}. Nothing but its start was fitted to it, and it chose nothing."
+    text = f"Parameters were fitted on {_runs(data.fit)}."
+    text += "" if data.holdout else " No data were held out."
+    if data.holdout:
+        text += f" Held out: {_runs(data.holdout)}. Nothing but its start was fitted to it."
+    text += f" {who_chose(history)}"
     if data.test:
         return f"{text} Test: {_runs(data.test)}. It chose nothing, so its error is the one to quote."
     if len(history.steps) == 1:
         return text
-    return text if data.holdout else f"{text} Nothing tests the result; one more log, given with --holdout, would."
+    flaw = "the held-out error is a little flattering" if data.holdout else "nothing tests the result"
+    return f"{text} There are no test runs, so {flaw}; one more log, given with --test, would tell."
 
 
 def _runs(segments: Sequence[Segment]) -> str:
     """Runs by name, and which part of them counts where it is not all."""
     parts = [(segment.run.name, window_text(segment.evaluation, segment)) for segment in segments]
-    return few([name if part == "all" else f"{name} ({part})" for name, part in parts], _FEW)
+    return few([name if part == "all" else f"{name} ({part})" for name, part in parts], FEW)
 
 
 # --- one plain sentence under each figure: what to see in it --------------------------------------------------
@@ -539,13 +500,10 @@ def caption_of_detectability(sizes: Sequence[Detectable]) -> str:
     )
 
 
-def caption_of_ranking(history: History) -> str:
-    """Under the ranking of candidates."""
-    shown, whole = len(candidates_shown(history.first)), len(history.first.scores.ranked)
-    text = "How far each candidate scores beyond chance; chance alone passes the dashed line once in twenty logs."
-    text += " Filled bars are in the best model." if history.first.steps else ""
-    text += " Green ones were added." if len(history.steps) > 1 else ""
-    return text if shown == whole else f"{text} The {whole - shown} not shown score lower or nothing."
+CAPTION_OF_PROBABILITIES = (
+    "How probable each effect is, beside all else in the model; green ones were added, hollow ones were not. Right of "
+    "the dashed line one is missing more probably than not."
+)
 
 
 def _where_it_fails(cell: Condition) -> str:

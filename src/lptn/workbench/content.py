@@ -15,9 +15,9 @@ from lptn.diagnose.scores import Score
 from lptn.effects import catalogue
 from lptn.identify.comparison import Errors
 from lptn.identify.data import Segment, Stretch
-from lptn.report.diagnosis_figures import noise_alone
-from lptn.report.outcome import sorted_steps, tried_in_words
-from lptn.report.text import experiment_for, few, for_people, kelvin, named, percent, place_of, title_of
+from lptn.report.outcome import FEW, Kinds, finding_in_words, steps_in_words
+from lptn.report.shown import noise_alone
+from lptn.report.text import experiment_for, few, for_people, kelvin, named, percent, place_of, size_told, title_of
 from lptn.report.words import size_in_words
 from lptn.study import Study
 from lptn.workbench.bench import Bench, key_of, name_of, names_of, segments
@@ -82,16 +82,9 @@ def _head(bench: Bench) -> dict[str, Any]:
         "given": _error(first),
         "now": _error(last),
         "floor": floor,
-        "found": _found(study),
+        "found": steps_in_words(study.steps),
         "sentence": _sentence(bench, floor),
     }
-
-
-def _found(study: Study) -> str:
-    """What the steps found, what they tried in vain; empty for the model as given."""
-    as_given = study.diagnosed_as_given
-    word = "Added" if as_given and as_given.verdict == "adequate" else ""
-    return tried_in_words(study.steps, study.searched_from, word)
 
 
 def _error(step: Step) -> float:
@@ -104,21 +97,24 @@ def _sentence(bench: Bench, floor: float) -> str:
     diagnosis = study.diagnosed
     if diagnosis is None:
         return _worst(bench, floor)
-    by_help = sorted_steps(study.steps, study.searched_from)
-    helped = bool(by_help["all"] or by_help["fitted"])
+    kinds = Kinds.of(study.steps)
+    helped = bool(kinds.good or kinds.fitted)
     subject = "With what was added the model" if helped else "With or without it the model"
     subject = subject if len(study.steps) > 1 else "The model as given"
     if diagnosis.verdict == "adequate":
         return f"{subject} is adequate: what is left is no more than the sensors’ noise."
+    if diagnosis.only_held_out_runs_object:
+        return f"{subject} meets the fitted runs; the held-out ones hold something else. {_worst(bench, floor)}"
+    missing = Kinds.of([Step(diagnosis.fit), *diagnosis.steps])
+    parts = [finding_in_words(step, step.fit) for step in missing.findings]
+    if missing.structure:
+        parts.append(f"structure that all parts have: {few([named(*step.key) for step in missing.structure], FEW)}")
+    answers = "; ".join(parts)
     if diagnosis.verdict == "unexplained":
-        return f"{subject} is wrong by more than noise, and the catalogue explains little of it. {_worst(bench, floor)}"
-    more = " more" if helped else ""
-    best = diagnosis.best
-    if best is None:
-        return f"{subject} lacks something{more}, but no single effect helps. {_worst(bench, floor)}"
-    names = [named(*key) for key in dict.fromkeys([best.key, *best.indistinguishable])]
-    rivals = f" – or {few(names[1:], 2)}, which these data can’t rule out" if len(names) > 1 else ""
-    return f"{subject} lacks something{more}: first of all {names[0]}{rivals}."
+        best = f", at best {answers}" if answers else ""
+        text = f"{subject} is wrong by more than noise, and the catalogue explains little of it{best}."
+        return f"{text} {_worst(bench, floor)}"
+    return f"{subject} lacks {'more' if helped else 'something'}: {answers}."
 
 
 def _worst(bench: Bench, floor: float) -> str:
@@ -236,35 +232,25 @@ def _correlations(step: Step) -> list[dict[str, Any]]:
 
 def _answers(study: Study, diagnosis: Diagnosis, bench: Bench) -> dict[str, Any]:
     tries = bench.tries()
-    tried = {answer: line.linearised for (_, answer), line in tries.items()}
-    errors = {
-        name_of(step): {segment: line.error for (segment, of), line in tries.items() if of == name_of(step)}
-        for step in diagnosis.steps
-    }
-    ranks = {step.key: rank for rank, step in enumerate(diagnosis.steps, start=1)}
     shown = []
     for step in diagnosis.steps:
         effect = catalogue()[step.effect or ""]
+        own = {segment: line for (segment, of), line in tries.items() if of == name_of(step)}
+        errors = {segment: line.error for segment, line in own.items()}
         shown.append(
-            {
-                "effect": step.effect,
-                "at": step.at,
+            _place(step)
+            | {
                 "key": name_of(step),
-                "title": title_of(step.effect or ""),
-                "place": place_of(step.at or ""),
-                "probability": step.probability,
-                "probable": percent(step.probability),
-                "p": 1.0 - step.probability,
-                "fit": _pooled(errors[name_of(step)], "fit"),
-                "holdout": _pooled(errors[name_of(step)], "holdout"),
-                "size": size_in_words(step, step.fit),
+                "kind": "structure" if step.is_structure else "finding",
+                "fit": _pooled(errors, "fit"),
+                "holdout": _pooled(errors, "holdout"),
+                "details": size_in_words(step, step.fit),
                 "equations": equations_of(effect.__doc__ or ""),
                 "looks_like": effect.signature.looks_like,
                 "separate_by": experiment_for(effect),
                 "same": [named(*key) for key in step.indistinguishable],
-                "ranks": [ranks[key] for key in step.indistinguishable if key in ranks],
-                "tried": name_of(step) in tried,
-                "linearised": tried.get(name_of(step), False),
+                "tried": bool(own),
+                "linearised": any(line.linearised for line in own.values()),
             }
         )
     before = diagnosis.holdout.rmse if diagnosis.holdout else diagnosis.fit.rmse
@@ -272,15 +258,28 @@ def _answers(study: Study, diagnosis: Diagnosis, bench: Bench) -> dict[str, Any]
     return {
         "verdict": diagnosis.verdict,
         "answers": shown,
-        "scored": [_scored(diagnosis, score, tries) for score in bench.scored_only],
+        "refused": [_place(step) for step in diagnosis.refused],
+        "scored": [_scored(score, tries) for score in bench.scored_only],
         "before": before,
         "fitted": diagnosis.fit.rmse,
         "step": seconds,
     }
 
 
-def _scored(diagnosis: Diagnosis, score: Score, tries: Mapping[tuple[str, str], Attempt]) -> dict[str, Any]:
-    """A candidate that was scored and not refitted, with the errors that it would leave to first order."""
+def _place(step: Step) -> dict[str, Any]:
+    """What an effect that was fitted is called, how large and how probable it is."""
+    return {
+        "effect": step.effect,
+        "at": step.at,
+        "title": title_of(step.effect or ""),
+        "place": place_of(step.at or ""),
+        "size": size_told(step, step.fit),
+        "probable": percent(step.probability),
+    }
+
+
+def _scored(score: Score, tries: Mapping[tuple[str, str], Attempt]) -> dict[str, Any]:
+    """A candidate that was weighed to first order alone, with the errors that it would leave."""
     effect, at = score.candidate.key
     key = key_of((effect, at))
     own = {segment: line.error for (segment, of), line in tries.items() if of == key}
@@ -292,7 +291,6 @@ def _scored(diagnosis: Diagnosis, score: Score, tries: Mapping[tuple[str, str], 
         "place": place_of(at),
         "fit": _pooled(own, "fit"),
         "holdout": _pooled(own, "holdout"),
-        "p": diagnosis.scores.p_value(score.gain),
         "tried": True,
         "linearised": True,
     }

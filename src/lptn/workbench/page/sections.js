@@ -82,7 +82,7 @@ export function steps(page) {
     h("div", { className: "row", style: "margin-top: 8px" },
       h("button", { id: "undo", disabled: busy || steps.length < 2, onclick: () => page.order({ what: "undo" }) }, "Undo"),
       h("button", { id: "redo", disabled: busy || !undone.length, onclick: () => page.order({ what: "redo" }) }, "Redo"),
-      finding.length ? h("small", null, "The best steps so far, on coarse data; Stop keeps them. ") : null,
+      finding.length ? h("small", null, "The steps so far; Stop keeps them. ") : null,
       h("small", null, `Bars: RMSE on ${held ? "held-out" : "fitted"} data; the mark is the sensors’ noise.`)),
     state.branches.length ? h("details", { id: "branches" }, h("summary", null, `${state.branches.length} other ${state.branches.length > 1 ? "ways that were" : "way that was"} left`),
       h("ul", { className: "plain" }, state.branches.map((branch, number) => h("li", { className: "row" },
@@ -168,14 +168,10 @@ export function missing(page) {
   const title = h("h2", null, "What is missing");
   const other = addAnother(page);
   if (!answers) return [title,
-    h("p", null, "Every effect of the catalogue is scored at every place; the best are fitted, and get a probability."),
+    h("p", null, "What every part may have is fitted at once; then what sets one place, sensor or run apart is sought, and each gets a probability."),
     h("div", { className: "row" }, ask("diagnose", "Find what is missing", true), ask("improve", "Add what is missing by itself")), other];
-  const group = new Set(answers.answers.length && answers.answers[0].same.length ? [1, ...answers.answers[0].ranks] : []);
-  const change = each => {
-    return `${each.holdout != null ? "held out" : "fitted"} ${digits(answers.before)} → ${kelvin(each.holdout ?? each.fit)}`;
-  };
-  const tryable = (each, className, ...more) => h("li", {
-    className,
+  const change = each => each.fit == null ? "" : ` · alone: ${each.holdout != null ? "held out" : "fitted"} ${digits(each.holdout != null ? answers.before : answers.fitted)} → ${kelvin(each.holdout ?? each.fit)}`;
+  const tryable = (each, ...more) => h("li", {
     onmouseenter: () => each.tried && !page.pinned && page.attemptTo(each.key),
     onmouseleave: () => page.pinned || page.attemptTo(""),
   },
@@ -187,31 +183,32 @@ export function missing(page) {
       }, "Try"),
       h("button", { id: `add ${each.key}`, className: each === answers.answers[0] ? "first" : "", disabled: busy, onclick: () => { page.pinned = ""; page.order({ what: "add", effect: each.effect, at: each.at }); } }, "Add")),
     ...more);
-  const scored = each => tryable(each, "", h("span", { className: "soft" }, `${each.holdout != null ? "held out" : "fitted"} ${digits(each.holdout != null ? answers.before : answers.fitted)} → about ${kelvin(each.holdout ?? each.fit)}${each.p < 0.05 ? "" : ", as chance may have it"}`));
-  const answer = (each, k) => tryable(each, group.has(k + 1) ? "group" : "",
-    h("div", null, `${each.probable} probable`, h("span", { className: "soft" }, ` · ${change(each)}`)),
+  const scored = each => tryable(each, h("span", { className: "soft" }, `${each.holdout != null ? "held out" : "fitted"} ${digits(each.holdout != null ? answers.before : answers.fitted)} → about ${kelvin(each.holdout ?? each.fit)}`));
+  const answer = each => tryable(each,
+    h("div", null, [each.size, `${each.probable} probable`].filter(text => text).join(", "), h("span", { className: "soft" }, change(each))),
+    each.same.length ? h("div", { className: "soft" }, `or ${each.same.join(" or ")}: these data can’t tell`) : null,
     h("details", { id: `more ${each.key}` }, h("summary", null, "Equation, signs, experiment"),
       each.equations.map(equation => h("div", { className: "equation" }, equation)),
-      each.size && h("p", null, `${capital(each.size)}.`),
+      each.details && h("p", null, `${capital(each.details)}.`),
       h("p", null, `Without it: ${each.looks_like}.`),
-      each.same.length ? h("p", null, `These data can’t tell it from ${listed(each.same)}.`) : null,
       h("p", null, `What would tell it from others: ${each.separate_by}.`)));
   return [title,
     h("p", null, { adequate: "Nothing that these data show is missing.", missing: "", unexplained: "The catalogue explains little of what is left; trust no answer below much." }[answers.verdict],
       answers.answers.length ? "" : " No effect of the catalogue helps."),
-    group.size > 1 && h("p", null, h("small", null, "What the bar on the left joins, these data can’t tell apart: one answer with several names.",
-      held(answers) ? " Held-out data speak against the more probable names that stand below." : "")),
-    h("ol", { className: "answers" }, answers.answers.map(answer)),
-    answers.answers.some(each => each.linearised) && h("p", null, h("small", null, "Try shows the linearised model until the refits are drawn.")),
-    answers.scored.length ? h("details", { id: "scored" }, h("summary", null, "Scored only: the next best"),
-      h("p", null, h("small", null, "Not refitted: Try shows what the linearised model would do; Add fits it.")),
+    ...[["finding", "Wrong: what sets a place, a sensor or a run apart"], ["structure", "Structure: what all parts have in common"]].map(([kind, label]) => {
+      const own = answers.answers.filter(each => each.kind === kind);
+      return own.length ? [h("h3", null, label), h("ol", { className: "answers" }, own.map(answer))] : null;
+    }),
+    answers.answers.some(each => each.linearised) && h("p", null, h("small", null, "Try shows the linearised model until the fits are drawn.")),
+    answers.refused.length ? h("details", { id: "refused" }, h("summary", null, "Fitted beside that, and refused"),
+      h("ul", { className: "plain" }, answers.refused.map(each => h("li", null, `${placed(each)}: ${each.size ? `${each.size}, ` : ""}${each.probable} probable`)))) : null,
+    answers.scored.length ? h("details", { id: "scored" }, h("summary", null, "Weighed to first order: the next best"),
+      h("p", null, h("small", null, "Not fitted: Try shows what the linearised model would do; Add fits it.")),
       h("ol", { className: "answers" }, answers.scored.map(scored))) : null,
-    answers.answers.length ? h("p", null, h("small", null, `Errors on readings of ${digits(answers.step, 2)} s, in which answers are sought; what is added is fitted to all readings.`)) : null,
+    answers.answers.length ? h("p", null, h("small", null, `Sizes and probabilities are beside all other answers; errors are of each added alone, on means over ${digits(answers.step, 2)} s, in which answers are sought. What is added is fitted to all readings.`)) : null,
     state.advice.length ? h("details", { id: "advice", open: true }, h("summary", null, "What to do next"), state.advice.map(text => h("p", null, h("small", null, text)))) : null,
     h("div", { className: "row" }, ask("improve", "Add what is missing by itself")), other];
 }
-
-const held = ({ answers }) => answers[0].holdout != null && answers.some(each => each.probability > answers[0].probability && answers[0].ranks.includes(answers.indexOf(each) + 1));
 
 // What was chosen here stays chosen while the section is made anew, as it is when an answer comes in the meantime.
 function addAnother(page) {
