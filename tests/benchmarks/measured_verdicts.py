@@ -122,7 +122,7 @@ def story(answer: Answer) -> str:
         lines.append(f"  - a held-out run differs: {f'{effect} at {at}' if effect else 'nothing names how'}")
     others = [name for name in out_of_bounds(answer) if not any(name.startswith(f"{key}.") for key, _ in answer.steps)]
     lines += [f"  - **of the given model at a bound: {', '.join(others)}**"] * bool(others)
-    sentences = re.findall(r"^(?:Step|Rung) \d+, .*(?:\n  .*)*", answer.text, re.MULTILINE)
+    sentences = re.findall(r"^(?:Step|Rung) \d+[, ].*(?:\n  .*)*", answer.text, re.MULTILINE)
     lines += [f"  - says: {' '.join(sentence.split())}" for sentence in sentences]
     return "\n".join(lines)
 

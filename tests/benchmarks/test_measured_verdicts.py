@@ -18,7 +18,11 @@ ANSWER = Answer(
         "radiation.area.body": (0.01, 0.1),
     },
     at_bound=["sensor_drift.rate.winding"],
-    text="fit, held out: RMSE\nStep 1, sensor drift at winding: alone.\n  Its size: 30 K/h.\nRest",
+    text="""fit, held out: RMSE
+Step 1, sensor drift at winding: alone.
+  Its size: 30 K/h.
+Step 2 can't be told from a fan.
+Rest""",
 )
 
 
@@ -28,7 +32,10 @@ def test_doubts_stand_behind_the_size_or_the_step_that_they_concern() -> None:
     assert "rate 30 ± 2 K/h **30 times the usual, at a bound**" in drift
     assert "**an error of sensor, clock or ambient, held-out error rises**" in drift
     assert "area 0.01 ± 0.1 m^2 **not told from zero**" in radiation
-    assert lines[-1] == "  - says: Step 1, sensor drift at winding: alone. Its size: 30 K/h."
+    assert lines[-2:] == [
+        "  - says: Step 1, sensor drift at winding: alone. Its size: 30 K/h.",
+        "  - says: Step 2 can't be told from a fan.",
+    ]
 
 
 def test_the_summary_counts_silly_names_and_bounds() -> None:

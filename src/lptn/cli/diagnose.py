@@ -74,8 +74,8 @@ def diagnose(
 VERDICTS = {
     "adequate": "adequate: what is left is no more than the sensors' noise",
     "missing": "missing something: the catalogue explains most of what the model gets wrong",
-    "unexplained": "unexplained: the model is wrong by more than noise, on fitted or held-out runs, and the catalogue "
-    "explains little of it",
+    "unexplained": "unexplained: wrong by more than noise, on fitted or held-out runs, and the catalogue does not "
+    "explain most of it",
 }
 _FEW = 3  # rivals named in a sentence; all of them stand in the JSON and on the page
 
@@ -100,8 +100,6 @@ def show_diagnosis(diagnosis: Diagnosis) -> None:
     if not diagnosis.steps:
         _show_that_nothing_helps(diagnosis)
         return
-    if diagnosis.verdict == "missing":
-        _show_all(diagnosis)
     rows = []
     for missing in diagnosis.steps:
         same = ", ".join(named(*key) for key in missing.indistinguishable)
@@ -109,8 +107,8 @@ def show_diagnosis(diagnosis: Diagnosis) -> None:
     show_table(("effect", "at", "size", ">probability", "or"), rows)
     one_run = any("@" in (step.at or "") for step in diagnosis.steps)
     print(f"at: * is everywhere.{' NODE@RUN is in that run alone.' if one_run else ''}")
-    if diagnosis.verdict == "missing":
-        print("To add all of it and fit at full resolution: `lptn improve` with the same model and logs.")
+    _show_errors_with_all(diagnosis)
+    print("To add all of it and fit at full resolution: `lptn improve` with the same model and logs.")
 
 
 def _show_that_nothing_helps(diagnosis: Diagnosis) -> None:
@@ -124,13 +122,13 @@ def _show_that_nothing_helps(diagnosis: Diagnosis) -> None:
     print(f"{text}; next: {', '.join(others)}." if others else f"{text}.")
 
 
-def _show_all(diagnosis: Diagnosis) -> None:
-    """What is missing, and how much better the model is with it."""
+def _show_errors_with_all(diagnosis: Diagnosis) -> None:
+    """How much better the model is with all that was found."""
     from lptn.report.text import kelvin
 
     last = diagnosis.steps[-1]
-    text = f"Missing: {in_words([step.key for step in diagnosis.steps])}. With all of it the RMSE goes from "
-    text += f"{kelvin(diagnosis.fit.rmse)} to {kelvin(last.fit.rmse)} on the fitted runs"
+    before, after = diagnosis.fit.rmse, last.fit.rmse
+    text = f"With all of it the RMSE goes from {kelvin(before)} to {kelvin(after)} on the fitted runs"
     if diagnosis.holdout and last.holdout:
         text += f", from {kelvin(diagnosis.holdout.rmse)} to {kelvin(last.holdout.rmse)} on the held-out ones"
     print(f"{text}.")
