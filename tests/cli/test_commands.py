@@ -158,7 +158,7 @@ def test_improve_writes_model_history_and_report(lptn: Lptn, short_log: Path, tm
     added = [(effect.effect.key, effect.where) for effect in read_model_file(better).network.effects]
     assert [(step["effect"], step["at"]) for step in steps] == added[-len(steps) :]
     parts = [(part["effect"], part["at"]) for part in (*written["findings"], *written["structure"])]
-    assert sorted(parts) == sorted(added[-len(steps) :])
+    assert parts == added[-len(steps) :]
     assert story.read_text().startswith("<!DOCTYPE html>")
 
 

@@ -69,8 +69,8 @@ class Composition:
 
     @property
     def steps(self) -> tuple[Step, ...]:
-        """All that was added."""
-        return *self.findings, *self.structure
+        """All that was added, what sets one part apart first."""
+        return tuple(sorted((*self.findings, *self.structure), key=lambda step: step.is_structure))
 
 
 def composition(
