@@ -31,9 +31,15 @@ from lptn.workbench.server import serve
 from lptn.workbench.session import Session
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-ANSWER = {"effect": "fan", "at": "node0", "key": "fan at node0", "title": "fan", "place": "node0", "probability": 1.0}
-ANSWER |= {"probable": "likely", "p": 0.01, "fit": 0.5, "holdout": None, "size": "", "equations": [], "looks_like": ""}
-ANSWER |= {"separate_by": "", "same": [], "ranks": [], "tried": True, "linearised": False}
+ANSWER: dict[str, object] = {
+    **{"effect": "fan", "at": "node0", "key": "fan at node0", "title": "fan", "place": "node0", "kind": "finding"},
+    **{"probable": "likely", "fit": 0.5, "holdout": None, "size": "", "details": "", "equations": [], "looks_like": ""},
+    **{"separate_by": "", "same": [], "tried": True, "linearised": False},
+}
+ANSWERS = {
+    **{"verdict": "missing", "answers": [ANSWER], "refused": [], "scored": []},
+    **{"before": 1.0, "fitted": 1.0, "step": 5.0},
+}
 
 
 def session(nodes: int, readings: int) -> Session:
@@ -62,7 +68,7 @@ def session(nodes: int, readings: int) -> Session:
         "steps": [step],
         "tiles": {"fit 0": {"given": [tile] * nodes, "now": [tile] * nodes}},
         "conditions": {"given": [], "now": []},
-        "answers": {"verdict": "missing", "answers": [ANSWER], "scored": [], "before": 1.0, "fitted": 1.0, "step": 5.0},
+        "answers": ANSWERS,
     }
     made = Session(Opening(Path("made_up.toml"), ()))
     news = News(runs={"fit 0": RunLines(names, time_s, measured, inputs)})

@@ -190,7 +190,7 @@ def test_the_tour_ends_where_the_error_has_fallen(browser: Browser, tmp_path: Pa
         add = page.locator("#missing > .answers button.first").get_attribute("id")
         assert add is not None
         _order(page, add)
-        if example == "tclab":  # whose first answer is no good one: the search knows better
+        if example == "tclab":  # one answer is not all: the search adds the others
             page.locator("#undo").click()
             expect(page.locator("#undo")).to_be_disabled()
             _order(page, "improve")

@@ -138,7 +138,7 @@ def size_told(step: Step, last: Fit) -> str:
 def value_in_words(value: float, error: float, unit: str) -> str:
     """A fitted value with its standard error and unit, such as `3 ± 0.04 W`."""
     spread = f" ± {short_size(error)}" if math.isfinite(error) else ""
-    return f"{short_size(value)}{spread}{unit_text(unit)}"
+    return f"{'−' if value < 0 else ''}{short_size(abs(value))}{spread}{unit_text(unit)}"
 
 
 # --- sentences --------------------------------------------------------------------------------------

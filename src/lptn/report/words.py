@@ -245,8 +245,11 @@ def _with_size(step: Step, last: Fit) -> str:
 
 def _short_unexplained(history: History, heat: HeatStory) -> tuple[str, str, str]:
     noise = kelvin(noise_alone(history.best.fit), 2)
-    sure = f"{_short_errors(history)}; noise alone leaves {noise}. No effect of the catalogue removes it, nor do a few."
-    return "Something that the catalogue does not hold.", _where("", heat), sure
+    sure = f"{_short_errors(history)}; noise alone leaves {noise}. What the catalogue offers does not remove it."
+    what = "Something that the catalogue does not hold"
+    if len(history.steps) > 1:
+        what += f"; {steps_in_words(history.steps, 'the best that it offers')}"
+    return f"{what}.", _where("", heat), sure
 
 
 def _where(places: str, heat: HeatStory) -> str:
@@ -337,7 +340,7 @@ def _unexplained(history: History, data: DataSplit) -> str:
     return (
         f"{text} The best that could be done is to add {listed([named(*step.key) for step in history.steps[1:]])}. "
         f"{_fall(given, best)} "
-        "Most of the misfit on the fitted runs stays. Do not read what was added as physics."
+        "More than noise stays. Do not read what was added as physics."
     )
 
 

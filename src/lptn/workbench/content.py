@@ -111,8 +111,8 @@ def _sentence(bench: Bench, floor: float) -> str:
         parts.append(f"structure that all parts have: {few([named(*step.key) for step in missing.structure], FEW)}")
     answers = "; ".join(parts)
     if diagnosis.verdict == "unexplained":
-        best = f", at best {answers}" if answers else ""
-        text = f"{subject} is wrong by more than noise, and the catalogue explains little of it{best}."
+        best = f"; it offers {answers}" if answers else ""
+        text = f"{subject} is wrong by more than noise, and the catalogue does not explain it{best}."
         return f"{text} {_worst(bench, floor)}"
     return f"{subject} lacks {'more' if helped else 'something'}: {answers}."
 
@@ -210,7 +210,6 @@ def _parameters(step: Step) -> list[dict[str, Any]]:
             "together": [name for name in together.get(parameter.name, []) if name != parameter.name],
         }
         for parameter in fit.model.parameters
-        if not parameter.declared.nuisance
     ]
 
 
@@ -218,9 +217,8 @@ def _correlations(step: Step) -> list[dict[str, Any]]:
     """The pairs of free parameters whose estimates are most correlated."""
     fit = step.fit
     names = [fit.model.parameters[index].name for index in fit.problem.free]
-    own = [number for number, index in enumerate(fit.problem.free) if index in set(fit.free)]
     matrix = fit.uncertainty.correlations
-    pairs = [(matrix[one, other], names[one], names[other]) for one, other in combinations(own, 2)]
+    pairs = [(matrix[one, other], names[one], names[other]) for one, other in combinations(range(len(names)), 2)]
     pairs.sort(key=lambda pair: -abs(pair[0]))
     return [
         {"one": one, "other": other, "correlation": float(correlation)} for correlation, one, other in pairs[:_PAIRS]

@@ -193,7 +193,7 @@ export function missing(page) {
       h("p", null, `Without it: ${each.looks_like}.`),
       h("p", null, `What would tell it from others: ${each.separate_by}.`)));
   return [title,
-    h("p", null, { adequate: "Nothing that these data show is missing.", missing: "", unexplained: "The catalogue explains little of what is left; trust no answer below much." }[answers.verdict],
+    h("p", null, { adequate: "Nothing that these data show is missing.", missing: "", unexplained: "The catalogue does not explain what is left." }[answers.verdict],
       answers.answers.length ? "" : " No effect of the catalogue helps."),
     ...[["finding", "Wrong: what sets a place, a sensor or a run apart"], ["structure", "Structure: what all parts have in common"]].map(([kind, label]) => {
       const own = answers.answers.filter(each => each.kind === kind);
