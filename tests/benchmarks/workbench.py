@@ -32,13 +32,32 @@ from lptn.workbench.session import Session
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 ANSWER: dict[str, object] = {
-    **{"effect": "fan", "at": "node0", "key": "fan at node0", "title": "fan", "place": "node0", "kind": "finding"},
-    **{"probable": "likely", "fit": 0.5, "holdout": None, "size": "", "details": "", "equations": [], "looks_like": ""},
-    **{"separate_by": "", "same": [], "tried": True, "linearised": False},
+    "effect": "fan",
+    "at": "node0",
+    "key": "fan at node0",
+    "title": "fan",
+    "place": "node0",
+    "kind": "finding",
+    "probable": "likely",
+    "fit": 0.5,
+    "holdout": None,
+    "size": "",
+    "details": "",
+    "equations": [],
+    "looks_like": "",
+    "separate_by": "",
+    "same": [],
+    "tried": True,
+    "linearised": False,
 }
 ANSWERS = {
-    **{"verdict": "missing", "answers": [ANSWER], "refused": [], "scored": []},
-    **{"before": 1.0, "fitted": 1.0, "step": 5.0},
+    "verdict": "missing",
+    "answers": [ANSWER],
+    "refused": [],
+    "scored": [],
+    "before": 1.0,
+    "fitted": 1.0,
+    "step": 5.0,
 }
 
 
