@@ -42,7 +42,7 @@ _WITHIN_REACH = -4.0
 """Logarithm of a candidate's odds in closed form from which on it is fitted exactly: curvature was seen to move them by
 up to four."""
 _MOST_ROUNDS = 30  # of candidates; each adds, or frees a fit from a local minimum
-_FREED = 0.01  # share of the misfit by which a model is better from elsewhere that stood in a local minimum
+FREED = 0.01  # share of the misfit by which a model is better from elsewhere that stood in a local minimum
 _SURE = 50.0  # logarithm of odds; what lies beyond is no surer
 _NONE = 0.01  # of its usual size, below which an effect is none
 
@@ -137,7 +137,10 @@ class _Search:
             self.structure = []
             return
         self.fit = fit
-        self._take_out()
+        try:
+            self._take_out()
+        except SimulationError:  # with all of it the model is too stiff for a held-out run
+            self.structure, self.fit = [], self.given
 
     def _common(self, network: Network) -> list[Candidate]:
         """Of each common effect the candidate at the most places; of those between two nodes each class of pairs."""
@@ -189,7 +192,7 @@ class _Search:
             assert best.declaration is not None
             # Any effect is a way out of a local minimum, and would seem to explain what it frees.
             without = _continued(best.fit, self.fit.model.network)
-            if without is not None and without.cost < (1.0 - _FREED) * self.fit.cost:
+            if without is not None and without.cost < (1.0 - FREED) * self.fit.cost:
                 self.fit = without
                 continue
             self.report(f"{named(best.key)}, {100 * best.probability:.0f} % probable")
@@ -230,42 +233,50 @@ class _Search:
 
     def _take_out(self) -> None:
         """Take out what is none, then what the evidence is better without, the least needed first."""
-        if gone := [declared for declared in self.added if _is_none(self.fit, declared)]:
-            self._keep([declared for declared in self.added if declared not in gone])
         asked: set[Key] = set()
-        now = self._evidence(self.fit)
         while True:
+            self._take_out_none()
+            now = self._evidence(self.fit)
             needless = {declared: _log_odds_of_none(now, declared) for declared in self.added}
             left = [d for d in needless if (d.name, d.where) not in asked and needless[d] > _WITHIN_REACH]
             if not left:
                 return
             declared = max(left, key=needless.__getitem__)
             asked.add((declared.name, declared.where))
-            rest = [other for other in self.added if other is not declared]
-            without = self._without(declared, rest, to_the_end=needless[declared] > 0)
+            without = self._without([declared], to_the_end=needless[declared] > 0)
             if without is None:
                 continue
-            needed = now.log_evidence - self._evidence(without[0], now).log_evidence
+            try:
+                needed = now.log_evidence - self._evidence(without[0], now).log_evidence
+            except SimulationError:
+                continue
             self.needed[declared.name, declared.where] = needed
             if needed <= 0:
                 self._take(*without)
-                now = self._evidence(self.fit)
+
+    def _take_out_none(self) -> None:
+        """Take out what is none: no rounding of the evidence keeps it."""
+        while gone := [declared for declared in self.added if _is_none(self.fit, declared)]:
+            without = self._without(gone)
+            if without is None:
+                return
+            self._take(*without)
 
     def _without(
-        self, gone: EffectDeclaration, rest: list[EffectDeclaration], *, to_the_end: bool
+        self, gone: Sequence[EffectDeclaration], *, to_the_end: bool = False
     ) -> tuple[Fit, list[EffectDeclaration]] | None:
-        own = [_as_its_own(one, self.fit, gone) if _differs_from(one, gone) else one for one in rest]
-        fit = _continued(self.fit, self.given.model.network.with_effects(own))
+        """The model without some effects, and what then is added; what a place had beside them becomes its own."""
+        rest = []
+        for one in self.added:
+            if one not in gone:
+                common = next((other for other in gone if _differs_from(one, other)), None)
+                rest.append(one if common is None else _as_its_own(one, self.fit, common))
+        fit = _continued(self.fit, self.given.model.network.with_effects(rest))
         self.fitted += 1
         if fit is None:
             return None
         # A size that is not told from none may hold a long valley together: only the end of it tells.
-        return unless_interrupted(finished(fit)) if to_the_end else fit, own
-
-    def _keep(self, rest: list[EffectDeclaration]) -> None:
-        fit = _continued(self.fit, self.given.model.network.with_effects(rest))
-        if fit is not None:
-            self._take(fit, rest)
+        return unless_interrupted(finished(fit)) if to_the_end else fit, rest
 
     def _take(self, fit: Fit, rest: list[EffectDeclaration]) -> None:
         before = {(declared.effect.key, declared.where): entry for declared, entry in self.findings.items()}
@@ -278,6 +289,8 @@ class _Search:
     def result(self) -> Composition:
         """The model as it is now, fitted to the end."""
         self.report("fitting what was found to the end")
+        self.fit = unless_interrupted(finished(self.fit))
+        self._take_out_none()
         fit = unless_interrupted(finished(self.fit))
         evidence = self._evidence(fit)
         structure = []

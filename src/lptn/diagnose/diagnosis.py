@@ -19,7 +19,7 @@ import pandas as pd
 from lptn.basics.tables import Tabular
 from lptn.diagnose.answers import NOTHING, Key, Report, Step, named
 from lptn.diagnose.candidates import AMBIENT_ERROR, SURFACE_ERROR, TORQUE_ERROR, possible_effects
-from lptn.diagnose.composition import composition
+from lptn.diagnose.composition import FREED, composition
 from lptn.diagnose.evidence import ErrorsOfRuns
 from lptn.diagnose.fit_statistics import LACKING, MOST, explained_elsewhere, explains, lack_of_fit, standing_out
 from lptn.diagnose.refits import unless_interrupted
@@ -207,6 +207,8 @@ def examine(
     scores = score(base, possible_effects(base, columns))
     given = Step(base).predicting(data)
     made = composition(base, data, most=most, whole=scores.is_lacking, errors=errors, executor=executor, report=report)
+    if not made.steps and made.fit.cost < (1.0 - FREED) * base.cost:  # the given fit stood in a local minimum
+        return examine(made.fit, data, most=most, errors=errors, executor=executor, report=report)
     last = Step(made.fit).predicting(data)
     steps = tuple(replace(step, holdout=last.holdout, predicted=last.predicted) for step in made.steps)
     verdict = _verdict(given, last, scores, steps)
