@@ -24,15 +24,16 @@ import numpy as np
 
 from lptn import virtual
 from lptn.basics.places import EVERYWHERE, matching
-from lptn.diagnose.answers import Step, refit_all
+from lptn.diagnose.answers import Step
 from lptn.diagnose.candidates import candidates
 from lptn.diagnose.diagnosis import for_search
 from lptn.diagnose.experiment import Experiment, possible_moves, propose
 from lptn.diagnose.experiment_runs import Move
 from lptn.diagnose.fit_statistics import TIE, criterion_difference
-from lptn.diagnose.probability import open_pairs
+from lptn.diagnose.refits import refit
 from lptn.diagnose.scores import score
 from lptn.identify.data import LoadedModel, load_model, split_data
+from lptn.identify.fitting import Fit, finished
 from lptn.identify.validation import fit_segments
 from lptn.robots.presets import preset_text
 from lptn.virtual import Hidden, Segment
@@ -173,13 +174,13 @@ def judged(hidden: str, found: Sequence[Step]) -> str:
     if len(found) < 2:
         return "tied"
     first, second = found[:2]
-    if open_pairs([first.fit, second.fit], np.zeros(2))[0, 1]:
+    if criterion_difference(second.fit, first.fit) <= TIE:
         return "tied"
     return "right" if first.effect == hidden else "wrong"
 
 
-def refits(loaded: LoadedModel, logs: Sequence[Path], rivals: Sequence[str], at: str) -> list[Step]:
-    """The rivals fitted to these logs, the one that explains more first."""
+def refits(loaded: LoadedModel, logs: Sequence[Path], rivals: Sequence[str], at: str) -> tuple[Fit, list[Step]]:
+    """The model without them and the rivals, fitted to these logs, the one that explains more first."""
     data = for_search(split_data(loaded.runs(logs)))
     base = fit_segments(loaded.model, data.fit)
     columns = set.intersection(*(set(segment.run.columns) for segment in data.fit))
@@ -195,7 +196,10 @@ def refits(loaded: LoadedModel, logs: Sequence[Path], rivals: Sequence[str], at:
     chosen = [widest[rival] for rival in rivals if rival in widest]
     if len(chosen) != len(rivals):
         raise ValueError(f"rivals {rivals} at {at}: the model has room for {[candidate.key for candidate in chosen]}")
-    return refit_all(base, score(base, chosen).ranked)
+    scored = score(base, chosen).ranked
+    declared = [entry.candidate.declaration(entry.amplitude, entry.shape) for entry in scored]
+    steps = [Step(finished(refit(base, one)), one) for one in declared]
+    return base, sorted(steps, key=lambda step: step.fit.cost)
 
 
 def trial(number: int, seed: int) -> Outcome:
@@ -217,7 +221,7 @@ def trial(number: int, seed: int) -> Outcome:
             return virtual.write_quadruped(folder, [effect], runs=runs, **options)[0]  # type: ignore[arg-type]
 
         base = log("base", walking(3600, f"{seed}"), AMBIENT)
-        first = refits(loaded, [base], rivals, at)
+        given, first = refits(loaded, [base], rivals, at)
         moves = [move for move in possible_moves(first) if feasible(move)]
         asked = time.process_time()
         experiment = propose(first, allowed=moves)
@@ -227,7 +231,7 @@ def trial(number: int, seed: int) -> Outcome:
         designed = log("designed", segments(experiment, at), experiment.program.ambient)
         more = log("more", walking(1200, f"more {seed}"), AMBIENT)
         weakest = experiment.weakest
-        refitted = (first, refits(loaded, [base, designed], rivals, at), refits(loaded, [base, more], rivals, at))
+        refitted = (first, *(refits(loaded, [base, other], rivals, at)[1] for other in (designed, more)))
         before, after, control = (judged(hidden, steps) for steps in refitted)
         leads = (lead(hidden, refitted[0]), lead(hidden, refitted[1]), lead(hidden, refitted[2]))
         return Outcome(
@@ -240,7 +244,7 @@ def trial(number: int, seed: int) -> Outcome:
             after,
             control,
             leads,
-            max(step.gain for step in first),
+            max(criterion_difference(given, step.fit) for step in first),
             weakest.decisive,
             weakest.kelvin,
             experiment.separates,

@@ -65,12 +65,11 @@ def main() -> None:
     fitted = time.process_time()
     diagnosis = examine(base, coarse)
     ours = time.process_time() - fitted
-    print(
-        f"baseline fit {fitted - start:.1f} s; diagnosis {ours:.1f} s: {diagnosis.verdict}, {diagnosis.refits[0].key}"
-    )
+    said = [step.key for step in diagnosis.steps]
+    print(f"baseline fit {fitted - start:.1f} s; diagnosis {ours:.1f} s: {diagnosis.verdict}, {said[:1]}")
     gains, count, spent = brute_force(base, coarse, chosen.most)
     print(f"brute force, {count} candidates: {spent:.0f} s, {spent / ours:.0f} times as long; best {gains[0][1]}")
-    print("first five: ours", [step.key for step in diagnosis.refits[:5]], "brute force", [key for _, key in gains[:5]])
+    print("first five: ours", said[:5], "brute force", [key for _, key in gains[:5]])
 
 
 if __name__ == "__main__":

@@ -117,7 +117,7 @@ def _work(what: str, nodes: int, hours: float) -> None:
             answer = f"{study.fit().rmse:.4f} K"
         else:
             diagnosis = study.diagnose()
-            answer = " at ".join(diagnosis.refits[0].key) if diagnosis.refits else diagnosis.verdict
+            answer = " at ".join(diagnosis.best.key) if diagnosis.best else diagnosis.verdict
         spent = time.process_time() - began
     largest = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     print(json.dumps({"cpu": spent, "memory": (largest - empty) / 1024, "answer": answer}))

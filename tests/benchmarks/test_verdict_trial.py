@@ -145,6 +145,12 @@ def test_both_versions_json_is_read() -> None:
     stated = [{"effect": "fan", "at": "FR_hip", "probability": 0.8}, {"effect": None, "at": None, "probability": 0.1}]
     written = {"verdict": "missing", "remaining": "adequate", "history": steps, "probabilities": stated}
     assert read_answer(written, "", 1.0).probabilities == [("fan", "FR_hip", 0.8), (*NOTHING, 0.1)]
+    offset = {"effect": "sensor_offset", "at": "FR_hip", "indistinguishable_from": [["constant_heat", "FR_hip"]]}
+    told = written | {"findings": [offset], "structure": [{"effect": "fan", "at": "*"}]}
+    new = read_answer(told, "", 1.0)
+    assert new.steps == [("sensor_offset", "FR_hip"), ("fan", "*")]
+    assert new.group == [("sensor_offset", "FR_hip"), ("constant_heat", "FR_hip")]
+    assert new.holdout == old.holdout
 
 
 def test_bins_and_their_intervals(tmp_path: Path) -> None:

@@ -112,7 +112,9 @@ def ask_first(lptn: Path, files: Files, *, limit: float = LIMIT) -> Answer:
 
 def read_answer(table: Mapping[str, Any], text: str, seconds: float) -> Answer:
     """An answer from what `lptn improve` wrote as JSON, whichever version it was, and from what it printed."""
-    given, *steps = table["history"] if "history" in table else table["ladder"]
+    given, *history = table["history"] if "history" in table else table["ladder"]
+    # What sets one apart is asked for before what all have in common, whatever a version tells first.
+    steps = [*table["findings"], *table["structure"]] if "findings" in table else history
     keys = [(step["effect"], step["at"]) for step in steps]
     others = [[(one, other) for one, other in step.get("indistinguishable_from", ())] for step in steps]
     group = [*keys[:1], *(others[0] if others else ())]
@@ -124,7 +126,7 @@ def read_answer(table: Mapping[str, Any], text: str, seconds: float) -> Answer:
         group,
         list(dict.fromkeys([*keys, *(name for rivals in others for name in rivals)])),
         None if stated is None else [(one["effect"] or "", one["at"] or "", one["probability"]) for one in stated],
-        [step["rmse_holdout"] for step in (given, *steps) if step["rmse_holdout"] is not None],
+        [step["rmse_holdout"] for step in (given, *history) if step["rmse_holdout"] is not None],
         {},
         re.findall(r"^Warning: (\S+): (?:ends at|would go to) its bound", re.sub(r"\n +", " ", text), re.MULTILINE),
         [(run["effect"] or "", run["at"] or "") for run in table.get("runs_that_differ") or ()],

@@ -23,7 +23,7 @@ from typing import Any
 
 import lptn
 from lptn.basics.processes import one_blas_thread
-from lptn.diagnose import answers, diagnosis
+from lptn.diagnose import composition, diagnosis
 from lptn.diagnose.diagnosis import diagnose
 from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit
@@ -35,42 +35,42 @@ CONSTANTS = (
     "lptn.diagnose.candidates.AMBIENT_ERROR",
     "lptn.diagnose.candidates.TORQUE_ERROR",
     "lptn.diagnose.candidates.SURFACE_ERROR",
-    "lptn.diagnose.candidates._FARTHEST",
     "lptn.diagnose.candidates._MOST_RISE",
     "lptn.diagnose.candidates._ONE_RUN_ONLY",
     "lptn.diagnose.candidates._ONE_LOGGER",
-    "lptn.diagnose.probability.OCCAM",
-    "lptn.diagnose.plausibility.FACTOR",
-    "lptn.diagnose.plausibility.BELIEVED",
-    "lptn.diagnose.probability._ERRORS_ALIKE",
-    "lptn.diagnose.probability._ONE_OF_LIKES",
-    "lptn.identify.problem.AT_REST",
-    "lptn.diagnose.probability._WARMER",
-    "lptn.diagnose.probability._AS_BEFORE",
+    "lptn.diagnose.priors.OCCAM",
+    "lptn.diagnose.priors._ERRORS_ALIKE",
+    "lptn.diagnose.priors._ONE_OF_LIKES",
+    "lptn.diagnose.evidence.USUAL",
+    "lptn.diagnose.evidence.SCATTER",
+    "lptn.diagnose.evidence.OFFSET",
+    "lptn.diagnose.evidence._GIVEN",
+    "lptn.diagnose.composition._START",
+    "lptn.diagnose.composition._EXACT",
+    "lptn.diagnose.composition._WITHIN_REACH",
+    "lptn.diagnose.composition.FREED",
+    "lptn.diagnose.composition._NONE",
+    "lptn.diagnose.answers.LIKELY",
     "lptn.diagnose.fit_statistics._LONG_BLOCK",
     "lptn.diagnose.fit_statistics.BLOCK",
     "lptn.diagnose.fit_statistics.NEGLIGIBLE",
     "lptn.diagnose.fit_statistics.LACKING",
     "lptn.diagnose.fit_statistics.CLEARLY",
-    "lptn.diagnose.fit_statistics._SHOWS_PLAINLY",
-    "lptn.diagnose.answers.SIGNIFICANT",
-    "lptn.diagnose.answers.HOPELESS",
-    "lptn.diagnose.answers._SAME_EFFECT_SHARE",
-    "lptn.diagnose.diagnosis.MUCH_WORSE",
     "lptn.diagnose.fit_statistics.MOST",
     "lptn.diagnose.fit_statistics.HALF",
     "lptn.diagnose.diagnosis.RUNS_DIFFER",
+    "lptn.identify.problem.AT_REST",
 )
 """What decides; constants of the search for a number, such as precisions, are left out."""
 FACTORS = (1 / 1.5, 1.5)
-ABOVE_ONE = frozenset(("HOPELESS", "MUCH_WORSE", "LACKING", "CLEARLY", "_SHOWS_PLAINLY", "OCCAM"))
+ABOVE_ONE = frozenset(("LACKING", "CLEARLY", "OCCAM"))
 """Ratios: what lies above one is changed."""
 STEPS = 3
 
 # --- The same fit is made once for a case: most constants judge fits, and change none ---------------------------------
 
-FITTERS = ("fit_segments", "refit", "continued", "finished", "holdout_errors")
-"""Functions that `lptn.diagnose.diagnosis` and `lptn.diagnose.answers` use, whose result depends on their arguments."""
+FITTERS = ("fit_segments", "continued", "finished")
+"""Functions that `diagnosis` and `composition` use, whose result depends on their arguments."""
 
 
 def fingerprint(thing: object) -> object:
@@ -101,7 +101,7 @@ def remembered() -> Iterator[None]:
 
         return asked
 
-    users = [(module, name) for module in (answers, diagnosis) for name in FITTERS if name in vars(module)]
+    users = [(module, name) for module in (composition, diagnosis) for name in FITTERS if name in vars(module)]
     before = [getattr(module, name) for module, name in users]
     for (module, name), fitter in zip(users, before, strict=True):
         setattr(module, name, once(fitter))

@@ -127,8 +127,8 @@ def test_a_drift_is_rarer_than_a_mass_and_what_acts_in_one_run_rarer_still(leg: 
         candidate.key: candidate for candidate in candidates(model.network, data.fit[0].run.columns, ["fit1", "fit2"])
     }
     assert by_key["second_mass", "FR_hip"].prior_odds == 1.0
-    assert by_key["sensor_drift", "FR_hip"].prior_odds == pytest.approx(0.3)
-    assert by_key["sensor_drift", "FR_hip@fit2"].prior_odds == pytest.approx(0.03)
+    assert by_key["sensor_drift", "FR_hip"].prior_odds == pytest.approx(0.03)
+    assert by_key["sensor_drift", "FR_hip@fit2"].prior_odds == pytest.approx(0.003)
 
 
 def test_pieces_of_one_log_are_runs_of_their_own_only_where_there_is_no_other_log() -> None:
