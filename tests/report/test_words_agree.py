@@ -174,6 +174,17 @@ def test_held_out_runs_far_above_the_noise_are_not_called_noise(missing: Told) -
     assert "but the held-out ones are off by 1.00 K" in sentence
 
 
+def test_a_model_that_predicts_worse_than_the_one_given_is_not_to_be_used(missing: Told) -> None:
+    history = missing[0]
+    given, best = history.steps
+    assert "use the best model" in next_step(history)
+    assert given.holdout is not None
+    worse = replace(best, holdout=replace(given.holdout, rmse=2 * given.holdout.rmse), test=None)
+    told = next_step(replace(history, steps=(given, worse)))
+    assert "use the best model" not in told
+    assert "which the model as given predicts better" in told
+
+
 def test_an_error_like_the_noise_is_no_failure(adequate: Told, missing: Told) -> None:
     def caption(outcome: Told) -> tuple[str, Comparison]:
         comparison = compare(outcome[0].steps[0].fit.model, outcome[1].holdout)

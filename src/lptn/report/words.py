@@ -138,6 +138,12 @@ def next_step(history: History) -> str:
         )
     if history.searched_from is None and answer:
         return f"add {answer}, too, and see whether the error falls."
+    unseen = rmse_by_data(history.steps[0], history.best)[1:]
+    if any(after > before for _, before, after in unseen):
+        return (
+            "find out what differs in the runs that no fit saw, which the model as given predicts better, and fit on "
+            "runs like them as well."
+        )
     ambiguous = [step.declaration.effect for step in history.steps if step.indistinguishable and step.declaration]
     if not ambiguous:
         return "use the best model." + ("" if history.remaining == "adequate" else " Section 4 shows the rest.")

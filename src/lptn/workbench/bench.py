@@ -27,7 +27,7 @@ from lptn.workbench.orders import Add, Back, Cut, Keep, Order, Plain, Set
 
 logger = logging.getLogger("lptn")
 
-_MOST_SCORED = 12  # candidates beyond those that were refitted; what scores less helps nobody
+_MOST_SCORED = 12  # candidates beyond the answers; what scores less helps nobody
 JOBS = ("fit", "holdout", "test")
 """What a run may be there for, in the order in which a page shows them."""
 
@@ -157,7 +157,7 @@ class Bench:
 
     @property
     def scored_only(self) -> list[Score]:
-        """The best of the candidates that scored beyond nothing, and were not refitted."""
+        """The best of the candidates that scored beyond nothing, and are no answers."""
         diagnosis = self.study.diagnosed
         if diagnosis is None:
             return []
@@ -166,7 +166,7 @@ class Bench:
         return others[:_MOST_SCORED]
 
     def tries(self) -> dict[tuple[str, str], Attempt]:
-        """What all runs would look like with each answer: refitted where that is done, else to first order."""
+        """What all runs would look like with each answer: fitted where that is done, else to first order."""
         if self.study.diagnosed is None:
             return {}
         if self.model not in self.attempts:
