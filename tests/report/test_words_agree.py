@@ -96,7 +96,9 @@ def test_what_is_wrong_comes_before_what_the_machine_is_made_of_and_that_before_
     assert order == sorted(order)
     alone = replace(history, steps=(history.steps[0], lag, sun))
     assert headline(alone).startswith("Structure: sensor lag and radiation; test ")
-    assert in_short(alone, HeatStory.of(alone))[1][1].startswith("Everywhere; nothing sets one part apart.")
+    summary = in_short(alone, HeatStory.of(alone))
+    assert summary[0][1].startswith("What all parts have in common: sensor lag")
+    assert summary[1][1].startswith("Everywhere; nothing sets one part apart.")
     many = replace(history, steps=(history.steps[0], *[lag] * 5))
     assert headline(many).startswith("Structure: sensor lag, sensor lag, sensor lag and 2 others; ")
 

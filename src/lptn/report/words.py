@@ -30,6 +30,7 @@ from lptn.report.outcome import (
     outcome_of,
     refused_in_words,
     rmse_by_data,
+    short_name,
     steps_in_words,
     who_chose,
 )
@@ -244,9 +245,9 @@ def _short_found(history: History, heat: HeatStory) -> tuple[str, str, str]:
 
 
 def _with_size(step: Step, last: Fit) -> str:
-    """An effect, its place and its size, such as `sensor lag everywhere, 8 ± 1 s`."""
+    """An effect, its place and its size, such as `sensor lag (8 ± 1 s)`, by the name that the headline has."""
     size = size_told(step, last)
-    return f"{named(*step.key)} ({size})" if size else named(*step.key)
+    return f"{short_name(step)} ({size})" if size else short_name(step)
 
 
 def _short_unexplained(history: History, heat: HeatStory) -> tuple[str, str, str]:
