@@ -15,14 +15,12 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.identify.comparison import Errors, predict
 from lptn.identify.data import LoadedModel, split_data
-from lptn.identify.noise import balanced_sigma, estimate_noise
 from lptn.logs.columns import parse_map_option
 from lptn.logs.reading import read_log
 from lptn.logs.resampling import raw_keys
 from lptn.logs.run import Run
 from lptn.model.file import parse_model, read_model_file
 from lptn.model.model import Model
-from lptn.simulate.bound_run import bind
 from lptn.simulate.readings import over_steps
 
 from .archive import unit_of
@@ -214,13 +212,11 @@ class _Plan:
 
 def _plans_by_model(model: Model, runs: Sequence[Run]) -> list[_Plan]:
     """Runs as a model sees them: it says which columns count, and the starts are fitted with it."""
-    bound_runs = [bind(model, run) for run in runs]
-    sigma = balanced_sigma(bound_runs, estimate_noise(bound_runs, model.nodes))
     exported, inputs = component(model), tuple(from_column(column) for column in model.inputs)
     states, parameters = ([variable.name for variable in exported.of(kind)] for kind in ("state", "parameter"))
     plans = []
     for segment in split_data((), runs).holdout:
-        prediction = predict(model, segment, sigma)
+        prediction = predict(model, segment)
         start = dict(zip(states, prediction.states[:, 0].tolist(), strict=True))
         values = model.in_run(segment.run.name, model.values)
         start |= {parameters[index]: float(values[index]) for index in model.network.runs.values()}

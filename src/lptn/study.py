@@ -303,8 +303,7 @@ class Study:
         ]
         others = {"holdout": self.data.holdout, "test": self.data.test}
         return {"fit": fitted} | {
-            job: [predict(fit.model, segment, fit.problem.sigma) for segment in segments]
-            for job, segments in others.items()
+            job: [predict(fit.model, segment) for segment in segments] for job, segments in others.items()
         }
 
     def unexplained_heat(self) -> list[UnexplainedHeat]:

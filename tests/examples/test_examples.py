@@ -145,8 +145,13 @@ def test_measured_data_stand_beside_their_source_and_licence(folder: str) -> Non
 
 
 @pytest.mark.long
-def test_the_steps_of_the_notebook_lead_to_the_same_ladder(capsys: pytest.CaptureFixture[str]) -> None:
-    runpy.run_path(str(EXAMPLES / "tclab" / "step_by_step.py"))
+def test_the_steps_of_the_notebook_are_those_of_the_search(capsys: pytest.CaptureFixture[str]) -> None:
+    folder = EXAMPLES / "tclab"
+    runpy.run_path(str(folder / "step_by_step.py"))
     said = capsys.readouterr().out
-    assert "conduction heater1~heater2 1.00 K held out" in said
-    assert "Next experiment" in said
+    loaded = load_model(folder / "two_heaters.toml")
+    history = improve(loaded.model, split_data(loaded.runs([folder / "log.csv"]), holdout_after=300.0))
+    for step in history.steps:
+        assert step.holdout is not None
+        assert f"{step.effect or 'as given'} {step.at or ''} {step.holdout.rmse:.2f} K held out" in said
+    assert "Where heat is most clearly unexplained" in said

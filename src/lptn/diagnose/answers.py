@@ -143,7 +143,7 @@ class Step(Tabular):
 
     def predicting(self, data: DataSplit) -> Step:
         """The step with the held-out runs as it predicts them, and its errors there."""
-        predicted = tuple(predict(self.fit.model, segment, self.fit.problem.sigma) for segment in data.holdout)
+        predicted = tuple(predict(self.fit.model, segment) for segment in data.holdout)
         return replace(self, predicted=predicted, holdout=errors_of(predicted))
 
     def judged_on(self, data: DataSplit) -> Step:

@@ -187,7 +187,7 @@ class Comparison(Tabular):
         return quantities
 
 
-def predict(model: Model, segment: Segment, sigma: FloatArray, *, own_errors: bool = True) -> Prediction:
+def predict(model: Model, segment: Segment, sigma: FloatArray | None = None, *, own_errors: bool = True) -> Prediction:
     """Predict a run from the initial states that its initialisation window gives.
 
     Nuisance parameters of the run, such as the ambient sensor's bias, are fitted to all of it: one number with a prior.
@@ -195,10 +195,15 @@ def predict(model: Model, segment: Segment, sigma: FloatArray, *, own_errors: bo
     Args:
         model: at the values that it is to predict with.
         segment: the run, and which windows of it find the start and are evaluated.
-        sigma: standard deviation that weighs each node [K], shape (nodes,).
+        sigma: standard deviation that weighs each node [K] where the start is found, shape (nodes,); by default that of
+            the run alone, so that its error does not depend on what else is fitted or compared.
         own_errors: whether the run's nuisance parameters are fitted; `False` leaves them at none.
     """
-    model, bound = with_own_errors(model, segment, sigma) if own_errors else model, bind(model, segment.run)
+    bound = bind(model, segment.run)
+    if sigma is None:
+        sigma = balanced_sigma([bound], estimate_noise([bound], model.nodes))
+    if own_errors:
+        model = with_own_errors(model, segment, sigma)
     path = simulate(model, bound, model.values, _start(model, bound, segment, sigma))
     return Prediction(segment, bound.count(segment.evaluation), path.readings, path.held, path.states[:, 0])
 
@@ -251,8 +256,7 @@ def compare(model: Model, runs: Sequence[Run | Segment]) -> Comparison:
     segments = [run if isinstance(run, Segment) else holdout_segment(run) for run in runs]
     bound_runs = [bind(model, segment.run) for segment in segments]
     noise = estimate_noise(bound_runs, model.nodes)
-    sigma = balanced_sigma(bound_runs, noise)
-    return Comparison(model, tuple(predict(model, segment, sigma) for segment in segments), noise)
+    return Comparison(model, tuple(predict(model, segment) for segment in segments), noise)
 
 
 def _binned(node: str, quantity: str, values: FloatArray, error: FloatArray) -> list[Condition]:

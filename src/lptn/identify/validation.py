@@ -103,7 +103,7 @@ def fit_split(
 
 def holdout_errors(done: Fit, segments: Sequence[Segment], *, own_errors: bool = True) -> Errors | None:
     """Errors of a fitted model on runs that it never saw, `None` without any; `own_errors` as for `predict`."""
-    return errors_of([predict(done.model, segment, done.problem.sigma, own_errors=own_errors) for segment in segments])
+    return errors_of([predict(done.model, segment, own_errors=own_errors) for segment in segments])
 
 
 @dataclass(frozen=True)

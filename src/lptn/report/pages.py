@@ -143,9 +143,9 @@ def story_html(
 
 
 def _compared(fit: Fit, data: DataSplit) -> Comparison:
-    """A fitted model on all runs, weighed as in the fit, so that the page's numbers agree with the history's."""
+    """A fitted model on all runs."""
     segments = (*data.fit, *data.holdout, *data.test)
-    predicted = tuple(predict(fit.model, segment, fit.problem.sigma) for segment in segments)
+    predicted = tuple(predict(fit.model, segment) for segment in segments)
     return Comparison(fit.model, predicted, fit.noise)
 
 
