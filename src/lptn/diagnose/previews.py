@@ -11,10 +11,10 @@ from lptn.basics.arrays import BoolArray, FloatArray
 from lptn.basics.processes import one_blas_thread
 from lptn.diagnose.candidates import Site
 from lptn.diagnose.scores import Score, derivatives, pushed_beyond_bounds
-from lptn.identify.comparison import Prediction, predict, with_own_errors
+from lptn.identify.comparison import Prediction, predict
 from lptn.identify.data import Segment
-from lptn.identify.fitting import Fit, nuisances
-from lptn.identify.problem import rows_of_readings, weight_of_priors
+from lptn.identify.fitting import Fit
+from lptn.identify.problem import rows_of_readings
 from lptn.model.model import Model
 from lptn.simulate.bound_run import bind, start_from
 from lptn.simulate.simulation import sensitivity_windows
@@ -76,44 +76,22 @@ def _moved(fit: Fit, places: Sequence[Site], steps: FloatArray, segment: Segment
     """A run with the steps of the parameters and of the candidates' sizes, (parameters + places, candidates)."""
     sigma = fit.problem.sigma
     as_it_is = predict(fit.model, segment, sigma)
-    own = with_own_errors(fit.model, segment, sigma)
     full = Model(fit.model.network.with_effects(site.declaration() for site in places))
     index = {parameter.name: number for number, parameter in enumerate(full.parameters)}
     values = full.values
-    for parameter, value in zip(own.parameters, own.values, strict=True):
-        if parameter.name in index:  # a fitted run's nuisance parameter gives way to a candidate that names it
-            values[index[parameter.name]] = value
-    fitted = [index.get(own.parameters[number].name) for number in fit.problem.free]
-    steps = np.delete(steps, [row for row, number in enumerate(fitted) if number is None], axis=0)
-    of_the_run = nuisances(full, segment.run.name)
-    chosen = [number for number in fitted if number is not None]
-    chosen += [*(index[site.amplitude_name] for site in places), *of_the_run]
-    states = dict(zip(own.states, as_it_is.start.tolist(), strict=True))
+    fitted = [index[fit.model.parameters[number].name] for number in fit.problem.free]
+    chosen = [*fitted, *(index[site.amplitude_name] for site in places)]
+    core = fit.model.states  # effects are added behind the network's own, and so are their states
     bound = bind(full, segment.run)
-    windows = sensitivity_windows(full, bound, values, chosen, start_from(full, bound, states), len(own.states))
+    start = start_from(full, bound, dict(zip(core, as_it_is.start.tolist(), strict=True)))
+    windows = sensitivity_windows(full, bound, values, chosen, start, len(core))
     by_all = np.concatenate([piece.derivatives for _, piece in windows], axis=1)
-    by_step, by_own, by_start = np.split(by_all, [len(steps), len(chosen)], axis=2)
+    by_step, by_start = np.split(by_all, [len(steps)], axis=2)
     first = bound.count(segment.initialisation).counted
     weight = _weight(first, sigma)
-
-    def from_its_window(by_what: FloatArray) -> FloatArray:
-        """What moves readings, with the start that the initialisation window then gives."""
-        return np.asarray(by_what - by_start @ np.linalg.lstsq(by_start[first] * weight, by_what[first] * weight)[0])
-
-    change = from_its_window(by_step @ steps)
-    if of_the_run:  # the run's own errors were fitted to all of it, and make room for what a candidate explains
-        every = bound.count((segment.initialisation[0], segment.evaluation[1])).counted
-        declared = [full.parameters[number].declared for number in of_the_run]
-        spread = np.array([error.prior[1] for error in declared if error.prior]) / weight_of_priors(bound.run.step)
-        by_own = from_its_window(by_own)
-        rows = np.vstack([by_own[every] * _weight(every, sigma), np.diag(1.0 / spread)])
-        left = (as_it_is.readings - bound.measured)[every][:, None] + change[every]
-        left = np.vstack(
-            [left * _weight(every, sigma), np.repeat((values[of_the_run] / spread)[:, None], left.shape[1], 1)]
-        )
-        least, most = (np.array(bounds)[:, None] for bounds in zip(*(error.bounds for error in declared), strict=True))
-        before = values[of_the_run][:, None]
-        change += by_own @ (np.clip(before - np.linalg.lstsq(rows, left)[0], least, most) - before)
+    change = by_step @ steps
+    # The start is the one that the initialisation window then gives.
+    change -= by_start @ np.linalg.lstsq(by_start[first] * weight, change[first] * weight)[0]
     return [replace(as_it_is, readings=as_it_is.readings + change[:, :, k]) for k in range(steps.shape[1])]
 
 
