@@ -213,7 +213,7 @@ def _held_out(history: History, data: DataSplit) -> list[tuple[str, str | None, 
 @pytest.mark.parametrize(("differs", "effect"), [({"fan": 3.0}, "surface_scale"), ({"warmer": 3.0}, "ambient_offset")])
 def test_what_a_held_out_run_has_is_said_of_it_and_adds_nothing(differs: dict[str, float], effect: str) -> None:
     """The fitted runs have nothing against the model; its error on the run is told as it is."""
-    data = split_data([truth("monday", 1), truth("tuesday", 2)], [truth("run4", 3, **differs)])
+    data = split_data([truth("monday", 1), truth("tuesday", 2)], [truth("run4", 3, **differs)])  # type: ignore[arg-type]
     history = improve(Model(held_gain()), data)
     assert len(history.steps) == 1
     assert history.first.only_held_out_runs_object

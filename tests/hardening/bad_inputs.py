@@ -261,7 +261,7 @@ COMMANDS = [
     _bad("command line", "new cat", "cat"),
     _bad("command line", "new leg --model whole", "whole"),
     _bad("command line", "effects copper_los", "copper_los"),
-    _bad("command line", "improve {model} {log} --rungs -1", "--rungs"),
+    _bad("command line", "improve {model} {log} --steps -1", "--steps"),
     _bad("command line", "diagnose {model} {log} --jobs 0", "--jobs"),
     _bad("command line", "diagnose {model} {log} --ambient-error -1", "--ambient-error"),
     _bad("command line", "forecast {model} {log} --limit hot", "--limit"),

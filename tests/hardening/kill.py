@@ -105,9 +105,9 @@ COMMANDS = {
     "fmu": Command((*LPTN, "fmu", "leg.toml", "-o", "leg.fmu", "--json", "fmu.json"),
                    {"leg.fmu": _archive, "fmu.json": _json}),
     "improve": Command(
-        (*LPTN, "improve", "heaters.toml", "short.csv", "--holdout-after", "110", "--rungs", "1", "-o", "better.toml",
-         "--json", "ladder.json", "--report", "story.html"),
-        {"better.toml": read_model_file, "ladder.json": _json, "story.html": _page},
+        (*LPTN, "improve", "heaters.toml", "short.csv", "--holdout-after", "110", "--steps", "1", "-o", "better.toml",
+         "--json", "history.json", "--report", "story.html"),
+        {"better.toml": read_model_file, "history.json": _json, "story.html": _page},
     ),
     "plan": Command(
         (*LPTN, "plan", "leg.toml", "task.toml", "-o", "plan.csv", "--json", "plan.json", "--plot", "plan.png",
