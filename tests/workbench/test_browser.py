@@ -129,18 +129,18 @@ def test_from_opening_to_a_fallen_error(browser: Browser, tmp_path: Path) -> Non
         page.locator("[id='other effect']").select_option("conduction")
         page.locator("[id='other place']").fill("heater1~heater2")
         page.locator("#other button").click()
-        expect(other.locator(".figures .now b")).to_have_text("0.999 K")
+        expect(other.locator(".figures .now b")).to_have_text("0.998 K")
         expect(page.locator("#steps tbody tr")).to_have_count(3)
 
         page.locator("#diagnose").click()  # and stopped, unless it is done first
         with suppress(NeverSeen):
             page.locator("#stop").click(timeout=BEGINS)
         expect(page.locator("#stop")).to_be_hidden()
-        assert _now(page) == pytest.approx(0.999, abs=0.01)
+        assert _now(page) == pytest.approx(0.998, abs=0.01)
         page.locator("#undo").click()
         expect(page.locator(".figures .now b")).to_have_text("3.88 K")
         page.locator("#redo").click()
-        expect(page.locator(".figures .now b")).to_have_text("0.999 K")
+        expect(page.locator(".figures .now b")).to_have_text("0.998 K")
 
         with page.expect_download() as download:
             page.locator("[id='get model']").click()
@@ -153,7 +153,7 @@ def test_from_opening_to_a_fallen_error(browser: Browser, tmp_path: Path) -> Non
         expect(page.locator("#work .failed")).to_be_visible()  # its token is of the old server
         page.goto(server.address)
         page.wait_for_url(f"{server.home}/")
-        expect(page.locator(".figures .now b")).to_have_text("0.999 K")
+        expect(page.locator(".figures .now b")).to_have_text("0.998 K")
         assert {url[: len(server.home)] for url in asked} == {server.home}
         assert not [
             complaint
