@@ -6,6 +6,7 @@
 2. *Wrong*: what sets a place, a limb, a sensor or a run apart. All candidates are weighed in closed form at that fit,
    beside what every log and all like parts scatter by anyway; the best few are fitted exactly, and the most probable
    one stays if something is missing more probably than not. Then again, beside it.
+   Held-out runs speak here as they are predicted: which of two fitted runs is the odd one, only another can tell.
 3. After each step everything is asked anew whether it is needed: a part that all seemed to have may have stood for one
    that has it.
 
@@ -211,19 +212,19 @@ class _Search:
         fits = self.map(_added, [(self.fit, declaration) for declaration in declared])
         for entry, declaration, fit in zip(wanted, declared, fits, strict=True):
             self.fitted += 1
-            if fit is None or is_at_chosen_bound(fit, declaration) or fit.vanished.keys() - base.fit.vanished.keys():
-                continue  # no size was found, or something given would have to vanish beside it
+            if fit is None or is_at_chosen_bound(fit, declaration):
+                continue  # no size was found
             try:
-                evidence = self._evidence(fit, base)
+                evidence = self._evidence(fit, base, held_out=True)
             except SimulationError:  # too stiff for a held-out run
                 continue
-            log_odds = evidence.log_evidence - base.log_evidence + odds[entry.candidate.key]
+            log_odds = evidence.log_evidence_of_all - base.log_evidence_of_all + odds[entry.candidate.key]
             steps.append(Step(fit, declaration, log_odds=log_odds))
         return sorted(steps, key=lambda step: -step.log_odds)
 
-    def _evidence(self, fit: Fit, beside: Evidence | None = None) -> Evidence:
+    def _evidence(self, fit: Fit, beside: Evidence | None = None, *, held_out: bool = False) -> Evidence:
         allowed = allowances(fit, possible_effects(fit, self.columns), self.errors)
-        return Evidence(fit, allowed, beside=beside, predicted=self._predicted(fit))
+        return Evidence(fit, allowed, beside=beside, predicted=self._predicted(fit) if held_out else ())
 
     def _predicted(self, fit: Fit) -> list[Prediction]:
         """The held-out runs as a file with this fit predicts them."""

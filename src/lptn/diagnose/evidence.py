@@ -188,11 +188,12 @@ class Evidence:
         )
         self._log_volume = 2.0 * float(np.log(np.diag(self._factor[0]) / self._scale).sum())
         proper = np.einsum("ij,ij->j", prior[:, self._free], prior[:, self._free])
+        proper += np.where(np.isin(np.flatnonzero(self._free), self._amplitudes), 0.0, weak[self._free])
         self._log_prior_volume = float(np.log(proper[proper > 0]).sum())
 
     @cached_property
     def log_evidence(self) -> float:
-        """Logarithm of the probability of the readings, up to a constant that all models of them have in common."""
+        """Logarithm of the probability of the fitted readings, up to a constant that their models have in common."""
         problem, total = self.fit.problem, -0.5 * self.independent * log(self._misfit / self.independent)
         slope = problem.slope(self.fit.point.values)
         for row in self._amplitudes:
@@ -202,8 +203,12 @@ class Evidence:
                 if _is_one_sided(instance.declared):
                     off = instance.value - (instance.declared.off or 0.0)
                     total += float(log_ndtr(off / sqrt(self._variance(row))))
-        total -= 0.5 * self.independent_held_out * log(self._held_out)
         return total + 0.5 * (self._log_prior_volume - self._log_volume)
+
+    @property
+    def log_evidence_of_all(self) -> float:
+        """The same with the held-out runs, as their predictions fall out."""
+        return self.log_evidence - 0.5 * self.independent_held_out * log(self._held_out)
 
     def log_odds_of_none(self, name: str) -> float:
         """Logarithm of the odds that an amplitude is none to that it is not, by its posterior and prior density there.
