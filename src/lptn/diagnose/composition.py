@@ -70,8 +70,13 @@ class Composition:
 
     @property
     def steps(self) -> tuple[Step, ...]:
-        """All that was added, what sets one part apart first."""
-        return tuple(sorted((*self.findings, *self.structure), key=lambda step: step.is_structure))
+        """All that was added, what sets one part apart first, but for an exchange that one of these stands on."""
+        found = [declared for step in self.findings for declared in step.declarations]
+
+        def later(step: Step) -> bool:
+            return step.is_structure and not any(_stands_on(one, own) for one in found for own in step.declarations)
+
+        return tuple(sorted((*self.findings, *self.structure), key=lambda step: (later(step), not step.is_structure)))
 
 
 def composition(
@@ -267,6 +272,7 @@ class _Search:
         self, gone: Sequence[EffectDeclaration], *, to_the_end: bool = False
     ) -> tuple[Fit, list[EffectDeclaration]] | None:
         """The model without some effects, and what then is added; what a place had beside them becomes its own."""
+        gone = [one for one in self.added if one in gone or any(_stands_on(one, other) for other in gone)]
         rest = []
         for one in self.added:
             if one not in gone:
@@ -396,6 +402,11 @@ def _log_odds_of_none(evidence: Evidence, declared: EffectDeclaration) -> float:
     if amplitude is None or amplitude.on is not None:
         return float("inf")
     return evidence.log_odds_of_none(declared.shared_name(amplitude.name))
+
+
+def _stands_on(one: EffectDeclaration, other: EffectDeclaration) -> bool:
+    """Whether an effect is about an exchange between two places that another one made."""
+    return other.effect.site == "edge" and "~" in one.at and set(one.at.split("~")) == set(other.at.split("~"))
 
 
 def _differs_from(one: EffectDeclaration, common: EffectDeclaration) -> bool:

@@ -151,8 +151,9 @@ NEGLIGIBLE = 0.04
 """K; nobody looks for an effect that leaves less on one node's one-minute means."""
 LACKING = 1.5
 """Times what chance leaves at most, beyond which a lack of fit is no noise."""
-MOST = 0.9
-"""Share of the misfit beyond noise that one answer, or three together, must explain to be what is missing."""
+MOST = 0.8
+"""Share of the squared misfit beyond noise that what was found must explain to be what is missing: errors fall by more
+than half."""
 HALF = 0.5
 """Share of it that the steps of a search must explain, since held-out runs chose them; share of a held-out error,
 squared and beyond noise, that must go with it; and share of its own sensors' misfit that an error of the log must."""
