@@ -83,7 +83,6 @@ def test_a_surface_that_loses_a_little_more_in_one_run_is_told_there(leg: Leg) -
 
 
 @pytest.mark.long
-@pytest.mark.xfail(strict=True, reason="an offset of all sensors is told as 99 % probable, and air beside it not named")
 def test_air_that_was_colder_in_one_run_is_told_or_named(leg: Leg) -> None:
     """All sensors off by as much in that run give the same readings, and are rarer."""
     (step,) = diagnose(*leg(Hidden("ambient_offset", "ambient", size=-1.5, run="fit2"))).steps

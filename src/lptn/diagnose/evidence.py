@@ -4,7 +4,8 @@ What a model gets wrong repeats from reading to reading, so the readings count a
 errors (a tempered likelihood, [MillerDunson2019]); how large errors are is unknown and integrated out. Held-out runs
 count by how a file with the fit predicts them, nothing but their start fitted. Small errors of the log in each run
 (air, torque, surface, each sensor's offset), and how like parts scatter about what they have in common, are part of
-every model: allowances, with a prior of their own and integrated out in closed form.
+every model: allowances, with a prior of their own and integrated out in closed form. Robots begin at rest, or warm, and
+not colder than what surrounds them.
 
 The size of an effect has a prior with long tails (Cauchy's): an unusual size is improbable, and never forbidden.
 """
@@ -17,7 +18,7 @@ from functools import cached_property
 from math import log, pi, sqrt
 
 import numpy as np
-from scipy.special import log_ndtr
+from scipy.special import log_ndtr, logsumexp
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.parameters import Parameter
@@ -31,6 +32,7 @@ from lptn.effects.sensor_offset import SensorOffset
 from lptn.effects.surface_scale import SurfaceScale
 from lptn.identify.comparison import Prediction
 from lptn.identify.fitting import Fit
+from lptn.identify.problem import AT_REST
 
 USUAL = 2.0
 """Times its typical size that an effect is as often above as below (the scale of Cauchy's density): sizes are stated to
@@ -203,7 +205,7 @@ class Evidence:
                 if _is_one_sided(instance.declared):
                     off = instance.value - (instance.declared.off or 0.0)
                     total += float(log_ndtr(off / sqrt(self._variance(row))))
-        return total + 0.5 * (self._log_prior_volume - self._log_volume)
+        return total + log_prior_of_starts(self.fit) + 0.5 * (self._log_prior_volume - self._log_volume)
 
     @property
     def log_evidence_of_all(self) -> float:
@@ -295,3 +297,45 @@ def _curvature(amplitude: Parameter, value: float) -> float:
 
 def _is_one_sided(amplitude: Parameter) -> bool:
     return amplitude.off == amplitude.bounds[0]
+
+
+# --- How robots begin --------------------------------------------------------------------------------
+
+
+_WARMER = 10.0
+"""K, by which a robot's node is usually warmer than its surroundings while it works, or another room than this one."""
+_FAR, _ROOMS = 10.0, 400  # K beyond the nodes; temperatures of the other room over which is summed
+
+
+def log_prior_of_starts(fit: Fit) -> float:
+    """How usual it is that the measured nodes start each run where the fit has them, as a logarithm.
+
+    A robot that rested is as warm as what surrounds it, or as another room that it was carried from. Of its nodes each
+    may be warmer than that, from what it did before or from its electronics, but none is colder. So the error of a
+    sensor that reads off the air before anything runs is likely, and one that reads as it should, because its node was
+    colder by as much, is not. Either is as probable beforehand; how much warmer has long tails (Cauchy's).
+    """
+    model, total = fit.model, 0.0
+    if not model.network.prescribed:
+        return total
+    for bound, start in zip(fit.problem.bound_runs, fit.point.starts, strict=True):
+        values = model.in_run(bound.run.name, fit.point.values)
+        felt = model.surroundings(start, bound.inputs[:, 0], values).full().ravel()
+        nodes = start[: len(model.nodes)][np.isfinite(bound.start)]
+        off = nodes - np.clip(nodes, felt.min(), felt.max())
+        rooms = np.linspace(off.min(initial=0.0) - _FAR, off.max(initial=0.0) + _FAR, _ROOMS)
+        of_rooms = np.append(_log_cauchy(rooms) + log(rooms[1] - rooms[0]), 0.0)
+        total += float(logsumexp(of_rooms + _log_density_of_starts(off, np.append(rooms, 0.0)))) - log(2.0)
+    return total
+
+
+def _log_density_of_starts(off: FloatArray, rooms: FloatArray) -> FloatArray:
+    """Of nodes that start so much off their surroundings [K], in a robot that rested in each of some rooms."""
+    above = off - rooms[:, None]
+    at_rest = -0.5 * (above / AT_REST) ** 2 - log(AT_REST * sqrt(2 * pi))
+    warmer = np.where(above > 0, log(2.0) + _log_cauchy(above), -np.inf)
+    return np.asarray(np.sum(np.logaddexp(at_rest, warmer) - log(2.0), axis=1))
+
+
+def _log_cauchy(kelvin: FloatArray) -> FloatArray:
+    return np.asarray(-np.log1p((kelvin / _WARMER) ** 2) - log(pi * _WARMER))
