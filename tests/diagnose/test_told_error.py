@@ -41,7 +41,8 @@ def _errors_agree(lptn: Lptn, folder: Path, model: Path, fitted: Path, held_out:
     steps = json.loads(told.read_text())["history"]
     assert len(steps) > 1
     got = json.loads(compared.read_text())
-    assert steps[-1]["rmse_holdout"] == pytest.approx(got["all"]["rmse"], rel=1e-4)
+    # The file has its numbers to a few digits, and the error is told to three.
+    assert steps[-1]["rmse_holdout"] == pytest.approx(got["all"]["rmse"], rel=5e-4)
 
 
 def test_of_two_heaters(lptn: Lptn, tmp_path: Path) -> None:  # noqa: F811
