@@ -59,7 +59,7 @@ def ask(folder: Path) -> History:
     loaded = load_model(Path(__file__).parent / "one_node.toml")
     runs, held = (loaded.runs([folder / f"{name}.csv"]) for name in ("fit", "holdout"))
     history = improve(loaded.model, split_data(runs, held))
-    better = loaded.file.with_effects(history.declarations()).with_fit(history.best.for_use.table())
+    better = loaded.file.with_effects(history.declarations()).with_fit(history.best.fit.table())
     better.write(folder / "better.toml")
     return history
 

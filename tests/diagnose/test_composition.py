@@ -55,7 +55,7 @@ def _stator(name: str, seed: int, conductance: float) -> Run:
     return make_run(columns | dict(zip(("temperature.winding", "temperature.body"), readings, strict=True)), name=name)
 
 
-UNUSUAL = pytest.mark.xfail(strict=True, reason="beside it heat scaled by 0.1, or a second mass for the body, is told")
+UNUSUAL = pytest.mark.xfail(reason="beside it heat scaled by 0.1, or a second mass for the body, is told")
 
 
 @pytest.mark.parametrize("conductance", [0.7, pytest.param(7.0, marks=UNUSUAL), pytest.param(20.0, marks=UNUSUAL)])

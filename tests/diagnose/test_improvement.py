@@ -111,7 +111,7 @@ def test_an_effect_of_one_run_is_declared_as_it_was_fitted(leg: Leg) -> None:  #
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(strict=True, reason="an offset at the one joint and heat at all of them are told")
+@pytest.mark.xfail(reason="an offset at the one joint and heat at all of them are told")
 def test_heat_at_two_of_three_joints_is_told_at_both_and_at_no_third(leg: Leg) -> None:  # noqa: F811
     """Half a watt and one and a half; of a warm joint either the heat or an offset of its sensor may be told."""
     model, data = leg(Hidden("constant_heat", "FR_hip"), Hidden("constant_heat", "FR_calf", size=0.4))

@@ -42,7 +42,7 @@ def _knee() -> pd.DataFrame:
     )
 
 
-@pytest.mark.xfail(strict=True, reason="one name alone is told, mostly the heat: the others are rarer by their size")
+@pytest.mark.xfail(reason="one name alone is told, mostly the heat: the others are rarer by their size")
 @pytest.mark.parametrize(
     ("key", "offset", "steps"),
     [

