@@ -89,7 +89,7 @@ class Study:
         <StudyComparison: 1 run, RMSE 4.72 K, largest error 9.94 K, mean +3.92 K>
         >>> axes = study.compare().plot()
         >>> study.diagnose()
-        <Diagnosis: unexplained: RMSE 0.655 K fitted, 4.72 K held out;
+        <Diagnosis: missing: RMSE 0.655 K fitted, 4.72 K held out;
         sensor_lag at *, constant_heat at *, natural_convection at *>
         >>> study.add("sensor_lag", at="*")
         <Step: sensor_lag at *, 4 parameters, RMSE 0.504 K fitted, 3.88 K held out>
