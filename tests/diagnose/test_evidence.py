@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
+from lptn import Study
 from lptn.basics.parameters import Parameter
 from lptn.diagnose.candidates import possible_effects
 from lptn.diagnose.composition import with_priors
@@ -19,6 +22,7 @@ from lptn.identify.data import split_data
 from lptn.identify.fitting import Fit, finished
 from lptn.identify.validation import fit_segments
 from lptn.model.network import EffectDeclaration
+from lptn.robots.presets import presets
 from tests.report.two_joints import NODES, make_run, robot
 
 HEAT = ("constant_heat", NODES[0])
@@ -101,3 +105,16 @@ def test_prior_odds_are_those_of_an_effect_split_over_its_places() -> None:
     odds = dict(zip((one.key for one in possible), np.exp(log_priors(possible)), strict=True))
     of_heat = [share for (effect, at), share in odds.items() if effect == "constant_heat" and "@" not in at]
     assert sum(of_heat) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("held_out", [[], [24.0]])
+def test_a_log_without_noise_that_is_met_to_the_last_digit_is_adequate(held_out: list[float], tmp_path: Path) -> None:
+    """A motor that rests as warm as its air: no residual is left, and that makes nothing infinitely sure."""
+
+    def rest(degc: float) -> pd.DataFrame:
+        columns = {"temperature.motor": degc, "temperature.ambient": degc, "torque.motor": 0.0}
+        return pd.DataFrame({"time": np.arange(600.0)} | columns)
+
+    path = tmp_path / "motor.toml"
+    path.write_text(presets()["single-motor"])
+    assert Study(path, fit=rest(25.0), holdout=[rest(degc) for degc in held_out]).diagnose().verdict == "adequate"

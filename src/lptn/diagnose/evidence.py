@@ -32,6 +32,7 @@ from lptn.effects.sensor_offset import SensorOffset
 from lptn.effects.surface_scale import SurfaceScale
 from lptn.identify.comparison import Prediction
 from lptn.identify.fitting import Fit
+from lptn.identify.noise import LEAST_NOISE
 from lptn.identify.problem import AT_REST
 
 USUAL = 2.0
@@ -144,16 +145,20 @@ class Evidence:
         residuals, jacobian = problem.jacobian(fit.z)
         self._free = ~pushed_beyond_bounds(fit, jacobian.T @ residuals)
         n, weight = problem.readings, problem.weight_of_priors
-        self._residuals, self.squares = residuals[:n], float(residuals[:n] @ residuals[:n])
-        errors = predicted_errors(predicted)
-        self._held_out = float(block_misfits(errors, problem.sigma)[0].sum()) if errors else 1.0
+        self._residuals, errors = residuals[:n], predicted_errors(predicted)
+        # A log without any noise is met to the last digit, and no reading says infinitely much.
+        least = (LEAST_NOISE / problem.sigma) ** 2
+        exact = sum(float(least @ bound.counted.sum(axis=1)) for bound in problem.bound_runs)
+        self.squares = max(float(self._residuals @ self._residuals), exact)
+        exact = sum(float(least @ bound.counted.sum(axis=1)) for bound, _ in errors)
+        self._held_out = max(float(block_misfits(errors, problem.sigma)[0].sum()), exact) if errors else 1.0
         if beside is None:
             self.independent: float = independent_readings(fitted_errors(fit))
             self.independent_held_out: float = independent_readings(errors) if errors else 0.0
         else:
             self.independent, self.independent_held_out = beside.independent, beside.independent_held_out
         squares = self.squares if beside is None else beside.squares
-        self._share = self.independent / max(squares, np.finfo(float).tiny)
+        self._share = self.independent / squares
 
         prior, off = jacobian[n:] / weight, residuals[n:] / weight
         declared = [fit.model.parameters[index].declared for index in problem.free]

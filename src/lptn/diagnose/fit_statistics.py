@@ -259,24 +259,6 @@ def explained_elsewhere(base: Fit, before: Errors | None, after: Errors | None) 
     return after.rmse**2 <= max(before.rmse**2 - HALF * (before.rmse**2 - floor), floor)
 
 
-def is_negligible(smaller: Fit, larger: Fit, before: Sequence[Prediction], after: Sequence[Prediction]) -> bool:
-    """Whether what a larger model explains is less than anyone looks for, at each node, in fitted and held-out runs.
-
-    Args:
-        smaller: the smaller model's fit.
-        larger: the larger model's fit to the same runs.
-        before: held-out runs as the smaller one predicts them.
-        after: as the larger one does.
-    """
-    of_fits = [fitted_errors(fit) for fit in (smaller, larger)]
-    of_held_out = [predicted_errors(predictions) for predictions in (before, after)]
-    return all(
-        np.all(_squares_by_node(without) - _squares_by_node(with_it) < NEGLIGIBLE**2)
-        for without, with_it in (of_fits, of_held_out)
-        if without
-    )
-
-
 def _squares_by_node(runs: Sequence[RunErrors]) -> FloatArray:
     """Mean square of each node's one-minute means of the errors [K²], shape (nodes,); 0 without any."""
     squares: list[list[FloatArray]] = [[] for _ in runs[0][1]]
