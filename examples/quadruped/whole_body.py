@@ -120,27 +120,27 @@ def _quickly(model: Model, runs: Sequence[Run], spread: float) -> Fit:
     would be fitted as the robot's own. Nothing of the kind is fitted to a run that is predicted.
     """
     averages = [run.coarsen(round(_SLOW_STEP / run.step)) for run in runs]
-    nuisances = [
-        nuisance
+    errors = [
+        error
         for run in runs
-        for nuisance in (
-            _nuisance(AmbientOffset(), "ambient", spread * AMBIENT_ERROR, run),
-            _nuisance(SurfaceScale(), "*_case", spread * SURFACE_ERROR, run),
+        for error in (
+            _error(AmbientOffset(), "ambient", spread * AMBIENT_ERROR, run),
+            _error(SurfaceScale(), "*_case", spread * SURFACE_ERROR, run),
         )
     ]
-    own = Model(model.network.with_effects(nuisances))
+    own = Model(model.network.with_effects(errors))
     result = fit(own, averages, symmetry_penalty=1.0, guess=own.values, iterations=_ITERATIONS, precision=1e-4)
     fitted = {parameter.name: parameter.value for parameter in result.model.parameters}
     values = np.array([fitted[parameter.name] for parameter in model.parameters])
     return replace(result, model=model.with_values(values))
 
 
-def _nuisance(effect: Effect, place: str, deviation: float, run: Run) -> EffectDeclaration:
+def _error(effect: Effect, place: str, deviation: float, run: Run) -> EffectDeclaration:
     """An effect of one run, held near none by a prior of that standard deviation."""
     (size,) = effect.parameters
     bounds = (-_FARTHEST * deviation, _FARTHEST * deviation)
-    size = replace(size, value=0.0, prior=deviation, bounds=bounds, share="all")
-    return EffectDeclaration(effect, place, (size,), f"{effect.key}_nuisance", run=run.name)
+    size = replace(size, value=0.0, prior=(0.0, deviation), bounds=bounds, share="all")
+    return EffectDeclaration(effect, place, (size,), f"{effect.key}_error", run=run.name)
 
 
 def _logs(

@@ -349,7 +349,7 @@ class Study:
         if step.declaration is None:
             raise InputError("study", "add", "the model as given", "an effect's key, or an answer of diagnose()")
         logger.info("fitting %s at %s", step.effect, step.at)
-        done = finished(refit(last, step.declaration, within=step.fit.problem.within))
+        done = finished(refit(last, step.declaration))
         self._leave()
         return self._append(replace(step, fit=done))
 

@@ -39,7 +39,6 @@ class Parameter:
         grid: shapes at which the effect is scored before one is fitted (time constants, exponents).
         prior: mean and standard deviation, in `unit`, of what is known of it beforehand, as a data sheet and its
             tolerance are; a fit weighs it with the data. `None` where only they speak.
-        nuisance: `True` for a small error of one run's log, and no part of the model.
         relative_to: what that size goes with at other places (`lptn.model.sizes`): a place's heat `"capacity"`, its
             `"conductance"` or its `"resistance"` to all around it, or the conductance of the `"link"` that is changed.
 
@@ -65,7 +64,6 @@ class Parameter:
     on: float | None = None
     grid: tuple[float, ...] = ()
     prior: tuple[float, float] | None = None
-    nuisance: bool = False
     relative_to: Scale = ""
 
     def __post_init__(self) -> None:

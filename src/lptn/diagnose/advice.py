@@ -105,9 +105,8 @@ def _rows_as_means(last: Fit, data: DataSplit) -> str:
     notes = (note for segment in data.fit for note in _unknown(segment))
     if (note := next(notes, None)) is None:
         return ""
-    within = last.problem.within
-    samples = unless_interrupted(fit_segments(last.model, data.fit, last.point, within=within))
-    means = unless_interrupted(fit_segments(last.model, _as_means(data.fit), last.point, within=within))
+    samples = unless_interrupted(fit_segments(last.model, data.fit, last.point))
+    means = unless_interrupted(fit_segments(last.model, _as_means(data.fit), last.point))
     held_out = holdout_errors(samples, data.holdout), holdout_errors(means, _as_means(data.holdout))
     before, after = (0.0 if errors is None else errors.rmse for errors in held_out)
     if criterion_difference(samples, means) <= TIE or after > before:

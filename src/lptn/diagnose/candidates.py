@@ -466,7 +466,7 @@ def _places_without(network: Network, effect: type[Effect], words: Words, run: s
     taken = {
         instance.place
         for instance in network.effect_instances
-        if instance.effect.key == effect.key and instance.declaration.run == run and not instance.declaration.nuisance
+        if instance.effect.key == effect.key and instance.declaration.run == run
     }
     return [
         (place, ends)

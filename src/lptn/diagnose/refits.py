@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from lptn.basics.arrays import FloatArray
 from lptn.identify.fitting import Fit, fit
-from lptn.identify.problem import Bounds, Point
+from lptn.identify.problem import Point
 from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration, Network
 from lptn.simulate.bound_run import BoundRun, bind, default_start, start_from
@@ -17,14 +16,12 @@ from lptn.simulate.bound_run import BoundRun, bind, default_start, start_from
 _ITERATIONS, _PRECISION = 25, 3e-4  # of the cost: enough to rank; the step that is kept is fitted to the end
 
 
-def refit(
-    base: Fit, declaration: EffectDeclaration, rival: float = np.inf, within: Mapping[str, Bounds] | None = None
-) -> Fit:
+def refit(base: Fit, declaration: EffectDeclaration) -> Fit:
     """The baseline and one more effect, started from the baseline's solution; arguments as for `continued`."""
-    return continued(base, base.model.network.with_effects([declaration]), rival, within)
+    return continued(base, base.model.network.with_effects([declaration]))
 
 
-def continued(base: Fit, network: Network, rival: float = np.inf, within: Mapping[str, Bounds] | None = None) -> Fit:
+def continued(base: Fit, network: Network) -> Fit:
     """Fit a network that differs from a fitted one by some effects, started from its solution; as far as ranking needs.
 
     What that fit held stays held, and what it fitted is fitted.
@@ -32,8 +29,6 @@ def continued(base: Fit, network: Network, rival: float = np.inf, within: Mappin
     Args:
         base: the fit to start from.
         network: the network to fit, to the same readings.
-        rival: a cost to beat; a fit that has no hope of it ends, with status `"given up"`.
-        within: as for `Problem`; that fit's by default.
 
     Raises:
         KeyboardInterrupt: Ctrl-C ended the fit.
@@ -56,14 +51,12 @@ def continued(base: Fit, network: Network, rival: float = np.inf, within: Mappin
             sigma=problem.sigma,
             guess=Point(values, starts),
             iterations=_ITERATIONS,
-            rival=rival,
             precision=_PRECISION,
             free=[
                 index
                 for index, parameter in enumerate(model.parameters)
                 if parameter.name in fitted or (parameter.free and parameter.name not in held)
             ],
-            within=problem.within if within is None else within,
         )
     )
 

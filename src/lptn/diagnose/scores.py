@@ -142,8 +142,7 @@ def score(fit: Fit, candidates: Sequence[Candidate]) -> Scores:
 def derivatives(fit: Fit, places: Sequence[Site]) -> FloatArray:
     """Weighted derivatives of the residuals by the sites' amplitudes, shape (rows, places), stored by columns."""
     problem, network = fit.problem, fit.model.network
-    # Beside nuisance parameters of the same effect, place and run, which `with_effects` would take out.
-    full = Model(replace(network, effects=(*network.effects, *(site.declaration() for site in places))))
+    full = Model(network.with_effects(site.declaration() for site in places))
     index = {parameter.name: number for number, parameter in enumerate(full.parameters)}
     amplitudes = [index[site.amplitude_name] for site in places]
     core = len(fit.model.states)  # effects are added behind the network's own, and so are their states
@@ -165,15 +164,14 @@ def derivatives(fit: Fit, places: Sequence[Site]) -> FloatArray:
 def pushed_beyond_bounds(fit: Fit, gradient: FloatArray) -> BoolArray:
     """Which unknowns are pushed beyond bounds that hold, shape (size,): they can't follow what a candidate would do.
 
-    So are errors of a run, an effect where it vanishes (no friction cools a joint in place of air that is cooler than
-    the log says), a whole share, and what is kept beside effects. (Other parameters at a bound could follow, if it were
-    moved: it is a user's guess.)
+    So are an effect where it vanishes (no friction cools a joint in place of air that is cooler than the log says), and
+    a whole share. (Other parameters at a bound could follow, if it were moved: it is a user's guess.)
     """
     problem, holds = fit.problem, np.zeros((2, len(fit.z)), dtype=bool)
     for row, index in enumerate(problem.free):
         own = fit.model.parameters[index].declared
         for side, end in enumerate(own.bounds):
-            holds[side, row] = own.nuisance or end in own.ends_by_nature or problem.is_narrowed(index, side)
+            holds[side, row] = end in own.ends_by_nature
     below, above = problem.at_bounds(fit.z)
     return np.asarray((holds[0] & below & (gradient > 0)) | (holds[1] & above & (gradient < 0)))
 

@@ -16,7 +16,7 @@ from lptn.basics.errors import InputError
 from lptn.basics.places import class_of
 from lptn.basics.tables import Tabular, write_table
 from lptn.identify.data import Segment, holdout_segment
-from lptn.identify.fitting import fit_nuisances, fit_starts, nuisances
+from lptn.identify.fitting import fit_starts
 from lptn.identify.noise import Noise, balanced_sigma, estimate_noise
 from lptn.logs.run import Run
 from lptn.model.model import Model
@@ -187,44 +187,22 @@ class Comparison(Tabular):
         return quantities
 
 
-def predict(model: Model, segment: Segment, sigma: FloatArray | None = None, *, own_errors: bool = True) -> Prediction:
+def predict(model: Model, segment: Segment, sigma: FloatArray | None = None) -> Prediction:
     """Predict a run from the initial states that its initialisation window gives.
 
-    Nuisance parameters of the run, such as the ambient sensor's bias, are fitted to all of it: one number with a prior.
+    Nothing else is fitted to it.
 
     Args:
         model: at the values that it is to predict with.
         segment: the run, and which windows of it find the start and are evaluated.
         sigma: standard deviation that weighs each node [K] where the start is found, shape (nodes,); by default that of
             the run alone, so that its error does not depend on what else is fitted or compared.
-        own_errors: whether the run's nuisance parameters are fitted; `False` leaves them at none.
     """
     bound = bind(model, segment.run)
     if sigma is None:
         sigma = balanced_sigma([bound], estimate_noise([bound], model.nodes))
-    if own_errors:
-        model = with_own_errors(model, segment, sigma)
     path = simulate(model, bound, model.values, _start(model, bound, segment, sigma))
     return Prediction(segment, bound.count(segment.evaluation), path.readings, path.held, path.states[:, 0])
-
-
-_ROUNDS = 2
-"""Of start and nuisance parameters, each given the other: a third changes no held-out error by more than 3 %."""
-
-
-def with_own_errors(model: Model, segment: Segment, sigma: FloatArray) -> Model:
-    """The model with the nuisance parameters of a run fitted to it, from the start that its window gives with them.
-
-    Fitted with a start of its own, the bias of an air sensor would go with a warmth inside the robot that the
-    prediction then does not begin with. Arguments as for `predict`.
-    """
-    if not nuisances(model, segment.run.name):
-        return model
-    bound, stop = bind(model, segment.run), segment.evaluation[1]
-    whole = bound.count((segment.initialisation[0], stop)).until(stop)
-    for _ in range(_ROUNDS):
-        model = fit_nuisances(model, whole, sigma, _start(model, bound, segment, sigma))
-    return model
 
 
 def _start(model: Model, bound: BoundRun, segment: Segment, sigma: FloatArray) -> FloatArray:

@@ -19,12 +19,11 @@ import platformdirs
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.basics.files import write_whole
-from lptn.basics.places import in_run
 from lptn.basics.processes import one_blas_thread
 from lptn.basics.tables import Tabular
 from lptn.identify.integral_start import integral_start
 from lptn.identify.noise import Noise, balanced_sigma, estimate_noise
-from lptn.identify.problem import Bounds, Point, Problem
+from lptn.identify.problem import Point, Problem
 from lptn.identify.solvers import PRECISION, Progress, Solution, minimise
 from lptn.identify.uncertainty import Uncertainty, rows_at_bounds, uncertainty
 from lptn.logs.run import Run
@@ -50,7 +49,7 @@ class Fit(Tabular):
         cost: half the sum of squared weighted residuals, priors included.
         noise: the sensors' noise.
         iterations: of all searches together.
-        status: `"converged"`, `"not converged"`, `"interrupted"`, or `"given up"`.
+        status: `"converged"`, `"not converged"` or `"interrupted"`.
     """
 
     model: Model
@@ -68,30 +67,21 @@ class Fit(Tabular):
 
     @property
     def free(self) -> list[int]:
-        """Numbers of the model's parameters that were fitted, without the nuisance parameters of single runs."""
-        parameters = self.model.parameters
-        return [index for index in self.problem.free if not parameters[index].declared.nuisance]
+        """Numbers of the model's parameters that were fitted."""
+        return list(self.problem.free)
 
     @cached_property
     def vanished(self) -> dict[str, int]:
         """Thermal resistances that ended at their largest, capacities and windings' resistances at their least: as good
-        as none. By name, the side of the bound: 0 for the lower one, 1 for the upper. None that is kept from it.
+        as none. By name, the side of the bound: 0 for the lower one, 1 for the upper.
         """
         ends = {"K/W": 1, "J/K": 0, "ohm": 0}  # where a link, a capacity, and a winding's loss, has no effect
         parameters, vanished = self.model.parameters, {}
         for row, end in rows_at_bounds(self.problem, self.z).items():
             index = self.problem.free[row]
-            if ends.get(parameters[index].declared.unit) == end and not self.problem.is_narrowed(index, end):
+            if ends.get(parameters[index].declared.unit) == end:
                 vanished[parameters[index].name] = end
         return vanished
-
-    def may_be_at_bound(self, name: str, side: int) -> bool:
-        """Whether a free parameter is within two standard errors of its lower (0) or upper (1) bound; no other is."""
-        free = [self.model.parameters[index].name for index in self.problem.free]
-        if name not in free:
-            return False
-        row = free.index(name)
-        return bool(abs(self.problem.bounds[side][row] - self.z[row]) < 2 * self.uncertainty.spreads[row])
 
     @cached_property
     def uncertainty(self) -> Uncertainty:
@@ -131,7 +121,7 @@ class Fit(Tabular):
         return pd.DataFrame(rows, columns=["parameter", "value", "standard error", "unit", "free"])
 
     def table(self) -> FitTable:
-        """The result as a model file keeps it, without infinite standard errors and nuisance parameters of the logs."""
+        """The result as a model file keeps it, without infinite standard errors."""
         free = [self.model.parameters[index] for index in self.free]
         sources = {bound.run.source: bound.run.fingerprint for bound in self.problem.bound_runs}
         return FitTable(
@@ -187,10 +177,8 @@ def fit(
     iterations: int = 80,
     progress: Progress | None = None,
     keep: Keep | None = None,
-    rival: float = np.inf,
     precision: float = PRECISION,
     free: Sequence[int] | None = None,
-    within: Mapping[str, Bounds] | None = None,
 ) -> Fit:
     """Fit the free parameters, and the initial states of each run, to free-running simulations.
 
@@ -208,10 +196,8 @@ def fit(
         iterations: how many the last search may take.
         progress: called after each iteration.
         keep: called after each iteration with the best point so far.
-        rival: a cost to beat; a fit from a `guess` that has no hope of it ends, with status `"given up"`.
         precision: share of the cost that is not worth another step of the last search.
         free: indices of the parameters to fit; the model's own free ones by default.
-        within: as for `Problem`.
 
     Raises:
         InputError: a run lacks an input, or measures none of the model's nodes.
@@ -228,12 +214,12 @@ def fit(
     bound_runs = [run if isinstance(run, BoundRun) else bind(model, run) for run in runs]
     noise = estimate_noise(bound_runs, model.nodes)
     sigma = balanced_sigma(bound_runs, noise) if sigma is None else sigma
-    problem = Problem(model, bound_runs, sigma, symmetry_penalty, free, within=within)
+    problem = Problem(model, bound_runs, sigma, symmetry_penalty, free)
     values, starts = (guess.values, guess.starts) if isinstance(guess, Point) else (guess, None)
     before = 0
     if values is None or (isinstance(guess, Point) and guess.averaged):
         averaged = [_coarse(model, bound) for bound in bound_runs]
-        coarse = Problem(model, averaged, sigma, symmetry_penalty, free, within=within)
+        coarse = Problem(model, averaged, sigma, symmetry_penalty, free)
         z = _first_guess(coarse) if values is None else coarse.guess(values, starts)
         keep_coarse = None if keep is None else lambda z: keep(replace(coarse.point(z), averaged=True))
         rough = minimise(coarse, z, progress, keep=keep_coarse, near=True)
@@ -245,7 +231,7 @@ def fit(
         balanced = integral_start(model, bound_runs, sigma)
         z = min((np.clip(problem.guess(own, starts), *problem.bounds) for own in (values, balanced)), key=problem.cost)
     keep_fine = None if keep is None else lambda z: keep(problem.point(z))
-    solution = minimise(problem, z, progress, iterations, keep=keep_fine, near=True, rival=rival, precision=precision)
+    solution = minimise(problem, z, progress, iterations, keep=keep_fine, near=True, precision=precision)
     return _as_fit(problem, solution, noise, before + solution.iterations)
 
 
@@ -278,57 +264,21 @@ def finished(done: Fit) -> Fit:
     return _as_fit(done.problem, solution, done.noise, done.iterations + solution.iterations)
 
 
+@one_blas_thread
 def fit_starts(model: Model, bound_runs: Sequence[BoundRun], sigma: FloatArray) -> list[FloatArray]:
     """Initial states of runs from their counted readings [degC], shape (states,) each, the parameters being held.
 
     Raises:
         KeyboardInterrupt: Ctrl-C was pressed.
     """
-    problems = (Problem(model, [bound], sigma, free=()) for bound in bound_runs)
-    return [start for problem in problems for start in _solved(problem, model).starts]
-
-
-@one_blas_thread
-def _solved(problem: Problem, model: Model) -> Point:
-    """Where a problem that is nearly linear, and takes but a few steps, has its minimum.
-
-    Raises:
-        KeyboardInterrupt: Ctrl-C was pressed; half a search is worth nothing.
-    """
-    solution = minimise(problem, problem.guess(model.values), near=True)
-    if solution.status == "interrupted":
-        raise KeyboardInterrupt
-    return problem.point(solution.z)
-
-
-def nuisances(model: Model, run: str) -> list[int]:
-    """Indices of the nuisance parameters of a run that are held: those that belong to it alone."""
-    own = tuple(in_run("", name) for name in (run, run.partition("#")[0]))  # a piece of a split log, or all of it
-    return [
-        index
-        for index, parameter in enumerate(model.parameters)
-        if parameter.declared.nuisance and not parameter.free and parameter.name.endswith(own)
-    ]
-
-
-def fit_nuisances(model: Model, bound: BoundRun, sigma: FloatArray, start: FloatArray) -> Model:
-    """The model with its nuisance parameters of one run, such as the ambient sensor's bias, fitted to that run.
-
-    These are held, have a prior and belong to the run alone; most models have none and stay as they are.
-
-    Args:
-        model: at the values that it is to predict with.
-        bound: the run.
-        sigma: standard deviation that weighs each node [K], shape (nodes,).
-        start: the run's initial states [degC], shape (states,).
-
-    Raises:
-        KeyboardInterrupt: Ctrl-C was pressed.
-    """
-    chosen = nuisances(model, bound.run.name)
-    if not chosen:
-        return model
-    return model.with_values(_solved(Problem(model, [bound], sigma, free=chosen, starts=[start]), model).values)
+    starts = []
+    for bound in bound_runs:
+        problem = Problem(model, [bound], sigma, free=())
+        solution = minimise(problem, problem.guess(model.values), near=True)  # nearly linear, a few steps
+        if solution.status == "interrupted":
+            raise KeyboardInterrupt
+        starts += problem.point(solution.z).starts
+    return starts
 
 
 # --- Checkpoints: the best point of a fit that is running, where the next attempt at the same fit starts ---

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -22,7 +22,6 @@ _HIDDEN_SPREAD = 5.0  # K, of a state that no sensor sees: narrower, since nothi
 AT_REST = 0.5
 """K, standard deviation of a start, of a node's or of a hidden state's, in a robot that begins as warm as its
 surroundings: sensors of 1 K steps, and the air's 0.3 K."""
-_KNOWN = 1e-3  # K, of any state where the start is known
 _REPEATED = 5.0
 """s; so long at least what a model gets wrong stays the same, while a sensor's noise differs with each reading. Of
 readings closer than that several say once what the log was wrong by, and priors count as often: a log of 1 Hz and
@@ -31,7 +30,6 @@ _AT_BOUND = 1e-4  # distance to a bound, in the search's coordinates
 _NEAR = 1.5  # K; a node starts no further from its first readings, unless an effect of its sensor is modelled
 
 
-Bounds = tuple[float, float]
 """The least and the largest value of a parameter, in its unit."""
 
 
@@ -77,8 +75,6 @@ class Problem:
         symmetry_penalty: λ of the penalty that pulls the logarithms of left and right parameters
             together ([QuadrupedLPTN, eq. 14], on logarithms so that λ has no unit).
         free: indices of the parameters to fit; the model's own free ones by default.
-        starts: initial states of each run [degC] where they are known, shape (states,) each.
-        within: least and largest value of some parameters, by name, where the declared ones are not to be reached.
     """
 
     def __init__(
@@ -88,11 +84,8 @@ class Problem:
         sigma: FloatArray,
         symmetry_penalty: float = 0.0,
         free: Sequence[int] | None = None,
-        starts: Sequence[FloatArray] | None = None,
-        within: Mapping[str, Bounds] | None = None,
     ) -> None:
         self.model, self.bound_runs, self.sigma = model, list(bound_runs), sigma
-        self.within = dict(within or {})
         self.symmetry_penalty = symmetry_penalty
         self.free = list(model.free if free is None else free)
         self._transform = Transform([model.parameters[index] for index in self.free])
@@ -100,11 +93,8 @@ class Problem:
         step = max((bound.run.step for bound in self.bound_runs), default=_REPEATED)
         self.weight_of_priors = weight_of_priors(step)
         """What residuals of priors are multiplied by."""
-        if starts is None:
-            self._guesses = [default_start(model, bound) for bound in self.bound_runs]
-            self._spreads = [self._spread(bound) / self.weight_of_priors for bound in self.bound_runs]
-        else:
-            self._guesses, self._spreads = list(starts), [np.full(len(start), _KNOWN) for start in starts]
+        self._guesses = [default_start(model, bound) for bound in self.bound_runs]
+        self._spreads = [self._spread(bound) / self.weight_of_priors for bound in self.bound_runs]
         self._penalties = self._penalties_on_parameters(symmetry_penalty)
         declared = [model.parameters[index].declared for index in self.free]
         self._with_prior = [row for row, parameter in enumerate(declared) if parameter.prior is not None]
@@ -140,7 +130,8 @@ class Problem:
     @cached_property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
         """Least and largest admissible unknowns, shape (size,) each."""
-        admissible = np.array([self.bounds_of(index) for index in self.free]).reshape(-1, 2)
+        parameters = self.model.parameters
+        admissible = np.array([parameters[index].declared.bounds for index in self.free]).reshape(-1, 2)
         lower, upper = np.full(self.size, -np.inf), np.full(self.size, np.inf)
         lower[: len(self.free)] = self._transform.forward(admissible[:, 0])
         upper[: len(self.free)] = self._transform.forward(admissible[:, 1])
@@ -152,15 +143,6 @@ class Problem:
             lower[near] = np.where(trusted, bound.start - farthest, -np.inf)
             upper[near] = np.where(trusted, bound.start + farthest, np.inf)
         return lower, upper
-
-    def bounds_of(self, index: int) -> Bounds:
-        """The least and the largest value of the parameter of this number."""
-        parameter = self.model.parameters[index]
-        return self.within.get(parameter.name, parameter.declared.bounds)
-
-    def is_narrowed(self, index: int, side: int) -> bool:
-        """Whether `within` leaves the parameter of this number less room at its lower (0) or upper (1) bound."""
-        return self.bounds_of(index)[side] != self.model.parameters[index].declared.bounds[side]
 
     def at_bounds(self, z: FloatArray) -> tuple[BoolArray, BoolArray]:
         """Which unknowns stand at their lower bound, and which at their upper, shape (size,) each."""

@@ -68,7 +68,7 @@ class Evaluator:
 # --- The last steps to an optimum that is near: Levenberg-Marquardt, each step the exact optimum within the bounds ---
 
 
-Ending = Literal["converged", "given up", "stopped"]
+Ending = Literal["converged", "stopped"]
 
 _GAIN = 1e-6  # of the cost, a log-likelihood: some thousandth of a standard error away from the optimum
 PRECISION = 3e-8  # of the cost: where the model misses much, so little is beyond all meaning
@@ -77,7 +77,6 @@ _REACH = log(10.0)
 """In the search's coordinates, of a parameter: beyond a factor of ten the quadratic model is no guide. What vanishes to
 first order, such as the time constant of a mass without capacitance, would be sent to infinity and stay there."""
 _FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-3, 1e-7, 1e3  # relative to the Hessian's diagonal
-_HOPE, _TRIED = 3.0, 3  # a rival this many times the predicted gain away, after so many steps, is out of reach
 _POOR, _GOOD = 0.1, 0.7  # actual over predicted gain: below, damping grows; above, it shrinks
 _RIGHT, _HALF = 0.05, 0.5
 """Of the predicted gain. Where the quadratic model is so near the truth, and twice the step gains less than half by it,
@@ -90,7 +89,6 @@ def polish(
     most: int,
     stopped: Callable[[], bool],
     step_taken: Callable[[], None],
-    rival: float = np.inf,
     precision: float = PRECISION,
 ) -> Ending:
     """Step from `z` until nothing is left to gain; the evaluator keeps the best point.
@@ -105,14 +103,13 @@ def polish(
         most: how many steps to take at most.
         stopped: asked before each step.
         step_taken: called after each step.
-        rival: a cost to beat, scaled as the evaluator's; a search that has no hope of it ends.
         precision: share of the cost that is not worth another step.
 
     Returns:
-        `"converged"`: the optimum was reached; `"given up"`: it is no match for the rival; `"stopped"` before either.
+        `"converged"`: the optimum was reached; `"stopped"` before that.
     """
     damping = 0.0
-    for number in range(most):
+    for _ in range(most):
         if stopped():
             return "stopped"
         gradient, hessian = evaluator.derivatives(z)
@@ -125,8 +122,6 @@ def polish(
             return "converged"
         # A step that ends where the model is no guide any more says nothing of what lies beyond.
         trusted = bool(np.all(np.abs(free[: len(evaluator.problem.free)]) < _REACH))
-        if number >= _TRIED and trusted and before - _HOPE * predicted > rival:
-            return "given up"
         following, damping = _downhill(evaluator, z, (gradient, hessian), free, damping)
         if following is None:  # rounding in the simulation hides what is left, or the model is no guide here
             return "converged" if predicted < 100 * enough else "stopped"
@@ -300,7 +295,6 @@ def minimise(
     *,
     keep: Keep | None = None,
     near: bool = False,
-    rival: float = np.inf,
     precision: float = PRECISION,
 ) -> Solution:
     """The least weighted sum of squares, from `guess`, within the problem's bounds.
@@ -315,7 +309,6 @@ def minimise(
         iterations: how many to take at most.
         keep: called after each iteration with the best unknowns so far.
         near: the guess is a solution on coarser data, from which a few steps should do.
-        rival: a cost to beat; a search from near that has no hope of it ends, with status `"given up"`.
         precision: share of the cost that is not worth another step, for a search from near.
     """
     evaluator = Evaluator(problem)
@@ -324,15 +317,13 @@ def minimise(
     evaluator.cost(np.clip(guess, lower, upper))
     watcher.say()
     with _interrupt(watcher):
-        ended = _search(evaluator, watcher, iterations, near, rival * evaluator.scale, precision)
+        ended = _search(evaluator, watcher, iterations, near, precision)
     best, z = evaluator.best
     status = "interrupted" if watcher.interrupted else ended
     return Solution(np.clip(z, lower, upper), best / evaluator.scale, watcher.iterations, status)
 
 
-def _search(
-    evaluator: Evaluator, watcher: _Watcher, iterations: int, near: bool, rival: float, precision: float
-) -> str:
+def _search(evaluator: Evaluator, watcher: _Watcher, iterations: int, near: bool, precision: float) -> str:
     """Polish where the start is near; else IPOPT, then polish; IPOPT to its end where polishing fails."""
 
     def left() -> int:
@@ -340,7 +331,7 @@ def _search(
 
     def polished() -> Ending:
         start, stopped = evaluator.best[1].copy(), lambda: watcher.interrupted
-        return polish(evaluator, start, left(), stopped, watcher.count, rival, precision)
+        return polish(evaluator, start, left(), stopped, watcher.count, precision)
 
     if near and (ending := polished()) != "stopped":
         return ending

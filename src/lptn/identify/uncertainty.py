@@ -179,18 +179,14 @@ def _single_parameters(
     for row, name in enumerate(names):
         parameter = problem.model.parameters[problem.free[row]]
         unit = parameter.declared.unit_behind
-        if parameter.declared.nuisance:
-            continue
         if perhaps_none[row]:
             least = problem.point(z - 2 * spread[row] * (np.arange(len(z)) == row)).values[problem.free[row]]
             detail = f"; {least:.2g} K/W at least" if least > parameter.declared.bounds[0] else ", nor how much"
             warnings.append(f"{name}: these data don't tell whether heat passes there{detail}")
         elif row in at_bounds and not in_combination[row]:
             bounds, side = parameter.declared.bounds, at_bounds[row]
-            kept = f"would go to its bound beside the added effects, {bounds[side]:g}{unit}, and is kept at "
-            kept += f"{problem.bounds_of(problem.free[row])[side]:.3g}{unit}"
             ended = f"ends at its bound, {bounds[side]:g} ({bounds[0]:g} to {bounds[1]:g}{unit})"
-            warnings.append(f"{name}: {kept if problem.is_narrowed(problem.free[row], side) else ended}")
+            warnings.append(f"{name}: {ended}")
         elif parameter.declared.prior is not None and _is_far(parameter.declared, values[problem.free[row]]):
             mean, deviation = parameter.declared.prior
             value = values[problem.free[row]]

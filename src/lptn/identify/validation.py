@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -12,7 +12,7 @@ from lptn.basics.errors import InputError
 from lptn.identify.comparison import Errors, errors_of, predict
 from lptn.identify.data import DataSplit, Segment
 from lptn.identify.fitting import Checkpoint, Fit, fit
-from lptn.identify.problem import Bounds, Point
+from lptn.identify.problem import Point
 from lptn.identify.solvers import Progress
 from lptn.model.model import Model
 from lptn.simulate.bound_run import bind
@@ -29,7 +29,6 @@ def fit_segments(
     symmetry_penalty: float = 0.0,
     checkpoint: Checkpoint | None = None,
     progress: Progress | None = None,
-    within: Mapping[str, Bounds] | None = None,
 ) -> Fit:
     """Fit a model to the evaluation windows of runs.
 
@@ -40,7 +39,6 @@ def fit_segments(
         symmetry_penalty: λ of the penalty on left-right differences.
         checkpoint: keeps the best point while the search runs, and if Ctrl-C ends it; empty once the fit is done.
         progress: called after each iteration.
-        within: as for `Problem`.
     """
     bound_runs = [bind(model, s.run).count(s.evaluation).until(s.evaluation[1]) for s in segments]
     saved = checkpoint.load(model, len(segments)) if checkpoint else None
@@ -51,7 +49,6 @@ def fit_segments(
         guess=saved or near,
         progress=progress,
         keep=None if checkpoint is None else lambda point: checkpoint.offer(model, point),
-        within=within,
     )
     if checkpoint and done.status == "interrupted":
         checkpoint.save(model, done.point)
@@ -101,9 +98,9 @@ def fit_split(
     return done, trials
 
 
-def holdout_errors(done: Fit, segments: Sequence[Segment], *, own_errors: bool = True) -> Errors | None:
-    """Errors of a fitted model on runs that it never saw, `None` without any; `own_errors` as for `predict`."""
-    return errors_of([predict(done.model, segment, own_errors=own_errors) for segment in segments])
+def holdout_errors(done: Fit, segments: Sequence[Segment]) -> Errors | None:
+    """Errors of a fitted model on runs that it never saw, `None` without any."""
+    return errors_of([predict(done.model, segment) for segment in segments])
 
 
 @dataclass(frozen=True)

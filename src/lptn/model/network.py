@@ -137,11 +137,6 @@ class EffectDeclaration:
         return f"{self.name}.{parameter}.{self.where}"
 
     @property
-    def nuisance(self) -> bool:
-        """Whether it is a small error of one run's log, and no part of the model."""
-        return any(parameter.nuisance for parameter in self.parameters)
-
-    @property
     def resolved(self) -> dict[str, Parameter]:
         """All parameters of the effect, this model's values first."""
         own = {parameter.name: parameter for parameter in self.parameters}
@@ -471,21 +466,8 @@ class Network:
         return [instance for instance, index in shared if places[index] > 1]
 
     def with_effects(self, extra: Iterable[EffectDeclaration]) -> Network:
-        """The same network and more effects; an error of a run that is named is no nuisance besides."""
-        added = tuple(extra)
-        nuisances = {(declaration.effect.key, declaration.run) for declaration in self.effects if declaration.nuisance}
-        named = {
-            (declaration.effect.key, declaration.run, place)
-            for declaration in added
-            if not declaration.nuisance and (declaration.effect.key, declaration.run) in nuisances
-            for place, _ in self.places_for(declaration)
-        }
-        kept = [
-            declaration
-            for declaration in self.effects
-            if not declaration.nuisance or (declaration.effect.key, declaration.run, declaration.at) not in named
-        ]
-        return replace(self, effects=(*kept, *added))
+        """The same network and more effects."""
+        return replace(self, effects=(*self.effects, *extra))
 
     def with_values(self, values: Mapping[str, float]) -> Network:
         """The same network with parameter values replaced, by the parameters' names."""
@@ -502,18 +484,10 @@ class Network:
         object.__setattr__(other, "parameters", parameters)
         return other
 
-    def without_nuisances(self) -> Network:
-        """The same network less the nuisance parameters of single runs."""
-        return replace(self, effects=tuple(declaration for declaration in self.effects if not declaration.nuisance))
-
     def without_effect(self, key: str, at: str) -> Network:
         """The same network less the effect declared with this key and place (`"*_calf"`, `"*_calf@monday"`)."""
-        kept = tuple(
-            declaration
-            for declaration in self.effects
-            if declaration.nuisance or (declaration.effect.key, declaration.where) != (key, at)
-        )
-        return replace(self, effects=kept)
+        kept = (one for one in self.effects if (one.effect.key, one.where) != (key, at))
+        return replace(self, effects=tuple(kept))
 
 
 # --- From the declarations to the network -----------------------------------------------------------

@@ -362,10 +362,9 @@ def _kernel(model: Model, core: int, chosen: Sequence[int]) -> Kernel | None:
 def differentiated_with(model: Model, chosen: Sequence[int]) -> list[int]:
     """The parameters that derivatives are made by where some are asked for: all that a fit or a prediction may ask for.
 
-    Making derivatives takes as long as some fits do; those of a fit, and of each run's nuisance parameters, are
-    made once.
+    Making derivatives takes as long as some fits do; those of a fit are made once.
     """
-    likely = [k for k, parameter in enumerate(model.parameters) if parameter.free or parameter.declared.nuisance]
+    likely = [k for k, parameter in enumerate(model.parameters) if parameter.free]
     return likely if chosen and set(chosen).issubset(likely) else list(chosen)
 
 
