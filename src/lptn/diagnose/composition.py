@@ -203,7 +203,7 @@ class _Search:
                 continue
             self.report(f"{named(best.key)}, {100 * best.probability:.0f} % probable")
             self.refused, self.fit = (), best.fit
-            if best.declaration.where == EVERYWHERE and not best.declaration.effect.errs:
+            if best.is_structure:
                 self.structure.append(best.declaration)
             else:
                 rivals = tuple(step for step in judged[1:] if step.key in best.indistinguishable)
