@@ -14,11 +14,13 @@ _KINDS = ("order", "dependent", "tunable", "constant")  # from the least to the 
 def arrays(variables: Sequence[Variable]) -> list[Variable]:
     """The arrays that variables form, with value references behind those of all variables.
 
-    What has the same kind, quantity, unit and range at two or more places is one array, in the order of the variables;
-    hidden states and what stands at one place alone stay scalar. No two arrays get the same name: states come first.
+    What has the same kind, quantity, unit and range at two or more places is one array, in the network's order of
+    places, which the states have; hidden states and what stands at one place alone stay scalar. No two arrays get the
+    same name: states come first.
     """
     groups: dict[tuple[str, tuple[object, ...]], list[Variable]] = {}
     states = {variable.reference: variable for variable in variables if variable.kind == "state"}
+    order = {place: number for number, place in enumerate(dict.fromkeys(places_of(states.values())))}
     for variable in variables:
         source = states[variable.of] if variable.of is not None else variable
         _, member = first_place(source.name)
@@ -32,6 +34,7 @@ def arrays(variables: Sequence[Variable]) -> list[Variable]:
     for (name, _), elements in groups.items():
         if len(elements) > 1 and name not in taken:
             taken.add(name)
+            elements.sort(key=lambda element: order.get(places_of([element])[0], len(order)))
             made.append(_joined(name, len(variables) + len(made), elements, made))
     return made
 

@@ -11,9 +11,12 @@ import pytest
 from fmpy.validation import validate_fmu
 
 from lptn.basics.errors import InputError
+from lptn.basics.places import class_of
 from lptn.fmu import Session, export
+from lptn.fmu.arrays import places_of
 from lptn.fmu.cosim import cosimulate
 from lptn.fmu.ssp import write_system
+from lptn.model.file import parse_model
 from lptn.model.model import Model
 from tests.fmu.conftest import Build, network
 from tests.fmu.raw import ERROR, OK, Raw, doubles
@@ -149,3 +152,25 @@ def test_logs_drive_arrays(tmp_path: Path, built: Build) -> None:
     (one,), (other,) = (cosimulation.runs for cosimulation in done)
     assert one.outputs.keys() == other.outputs.keys()
     assert all((one.outputs[name] == other.outputs[name]).all() for name in one.outputs)
+
+
+ROBOTS = {
+    "two legs": [f"{side}_{part}" for side in ("left", "right") for part in ("hip", "knee", "ankle")],
+    "six legs": [f"leg{leg}_{part}" for leg in (4, 2, 6, 1, 3, 5) for part in ("coxa", "tibia")],
+    "children first": ["R_knee", "L_knee", "R_hip", "L_hip"],
+    "an arm": ["Schulter", "a10", "a2", "z_Ellenbogen"],
+}
+
+
+@pytest.mark.parametrize("joints", ROBOTS.values(), ids=ROBOTS)
+def test_every_array_has_the_order_in_which_the_file_lists_joints(joints: list[str], tmp_path: Path) -> None:
+    kinds = dict.fromkeys(map(class_of, joints))
+    text = f'[model]\njoints = {joints}\nambient = "temperature.ambient"\n'
+    for size, kind in enumerate(kinds, start=1):  # the file declares joints of a kind together
+        text += f'[nodes."{kind}"]\ncapacity = {100 * size}\n[[links]]\nbetween = ["{kind}", "ambient"]\n'
+        text += f'resistance = {size}\n[[effects]]\nkind = "copper_loss"\nat = "{kind}"\n'
+    exported = export(parse_model(text, tmp_path / "robot.toml"), tmp_path / "x.fmu", arrays=True, platforms=())
+    arrays = {variable.name: places_of(variable.elements) for variable in exported.arrays}
+    assert {"temperature", "torque", "capacity", "to_ambient.heat_flow", "copper_loss.torque_constant"} <= arrays.keys()
+    for name, places in arrays.items():
+        assert places == [joint for joint in joints if joint in places], name
