@@ -307,3 +307,22 @@ def test_a_spreadsheet_that_unfolds_to_a_hundred_times_its_size(
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("xl/sharedStrings.xml", b" " * 20_000_000)
     assert "unpacked" in refuse(path, read_log, path)
+
+
+@pytest.mark.parametrize("stored", ["string", "large_string", "binary", "dictionary"])
+def test_texts_of_a_parquet_file_that_unfold_to_a_hundred_times_its_size(
+    tmp_path: Path, refuse: Refuse, monkeypatch: pytest.MonkeyPatch, stored: str
+) -> None:
+    monkeypatch.setattr("lptn.logs.tables._UNPACKED", 1_000_000)
+    text = pa.array(["x" * 20_000] * 300)
+    text = text.dictionary_encode() if stored == "dictionary" else text.cast(stored)
+    table = {"time": np.arange(300.0), "temperature.a": np.full(300, 25.0), "torque.a": text}
+    path = tmp_path / "bomb.parquet"
+    pq.write_table(pa.table(table), path)
+    assert "column 'torque.a': found texts that unfold" in refuse(path, read_log, path)
+
+
+@pytest.mark.parametrize("error", [MemoryError("malloc failed"), pa.ArrowMemoryError("malloc failed")])
+def test_a_lack_of_memory_is_not_called_a_broken_file(error: MemoryError) -> None:
+    with pytest.raises(MemoryError, match="malloc failed"), tables.one_line_if_broken(Path("x"), "a whole file"):
+        raise error

@@ -248,10 +248,11 @@ def one_line_if_broken(path: Path, expected: str) -> Iterator[None]:
 
     Raises:
         InputError: there is such an error within, or an InputError, which stays as it is.
+        MemoryError: the machine has too little memory, which is not the file's fault.
     """
     try:
         yield
-    except InputError:
+    except (InputError, MemoryError):
         raise
     except Exception as error:
         raise InputError(path, "log", f"a broken file ({str(error) or type(error).__name__})", expected) from error
@@ -318,18 +319,49 @@ def open_parquet(path: Path) -> Table:
     expected = "a whole Parquet file"
     with one_line_if_broken(path, expected), pq.ParquetFile(path) as file:
         names, rows = tuple(file.schema_arrow.names), int(file.metadata.num_rows)
+        texts = [field.name for field in file.schema_arrow if _is_text(field.type)]
     COLUMNS.check(len(names), path, "columns")
 
     def read(wanted: Sequence[str]) -> pd.DataFrame:
         check_size(path, rows, len(wanted))  # such a number of rows takes few bytes to write
         at_once = max(1, _NUMBERS_AT_ONCE // max(rows, 1))
         some = [list(wanted[k : k + at_once]) for k in range(0, len(wanted), at_once)]
-        with one_line_if_broken(path, expected), pq.ParquetFile(path) as file:
-            frames = [file.read(names).to_pandas(ignore_metadata=True, split_blocks=True) for names in some]
+        with one_line_if_broken(path, expected), pq.ParquetFile(path, read_dictionary=texts) as file:
+            tables = [_with_texts_in_full(file.read(names), path) for names in some]
+            frames = [table.to_pandas(ignore_metadata=True, split_blocks=True) for table in tables]
             frame: pd.DataFrame = pd.concat(frames, axis="columns")
         return frame
 
     return Table(path, names, read, lambda row: f"row {row + 1}", "Parquet", digest=partial(fingerprint, path))
+
+
+def _is_text(kind: Any) -> bool:
+    """Whether cells of a type of `pyarrow` are text or bytes."""
+    import pyarrow as pa
+
+    return kind in (pa.string(), pa.large_string(), pa.binary(), pa.large_binary())
+
+
+def _with_texts_in_full(table: Any, path: Path) -> Any:
+    """A table of `pyarrow` whose texts, which the file holds once each, stand in every row that has them.
+
+    Raises:
+        InputError: that would be too much: 64 kB hold a megabyte that stands in 3,000 rows.
+    """
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    left = most_unpacked(path)
+    for number, (name, column) in enumerate(zip(table.column_names, table.columns, strict=True)):
+        if not (pa.types.is_dictionary(column.type) and _is_text(column.type.value_type)):
+            continue
+        for chunk in column.chunks:
+            left -= pc.sum(pc.take(pc.binary_length(chunk.dictionary), chunk.indices)).as_py() or 0
+        if left < 0:
+            found = f"texts that unfold to more than {TIMES_PACKED} times the file's size"
+            raise InputError(path, f"column '{name}'", found, "numbers and times")
+        table = table.set_column(number, name, column.cast(column.type.value_type))
+    return table
 
 
 # --- Columns with times of their own, put on the union of their times -----------------------------------
