@@ -408,13 +408,27 @@ def test_no_study_is_taken_from_where_others_can_write(tmp_path: Path) -> None:
     ours, theirs = Pipe()
     study = _opened(theirs, OPENING, tmp_path, after_a_stop=True).folder / "study.pickle"
     assert ours.recv() == ("opened", study.parent)
-    study.symlink_to(elsewhere)
-    _opened(theirs, OPENING, tmp_path, after_a_stop=True)
-    study.unlink()
     study.write_bytes(elsewhere.read_bytes())
     study.parent.chmod(0o777)
     with pytest.raises(PermissionError, match="others can write"):
         _opened(theirs, OPENING, tmp_path, after_a_stop=True)
+    assert not touched.exists()
+
+
+@pytest.mark.parametrize("name", ["study.pickle", "steps.json", "lock", "story.html"])
+def test_nothing_is_read_or_written_through_a_link_in_a_study(name: str, tmp_path: Path) -> None:
+    touched, elsewhere = tmp_path / "touched", tmp_path / "elsewhere"
+    elsewhere.write_bytes(pickle.dumps(_Payload(touched)))
+    before = elsewhere.read_bytes()
+    ours, theirs = Pipe()
+    folder = _opened(theirs, OPENING, tmp_path, after_a_stop=True).folder
+    (folder / name).unlink(missing_ok=True)
+    (folder / name).symlink_to(elsewhere)
+    again = Session(OPENING, tmp_path)
+    with pytest.raises(InputError, match=f"{name}: a link"):
+        again.open()
+    again.close()
+    assert elsewhere.read_bytes() == before
     assert not touched.exists()
 
 

@@ -14,10 +14,12 @@ def own_folder(folder: Path) -> Path:
         folder: where this user alone keeps things.
 
     Raises:
-        OSError: it can't be made, or somebody else could put a file into it.
+        OSError: it can't be made, somebody else could put a file into it, or a link in it leads elsewhere.
     """
     folder.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     folder.mkdir(mode=0o700, exist_ok=True)
+    if link := next((entry for entry in folder.iterdir() if entry.is_symlink()), None):
+        raise PermissionError(f"{link}: a link, so that what is kept there would be written elsewhere")
     if not hasattr(os, "getuid"):  # Windows keeps a user's folders to the user
         return folder
     status = folder.stat()
