@@ -9,11 +9,9 @@ from pathlib import Path
 
 from lptn.basics.style import show
 from lptn.diagnose.advice import advise
-from lptn.diagnose.candidates import candidates
-from lptn.diagnose.diagnosis import for_search
+from lptn.diagnose.diagnosis import for_search, weighed
 from lptn.diagnose.improvement import improve
 from lptn.diagnose.refits import continued, refit
-from lptn.diagnose.scores import score
 from lptn.diagnose.unexplained_heat import largest, unexplained_heat
 from lptn.identify.comparison import compare
 from lptn.identify.data import load_model, split_data
@@ -30,17 +28,16 @@ given = fit_segments(loaded.model, data.fit)
 print(f"given model: {given.rmse:.2f} K fitted, {holdout_errors(given, data.holdout).rmse:.2f} K held out")
 show(comparison_figure(compare(given.model, data.holdout)))
 
-# %% Every effect of the catalogue at every place, scored by what it would take off the misfit
+# %% Every effect of the catalogue at every place, weighed to first order beside all that every log has wrong
 coarse = for_search(data)
 base = fit_segments(loaded.model, coarse.fit)
-effects = candidates(base.model.network, data.fit[0].run.columns)
-scores = score(base, effects)
-print(f"{len(effects)} candidates; chance alone reaches {scores.threshold:.0f} once in twenty logs")
-for entry in scores.ranked[:5]:
-    print(f"  {entry.candidate.key}: {entry.gain:.0f}, p = {scores.p_value(entry.gain):.2f}")
+effects = weighed(base)
+print(f"{len(effects)} candidates; the most probable, with the logarithm of their odds to nothing:")
+for entry in effects[:5]:
+    print(f"  {entry.candidate.key}: {entry.log_odds:.1f}")
 
 # %% One of them tried exactly, by hand
-best = scores.ranked[0]
+best = effects[0]
 tried = refit(base, best.candidate.declaration(best.amplitude, best.shape))
 print(f"with {best.candidate.key}: {holdout_errors(tried, coarse.holdout).rmse:.2f} K held out")
 

@@ -26,12 +26,12 @@ from lptn import virtual
 from lptn.basics.places import EVERYWHERE, matching
 from lptn.diagnose.answers import Step
 from lptn.diagnose.candidates import candidates
+from lptn.diagnose.composition import with_priors
 from lptn.diagnose.diagnosis import for_search
 from lptn.diagnose.experiment import Experiment, possible_moves, propose
 from lptn.diagnose.experiment_runs import Move
 from lptn.diagnose.fit_statistics import TIE, criterion_difference
 from lptn.diagnose.refits import refit
-from lptn.diagnose.scores import score
 from lptn.identify.data import LoadedModel, load_model, split_data
 from lptn.identify.fitting import Fit, finished
 from lptn.identify.validation import fit_segments
@@ -196,9 +196,7 @@ def refits(loaded: LoadedModel, logs: Sequence[Path], rivals: Sequence[str], at:
     chosen = [widest[rival] for rival in rivals if rival in widest]
     if len(chosen) != len(rivals):
         raise ValueError(f"rivals {rivals} at {at}: the model has room for {[candidate.key for candidate in chosen]}")
-    scored = score(base, chosen).ranked
-    declared = [entry.candidate.declaration(entry.amplitude, entry.shape) for entry in scored]
-    steps = [Step(finished(refit(base, one)), one) for one in declared]
+    steps = [Step(finished(refit(base, one)), one) for one in (with_priors(rival, None, None) for rival in chosen)]
     return base, sorted(steps, key=lambda step: step.fit.cost)
 
 

@@ -20,6 +20,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, cast
 
+from lptn.diagnose.answers import NOTHING
 from lptn.diagnose.improvement import History, improve
 from lptn.identify.data import load_model, split_data
 from lptn.virtual import BEYOND
@@ -84,7 +85,7 @@ class Result:
         steps: effect and place of each step.
         group: names that the first step can't be told from, itself included.
         holdout: held-out RMSE of each step, the given model first [K].
-        p_value: of the best candidate: how often chance alone would score as much.
+        nothing: probability that nothing is missing.
         off: fitted minus true amplitude in standard errors, where the one hidden effect was named and both share it.
         seconds: CPU time of the search.
     """
@@ -95,7 +96,7 @@ class Result:
     steps: list[Key]
     group: list[Key]
     holdout: list[float]
-    p_value: float
+    nothing: float
     off: float | None
     seconds: float
 
@@ -119,10 +120,9 @@ def _result(case: Case, history: History, seconds: float) -> Result:
     steps = [(step.effect, step.at) for step in history.steps[1:] if step.effect and step.at]
     group = [*steps[:1], *(history.steps[1].indistinguishable if steps else ())]
     holdout = [step.holdout.rmse for step in history.steps if step.holdout]
-    best = max((score.gain for score in history.first.scores.ranked), default=0.0)
-    p_value = history.first.scores.p_value(best)
+    nothing = dict(history.first.probabilities)[NOTHING]
     return Result(
-        case, history.verdict, history.remaining, steps, group, holdout, p_value, _off(case, history), seconds
+        case, history.verdict, history.remaining, steps, group, holdout, nothing, _off(case, history), seconds
     )
 
 
@@ -219,11 +219,11 @@ def summary(results: Sequence[Result]) -> str:
 
 
 def _calibration(results: Sequence[Result]) -> str:
-    """Stated p-values and intervals against what happened."""
+    """Stated probabilities and intervals against what happened."""
     clean = [done for done in results if done.case.tier == "clean"]
-    nothing = [done.p_value for done in clean if not done.case.hidden]
+    nothing = [done.nothing for done in clean if not done.case.hidden]
     off = [abs(done.off) for done in clean if done.off is not None]
-    alarms = ", ".join(f"{sum(p <= level for p in nothing)} at p <= {level:g}" for level in (0.05, 0.1, 0.2))
+    alarms = ", ".join(f"{sum(p <= level for p in nothing)} below {level:g}" for level in (0.05, 0.1, 0.5))
     inside = ", ".join(f"{sum(o <= width for o in off)} within {width:g} SE" for width in (1.0, 1.96, 3.0))
     return f"calibration: nothing hidden, {len(nothing)} cases: {alarms}; sizes, {len(off)} cases: {inside}"
 

@@ -58,7 +58,6 @@ CONSTANTS = (
     "lptn.diagnose.fit_statistics.CLEARLY",
     "lptn.diagnose.fit_statistics.MOST",
     "lptn.diagnose.fit_statistics.HALF",
-    "lptn.diagnose.diagnosis.RUNS_DIFFER",
     "lptn.identify.problem.AT_REST",
 )
 """What decides; constants of the search for a number, such as precisions, are left out."""

@@ -1,4 +1,4 @@
-"""What advice says beyond answers: whether slow rows that nobody spoke of look like means."""
+"""What advice says beyond answers: what would have shown; whether slow rows that nobody spoke of look like means."""
 
 from __future__ import annotations
 
@@ -11,9 +11,14 @@ import pytest
 from scipy.signal import lfilter
 
 import lptn
-from lptn.diagnose.advice import advise
-from lptn.diagnose.diagnosis import diagnose
-from lptn.identify.data import DataSplit
+from lptn.basics.parameters import Parameter
+from lptn.diagnose.advice import advise, smallest
+from lptn.diagnose.diagnosis import diagnose, weighed
+from lptn.effects.constant_heat import ConstantHeat
+from lptn.identify.data import DataSplit, split_data
+from lptn.identify.validation import fit_segments
+from lptn.model.network import EffectDeclaration
+from tests.report.two_joints import NODES, make_run, robot
 
 BODY = """
 [model]
@@ -65,3 +70,19 @@ def test_slow_rows_that_are_means_are_told_with_the_line_that_says_so(tmp_path: 
         [replace(segment, run=replace(segment.run, notes=())) for segment in runs] for runs in (data.fit, data.holdout)
     ]
     assert not advise(diagnosis, diagnosis.fit, DataSplit(*map(tuple, said))).rows
+
+
+@pytest.mark.parametrize(("times", "least", "most"), [(0.0, 0, 0), (0.4, 0, 2), (1.0, 8, 10), (2.0, 10, 10)])
+def test_what_would_have_shown_does_and_half_of_it_does_not(times: float, least: int, most: int) -> None:
+    """Of ten logs, a heat of so many times the smallest is more probable than nothing in so many."""
+    heat, shown = ("constant_heat", NODES[0]), 0
+    for seed in range(10):
+        limits = smallest(weighed(fit_segments(robot(), split_data([make_run(robot(), seed, "one")]).fit)))
+        (limit,) = (one for one in limits if (one.effect, one.at) == heat)
+        assert limit.unit == "W"
+        power = Parameter("power", times * limit.amplitude, "W", (0.0, 100.0), off=0.0)
+        truth = robot(EffectDeclaration(ConstantHeat(), NODES[0], (power,)))
+        candidates = weighed(fit_segments(robot(), split_data([make_run(truth, seed, "one")]).fit))
+        (own,) = (one for one in candidates if one.candidate.key == heat)
+        shown += own.log_odds > 0
+    assert least <= shown <= most

@@ -19,11 +19,11 @@ from scipy.integrate import solve_ivp
 from lptn.basics.arrays import FloatArray
 from lptn.diagnose.answers import Step
 from lptn.diagnose.candidates import candidates
+from lptn.diagnose.composition import with_priors
 from lptn.diagnose.experiment import CLEAR, Experiment, Separation, difference, noise_density, possible_moves, propose
 from lptn.diagnose.experiment_runs import Move
 from lptn.diagnose.fit_statistics import TIE, criterion_difference
 from lptn.diagnose.refits import refit
-from lptn.diagnose.scores import score
 from lptn.identify.data import split_data
 from lptn.identify.fitting import finished, fit
 from lptn.identify.validation import fit_segments
@@ -130,8 +130,7 @@ def _refits(runs: tuple[Run, ...], keys: tuple[tuple[str, str], ...], model: str
     """Both rivals refitted, the one that explains more first."""
     base = fit_segments(_model(model), split_data(runs).fit)
     rivals = [candidate for candidate in candidates(_model(model).network, runs[0].columns) if candidate.key in keys]
-    declared = [entry.candidate.declaration(entry.amplitude, entry.shape) for entry in score(base, rivals).ranked]
-    steps = [Step(finished(refit(base, one)), one) for one in declared]
+    steps = [Step(finished(refit(base, one)), one) for one in (with_priors(rival, None, None) for rival in rivals)]
     return sorted(steps, key=lambda step: step.fit.cost)
 
 

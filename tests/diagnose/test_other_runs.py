@@ -303,7 +303,7 @@ def test_what_a_held_out_run_does_not_log_is_not_looked_for(leg: Leg) -> None:  
     lacking = replace(held_out, columns=columns)
     data = DataSplit(data.fit, (holdout_segment(lacking),))
     assert data.lacking() == {"holdout": ["speed.base"]}
-    asked = {scored.candidate.effect.key for scored in diagnose(model, data).scores.ranked}
+    asked = {scored.candidate.effect.key for scored in diagnose(model, data).weighed}
     assert "second_mass" in asked
     assert "forced_convection" not in asked
 

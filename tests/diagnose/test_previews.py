@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from lptn.basics.parameters import Parameter
-from lptn.diagnose.candidates import possible_effects
+from lptn.diagnose.diagnosis import weighed
 from lptn.diagnose.previews import Previews
 from lptn.diagnose.refits import continued
-from lptn.diagnose.scores import score
 from lptn.effects.constant_heat import ConstantHeat
 from lptn.identify.comparison import Errors, predict
 from lptn.identify.data import split_data
@@ -23,9 +22,8 @@ def test_a_preview_of_a_held_out_run_comes_near_to_the_refit() -> None:
     runs = [make_run(truth, seed, name) for seed, name in ((1, "one"), (2, "two"), (3, "three"))]
     data = split_data(runs[:2], runs[2:])
     fit = fit_segments(robot(), data.fit)
-    ranked = score(fit, possible_effects(fit, runs[0].columns)).ranked
-    answer = next(scored for scored in ranked if scored.candidate.key == ("constant_heat", NODES[0]))
-    other = next(scored for scored in ranked if scored.candidate.key == ("radiation", NODES[1]))
+    candidates = {one.candidate.key: one for one in weighed(fit)}
+    answer, other = candidates["constant_heat", NODES[0]], candidates["radiation", NODES[1]]
     (segment,), sigma = data.holdout, fit.problem.sigma
     preview, _ = Previews(fit, [answer, other]).of(segment)
 

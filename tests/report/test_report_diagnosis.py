@@ -10,15 +10,15 @@ import pytest
 from matplotlib.figure import Figure
 
 from lptn.basics.style import new_figure
+from lptn.diagnose.advice import Detectable, smallest
 from lptn.diagnose.improvement import History
-from lptn.diagnose.scores import Confusability, Detectable, smallest
 from lptn.diagnose.unexplained_heat import InputLink, UnexplainedHeat
 from lptn.effects import catalogue
 from lptn.effects.sensor_lag import SensorLag
 from lptn.identify.comparison import compare
 from lptn.model.network import EffectDeclaration
 from lptn.report import words
-from lptn.report.diagnosis_figures import plot_collinearity, plot_detectability
+from lptn.report.diagnosis_figures import plot_detectability
 from lptn.report.heat_figures import fields_figure
 from lptn.report.heat_story import HeatStory, chosen_links, heat_line_picture, heat_map_picture, worst_of
 from lptn.report.pages import story_html
@@ -152,22 +152,8 @@ def test_heat_that_stays_is_said_and_asked_about(missing: Told, heat: HeatStory)
     assert f"heat is missing most clearly at {NODES[1]} from 150 to 300 s, about 4 W (3.5 to 4.5 W)" in short["Where"]
 
 
-def test_confusion_shows_every_pair(missing: Told) -> None:
-    confusability = missing[0].first.scores.confusability
-    ax = plot_collinearity(confusability, new_figure(3.0).add_subplot())
-    assert len(ax.texts) == len(confusability.keys) ** 2
-    assert isinstance(ax.figure, Figure)
-    assert "|correlation| [1]" in _labels(ax.figure)
-    keys = tuple(("constant_heat", name) for name in "abcd")
-    matrix = np.eye(4)
-    matrix[0, 2] = matrix[2, 0] = 0.99
-    caption = words.caption_of_collinearity(Confusability(keys, matrix))
-    assert caption.endswith("one answer with several names: 1 and 3.")
-    assert "tell them apart" in words.caption_of_collinearity(Confusability(keys, np.eye(4)))
-
-
 def test_detectability_has_a_row_for_each_effect(missing: Told) -> None:
-    detectable = smallest(missing[0].first.scores)
+    detectable = smallest(missing[0].last.weighed)
     rows = reaches(detectable)
     assert len(rows) == len({entry.effect for entry in detectable})
     shares = [row.easiest.share for row in rows]

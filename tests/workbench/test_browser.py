@@ -112,12 +112,12 @@ def test_from_opening_to_a_fallen_error(browser: Browser, tmp_path: Path) -> Non
         expect(page.locator("#missing > .answers li")).to_have_count(3)
         page.locator(".answers li").first.hover()  # what it would change, at once
         expect(page.locator("#steps tbody")).to_contain_text("try: sensor lag")
-        page.locator("#scored summary").click()  # what was not refitted is foreseen, on held-out data, too
-        page.locator("#scored button").first.click()
+        page.locator("#weighed summary").click()  # what was not refitted is foreseen, on held-out data, too
+        page.locator("#weighed button").first.click()
         expect(page.locator(".view h3")).to_contain_text("by the linearised model")
         expect(page.locator("#steps tbody tr").nth(1)).to_contain_text("linearised: ")
         expect(page.locator("#steps tbody tr").nth(1).locator("td").nth(4)).to_contain_text(re.compile(r"^\d\.\d+ K$"))
-        page.locator("#scored button").first.click()
+        page.locator("#weighed button").first.click()
         _order(page, "add sensor_lag at *")
         assert _now(page) == pytest.approx(3.88, abs=0.02)
 

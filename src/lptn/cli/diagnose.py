@@ -89,7 +89,7 @@ def show_diagnosis(diagnosis: Diagnosis) -> None:
 
     held_out = f", {kelvin(diagnosis.holdout.rmse)} on the held-out ones" if diagnosis.holdout else ""
     step = diagnosis.fit.problem.bound_runs[0].run.step
-    lack = ", ".join(f"{node} {value:.2g}" for node, value in diagnosis.scores.lack_of_fit.items())
+    lack = ", ".join(f"{node} {value:.2g}" for node, value in diagnosis.lack_of_fit.items())
     print(f"The model is {VERDICTS[diagnosis.verdict]}.")
     noise = noise_alone(diagnosis.fit)
     if diagnosis.verdict == "adequate" and diagnosis.holdout and diagnosis.holdout.rmse > FAR * noise:

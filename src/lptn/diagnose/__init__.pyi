@@ -4,10 +4,9 @@ from .candidates import candidates as candidates
 from .diagnosis import Diagnosis as Diagnosis
 from .diagnosis import Verdict as Verdict
 from .diagnosis import diagnose as diagnose
+from .diagnosis import weighed as weighed
+from .evidence import FirstOrder as FirstOrder
 from .improvement import History as History
 from .improvement import improve as improve
-from .scores import Score as Score
-from .scores import Scores as Scores
-from .scores import score as score
 
 __all__: list[str]

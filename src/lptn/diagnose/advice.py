@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from math import log, log1p, sqrt
+
+import numpy as np
 
 from lptn.basics.words import short_size
 from lptn.diagnose.answers import Report, Step
-from lptn.diagnose.diagnosis import Diagnosis
+from lptn.diagnose.diagnosis import Diagnosis, weighed
+from lptn.diagnose.evidence import USUAL, FirstOrder
 from lptn.diagnose.experiment import Experiment, propose
-from lptn.diagnose.fit_statistics import TIE, criterion_difference
+from lptn.diagnose.fit_statistics import POWER, TIE, criterion_difference
+from lptn.diagnose.priors import log_priors
 from lptn.diagnose.refits import unless_interrupted
 from lptn.diagnose.runs_that_differ import RunDifference, runs_that_differ
-from lptn.diagnose.scores import Detectable, smallest
 from lptn.diagnose.unexplained_heat import HeatPeak, stretches, unexplained_heat
 from lptn.identify.data import DataSplit, Segment
 from lptn.identify.fitting import Fit
@@ -21,6 +25,55 @@ from lptn.logs.reading import ROWS_UNKNOWN
 
 _MOST_RIVALS = 4  # names for one answer among which an experiment has to decide
 _MOST_DETECTABLE = 40  # smallest sizes in the JSON; the page shows fewer
+
+
+@dataclass(frozen=True)
+class Detectable:
+    """The smallest size of one effect at one place that these data would show, four times out of five.
+
+    Args:
+        effect: its key.
+        at: its place.
+        amplitude: the size, in the amplitude's unit.
+        unit: of the amplitude.
+        share: the size as a share of the typical one.
+    """
+
+    effect: str
+    at: str
+    amplitude: float
+    unit: str
+    share: float
+
+    def as_json(self) -> dict[str, object]:
+        """The size as other tools read it."""
+        return {
+            "effect": self.effect,
+            "at": self.at,
+            "smallest": self.amplitude,
+            "unit": self.unit,
+            "share_of_typical": self.share,
+        }
+
+
+def smallest(candidates: Sequence[FirstOrder]) -> list[Detectable]:
+    """For each candidate the size that would be more probable than nothing, the easiest to see first.
+
+    To first order, by the standard error that its size has beside all else (Laplace): the size at which the evidence
+    outweighs the prior odds and the width of the prior, and what noise takes off in one log of five.
+
+    Args:
+        candidates: all that a model may lack, as `weighed` gives them.
+    """
+    odds = log_priors([one.candidate for one in candidates])
+    sizes = []
+    for one, prior in zip(candidates, (odds - np.logaddexp.reduce(odds)).tolist(), strict=True):
+        typical, sides = one.candidate.typical, 2.0 if one.candidate.one_sided else 1.0
+        against = 0.5 * log1p((USUAL * typical / one.standard_error) ** 2) - log(sides) - prior
+        size = (sqrt(2.0 * max(against, 0.0)) + POWER) * one.standard_error
+        effect, at = one.candidate.key
+        sizes.append(Detectable(effect, at, size, one.candidate.amplitude.unit, size / typical))
+    return sorted(sizes, key=lambda limit: limit.share)
 
 
 @dataclass(frozen=True, repr=False)
@@ -91,7 +144,7 @@ def advise(
     return Advice(
         propose(rivals[:_MOST_RIVALS]) if len(rivals) > 1 else None,
         stretches(unexplained_heat(last)),
-        smallest(diagnosis.scores),
+        smallest(diagnosis.weighed if last is diagnosis.fit else weighed(last)),
         runs_that_differ(last, data.holdout) if added else [],
         _rows_as_means(last, data),
     )

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -20,10 +21,10 @@ from lptn.basics.tables import Tabular
 from lptn.diagnose.answers import NOTHING, Key, Report, Step, named
 from lptn.diagnose.candidates import AMBIENT_ERROR, SURFACE_ERROR, TORQUE_ERROR, possible_effects
 from lptn.diagnose.composition import FREED, composition
-from lptn.diagnose.evidence import ErrorsOfRuns
+from lptn.diagnose.evidence import ErrorsOfRuns, Evidence, FirstOrder, allowances
 from lptn.diagnose.fit_statistics import LACKING, MOST, explained_elsewhere, explains, lack_of_fit, standing_out
+from lptn.diagnose.priors import log_priors
 from lptn.diagnose.refits import unless_interrupted
-from lptn.diagnose.scores import Scores, score
 from lptn.identify.comparison import Errors
 from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit
@@ -43,7 +44,8 @@ class Diagnosis(Tabular):
             `"unexplained"`: misfit that the catalogue does not remove.
         fit: the fitted baseline.
         holdout: its errors on held-out runs as they were logged, `None` without any.
-        scores: all candidates, to first order.
+        lack_of_fit: of each node: mean square of the one-minute means of what the baseline leaves, over the most that
+            noise would.
         steps: what is missing, each with the fit of the model that has all of it: what all parts have in common, then
             what sets one apart.
         rivals: for what the data can't tell from another of these, the exact fits of both; empty where all are told.
@@ -54,7 +56,7 @@ class Diagnosis(Tabular):
     verdict: Verdict
     fit: Fit
     holdout: Errors | None
-    scores: Scores
+    lack_of_fit: dict[str, float]
     steps: tuple[Step, ...] = ()
     rivals: tuple[Step, ...] = ()
     refused: tuple[Step, ...] = ()
@@ -88,10 +90,15 @@ class Diagnosis(Tabular):
             for (effect, at), probability in self.probabilities
         ]
 
+    @cached_property
+    def weighed(self) -> list[FirstOrder]:
+        """All that the fitted model may lack, to first order, the most probable first; worked out when asked for."""
+        return weighed(self.fit)
+
     @property
     def only_held_out_runs_object(self) -> bool:
         """Whether the fitted runs have nothing against the model, and held-out runs have."""
-        return self.verdict == "unexplained" and not self.scores.is_lacking and not self.steps
+        return self.verdict == "unexplained" and not self.steps and is_met(self.lack_of_fit)
 
     @property
     def summary(self) -> str:
@@ -138,7 +145,7 @@ class Diagnosis(Tabular):
             "verdict": self.verdict,
             "rmse_fit": self.fit.rmse,
             "rmse_holdout": before,
-            "lack_of_fit": self.scores.lack_of_fit,
+            "lack_of_fit": self.lack_of_fit,
             "probabilities": self.probabilities_as_json(),
             "candidates": listed,
         }
@@ -203,28 +210,40 @@ def examine(
     report: Report = lambda _: None,
 ) -> Diagnosis:
     """`diagnose` for a model that is fitted already, on data of the step it was fitted with."""
-    columns = set.intersection(*(set(segment.run.columns) for segment in data.fit))
-    scores = score(base, possible_effects(base, columns))
-    given = Step(base).predicting(data)
-    made = composition(base, data, most=most, whole=scores.is_lacking, errors=errors, executor=executor, report=report)
+    lack, given = lack_of_fit(base), Step(base).predicting(data)
+    made = composition(base, data, most=most, whole=not is_met(lack), errors=errors, executor=executor, report=report)
     if not made.steps and made.fit.cost < (1.0 - FREED) * base.cost:  # the given fit stood in a local minimum
         return examine(made.fit, data, most=most, errors=errors, executor=executor, report=report)
     last = Step(made.fit).predicting(data)
     steps = tuple(replace(step, holdout=last.holdout, predicted=last.predicted) for step in made.steps)
-    verdict = _verdict(given, last, scores, steps)
-    return Diagnosis(verdict, base, given.holdout, scores, steps, made.rivals, made.refused, made.fitted)
+    verdict = _verdict(given, last, lack, steps, (errors or ErrorsOfRuns()).ambient)
+    return Diagnosis(verdict, base, given.holdout, lack, steps, made.rivals, made.refused, made.fitted)
 
 
-def _verdict(given: Step, last: Step, scores: Scores, steps: Sequence[Step]) -> Verdict:
+def _verdict(given: Step, last: Step, lack: dict[str, float], steps: Sequence[Step], ambient: float) -> Verdict:
     base = given.fit
-    if not scores.is_lacking and not steps:
-        agree = not any(standing_out(base, prediction, RUNS_DIFFER) for prediction in given.predicted)
+    if is_met(lack) and not steps:  # two runs differ by the errors of their air alone
+        agree = not any(standing_out(base, prediction, ambient) for prediction in given.predicted)
         return "adequate" if agree else "unexplained"
     if not steps or not explained_elsewhere(base, given.holdout, last.holdout):
         return "unexplained"
-    nothing_left = all(value <= LACKING for value in lack_of_fit(last.fit, scores.noise).values())
-    return "missing" if nothing_left or explains(MOST, base, last.fit, scores.noise) else "unexplained"
+    return "missing" if is_met(lack_of_fit(last.fit)) or explains(MOST, base, last.fit) else "unexplained"
 
 
-RUNS_DIFFER = 0.3
-"""K; two runs differ by so much in their air and sensors alone."""
+def is_met(lack: dict[str, float]) -> bool:
+    """Whether no node's readings are met worse than noise would leave them, from `lack_of_fit`."""
+    return all(value <= LACKING for value in lack.values())
+
+
+def weighed(fit: Fit, errors: ErrorsOfRuns | None = None) -> list[FirstOrder]:
+    """All that a fitted model may lack, to first order, the most probable first.
+
+    Args:
+        fit: the fitted model.
+        errors: how far a log may be off.
+    """
+    columns = set.intersection(*(set(bound.run.columns) for bound in fit.problem.bound_runs))
+    possible = possible_effects(fit, columns)
+    odds = log_priors(possible)
+    evidence = Evidence(fit, allowances(fit, possible, errors or ErrorsOfRuns()), possible)
+    return evidence.first_order(odds - np.logaddexp.reduce(odds))

@@ -25,7 +25,7 @@ from lptn.basics.parameters import Parameter
 from lptn.basics.processes import one_blas_thread
 from lptn.diagnose.candidates import AMBIENT_ERROR, SURFACE_ERROR, TORQUE_ERROR, Candidate, Site
 from lptn.diagnose.fit_statistics import block_misfits, fitted_errors, independent_readings, predicted_errors
-from lptn.diagnose.scores import derivatives, pushed_beyond_bounds
+from lptn.diagnose.traces import derivatives, pushed_beyond_bounds
 from lptn.effects.ambient_offset import AmbientOffset
 from lptn.effects.loss_scale import LossScale
 from lptn.effects.sensor_offset import SensorOffset
@@ -110,12 +110,14 @@ class FirstOrder:
         log_odds: of the model with it, and the candidate's prior odds, to the model without.
         amplitude: its size beside where it is off, in the amplitude's unit.
         shape: the shape of its grid that explains most.
+        standard_error: of the amplitude, beside all else.
     """
 
     candidate: Candidate
     log_odds: float
     amplitude: float
     shape: float | None
+    standard_error: float
 
 
 class Evidence:
@@ -273,7 +275,8 @@ class Evidence:
                 log_odds = prior + float(np.log(np.sum(weights * np.exp(odds - odds.max()))) + odds.max())
                 log_odds += log(2.0) if one.one_sided and pull > 0 else 0.0
                 if best is None or log_odds > best.log_odds:
-                    best = FirstOrder(one, log_odds, min(max(pull / information, least), most), shape)
+                    size = min(max(pull / information, least), most)
+                    best = FirstOrder(one, log_odds, size, shape, information**-0.5)
             weighed += [] if best is None else [best]
         return sorted(weighed, key=lambda entry: -entry.log_odds)
 

@@ -1,20 +1,18 @@
-"""Statistics of fits: which of two is better, whether they differ beyond chance, how far residuals are beyond noise.
+"""Statistics of fits: how many readings are independent, which of two fits is better, how far errors are beyond noise.
 
-All of them respect that residuals of a thermal model repeat each other for minutes: the information criterion counts
-independent residuals only, fits are compared by blocks of ten minutes, and the lack of fit looks at means
-over a minute, where noise averages out and a missing effect does not.
+All of them respect that errors of a thermal model repeat each other for minutes: independent ones are counted, and what
+noise leaves is asked of means over a minute.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from math import log
+from math import log, sqrt
 
 import numpy as np
 
-from lptn.basics.arrays import BoolArray, FloatArray, IntArray
-from lptn.basics.places import EVERYWHERE, is_of_run
+from lptn.basics.arrays import FloatArray, IntArray
 from lptn.identify.comparison import Errors, Prediction
 from lptn.identify.fitting import Fit
 from lptn.identify.noise import PLAIN
@@ -142,105 +140,110 @@ class Removed:
         )
 
 
-# --- Lack of fit: how far residuals are beyond noise, node by node -------------------------------
+# --- How far errors are beyond noise, over means of a minute: there noise averages out, a missing effect does not --
 
 
 BLOCK = 60.0
-"""s; noise averages out over a block so long, a missing effect does not."""
+"""s; what a sensor's noise changes from reading to reading is gone in means over so long, and no joint's temperature
+changes much faster."""
 NEGLIGIBLE = 0.04
 """K; nobody looks for an effect that leaves less on one node's one-minute means."""
 LACKING = 1.5
-"""Times what chance leaves at most, beyond which a lack of fit is no noise."""
+"""Times what chance leaves at most, beyond which a misfit is no noise: of a sensor's noise, which is estimated from the
+readings, a fifth more or less is within the estimate's error."""
+CLEARLY = 2.0
+"""Times the error on the fitted runs: no model predicts quite as well as it fits."""
 MOST = 0.8
 """Share of the squared misfit beyond noise that what was found must explain to be what is missing: errors fall by more
 than half."""
 HALF = 0.5
-"""Share of it that the steps of a search must explain, since held-out runs chose them; share of a held-out error,
-squared and beyond noise, that must go with it; and share of its own sensors' misfit that an error of the log must."""
+"""Share of the squared error beyond noise of held-out runs that must go with it: they differ in themselves, too."""
+_LOGS = 200  # simulated for what noise leaves: one in twenty is then known to a tenth
 
 
 @dataclass(frozen=True)
-class NoiseLevel:
-    """What a perfect model would leave at each node: mean squares of block means of weighted residuals.
+class MinuteMeans:
+    """Mean square of one-minute means of one node's errors [K²].
 
     Args:
-        mean: over many simulated logs.
-        limit: exceeded in one log of twenty, with what is negligible on top.
+        square: of the errors.
+        noise: what the sensor's noise and steps leave.
+        limit: exceeded by them in one log of twenty, with what is negligible on top.
     """
 
-    mean: dict[str, float]
-    limit: dict[str, float]
-
-    @classmethod
-    def of(cls, fit: Fit, noise: FloatArray) -> NoiseLevel:
-        """From simulated noise.
-
-        Args:
-            fit: whose residuals are judged.
-            noise: weighted residuals of a perfect model, shape (rows, trials), in the order of the problem's.
-        """
-        squares = _mean_squares(fit, noise)
-        sigma = dict(zip(fit.model.nodes, fit.problem.sigma, strict=True))
-        return cls(
-            {node: float(trials.mean()) for node, trials in squares.items()},
-            {
-                node: float(np.quantile(trials, 0.95)) + (NEGLIGIBLE / sigma[node]) ** 2
-                for node, trials in squares.items()
-            },
-        )
+    square: float
+    noise: float
+    limit: float
 
 
-def lack_of_fit(fit: Fit, noise: NoiseLevel) -> dict[str, float]:
-    """Mean square of each node's block means as a share of the most that noise leaves.
+def minute_means(fit: Fit, row: int, runs: Sequence[RunErrors]) -> MinuteMeans | None:
+    """What a node's errors are over minutes, beside what its sensor would leave of a perfect model.
 
-    All that the fit left counts. To first order its parameters could imitate some of it: of one that the data say
-    nothing of, the derivative may have any shape, and the slope is all but zero.
+    Readings of a perfect model are simulated: with white noise, and rounded to a coarse sensor's steps, which lie
+    anywhere.
 
     Args:
-        fit: a fit to the runs that `noise` was simulated for.
-        noise: what a perfect model would leave.
+        fit: has the sensors' noise.
+        row: of the node.
+        runs: with their errors.
+
+    Returns:
+        `None` where no minute is whole.
     """
-    squares = _mean_squares(fit, fit.problem.residuals(fit.z)[:, None])
-    return {node: float(squares[node][0] / limit) for node, limit in noise.limit.items() if node in squares}
+    rng, white, step = np.random.default_rng(0), fit.noise.white[row], fit.noise.step[row]
+    squares, simulated = [np.zeros(0)], [np.zeros((0, _LOGS))]
+    for bound, error in runs:
+        counted = bound.counted[row] & np.isfinite(error[row])
+        size = max(1, round(BLOCK / bound.run.step))
+        whole = int(counted.sum()) // size * size
+        own = error[row][counted][:whole]
+        clean = (bound.measured[row][counted][:whole] + own)[:, None]
+        read = clean + rng.normal(0.0, white, (whole, _LOGS))
+        if step > 0:
+            phase = rng.uniform(0.0, step, _LOGS)
+            read = np.round((read + phase) / step) * step - phase
+        squares.append(own.reshape(-1, size).mean(axis=1) ** 2)
+        simulated.append((read - clean).reshape(-1, size, _LOGS).mean(axis=1) ** 2)
+    square = np.concatenate(squares)
+    if not square.size:
+        return None
+    noise = np.vstack(simulated).mean(axis=0)
+    limit = float(np.quantile(noise, 0.95)) + NEGLIGIBLE**2
+    return MinuteMeans(float(square.mean()), float(noise.mean()), limit)
 
 
-def explains(
-    share: float, base: Fit, larger: Fit, noise: NoiseLevel, nodes: Collection[str] = (), runs: str = EVERYWHERE
-) -> bool:
+def lack_of_fit(fit: Fit) -> dict[str, float]:
+    """Mean square of each node's one-minute means over the fitted runs, as a share of the most that noise leaves."""
+    means = _of_nodes(fit)
+    return {node: own.square / own.limit for node, own in means.items()}
+
+
+def _of_nodes(fit: Fit) -> dict[str, MinuteMeans]:
+    means = {node: minute_means(fit, row, fitted_errors(fit)) for row, node in enumerate(fit.model.nodes)}
+    return {node: own for node, own in means.items() if own is not None}
+
+
+def explains(share: float, base: Fit, larger: Fit) -> bool:
     """Whether a larger model removes more than a share of the misfit beyond noise.
 
-    Of single readings where these show it plainly, since a lag or a clock is over within a minute; else of block
-    means, since noise and steps of 1 K hide the rest.
+    Of single readings where these show it plainly, since a lag or a clock is over within a minute; else of means over
+    a minute, since noise and steps of 1 K hide the rest.
 
     Args:
         share: of the misfit.
         base: the smaller model's fit.
-        larger: the larger model's fit to the same runs.
-        noise: what a perfect model would leave.
-        nodes: of which it is asked; of all by default.
-        runs: name or glob of those of which it is asked; of all by default.
+        larger: the larger model's fit to the same runs, weighed alike.
     """
-    asked = np.array([not nodes or node in nodes for node in base.model.nodes])
-    share_of_noise = (base.noise.floor / base.problem.sigma) ** 2
-    own = [bound for bound in base.problem.bound_runs if is_of_run(bound.run.name, runs)]
-    floor = float(sum((bound.counted.sum(axis=1) * share_of_noise)[asked].sum() for bound in own))
-    before, after = (_squares(fit, base.problem.sigma, asked, runs) for fit in (base, larger))
-    if before > PLAIN * floor:
-        return before - after > share * (before - floor)
-    before, after = (_beyond_noise(fit, noise, asked, runs) for fit in (base, larger))
-    return before - after > share * max(before, 0.0)
-
-
-def _squares(fit: Fit, sigma: FloatArray, asked: BoolArray, runs: str) -> float:
-    """Sum of squared weighted errors of some nodes in some of the fitted runs."""
-    errors = [(bound, error) for bound, error in fitted_errors(fit) if is_of_run(bound.run.name, runs)]
-    return float(block_misfits(errors, sigma)[0][:, asked].sum())
-
-
-def _beyond_noise(fit: Fit, noise: NoiseLevel, asked: BoolArray, runs: str) -> float:
-    squares = _mean_squares(fit, fit.problem.residuals(fit.z)[:, None], runs)
-    nodes = [node for node, wanted in zip(fit.model.nodes, asked, strict=True) if wanted and node in squares]
-    return sum(float(squares[node][0]) - noise.mean[node] for node in nodes)
+    before, after = (float(np.sum(fit.problem.residuals(fit.z)[: fit.problem.readings] ** 2)) for fit in (base, larger))
+    readings = sum(bound.counted.sum(axis=1) for bound in base.problem.bound_runs)
+    floor = float(np.sum(readings * (base.noise.floor / base.problem.sigma) ** 2))
+    if before <= PLAIN * floor:
+        sigma = dict(zip(base.model.nodes, base.problem.sigma.tolist(), strict=True))
+        noise, now = _of_nodes(base), _of_nodes(larger)
+        before = sum(own.square / sigma[node] ** 2 for node, own in noise.items())
+        after = sum(own.square / sigma[node] ** 2 for node, own in now.items())
+        floor = sum(own.noise / sigma[node] ** 2 for node, own in noise.items())
+    return before - after > share * max(before - floor, 0.0)
 
 
 def explained_elsewhere(base: Fit, before: Errors | None, after: Errors | None) -> bool:
@@ -259,39 +262,6 @@ def explained_elsewhere(base: Fit, before: Errors | None, after: Errors | None) 
     return after.rmse**2 <= max(before.rmse**2 - HALF * (before.rmse**2 - floor), floor)
 
 
-def _squares_by_node(runs: Sequence[RunErrors]) -> FloatArray:
-    """Mean square of each node's one-minute means of the errors [K²], shape (nodes,); 0 without any."""
-    squares: list[list[FloatArray]] = [[] for _ in runs[0][1]]
-    for bound, errors in runs:
-        size = max(1, round(BLOCK / bound.run.step))
-        for own, error in zip(squares, np.where(bound.counted, errors, np.nan), strict=True):
-            own.append(_block_squares(error, size))
-    return np.array([np.concatenate(own).mean() if any(blocks.size for blocks in own) else 0.0 for own in squares])
-
-
-def _mean_squares(fit: Fit, residuals: FloatArray, runs: str = EVERYWHERE) -> dict[str, FloatArray]:
-    """Mean square of each node's block means in some runs, shape (trials,), of weighted residuals (rows, trials)."""
-    start = 0
-    squares: dict[str, list[FloatArray]] = {node: [] for node in fit.model.nodes}
-    for bound in fit.problem.bound_runs:
-        size = max(1, round(BLOCK / bound.run.step))
-        for row, node in enumerate(fit.model.nodes):
-            count = int(bound.counted[row].sum())
-            whole_blocks = residuals[start : start + count // size * size]
-            if is_of_run(bound.run.name, runs):
-                squares[node].append(whole_blocks.reshape(-1, size, residuals.shape[1]).mean(axis=1) ** 2)
-            start += count
-    stacked = {node: np.vstack(blocks) for node, blocks in squares.items() if blocks}
-    return {node: np.asarray(blocks.mean(axis=0)) for node, blocks in stacked.items() if blocks.size}
-
-
-# --- Runs that a model predicts clearly worse than it fits ---------------------------------------
-
-
-CLEARLY = 2.0
-"""Times the error on the fitted runs: no model predicts quite as well as it fits."""
-
-
 def standing_out(fit: Fit, before: Prediction, least: float = NEGLIGIBLE) -> dict[str, tuple[float, float]]:
     """Nodes where a run is predicted clearly worse than the fitted runs are met, with both errors [K].
 
@@ -305,23 +275,10 @@ def standing_out(fit: Fit, before: Prediction, least: float = NEGLIGIBLE) -> dic
     Returns:
         For each such node the root mean square of one-minute means in this run and in the fitted ones, the worst first.
     """
-    from scipy.special import chdtri  # heavy, and few commands need it
-
-    size = max(1, round(BLOCK / before.bound.run.step))
-    errors = {}
-    for row, (node, usual) in enumerate(zip(fit.model.nodes, _squares_by_node(fitted_errors(fit)), strict=True)):
-        squares = _block_squares(before.error[row], size)
-        if not squares.size:
-            continue
-        # A sensor's steps do not average out while the temperature stands.
-        noise = fit.noise.white[row] ** 2 / size + fit.noise.step[row] ** 2 / 12
-        chance = noise * float(chdtri(squares.size, 0.05)) / squares.size
-        if squares.mean() > max(CLEARLY**2 * usual, LACKING * chance, least**2):
-            errors[node] = (float(np.sqrt(squares.mean())), float(np.sqrt(usual)))
+    errors, usual = {}, _of_nodes(fit)
+    for row, node in enumerate(fit.model.nodes):
+        own = minute_means(fit, row, predicted_errors([before]))
+        known = usual[node].square if node in usual else 0.0
+        if own is not None and own.square > max(CLEARLY**2 * known, LACKING * own.limit, least**2):
+            errors[node] = sqrt(own.square), sqrt(known)
     return dict(sorted(errors.items(), key=lambda item: -item[1][0]))
-
-
-def _block_squares(error: FloatArray, size: int) -> FloatArray:
-    """Squared means of the error over full blocks of readings that count, shape (blocks,)."""
-    counted = error[np.isfinite(error)]
-    return np.asarray(counted[: counted.size // size * size].reshape(-1, size).mean(axis=1) ** 2)

@@ -16,12 +16,11 @@ import pandas as pd
 
 from lptn.basics.tables import Tabular
 from lptn.diagnose.answers import Report, Step
-from lptn.diagnose.candidates import AMBIENT_ERROR, SURFACE_ERROR, TORQUE_ERROR, possible_effects
-from lptn.diagnose.diagnosis import Diagnosis, Verdict, examine, for_search
+from lptn.diagnose.candidates import AMBIENT_ERROR, SURFACE_ERROR, TORQUE_ERROR
+from lptn.diagnose.diagnosis import Diagnosis, Verdict, examine, for_search, is_met
 from lptn.diagnose.evidence import ErrorsOfRuns
-from lptn.diagnose.fit_statistics import LACKING, Removed, lack_of_fit
+from lptn.diagnose.fit_statistics import Removed, lack_of_fit
 from lptn.diagnose.refits import continued, unless_interrupted
-from lptn.diagnose.scores import score
 from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit
 from lptn.identify.problem import Point
@@ -218,12 +217,9 @@ def improve(
     if len(steps) == 1:
         return History(first.verdict, first.verdict, tuple(steps), first, first, first.considered)
     last_fit = first.steps[-1].fit
-    columns = set.intersection(*(set(segment.run.columns) for segment in coarse.fit))
-    left = lack_of_fit(last_fit, first.scores.noise)
-    remaining: Verdict = "adequate" if all(value <= LACKING for value in left.values()) else "unexplained"
-    final = Step(last_fit).predicting(coarse)
-    scores = score(last_fit, possible_effects(last_fit, columns))
-    last_diagnosis = Diagnosis(remaining, last_fit, final.holdout, scores, refused=first.refused)
+    left = lack_of_fit(last_fit)
+    remaining: Verdict = "adequate" if is_met(left) else "unexplained"
+    last_diagnosis = Diagnosis(remaining, last_fit, first.steps[-1].holdout, left, refused=first.refused)
     return History(first.verdict, remaining, tuple(steps), first, last_diagnosis, first.considered, rivals=first.rivals)
 
 

@@ -10,7 +10,8 @@ import numpy as np
 from lptn.basics.arrays import BoolArray, FloatArray
 from lptn.basics.processes import one_blas_thread
 from lptn.diagnose.candidates import Site
-from lptn.diagnose.scores import Score, derivatives, pushed_beyond_bounds
+from lptn.diagnose.evidence import FirstOrder
+from lptn.diagnose.traces import derivatives, pushed_beyond_bounds
 from lptn.identify.comparison import Prediction, predict
 from lptn.identify.data import Segment
 from lptn.identify.fitting import Fit
@@ -23,34 +24,34 @@ from lptn.simulate.simulation import sensitivity_windows
 class Previews:
     """Runs as they would be predicted with each candidate added and all else refitted, to first order.
 
-    The candidate has its first-order size, and the fitted parameters take back what they can imitate of it in the
-    fitted runs; the start of a run goes with both, as its first readings have it.
+    The candidate has the size, within its bounds, that explains most of what the fit leaves, and the fitted parameters
+    take back what they can imitate of it; the start of a run goes with both, as its first readings have it.
 
     Args:
-        fit: the baseline that was scored.
-        scores: of the candidates.
+        fit: the baseline.
+        candidates: with the shapes that they have.
     """
 
     @one_blas_thread
-    def __init__(self, fit: Fit, scores: Sequence[Score]) -> None:
+    def __init__(self, fit: Fit, candidates: Sequence[FirstOrder]) -> None:
         self._fit = fit
-        self._places = list(dict.fromkeys(site for score in scores for site in score.candidate.sites(score.shape)))
-        acts = [set(score.candidate.sites(score.shape)) for score in scores]
-        sizes = np.array(
-            [
-                [score.amplitude * (site in own) for score, own in zip(scores, acts, strict=True)]
-                for site in self._places
-            ]
-        ).reshape(len(self._places), len(scores))
+        acts = [one.candidate.sites(one.shape) for one in candidates]
+        self._places = list(dict.fromkeys(site for own in acts for site in own))
+        has = np.array([[float(site in own) for own in acts] for site in self._places])
+        has = has.reshape(len(self._places), len(acts))
         residuals, baseline = fit.problem.jacobian(fit.z)
         able = ~pushed_beyond_bounds(fit, baseline.T @ residuals)
         length = np.maximum(np.linalg.norm(baseline[:, able], axis=0), np.finfo(float).tiny)
-        alone = derivatives(fit, self._places) @ sizes
-        adapted = np.zeros((baseline.shape[1], len(scores)))
+        alone = derivatives(fit, self._places) @ has
+        adapted = np.zeros((baseline.shape[1], len(acts)))
         adapted[able] = -np.linalg.lstsq(baseline[:, able] / length, alone)[0] / length[:, None]
-        self._change = alone + baseline @ adapted  # of the weighted residuals, shape (rows, candidates)
+        change = alone + baseline @ adapted  # of the weighted residuals by a unit of each candidate
+        lower, upper = np.array([one.candidate.room for one in candidates]).reshape(-1, 2).T
+        sizes = -change.T @ residuals / np.maximum(np.sum(change**2, axis=0), np.finfo(float).tiny)
+        sizes = np.clip(sizes, lower, upper)
+        self._change = change * sizes  # shape (rows, candidates)
         parameters = adapted[: len(fit.problem.free)] * fit.problem.slope(fit.point.values)[:, None]
-        self._steps = np.vstack([parameters, sizes])  # in their units, shape (free parameters + places, candidates)
+        self._steps = np.vstack([parameters, has]) * sizes  # in their units, (free parameters + places, candidates)
 
     def of_fitted_runs(self) -> list[FloatArray]:
         """Readings [degC] of each fitted run, shape (candidates, nodes, n), NaN where nothing was measured."""

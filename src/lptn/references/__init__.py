@@ -115,7 +115,7 @@ def citations(text: str) -> tuple[Citation, ...]:
     """The citations in a text, in its order.
 
     A bracket is a citation when it names a place, or when its key ends with a year or is in the bibliography:
-    `[Wh]` is none, `[Wu1986]` is.
+    `[Wh]` is none, `[Geyer1992]` is.
 
     Raises:
         InputError: a citation names a work or a place that the bibliography hasn't.

@@ -4,7 +4,6 @@ from .comparison_figures import plot_errors as plot_errors
 from .comparison_figures import plot_temperatures as plot_temperatures
 from .comparison_figures import predictions_figure as predictions_figure
 from .comparison_figures import versus_figure as versus_figure
-from .diagnosis_figures import plot_collinearity as plot_collinearity
 from .diagnosis_figures import plot_detectability as plot_detectability
 from .diagnosis_figures import plot_history as plot_history
 from .diagnosis_figures import plot_probabilities as plot_probabilities

@@ -6,18 +6,15 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
-from matplotlib.cm import ScalarMappable
-from matplotlib.colors import Normalize
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from lptn.basics.style import BEST, FAINT, GIVEN, INK, SMALL, TEXT, dress, new_axes, plain
 from lptn.basics.words import short_size
+from lptn.diagnose.advice import Detectable
 from lptn.diagnose.answers import LIKELY, Step
 from lptn.diagnose.improvement import History
-from lptn.diagnose.scores import Confusability, Detectable
 from lptn.report.shown import noise_alone, reaches, weighed_effects
 from lptn.report.text import named, place_of, title_of, unit_text
 
@@ -120,47 +117,6 @@ def plot_probabilities(history: History, ax: Axes | None = None) -> Axes:
     return ax
 
 
-# --- candidates that leave the same trace: what these data can't tell apart ---------------------------------
-
-
-_ROW = 0.3  # inch
-_MAP, _DARK = colormaps["cividis_r"], 0.6  # correlation above which writing must be white
-
-
-def collinearity_height(result: Confusability) -> float:
-    """Height of `plot_collinearity` [inch]."""
-    return _FRAME + _ROW * len(result.keys)
-
-
-def plot_collinearity(result: Confusability, ax: Axes | None = None) -> Axes:
-    """Absolute correlation of the candidates' traces, 1 for two that these data can't tell apart at all.
-
-    Args:
-        result: of `lptn.diagnose.scores.confusability`.
-        ax: where to draw; by default new axes.
-    """
-    ax = new_axes(collinearity_height(result)) if ax is None else ax
-    count = len(result.keys)
-    norm = Normalize(0.0, 1.0)
-    ax.imshow(result.matrix, cmap=_MAP, norm=norm, aspect="auto", interpolation="nearest")
-    for row in range(count):
-        for column in range(count):
-            value = float(result.matrix[row, column])
-            ink = "white" if value > _DARK else "black"
-            text = "–" if row == column else f"{value:.2f}"
-            ax.text(column, row, text, ha="center", va="center", size=SMALL, color=ink)
-    ax.set_xticks(range(count), [str(number) for number in range(1, count + 1)])
-    names = [f"{plain(named(*key))}\u2002{number}" for number, key in enumerate(result.keys, start=1)]
-    ax.set_yticks(range(count), names)
-    ax.xaxis.tick_top()
-    ax.tick_params(length=0, labelsize=SMALL)
-    ax.spines[:].set_visible(False)
-    bar = ax.figure.colorbar(ScalarMappable(norm, _MAP), ax=ax, fraction=0.025, pad=0.01, aspect=20)
-    bar.set_label("|correlation| [1]", size=TEXT)
-    bar.ax.tick_params(labelsize=SMALL)
-    return ax
-
-
 # --- what the data could have shown: the smallest size of each effect that they would reveal ----------------
 
 
@@ -178,7 +134,7 @@ def plot_detectability(sizes: Sequence[Detectable], ax: Axes | None = None) -> A
     """Smallest size that would show, as a share of the typical one, from the easiest place to the hardest.
 
     Args:
-        sizes: of `lptn.diagnose.scores.smallest`.
+        sizes: of `lptn.diagnose.advice.smallest`.
         ax: where to draw; by default new axes.
     """
     ax = new_axes(detectability_height(sizes)) if ax is None else ax

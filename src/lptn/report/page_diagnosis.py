@@ -6,11 +6,11 @@ import numpy as np
 from markupsafe import Markup
 
 from lptn.basics.words import short_size
+from lptn.diagnose.advice import Detectable
 from lptn.diagnose.answers import LIKELY
 from lptn.diagnose.improvement import History
-from lptn.diagnose.scores import Confusability, Detectable
 from lptn.report.shown import noise_alone, reaches, weighed_effects
-from lptn.report.svg import LETTER, WIDE, Drawing, Panel, strength
+from lptn.report.svg import LETTER, WIDE, Drawing, Panel
 from lptn.report.text import kelvin, named, percent, place_of, title_of, unit_text
 
 # --- the history: how the errors fall from step to step -----------------------------------------------------
@@ -86,33 +86,6 @@ def probability_figure(history: History) -> Markup:
     return draw.svg("probability of each effect that was fitted")
 
 
-# --- candidates that leave the same trace: what these data can't tell apart ---------------------------------
-
-
-_SQUARE = 24.0  # px, height of a cell
-_ON_DARK = 0.55  # strength of a colour from which writing on it takes the paper's colour
-
-
-def collinearity_figure(result: Confusability) -> Markup:
-    """Absolute correlation of the candidates' traces, 1 for two that these data can't tell apart at all."""
-    count = len(result.keys)
-    names = [f"{named(*key)}  {number}" for number, key in enumerate(result.keys, start=1)]
-    left = min(LETTER * max(map(len, names)) + 14, 430.0)
-    wide = (WIDE - left - 10) / count
-    draw = Drawing(26 + _SQUARE * count)
-    for row, name in enumerate(names):
-        draw.text(left - 6, 20 + _SQUARE * (row + 0.68), name, "end")
-        draw.text(left + wide * (row + 0.5), 14, str(row + 1), "middle")
-        for column in range(count):
-            value = float(result.matrix[row, column])
-            x, y, share = left + wide * column, 20 + _SQUARE * row, strength(value)
-            title = f"{names[row]} and {names[column]}: {value:.2f}"
-            draw.rect(x, y, wide - 1, _SQUARE - 1, "bad", title if row != column else "", share)
-            look = "on" if share > _ON_DARK else ""
-            draw.text(x + wide / 2, y + 16, "–" if row == column else f"{value:.2f}", "middle", look)
-    return draw.svg("absolute correlation of the candidates' traces")
-
-
 # --- what the data could have shown: the smallest size of each effect that they would reveal ----------------
 
 
@@ -124,7 +97,7 @@ def detectability_figure(sizes: list[Detectable]) -> Markup:
     """Smallest size that would show, as a share of the typical one, from the easiest place to the hardest.
 
     Args:
-        sizes: of `lptn.diagnose.scores.smallest`.
+        sizes: of `lptn.diagnose.advice.smallest`.
     """
     rows = reaches(sizes)
     shown = [tuple(np.clip([reach.easiest.share, reach.hardest.share], _LEAST_REACH, _MOST_REACH)) for reach in rows]

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from lptn.diagnose.advice import smallest
 from lptn.diagnose.improvement import History
-from lptn.diagnose.scores import smallest
 from lptn.effects import Effect, catalogue
 from lptn.identify.comparison import Comparison, Versus, predict
 from lptn.identify.data import DataSplit
@@ -16,7 +16,7 @@ from lptn.report import words
 from lptn.report.document import Picture, picture, render
 from lptn.report.heat_story import HeatStory, heat_line_picture, heat_map_picture
 from lptn.report.outcome import headline, left_in_words, outcome_of
-from lptn.report.page_diagnosis import collinearity_figure, detectability_figure, history_figure, probability_figure
+from lptn.report.page_diagnosis import detectability_figure, history_figure, probability_figure
 from lptn.report.page_figures import NAMES, conditions, fields, predictions, versus_bars
 from lptn.report.shown import effects_told, error_fields, weighed_effects
 from lptn.report.story_charts import CHARTS, network_picture, shown_runs, tiles, time_charts
@@ -125,7 +125,6 @@ def story_html(
         refused=refused_table(history),
         probabilities=_probabilities(history),
         coarse=_coarse_step(history),
-        collinearity=_collinearity(history),
         detectability=_detectability(history),
         proposal=for_people(proposal.text()) if proposal else None,
         next=words.next_step(history),
@@ -166,7 +165,7 @@ def _effects_named(history: History) -> list[type[Effect]]:
     networks = (step.fit.model.network for step in (history.steps[0], history.best))
     effects = [type(declared.effect) for network in networks for declared in network.effects]
     answers = [*effects_told(history), *history.last.refused]
-    named = [step.key[0] for step in answers] + [size.effect for size in smallest(history.first.scores)]
+    named = [step.key[0] for step in answers] + [one.candidate.effect.key for one in history.last.weighed]
     return list(dict.fromkeys([*effects, *(catalogue()[key] for key in named)]))
 
 
@@ -187,15 +186,8 @@ def _probabilities(history: History) -> Picture | None:
     return picture(words.CAPTION_OF_PROBABILITIES, probability_figure(history))
 
 
-def _collinearity(history: History) -> Picture | None:
-    result = history.first.scores.confusability
-    if len(result.keys) < 2:
-        return None
-    return picture(words.caption_of_collinearity(result), collinearity_figure(result))
-
-
 def _detectability(history: History) -> Picture | None:
-    sizes = smallest(history.first.scores)
+    sizes = smallest(history.last.weighed)
     return picture(words.caption_of_detectability(sizes), detectability_figure(sizes)) if sizes else None
 
 

@@ -10,9 +10,9 @@ import numpy as np
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
+from lptn.diagnose.advice import Detectable
 from lptn.diagnose.answers import Step
 from lptn.diagnose.improvement import History
-from lptn.diagnose.scores import Detectable
 from lptn.diagnose.unexplained_heat import UnexplainedHeat
 from lptn.identify.comparison import Comparison, Prediction
 from lptn.identify.fitting import Fit

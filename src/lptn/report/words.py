@@ -10,10 +10,10 @@ import numpy as np
 
 from lptn.basics.parameters import Parameter
 from lptn.basics.words import listed, short_size
+from lptn.diagnose.advice import Detectable
 from lptn.diagnose.answers import Step
 from lptn.diagnose.fit_statistics import Removed
 from lptn.diagnose.improvement import History
-from lptn.diagnose.scores import INDISTINGUISHABLE, Confusability, Detectable
 from lptn.identify.comparison import Comparison, Condition
 from lptn.identify.data import DataSplit, Segment
 from lptn.identify.fitting import Fit
@@ -481,22 +481,6 @@ def caption_of_errors(which: str) -> str:
     """Under the map of errors by node and time."""
     text = f"Error (predicted − measured) on the {which} runs: red where the model is too hot, blue where too cold"
     return f"{text} (hatched where clearly so)."
-
-
-def caption_of_collinearity(result: Confusability) -> str:
-    """Under the correlations of candidates' traces."""
-    text = "How closely the candidates' traces on the fitted runs correlate, once the parameters have adapted."
-    groups = result.groups()
-    if not groups:
-        return (
-            f"{text} No two of the best reach {INDISTINGUISHABLE:g}, so these data tell them apart if the effects are "
-            "large enough."
-        )
-    numbers = {key: str(number) for number, key in enumerate(result.keys, start=1)}
-    names = "; ".join(
-        "all of them" if len(group) == len(numbers) else listed([numbers[key] for key in group]) for group in groups
-    )
-    return f"{text} Correlated by {INDISTINGUISHABLE:g} or more, and so one answer with several names: {names}."
 
 
 def caption_of_detectability(sizes: Sequence[Detectable]) -> str:

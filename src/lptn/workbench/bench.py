@@ -13,9 +13,9 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.diagnose.answers import Key, Step
 from lptn.diagnose.diagnosis import Diagnosis, for_search
+from lptn.diagnose.evidence import FirstOrder
 from lptn.diagnose.previews import Previews
 from lptn.diagnose.refits import refit
-from lptn.diagnose.scores import Score
 from lptn.diagnose.unexplained_heat import UnexplainedHeat
 from lptn.identify.comparison import Errors, Prediction, predict
 from lptn.identify.data import Segment
@@ -27,7 +27,7 @@ from lptn.workbench.orders import Add, Back, Cut, Keep, Order, Plain, Set
 
 logger = logging.getLogger("lptn")
 
-_MOST_SCORED = 12  # candidates beyond the answers; what scores less helps nobody
+_MOST_WEIGHED = 12  # candidates beyond the answers; what is less probable helps nobody
 JOBS = ("fit", "holdout", "test")
 """What a run may be there for, in the order in which a page shows them."""
 
@@ -156,14 +156,14 @@ class Bench:
         self.study.advise()
 
     @property
-    def scored_only(self) -> list[Score]:
-        """The best of the candidates that scored beyond nothing, and are no answers."""
+    def weighed_only(self) -> list[FirstOrder]:
+        """The most probable of the candidates that would have any size, and are no answers."""
         diagnosis = self.study.diagnosed
         if diagnosis is None:
             return []
         refitted = {step.key for step in diagnosis.steps}
-        others = [score for score in diagnosis.scores.ranked if score.gain > 0 and score.candidate.key not in refitted]
-        return others[:_MOST_SCORED]
+        others = [one for one in diagnosis.weighed if one.amplitude and one.candidate.key not in refitted]
+        return others[:_MOST_WEIGHED]
 
     def tries(self) -> dict[tuple[str, str], Attempt]:
         """What all runs would look like with each answer: fitted where that is done, else to first order."""
@@ -174,13 +174,13 @@ class Bench:
         return self.attempts[self.model]
 
     def _linearised(self, diagnosis: Diagnosis) -> dict[tuple[str, str], Attempt]:
-        """By the scores alone: there as soon as the answers are."""
+        """To first order alone: there as soon as the answers are."""
         answers = {step.key for step in diagnosis.steps}
-        shown = [score for score in diagnosis.scores.ranked if score.gain > 0 and score.candidate.key in answers]
-        scores = [*shown, *self.scored_only]
-        if not scores:
+        shown = [one for one in diagnosis.weighed if one.amplitude and one.candidate.key in answers]
+        candidates = [*shown, *self.weighed_only]
+        if not candidates:
             return {}
-        first_order, coarse = Previews(diagnosis.fit, scores), for_search(self.study.data)
+        first_order, coarse = Previews(diagnosis.fit, candidates), for_search(self.study.data)
         runs = list(zip(diagnosis.fit.problem.bound_runs, first_order.of_fitted_runs(), strict=True))
         try:
             for segment in (*coarse.holdout, *coarse.test):
@@ -189,9 +189,9 @@ class Bench:
         except InputError as error:  # a run lacks what a candidate goes by
             logger.info("held-out runs are tried once they are refitted: %s", error)
         return {
-            (name, key_of(score.candidate.key)): _attempt(bound, readings, linearised=True)
-            for name, (bound, of_scores) in zip(segments(self.study), runs, strict=False)
-            for score, readings in zip(scores, of_scores, strict=True)
+            (name, key_of(one.candidate.key)): _attempt(bound, readings, linearised=True)
+            for name, (bound, of_all) in zip(segments(self.study), runs, strict=False)
+            for one, readings in zip(candidates, of_all, strict=True)
         }
 
     def _attempted(self, diagnosis: Diagnosis) -> dict[tuple[str, str], Attempt]:

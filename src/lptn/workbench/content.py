@@ -11,7 +11,7 @@ from typing import Any
 from lptn.basics.equations import equations_of
 from lptn.diagnose.answers import Step
 from lptn.diagnose.diagnosis import Diagnosis
-from lptn.diagnose.scores import Score
+from lptn.diagnose.evidence import FirstOrder
 from lptn.effects import catalogue
 from lptn.identify.comparison import Errors
 from lptn.identify.data import Segment, Stretch
@@ -257,7 +257,7 @@ def _answers(study: Study, diagnosis: Diagnosis, bench: Bench) -> dict[str, Any]
         "verdict": diagnosis.verdict,
         "answers": shown,
         "refused": [_place(step) for step in diagnosis.refused],
-        "scored": [_scored(score, tries) for score in bench.scored_only],
+        "weighed": [_weighed(one, tries) for one in bench.weighed_only],
         "before": before,
         "fitted": diagnosis.fit.rmse,
         "step": seconds,
@@ -276,9 +276,9 @@ def _place(step: Step) -> dict[str, Any]:
     }
 
 
-def _scored(score: Score, tries: Mapping[tuple[str, str], Attempt]) -> dict[str, Any]:
+def _weighed(one: FirstOrder, tries: Mapping[tuple[str, str], Attempt]) -> dict[str, Any]:
     """A candidate that was weighed to first order alone, with the errors that it would leave."""
-    effect, at = score.candidate.key
+    effect, at = one.candidate.key
     key = key_of((effect, at))
     own = {segment: line.error for (segment, of), line in tries.items() if of == key}
     return {

@@ -92,7 +92,7 @@ export function steps(page) {
 }
 
 export const placed = ({ title, place }) => place === "everywhere" ? `${title} ${place}` : `${title} at ${place}`;
-export const triable = ({ answers }) => answers ? [...answers.answers, ...answers.scored].filter(each => each.tried) : [];
+export const triable = ({ answers }) => answers ? [...answers.answers, ...answers.weighed].filter(each => each.tried) : [];
 
 // --- where it fails ----------------------------------------------------------------------------------------
 
@@ -183,7 +183,7 @@ export function missing(page) {
       }, "Try"),
       h("button", { id: `add ${each.key}`, className: each === answers.answers[0] ? "first" : "", disabled: busy, onclick: () => { page.pinned = ""; page.order({ what: "add", effect: each.effect, at: each.at }); } }, "Add")),
     ...more);
-  const scored = each => tryable(each, h("span", { className: "soft" }, `${each.holdout != null ? "held out" : "fitted"} ${digits(each.holdout != null ? answers.before : answers.fitted)} → about ${kelvin(each.holdout ?? each.fit)}`));
+  const weighed = each => tryable(each, h("span", { className: "soft" }, `${each.holdout != null ? "held out" : "fitted"} ${digits(each.holdout != null ? answers.before : answers.fitted)} → about ${kelvin(each.holdout ?? each.fit)}`));
   const answer = each => tryable(each,
     h("div", null, [each.size, `${each.probable} probable`].filter(text => text).join(", "), h("span", { className: "soft" }, change(each))),
     each.same.length ? h("div", { className: "soft" }, `or ${each.same.join(" or ")}: these data can’t tell`) : null,
@@ -202,9 +202,9 @@ export function missing(page) {
     answers.answers.some(each => each.linearised) && h("p", null, h("small", null, "Try shows the linearised model until the fits are drawn.")),
     answers.refused.length ? h("details", { id: "refused" }, h("summary", null, "Fitted beside that, and refused"),
       h("ul", { className: "plain" }, answers.refused.map(each => h("li", null, `${placed(each)}: ${each.size ? `${each.size}, ` : ""}${each.probable} probable`)))) : null,
-    answers.scored.length ? h("details", { id: "scored" }, h("summary", null, "Weighed to first order: the next best"),
+    answers.weighed.length ? h("details", { id: "weighed" }, h("summary", null, "Weighed to first order: the next best"),
       h("p", null, h("small", null, "Not fitted: Try shows what the linearised model would do; Add fits it.")),
-      h("ol", { className: "answers" }, answers.scored.map(scored))) : null,
+      h("ol", { className: "answers" }, answers.weighed.map(weighed))) : null,
     answers.answers.length ? h("p", null, h("small", null, `Sizes and probabilities are beside all other answers; errors are of each added alone, on means over ${digits(answers.step, 2)} s, in which answers are sought. What is added is fitted to all readings.`)) : null,
     state.advice.length ? h("details", { id: "advice", open: true }, h("summary", null, "What to do next"), state.advice.map(text => h("p", null, h("small", null, text)))) : null,
     h("div", { className: "row" }, ask("improve", "Add what is missing by itself")), other];
