@@ -28,8 +28,7 @@ from lptn.diagnose.answers import Step
 from lptn.diagnose.candidates import candidates
 from lptn.diagnose.composition import with_priors
 from lptn.diagnose.diagnosis import for_search
-from lptn.diagnose.experiment import Experiment, possible_moves, propose
-from lptn.diagnose.experiment_runs import Move
+from lptn.diagnose.experiment import Experiment, Move, possible_moves, propose
 from lptn.diagnose.fit_statistics import TIE, criterion_difference
 from lptn.diagnose.refits import refit
 from lptn.identify.data import LoadedModel, load_model, split_data
@@ -81,7 +80,7 @@ class Outcome:
         walking: from that and more walking.
         leads: of the hidden effect before its rival by the information criterion alone, on the same three sets of data.
         gain: of the better rival over the baseline before; an effect below 10 was hardly there to be seen.
-        expected: decisive standard deviations that the proposal promises.
+        expected: standard deviations that the proposal promises.
         kelvin: the difference that it promises.
         separates: whether it says that the run decides.
         tried: how many runs it compared.
@@ -243,7 +242,7 @@ def trial(number: int, seed: int) -> Outcome:
             control,
             leads,
             max(criterion_difference(given, step.fit) for step in first),
-            weakest.decisive,
+            weakest.deviations,
             weakest.kelvin,
             experiment.separates,
             experiment.tried,

@@ -20,8 +20,16 @@ from lptn.basics.arrays import FloatArray
 from lptn.diagnose.answers import Step
 from lptn.diagnose.candidates import candidates
 from lptn.diagnose.composition import with_priors
-from lptn.diagnose.experiment import CLEAR, Experiment, Separation, difference, noise_density, possible_moves, propose
-from lptn.diagnose.experiment_runs import Move
+from lptn.diagnose.experiment import (
+    CLEAR,
+    Experiment,
+    Move,
+    Separation,
+    difference,
+    noise_density,
+    possible_moves,
+    propose,
+)
 from lptn.diagnose.fit_statistics import TIE, criterion_difference
 from lptn.diagnose.refits import refit
 from lptn.identify.data import split_data
@@ -305,5 +313,5 @@ def test_the_stated_deviations_are_what_an_exact_refit_shows() -> None:
 def test_a_difference_is_told_where_there_is_a_sensor_to_see_it() -> None:
     left = np.repeat([[5.0], [-1.0]], 12, axis=1)
     pair = (("constant_heat", "knee"), ("sensor_offset", "knee"))
-    result = difference(pair, Separation(9.0, 9.0, left), 2 * left, ("trunk", "knee"), np.array([False, True]))
+    result = difference(pair, Separation(9.0, left), 2 * left, ("trunk", "knee"), np.array([False, True]))
     assert (result.node, result.kelvin, result.as_fitted) == ("knee", 1.0, 2.0)
