@@ -8,14 +8,15 @@ is where it predicts too cold (error = predicted − measured < 0).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
 from math import ceil
 from statistics import NormalDist
 
 import numpy as np
 
-from lptn.basics.arrays import BoolArray, FloatArray, IntArray
+from lptn.basics.arrays import FloatArray, IntArray
 from lptn.basics.processes import one_blas_thread
 from lptn.basics.words import short_size
 from lptn.identify.fitting import Fit
@@ -132,34 +133,21 @@ def unexplained_heat(fit: Fit) -> list[UnexplainedHeat]:
     """
     runs = [blocks(fit, number) for number in range(len(fit.problem.bound_runs))]
     scale = _heat_scale(runs)
-    walk = _likeliest(
-        [share * scale / np.sqrt(60.0) for share in _GRID],
-        lambda walk: sum(likelihood(run, _prior(fit, run, scale, walk)) for run in runs),
-    )
+
+    @cache
+    def density(number: int) -> float:
+        return sum(likelihood(run, _prior(fit, run, scale, walks[number])) for run in runs)
+
+    # It has one peak, which is climbed to from near the slow end, where most have it.
+    walks, top = [share * scale / np.sqrt(60.0) for share in _GRID], _FIRST_TRIED
+    while (best := max((k for k in (top, top - 1, top + 1) if 0 <= k < len(walks)), key=density)) != top:
+        top = best
     unexplained = []
     for run, bound in zip(runs, fit.problem.bound_runs, strict=True):
-        heat, spread = smoothed(run, _prior(fit, run, scale, walk))
+        heat, spread = smoothed(run, _prior(fit, run, scale, walks[top]))
         nodes = tuple(fit.model.nodes[row] for row in run.rows)
         unexplained.append(UnexplainedHeat(bound.run.name, run.time, nodes, heat, _WIDE * spread, run.seconds))
     return unexplained
-
-
-def _likeliest(walks: Sequence[float], density: Callable[[float], float]) -> float:
-    """The walk with the highest density, which has one peak: climbed to from near the slow end, where most have it."""
-    heights: dict[int, float] = {}
-
-    def height(number: int) -> float:
-        if number not in heights:
-            heights[number] = density(walks[number])
-        return heights[number]
-
-    top = min(_FIRST_TRIED, len(walks) - 1)
-    while True:
-        around = [number for number in (top, top - 1, top + 1) if 0 <= number < len(walks)]
-        higher = max(around, key=height)
-        if higher == top:
-            return walks[top]
-        top = higher
 
 
 def stretches(runs: Sequence[UnexplainedHeat]) -> list[HeatPeak]:
@@ -181,45 +169,26 @@ def largest(runs: Sequence[UnexplainedHeat]) -> HeatPeak | None:
 
 def _of_row(unexplained: UnexplainedHeat, row: int) -> list[HeatPeak]:
     """The stretches of one node in one run, the surest first, none of which overlaps another."""
-    peaks, taken = [], np.zeros(unexplained.time.size, dtype=bool)
-    clear, half = unexplained.clear[row], unexplained.seconds / 2
-    for peak in _separate(clear, unexplained.heat[row] < 0):
-        heat = unexplained.heat[row] * np.sign(unexplained.heat[row, peak])
-        above = heat >= _HALF * heat[peak]
-        first = peak - int(np.argmin(np.append(above[: peak + 1][::-1], False))) + 1
-        stop = peak + int(np.argmin(np.append(above[peak:], False)))
-        if taken[first:stop].any():
-            continue
-        taken[first:stop] = True
-        peaks.append(
-            HeatPeak(
-                unexplained.run,
-                unexplained.nodes[row],
-                float(unexplained.time[first] - half),
-                float(unexplained.time[stop - 1] + half),
-                float(unexplained.heat[row, first:stop].mean()),
-                float(unexplained.band[row, first:stop].mean()),
-                float(clear[peak]),
-            )
-        )
+    from scipy.signal import find_peaks, peak_prominences  # heavy, and few commands need it
+
+    heat, clear, half = unexplained.heat[row], unexplained.clear[row], unexplained.seconds / 2
+    tops: list[int] = []
+    for sign in (1, -1):
+        heights = np.pad(np.where(sign * heat >= 0, clear, 0.0), 1)
+        found, _ = find_peaks(heights)
+        deep = peak_prominences(heights, found)[0] >= _HALF * heights[found]
+        tops += (found[deep & (heights[found] > 0)] - 1).tolist()
+    peaks, taken = [], np.zeros(heat.size, dtype=bool)
+    for top in sorted(tops, key=lambda top: -clear[top]):
+        above = heat * np.sign(heat[top]) >= _HALF * abs(heat[top])
+        first = top - int(np.argmin(np.append(above[: top + 1][::-1], False))) + 1
+        stop = top + int(np.argmin(np.append(above[top:], False)))
+        if not taken[first:stop].any():
+            taken[first:stop] = True
+            ends = float(unexplained.time[first] - half), float(unexplained.time[stop - 1] + half)
+            means = float(heat[first:stop].mean()), float(unexplained.band[row, first:stop].mean())
+            peaks.append(HeatPeak(unexplained.run, unexplained.nodes[row], *ends, *means, float(clear[top])))
     return peaks
-
-
-def _separate(clear: FloatArray, negative: BoolArray) -> list[int]:
-    """The peaks, of heat and of its lack, that deep valleys separate from higher ones, the highest first."""
-    peaks: list[int] = []
-    for sign in (False, True):
-        rising, top, valley = False, 0, 0.0
-        for place, height in enumerate([*np.where(negative == sign, clear, 0.0), 0.0]):
-            if not rising:
-                valley = min(valley, height)
-                rising, top = height > 0 and valley <= _HALF * height, place
-            elif height > clear[top]:
-                top = place
-            elif height <= _HALF * clear[top]:
-                peaks.append(top)
-                rising, valley = False, height
-    return sorted(peaks, key=lambda peak: -clear[peak])
 
 
 def _heat_scale(runs: Sequence[Blocks]) -> float:
@@ -527,10 +496,6 @@ def _before_step(back: FloatArray, curve: FloatArray, top: FloatArray) -> tuple[
 # --- Which of the log's inputs the unexplained heat correlates with -------------------------------
 
 
-_CONSTANT = 1e-6  # of its size; an input that varies by less does not vary
-_LEAST_BLOCKS = 3  # fewer correlate by themselves
-
-
 @dataclass(frozen=True)
 class InputLink:
     """How closely one node's unexplained heat follows one input.
@@ -567,18 +532,23 @@ def input_links(fit: Fit, heat: Sequence[UnexplainedHeat]) -> list[InputLink]:
         The closest first, for columns that all runs have and that vary.
     """
     runs = [bound.run for bound in fit.problem.bound_runs]
-    columns = sorted(set.intersection(*(set(run.columns) for run in runs)))
     outputs = {f"temperature.{node}" for node in fit.model.nodes}
     links = []
-    for column in columns:
-        if column not in outputs:
-            plain, squared = (
-                np.concatenate(
-                    [block_means(run, unexplained, column, square) for run, unexplained in zip(runs, heat, strict=True)]
-                )
-                for square in (False, True)
-            )
-            links += _links(heat, column, plain, squared)
+    for column in sorted(set.intersection(*(set(run.columns) for run in runs)) - outputs):
+        means = [
+            np.concatenate([block_means(run, own, column, squared) for run, own in zip(runs, heat, strict=True)])
+            for squared in (False, True)
+        ]
+        for node in dict.fromkeys(node for own in heat for node in own.nodes):
+            gone = [np.full(own.time.size, np.nan) for own in heat]  # in a run that does not measure the node
+            its = [
+                own.heat[own.nodes.index(node)] if node in own.nodes else none
+                for own, none in zip(heat, gone, strict=True)
+            ]
+            both = [_correlation(np.concatenate(its), values) for values in means]
+            squared = abs(both[1]) > abs(both[0])
+            if both[squared]:
+                links.append(InputLink(node, column, squared, both[squared]))
     return sorted(links, key=lambda link: -abs(link.correlation))
 
 
@@ -590,28 +560,11 @@ def block_means(run: Run, heat: UnexplainedHeat, column: str, squared: bool = Fa
     return np.asarray((values**2 if squared else values).mean(axis=1))
 
 
-def _links(runs: Sequence[UnexplainedHeat], column: str, plain: FloatArray, squared: FloatArray) -> list[InputLink]:
-    links = []
-    for node in dict.fromkeys(node for run in runs for node in run.nodes):
-        heat = np.concatenate([_of_node(run, node) for run in runs])
-        finite = np.isfinite(heat)
-        both = [_correlation(heat[finite], values[finite]) for values in (plain, squared)]
-        square, closest = max(enumerate(both), key=lambda pair: abs(pair[1]))
-        if closest:
-            links.append(InputLink(node, column, bool(square), closest))
-    return links
-
-
-def _of_node(run: UnexplainedHeat, node: str) -> FloatArray:
-    """A node's heat, NaN in a run that does not measure it."""
-    return run.heat[run.nodes.index(node)] if node in run.nodes else np.full(run.time.size, np.nan)
-
-
-def _correlation(one: FloatArray, other: FloatArray) -> float:
-    """Pearson's, 0 where either is constant or has gaps."""
-    if one.size < _LEAST_BLOCKS or not np.isfinite(other).all():
+def _correlation(heat: FloatArray, values: FloatArray) -> float:
+    """Pearson's where there is heat; 0 where either is constant, or the values have gaps."""
+    heat, values = heat[np.isfinite(heat)], values[np.isfinite(heat)]
+    if heat.size < 3 or not np.isfinite(values).all() or np.ptp(heat) == 0:  # two correlate by themselves
         return 0.0
-    if np.ptp(one) == 0 or np.ptp(other) <= _CONSTANT * np.abs(other).max():
+    if np.ptp(values) <= 1e-6 * np.abs(values).max():
         return 0.0
-    one, other = one - one.mean(), other - other.mean()
-    return float(one @ other / np.sqrt((one @ one) * (other @ other)))
+    return float(np.corrcoef(heat, values)[0, 1])
