@@ -51,7 +51,6 @@ CONSTANTS = (
     "lptn.diagnose.composition.FREED",
     "lptn.diagnose.composition._NONE",
     "lptn.diagnose.answers.LIKELY",
-    "lptn.diagnose.fit_statistics._LONG_BLOCK",
     "lptn.diagnose.fit_statistics.BLOCK",
     "lptn.diagnose.fit_statistics.NEGLIGIBLE",
     "lptn.diagnose.fit_statistics.LACKING",

@@ -24,7 +24,7 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.parameters import Parameter
 from lptn.basics.processes import one_blas_thread
 from lptn.diagnose.candidates import AMBIENT_ERROR, SURFACE_ERROR, TORQUE_ERROR, Candidate, Site
-from lptn.diagnose.fit_statistics import block_misfits, fitted_errors, independent_readings, predicted_errors
+from lptn.diagnose.fit_statistics import fitted_errors, independent_readings, predicted_errors, squared_errors
 from lptn.diagnose.traces import derivatives, pushed_beyond_bounds
 from lptn.effects.ambient_offset import AmbientOffset
 from lptn.effects.loss_scale import LossScale
@@ -153,7 +153,7 @@ class Evidence:
         exact = sum(float(least @ bound.counted.sum(axis=1)) for bound in problem.bound_runs)
         self.squares = max(float(self._residuals @ self._residuals), exact)
         exact = sum(float(least @ bound.counted.sum(axis=1)) for bound, _ in errors)
-        self._held_out = max(float(block_misfits(errors, problem.sigma)[0].sum()), exact) if errors else 1.0
+        self._held_out = max(float(squared_errors(errors, problem.sigma).sum()), exact) if errors else 1.0
         if beside is None:
             self.independent: float = independent_readings(fitted_errors(fit))
             self.independent_held_out: float = independent_readings(errors) if errors else 0.0

@@ -12,7 +12,7 @@ from math import log, sqrt
 
 import numpy as np
 
-from lptn.basics.arrays import FloatArray, IntArray
+from lptn.basics.arrays import FloatArray
 from lptn.identify.comparison import Errors, Prediction
 from lptn.identify.fitting import Fit
 from lptn.identify.noise import PLAIN
@@ -78,36 +78,18 @@ def _correlation_time(residual: FloatArray) -> float:
     return max(1.0, 2.0 * float(positive.sum()) - 1.0)
 
 
-# --- Blocks of runs, between which what a fit leaves scatters ------------------------------------
+# --- What a larger model removes ----------------------------------------------------------------
 
 
-_LONG_BLOCK = 600.0  # s; so long that what is left of one block says little about the next
-_FEWEST_BLOCKS = 8  # a run; fewer say little about their scatter
-
-
-def block_numbers(bound: BoundRun) -> IntArray:
-    """The number of the block of ten minutes that each step of a run lies in, shape (n,); shorter in a short run."""
-    size = max(1, min(round(_LONG_BLOCK / bound.run.step), len(bound) // _FEWEST_BLOCKS))
-    return np.arange(len(bound)) // size
-
-
-def block_misfits(runs: Sequence[RunErrors], sigma: FloatArray) -> tuple[FloatArray, IntArray]:
-    """Sum of squared weighted errors of each node in each block, and the number of each block's run.
+def squared_errors(runs: Sequence[RunErrors], sigma: FloatArray) -> FloatArray:
+    """Sum of squared weighted errors of each node in each run, shape (runs, nodes).
 
     Args:
         runs: with their errors.
         sigma: standard deviation that weighs each node's errors [K], shape (nodes,).
-
-    Returns:
-        shapes (blocks, nodes) and (blocks,), run after run.
     """
-    misfits, numbers = [], []
-    for number, (bound, error) in enumerate(runs):
-        squares = np.where(bound.counted, error / sigma[:, None], 0.0) ** 2
-        blocks = block_numbers(bound)
-        misfits.append(np.stack([np.bincount(blocks, row) for row in squares], axis=1))
-        numbers += [number] * len(misfits[-1])
-    return np.concatenate(misfits), np.array(numbers)
+    squares = [np.where(bound.counted, error / sigma[:, None], 0.0) ** 2 for bound, error in runs]
+    return np.array([own.sum(axis=1) for own in squares]).reshape(len(runs), len(sigma))
 
 
 @dataclass(frozen=True)
@@ -127,16 +109,14 @@ class Removed:
     @classmethod
     def between(cls, smaller: Fit, larger: Fit) -> Removed:
         """By two fits to the same readings, each weighed by the smaller one's standard deviations."""
-        sigma = smaller.problem.sigma
-        (before, runs), (after, _) = (block_misfits(fitted_errors(fit), sigma) for fit in (smaller, larger))
-        gone = before - after
+        before, after = (squared_errors(fitted_errors(fit), smaller.problem.sigma) for fit in (smaller, larger))
+        gone, names = before - after, [bound.run.name for bound in smaller.problem.bound_runs]
         total = float(gone.sum())
-        names = [bound.run.name for bound in smaller.problem.bound_runs]
         whole = total or 1.0
         return cls(
             total / max(float(before.sum()), 1e-300),
             dict(zip(smaller.model.nodes, (gone.sum(axis=0) / whole).tolist(), strict=True)),
-            dict(zip(names, (np.bincount(runs, gone.sum(axis=1)) / whole).tolist(), strict=True)),
+            dict(zip(names, (gone.sum(axis=1) / whole).tolist(), strict=True)),
         )
 
 
