@@ -7,9 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from lptn.basics.arrays import BoolArray, FloatArray
+from lptn.basics.arrays import FloatArray
 from lptn.basics.processes import one_blas_thread
-from lptn.diagnose.candidates import Site
 from lptn.diagnose.evidence import FirstOrder
 from lptn.diagnose.traces import derivatives, pushed_beyond_bounds
 from lptn.identify.comparison import Prediction, predict
@@ -70,32 +69,23 @@ class Previews:
         Raises:
             InputError: the run lacks an input of a candidate.
         """
-        return _moved(self._fit, self._places, self._steps, segment) if self._places else []
-
-
-def _moved(fit: Fit, places: Sequence[Site], steps: FloatArray, segment: Segment) -> list[Prediction]:
-    """A run with the steps of the parameters and of the candidates' sizes, (parameters + places, candidates)."""
-    sigma = fit.problem.sigma
-    as_it_is = predict(fit.model, segment, sigma)
-    full = Model(fit.model.network.with_effects(site.declaration() for site in places))
-    index = {parameter.name: number for number, parameter in enumerate(full.parameters)}
-    values = full.values
-    fitted = [index[fit.model.parameters[number].name] for number in fit.problem.free]
-    chosen = [*fitted, *(index[site.amplitude_name] for site in places)]
-    core = fit.model.states  # effects are added behind the network's own, and so are their states
-    bound = bind(full, segment.run)
-    start = start_from(full, bound, dict(zip(core, as_it_is.start.tolist(), strict=True)))
-    windows = sensitivity_windows(full, bound, values, chosen, start, len(core))
-    by_all = np.concatenate([piece.derivatives for _, piece in windows], axis=1)
-    by_step, by_start = np.split(by_all, [len(steps)], axis=2)
-    first = bound.count(segment.initialisation).counted
-    weight = _weight(first, sigma)
-    change = by_step @ steps
-    # The start is the one that the initialisation window then gives.
-    change -= by_start @ np.linalg.lstsq(by_start[first] * weight, change[first] * weight)[0]
-    return [replace(as_it_is, readings=as_it_is.readings + change[:, :, k]) for k in range(steps.shape[1])]
-
-
-def _weight(counted: BoolArray, sigma: FloatArray) -> FloatArray:
-    """1/σ of each reading that counts, (readings, 1)."""
-    return np.asarray(np.broadcast_to(1.0 / sigma[:, None], counted.shape)[counted][:, None])
+        if not self._places:
+            return []
+        fit, sigma = self._fit, self._fit.problem.sigma
+        as_it_is = predict(fit.model, segment, sigma)
+        full = Model(fit.model.network.with_effects(site.declaration() for site in self._places))
+        index = {parameter.name: number for number, parameter in enumerate(full.parameters)}
+        chosen = [index[fit.model.parameters[number].name] for number in fit.problem.free]
+        chosen += [index[site.amplitude_name] for site in self._places]
+        core = fit.model.states  # effects are added behind the network's own, and so are their states
+        bound = bind(full, segment.run)
+        start = start_from(full, bound, dict(zip(core, as_it_is.start.tolist(), strict=True)))
+        windows = sensitivity_windows(full, bound, full.values, chosen, start, len(core))
+        by_all = np.concatenate([piece.derivatives for _, piece in windows], axis=1)
+        by_step, by_start = np.split(by_all, [len(chosen)], axis=2)
+        change = by_step @ self._steps
+        # The start is the one that the initialisation window then gives.
+        first = bound.count(segment.initialisation).counted
+        weight = np.broadcast_to(1.0 / sigma[:, None], first.shape)[first][:, None]
+        change -= by_start @ np.linalg.lstsq(by_start[first] * weight, change[first] * weight)[0]
+        return [replace(as_it_is, readings=as_it_is.readings + change[:, :, k]) for k in range(change.shape[2])]
