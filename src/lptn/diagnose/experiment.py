@@ -26,7 +26,7 @@ from lptn.basics.words import listed
 from lptn.diagnose.answers import Key, Step, named
 from lptn.diagnose.fit_statistics import POWER, TIE, fitted_errors, independent_readings
 from lptn.identify.fitting import Fit
-from lptn.identify.problem import Problem
+from lptn.identify.problem import AT_REST, Problem
 from lptn.logs.run import Run
 from lptn.model.model import Model
 from lptn.simulate.bound_run import bind
@@ -53,10 +53,9 @@ _BASE = "speed.base"
 _UNITS = {"torque": "N*m", "torque_abs": "N*m", "current": "A", "current_abs": "A", "power": "W", "heat": "W"}
 _ORDINARY = 0.95  # quantile of a column while it is in use: high, yet nothing that happened only once
 _IN_USE = 0.05  # share of a column's largest value from which on it is in use
-_LOAD_LEVELS, _SPEED_LEVELS = (0.6, 1.0), (0.4, 1.0)
-"""Shares of the high ordinary value. Laws of load and of speed differ most between two levels far apart; losses go with
-the square of the load, so that its lower level has a third of them."""
-_ROOM = 25.0  # degC; where no run has a first reading
+_LEVELS = (0.5, 1.0)
+"""Shares of the high ordinary load and speed: laws that go with different powers of them are told apart by two levels,
+and losses that go with the square are a quarter at the lower one."""
 
 
 @dataclass(frozen=True)
@@ -148,9 +147,9 @@ class Stage:
         self._air = air if isinstance(air, str) else None
         self.air_can_change = self._air is not None or not self.given
         """Whether the air's temperature is an input of the models, or nothing is prescribed."""
-        firsts = [run.columns[f"temperature.{n}"][0] for n in self.nodes for run in runs if run.has(f"temperature.{n}")]
-        logged = self._values[self._air] if self._air else np.array([one for one in firsts if np.isfinite(one)])
-        self.ambient = float(np.median(logged)) if len(logged) else _ROOM
+        sensed = [run.columns[f"temperature.{n}"] for n in self.nodes for run in runs if run.has(f"temperature.{n}")]
+        firsts = [readings[np.isfinite(readings)][:1] for readings in sensed]
+        self.ambient = float(np.median(self._values[self._air] if self._air else np.concatenate(firsts)))
         """The usual temperature of the air in the logs [degC]; without its column, of the nodes at the start."""
 
     def moves(self, places: Iterable[str]) -> list[Move]:
@@ -169,12 +168,12 @@ class Stage:
                 scopes.setdefault(members, EVERYWHERE if whole else pattern)
         proposed = []
         for joints, at in scopes.items():
-            proposed += [Move(at, joints, load=load) for load in _LOAD_LEVELS]
+            proposed += [Move(at, joints, load=load) for load in _LEVELS]
             if self.moving:
-                proposed += [Move(at, joints, speed=speed) for speed in _SPEED_LEVELS]
-                proposed += [Move(at, joints, load, speed) for load, speed in product(_LOAD_LEVELS, _SPEED_LEVELS)]
+                proposed += [Move(at, joints, speed=speed) for speed in _LEVELS]
+                proposed += [Move(at, joints, load, speed) for load, speed in product(_LEVELS, _LEVELS)]
             if _BASE in self.inputs and at == EVERYWHERE:
-                proposed += [Move(at, joints, 1.0, speed, travelling=True) for speed in _SPEED_LEVELS]
+                proposed += [Move(at, joints, 1.0, speed, travelling=True) for speed in _LEVELS]
         return proposed
 
     def value(self, column: str, move: Move) -> float:
@@ -274,10 +273,10 @@ def _place(column: str) -> str:
 # --- How far rivals' predictions of a run lie apart after each has done what it can to agree ------
 
 
-_START_SPREAD = 5.0  # K; a state's initial temperature may lie so far from the air's
-_UNDETERMINED = 10.0  # prior in the search's own scale (logarithms, typical sizes) of a parameter that no data hold
-_MODEL_ERROR, _MODEL_ERROR_TIME = 0.03, 600.0  # K, s: no model of a real robot is better, however many readings
-_NO_SENSOR = 1e3  # K; noise of a node that isn't measured: it says nothing
+_UNDETERMINED = 10.0
+"""One standard deviation, in the search's own scale (logarithms, typical sizes), of a parameter that no data hold: in
+effect none."""
+_MODEL_ERROR = 0.03**2 * 600.0  # K²s: 0.03 K for ten minutes; no model of a real robot is better, however many readings
 
 
 class Separation(NamedTuple):
@@ -366,7 +365,7 @@ class Rivals:
         schur = hessian[:free, :free] - across @ np.linalg.solve(starts, across.T)
         information = np.zeros((free + states, free + states))
         information[:free, :free] = 0.5 * (schur + schur.T) + np.eye(free) / _UNDETERMINED**2
-        information[free:, free:] = np.eye(states) / _START_SPREAD**2
+        information[free:, free:] = np.eye(states) / AT_REST**2
         return information
 
 
@@ -382,8 +381,8 @@ def noise_density(fit: Fit) -> FloatArray:
     variance = np.empty(len(fit.model.nodes))
     for row, floor in enumerate(fit.noise.floor):
         residual = np.concatenate([error[row][bound.counted[row]] for bound, error in errors])
-        variance[row] = max(float(np.mean(residual**2)), floor**2) if residual.size else _NO_SENSOR**2
-    return np.asarray(variance * repeated * _mean_step(fit) + _MODEL_ERROR**2 * _MODEL_ERROR_TIME)
+        variance[row] = max(float(np.mean(residual**2)), floor**2) if residual.size else 1e6  # it says nothing
+    return np.asarray(variance * repeated * _mean_step(fit) + _MODEL_ERROR)
 
 
 def _mean_step(fit: Fit) -> float:
@@ -395,14 +394,10 @@ def _mean_step(fit: Fit) -> float:
 # --- The search among runs: single moves first, then pairs and threes, then other air ----------------------
 
 
-_SHARES, _IN_PAIRS, _IN_THREES = (0.2, 0.4, 0.6, 0.8, 1.0), 0.4, 0.3
-"""Of the time for a single move, for each of two, of three; rest is left at the end."""
-_FIRST_SHARES = (0.6, 1.0)  # of the time, for a move that nothing is known of
-_KEPT_MOVES, _KEPT_PAIRS, _KEPT_PROGRAMS = 6, 4, 10  # followed further: some 150 programs in all, a second or two
-_ENOUGH = 3.0 * CLEAR  # standard deviations beyond which a run is not worth more effort
-_NEARLY = (
-    0.85  # share of the best that a simpler run must reach to be preferred: two in three, where both are near CLEAR
-)
+_SHARES = (0.2, 0.4, 0.6, 0.8, 1.0)  # of the time for a single move; rest is left at the end
+_BUSY = 0.8  # share of the time for two or three moves together
+_KEPT = 6  # moves, pairs, programs that are followed further: some 150 programs in all, a second or two
+_NEARLY = 0.85  # share of the best that a simpler run must reach to be preferred
 
 
 @dataclass(frozen=True)
@@ -442,23 +437,23 @@ class ProgramSearch:
             ambients: temperatures of the air beside the logs' own [degC].
         """
         air = self.stage.ambient
-        self._try([[], *([(move, share)] for move, share in product(moves, _FIRST_SHARES))], air)
+        self._try([[], *([(move, share)] for move, share in product(moves, _SHARES[2::2]))], air)
         working = (trial.program.working for trial in self._ranked())
-        good = list(dict.fromkeys(phases[0].move for phases in working if phases))[:_KEPT_MOVES]
+        good = list(dict.fromkeys(phases[0].move for phases in working if phases))[:_KEPT]
         self._try([[(move, share)] for move, share in product(good, _SHARES)], air)
-        self._try([[(move, _IN_PAIRS) for move in pair] for pair in permutations(good, 2)], air)
+        self._try([[(move, _BUSY / 2) for move in pair] for pair in permutations(good, 2)], air)
         working = (trial.program.working for trial in self._ranked())
-        pairs = [[phase.move for phase in phases] for phases in working if len(phases) == 2][:_KEPT_PAIRS]
+        pairs = [[phase.move for phase in phases] for phases in working if len(phases) == 2][:_KEPT]
         threes = ([*pair, third] for pair, third in product(pairs, good) if third != pair[1])
-        self._try([[(move, _IN_THREES) for move in three] for three in threes], air)
+        self._try([[(move, _BUSY / 3) for move in three] for three in threes], air)
         kept = [[(phase.move, phase.seconds / self.seconds) for phase in p.program.phases] for p in self._ranked()]
         alone = [[(move, share)] for move, share in product(good, _SHARES[1:])]
         for elsewhere in ambients:
-            self._try([[], *kept[:_KEPT_PROGRAMS], *alone], elsewhere)
+            self._try([[], *kept[:_KEPT], *alone], elsewhere)
         ranked = self._ranked()
         if not ranked:
             return None
-        worth = np.minimum(_worth(ranked), _ENOUGH)
+        worth = np.minimum(_worth(ranked), 3.0 * CLEAR)  # a run that is clearer is not worth more effort
         near = [index for index in range(len(ranked)) if worth[index] >= _NEARLY * worth[0]]
         return ranked[min(near, key=lambda index: (ranked[index].effort, -worth[index]))]
 
