@@ -420,7 +420,7 @@ def test_nothing_is_read_or_written_through_a_link_in_a_study(name: str, tmp_pat
     touched, elsewhere = tmp_path / "touched", tmp_path / "elsewhere"
     elsewhere.write_bytes(pickle.dumps(_Payload(touched)))
     before = elsewhere.read_bytes()
-    ours, theirs = Pipe()
+    _, theirs = Pipe()
     folder = _opened(theirs, OPENING, tmp_path, after_a_stop=True).folder
     (folder / name).unlink(missing_ok=True)
     (folder / name).symlink_to(elsewhere)
