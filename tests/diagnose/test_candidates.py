@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lptn.basics.parameters import LARGEST, Parameter
-from lptn.diagnose.candidates import candidates, separate_runs, sites
+from lptn.diagnose.candidates import Candidate, Site, candidates, separate_runs
 from lptn.effects import catalogue
 from lptn.model.model import Model
 from lptn.model.network import START, EffectDeclaration, LinkDeclaration, Network, NodeDeclaration
@@ -19,6 +19,11 @@ from tests.builders import leg as leg_network
 from tests.diagnose.conftest import Leg
 
 JOINTS = ("FL_thigh", "FL_calf", "FR_thigh", "FR_calf")
+
+
+def _sites(proposed: list[Candidate]) -> list[Site]:
+    every = (site for candidate in proposed for shape in candidate.shapes for site in candidate.sites(shape))
+    return list(dict.fromkeys(every))
 
 
 def _places(leg: Leg, key: str) -> list[str]:
@@ -90,7 +95,7 @@ def test_effects_with_a_shape_are_scored_on_its_grid(leg: Leg) -> None:
         for candidate in candidates(model.network, data.fit[0].run.columns)
         if candidate.effect.key == "second_mass"
     ]
-    shapes = {site.shape for site in sites(proposed)}
+    shapes = {site.shape for site in _sites(proposed)}
     assert shapes == set(catalogue()["second_mass"].shape().grid)  # type: ignore[union-attr]
 
 
@@ -139,7 +144,7 @@ def test_pieces_of_one_log_are_runs_of_their_own_only_where_there_is_no_other_lo
 
 def test_every_site_says_the_name_of_its_amplitude(leg: Leg) -> None:
     model, data = leg()
-    proposed = sites(candidates(model.network, data.fit[0].run.columns, ["fit1", "fit2"]))
+    proposed = _sites(candidates(model.network, data.fit[0].run.columns, ["fit1", "fit2"]))
     names = {
         parameter.name for parameter in Model(model.network.with_effects(s.declaration() for s in proposed)).parameters
     }
@@ -326,7 +331,7 @@ def test_a_long_log_shows_slow_masses() -> None:
     mass = next(candidate for candidate in proposed if candidate.effect.key == "second_mass")
     assert len(mass.shapes) >= 4
     assert max(shape for shape in mass.shapes if shape) > 5 * 3600.0
-    Model(network.with_effects(site.declaration() for site in sites([mass])))
+    Model(network.with_effects(site.declaration() for site in _sites([mass])))
 
 
 def _legs_and(name: str, *, pattern: bool = True) -> Network:
@@ -495,7 +500,7 @@ def test_candidates_of_a_slow_log_can_all_be_scored(step: float) -> None:
     network = Network("wall", (wall, AMBIENT), links, (effect("heat_input", "wall"), effect("copper_loss", "wall")))
     base = Model(network)
     run = random_run(base, 200, step=step, hold=24, rise=10.0)
-    proposed = sites(candidates(network, run.columns, step=step, duration=200 * step))
+    proposed = _sites(candidates(network, run.columns, step=step, duration=200 * step))
     full = Model(network.with_effects(site.declaration() for site in proposed))
     names = [parameter.name for parameter in full.parameters]
     chosen = [names.index(site.amplitude_name) for site in proposed]

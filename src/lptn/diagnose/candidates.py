@@ -6,7 +6,7 @@ Where several places have an effect in common, each of them may differ: a differ
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 from types import SimpleNamespace
@@ -316,12 +316,6 @@ def _mean_rates(fit: Fit) -> FloatArray:
         values = model.in_run(bound.run.name, fit.point.values)
         of_runs.append(model.state_jacobian(states, bound.inputs.mean(axis=1), values).full())
     return np.asarray(np.mean(of_runs, axis=0))
-
-
-def sites(candidates: Iterable[Candidate]) -> list[Site]:
-    """The single places, at each shape of the grid, that candidates are made of."""
-    all_sites = (site for candidate in candidates for shape in candidate.shapes for site in candidate.sites(shape))
-    return list(dict.fromkeys(all_sites))
 
 
 def separate_runs(names: Sequence[str]) -> list[str]:

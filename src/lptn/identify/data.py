@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import math
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -86,10 +86,6 @@ class DataSplit:
             return tuple(segment.coarsened(step, lengths[_log_of(segment.run)]) for segment in group)
 
         return DataSplit(*map(coarsened, (self.fit, self.holdout, self.test)))
-
-    def without_held_out(self, names: Collection[str]) -> DataSplit:
-        """The same but for held-out runs of some names."""
-        return replace(self, holdout=tuple(segment for segment in self.holdout if segment.run.name not in names))
 
     def lacking(self) -> dict[str, list[str]]:
         """The inputs that a run lacks and others have, by the run's name; temperatures are no inputs."""
