@@ -398,6 +398,21 @@ def test_bad_options_are_refused_in_one_line(
     assert line.count("\n") == 1
 
 
+@pytest.mark.parametrize(("small", "ohm", "bead"), [(1e-3, 5.0, 0.0), (0.1, 0.1, 0.0), (300.0, 5.0, 1e-3)])
+def test_a_model_much_faster_than_the_log_is_refused_before_it_is_filtered(
+    small: float, ohm: float, bead: float
+) -> None:
+    """By Runge-Kutta steps as short as the model asks for, a log of 2 minutes took more than 10."""
+    nodes, links = [node("motor", small), AMBIENT], [link("motor", "ambient", ohm)]
+    if bead:
+        nodes, links = [*nodes, node("bead", bead)], [*links, link("motor", "bead", 5.0)]
+    model = Model(Network("fast", tuple(nodes), tuple(links), (effect("copper_loss", "motor"),)))
+    log = {f"temperature.{name}": np.full(120, 25.0) for name in model.nodes}
+    run = make_run({**log, "temperature.ambient": np.full(120, 22.0), "torque.motor": np.ones(120)})
+    with pytest.raises(InputError, match=r"found a time constant of .* in a log of steps of 1 s"):
+        forecast(model, run, 60.0)
+
+
 def test_a_log_that_is_too_short_is_refused(motor: Model) -> None:
     with pytest.raises(InputError, match="at least 60 s"):
         forecast(motor, warming(np.full(40, 10.0)), 60.0)

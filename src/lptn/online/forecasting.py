@@ -32,6 +32,7 @@ from lptn.online.operating_point import Gait, OperatingPoint, WindowChoice, find
 from lptn.online.quantisation import coarse_noise
 from lptn.simulate.bound_run import BoundRun, bind, default_start
 from lptn.simulate.dynamics import zero_order_hold
+from lptn.simulate.simulation import substeps
 
 # --- What a forecast says -------------------------------------------------------------------------
 
@@ -315,10 +316,11 @@ def present_by_live_sensors(model: Model, run: Run, uncertainty: ModelUncertaint
     """An estimator at the end of a log that leans on no sensor that is not alive, and the sensors that are not then.
 
     Raises:
-        InputError: no sensor is alive.
+        InputError: no sensor is alive, or the model is much faster than the log.
     """
     run = run.slice(float(run.time[-1]) - _MEMORY, float("inf"))
     bound, nodes = bind(model, run), tuple(model.nodes)
+    substeps(model, bound, model.values, default_start(model, bound))  # refuses what no filter would come to an end of
     noise, size = estimate_noise([bound], nodes), _missing_heat(model, bound, uncertainty)
     coarse = [coarse_noise([bound], row, step) if step > 0 else 0.0 for row, step in enumerate(noise.step)]
     # A sensor that stands for most of the log shows no noise of its own.
