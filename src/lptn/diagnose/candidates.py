@@ -26,7 +26,6 @@ from lptn.model.sizes import Sizes
 from lptn.simulate.bound_run import default_start, start_from
 
 _FEWEST = 3  # nodes that share an unseen mass
-_WARM, _NO_HEAT = 25.0, 1e-12  # degC, W
 _ONE_LOGGER = 0.03
 """Prior odds of clocks apart within one logger's file, relative to two files that were joined: of the thirteen measured
 logs and boards of `tests/benchmarks/measured_verdicts.py` none is known to have it."""
@@ -43,8 +42,6 @@ _LEAST_SHAPE = 0.1  # of a shape that is scored: as short as an own time constan
 _OF_A_STEP = 0.5
 """Share of a log's step. A mass that warms in less is as warm as its node at the end of the step, e⁻² of the difference
 aside, and counts as more of the node; each halving of its time constant doubles the Runge-Kutta steps of every fit."""
-_RATIO = 4.0  # of a time constant to the one before it, for a grid of one
-_HOUR = 3600.0  # s; a log as long as those for which effects state their time constants
 Words = tuple[tuple[str, str], ...]
 """An effect's options with the words chosen for them, those left out at their defaults."""
 
@@ -87,9 +84,7 @@ class Site:
 
     def declaration(self) -> EffectDeclaration:
         """The effect at this place, switched off."""
-        stated = (
-            _sized(_shaped(parameter, self.shape), self.typical) for parameter in self.effect.stated(self.difference)
-        )
+        stated = (_set(parameter, self.typical, self.shape) for parameter in self.effect.stated(self.difference))
         parameters = tuple(replace(parameter.switched_off, share="each") for parameter in stated)
         effect = self.effect(**dict(self.words))
         return EffectDeclaration(
@@ -207,7 +202,7 @@ class Candidate:
             shape = max(self.common_shape + amplitude * shape, _LEAST_SHAPE * shape)
         parameters = []
         for parameter in self.effect.stated(difference):
-            on = replace(_sized(_shaped(parameter, shape), self.typical).switched_on, share="all")
+            on = replace(_set(parameter, self.typical, shape).switched_on, share="all")
             on = replace(on, grid=self.grid) if parameter.grid and self.grid else on
             if parameter.grid and issubclass(self.effect, MassEffect | GroupEffect):
                 lower, upper = on.bounds
@@ -331,8 +326,11 @@ def separate_runs(names: Sequence[str]) -> list[str]:
 
 def _of_effect(network: Network, effect: type[Effect], columns: Collection[str], run: str) -> list[Candidate]:
     """One effect at all places, with the first of its options whose inputs the log has anywhere."""
-    for words in _wordings(effect):
-        places = _free_places(network, effect, words, columns, run)
+    choices = [tuple(zip(effect.options, words, strict=True)) for words in product(*effect.options.values())]
+    for words in [(), *choices[1:]]:  # the defaults first, as an empty choice
+        own = effect(**dict(words))
+        free = _places_without(network, effect, words, run)
+        places = [place for place, ends in free if _logs(columns, own, ends[0])]
         if effect.one_place_a_pattern:
             groups = _node_groups(network)
         else:
@@ -353,8 +351,8 @@ def _grid(shape: Parameter | None, step: float | None, duration: float | None) -
     if shape is None or shape.unit != "s" or step is None or duration is None:
         return shape.grid if shape else ()
     grid = list(shape.grid)
-    ratio = (grid[-1] / grid[0]) ** (1 / (len(grid) - 1)) if len(grid) > 1 else _RATIO
-    slowest = grid[-1] * duration / _HOUR
+    ratio = (grid[-1] / grid[0]) ** (1 / (len(grid) - 1)) if len(grid) > 1 else 4.0
+    slowest = grid[-1] * duration / 3600.0  # effects state theirs for logs of an hour
     while grid[-1] * ratio <= slowest:
         grid.append(grid[-1] * ratio)
     return tuple(value for value in grid if _OF_A_STEP * step <= value <= duration) or (max(grid[0], step),)
@@ -373,7 +371,7 @@ def _with_sizes(candidate: Candidate, network: Network, sizes: Sizes, rms: Mappi
             declared = candidate.declaration(size, None)
             driving = windings.get(place, ends[place][0])
             inputs = {feature: rms[input_column(feature, driving)] for feature in declared.effect.needed()}
-            heat = max(_heat_driven(declared, inputs), _NO_HEAT)
+            heat = max(_heat_driven(declared, inputs), 1e-12)
             larger = 1.0
             if inputs and inputs.keys() <= _JOINT_MOVES.keys():  # a large joint that moves slowly has more friction
                 share = _share_of_a_legs_joint(network, driving, rms)
@@ -406,25 +404,10 @@ def _loss_by_current(network: Network, node: str, rms: Mapping[str, float]) -> f
 
 
 def _heat_driven(declared: EffectDeclaration, inputs: Mapping[str, float]) -> float:
-    """Heat that inputs of these root mean squares drive [W]; 0 for what none drives."""
+    """Heat that inputs of these root mean squares drive at 25 degC [W]; 0 for what none drives."""
     p = {name: parameter.value for name, parameter in declared.resolved.items()}
-    here = SimpleNamespace(temperatures=(_WARM,), inputs=SimpleNamespace(**inputs), p=SimpleNamespace(**p))
+    here = SimpleNamespace(temperatures=(25.0,), inputs=SimpleNamespace(**inputs), p=SimpleNamespace(**p))
     return abs(float(declared.effect.heat_into_ends(here)[0])) if inputs else 0.0
-
-
-def _wordings(effect: type[Effect]) -> list[Words]:
-    """All choices of an effect's options, the defaults first and as an empty choice."""
-    names = list(effect.options)
-    chosen = [tuple(zip(names, words, strict=True)) for words in product(*effect.options.values())]
-    return [(), *chosen[1:]]
-
-
-def _free_places(network: Network, effect: type[Effect], words: Words, columns: Collection[str], run: str) -> list[str]:
-    return [
-        place
-        for place, ends in _places_without(network, effect, words, run)
-        if _logs(columns, effect(**dict(words)), ends[0])
-    ]
 
 
 def _driven_by_windings(
@@ -462,11 +445,14 @@ def _places_without(network: Network, effect: type[Effect], words: Words, run: s
         for instance in network.effect_instances
         if instance.effect.key == effect.key and instance.declaration.run == run
     }
+    driving: dict[str, list[tuple[str, ...]]] = {}  # input features of the effects whose heat it changes, by node
+    for instance in network.effect_instances:
+        if instance.effect.key == effect.heat_of:
+            driving.setdefault(instance.ends[0], []).append(instance.effect.needed())
     return [
         (place, ends)
         for place, ends in network.places_for(EffectDeclaration(effect(**dict(words)), EVERYWHERE))
-        if place not in taken
-        and effect.makes_a_difference(place, network.layout, _features_of(network, effect.heat_of, ends[0]))
+        if place not in taken and effect.makes_a_difference(place, network.layout, driving.get(ends[0], []))
     ]
 
 
@@ -506,15 +492,6 @@ def _differences(network: Network, effect: type[Effect], columns: Collection[str
             windings=() if instance.driven_by == instance.ends[0] else (instance.driven_by,),
         )
         for instance in {instance.place: instance for instance in common}.values()
-    ]
-
-
-def _features_of(network: Network, key: str, node: str) -> list[tuple[str, ...]]:
-    """The input features of each effect of one key at a node."""
-    return [
-        instance.effect.needed()
-        for instance in network.effect_instances
-        if instance.effect.key == key and instance.ends[0] == node
     ]
 
 
@@ -576,15 +553,11 @@ def _one_pattern_a_set(covered: Mapping[str, frozenset[str]], places: Sequence[s
     return list(first.values())
 
 
-def _sized(parameter: Parameter, typical: float | None) -> Parameter:
-    """An amplitude with the usual size at the place where it is to stand."""
-    if parameter.off is None or typical is None:
-        return parameter
+def _set(parameter: Parameter, typical: float | None, shape: float | None) -> Parameter:
+    """A parameter as it is where it is to stand: an amplitude's usual size, a shape's value, where these are known."""
     lower, upper = parameter.bounds
-    return replace(parameter, typical=min(max(typical, lower), upper))
-
-
-def _shaped(parameter: Parameter, shape: float | None) -> Parameter:
+    if parameter.off is not None and typical is not None:
+        parameter = replace(parameter, typical=min(max(typical, lower), upper))
     return replace(parameter, value=shape) if parameter.grid and shape is not None else parameter
 
 

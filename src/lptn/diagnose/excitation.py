@@ -12,6 +12,7 @@ import numpy as np
 
 from lptn.basics.arrays import BoolArray, FloatArray
 from lptn.diagnose.candidates import Candidate, candidates
+from lptn.diagnose.fit_statistics import BLOCK
 from lptn.effects import Effect, catalogue
 from lptn.effects.excitation import ZERO, Excitation
 from lptn.logs.resampling import means_of_blocks, raw_keys
@@ -21,7 +22,6 @@ from lptn.model.model import Model
 
 # --- What happens in logs: levels of load, standstill, cool-downs, ranges of temperature and speed ------
 
-_BLOCK = 60.0  # s: faster changes of load no temperature follows
 _LEVEL = 0.1  # of the largest load: levels less far apart are one
 _STILL = 0.05  # of the largest load: below it a robot rests
 _LOW = 0.5  # of the largest load: below it a hot node may cool
@@ -68,7 +68,7 @@ class _Blocks:
     """One-minute means of a run: inputs by column, the sum of its heats, temperatures (nodes, blocks)."""
 
     def __init__(self, run: Run, nodes: Sequence[str]) -> None:
-        size = max(1, min(round(_BLOCK / run.step), len(run) // 4 or 1))
+        size = max(1, min(round(BLOCK / run.step), len(run) // 4 or 1))
         inputs = {
             name: values for name, values in run.columns.items() if name not in {f"temperature.{n}" for n in nodes}
         }

@@ -19,6 +19,7 @@ import numpy as np
 from lptn.basics.arrays import FloatArray, IntArray
 from lptn.basics.processes import one_blas_thread
 from lptn.basics.words import short_size
+from lptn.diagnose.fit_statistics import BLOCK
 from lptn.identify.fitting import Fit
 from lptn.identify.noise import LEAST_NOISE
 from lptn.logs.resampling import means_of_blocks
@@ -61,7 +62,9 @@ class UnexplainedHeat:
 
         It is the 95 % band widened for all nodes and minutes that are looked at: what decides whether heat is sure.
         """
-        comparisons = len(self.nodes) * max(1.0, self.time.size * self.seconds / _INDEPENDENT)
+        comparisons = len(self.nodes) * max(
+            1.0, self.time.size * self.seconds / BLOCK
+        )  # what lies closer counts as one
         return np.asarray(-NormalDist().inv_cdf(0.025 / comparisons) / _WIDE * self.band)
 
     @property
@@ -108,7 +111,6 @@ class HeatPeak:
 
 
 _GRID = (0.001, 0.003, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0)  # of the heat scale, wandered in a minute
-_FIRST_TRIED = 2  # of the grid
 _START, _HIDDEN_START = 1.5, 5.0  # K; how far a measured node, or any other state, may start from the fit
 _BIASED = 3.0
 """Standard errors by which missing heat may have biased the fitted parameters. Of the hidden bursts of
@@ -116,7 +118,6 @@ _BIASED = 3.0
 _FARTHEST = 1.5
 """Of a logarithm, a factor of five: how far off parameters may be of which together the readings tell nothing."""
 _WIDE = 1.96  # standard deviations on either side of a 95 % band
-_INDEPENDENT = 60.0  # s; estimates that lie closer count as one among the comparisons made
 _HALF = 0.5  # a peak reaches as far as the heat stays above so much of its largest value; so deep is a valley
 
 
@@ -138,8 +139,8 @@ def unexplained_heat(fit: Fit) -> list[UnexplainedHeat]:
     def density(number: int) -> float:
         return sum(likelihood(run, _prior(fit, run, scale, walks[number])) for run in runs)
 
-    # It has one peak, which is climbed to from near the slow end, where most have it.
-    walks, top = [share * scale / np.sqrt(60.0) for share in _GRID], _FIRST_TRIED
+    # It has one peak, which is climbed to from the third, near which most have it.
+    walks, top = [share * scale / np.sqrt(60.0) for share in _GRID], 2
     while (best := max((k for k in (top, top - 1, top + 1) if 0 <= k < len(walks)), key=density)) != top:
         top = best
     unexplained = []
