@@ -49,7 +49,7 @@ print(stretch.text() if stretch else "nowhere surely")
 history = improve(loaded.model, data)
 for step in history.steps:
     print(step.effect or "as given", step.at or "", f"{step.holdout.rmse:.2f} K held out")
-for sentence in advise(history.first, history.last.fit, coarse).sentences:
+for sentence in advise(history.first, history.last, coarse).sentences:
     print(sentence)
 _ = plot_history(history)
 show(predictions_figure(*(compare(step.fit.model, data.holdout) for step in (history.steps[0], history.best))))

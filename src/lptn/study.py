@@ -328,7 +328,7 @@ class Study:
         if self._advice is None or self._advice[0] is not last:
             history = self._searched[1] if self._searched else None
             first = history.first if history else last  # what the search chose among
-            self._advice = last, advise(first, last.fit, for_search(self.data), logger.info)
+            self._advice = last, advise(first, last, for_search(self.data), logger.info)
         return self._advice[1]
 
     def add(self, effect: str | Step, at: str = "", *, run: str = "") -> Step:

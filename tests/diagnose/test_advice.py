@@ -61,7 +61,7 @@ def split(folder: Path, *, means: bool) -> DataSplit:
 def test_slow_rows_that_are_means_are_told_with_the_line_that_says_so(tmp_path: Path, means: bool) -> None:
     data = split(tmp_path, means=means)
     model = lptn.load_model(tmp_path / "body.toml").model
-    advice = advise(diagnosis := diagnose(model, data), diagnosis.fit, data)
+    advice = advise(diagnosis := diagnose(model, data), diagnosis, data)
     assert advice.rows.startswith("Read as means, these slow rows are met to 0.05") is means
     assert ('"means before"' in advice.rows) is means
     assert advice.as_json()["rows"] == (advice.rows or None)
@@ -69,7 +69,7 @@ def test_slow_rows_that_are_means_are_told_with_the_line_that_says_so(tmp_path: 
     said = [
         [replace(segment, run=replace(segment.run, notes=())) for segment in runs] for runs in (data.fit, data.holdout)
     ]
-    assert not advise(diagnosis, diagnosis.fit, DataSplit(*map(tuple, said))).rows
+    assert not advise(diagnosis, diagnosis, DataSplit(*map(tuple, said))).rows
 
 
 @pytest.mark.parametrize(("times", "least", "most"), [(0.0, 0, 0), (0.4, 0, 2), (1.0, 8, 10), (2.0, 10, 10)])

@@ -161,7 +161,7 @@ def test_what_is_to_be_decided_is_what_the_steps_leave_open(leg: Leg) -> None:  
     history = improve(model, data)
     first_open = next(step for step in history.steps[1:] if step.indistinguishable)
     assert {step.key for step in history.rivals} == {first_open.key, *first_open.indistinguishable}
-    experiment = advise(history.first, history.best.fit, for_search(data), rivals=history.rivals).experiment
+    experiment = advise(history.first, history.last, for_search(data)).experiment
     assert experiment is not None
     assert set(experiment.rivals) <= {step.key for step in history.rivals}
 

@@ -9,8 +9,8 @@ from math import log, log1p, sqrt
 import numpy as np
 
 from lptn.basics.words import short_size
-from lptn.diagnose.answers import Report, Step
-from lptn.diagnose.diagnosis import Diagnosis, weighed
+from lptn.diagnose.answers import Report
+from lptn.diagnose.diagnosis import Diagnosis
 from lptn.diagnose.evidence import USUAL, FirstOrder
 from lptn.diagnose.experiment import Experiment, propose
 from lptn.diagnose.fit_statistics import POWER, TIE, criterion_difference
@@ -120,33 +120,24 @@ class Advice:
         }
 
 
-def advise(
-    diagnosis: Diagnosis,
-    last: Fit,
-    data: DataSplit,
-    report: Report = lambda _: None,
-    rivals: Sequence[Step] | None = None,
-) -> Advice:
+def advise(first: Diagnosis, last: Diagnosis, data: DataSplit, report: Report = lambda _: None) -> Advice:
     """Work out what to do next.
 
     Args:
-        diagnosis: of the model as given.
-        last: the fit of the model that it led to, or of the given one.
+        first: of the model as given.
+        last: of the model that it led to, or the same.
         data: the runs, in the steps of the search.
         report: called with a sentence on what is being done.
-        rivals: answers that the data don't tell apart, which an experiment has to; those of the diagnosis by
-            default.
     """
     report("looking for what is left, and for the next experiment")
-    rivals = diagnosis.rivals if rivals is None else rivals
     # What is missing shows in held-out runs as well: as long as it is not added, nothing is said of the runs.
-    added = last is not diagnosis.fit or diagnosis.verdict != "missing"
+    added = last is not first or first.verdict != "missing"
     return Advice(
-        propose(rivals[:_MOST_RIVALS]) if len(rivals) > 1 else None,
-        stretches(unexplained_heat(last)),
-        smallest(diagnosis.weighed if last is diagnosis.fit else weighed(last)),
-        runs_that_differ(last, data.holdout) if added else [],
-        _rows_as_means(last, data),
+        propose(first.rivals[:_MOST_RIVALS]),
+        stretches(unexplained_heat(last.fit)),
+        smallest(last.weighed),
+        runs_that_differ(last.fit, data.holdout) if added else [],
+        _rows_as_means(last.fit, data),
     )
 
 
