@@ -170,17 +170,9 @@ def largest(runs: Sequence[UnexplainedHeat]) -> HeatPeak | None:
 
 def _of_row(unexplained: UnexplainedHeat, row: int) -> list[HeatPeak]:
     """The stretches of one node in one run, the surest first, none of which overlaps another."""
-    from scipy.signal import find_peaks, peak_prominences  # heavy, and few commands need it
-
     heat, clear, half = unexplained.heat[row], unexplained.clear[row], unexplained.seconds / 2
-    tops: list[int] = []
-    for sign in (1, -1):
-        heights = np.pad(np.where(sign * heat >= 0, clear, 0.0), 1)
-        found, _ = find_peaks(heights)
-        deep = peak_prominences(heights, found)[0] >= _HALF * heights[found]
-        tops += (found[deep & (heights[found] > 0)] - 1).tolist()
     peaks, taken = [], np.zeros(heat.size, dtype=bool)
-    for top in sorted(tops, key=lambda top: -clear[top]):
+    for top in sorted(_separate(clear, heat), key=lambda top: -clear[top]):
         above = heat * np.sign(heat[top]) >= _HALF * abs(heat[top])
         first = top - int(np.argmin(np.append(above[: top + 1][::-1], False))) + 1
         stop = top + int(np.argmin(np.append(above[top:], False)))
@@ -189,6 +181,23 @@ def _of_row(unexplained: UnexplainedHeat, row: int) -> list[HeatPeak]:
             ends = float(unexplained.time[first] - half), float(unexplained.time[stop - 1] + half)
             means = float(heat[first:stop].mean()), float(unexplained.band[row, first:stop].mean())
             peaks.append(HeatPeak(unexplained.run, unexplained.nodes[row], *ends, *means, float(clear[top])))
+    return peaks
+
+
+def _separate(clear: FloatArray, heat: FloatArray) -> list[int]:
+    """The peaks, of heat and of its lack, that deep valleys separate from higher ones."""
+    peaks: list[int] = []
+    for heights in (np.where(heat >= 0, clear, 0.0), np.where(heat < 0, clear, 0.0)):
+        rising, top, valley = False, 0, 0.0
+        for place, height in enumerate([*heights.tolist(), 0.0]):
+            if not rising:
+                valley = min(valley, height)
+                rising, top = height > 0 and valley <= _HALF * height, place
+            elif height > clear[top]:
+                top = place
+            elif height <= _HALF * clear[top]:
+                peaks.append(top)
+                rising, valley = False, height
     return peaks
 
 
