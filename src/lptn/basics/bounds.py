@@ -47,8 +47,9 @@ MEMBERS = Bound(10_000, "files")
 NODES = Bound(500, "nodes")
 """Of a network: a humanoid with all its windings has 100. With 500 `check` takes a minute, and the cube of it more."""
 
-PLACES = Bound(20_000, "places")
-"""Of a network's links, or of its effects: a humanoid has some hundred. CasADi needs 1 ms for each."""
+PLACES = Bound(5_000, "places")
+"""Of a network's links, or of its effects: a humanoid has some hundred. With 20,000 an FMU took more than a
+minute."""
 
 VARIABLES = Bound(100_000, "variables")
 """Of an FMU, elements of arrays counted: an importer needs some 10 µs and 1 kB for each."""
