@@ -158,6 +158,8 @@ def test_a_limit_that_is_not_stated_is_said_to_be_assumed(tmp_path: Path) -> Non
         ("revolute", "1e300", "1e+300 N·m"),
         ("continuous", "1e-9", "1e-09 N·m"),
         ("prismatic", "1e12", "1e+12 N"),
+        ("revolute", "-3", "-3 N·m"),
+        ("continuous", "nan", "nan N·m"),
     ],
 )
 def test_a_limit_that_no_motor_has_is_none_and_the_joint_is_named(
@@ -168,6 +170,15 @@ def test_a_limit_that_no_motor_has_is_none_and_the_joint_is_named(
     none = urdf_model_text(written(tmp_path, robot(joint("elbow", "base", "arm"), wrist.replace(effort, "0"))))
     assert made == none
     assert f"robot.urdf: joint wrist: effort {said}, which no motor has; taken as no limit, like 0" in caplog.text
+
+
+@pytest.mark.parametrize("kind", ["revolut", "Revolute", "ball", ""])
+def test_a_joint_of_a_type_that_a_urdf_does_not_have_is_named(
+    kind: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    made = urdf_model_text(written(tmp_path, robot(joint("elbow", "base", "arm"), joint("wrist", "arm", "hand", kind))))
+    assert "wrist" not in made
+    assert f"robot.urdf: joint wrist: type '{kind}'; taken as fixed" in caplog.text
 
 
 def test_what_a_drawing_program_got_wrong_is_said_of_the_joint(tmp_path: Path) -> None:

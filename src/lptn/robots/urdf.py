@@ -36,6 +36,7 @@ _NO_LIMIT = 20.0  # N·m: where a URDF states no effort
 _PINION = 0.02  # m: radius at which a sliding joint's motor makes its force, a pinion of 4 cm or so
 
 _MOVED = ("revolute", "continuous", "prismatic")
+_NOT_DRIVEN = ("fixed", "floating", "planar")  # the other types that a URDF has
 _SUFFIX = re.compile(r"_(joint|motor|actuator)$")
 _NOT_IN_NAMES = re.compile(r"[^\w-]")
 _MOTORS = 1e-3, 1e5  # N·m behind the gear: small servos give 0.01, the axes of the largest robot arms 5e4
@@ -100,6 +101,9 @@ def read_joints(path: str | Path) -> tuple[str, list[Joint]]:
     driven = {joint.get("name") for joint in root.iterfind("transmission/joint")}
     joints = root.findall("joint")
     carrying = {_end(path, joint, "child"): joint for joint in joints}
+    for joint in joints:
+        if (kind := joint.get("type")) not in (*_MOVED, *_NOT_DRIVEN):
+            _log.warning("%s: joint %s: type %r; taken as fixed", path, joint.get("name"), kind)
     moved = [joint for joint in joints if joint.get("type") in _MOVED and joint.find("mimic") is None]
     moved = [joint for joint in moved if joint.get("name") in driven] or moved
     if not moved:
@@ -166,7 +170,7 @@ def _effort(path: str | Path, joint: ElementTree.Element) -> float | None:
     torque = effort * (_PINION if slides else 1.0)
     if _MOTORS[0] <= torque <= _MOTORS[1]:
         return effort
-    if 0 < effort < math.inf:
+    if effort not in (0, math.inf):
         stated = f"effort {effort:g} {'N' if slides else 'N·m'}, which no motor has"
         _log.warning("%s: joint %s: %s; taken as no limit, like 0", path, joint.get("name"), stated)
     return None
