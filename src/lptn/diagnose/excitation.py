@@ -22,11 +22,11 @@ from lptn.model.model import Model
 
 # --- What happens in logs: levels of load, standstill, cool-downs, ranges of temperature and speed ------
 
-_LEVEL = 0.1  # of the largest load: levels less far apart are one
-_STILL = 0.05  # of the largest load: below it a robot rests
-_LOW = 0.5  # of the largest load: below it a hot node may cool
-_STEP = 0.3  # of the largest load from one minute to the next
-_COOLS = 1.0  # K in a time of little load
+_LEVEL = 0.1  # of the largest heat: levels less far apart differ by a kelvin in ten, a step of a coarse sensor
+_STILL = 0.05  # of the largest heat: below it a robot rests, but for what holds its weight
+_LOW = 0.5  # of the largest heat: below it what had settled cools to half its rise
+_STEP = 0.3  # of the largest heat from one minute to the next: a jump beyond what a gait makes
+_COOLS = 1.0  # K in a time of little load: a step of a coarse sensor
 _LOADS = {"power": 1.0, "current": 2.0, "torque": 2.0}  # exponent that makes it a heat
 
 

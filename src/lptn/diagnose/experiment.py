@@ -52,7 +52,7 @@ _PRODUCTS = ("mechanical_power",)
 _BASE = "speed.base"
 _UNITS = {"torque": "N*m", "torque_abs": "N*m", "current": "A", "current_abs": "A", "power": "W", "heat": "W"}
 _ORDINARY = 0.95  # quantile of a column while it is in use: high, yet nothing that happened only once
-_IN_USE = 0.05  # share of a column's largest value from which on it is in use
+_IN_USE = 0.05  # share of a column's largest value, above what sensors read at rest, from which on it is in use
 _LEVELS = (0.5, 1.0)
 """Shares of the high ordinary load and speed: laws that go with different powers of them are told apart by two levels,
 and losses that go with the square are a quarter at the lower one."""
@@ -396,8 +396,8 @@ def _mean_step(fit: Fit) -> float:
 
 _SHARES = (0.2, 0.4, 0.6, 0.8, 1.0)  # of the time for a single move; rest is left at the end
 _BUSY = 0.8  # share of the time for two or three moves together
-_KEPT = 6  # moves, pairs, programs that are followed further: some 150 programs in all, a second or two
-_NEARLY = 0.85  # share of the best that a simpler run must reach to be preferred
+_KEPT = 6  # moves, pairs, programs that are followed further: some 200 programs in all, a second or two
+_NEARLY = 0.85  # share of the best that a simpler run must reach: that is a third more time of the same run
 
 
 @dataclass(frozen=True)
