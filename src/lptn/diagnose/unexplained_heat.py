@@ -8,7 +8,7 @@ is where it predicts too cold (error = predicted − measured < 0).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from math import ceil
@@ -283,9 +283,20 @@ def blocks(fit: Fit, number: int) -> Blocks:
     values = fit.model.in_run(bound.run.name, fit.point.values)
     path = simulate(fit.model, bound, fit.point.values, fit.point.starts[number]).states
     capacities = values[[fit.model.network.capacities[fit.model.nodes[row]] for row in rows]]
-    pieces = [_mean_derivatives(fit, path[:, w], bound.inputs[:, w], values, size) for w in _parts(window, size)]
+    long = max(1, _WINDOW // size) * size
+    parts = [slice(at, min(at + long, window.stop)) for at in range(window.start, window.stop, long)]
+    pieces = [_mean_derivatives(fit, path[:, w], bound.inputs[:, w], values, size) for w in parts]
     a, b, c, e = (np.concatenate(derivatives) for derivatives in zip(*pieces, strict=True))
-    top = _exact(a, b, rows, capacities, step * size)
+    heated = np.zeros((a.shape[1], len(rows)))
+    heated[rows, np.arange(len(rows))] = 1.0 / capacities
+    transition, integral = zero_order_hold(a, step * size)
+    top = np.concatenate([transition, integral @ heated, integral @ b], axis=2)
+    # The mean reading of a block lies in its middle; of the readings at steps' starts half a step earlier.
+    late = 0.5 if bound.run.averaged else 0.5 * (size - 1) / size
+    within = late * top
+    within[:, :, : a.shape[1]] += (1.0 - late) * np.eye(a.shape[1])
+    by = c[:, rows] @ within
+    by[:, :, top.shape[2] - b.shape[2] :] += e[:, rows]
     error = np.where(bound.counted, fit.residuals[number], np.nan)[rows, window]
     counts = np.isfinite(error).reshape(len(rows), count, size).sum(axis=2)
     predicted = readings_of(fit.model, path[:, window], values)[rows]
@@ -295,19 +306,12 @@ def blocks(fit: Fit, number: int) -> Blocks:
         step * size,
         rows,
         top,
-        _by_start(top, c[:, rows], e[:, rows], 0.5 if bound.run.averaged else 0.5 * (size - 1) / size),
+        by,
         means_of_blocks(error, size).T,
         _variance(predicted, counts, fit, rows, size).T,
         (capacities[:, None] * np.diff(ends) / (step * size)).T,
         capacities * np.abs(np.einsum("kii->ki", a)[:, rows]).mean(axis=0),
     )
-
-
-def _parts(window: slice, size: int) -> Iterator[slice]:
-    """A window cut where blocks end, in pieces whose derivatives memory can hold."""
-    long = max(1, _WINDOW // size) * size
-    for start in range(window.start, window.stop, long):
-        yield slice(start, min(start + long, window.stop))
 
 
 def _mean_derivatives(
@@ -343,29 +347,6 @@ def _slopes(fit: Fit) -> FloatArray:
         else:
             slopes[place] = max(slopes[place], typical / _FAR)
     return slopes
-
-
-def _exact(a: FloatArray, b: FloatArray, rows: IntArray, capacities: FloatArray, seconds: float) -> FloatArray:
-    """States after a block by states, heats and parameters before it: the exact hold, shape (n, S, S + M + F)."""
-    heated = np.zeros((a.shape[1], len(rows)))
-    heated[rows, np.arange(len(rows))] = 1.0 / capacities
-    transition, integral = zero_order_hold(a, seconds)
-    return np.concatenate([transition, integral @ heated, integral @ b], axis=2)
-
-
-def _by_start(top: FloatArray, c: FloatArray, e: FloatArray, late: float) -> FloatArray:
-    """Derivative of a block's mean readings by the deviations at its start.
-
-    Args:
-        late: how far into the block its mean reading lies, as a share of the block.
-    """
-    within = late * top
-    states = top.shape[1]
-    within[:, :, :states] += (1.0 - late) * np.eye(states)
-    by = c @ within
-    if e.shape[2]:
-        by[:, :, -e.shape[2] :] += e
-    return np.asarray(by)
 
 
 def _variance(predicted: FloatArray, counts: FloatArray, fit: Fit, rows: IntArray, size: int) -> FloatArray:
@@ -445,7 +426,9 @@ def smoothed(run: Blocks, prior: Prior) -> tuple[FloatArray, FloatArray]:
     back, curve = np.zeros(size), np.zeros((size, size))
     heats = slice(states, states + nodes)
     for k in range(len(steps) - 1, -1, -1):
-        back, curve = _before_step(back, curve, run.top[k])
+        transition = np.eye(size)
+        transition[:states] = run.top[k]
+        back, curve = transition.T @ back, transition.T @ curve @ transition
         step = steps[k]
         rest = np.eye(size) - step.gain @ step.by
         weighed = step.by.T @ step.precision
@@ -477,30 +460,13 @@ def _forward(run: Blocks, prior: Prior, steps: list[_Filtered] | None) -> float:
         density -= 0.5 * float(np.sum((inverse @ innovation) ** 2)) + float(np.log(np.diag(root)).sum())
         d = d + gain @ innovation
         p = p - gain @ crossed.T
-        d, p = _after_step(d, p, run.top[k])
+        mixed = run.top[k] @ p  # heats and parameters stay
+        p = 0.5 * (p + p.T)
+        p[:states], p[:, :states] = mixed, mixed.T
+        p[:states, :states] = mixed @ run.top[k].T
+        d[:states] = run.top[k] @ d
         np.einsum("ii->i", p)[heats] += gained
     return density
-
-
-def _after_step(d: FloatArray, p: FloatArray, top: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Mean and covariance after a block; heats and parameters stay."""
-    states = len(top)
-    mixed = top @ p
-    p = 0.5 * (p + p.T)
-    p[:states] = mixed
-    p[:, :states] = mixed.T
-    p[:states, :states] = mixed @ top.T
-    d = d.copy()
-    d[:states] = top @ d
-    return d, p
-
-
-def _before_step(back: FloatArray, curve: FloatArray, top: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The adjoint carried back over a block."""
-    states = len(top)
-    transition = np.eye(top.shape[1])
-    transition[:states] = top
-    return transition.T @ back, transition.T @ curve @ transition
 
 
 # --- Which of the log's inputs the unexplained heat correlates with -------------------------------
