@@ -29,7 +29,6 @@ from lptn.identify.comparison import Errors
 from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit
 from lptn.identify.validation import fit_segments
-from lptn.logs.run import Run
 from lptn.model.model import Model
 
 Verdict = Literal["adequate", "missing", "unexplained"]
@@ -192,12 +191,9 @@ def diagnose(
 
 def for_search(data: DataSplit) -> DataSplit:
     """The same data of common inputs in the steps of a search: 5 s, longer where there are very many readings."""
-    seconds = sum(len(one.run) * one.run.step * _thermometers(one.run) for one in data.fit)
+    sensors = [sum(key.startswith("temperature.") for key in one.run.columns) for one in data.fit]
+    seconds = sum(len(one.run) * one.run.step * count for one, count in zip(data.fit, sensors, strict=True))
     return data.of_common_inputs().coarsened(max(_SEARCH_STEP, seconds / _MOST_READINGS))
-
-
-def _thermometers(run: Run) -> int:
-    return sum(key.startswith("temperature.") for key in run.columns)
 
 
 def examine(

@@ -23,7 +23,6 @@ from lptn.diagnose.fit_statistics import Removed, lack_of_fit
 from lptn.diagnose.refits import continued, unless_interrupted
 from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit
-from lptn.identify.problem import Point
 from lptn.identify.validation import fit_segments
 from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration
@@ -212,7 +211,8 @@ def improve(
         network = network.with_effects(step.declarations)
         last = number == len(first.steps)
         coarse_fit = step.fit if last else continued(coarse_fit, network)
-        steps.append(replace(step, fit=_at_full_resolution(coarse_fit, data)).judged_on(data))
+        fine = unless_interrupted(fit_segments(coarse_fit.model, data.fit, coarse_fit.point))
+        steps.append(replace(step, fit=fine).judged_on(data))
         on_step(tuple(steps))
     if len(steps) == 1:
         return History(first.verdict, first.verdict, tuple(steps), first, first, first.considered)
@@ -221,9 +221,3 @@ def improve(
     remaining: Verdict = "adequate" if is_met(left) else "unexplained"
     last_diagnosis = Diagnosis(remaining, last_fit, first.steps[-1].holdout, left, refused=first.refused)
     return History(first.verdict, remaining, tuple(steps), first, last_diagnosis, first.considered, rivals=first.rivals)
-
-
-def _at_full_resolution(fit: Fit, data: DataSplit) -> Fit:
-    """A fit to means, gone on with on all readings."""
-    point = Point(fit.point.values, fit.point.starts)
-    return unless_interrupted(fit_segments(fit.model, data.fit, point))
