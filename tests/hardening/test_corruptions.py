@@ -13,14 +13,11 @@ from tests.hardening.corruptions import CORRUPTIONS, ROBOTS, STEPS, ask, healthy
 SEED = 4
 NO_READING, LEFT = {"disconnected", "frozen"}, 0.1  # kinds; share of false readings that may be taken
 EXAMPLES = Path(__file__).parents[2] / "examples"
-LOOSE = "a sensor comes loose, to the air's temperature"
 UNSEEN = {
     *product(("speed in rpm of the motor",), ROBOTS),
     ("a torque turns into amperes", "leg"),
-    (LOOSE, "leg"),
 }
-"""What slow joints can't show, where fast ones do; a torque of a joint that rests from there on; a joint that its
-neighbours warm as well."""
+"""What slow joints can't show, where fast ones do; a torque of a joint that rests from there on."""
 
 
 @pytest.mark.parametrize("robot", ROBOTS)

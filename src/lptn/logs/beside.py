@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from lptn.basics.errors import InputError
+from lptn.logs.columns import AMBIENT
 from lptn.logs.run import Run
-from lptn.logs.silence import AMBIENT
 
 _WARMER = 25.0  # K, by which rooms of one robot's runs hardly differ
 _LIKE = 15.0  # K, by which they may

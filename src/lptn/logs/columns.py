@@ -19,6 +19,10 @@ from lptn.basics.units import registry
 # --- Units that people write, turned into SI (temperatures into degC) -----------------------------
 
 
+AMBIENT = "temperature.ambient"
+HEATS = ("torque", "current")
+INPUTS = (*HEATS, "velocity")
+"""Quantities that drive a joint's heat."""
 _SI = {  # by quantity, and what a unit of it is called in a message
     "time": ("s", "time, such as s"),
     "temperature": ("degC", "temperature, such as degC"),

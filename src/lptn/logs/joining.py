@@ -15,9 +15,8 @@ import numpy as np
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.logs.clock import FEWEST_ROWS, check_time, in_order
-from lptn.logs.columns import ColumnSource
+from lptn.logs.columns import AMBIENT, ColumnSource
 from lptn.logs.scatter import off_their_neighbours, white_noise
-from lptn.logs.silence import AMBIENT
 from lptn.logs.tables import Source, Table, column_sources, table_of_sources
 from lptn.logs.units import suspect_unit
 

@@ -84,14 +84,12 @@ class Surroundings:
         start: degC, what the others begin at; NaN where there is none.
         coldest: degC, the least that any of them has for long; −inf where there is none.
         load: (n,) whose square goes with the heat put in, as torque or current; None where nothing says it.
-        air: (n,) degC; None where it is not logged, or is this channel.
         heated: whether heat may be put in that nobody logs; none is put into the air.
     """
 
     start: float = np.nan
     coldest: float = -np.inf
     load: FloatArray | None = None
-    air: FloatArray | None = None
     heated: bool = True
 
 
@@ -121,33 +119,12 @@ def off(
         believed = _chain(channel, begins, ends)
         for begin, end in _trimmed(channel, begins[believed], ends[believed], cuts):
             kept[begin : end + 1] = True
-    for begin, end in channel.at_the_air(kept):
-        kept[begin : end + 1] = False
     out = np.zeros(values.size, dtype=bool)
     out[there[~kept]] = True
     turn = channel.turn(cuts, kept)
     if turn:
         return [silence_at(time, "wrap", turn, out)]
     return list(_named(time, values, out, channel.every))
-
-
-def leaps_by_heat(time: FloatArray, values: FloatArray, stretch: BoolArray, around: Surroundings) -> bool:
-    """Whether a change of the heat put in explains how a channel goes into a stretch, or out of it.
-
-    Args:
-        time: (n,) s.
-        values: (n,) degC, NaN where missing.
-        stretch: its rows, shape (n,).
-        around: what is known of the part.
-    """
-    there = np.flatnonzero(np.isfinite(values))
-    channel = _Channel(time[there], values[there], 0.0, around, there)
-    inside = stretch[there]
-    ends = np.flatnonzero(inside[1:] != inside[:-1])
-    rows = max(1, round(_WINDOWS[0] / channel.every)) if channel.every > 0 else 1
-    ends = np.minimum(ends, max(there.size - 1 - rows, 0))
-    ends = ends[np.abs(channel.readings[ends + rows] - channel.readings[ends]) > _LEAP]
-    return bool(channel.heated(ends, rows).any())
 
 
 class _Channel:
@@ -230,52 +207,6 @@ class _Channel:
         near = np.abs(np.abs(leaps) - middle) <= max(_OF_TURN * middle, self.least / 2)
         return middle if middle > 2 * self.least and near.mean() > _MOSTLY else 0.0
 
-    def at_the_air(self, kept: BoolArray) -> list[tuple[int, int]]:
-        """Stretches in which a channel stays at the air's temperature, though as much heat comes as warmed it before.
-
-        A sensor that has come off its part shows the air. What is left out begins where it left the part.
-        """
-        if self.around.load is None or self.around.air is None:
-            return []
-        thin = max(1, kept.size // _THINNED)
-        few = self._thinned(thin)
-        found = few._at_the_air(np.where(kept[::thin], few.readings - self.around.air[few._rows], np.nan))
-        return [(begin * thin, min((end + 1) * thin, kept.size) - 1) for begin, end in found]
-
-    def _thinned(self, thin: int) -> _Channel:
-        """Every so many readings of it."""
-        if thin == 1:
-            return self
-        return _Channel(self.stamps[::thin], self.readings[::thin], self._resolution, self.around, self._rows[::thin])
-
-    def _at_the_air(self, warmth: FloatArray) -> list[tuple[int, int]]:
-        warm = np.flatnonzero(warmth > _WARM)
-        cold = np.abs(warmth) < max(_AT_AIR, self.least / 2)
-        if not warm.size or not cold.any():
-            return []
-        energy = np.concatenate(([0.0], np.cumsum(self._heat[:-1] * np.minimum(np.diff(self.stamps), _QUICK))))
-        starts = np.flatnonzero(cold[: warm[0]])
-        if not starts.size:  # it was warm from the first: nothing says what warms it
-            return []
-        needed, span = float(energy[warm[0]] - energy[starts[-1]]), 2 * int(warm[0] - starts[-1])
-
-        def most(begin: int, end: int) -> float:
-            """The heat put in within `span` rows between two of them, at the most."""
-            return float((energy[np.minimum(np.arange(begin, end + 1) + span, end)] - energy[begin : end + 1]).max())
-
-        if most(0, int(starts[-1])) > needed:  # as much came while it was cold: what warmed it is another's
-            return []
-        edges = np.flatnonzero(np.diff(cold, prepend=False, append=False))
-        rows = max(1, round(2 * _WINDOWS[-1] / self.every))
-        falls = self.readings[rows:] - self.readings[:-rows] < -self.least / _PARTS
-        stretches = []
-        for begin, end in zip(edges[::2].tolist(), (edges[1::2] - 1).tolist(), strict=True):
-            if begin < warm[0] or most(begin, end) <= _TIMES * needed:
-                continue
-            holds = np.flatnonzero(~falls[: max(begin - rows, 0)])
-            stretches.append((int(holds[-1]) + 1 if holds.size else begin, end))
-        return stretches
-
     def _nowhere(self, at: IntArray) -> BoolArray:
         """Whether readings are where no part of this robot is."""
         readings = self.readings[at]
@@ -303,9 +234,6 @@ class _Channel:
 
 
 _ALIKE, _OF_TURN, _MOSTLY = 4, 0.03, 0.8  # leaps; of a turn; share of the leaps
-_THINNED = 20_000  # readings, of which some tell whether a sensor is at the air for minutes
-_WARM, _AT_AIR, _TIMES = 6.0, 1.5, 2.0  # K above the air; K from it; times the heat that warmed it in as long
-_PARTS = 6  # of what a channel may move by at once: so much it falls in a minute, at least, on its way to the air
 _FASTEST = 1e-6  # s between two readings; clocks of loggers tell no less
 _BEFORE, _LAG = 20.0, 2.0  # s, in which the heat before is meant; by which a sensor may come late
 _AS_LARGE, _NEARLY, _GAIN = 0.5, 0.9, 3.0  # of a change of heat; share of such moves; times the largest of these

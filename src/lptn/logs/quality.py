@@ -14,11 +14,11 @@ import numpy as np
 
 from lptn.basics.arrays import FloatArray
 from lptn.logs.clock import FEWEST_ROWS
-from lptn.logs.columns import ColumnSource, as_line_or_option, column_unit
-from lptn.logs.gain import gain_change
+from lptn.logs.columns import AMBIENT, HEATS, INPUTS, ColumnSource, as_line_or_option, column_unit
 from lptn.logs.issue import Issue, correctable, in_unit
+from lptn.logs.law import Blocks, gain_change
 from lptn.logs.passive import Silence
-from lptn.logs.silence import AMBIENT, HEATS, INPUTS, duplicates, held_rows, loads_of, same_loads
+from lptn.logs.silence import duplicates, held_rows, loads_of, same_loads
 from lptn.logs.tables import Table
 from lptn.logs.units import PLAUSIBLE, believed, room_of, suspect_starts, suspect_unit, suspect_wrap
 
@@ -265,22 +265,20 @@ def _suspect_gains(
     said: Collection[str],
 ) -> list[Issue]:
     """Loads that heat their parts as no load does from some row on, in columns of which nothing else is said."""
-    sensors = {key: x for key, x in values.items() if _is_read_temperature(key, x) and key not in said}
-    air = [sensors[AMBIENT]] if AMBIENT in sensors else [np.zeros(values["time"].size)]
+    if "time" in said:
+        return []
+    blocks = Blocks({key: x for key, x in values.items() if key not in said})
     issues = []
     for key in (key for key in sources if key.partition(".")[0] in HEATS and key not in said):
         place, source = key.partition(".")[2], sources[key]
-        part = sensors.get(f"temperature.{place}")
-        if part is None or np.isfinite(source.valid).any():
+        part = f"temperature.{place}"
+        if part not in blocks.values or np.isfinite(source.valid).any():
             continue
-        others = [x for other, x in sensors.items() if other != AMBIENT and x is not part]
-        change = gain_change(values["time"], values[key], part, [*air, *others], values.get(f"velocity.{place}"))
+        change = gain_change(blocks, part, key)
         if change is None:
             continue
         start, stop = float(values["time"][change.start]), float(values["time"][-1])
-        problem = (
-            f"from about {start:.4g} s on it heats temperature.{place} {max(change.ratio, 0.0):.2g} times as much "
-        )
+        problem = f"from about {start:.4g} s on it heats {part} {max(change.ratio, 0.0):.2g} times as much "
         problem += "as before for its square, which looks like another unit from there on"
         remedy = "cut the log there, and say each part's unit; if the column is right, write "
         remedy += believed(key, source, numbers)

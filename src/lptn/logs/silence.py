@@ -17,11 +17,11 @@ import numpy as np
 import pandas as pd
 
 from lptn.basics.arrays import BoolArray, FloatArray, IntArray
-from lptn.logs.passive import CODES, Kind, Silence, Surroundings, leaps_by_heat, off, silence_at
+from lptn.logs.columns import AMBIENT, HEATS, INPUTS
+from lptn.logs.law import SHORTEST, STILL, Blocks, against_heat
+from lptn.logs.passive import CODES, Kind, Silence, Surroundings, off, silence_at
 from lptn.logs.resampling import means_of_blocks
 
-_SHORTEST = 60.0  # s, of a number far from all others, or of a sensor that never repeats itself; in less little is lost
-STILL = 180.0  # s, of one among them: filters in drives let a steady motor's reading stand for two minutes
 CHANCE = 1e-6  # that a live sensor would ever give the same number for so long
 _REPEATS = 0.02  # share of readings like the one before, below which a sensor shows all of its noise
 _REVERSALS = 0.2  # share of changes that turn back: above it, what changes is noise; of a smooth rise there are none
@@ -45,7 +45,7 @@ _FEWEST = 20  # readings, to know what a sensor is like
 
 
 def silences(
-    time: FloatArray, values: FloatArray, *, resolution: float = 0.0, temperature: bool = True
+    time: FloatArray, values: FloatArray, *, resolution: float = 0.0, temperature: bool = True, leaps: bool = True
 ) -> list[Silence]:
     """Stretches in which a channel is silent, in order of time.
 
@@ -54,6 +54,7 @@ def silences(
         values: (n,) in SI or degC, NaN where missing.
         resolution: the sensor's steps, 0 for none.
         temperature: whether it can be clamped, or dead at a number far from those around it; else it can be frozen.
+        leaps: whether a coarse sensor is frozen that leaps where it begins or ends to stand; its own heat may do that.
     """
     there = np.flatnonzero(np.isfinite(values))
     if there.size < _FEWEST:
@@ -73,14 +74,14 @@ def silences(
     for value in _limits(readings, resolution) if temperature else ():
         for begin, end in _touched(readings, value):
             add("clamped", value, begin, end)
-    rests = (spans >= _SHORTEST) & (readings[first] == 0) & (not temperature)  # joints that stand say so for long
-    shortest = _SHORTEST if temperature and _hardly_repeats(last - first, spans) else STILL
+    rests = (spans >= SHORTEST) & (readings[first] == 0) & (not temperature)  # joints that stand say so for long
+    shortest = SHORTEST if temperature and _hardly_repeats(last - first, spans) else STILL
     for k in np.flatnonzero(spans >= shortest):
         if spans[k] < STILL and _comes_to_rest(readings, first[k], last[k]):
             continue
         if any(stretch.rows[there[first[k]]] for stretch in stretches):
             continue
-        if _is_too_long(spans, readings, in_gap, first, last, int(k), rests, resolution, temperature):
+        if _is_too_long(spans, readings, in_gap, first, last, int(k), rests, resolution, temperature, leaps):
             beside = readings[[at for at in (first[k] - 1, last[k] + 1) if 0 <= at < readings.size]]
             far = temperature and beside.size > 0 and bool((np.abs(beside - readings[first[k]]) > _FAR).all())
             add("dead" if far else "frozen", float(readings[first[k]]), first[k], last[k])
@@ -93,7 +94,7 @@ def _gaps(stamps: FloatArray) -> tuple[BoolArray, FloatArray]:
     Nothing stands where nothing is read.
     """
     apart = np.diff(stamps)
-    in_gap = apart > max(_GAP * float(np.median(apart)), _SHORTEST) if apart.size else np.zeros(0, dtype=bool)
+    in_gap = apart > max(_GAP * float(np.median(apart)), SHORTEST) if apart.size else np.zeros(0, dtype=bool)
     return in_gap, np.concatenate(([0.0], np.cumsum(np.where(in_gap, 0.0, apart))))
 
 
@@ -104,7 +105,7 @@ def _hardly_repeats(repeats: IntArray, spans: FloatArray) -> bool:
         repeats: how often each number is said once more in a row, shape (m,).
         spans: for how long each stands [s], shape (m,).
     """
-    short = spans < _SHORTEST
+    short = spans < SHORTEST
     repeated = int(repeats[short].sum())
     steps = repeated + repeats.size - 1  # from reading to reading, but for those in such stretches
     return steps >= _FEWEST and repeated < _REPEATS * steps
@@ -128,6 +129,7 @@ def _is_too_long(
     rests: BoolArray,
     resolution: float,
     temperature: bool,
+    leaps: bool,
 ) -> bool:
     """Whether a live sensor of this noise and these steps would not stand still for so long."""
     alive = ~in_gap  # of the steps from each reading to the next
@@ -154,7 +156,7 @@ def _is_too_long(
     value, step = readings[first[k]], max(resolution, usual)
     ends = ((first[k] - 1, first[k] - 1), (last[k], last[k] + 1))  # the step from or to it, and the reading beside it
     beside = [abs(readings[j] - value) for i, j in ends if 0 <= i < in_gap.size and not in_gap[i]]
-    return bool(resolution > 0 and max(beside, default=0.0) >= _JUMPS * step)
+    return bool(leaps and resolution > 0 and max(beside, default=0.0) >= _JUMPS * step)
 
 
 def _limits(readings: FloatArray, resolution: float) -> list[float]:
@@ -191,75 +193,6 @@ def _touched(readings: FloatArray, limit: float) -> list[tuple[int, int]]:
     ]
 
 
-# --- A limit at which a sensor of coarse steps stands, while the heat goes on ------------------------
-
-
-_RUN_UP = (4, 2)  # steps below the limit, between which, and from which on, the rise is timed
-_SLOWER = 1.6
-"""Times by which the second half of the run-up may take longer. Towards an end in the highest step the rise slows down
-so that it takes ln 3 / ln (5 / 3) = 2.15 times as long; with 1.6 the end is some two steps higher."""
-_GOES_ON = (
-    3.0  # times the second half of the run-up, in which the same load takes a sensor that is alive to the next step
-)
-
-
-def clamped_while_heated(time: FloatArray, values: FloatArray, load: FloatArray, *, resolution: float) -> list[Silence]:
-    """Stretches at the highest reading of a sensor of coarse steps, which it reached without slowing down.
-
-    Its noise doesn't show whether it is alive. But the same load at the same temperature makes it rise as it rose when
-    it came there: all that limits the rise is what leaves, and that would have slowed it down before.
-
-    Args:
-        time: (n,) s.
-        values: (n,) degC, NaN where missing.
-        load: torque or current of the joint, (n,).
-        resolution: the sensor's steps [K].
-    """
-    there = np.flatnonzero(np.isfinite(values))
-    if resolution <= 0 or there.size < _FEWEST:
-        return []
-    readings, stamps = values[there], time[there]
-    steps = np.round((readings.max() - readings) / resolution)
-    edges = np.flatnonzero(np.diff(steps == 0, prepend=False, append=False))
-    tops = [(first, last) for first, last in zip(edges[::2], edges[1::2] - 1, strict=True)]
-    finite = np.isfinite(load)
-    clock, total = time[finite], np.concatenate(([0.0], np.cumsum(np.square(load[finite]))))
-
-    def mean(begins: FloatArray, length: float) -> FloatArray:
-        """Of the squared load in windows of `length` s."""
-        low, high = np.searchsorted(clock, begins), np.searchsorted(clock, begins + length)
-        return np.asarray((total[high] - total[low]) / np.maximum(high - low, 1))
-
-    lows = np.flatnonzero(steps > _RUN_UP[0])
-
-    def stops(first: int, last: int) -> bool:
-        low = int(np.searchsorted(lows, first)) - 1
-        if stamps[last] - stamps[first] < STILL or low < 0:
-            return False
-        run_up = steps[lows[low] + 1 : first + 1]
-        passed = [int(lows[low]) + 1 + int(np.argmax(run_up <= n)) for n in (*_RUN_UP, 0)]
-        early, late = np.diff(stamps[passed])
-        if min(np.diff(passed)) < _LAST_MOVES or late > _SLOWER * early:
-            return False
-        before = mean(np.array([stamps[passed[0]]]), stamps[first] - stamps[passed[0]])
-        begins = stamps[first : last + 1]
-        window = _GOES_ON * late
-        after = mean(begins[begins + window <= stamps[last]], window)
-        return bool((after >= before).any() and before > 0)
-
-    if not any(stops(first, last) for first, last in tops):
-        return []
-    stretches = []
-    for first, last in tops:
-        if stamps[last] - stamps[first] >= _SHORTEST:
-            rows = np.zeros(len(values), dtype=bool)
-            rows[there[first] : there[last] + 1] = True
-            stretches.append(
-                Silence("clamped", float(readings[first]), float(stamps[first]), float(stamps[last]), rows)
-            )
-    return stretches
-
-
 # --- A sensor's steps -----------------------------------------------------------------------------
 
 
@@ -292,10 +225,6 @@ def quantisation_step(values: FloatArray) -> float:
 # --- A whole log ----------------------------------------------------------------------------------
 
 
-AMBIENT = "temperature.ambient"
-HEATS = ("torque", "current")
-INPUTS = (*HEATS, "velocity")
-"""Quantities that drive a joint's heat."""
 _MOVING = 0.05  # rad/s, mean of |speed|: a joint that moves
 _AT_REST = 0.01  # rad/s: an encoder's noise, and so little that friction of 10 N·m makes 0.1 W of it
 
@@ -314,10 +243,10 @@ def silences_of(values: Mapping[str, FloatArray]) -> dict[str, list[Silence]]:
     for key in sorted(values, key=lambda key: not key.startswith("velocity.")):
         channel, (quantity, _, place) = values[key], key.partition(".")
         if quantity == "temperature":
-            silent[key] = still[key] if key in still else of_sensor(values["time"], channel, around.get(key))
-            load = values.get(f"torque.{place}", values.get(f"current.{place}"))
-            if load is not None and not silent[key]:
-                silent[key] = clamped_while_heated(values["time"], channel, load, resolution=quantisation_step(channel))
+            heated = around.get(key, Surroundings()).load is not None
+            silent[key] = still.get(key) or silences(
+                values["time"], channel, resolution=quantisation_step(channel), leaps=not heated
+            )
         elif quantity in INPUTS:
             speed = f"velocity.{place}"
             moving = without_silent(values.get(speed, np.zeros(channel.size)), silent.get(speed, []))
@@ -335,16 +264,45 @@ def silences_of(values: Mapping[str, FloatArray]) -> dict[str, list[Silence]]:
                     or _only_while_it_rests(values["time"], channel, values.get(speed, of_all), one)
                 )
             ]
+    steps = {key: quantisation_step(values[key]) for key in around.keys() - still.keys()}
+
+    def off_beside(key: str) -> list[Silence]:
+        return off(values["time"], without_silent(values[key], silent[key]), steps[key], around[key])
+
+    outside = {key: off_beside(key) for key in steps}
+    said = {key: [*stretches, *outside.get(key, [])] for key, stretches in silent.items()}
+    blocks = Blocks({key: without_silent(channel, said.get(key, [])) for key, channel in values.items()})
+    for key, resolution in steps.items():
+        loads = [f"{quantity}.{key.partition('.')[2]}" for quantity in HEATS]
+        load = next((load for load in loads if load in values), None)
+        channel = without_silent(values[key], silent[key])
+        stretches = against_heat(blocks.with_channel(key, channel), key, load, resolution) if load else []
+        if stretches:
+            silent[key] += [_elsewhere(values["time"], channel, *stretch) for stretch in stretches]
+            outside[key] = off_beside(key)
+        silent[key] += outside[key]
     return {key: stretches for key, stretches in silent.items() if stretches}
 
 
-def of_sensor(time: FloatArray, values: FloatArray, around: Surroundings | None = None) -> list[Silence]:
-    """What a temperature sensor says that is no reading; (n,) s and degC."""
+def _elsewhere(time: FloatArray, values: FloatArray, first: int, last: int) -> Silence:
+    """A stretch of rows in which a sensor is not where its part is."""
+    rows = np.zeros(values.size, dtype=bool)
+    rows[first : last + 1] = np.isfinite(values[first : last + 1])
+    readings, beside = values[rows], values[np.isfinite(values) & ~rows]
+    if np.ptp(readings) > 0:
+        return silence_at(time, "disconnected", float(np.median(readings)), rows)
+    value, others = float(readings[0]), np.flatnonzero(np.isfinite(values) & ~rows)
+    nearest = others[np.unique(np.clip(np.searchsorted(others, first) + np.array([-1, 0]), 0, others.size - 1))]
+    if (np.abs(values[nearest] - value) > _FAR).all():
+        return silence_at(time, "dead", value, rows)
+    return silence_at(time, "frozen" if beside.min() < value < beside.max() else "clamped", value, rows)
+
+
+def of_sensor(time: FloatArray, values: FloatArray) -> list[Silence]:
+    """What a temperature sensor says that is no reading, for all that is known of it alone; (n,) s and degC."""
     resolution = quantisation_step(values)
     stands = silences(time, values, resolution=resolution)
-    if resolution > 0 and around is not None:  # a coarse sensor is known by its leap, which its own heat may make
-        stands = [one for one in stands if one.kind != "frozen" or not leaps_by_heat(time, values, one.rows, around)]
-    return [*stands, *off(time, without_silent(values, stands), resolution, around)]
+    return [*stands, *off(time, without_silent(values, stands), resolution)]
 
 
 _OF_MOST = 0.05  # of what goes with the heat of the joint that has most: with less a part is warmed by its neighbours
@@ -376,8 +334,7 @@ def _surroundings(values: Mapping[str, FloatArray]) -> dict[str, Surroundings]:
         others = [other for other in read if other != key]
         start = float(np.median([starts[other] for other in others])) if others else np.nan
         coldest = min((lows[other] for other in others), default=-np.inf)
-        air = values.get(AMBIENT) if key != AMBIENT else None
-        around[key] = Surroundings(start, coldest, loads.get(place), air, heated=key != AMBIENT)
+        around[key] = Surroundings(start, coldest, loads.get(place), heated=key != AMBIENT)
     return around
 
 
@@ -438,8 +395,8 @@ def _only_while_it_rests(time: FloatArray, values: FloatArray, speed: FloatArray
     A joint that holds a load needs the same torque all the while; a fault keeps no such hours, and what a channel says
     as it fails is what it said before.
     """
-    before = np.flatnonzero((time >= silence.start - _SHORTEST) & (time < silence.start))
-    after = np.flatnonzero((time > silence.stop) & (time <= silence.stop + _SHORTEST))
+    before = np.flatnonzero((time >= silence.start - SHORTEST) & (time < silence.start))
+    after = np.flatnonzero((time > silence.stop) & (time <= silence.stop + SHORTEST))
     beside = [(rows, rows[nearest]) for rows, nearest in ((before, -1), (after, 0)) if rows.size]
     changes = [abs(speed[nearest]) >= _AT_REST or np.ptp(values[rows]) == 0 for rows, nearest in beside]
     return bool(beside) and all(changes) and bool((np.abs(speed[silence.rows]) < _AT_REST).all())

@@ -15,10 +15,10 @@ import numpy as np
 
 from lptn.basics.arrays import FloatArray
 from lptn.logs.clock import suspect_unit_of_time
-from lptn.logs.columns import ColumnName, ColumnSource, as_line_or_option, column_unit
+from lptn.logs.columns import AMBIENT, ColumnName, ColumnSource, as_line_or_option, column_unit
 from lptn.logs.issue import Issue, correctable, in_unit
 from lptn.logs.resampling import means_of_blocks
-from lptn.logs.silence import AMBIENT, loads_of, quantisation_step
+from lptn.logs.silence import loads_of, quantisation_step
 
 
 @dataclass(frozen=True)

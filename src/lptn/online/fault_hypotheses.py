@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lptn.basics.arrays import BoolArray, FloatArray
-from lptn.logs.silence import INPUTS
+from lptn.logs.columns import INPUTS
 from lptn.model.model import Model
 from lptn.online.augmented_model import ModelError, by_node
 from lptn.online.calibration import Calibration

@@ -19,11 +19,18 @@ STEP, SINCE = 0.5, 1500.0  # s
 CAPACITY, TO_AIR, LINK, WINDING = 300.0, 0.2, 0.3, 0.2  # J/K, W/K, W/K, ohm
 
 
-def _two_joints(fan: float = 1.0, friction: float = 0.0, rise: float = 0.0) -> pd.DataFrame:
-    """Fifty minutes of two masses on end in the same air; from the middle on one loses `fan` times as much to it."""
-    time, rng = np.arange(0.0, 3000.0, STEP), np.random.default_rng(2)
-    load = np.stack([rng.choice([0.0, 2.0, 4.0, 6.0, 8.0], size=60)[(time // 50).astype(int)] for _ in range(2)])
-    speed = np.stack([rng.choice([0.0, 1.0, 3.0], size=60)[(time // 50).astype(int)] for _ in range(2)])
+def _two_joints(fan: float = 1.0, friction: float = 0.0, rise: float = 0.0, rest: float = 0.0) -> pd.DataFrame:
+    """Fifty minutes of two masses on end in the same air; from the middle on one loses `fan` times as much to it. Then a rest."""
+    time, rng = np.arange(0.0, 3000.0 + rest, STEP), np.random.default_rng(2)
+    load = np.stack(
+        [
+            rng.choice([0.0, 2.0, 4.0, 6.0, 8.0], size=60)[np.minimum(time // 50, 59).astype(int)] * (time < 3000)
+            for _ in range(2)
+        ]
+    )
+    speed = np.stack(
+        [rng.choice([0.0, 1.0, 3.0], size=60)[np.minimum(time // 50, 59).astype(int)] * (time < 3000) for _ in range(2)]
+    )
     warmth = np.zeros((2, time.size))
     for k in range(time.size - 1):
         to_air = TO_AIR * np.array([fan if time[k] >= SINCE else 1.0, 1.0])
@@ -74,3 +81,52 @@ def test_of_what_a_robot_does_nothing_is_said(robot: dict[str, float], velocity:
     if rest:
         log = log[log["time"] < SINCE + 300]
     assert not read_log(log)[0].issues
+
+
+# --- A sensor that is elsewhere than its part -------------------------------------------------------
+
+
+def _loose(constant: float, until: float = np.inf) -> Callable[[Array, Array], Array]:
+    def change(time: Array, readings: Array) -> Array:
+        off = (time > SINCE) & (time < until)
+        return np.where(off, 25 + (readings - 25) * np.exp(-np.maximum(time - SINCE, 0.0) / constant), readings)
+
+    return change
+
+
+ELSEWHERE: dict[str, Callable[[Array, Array], Array]] = {
+    "comes loose in air that slowly cools it": _loose(200.0),
+    "comes loose, small": _loose(40.0),
+    "falls off": _loose(0.1),
+    "is put back": _loose(60.0, 2500.0),
+    "stands": lambda time, readings: np.where((time > 700) & (time < 2200), readings[int(700 / STEP)], readings),
+    "stands to the end": lambda time, readings: np.where(time > 600, readings[int(600 / STEP)], readings),
+}
+
+
+@pytest.mark.parametrize("steps", [0.1, 1.0])
+@pytest.mark.parametrize("what", ELSEWHERE)
+def test_a_sensor_that_its_parts_heat_does_not_move_is_said_and_left_out(what: str, steps: float) -> None:
+    log = _two_joints()
+    time, true = log["time"].to_numpy(), log["temperature.a"].to_numpy()
+    readings = np.round(ELSEWHERE[what](time, true) / steps) * steps
+    log["temperature.a"], log["temperature.b"] = readings, log["temperature.b"].round(1)
+    (run,) = read_log(log)
+    assert {issue.key for issue in run.issues} == {"temperature.a"}
+    taken, truth = run.columns["temperature.a"], np.interp(run.time, time, true)
+    wrong = np.abs(np.interp(run.time, time, readings) - truth) > 2.0
+    assert wrong.sum() > 100
+    assert np.isnan(taken[wrong]).mean() > 0.95
+    assert np.isnan(taken[~wrong]).mean() < 0.4  # it may stand where its part passes
+
+
+@pytest.mark.parametrize("robot", [{}, {"fan": 3.0}, {"friction": 2.0}, {"rise": 0.01}])
+@pytest.mark.parametrize("velocity", [True, False])
+def test_a_coarse_sensor_of_a_joint_that_rests_or_cools_to_the_air_is_believed(
+    robot: dict[str, float], velocity: bool
+) -> None:
+    """It stands for long, and at last it is the air's: nothing else could be expected where no heat comes."""
+    log = _two_joints(**robot, rest=6000.0)
+    log = log if velocity else log.drop(columns=["velocity.a", "velocity.b"])
+    names = ["temperature.a", "temperature.b"]
+    assert not read_log(log.assign(**{name: log[name].round() for name in names}))[0].issues
