@@ -20,7 +20,7 @@ CAPACITY, TO_AIR, LINK, WINDING = 300.0, 0.2, 0.3, 0.2  # J/K, W/K, W/K, ohm
 
 
 def _two_joints(fan: float = 1.0, friction: float = 0.0, rise: float = 0.0, rest: float = 0.0) -> pd.DataFrame:
-    """Fifty minutes of two masses on end in the same air; from the middle on one loses `fan` times as much to it. Then a rest."""
+    """50 min of two masses in one air; from the middle on one loses `fan` times as much; a rest."""
     time, rng = np.arange(0.0, 3000.0 + rest, STEP), np.random.default_rng(2)
     load = np.stack(
         [

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -110,14 +109,23 @@ def off(
     around = around or Surroundings()
     channel = _Channel(time[there], values[there], resolution, around, there)
     cuts = channel.cuts()
-    begins, ends = _stretches(cuts)
+    # First and last reading of each stretch without a cut; readings within a slow leap are of none.
+    slow = (np.append(cuts[:1], cuts) == 2) & (np.append(cuts, cuts[-1:]) == 2)
+    begins, ends = (np.flatnonzero(np.append(*edges) & ~slow) for edges in ((True, cuts > 0), (cuts > 0, True)))
     if begins.size > _MOST or not begins.size:
         return []
     kept = np.ones(there.size, dtype=bool)
     if cuts.any():
         kept[:] = False
-        believed = _chain(channel, begins, ends)
-        for begin, end in _trimmed(channel, begins[believed], ends[believed], cuts):
+        believed, rows = _chain(channel, begins, ends), max(1, round(_WINDOWS[1] / channel.every))
+        for begin, end in zip(begins[believed].tolist(), ends[believed].tolist(), strict=True):
+            if end - begin > rows + _FEWEST:  # what is left of a slow leap moves faster than usual
+                moves = np.abs(channel.readings[begin + rows : end + 1] - channel.readings[begin : end + 1 - rows])
+                calm = np.flatnonzero(moves <= 2 * float(np.quantile(moves, 0.9)))
+                if begin > 0 and cuts[begin - 1] == 2 and calm[0] > 0:
+                    begin = min(begin + int(calm[0]) + _TAIL * rows, end)
+                if end < there.size - 1 and cuts[end] == 2 and calm[-1] < moves.size - 1:
+                    end = max(end - (moves.size - 1 - int(calm[-1])) - _TAIL * rows, begin)
             kept[begin : end + 1] = True
     out = np.zeros(values.size, dtype=bool)
     out[there[~kept]] = True
@@ -134,7 +142,6 @@ class _Channel:
         self, stamps: FloatArray, readings: FloatArray, resolution: float, around: Surroundings, rows: IntArray
     ) -> None:
         self.stamps, self.readings, self.around, self._rows = stamps, readings, around, rows
-        self._resolution = resolution
         apart, moves = np.diff(stamps), np.abs(np.diff(readings))
         thin = max(1, apart.size // _SAMPLE)
         every = float(np.median(apart[::thin]))
@@ -145,12 +152,6 @@ class _Channel:
     def _is_known(self) -> bool:
         """Whether all heat that is put in is logged, so that what moves otherwise is no part."""
         return self.around.load is not None or not self.around.heated
-
-    @cached_property
-    def _heat(self) -> FloatArray:
-        """What goes with the heat put in at each reading; nothing where that is not known."""
-        load = self.around.load
-        return np.zeros(0) if load is None else np.square(np.nan_to_num(load[self._rows]))
 
     def cuts(self) -> IntArray:
         """For each step from reading to reading whether no part makes it: 1 alone, 2 as a part of a slow leap."""
@@ -216,7 +217,7 @@ class _Channel:
         """Whether a change of the heat put in explains moves over some rows: one as large moves it alike elsewhere."""
         if self.around.load is None or not at.size:
             return np.zeros(at.size, dtype=bool)
-        total = np.concatenate(([0.0], np.cumsum(self._heat)))
+        total = np.concatenate(([0.0], np.cumsum(np.square(np.nan_to_num(self.around.load[self._rows])))))
         back, lag = max(1, round(_BEFORE / self.every)), round(_LAG / self.every)
         k = np.arange(self.readings.size - rows)
         middle, first, last = np.maximum(k - lag, 0), np.maximum(k - lag - back, 0), k + rows
@@ -241,13 +242,6 @@ _NEARLY_ALL = 0.98  # of a channel's moves
 _BEGINNING, _QUICKER = 60.0, 12.0  # s; times what it does elsewhere
 
 
-def _stretches(cuts: IntArray) -> tuple[IntArray, IntArray]:
-    """First and last reading of each stretch without a cut; readings within a slow leap are of none."""
-    slow = (np.append(cuts[:1], cuts) == 2) & (np.append(cuts, cuts[-1:]) == 2)
-    begins = np.flatnonzero(np.append(True, cuts > 0) & ~slow)
-    return begins, np.flatnonzero(np.append(cuts > 0, True) & ~slow)
-
-
 def _chain(channel: _Channel, begins: IntArray, ends: IntArray) -> IntArray:
     """The numbers of the stretches through which one part can have passed, and which hold the most readings."""
     stamps, readings, around = channel.stamps, channel.readings, channel.around
@@ -256,12 +250,24 @@ def _chain(channel: _Channel, begins: IntArray, ends: IntArray) -> IntArray:
     last = np.array([np.median(readings[e + 1 - n : e + 1]) for e, n in zip(ends, size, strict=True)])
     still = np.array([np.ptp(readings[b : e + 1]) == 0 for b, e in zip(begins, ends, strict=True)])
     still &= (stamps[ends] - stamps[begins] >= _LONG) & ~still.all()
-    begun, ended = _moving(channel, begins, ends)
+    begun, ended = stamps[begins + size // 2], stamps[ends - size // 2]
+    if np.median(np.abs(np.diff(readings))) > 0:  # else its steps are coarse, and it mostly repeats itself
+        for k, (begin, end) in enumerate(zip(begins, ends, strict=True)):
+            moves = begin + np.flatnonzero(np.diff(readings[begin : end + 1]))
+            # What it repeats for long it said when it stopped, or will say until it goes on.
+            if moves.size and stamps[moves[0]] - stamps[begin] >= _LONG:
+                begun[k] = stamps[moves[0]]
+            if moves.size and stamps[end] - stamps[moves[-1] + 1] >= _LONG:
+                ended[k] = stamps[moves[-1] + 1]
     nowhere = (np.maximum(first, last) < around.coldest - _COLDER) | (np.minimum(first, last) > _HOTTEST)
     weight = (ends - begins + 1.0) * np.where(still | nowhere, _LAST, 1.0)
     if abs(first[0] - around.start) < _BEGINS and not still[0]:
         weight[0] *= _FIRST
-    rate = _usual_rate(channel, begins, ends)
+    rows, rates = max(1, round(_WINDOWS[-1] / channel.every)), [np.zeros(1)]  # K/s, in the longest stretches
+    for k in np.argsort(begins - ends)[:_EDGE]:
+        own, when = (x[begins[k] : ends[k] + 1] for x in (readings, stamps))
+        rates.append(np.abs(own[rows:] - own[:-rows]) / (when[rows:] - when[:-rows]))
+    rate = 2 * float(np.quantile(np.concatenate(rates), 0.9))
     score, before = weight.copy(), np.full(begins.size, -1)
     for k in range(1, begins.size):
         apart = begun[k] - ended[:k]
@@ -273,53 +279,6 @@ def _chain(channel: _Channel, begins: IntArray, ends: IntArray) -> IntArray:
     while before[chain[-1]] >= 0:
         chain.append(int(before[chain[-1]]))
     return np.array(chain[::-1])
-
-
-def _moving(channel: _Channel, begins: IntArray, ends: IntArray) -> tuple[FloatArray, FloatArray]:
-    """When each stretch gives its first and its last reading [s], shape (stretches,): one that stands is none anew.
-
-    Of a sensor that mostly repeats itself, since its steps are coarse, all are.
-    """
-    stamps, readings = channel.stamps, channel.readings
-    size = np.minimum(_EDGE, ends - begins + 1) // 2
-    first, last = stamps[begins + size], stamps[ends - size]
-    if np.median(np.abs(np.diff(readings))) == 0:
-        return first, last
-    for k, (begin, end) in enumerate(zip(begins.tolist(), ends.tolist(), strict=True)):
-        moves = np.flatnonzero(np.diff(readings[begin : end + 1]))
-        if not moves.size:
-            continue
-        stands_until, stands_since = stamps[begin + moves[0]], stamps[begin + moves[-1] + 1]
-        if stands_until - stamps[begin] >= _LONG:
-            first[k] = stands_until
-        if stamps[end] - stands_since >= _LONG:
-            last[k] = stands_since
-    return first, last
-
-
-def _usual_rate(channel: _Channel, begins: IntArray, ends: IntArray) -> float:
-    """How fast a channel goes where it goes fast, within its longest stretches [K/s]."""
-    rows = max(1, round(_WINDOWS[-1] / channel.every))
-    rates = [np.zeros(1)]
-    for k in np.argsort(begins - ends)[:_EDGE]:
-        stamps, readings = (x[begins[k] : ends[k] + 1] for x in (channel.stamps, channel.readings))
-        if stamps.size > rows:
-            rates.append(np.abs(readings[rows:] - readings[:-rows]) / (stamps[rows:] - stamps[:-rows]))
-    return 2 * float(np.quantile(np.concatenate(rates), 0.9))
-
-
-def _trimmed(channel: _Channel, begins: IntArray, ends: IntArray, cuts: IntArray) -> Iterator[tuple[int, int]]:
-    """Believed stretches without what is left of a slow leap at their ends, where they still move faster than usual."""
-    rows = max(1, round(_WINDOWS[1] / channel.every))
-    for begin, end in zip(begins.tolist(), ends.tolist(), strict=True):
-        if end - begin > rows + _FEWEST:
-            moves = np.abs(channel.readings[begin + rows : end + 1] - channel.readings[begin : end + 1 - rows])
-            calm = np.flatnonzero(moves <= 2 * float(np.quantile(moves, 0.9)))
-            if begin > 0 and cuts[begin - 1] == 2 and calm[0] > 0:
-                begin = min(begin + int(calm[0]) + _TAIL * rows, end)
-            if end < channel.readings.size - 1 and cuts[end] == 2 and calm[-1] < moves.size - 1:
-                end = max(end - (moves.size - 1 - int(calm[-1])) - _TAIL * rows, begin)
-        yield begin, end
 
 
 _TAIL = 3  # times ten seconds, in which the rest of a filter's way is lost in what is usual
@@ -358,23 +317,14 @@ def _named(time: FloatArray, values: FloatArray, out: BoolArray, every: float) -
     for value, own in by_value.items():
         often = len(own) >= max(_AGAIN, _OF_ALL * len(runs)) or any(rows.size > 1 for rows in own)
         if often and min(rows.size for rows in own) > 1:  # it is one where the part is nearly as warm, too
-            own = [*own, *_alike(values, value, out, min(rows.size for rows in own) // 2)]
+            least, same = min(rows.size for rows in own) // 2, (values == value) & ~out
+            ends = np.flatnonzero(np.diff(same, prepend=False, append=False))
+            own = [*own, *(np.arange(a, b) for a, b in zip(ends[::2], ends[1::2], strict=True) if b - a > least)]
         if often or value in CODES or abs(value) > _TOO_HOT:
             yield named("code", value, own)
         elif every <= _QUICK:
             single += own
     if single:
-        leaps = [abs(values[rows[0]] - _beside(values, out, int(rows[0]))) for rows in single]
-        yield named("spike", float(max(leaps)), single)
-
-
-def _alike(values: FloatArray, value: float, out: BoolArray, least: int) -> list[IntArray]:
-    """Rows that are not left out and that give a number more than so often in turn."""
-    edges = np.flatnonzero(np.diff((values == value) & ~out, prepend=False, append=False))
-    return [np.arange(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a > least]
-
-
-def _beside(values: FloatArray, out: BoolArray, row: int) -> float:
-    """The last reading before that is believed, or the first after it."""
-    good = np.flatnonzero(np.isfinite(values) & ~out)
-    return float(values[good[max(int(np.searchsorted(good, row)) - 1, 0)]]) if good.size else np.nan
+        good, first = np.flatnonzero(np.isfinite(values) & ~out), np.array([rows[0] for rows in single])
+        beside = values[good[np.maximum(np.searchsorted(good, first) - 1, 0)]] if good.size else np.nan
+        yield named("spike", float(np.max(np.abs(values[first] - beside))), single)

@@ -100,28 +100,30 @@ def suspect_silence(
         numbers: the file's columns, (n,) each, as they stand there.
         roles: what the columns are to the model.
     """
-    issues = _of_codes(key, source, [silence for silence in silent if silence.kind == "code"], numbers)
-    for silence in _few(silent):
+    issues, of_kind = [], {kind: [one for one in silent if one.kind == kind] for kind in ("code", "disconnected")}
+    said = [silence for silence in silent if silence.kind not in of_kind]
+    codes, off = of_kind.values()
+    if codes and (len(source.columns) == 1 or source.how == "mean"):
+        count = int(sum(code.rows.sum() for code in codes))
+        listed = " and ".join(f"{code.value:.6g}" for code in codes)
+        problem = f"{count} reading{'s' * (count > 1)} of exactly {listed} degC, far from those around: a fault code"
+        in_file = [_in_file(source, code, numbers) for code in codes]
+        corrected = replace(source, invalid=tuple(dict.fromkeys((*source.invalid, *in_file))))
+        remedy = "these readings are left out; to have it in the model file, write {}"
+        issues.append(correctable(key, problem, corrected, False, remedy, kind="code"))
+    if len(off) > _MANY:  # a sensor that is off again and again: all in one
+        rows, middle = np.any([silence.rows for silence in off], axis=0), float(np.median([one.value for one in off]))
+        off = [replace(off[0], value=middle, stop=off[-1].stop, rows=rows)]
+    for silence in (*said, *off):
         problem, remedy = _what(key, silence, roles), _done(key, source, silence, numbers, roles)
         if silence.column:
             problem = f"its column '{silence.column}' {'is ' * (not silence.whole)}{problem}"
-        stretch = (silence.start, silence.stop)
-        column = silence.column or source.columns[0]
+        stretch, column = (silence.start, silence.stop), silence.column or source.columns[0]
         issues.append(Issue(key, column, problem, remedy, False, kind=silence.kind, stretch=stretch))
     return issues
 
 
 _MANY = 4  # stretches of one kind that are said one by one
-
-
-def _few(silent: list[Silence]) -> list[Silence]:
-    """All but the codes; of a sensor that is off again and again all these stretches in one."""
-    off = [silence for silence in silent if silence.kind == "disconnected"]
-    others = [silence for silence in silent if silence.kind not in ("code", "disconnected")]
-    if len(off) <= _MANY:
-        return others + off
-    rows, middle = np.any([silence.rows for silence in off], axis=0), float(np.median([one.value for one in off]))
-    return [*others, replace(off[0], value=middle, stop=off[-1].stop, rows=rows)]
 
 
 def _what(key: str, silence: Silence, roles: Roles) -> str:
@@ -174,19 +176,6 @@ def _in_file(source: ColumnSource, silence: Silence, numbers: Mapping[str, Float
     return float(np.median(numbers[silence.column or source.columns[0]][silence.rows]))
 
 
-def _of_codes(key: str, source: ColumnSource, codes: list[Silence], numbers: Mapping[str, FloatArray]) -> list[Issue]:
-    """The fault codes of a channel, all in one."""
-    if not codes or (len(source.columns) > 1 and source.how != "mean"):
-        return []
-    count = int(sum(code.rows.sum() for code in codes))
-    listed = " and ".join(f"{code.value:.6g}" for code in codes)
-    in_file = [_in_file(source, code, numbers) for code in codes]
-    problem = f"{count} reading{'s' * (count > 1)} of exactly {listed} degC, far from those around: a fault code"
-    corrected = replace(source, invalid=tuple(dict.fromkeys((*source.invalid, *in_file))))
-    remedy = "these readings are left out; to have it in the model file, write {}"
-    return [correctable(key, problem, corrected, False, remedy, kind="code")]
-
-
 def duplicates_of(sources: Mapping[str, ColumnSource], values: Mapping[str, FloatArray]) -> dict[str, str]:
     """Temperatures that say number by number what another column says, by quantity, each with that other."""
     read = {key: values[key] for key in sources if key.startswith("temperature.") and key != AMBIENT}
@@ -194,27 +183,22 @@ def duplicates_of(sources: Mapping[str, ColumnSource], values: Mapping[str, Floa
     return {key: other for key, other in pairs.items() if sources[key].columns != sources[other].columns}
 
 
-def _suspect_duplicates(sources: Mapping[str, ColumnSource], values: Mapping[str, FloatArray]) -> list[Issue]:
-    """Temperatures that are another column's."""
-    remedy = "one of the two is not where it is said to be, and beside others neither is used; map its own column"
-    return [
-        Issue(key, sources[key].columns[0], f"the same readings as {other}", remedy, False, kind="duplicate")
-        for key, other in duplicates_of(sources, values).items()
-    ]
-
-
-def _suspect_same_loads(
+def _suspect_copies(
     sources: Mapping[str, ColumnSource], numbers: Mapping[str, FloatArray], values: Mapping[str, FloatArray]
 ) -> list[Issue]:
-    """Torques and currents that are another joint's."""
-    issues = []
+    """Temperatures that are another column's; torques and currents that are another joint's."""
+    issues, whose = [], "one of the two is not where it is said to be"
+    for key, other in duplicates_of(sources, values).items():
+        remedy = f"{whose}, and beside others neither is used; map its own column"
+        issues.append(
+            Issue(key, sources[key].columns[0], f"the same readings as {other}", remedy, False, kind="duplicate")
+        )
     for key, other in same_loads({key: values[key] for key in sources}).items():
-        if sources[key].columns == sources[other].columns or np.isfinite(sources[key].valid).any():
-            continue
-        remedy = "one of the two is not where it is said to be: map its own column; if both are right, write "
-        remedy += believed(key, sources[key], numbers)
-        problem = f"the same numbers as {other}"
-        issues.append(Issue(key, sources[key].columns[0], problem, remedy, False, kind="duplicate"))
+        if sources[key].columns != sources[other].columns and not np.isfinite(sources[key].valid).any():
+            remedy = f"{whose}: map its own column; if both are right, write {believed(key, sources[key], numbers)}"
+            issues.append(
+                Issue(key, sources[key].columns[0], f"the same numbers as {other}", remedy, False, kind="duplicate")
+            )
     return issues
 
 
@@ -380,8 +364,7 @@ def issues_of(
         elif key.startswith("velocity."):
             of_column = _suspect_power(key, source, values)
         issues += [*of_column, *suspect_silence(key, source, said, numbers, roles)]
-    issues += [*_suspect_duplicates(sources, values), *_suspect_same_loads(sources, numbers, values)]
-    issues += [*_suspect_ambient(sources, numbers, values)]
+    issues += [*_suspect_copies(sources, numbers, values), *_suspect_ambient(sources, numbers, values)]
     if not any(issue.key.startswith("temperature.") and issue.kind == "unit" for issue in issues):
         issues += suspect_starts(sources, numbers, values)
     return (*issues, *_suspect_gains(sources, numbers, values, {issue.key for issue in issues}))

@@ -12,11 +12,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 
-from lptn.basics.arrays import BoolArray, FloatArray, IntArray
+from lptn.basics.arrays import BoolArray, FloatArray
 from lptn.logs.columns import AMBIENT, HEATS, INPUTS
 from lptn.logs.law import SHORTEST, STILL, Blocks, against_heat
 from lptn.logs.passive import CODES, Kind, Silence, Surroundings, off, silence_at
@@ -33,7 +34,6 @@ however lively the sensor is near an edge."""
 _GAP = 10.0  # times the usual distance of readings, and a minute: none were logged for a while
 _SURELY = 1.64  # standard deviations of a count: so few moves by two steps may be chance in one sensor of twenty
 _LONGER = 20.0  # times the median time that a number stands: topics that repeat themselves stand for long
-_JUMPS = 3.0  # steps: a coarse sensor that was alive all the while never moves by so many at once
 _LAST_MOVES, _RESTS = 5, 0.125
 """Readings before a stretch, and the share of the usual move below which they are at rest; of white noise 3 in 1000."""
 _TOUCHES = 30  # readings at the end of a channel's range: of so many noise of half a step would lead beyond
@@ -45,7 +45,7 @@ _FEWEST = 20  # readings, to know what a sensor is like
 
 
 def silences(
-    time: FloatArray, values: FloatArray, *, resolution: float = 0.0, temperature: bool = True, leaps: bool = True
+    time: FloatArray, values: FloatArray, *, resolution: float = 0.0, temperature: bool = True
 ) -> list[Silence]:
     """Stretches in which a channel is silent, in order of time.
 
@@ -54,37 +54,50 @@ def silences(
         values: (n,) in SI or degC, NaN where missing.
         resolution: the sensor's steps, 0 for none.
         temperature: whether it can be clamped, or dead at a number far from those around it; else it can be frozen.
-        leaps: whether a coarse sensor is frozen that leaps where it begins or ends to stand; its own heat may do that.
     """
     there = np.flatnonzero(np.isfinite(values))
     if there.size < _FEWEST:
         return []
-    readings, stamps = values[there], time[there]
-    in_gap, logged = _gaps(stamps)
-    changes = np.flatnonzero(np.diff(readings) != 0)
-    first, last = np.concatenate(([0], changes + 1)), np.concatenate((changes, [readings.size - 1]))
+    readings = values[there]
+    in_gap, logged = _gaps(time[there])
+    moves = np.diff(readings)
+    changes = np.flatnonzero(moves != 0)
+    first, last = np.append(0, changes + 1), np.append(changes, readings.size - 1)
     spans = logged[last] - logged[first]
     stretches: list[Silence] = []
 
-    def add(kind: Kind, value: float, begin: int, end: int) -> None:
+    def add(kind: Kind, begin: int, end: int, value: float) -> None:
         rows = np.zeros(values.size, dtype=bool)
         rows[there[begin] : there[end] + 1] = True
         stretches.append(silence_at(time, kind, value, rows))
 
-    for value in _limits(readings, resolution) if temperature else ():
-        for begin, end in _touched(readings, value):
-            add("clamped", value, begin, end)
+    for limit in _limits(readings, resolution) if temperature else ():
+        # Where noise only touches the limit, what is left of it is too high on average, or too low.
+        touches = np.flatnonzero(readings == limit)
+        for some in np.split(touches, np.flatnonzero(np.diff(touches) > _CLEAR) + 1):
+            add("clamped", max(int(some[0]) - _CLEAR, 0), min(int(some[-1]) + _CLEAR, readings.size - 1), limit)
     rests = (spans >= SHORTEST) & (readings[first] == 0) & (not temperature)  # joints that stand say so for long
-    shortest = SHORTEST if temperature and _hardly_repeats(last - first, spans) else STILL
-    for k in np.flatnonzero(spans >= shortest):
-        if spans[k] < STILL and _comes_to_rest(readings, first[k], last[k]):
+    repeated = int((last - first)[spans < SHORTEST].sum())
+    steps = repeated + first.size - 1  # from reading to reading, but for those in long stretches
+    never_repeats = temperature and steps >= _FEWEST and repeated < _REPEATS * steps
+    usual = float(np.median(np.abs(moves[changes]))) if changes.size else 0.0
+    for k in np.flatnonzero(spans >= (SHORTEST if never_repeats else STILL)):
+        begin, end = first[k], last[k]
+        if any(stretch.rows[there[begin]] for stretch in stretches):
             continue
-        if any(stretch.rows[there[first[k]]] for stretch in stretches):
+        # Moves that die away are those of a filtered reading, that come to rest: a live sensor stops at once.
+        before = np.abs(moves[max(begin - _LAST_MOVES, 0) : begin])
+        before = before if before.size == _LAST_MOVES else np.abs(moves[end : end + _LAST_MOVES])
+        if spans[k] < STILL and before.size and np.median(before) < _RESTS * usual:
             continue
-        if _is_too_long(spans, readings, in_gap, first, last, int(k), rests, resolution, temperature, leaps):
-            beside = readings[[at for at in (first[k] - 1, last[k] + 1) if 0 <= at < readings.size]]
-            far = temperature and beside.size > 0 and bool((np.abs(beside - readings[first[k]]) > _FAR).all())
-            add("dead" if far else "frozen", float(readings[first[k]]), first[k], last[k])
+        alive = ~in_gap  # of the steps from each reading to the next
+        for span in (k, *np.flatnonzero(rests)):
+            alive[max(first[span] - 1, 0) : last[span] + 1] = False
+        longest = _longest(moves[alive], resolution, temperature, np.delete(spans, k))
+        if end - begin > longest.readings and spans[k] > longest.seconds:
+            beside = readings[[at for at in (begin - 1, end + 1) if 0 <= at < readings.size]]
+            far = temperature and beside.size > 0 and bool((np.abs(beside - readings[begin]) > _FAR).all())
+            add("dead" if far else "frozen", begin, end, float(readings[begin]))
     return sorted(stretches, key=lambda stretch: stretch.start)
 
 
@@ -98,48 +111,25 @@ def _gaps(stamps: FloatArray) -> tuple[BoolArray, FloatArray]:
     return in_gap, np.concatenate(([0.0], np.cumsum(np.where(in_gap, 0.0, apart))))
 
 
-def _hardly_repeats(repeats: IntArray, spans: FloatArray) -> bool:
-    """Whether a channel says another number each time, but in long stretches.
+class _Longest(NamedTuple):
+    """For how many readings, and how long, a live channel may give one number."""
+
+    readings: float = 0.0
+    seconds: float = 0.0
+
+
+def _longest(steps: FloatArray, resolution: float, temperature: bool, spans: FloatArray) -> _Longest:
+    """For how long a live sensor may stand that otherwise makes these steps from reading to reading.
 
     Args:
-        repeats: how often each number is said once more in a row, shape (m,).
-        spans: for how long each stands [s], shape (m,).
+        steps: (m,).
+        resolution: the sensor's steps, 0 for none.
+        temperature: whether it may stand when it has risen, as one that is filtered does.
+        spans: for how long its other numbers stand [s].
     """
-    short = spans < SHORTEST
-    repeated = int(repeats[short].sum())
-    steps = repeated + repeats.size - 1  # from reading to reading, but for those in such stretches
-    return steps >= _FEWEST and repeated < _REPEATS * steps
-
-
-def _comes_to_rest(readings: FloatArray, first: int, last: int) -> bool:
-    """Whether the moves before a stretch die away, as those of a filtered reading do: a live sensor stops at once."""
-    before = np.abs(np.diff(readings[max(first - _LAST_MOVES, 0) : first + 1]))
-    before = before if before.size == _LAST_MOVES else np.abs(np.diff(readings[last : last + _LAST_MOVES + 1]))
-    moves = np.abs(np.diff(readings))
-    return before.size > 0 and float(np.median(before)) < _RESTS * float(np.median(moves[moves > 0]))
-
-
-def _is_too_long(
-    spans: FloatArray,
-    readings: FloatArray,
-    in_gap: BoolArray,
-    first: IntArray,
-    last: IntArray,
-    k: int,
-    rests: BoolArray,
-    resolution: float,
-    temperature: bool,
-    leaps: bool,
-) -> bool:
-    """Whether a live sensor of this noise and these steps would not stand still for so long."""
-    alive = ~in_gap  # of the steps from each reading to the next
-    for span in (k, *np.flatnonzero(rests)):
-        alive[max(first[span] - 1, 0) : last[span] + 1] = False
-    steps = np.diff(readings)[alive]
     moves = steps[steps != 0]
     if moves.size < _FEWEST:
-        return False
-    usual = float(np.median(np.abs(moves)))
+        return _Longest(np.inf)
     alike = 1.0 - moves.size / steps.size
     noisy = float(np.mean(np.sign(moves[1:]) != np.sign(moves[:-1]))) > _REVERSALS
     lively = alike <= _LIVELY
@@ -147,16 +137,11 @@ def _is_too_long(
         # By two steps at once, and back: what goes on that way is heated.
         by_two = np.count_nonzero((np.abs(moves[1:]) > 1.5 * resolution) & (moves[1:] * moves[:-1] < 0))
         alike, lively = _STAYS, by_two - _SURELY * np.sqrt(by_two) >= _BY_TWO * moves.size
-    # A filtered temperature may stand when it has risen; a torque or speed that moves all the time does not.
     if lively and (noisy or not temperature):
-        return bool((last[k] - first[k]) * np.log(max(alike, 0.01)) < np.log(CHANCE))
+        return _Longest(np.log(CHANCE) / np.log(max(alike, 0.01)))
     if noisy and resolution == 0:  # a topic that repeats itself until the next reading comes
-        return bool(spans[k] > _LONGER * np.median(np.delete(spans, k)))
-    # A sensor of coarse steps may stand still for as long as the temperature does.
-    value, step = readings[first[k]], max(resolution, usual)
-    ends = ((first[k] - 1, first[k] - 1), (last[k], last[k] + 1))  # the step from or to it, and the reading beside it
-    beside = [abs(readings[j] - value) for i, j in ends if 0 <= i < in_gap.size and not in_gap[i]]
-    return bool(leaps and resolution > 0 and max(beside, default=0.0) >= _JUMPS * step)
+        return _Longest(seconds=_LONGER * float(np.median(spans)))
+    return _Longest(np.inf)  # a sensor of coarse steps may stand for as long as the temperature does
 
 
 def _limits(readings: FloatArray, resolution: float) -> list[float]:
@@ -177,20 +162,6 @@ def _limits(readings: FloatArray, resolution: float) -> list[float]:
         if at >= _TOUCHES and at >= _PILED * (near - at) and beyond < _NEXT * noise:
             limits.append(limit)
     return limits
-
-
-def _touched(readings: FloatArray, limit: float) -> list[tuple[int, int]]:
-    """First and last of the readings of which a limit cuts the noise off on one side.
-
-    Where noise only touches the limit, what is left of it is too high on average, or too low.
-    """
-    touches = np.flatnonzero(readings == limit)
-    apart = np.flatnonzero(np.diff(touches) > _CLEAR)
-    begins, ends = np.append(0, apart + 1), np.append(apart, touches.size - 1)
-    return [
-        (max(int(touches[begin]) - _CLEAR, 0), min(int(touches[end]) + _CLEAR, readings.size - 1))
-        for begin, end in zip(begins, ends, strict=True)
-    ]
 
 
 # --- A sensor's steps -----------------------------------------------------------------------------
@@ -243,14 +214,20 @@ def silences_of(values: Mapping[str, FloatArray]) -> dict[str, list[Silence]]:
     for key in sorted(values, key=lambda key: not key.startswith("velocity.")):
         channel, (quantity, _, place) = values[key], key.partition(".")
         if quantity == "temperature":
-            heated = around.get(key, Surroundings()).load is not None
-            silent[key] = still.get(key) or silences(
-                values["time"], channel, resolution=quantisation_step(channel), leaps=not heated
-            )
+            silent[key] = still.get(key) or silences(values["time"], channel, resolution=quantisation_step(channel))
         elif quantity in INPUTS:
             speed = f"velocity.{place}"
             moving = without_silent(values.get(speed, np.zeros(channel.size)), silent.get(speed, []))
-            stands = silences(values["time"], channel, temperature=False) or _zero_throughout(values["time"], channel)
+            stands = silences(values["time"], channel, temperature=False)
+            rows = np.isfinite(channel)
+            if (
+                not stands
+                and rows.sum() >= _FEWEST
+                and not channel[rows].any()
+                and _gaps(values["time"][rows])[1][-1] >= STILL
+            ):
+                # Nothing but zero, as of drives that don't measure what they are asked for.
+                stands = [silence_at(values["time"], "frozen", 0.0, rows, whole=True)]
             # Once is a fault, again and again at other numbers is a column's way: it gives what was asked for, as
             # commanded and simulated torques do. A fault that comes twice looks the same, unless the joint moves.
             several = len({one.value for one in stands if not _is_rest(quantity, one)}) > 1
@@ -378,15 +355,6 @@ def _is_rest(quantity: str, one: Silence) -> bool:
     A speed fails at what it said last, which is seldom so little.
     """
     return one.value == 0 or (quantity == "velocity" and abs(one.value) < _AT_REST)
-
-
-def _zero_throughout(time: FloatArray, values: FloatArray) -> list[Silence]:
-    """All of a column that is nothing but zero, as of drives that don't measure what they are asked for."""
-    rows = np.isfinite(values)
-    stamps = time[rows]
-    if stamps.size < _FEWEST or values[rows].any() or _gaps(stamps)[1][-1] < STILL:
-        return []
-    return [Silence("frozen", 0.0, float(stamps[0]), float(stamps[-1]), rows, whole=True)]
 
 
 def _only_while_it_rests(time: FloatArray, values: FloatArray, speed: FloatArray, silence: Silence) -> bool:

@@ -15,9 +15,9 @@ import numpy as np
 
 from lptn.basics.arrays import BoolArray, FloatArray
 from lptn.basics.errors import InputError
-from lptn.logs.run import Run
 from lptn.logs.columns import INPUTS
 from lptn.logs.law import STILL
+from lptn.logs.run import Run
 from lptn.model.model import Model
 from lptn.simulate.bound_run import bind
 from lptn.simulate.simulation import simulate
