@@ -14,7 +14,7 @@ from itertools import islice
 from operator import eq
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -121,10 +121,14 @@ def _of_one_source(
     places = [stream.names.index(name) for name in wanted]
     found = conflicts(wanted, stream.values[:, places], stream.sources)
     for conflict in found:
-        one, other = conflict.sources
+        one, other = cast(Any, conflict.sources)  # each a connection, and a frame with joints
         if len(conflict.silent) != 1:
             numbers = [first.index(source) + 1 if source in first else 0 for source in conflict.sources]
-            said = f"messages of 2 sources in turn, {_words(one, other)}, which say different things of {conflict.name}"
+            (channel, (frame, joints)), (channel2, (frame2, joints2)) = one, other
+            words = f"joints {', '.join(joints[:3])} … and {', '.join(joints2[:3])} …"
+            words = f"frames '{frame}' and '{frame2}'" if frame != frame2 else words
+            words = f"connections {channel} and {channel2}" if channel != channel2 else words
+            said = f"messages of 2 sources in turn, {words}, which say different things of {conflict.name}"
             columns = " or ".join(f'"{stream.topic}:{number}.{conflict.name}"' for number in numbers)
             expected = f"one of them, in [columns] as {columns} (behind --map with [] at its end), and so for others"
             expected = expected if all(numbers) else "a bag of one of them"
@@ -133,16 +137,6 @@ def _of_one_source(
     left_out = sum(source in silent for source in stream.sources)
     notes = [f"{stream.topic}: {left_out} messages {ANOTHER_SOURCE} hold zeros alone; left out."] if silent else []
     return stream.only(lambda source: source not in silent, wanted, stream.topic), notes
-
-
-def _words(one: Any, other: Any) -> str:
-    """What tells two sources apart."""
-    (channel, (frame, joints)), (channel2, (frame2, joints2)) = one, other
-    if channel != channel2:
-        return f"connections {channel} and {channel2}"
-    if frame != frame2:
-        return f"frames '{frame}' and '{frame2}'"
-    return f"joints {', '.join(joints[:3])} … and {', '.join(joints2[:3])} …"
 
 
 def _connections(reader: Any, topic: str, kind: str) -> list[Any]:
@@ -291,7 +285,8 @@ def one_clock(streams: Sequence[Stream]) -> tuple[list[IntArray], list[str]]:
     Topics without usable header stamps are put on the others' clock by the median difference between stamps and
     reception there.
     """
-    stamped = [stream for stream in streams if _usable(stream.stamps)]
+    written = [stream for stream in streams if stream.stamps.size and stream.stamps.max() > 0]
+    stamped = [stream for stream in written if (np.diff(stream.stamps) > -_BACK).all()]
     rest = [stream for stream in streams if stream not in stamped]
     notes, shift, moved = [], 0, ""
     if stamped:
@@ -308,10 +303,6 @@ def one_clock(streams: Sequence[Stream]) -> tuple[list[IntArray], list[str]]:
     if rest:
         notes.append(f"time: of {_listed(rest)} the time of reception{moved}; no usable header stamps.")
     return [stream.stamps if stream in stamped else stream.received + shift for stream in streams], notes
-
-
-def _usable(stamps: IntArray) -> bool:
-    return bool(stamps.size and stamps.max() > 0 and (np.diff(stamps) > -_BACK).all())
 
 
 def _listed(streams: Sequence[Stream]) -> str:
@@ -337,13 +328,14 @@ def bounded() -> Iterator[None]:
 
     chunks: dict[str, Any] = storage_mcap.DECOMPRESSORS
     usual = {method: chunks[method] for method in _METHODS}
+    most = int(_SHARE * shutil.disk_usage(tempfile.gettempdir()).free)
     zstd = getattr(reader, "zstd", None)  # older versions use another package: only their lz4 is bounded
     chunks["lz4"] = _lz4
     if zstd is not None:
         chunks["zstd"] = lambda data, size: _within(zstd.ZstdDecompressor(), data, size)
         vars(reader)["zstd"] = SimpleNamespace(
             decompress=lambda data: _within(zstd.ZstdDecompressor(), data, _MOST),
-            open=lambda stream, mode: Bounded(zstd.open(stream, mode), _free_space(), ValueError(_TOO_LARGE)),
+            open=lambda stream, mode: Bounded(zstd.open(stream, mode), most, ValueError(_TOO_LARGE)),
         )
     try:
         yield
@@ -351,11 +343,6 @@ def bounded() -> Iterator[None]:
         chunks.update(usual)
         if zstd is not None:
             vars(reader)["zstd"] = zstd
-
-
-def _free_space() -> int:
-    """Bytes of the disk that a bag may take."""
-    return int(_SHARE * shutil.disk_usage(tempfile.gettempdir()).free)
 
 
 def _lz4(data: bytes, size: int) -> bytes:

@@ -50,7 +50,11 @@ def open_csv(path: Path) -> Table:
         InputError: it can't be read, or begins no table.
     """
     text = _Text.of(path, *_begin(path))
-    cut = _ends_within_a_line(path)
+    cut = False
+    if path.suffix != ".gz":  # the last line of a plain file may have no end: its writer was stopped, or the copy
+        with path.open("rb") as file:
+            file.seek(-min(2, path.stat().st_size), os.SEEK_END)
+            cut = not file.read().strip(b"\0").endswith((b"\n", b"\r"))  # in UTF-16 it has a zero beside it
     notes = ["the file ends within a line, which is left out: its last number may be cut."] if cut else []
     if text.encoding != _ENCODING:
         notes.append(f"log: its text is read as {text.encoding}, for it is not in UTF-8.")
@@ -327,15 +331,6 @@ def _cells(text: str, separator: str) -> list[str]:
         return next(csv.reader([text], delimiter=separator, skipinitialspace=True), [])
     except csv.Error:  # a cell of a hundred thousand characters
         return [text]
-
-
-def _ends_within_a_line(path: Path) -> bool:
-    """Whether the last line of a plain file has no end: its writer was stopped, or the copy."""
-    if path.suffix == ".gz":
-        return False
-    with path.open("rb") as file:
-        file.seek(-min(2, path.stat().st_size), os.SEEK_END)
-        return not file.read().strip(b"\0").endswith((b"\n", b"\r"))  # the end of a line in UTF-16 has a zero beside it
 
 
 def _lines(path: Path, encoding: str, comments: bool = False) -> Iterator[tuple[int, str]]:

@@ -11,7 +11,7 @@ lacks, are looked for too.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -119,7 +119,8 @@ def guess(
         choice |= method(rest, {name: parts for name, parts in names.items() if name not in chosen}, among)
     there = _logged(table, sources)
     beside = {key: sources[key] for key in there if key.startswith("temperature.")}
-    numbers = _numbers(table, [*(column for column, _ in choice.values()), *_columns_of(beside.values())])
+    columns_beside = [name for source in beside.values() for name in source.columns]
+    numbers = _numbers(table, [*(column for column, _ in choice.values()), *columns_beside])
     guesses = [_with_unit(table, key, *choice[key], numbers, beside) for key in missing if key in choice]
     guesses += [
         Guess(key, sources[of_joint], f"that of {of_joint.partition('.')[2]}")
@@ -127,10 +128,6 @@ def guess(
         if key not in choice and (of_joint := _of_its_joint(key, places)) in there
     ]
     return [guess for guess in guesses if guess is not None]
-
-
-def _columns_of(sources: Iterable[ColumnSource]) -> list[str]:
-    return [name for source in sources for name in source.columns]
 
 
 def _numbers(table: Table, columns: Sequence[str]) -> dict[str, FloatArray]:
@@ -329,14 +326,13 @@ def _by_place(missing: Sequence[str], names: Names, places: Sequence[str]) -> Ch
 def _of_its_joint(key: str, places: Sequence[str]) -> str:
     """For `velocity.L_hip_case` that of `L_hip`, where both are nodes: a joint turns as one, and bears one load."""
     quantity, _, place = key.partition(".")
-    part = next((name for name in places if _is_part_of(place, name)), "")
-    return f"{quantity}.{part}" if part and quantity in (*_DRIVES, *_MOVES) else ""
-
-
-def _is_part_of(place: str, joint: str) -> bool:
-    """Whether a place is called after a joint and one of its parts; `L_hip_pitch` is another joint."""
-    words, of_joint = words_of(place), words_of(joint)
-    return words[: len(of_joint)] == of_joint and " ".join(words[len(of_joint) :]) in _PARTS
+    words = words_of(place)
+    for joint in places if quantity in (*_DRIVES, *_MOVES) else ():
+        count = len(words_of(joint))
+        # Its name is the joint's and that of one of its parts; `L_hip_pitch` is another joint.
+        if words[:count] == words_of(joint) and " ".join(words[count:]) in _PARTS:
+            return f"{quantity}.{joint}"
+    return ""
 
 
 def _by_last_word(missing: Sequence[str], names: Names, places: Sequence[str]) -> Choice:
@@ -360,25 +356,21 @@ def _by_last_word(missing: Sequence[str], names: Names, places: Sequence[str]) -
 def _by_number(missing: Sequence[str], names: Names, places: Sequence[str]) -> Choice:
     """Numbered columns, `motor_temperature[3]`, taken in the order of the model's nodes if there are as many."""
     choice: Choice = {}
+    spelled = {"".join(words_of(place)) for place in places}
     for quantity in dict.fromkeys(key.partition(".")[0] for key in missing):
         wanted = [f"{quantity}.{place}" for place in places]
-        families = [family for family in _families(quantity, names, places) if len(family) == len(wanted) > 1]
+        rows: dict[tuple[str, ...], dict[int, str]] = {}  # columns that differ in their number alone
+        for column, name in names.items():
+            numbers = [word for word in name.words if word.isdigit()]
+            rest = tuple(word for word in name.words if not word.isdigit())
+            if len(numbers) == 1 and _measures(quantity, rest) and _ELSEWHERE.isdisjoint(rest):
+                rows.setdefault(rest, {})[int(numbers[0])] = column
+        unnamed = [row for rest, row in rows.items() if not any(place in "".join(rest) for place in spelled)]
+        families = [row for row in unnamed if len(row) == len(wanted) > 1]
         if len(families) == 1 and set(wanted) <= set(missing):
             for key, (number, column) in zip(wanted, sorted(families[0].items()), strict=True):
                 choice[key] = column, f"{_NUMBERED}{number}, in the order of the model's nodes: check that"
     return choice
-
-
-def _families(quantity: str, names: Names, places: Sequence[str]) -> list[dict[int, str]]:
-    """Columns of one quantity that differ in their number alone, and name none of the places."""
-    families: dict[tuple[str, ...], dict[int, str]] = {}
-    for column, name in names.items():
-        numbers = [word for word in name.words if word.isdigit()]
-        rest = tuple(word for word in name.words if not word.isdigit())
-        if len(numbers) == 1 and _measures(quantity, rest) and _ELSEWHERE.isdisjoint(rest):
-            families.setdefault(rest, {})[int(numbers[0])] = column
-    spelled = {"".join(words_of(place)) for place in places}
-    return [family for rest, family in families.items() if not any(place in "".join(rest) for place in spelled)]
 
 
 def _by_being_alone(missing: Sequence[str], names: Names, places: Sequence[str]) -> Choice:

@@ -22,7 +22,7 @@ from lptn.basics.arrays import BoolArray, FloatArray, IntArray
 from lptn.logs.columns import AMBIENT, HEATS
 from lptn.logs.resampling import means_of_blocks
 
-_PARTS, _BLOCK, _MOST = 120, 30.0, 2000
+_PARTS, _BLOCK, _MOST = 120, 30.0, 500
 """Blocks of a log at least, in whose means a part's warming stands out of its sensor's noise; s of one in a longer log,
 so that a stretch of three minutes has six; and so many at the most."""
 _FEWEST = 30  # blocks that tell a law
@@ -126,7 +126,7 @@ class Warming(NamedTuple):
                     break
                 kept = np.delete(kept, below.argmin())
             off = moved - columns[:, kept] @ fitted
-            noise = _MAD * float(np.median(np.abs(off[used]))) + np.finfo(float).eps
+            noise = max(_MAD * float(np.median(np.abs(off[used]))), _LEAST)
             weights = 1 / np.maximum(np.abs(off[used]) / (_FAR * noise), 1.0)
         return off
 
@@ -134,7 +134,7 @@ class Warming(NamedTuple):
 _CONDUCTANCE, _HEATS = 1 / 500, 0.1
 """1/s, of a conductance to a capacity, and K/s of heat, as they are likely: where a log does not tell two of them
 apart, neither is large."""
-_NOISE = 0.1  # K, of a step, with which the first fit is made
+_NOISE, _LEAST = 0.1, 1e-4  # K, of a step, with which the first fit is made; that a log without any has
 _MAD, _FAR = 1.48, 2.0  # standard deviation of noise over its median size; times that, what counts by its size alone
 _REWEIGHTED = 6  # least squares whose weights make them least absolute errors: a fall is far off, and rare
 
@@ -157,6 +157,7 @@ cools is wrong where it does, and no worse for learning it. Of healthy quadruped
 _OF_MOVES, _OF_FALL = 0.1, 0.5
 """Of what a part moves by, up to which a law is off in a step, and of a way down to the air: resistances and surfaces
 that change with temperature are no part of it."""
+_ASKED = 10  # stretches, the longest: those of a whole day's coarse sensor at rest would take minutes
 _SPARE = 8  # steps more than the law has coefficients
 _WARM, _AT_AIR, _RISES = 6.0, 1.5, 0.2  # K above the air; K from it; K from block to block: it does not fall to the air
 SHORTEST, STILL = 60.0, 180.0
@@ -186,11 +187,18 @@ def against_heat(blocks: Blocks, key: str, load: str, resolution: float) -> list
         stands &= True if limit is None else values[first] == limit
         stretches = list(zip(first[stands].tolist(), last[stands].tolist(), strict=True))
         # A limit that holds once holds whenever it is reached.
-        groups += [[stretch] for stretch in stretches] if limit is None else [stretches]
-    for group in sorted(groups, key=lambda group: -sum(last - first for first, last in group)):
-        new = [stretch for stretch in group if stretch not in found]
-        if new and _is_contradicted(warming, size, new, found, resolution):
-            found += new
+        groups += [[stretch] for stretch in stretches] if limit is None or not stretches else [stretches]
+    known = np.ones(warming.rate.size, dtype=bool)
+    with_all = warming.off(known) if groups else known
+    for group in sorted(groups, key=lambda group: -sum(last - first for first, last in group))[:_ASKED]:
+        new = [
+            tuple(np.searchsorted(warming.rows, np.array(stretch) // size)) for stretch in group if stretch not in found
+        ]
+        if new and _is_contradicted(warming, new, known, with_all, resolution):
+            found += [stretch for stretch in group if stretch not in found]
+            for begin, end in new:
+                known[max(begin - 1, 0) : end + 1] = False
+            with_all = warming.off(known)
     return found
 
 
@@ -209,33 +217,30 @@ def _at_the_air(blocks: Blocks, key: str, resolution: float) -> list[tuple[int, 
 
 
 def _is_contradicted(
-    warming: Warming,
-    size: int,
-    stretches: Sequence[tuple[int, int]],
-    others: Sequence[tuple[int, int]],
-    resolution: float,
+    warming: Warming, stretches: Sequence[tuple[int, int]], known: BoolArray, with_all: FloatArray, resolution: float
 ) -> bool:
-    """Whether in one of these stretches of rows the part would have moved otherwise; of `others` that is known."""
+    """Whether in one of some stretches the part would have moved otherwise.
 
-    def within(stretches: Sequence[tuple[int, int]]) -> BoolArray:
-        steps = np.zeros(warming.rate.size, dtype=bool)
-        for stretch in stretches:
-            begin, end = np.searchsorted(warming.rows, [row // size for row in stretch])
-            steps[max(begin - 1, 0) : end + 1] = True
-        return steps
-
-    asked, known = within(stretches), ~within(others)
+    Args:
+        warming: of the part.
+        stretches: first step of each, and the one behind its last.
+        known: steps that are no others', (m,).
+        with_all: what the law is off that these stretches are a part of [K], (m,).
+        resolution: the sensor's steps [K], 0 for none.
+    """
+    asked = np.zeros(warming.rate.size, dtype=bool)
+    for begin, end in stretches:
+        asked[max(begin - 1, 0) : end + 1] = True
     told = known & ~asked
     if np.count_nonzero(told) < _SPARE + warming.design.shape[1]:
         return False
-    off, off_with = warming.off(told), warming.off(known | asked)
+    off = warming.off(told)
     moved = warming.rate * warming.apart
     usual = max(float(np.mean(np.abs(off[told]))), _OF_MOVES * float(np.mean(np.abs(moved[told]))))
     few = min(np.count_nonzero(asked), np.count_nonzero(told))
-    worse = float(np.abs(off_with[known | asked]).sum() - np.abs(off[told]).sum()) / few / usual
+    worse = float(np.abs(with_all[known | asked]).sum() - np.abs(off[told]).sum()) / few / usual
     total, elsewhere = (np.concatenate(([0.0], np.cumsum(x))) for x in (off, np.where(told, off, 0.0)))
-    for stretch in stretches:
-        begin, end = np.searchsorted(warming.rows, [row // size for row in stretch])
+    for begin, end in stretches:
         as_long = np.abs(elsewhere[end - begin :] - elsewhere[: elsewhere.size - end + begin])
         most = max(_APART, _STEPS * resolution, _TIMES * float(np.quantile(as_long, _USUAL)))
         most = max(most, _OF_FALL * abs(float(moved[begin:end].sum())))

@@ -32,14 +32,12 @@ from lptn.logs.followed import refuse_exchanged
 from lptn.logs.guess import format_note, guess
 from lptn.logs.issue import Issue
 from lptn.logs.joining import SECOND_TIME, join
-from lptn.logs.passive import Silence
 from lptn.logs.quality import Roles, check_values, duplicates_of, issues_of, without_held_rows
 from lptn.logs.resampling import (
     ROUNDING,
     SEVERAL,
     STEADY_GAP,
     Samples,
-    Span,
     features_of,
     find_stretches,
     gaps_in_words,
@@ -359,7 +357,11 @@ def read_log(
     choice = choose_columns(table, columns, inputs, outputs, optional)
     samples, of_values, issues = _checked_samples(table, choice, strict)
     refuse_exchanged(path, guesses, choice.sources, samples.time, samples.raw)
-    gappy = _gappy(choice, samples, {*inputs, *outputs} or set(choice.inputs), table.mixed)
+    # Inputs that nobody needs and that would cut the log into pieces.
+    needed = {*inputs, *outputs} or set(choice.inputs)
+    kept = {key for column in needed for key in raw_keys(column, samples.raw)}.difference(choice.outputs)
+    cut = would_cut(samples.time, samples.period, samples.raw, kept, table.mixed) - kept
+    gappy = [column for column in choice.inputs if column not in needed and cut & set(raw_keys(column, samples.raw))]
     choice, samples = _without(choice, samples, gappy)
     empty = _empty(table, choice, samples, issues)
     of_columns = [f"{column}: has gaps, and the model does not need it; left out." for column in gappy]
@@ -390,7 +392,12 @@ def _checked_samples(table: Table, choice: ColumnChoice, strict: bool) -> tuple[
     raw, held = (raw, []) if table.mixed else without_held_rows(choice.sources["time"].columns[0], raw)
     predicted = frozenset(choice.outputs) - frozenset(choice.inputs)
     with np.errstate(over="ignore", invalid="ignore"):  # what overflows here is refused as a time below
-        silent = _silences(choice.sources, numbers, raw)
+        silent = silences_of(raw)
+        for key, source in choice.sources.items():
+            if source.how == "mean" and key.startswith("temperature."):  # half a dead sensor looks alive
+                parts = {part.columns[0]: part.values(key, numbers) for part in source.parts()}
+                own = {name: of_sensor(raw["time"], part) for name, part in parts.items()}
+                silent[key] = [replace(one, column=name) for name, stretches in own.items() for one in stretches]
         speaking = [key for key in predicted if not any(stretch.whole for stretch in silent.get(key, []))]
         roles = Roles(predicted, bool(speaking))
         issues = issues_of(choice.sources, numbers, raw, silent, roles, table.units)
@@ -408,7 +415,15 @@ def _checked_samples(table: Table, choice: ColumnChoice, strict: bool) -> tuple[
     keep, repeated = check_time(table, "time", choice.sources["time"], time)
     if keep.size < time.size:
         time, raw = time[keep], {key: values[keep] for key, values in raw.items()}
-    samples, of_rows = _as_rows_are(Samples(time, raw), choice.sources["time"], table.mixed)
+    samples, source, of_rows = Samples(time, raw), choice.sources["time"], []
+    if source.rows in MEANS:  # from the beginning of what each row is about
+        samples = replace(samples, time=time - MEANS[source.rows] * samples.period, means=True)
+    elif samples.period >= _SLOW and not source.rows and source.columns and not table.mixed:
+        example, *others = reversed(MEANS)
+        line = as_line_or_option("time", replace(source, rows=example))
+        note = f"{ROWS_UNKNOWN}{samples.period:.4g} s, read as samples whose inputs hold until the next; "
+        note += f'if rows are means, write {line} ({" or ".join(others)}, where it is so), else rows = "{SAMPLES}".'
+        of_rows = [note]
     notes += [*repeated, *of_rows, *_temperature_notes(samples, table.mixed), *(issue.sentence for issue in issues)]
     return samples, notes, issues
 
@@ -456,32 +471,6 @@ def _refuse_other_quantities(table: Table, sources: Mapping[str, ColumnSource]) 
                 raise InputError(table.path, f"column '{name}'", f"a row of units that says {stated}", expected)
 
 
-def _as_rows_are(samples: Samples, source: ColumnSource, mixed: bool) -> tuple[Samples, list[str]]:
-    """The samples, or means, from the beginning of what each row is about; a note where nobody said which they are."""
-    if source.rows in MEANS:
-        return replace(samples, time=samples.time - MEANS[source.rows] * samples.period, means=True), []
-    if samples.period < _SLOW or source.rows or not source.columns or mixed:
-        return samples, []
-    example, *others = reversed(MEANS)
-    line = as_line_or_option("time", replace(source, rows=example))
-    note = f"{ROWS_UNKNOWN}{samples.period:.4g} s, read as samples whose inputs hold until the next; "
-    note += f'if rows are means, write {line} ({" or ".join(others)}, where it is so), else rows = "{SAMPLES}".'
-    return samples, [note]
-
-
-def _silences(
-    sources: Mapping[str, ColumnSource], numbers: Mapping[str, FloatArray], values: Mapping[str, FloatArray]
-) -> dict[str, list[Silence]]:
-    """All silences; of a mean those of each of its columns, for half a dead sensor looks alive."""
-    silent = silences_of(values)
-    for key, source in sources.items():
-        if source.how == "mean" and key.startswith("temperature."):
-            parts = {part.columns[0]: part.values(key, numbers) for part in source.parts()}
-            own = {name: of_sensor(values["time"], part) for name, part in parts.items()}
-            silent[key] = [replace(stretch, column=name) for name, stretches in own.items() for stretch in stretches]
-    return silent
-
-
 def _temperature_notes(samples: Samples, mixed: bool) -> list[str]:
     """How often each temperature is logged, how many readings are missing, and in which steps its sensor moves."""
     notes = []
@@ -512,14 +501,6 @@ def _without(choice: ColumnChoice, samples: Samples, lost: Collection[str]) -> t
     kept = {key for column in (*inputs, *outputs) for key in raw_keys(column, samples.raw)}.difference(lost)
     raw = {key: values for key, values in samples.raw.items() if key in kept}
     return replace(choice, inputs=inputs, outputs=outputs), replace(samples, raw=raw)
-
-
-def _gappy(choice: ColumnChoice, samples: Samples, needed: Collection[str], mixed: bool) -> list[str]:
-    """Inputs that nobody needs and that would cut the log into pieces."""
-    kept_anyway = {key for column in needed for key in raw_keys(column, samples.raw)}.difference(choice.outputs)
-    gappy = would_cut(samples.time, samples.period, samples.raw, kept_anyway, mixed) - kept_anyway
-    inputs = [column for column in choice.inputs if column not in needed]
-    return [column for column in inputs if not gappy.isdisjoint(raw_keys(column, samples.raw))]
 
 
 def _empty(table: Table, choice: ColumnChoice, samples: Samples, issues: Collection[Issue]) -> list[str]:
@@ -557,8 +538,14 @@ def _runs(
     counts = [math.floor((stop - start) / step + ROUNDING) for start, stop in stretches]
     kept = [(start, n) for (start, _), n in zip(stretches, counts, strict=True) if n >= FEWEST_ROWS]
     if not kept:
-        key = _hardly_there(needed, lambda inputs: without_gaps(inputs)[0], step * FEWEST_ROWS)
-        if key:
+
+        def long_enough(inputs: Mapping[str, FloatArray]) -> bool:
+            return any(stop - start >= step * FEWEST_ROWS for start, stop in without_gaps(inputs)[0])
+
+        for key in sorted(needed, key=lambda key: int(np.isfinite(needed[key]).sum())):
+            others = {other: values for other, values in needed.items() if other != key}
+            if not long_enough(others) or long_enough({key: needed[key]}):
+                continue  # without this input there would be a stretch
             values = needed[key][np.isfinite(needed[key])]
             problem = f"{values.size} value{'s' * (values.size != 1)} of {key} in {samples.time.size} rows"
             expected = f"values no more than {max_gap:g} s apart"
@@ -572,6 +559,12 @@ def _runs(
         dropped = f"{len(stretches) - len(kept)} of {len(stretches)} stretches"
         gaps.append(f"log: {dropped} hold fewer than {FEWEST_ROWS} steps of {step:g} s; dropped.")
     stem, resolution = run_name(table.path), _resolution(samples.raw)
+    sensors = {key: values for key, values in samples.raw.items() if key.startswith("temperature.")}
+    early = samples.time < samples.time[0] + max(_BEGINNING, samples.period)
+    first = {key: values[early][np.isfinite(values[early])] for key, values in sensors.items()}
+    subjects: dict[str, list[str]] = {}  # of notes that say the same of several columns
+    for subject, _, text in (note.partition(": ") for note in (*notes, *gaps)):
+        subjects.setdefault(text, []).append(subject)
     whole = Run(
         name=stem,
         step=step,
@@ -580,14 +573,14 @@ def _runs(
         averaged=samples.averaged(step),
         source=str(table.path),
         fingerprint=table.digest(),
-        notes=_merged([*notes, *gaps]),
+        notes=tuple(f"{', '.join(names)}: {text}" for text, names in subjects.items()),
         resolution=resolution,
         scatter={
             key: scatter_of(samples.time, values, resolution.get(key, 0.0))
-            for key, values in samples.raw.items()
-            if key.startswith("temperature.") and not samples.means
+            for key, values in sensors.items()
+            if not samples.means
         },
-        beginning=_beginning(samples),
+        beginning={key: float(readings.mean()) for key, readings in first.items() if readings.size},
         log_start=float(samples.time[0]),
         log_end=float(samples.time[-1]) + samples.period * samples.means,
     )
@@ -599,21 +592,6 @@ def _runs(
         name = f"{stem}#{number}" if len(stretches) > 1 else stem
         runs.append(replace(whole, name=name, time=grid(start, step, n), columns=columns))
     return runs
-
-
-def _hardly_there(
-    needed: Mapping[str, FloatArray], stretches_of: Callable[[Mapping[str, FloatArray]], list[Span]], shortest: float
-) -> str:
-    """The input without which there would be a stretch as long as the shortest [s]; '' where there is none."""
-
-    def long_enough(inputs: Mapping[str, FloatArray]) -> bool:
-        return any(stop - start >= shortest for start, stop in stretches_of(inputs))
-
-    for key in sorted(needed, key=lambda key: int(np.isfinite(needed[key]).sum())):
-        others = {other: values for other, values in needed.items() if other != key}
-        if long_enough(others) and not long_enough({key: needed[key]}):
-            return key
-    return ""
 
 
 def _beginning_with_readings(runs: list[Run], outputs: Collection[str]) -> list[Run]:
@@ -640,23 +618,3 @@ def _beginning_with_readings(runs: list[Run], outputs: Collection[str]) -> list[
         silent = len(runs) - len(kept)
         notes.append(f"log: {silent} of {len(runs)} stretches hold next to no reading of a node of the model; dropped.")
     return [replace(run, notes=(*run.notes, *notes)) for run in kept]
-
-
-def _beginning(samples: Samples) -> dict[str, float]:
-    """Mean of each temperature's readings in the log's first seconds; those that come later are left out."""
-    early = samples.time < samples.time[0] + max(_BEGINNING, samples.period)
-    first = {
-        key: values[early][np.isfinite(values[early])]
-        for key, values in samples.raw.items()
-        if key.startswith("temperature.")
-    }
-    return {key: float(readings.mean()) for key, readings in first.items() if readings.size}
-
-
-def _merged(notes: list[str]) -> tuple[str, ...]:
-    """Notes that say the same of several columns made one."""
-    subjects: dict[str, list[str]] = {}
-    for note in notes:
-        subject, _, text = note.partition(": ")
-        subjects.setdefault(text, []).append(subject)
-    return tuple(f"{', '.join(names)}: {text}" for text, names in subjects.items())

@@ -81,7 +81,8 @@ def silences(
     steps = repeated + first.size - 1  # from reading to reading, but for those in long stretches
     never_repeats = temperature and steps >= _FEWEST and repeated < _REPEATS * steps
     usual = float(np.median(np.abs(moves[changes]))) if changes.size else 0.0
-    for k in np.flatnonzero(spans >= (SHORTEST if never_repeats else STILL)):
+    few = np.log(CHANCE) / np.log(_STAYS) if resolution > 0 else 0.0  # repeats that any such sensor shows
+    for k in np.flatnonzero((spans >= (SHORTEST if never_repeats else STILL)) & (last - first > few)):
         begin, end = first[k], last[k]
         if any(stretch.rows[there[begin]] for stretch in stretches):
             continue
