@@ -9,6 +9,7 @@ from math import ceil
 import numpy as np
 
 from lptn.basics.arrays import FloatArray
+from lptn.basics.bounds import Bound
 from lptn.model.model import Model
 from lptn.simulate.dynamics import fastest_rate
 
@@ -16,6 +17,7 @@ from .mission import Mission, Segment, first_rest
 
 _STEP = 1.0  # s
 _BLOCK = 32  # steps that one call takes
+_STEPS = Bound(500_000, "steps")  # of a plan: a day by a part of 0.4 s; a mission with so many takes half a minute
 _RATE = 0.5  # product of a step and the fastest rate; a Runge-Kutta step is then exact to 1e-4
 
 
@@ -68,6 +70,9 @@ def simulate_plan(
         speed: of each [m/s].
         load: of each [kg].
         posture: of each, a value for each posture of its gait.
+
+    Raises:
+        InputError: the model is so fast that the plan would take too many steps.
     """
     model, values = mission.model, mission.model.values
     run = model.run(_BLOCK)
@@ -78,7 +83,10 @@ def simulate_plan(
         segments, time.tolist(), speed.tolist(), load.tolist(), postures, strict=True
     ):
         u = inputs_of(mission, segment, v, m, q)
-        blocks = max(1, ceil(duration / (_BLOCK * _step(model, states[-1][:, -1], u))))
+        step = _step(model, states[-1][:, -1], u)
+        blocks = max(1, ceil(duration / (_BLOCK * step)))
+        fastest = f"a time constant of {step / _RATE:.2g} s in a plan of {time.sum():.4g} s"
+        _STEPS.check(count + blocks * _BLOCK, model.network.origin, fastest)
         h = duration / (_BLOCK * blocks)
         begin = clock[-1]
         for block in range(blocks):

@@ -148,3 +148,26 @@ def test_what_cannot_be_done_is_said_first() -> None:
     assert answer.plan.total <= 900.0 * (1 + 1e-6)
     assert answer.plan.segments[0].gait.name == "rest", "two knees begin above their limit"
     assert max(peak - answer.plan.mission.limits[node] for node, peak in answer.plan.peaks.items()) < 0.01
+
+
+@pytest.mark.parametrize(("capacity", "resistance"), [(300.0, 1e-6), (1e-3, 0.5), (1e-3, 30.0)])
+def test_a_plan_of_more_steps_than_end_in_a_minute_is_refused(
+    capacity: float, resistance: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A day of a model whose time constant is a thousandth of a second or so."""
+    model = '[model]\nambient = "temperature.ambient"\n[nodes.motor]\ncapacity = {}\n[[links]]\n'
+    model += 'between = ["motor", "ambient"]\nresistance = {}\n[[effects]]\nkind = "copper_loss"\nat = "motor"\n'
+    (tmp_path / "fast.toml").write_text(model.format(capacity, resistance))
+    (tmp_path / "task.toml").write_text(
+        """task = { kind = "mission", deadline = 80000, ambient = 25, start = { motor = 25 } }
+limits = { motor = 60 }
+activities = [{ do = "walk", distance = 40000 }]
+gaits.walk = { speeds = [0.2, 0.6], torque = { motor = [2, 3] } }
+gaits.rest = {}
+"""
+    )
+    with pytest.raises(SystemExit):
+        main(["plan", str(tmp_path / "fast.toml"), str(tmp_path / "task.toml")])
+    said = capsys.readouterr().err
+    assert "fast.toml: a time constant of 0.0" in said
+    assert "steps; expected at most 500,000" in said
