@@ -138,7 +138,9 @@ MOST = 0.8
 than half."""
 HALF = 0.5
 """Share of the squared error beyond noise of held-out runs that must go with it: they differ in themselves, too."""
-_LOGS = 200  # simulated for what noise leaves: one in twenty is then known to a tenth
+_LOGS, _TOGETHER = 200, 20
+"""Logs that are simulated for what noise leaves: what one in twenty exceeds is then known to a tenth; and how many of
+them at once, so that ten days of readings fill no memory."""
 
 
 @dataclass(frozen=True)
@@ -178,12 +180,15 @@ def minute_means(fit: Fit, row: int, runs: Sequence[RunErrors]) -> MinuteMeans |
         whole = int(counted.sum()) // size * size
         own = error[row][counted][:whole]
         clean = (bound.measured[row][counted][:whole] + own)[:, None]
-        read = clean + rng.normal(0.0, white, (whole, _LOGS))
-        if step > 0:
-            phase = rng.uniform(0.0, step, _LOGS)
-            read = np.round((read + phase) / step) * step - phase
         squares.append(own.reshape(-1, size).mean(axis=1) ** 2)
-        simulated.append((read - clean).reshape(-1, size, _LOGS).mean(axis=1) ** 2)
+        means = []
+        for _ in range(_LOGS // _TOGETHER):
+            read = clean + rng.normal(0.0, white, (whole, _TOGETHER))
+            if step > 0:
+                phase = rng.uniform(0.0, step, _TOGETHER)
+                read = np.round((read + phase) / step) * step - phase
+            means.append((read - clean).reshape(-1, size, _TOGETHER).mean(axis=1))
+        simulated.append(np.hstack(means) ** 2)
     square = np.concatenate(squares)
     if not square.size:
         return None
