@@ -8,6 +8,8 @@ import subprocess
 import sys
 import time
 
+from lptn.basics.processes import pool_of
+
 SCRIPT = """
 import os, time
 from lptn.basics.processes import pool_of
@@ -58,3 +60,9 @@ def test_ctrl_c_leaves_no_traceback_of_a_worker() -> None:
     assert complained.count("Process ") == 0
     assert complained.rstrip().splitlines()[-1].startswith(("KeyboardInterrupt", "concurrent.futures.process.Broken"))
     assert not any(map(_alive, workers))
+
+
+def test_no_more_workers_than_the_machine_can_bear() -> None:
+    for jobs in (1, 2, 1_000, 10**18):
+        with pool_of(jobs) as pool:
+            assert pool._max_workers == min(jobs, 2 * (os.cpu_count() or 1))  # type: ignore[attr-defined]

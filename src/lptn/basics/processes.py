@@ -58,11 +58,13 @@ def pool_of(jobs: int) -> ProcessPoolExecutor:
     """Processes that fall silent at Ctrl-C, and that don't outlive a parent that was killed.
 
     Args:
-        jobs: how many.
+        jobs: how many at most; two for each processor, since each takes 150 MB.
     """
     from concurrent.futures import ProcessPoolExecutor
 
-    return ProcessPoolExecutor(jobs, initializer=begin_as_worker, initargs=(os.getpid(),))
+    return ProcessPoolExecutor(
+        min(jobs, 2 * (os.cpu_count() or 1)), initializer=begin_as_worker, initargs=(os.getpid(),)
+    )
 
 
 def begin_as_worker(parent: int) -> None:
