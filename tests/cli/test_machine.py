@@ -136,6 +136,17 @@ def test_a_mistake_of_ours_keeps_its_traceback(monkeypatch: pytest.MonkeyPatch) 
         main(["effects"])
 
 
+@pytest.mark.parametrize("words", ["check model.toml log.csv", "fit m.toml x.csv -o f.toml", "fmu model.toml -o m.fmu"])
+def test_a_current_folder_that_is_gone_is_named(words: str, desk: Path) -> None:
+    line = f"mkdir gone; cd gone; rmdir ../gone; exec {sys.executable} -m lptn.cli.main {words}"
+    done = subprocess.run(["bash", "-c", line], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr
+    assert done.stderr.startswith(("lptn: the current folder: ", "lptn: m")), (
+        done.stderr
+    )  # or the file, as none is there
+
+
 @pytest.mark.parametrize("megabytes", [350, 700, 1000])
 def test_a_limit_of_memory_that_no_library_can_live_with_is_said(megabytes: int, desk: Path) -> None:
     line = f"ulimit -v {megabytes * 1000}; exec {sys.executable} -m lptn.cli.main compare model.toml log.csv"

@@ -107,7 +107,9 @@ def _of_the_machine(error: Exception) -> str | None:
     if _NO_MEMORY.search(str(error)):
         return "not enough memory"
     if isinstance(error, OSError):
-        return f"{error.filename or 'system'}: {error.strerror or error}"
+        # Of what is gone the system names all but the folder in which the command runs.
+        nameless = "the current folder" if isinstance(error, FileNotFoundError) else "system"
+        return f"{error.filename or nameless}: {error.strerror or error}"
     if isinstance(error, ImportError):
         return f"a library can't be loaded: {str(error).strip().splitlines()[-1]}"
     return None
