@@ -1,4 +1,4 @@
-"""What `lptn.monitor` says of 16 faults of sensors and of inputs, and whom it blames beside them.
+"""What `lptn.monitor` says of 17 faults of sensors and of inputs, and whom it blames beside them.
 
     python -m tests.hardening.monitored_faults --robots leg quadruped --seeds 1 2
 
@@ -60,7 +60,7 @@ def healthy_log(robot: Robot, true: Robot, noise: float, random: Rng) -> pd.Data
 Spoil = Callable[[pd.DataFrame, str, str, Rng], None]
 
 
-def _at(begin: int, change: Callable[[FloatArray, FloatArray, Rng], object], what: str = "temperature") -> Spoil:
+def at(begin: int, change: Callable[[FloatArray, FloatArray, Rng], object], what: str = "temperature") -> Spoil:
     """A channel of the joint from a time on: its values then and the time since, made into others."""
 
     def spoil(log: pd.DataFrame, joint: str, _other: str, random: Rng) -> None:
@@ -80,11 +80,11 @@ def _lagging(values: FloatArray, _since: FloatArray, _random: Rng) -> object:
     return values + path - smooth
 
 
-def _loose(share: float) -> Callable[[FloatArray, FloatArray, Rng], object]:
-    """The sensor goes that far to the air's temperature within some minutes; its noise stays."""
+def loose(share: float, seconds: float = 100.0) -> Callable[[FloatArray, FloatArray, Rng], object]:
+    """The sensor goes that far to the air's temperature with a time constant; its noise stays."""
 
     def change(values: FloatArray, since: FloatArray, random: Rng) -> object:
-        gone = share * (1 - np.exp(-since / 100.0))
+        gone = share * (1 - np.exp(-since / seconds))
         return (1 - gone) * values + gone * (AIR + 0.1 * random.standard_normal(values.size))
 
     return change
@@ -113,23 +113,23 @@ class Fault:
 _SENSOR, _LOAD = ("temperature.j",), ("current.j",)
 FAULTS: dict[str, Fault] = {
     "healthy": Fault(lambda _log, _joint, _other, _random: None, ()),
-    "current 1.5 times too large": Fault(_at(0, lambda x, t, r: 1.5 * x, "current"), _LOAD),
-    "current half, later": Fault(_at(BEGIN, lambda x, t, r: 0.5 * x, "current"), _LOAD),
-    "current 0, later": Fault(_at(BEGIN, lambda x, t, r: 0 * x, "current"), _LOAD),
-    "current 0": Fault(_at(0, lambda x, t, r: 0 * x, "current"), _LOAD),
+    "current 1.5 times too large": Fault(at(0, lambda x, t, r: 1.5 * x, "current"), _LOAD),
+    "current half, later": Fault(at(BEGIN, lambda x, t, r: 0.5 * x, "current"), _LOAD),
+    "current 0, later": Fault(at(BEGIN, lambda x, t, r: 0 * x, "current"), _LOAD),
+    "current 0": Fault(at(0, lambda x, t, r: 0 * x, "current"), _LOAD),
     "currents exchanged": Fault(_exchanged("current"), (*_LOAD, "current.o")),
-    "air 8 K too warm": Fault(_at(0, lambda x, t, r: x + 8.0, "ambient"), ("temperature.ambient",)),
-    "offset of +6 K": Fault(_at(BEGIN, lambda x, t, r: x + 6.0), _SENSOR),
-    "offset of -4 K": Fault(_at(BEGIN, lambda x, t, r: x - 4.0), _SENSOR),
-    "drift of +0.01 K/s": Fault(_at(BEGIN, lambda x, t, r: x + 0.01 * t), _SENSOR),
-    "drift of -0.02 K/s": Fault(_at(BEGIN, lambda x, t, r: x - 0.02 * t), _SENSOR),
-    "lag of 300 s": Fault(_at(BEGIN, _lagging), _SENSOR),
-    "stuck": Fault(_at(BEGIN, lambda x, t, r: 0 * x + x[0]), _SENSOR),
-    "stuck with dither": Fault(_at(BEGIN, lambda x, t, r: x[0] + 0.1 * r.standard_normal(x.size)), _SENSOR),
+    "air 8 K too warm": Fault(at(0, lambda x, t, r: x + 8.0, "ambient"), ("temperature.ambient",)),
+    "offset of +6 K": Fault(at(BEGIN, lambda x, t, r: x + 6.0), _SENSOR),
+    "offset of -4 K": Fault(at(BEGIN, lambda x, t, r: x - 4.0), _SENSOR),
+    "drift of +0.01 K/s": Fault(at(BEGIN, lambda x, t, r: x + 0.01 * t), _SENSOR),
+    "drift of -0.02 K/s": Fault(at(BEGIN, lambda x, t, r: x - 0.02 * t), _SENSOR),
+    "lag of 300 s": Fault(at(BEGIN, _lagging), _SENSOR),
+    "stuck": Fault(at(BEGIN, lambda x, t, r: 0 * x + x[0]), _SENSOR),
+    "stuck with dither": Fault(at(BEGIN, lambda x, t, r: x[0] + 0.1 * r.standard_normal(x.size)), _SENSOR),
     "sensors exchanged": Fault(_exchanged("temperature"), (*_SENSOR, "temperature.o")),
     "copy of the neighbour": Fault(_copied, (*_SENSOR, "temperature.o")),
-    "come loose": Fault(_at(BEGIN, _loose(1.0)), _SENSOR),
-    "come loose by 60 %": Fault(_at(BEGIN, _loose(0.6)), _SENSOR),
+    "come loose": Fault(at(BEGIN, loose(1.0)), _SENSOR),
+    "come loose by 60 %": Fault(at(BEGIN, loose(0.6)), _SENSOR),
 }
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from tests.hardening.monitored_faults import FAULTS, watched
+from tests.hardening import monitored_faults
+from tests.hardening.monitored_faults import BEGIN, FAULTS, Fault, at, loose, watched
 
 
 def blamed(seed: int, mode: str, faults: list[str], noise: float = 0.1) -> tuple[dict[str, tuple[str, ...]], set[str]]:
@@ -37,10 +38,31 @@ def test_of_16_faults_none_is_put_on_a_healthy_channel(seed: int, mode: str) -> 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("seed", "noise"), [(1, 0.1), (1, 0.005), (3, 0.005)])
+@pytest.mark.parametrize(("seed", "noise"), [(1, 0.1), (1, 0.005), (3, 0.1), (3, 0.005)])
 def test_a_model_that_is_off_is_not_a_healthy_channels_fault(seed: int, noise: float) -> None:
     """Every value 10 % off, and healthy logs that teach: it was in three and four logs of 18."""
     wrongly, called = blamed(seed, "taught", list(FAULTS), noise)
     assert wrongly == {}
     assert len(called) >= 14
     assert "healthy" not in called
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [3, 4])
+def test_a_sensor_that_goes_part_of_the_way_to_the_air_is_no_load(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its error follows its node's temperature, as smoothly as heat does: in five of six logs a load was blamed."""
+    for share, seconds in ((0.3, 50.0), (0.45, 300.0), (0.8, 50.0), (0.8, 300.0)):
+        fault = Fault(at(BEGIN, loose(share, seconds)), ("temperature.j",))
+        monkeypatch.setitem(monitored_faults.FAULTS, f"loose by {share:.0%} in {seconds:.0f} s", fault)
+    faults = [fault for fault in monitored_faults.FAULTS if fault.startswith("loose")]
+    wrongly, called = blamed(seed, "taught", faults)
+    assert wrongly == {}
+    assert len(called) >= 3
+
+
+@pytest.mark.slow
+def test_what_a_failed_sensor_reads_is_named() -> None:
+    """A share of the air, and a constant, were drifts."""
+    said = watched("leg", 3, 0.1, ["taught"], list(FAULTS))
+    assert said["taught", "come loose by 60 %"].called == ("disconnected",)
+    assert said["taught", "stuck with dither"].called == ("stuck",)

@@ -95,11 +95,14 @@ def calibrate(
     for number, run in enumerate(runs, start=1):
         report(f"learning what is healthy: log {number} of {len(runs)}")
         bound = coarsely_bound(model, run, STEP)
-        followed = fault_statistics(gaussian_estimator(model, noise, error), bound, bound.measured)
-        weights += _block_maxima(np.array([statistics.weight for _, statistics in followed]), bound.run.step)
+        statistics = fault_statistics(gaussian_estimator(model, noise, error), bound, bound.measured)
+        weights += _block_maxima(statistics.weight, bound.run.step)
     hours = sum(len(run) * run.step for run in runs) / 3600
     share = false_alarms * hours / len(weights) / (len(KINDS) * len(model.nodes))
-    limits = [_rare_by_class(np.array(weights)[:, kind], model.nodes, share) for kind in range(len(KINDS))]
+    maxima = np.array(weights)
+    limits = [_rare_by_class(maxima[:, kind], model.nodes, share) for kind in range(LAG)]
+    # A lag's course is known, so chance alone passes no limit (Ville's inequality): only a model that is wrong does.
+    limits.append(np.full(len(model.nodes), _MARGIN * maxima[:, LAG].max()))
     return Calibration(noise, error, np.maximum(limits, _LEAST_LIMIT), hours)
 
 

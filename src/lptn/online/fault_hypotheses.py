@@ -33,7 +33,7 @@ off. Readings learn more of them within minutes."""
 DECIDES = 10.0
 """nats by which readings must be likelier: odds of 20,000, for a thermal model is wrong for minutes on end, and its
 readings say less than if each stood for itself."""
-_LIFTS = (1 / 60, 1 / 600, 1 / 6)  # K/s; so fast heat that nobody knows of warms its node: the last, a motor's peak
+_LIFTS = np.geomspace(1 / 600, 1 / 6, 5)  # K/s; so fast unknown heat warms its node: a motor's peak at most
 
 
 def loads(model: Model) -> dict[str, str]:
@@ -113,7 +113,7 @@ class Suspicion:
         inputs[list(rows)] = values
         return replace(self, run=replace(self.run, inputs=inputs))
 
-    def with_unknown_input(self, column: str, lift: float = _LIFTS[0]) -> Suspicion:
+    def with_unknown_input(self, column: str, lift: float = float(_LIFTS[2])) -> Suspicion:
         """The same with heat [K/s] at a joint that its load doesn't tell, or air that is far off."""
         if column.startswith("temperature."):
             return replace(self, error=replace(self.error, inputs={**self.error.inputs, column: _FREE}))
@@ -126,42 +126,55 @@ class Suspicion:
 # --- What a sensor that is wrong reads ------------------------------------------------------------
 
 _FREE = 10.0  # K; so far off a wrong sensor may be at the onset, and the air all the while
-_LAGS = (30.0, 60.0, 120.0, 240.0, 480.0, 960.0)  # s; a factor of two is as finely as a lag is known
-_LEAST_LAG_GAIN = 10.0  # nats by which a lag, which a missing mass resembles, must explain more than any other
-_FEWEST = 12  # readings behind the onset, that a name needs
-_WALKS = tuple(np.geomspace(0.003, 3.0, 7))  # K; by how much what a sensor adds may wander from one step to the next
 _SLOPE = 0.3  # K a step; and so fast it may drift: 1 K in half a minute
+_WALKS = np.geomspace(0.003, 3.0, 7)  # K; by how much what a sensor adds may wander from one step to the next
+_BENDS = _WALKS / 10  # K a step; or its slope, for the air, a surface, a body that it touches now move smoothly
+_LAGS = (30.0, 60.0, 120.0, 240.0, 480.0, 960.0)  # s; a factor of two is as finely as a lag is known
+_OWED = 10.0  # nats by which a lag, which a missing mass resembles, or part of the air must explain more than others
+_LOOSENS = 100.0  # s; a sensor in a drop of glue follows the air so late
+_FEWEST = 12  # readings behind the onset, that a name needs
 
 
 class _Course(NamedTuple):
-    """What a sensor reads with one fault: kind, size, words, readings [degC] of shape (n,), free numbers, nats owed."""
+    """What a sensor reads with one fault: kind, size, words, readings [degC] of shape (n,), nats owed."""
 
     kind: Kind
     size: float | None
     detail: str
-    path: FloatArray
-    free: int = 0
+    path: FloatArray  # (n,)
     owed: float = 0.0
 
 
-def _courses(given: Suspicion, measured: FloatArray, row: int, onset: float) -> Iterator[_Course]:
+def _courses(others: Suspicion, measured: FloatArray, row: int, onset: float) -> Iterator[_Course]:
     """The table of a sensor's faults, beside what the model and all other sensors let expect behind the onset."""
-    behind, time = given.run.run.time >= onset, given.run.run.time
-    expected, readings = given.without([row], onset).filtered[1][row], measured[row]
-    seen, since = behind & np.isfinite(readings), np.maximum(time - onset, 0.0)
-    level, rate = _level_and_rate(readings - expected, behind, since)
-    yield _Course("offset", level, "", expected + level, 1)
-    yield _Course("drift", rate, "", expected + rate * since, 1)
-    for column, values in zip(given.model.inputs, given.run.inputs, strict=True):
+    behind, since, step = others.behind(onset), np.maximum(others.run.run.time - onset, 0.0), others.run.run.step
+    expected, readings = others.filtered[1][row], measured[row]
+    seen, level = behind & np.isfinite(readings), np.ones(len(since))
+    number = 0.5 * float(np.log(seen.sum()))  # what a free number costs, by the Bayesian information criterion
+
+    def size(of: FloatArray) -> float:
+        """By how much of a course the readings are off, by least squares."""
+        return float((readings - expected)[seen] @ of[seen]) / max(float(of[seen] @ of[seen]), 1e-9)
+
+    yield _Course("offset", size(level), "", expected + size(level), number)
+    yield _Course("drift", size(since), "", expected + size(since) * since, number)
+    for column, values in zip(others.model.inputs, others.run.inputs, strict=True):
         if column.startswith("temperature."):
+            near = _lagged(np.where(behind, values - expected, 0.0), _LOOSENS, step, behind)
+            share = size(near)
             yield _Course("disconnected", None, f"reads {column}", values)
+            if 0 < share <= 1:
+                detail = f"reads {share:.0%} of {column}"
+                yield _Course("disconnected", None, detail, expected + share * near, number + _OWED)
+    constant = float(readings[seen].mean())
+    yield _Course("stuck", None, f"at {constant:.3g} degC", np.full(len(since), constant), number)
     for lag in _LAGS:
-        yield _Course("lag", lag, "", _lagged(expected, lag, given.run.run.step, behind), 1, _LEAST_LAG_GAIN)
-    for other, node in enumerate(given.model.nodes):
+        yield _Course("lag", lag, "", _lagged(expected, lag, step, behind), number + _OWED)
+    for other, node in enumerate(others.model.nodes):
         beside = seen & np.isfinite(measured[other])
         # The other one reads what this one should, too.
         if other != row and beside.sum() >= _FEWEST and _nearer(measured[other], readings, expected, beside):
-            both = given.without([row, other], onset).filtered[1]
+            both = others.without([other], onset).filtered[1]
             if _nearer(both[row], both[other], measured[other], beside):
                 yield _Course("swapped", None, f"with {node}", both[other])
 
@@ -169,32 +182,6 @@ def _courses(given: Suspicion, measured: FloatArray, row: int, onset: float) -> 
 def _nearer(one: FloatArray, other: FloatArray, to: FloatArray, where: BoolArray) -> bool:
     """Whether one course is nearer to a third than another, by squares."""
     return bool(np.square(one - to)[where].sum() < np.square(other - to)[where].sum())
-
-
-def named(given: Suspicion, measured: FloatArray, alarm: Alarm) -> Alarm:
-    """The same alarm, named by all that was read behind its onset, the model being right.
-
-    The fault whose course leaves least of the readings unexplained gives the name, each free number having to pay for
-    itself by the Bayesian information criterion.
-
-    Args:
-        given: the run with those readings that nothing speaks against.
-        measured: all readings [degC], NaN where missing, shape (nodes, n).
-        alarm: an offset, a drift or a lag.
-    """
-    row = given.model.nodes.index(alarm.node)
-    seen = (given.run.run.time >= alarm.onset) & np.isfinite(measured[row])
-    count, noise = int(seen.sum()), float(given.calibration.noise.floor[row]) ** 2
-    if count < _FEWEST:
-        return alarm
-
-    def cost(course: _Course) -> float:
-        """Minus the logarithm of the likelihood, with what the free numbers cost."""
-        left = float(np.mean(np.square(measured[row] - course.path)[seen])) + noise
-        return 0.5 * count * float(np.log(left)) + 0.5 * course.free * float(np.log(count)) + course.owed
-
-    best = min(_courses(given, measured, row, alarm.onset), key=cost)
-    return replace(alarm, kind=best.kind, size=best.size, detail=best.detail)
 
 
 def _lagged(path: FloatArray, lag: float, step: float, behind: BoolArray) -> FloatArray:
@@ -205,49 +192,71 @@ def _lagged(path: FloatArray, lag: float, step: float, behind: BoolArray) -> Flo
     return lagged
 
 
-def _level_and_rate(off: FloatArray, behind: BoolArray, since: FloatArray) -> tuple[float, float]:
-    """What a sensor is off by behind an onset, as a level [K] and as a drift from 0 [K/s], by least squares."""
-    seen = behind & np.isfinite(off)
-    if not seen.any():
-        return 0.0, 0.0
-    return float(off[seen].mean()), float(off[seen] @ since[seen]) / max(float(since[seen] @ since[seen]), 1e-9)
+def _nats(off: FloatArray, along: FloatArray, noise: float) -> float:
+    """Logarithm of the likelihood of readings that are off a course, in noise of a variance [K²].
+
+    Beside the noise they are off by a multiple of another course: this, or its slope, wanders, in the size that is
+    likeliest. Arrays have shape (n,).
+    """
+    wandering, bending = np.square([[*_WALKS, *0 * _BENDS], [*0 * _WALKS, *_BENDS]])
+    level, slope, total = (np.zeros(wandering.size) for _ in range(3))
+    of_level, of_slope, of_both = (np.full(wandering.size, size**2) for size in (_FREE, _SLOPE, 0.0))
+    for error, share in zip(off.tolist(), along.tolist(), strict=True):
+        if np.isfinite(error):
+            variance, surprise = share**2 * of_level + noise, error - share * level
+            total -= 0.5 * (surprise**2 / variance + np.log(variance))
+            moved = share * surprise / variance
+            level, slope = level + of_level * moved, slope + of_both * moved
+            of_slope = of_slope - (share * of_both) ** 2 / variance
+            of_level, of_both = of_level * noise / variance, of_both * noise / variance
+        level = level + slope
+        of_level, of_both = of_level + 2 * of_both + of_slope + wandering, of_both + of_slope
+        of_slope = of_slope + bending
+    return float(total.max())
 
 
 def _of_a_sensor(given: Suspicion, row: int, onset: float) -> float:
     """Logarithm of the likelihood behind the onset that a sensor is wrong, in the way that is likeliest.
 
-    It is off by a number, or drifts; or it reads anything: a level with a slope that wanders, beside what a filter
-    without this sensor expects there, or beside that with a lag.
+    It is off by a number, or drifts, and goes on to tell of its node. Or it reads anything, beside the course of a
+    fault or in a mean of its node and of cooler air.
     """
-    behind, since = given.behind(onset), np.maximum(given.run.run.time - onset, 0.0)
-    others = given.without([row], onset)
-    expected, readings = others.filtered[1][row], given.measured[row]
-    level, rate = _level_and_rate(readings - expected, behind, since)
-    of_shapes = [
-        given.with_readings([row], readings - added).nats(onset) for added in (level * behind, np.asarray(rate * since))
-    ]
-    paths = [expected, *(_lagged(expected, lag, given.run.run.step, behind) for lag in _LAGS)]
+    others, behind, readings = given.without([row], onset), given.behind(onset), given.measured[row]
+    if not np.isfinite(readings[behind]).any():
+        return others.nats(onset)
+    expected, courses = others.filtered[1][row], list(_courses(others, given.measured, row, onset))
+    wandering = [(readings - course.path, np.ones(behind.size)) for course in courses]
+    for column, air in zip(given.model.inputs, given.run.inputs, strict=True):
+        if column.startswith("temperature.") and np.nansum(((readings - expected) * (air - expected))[behind]) > 0:
+            wandering.append((readings - expected, (air - expected) / _FREE))
     noise = max(float(given.calibration.noise.floor[row]), LEAST_NOISE) ** 2
-    return max(
-        *of_shapes, others.nats(onset) + max(_level_and_slope((readings - path)[behind], noise) for path in paths)
-    )
+    nats = [others.nats(onset) + max(_nats(off[behind], along[behind], noise) for off, along in wandering)]
+    for course in courses[:2]:
+        added = np.where(behind, course.path - expected, 0.0)
+        nats.append(given.with_readings([row], readings - added).nats(onset))
+    return max(nats)
 
 
-def _level_and_slope(off: FloatArray, noise: float) -> float:
-    """Logarithm of the likelihood of readings that are off by a level with a slope, in noise of a variance [K²]."""
-    wandering = np.square(_WALKS)
-    level, slope, total = (np.zeros(len(_WALKS)) for _ in range(3))
-    of_level, of_slope, of_both = (np.full(len(_WALKS), size**2) for size in (_FREE, _SLOPE, 0.0))
-    for error in off.tolist():
-        if np.isfinite(error):
-            variance, surprise = of_level + noise, error - level
-            total -= 0.5 * (surprise**2 / variance + np.log(variance))
-            level, slope = level + of_level / variance * surprise, slope + of_both / variance * surprise
-            of_slope = of_slope - of_both**2 / variance
-            of_level, of_both = of_level * noise / variance, of_both * noise / variance
-        level = level + slope
-        of_level, of_both = of_level + 2 * of_both + of_slope + wandering, of_both + of_slope
-    return float(total.max())
+def named(given: Suspicion, measured: FloatArray, alarm: Alarm) -> Alarm:
+    """The same alarm, named by the fault whose course leaves least of all readings behind its onset unexplained.
+
+    Args:
+        given: the run with those readings that nothing speaks against.
+        measured: all readings [degC], NaN where missing, shape (nodes, n).
+        alarm: an offset, a drift or a lag.
+    """
+    row = given.model.nodes.index(alarm.node)
+    seen, noise = given.behind(alarm.onset) & np.isfinite(measured[row]), float(given.calibration.noise.floor[row]) ** 2
+
+    def cost(course: _Course) -> float:
+        """Minus the logarithm of the likelihood, with what the free numbers cost."""
+        left = float(np.square(measured[row] - course.path)[seen].mean())
+        return 0.5 * float(seen.sum()) * float(np.log(left + noise)) + course.owed
+
+    if seen.sum() < _FEWEST:
+        return alarm
+    best = min(_courses(given.without([row], alarm.onset), measured, row, alarm.onset), key=cost)
+    return replace(alarm, kind=best.kind, size=best.size, detail=best.detail)
 
 
 # --- The table of what may be wrong ---------------------------------------------------------------
@@ -304,11 +313,12 @@ def _inputs(given: Suspicion, alarm: Alarm) -> Iterator[_Answer]:
     """A load that is wrong, at the node or near it, or the air; of the likeliest load the size, too."""
     model, onset = given.model, alarm.onset
     freed = {column: given.with_unknown_input(column) for column in suspects(model, alarm.node)}
-    likeliest = max(freed, key=lambda column: freed[column].nats(onset), default="")
+    driving = freed.keys() & loads(model).values()
+    likeliest = max(driving, key=lambda column: freed[column].nats(onset), default="")
     for column, trial in freed.items():
         trials, place = [trial], column.partition(".")[2]
-        if column == likeliest and place in loads(model):
-            trials += [given.with_unknown_input(column, lift) for lift in _LIFTS[1:]]
+        if column == likeliest:
+            trials += [given.with_unknown_input(column, lift) for lift in _LIFTS]
             index, scales = model.inputs.index(column), np.where(given.behind(onset), np.array(_SCALES)[:, None], 1.0)
             trials += [given.with_inputs([index], scale * given.run.inputs[index]) for scale in scales]
         best = max(trials, key=lambda trial: trial.nats(onset))

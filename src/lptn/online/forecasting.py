@@ -284,14 +284,15 @@ def _estimator(
     model: Model, white: FloatArray, step: FloatArray, uncertainty: ModelUncertainty, error: ModelError, *, watch: bool
 ) -> Estimator:
     """An estimator with what the fit leaves open; readings are means, or are taken one by one and watched."""
-    learn = [model.parameters[index].name for index in model.free] if uncertainty.learns else []
+    doubted = bool(uncertainty.covariance.any())  # what is exact would make each step slower as a state
+    learn = [model.parameters[index].name for index in model.free] if doubted and uncertainty.learns else []
     return Estimator(
         model,
         noise=dict(zip(model.nodes, white.tolist(), strict=True)),
         step=dict(zip(model.nodes, step.tolist(), strict=True)),
         error=error,
         learn=dict.fromkeys(learn, 0.0),
-        covariance=uncertainty.covariance,
+        covariance=uncertainty.covariance if doubted else None,
         learn_air=uncertainty.learns,
         rounding="cell" if watch else "white",  # means over blocks lie between a sensor's steps
         watch=watch,
