@@ -130,3 +130,11 @@ def test_a_coarse_sensor_of_a_joint_that_rests_or_cools_to_the_air_is_believed(
     log = log if velocity else log.drop(columns=["velocity.a", "velocity.b"])
     names = ["temperature.a", "temperature.b"]
     assert not read_log(log.assign(**{name: log[name].round() for name in names}))[0].issues
+
+
+@pytest.mark.parametrize(("row", "value"), [(700, 18_000.0), (2200, -3e5), (4000, 2e3)])
+def test_a_single_load_that_no_joint_bears_makes_no_sensor_doubtful(row: int, value: float) -> None:
+    log = _two_joints()
+    log.loc[row, "current.a"] = value
+    log["temperature.a"] = log["temperature.a"].round()
+    assert {issue.key for issue in read_log(log, strict=False)[0].issues} == {"current.a"}

@@ -25,6 +25,7 @@ from lptn.logs.resampling import means_of_blocks
 _PARTS, _BLOCK, _MOST = 120, 30.0, 500
 """Blocks of a log at least, in whose means a part's warming stands out of its sensor's noise; s of one in a longer log,
 so that a stretch of three minutes has six; and so many at the most."""
+_THIN, _BEYOND = 10_000, 100.0  # readings that tell a load's usual square; times what 99 of 100 are, that none has
 _FEWEST = 30  # blocks that tell a law
 
 
@@ -52,7 +53,12 @@ class Blocks:
         """Of one channel, (blocks,)."""
         if key not in self._means:
             values, quantity = self.values[key], key.partition(".")[0]
-            values = np.square(values) if quantity in HEATS else np.abs(values) if quantity == "velocity" else values
+            if quantity in HEATS:
+                values = np.square(values)
+                few = values[:: max(1, values.size // _THIN)]
+                usual = float(np.quantile(few[np.isfinite(few)], 0.99)) if np.isfinite(few).any() else 0.0
+                values = np.where(values > _BEYOND * usual, np.nan, values) if usual > 0 else values
+            values = np.abs(values) if quantity == "velocity" else values
             self._means[key] = means_of_blocks(values, self.size)
         return self._means[key]
 
