@@ -21,7 +21,7 @@ SOLVER = ("lptn_mpc.h", "lptn_mpc.c", "linear.inc", "living.inc", "observe.inc",
 _NUMBERS_IN_A_LINE = 8
 _REPEAT = 4  # iterations between linearisations, where only the temperatures make the problem not linear
 _D, _I = ctypes.c_double, ctypes.c_int
-_LIVING = ("STANDS", "SHORTEST", "LEAST_CHANCE", "COARSEST", "ERROR", "BELOW", "BELOW_IF_LOST", "ABOVE",
+_LIVING = ("STANDS", "SHORTEST", "LEAST_CHANCE", "COARSEST", "ERROR", "BELOW", "BELOW_IF_LOST", "MISLEADS", "ABOVE",
            "NOISE", "LEAST", "FEWEST")  # fmt: skip
 _GLUE = """\
 #define LPTN_WIDE
@@ -171,12 +171,19 @@ def structs(heating: Heating, limits: int, stages: int) -> Structs:
         *((name, _D * nodes) for name in ("contradicted_for", "last_seen")),
         *((name, _I * nodes) for name in ("stands", "agrees", "proven", "trusted", "lost")),
     ]  # fmt: skip
+    reference = [
+        ("x", _D * x),
+        *((name, _D * nodes) for name in ("bias", "gain")),
+        *((name, _D * x) for name in ("raised", "deviation")),
+        ("lacks", _D * 3 * nodes),
+    ]
     state = [
         *((name, _D * x) for name in ("x", "bias", "gain")),
         ("spread", _D * elements * elements),
         ("made", _D * nodes),
-        ("without", _D * elements * nodes),
-        *((name, _D * nodes) for name in ("own", "linked", "deviation")),
+        *((name, _struct("Reference", reference)) for name in ("model", "recent")),
+        ("renewed", _D),
+        ("woken", _D * nodes),
         *((name, _I * nodes) for name in ("read", "once_trusted", "used", "guessed")),
         ("applied", _D * u),
         ("conditions", _D * (d + 1)),

@@ -68,15 +68,23 @@ typedef struct {
                                                              not to be, and has not come back */
 } lptn_mpc_sensors;
 
+/* What the estimate would be without any sensor's readings since it began. */
+typedef struct {
+    double x[LPTN_NX], bias[LPTN_NN], gain[LPTN_NN]; /* as in the state */
+    double raised[LPTN_NX];                          /* how much of x comes from the controlled heat since [K] */
+    double deviation[LPTN_NX];                       /* what x may be off by, one standard deviation [K] */
+    double lacks[LPTN_NN][3];                        /* variance of bias, covariance of both, variance of gain */
+} lptn_mpc_reference;
+
 /* What is kept between steps; all zero before the first. z: states, missing heat and relative error of each node. */
 typedef struct {
     double x[LPTN_NX], bias[LPTN_NX];    /* estimate [degC]; heat that the model lacks, as a rate [K/s] */
     double gain[LPTN_NX];                /* relative error of the controlled heat */
     double spread[LPTN_NZ][LPTN_NZ];     /* covariance of z */
     double made[LPTN_NN];                /* what the controlled heat warmed each node by, over the last period [K/s] */
-    double without[LPTN_NN][LPTN_NZ];    /* z of each sensor's reference, the estimate without its readings, less z */
-    double own[LPTN_NN], linked[LPTN_NN]; /* standard deviation of a reference by errors of its own node, and of those of */
-    double deviation[LPTN_NN];            /* neighbours that are not read; by both [K] */
+    lptn_mpc_reference model, recent;    /* the estimate without any sensor: since the start, and of late */
+    double renewed;                      /* s of the clock: the recent reference began with the estimate */
+    double woken[LPTN_NN];               /* of a sensor that is not believed: where its node would be, had it begun there [K] */
     int read[LPTN_NN], guessed[LPTN_NN]; /* how often its sensor began, 0 for never read; is taken to be as hot as allowed */
     int once_trusted[LPTN_NN], used[LPTN_NN]; /* its sensor was trusted once; was used since its reference was set */
     double applied[LPTN_NU], conditions[LPTN_ND + 1];

@@ -1,6 +1,6 @@
 """Whether each temperature sensor is alive, reading by reading, by what a model without it expects.
 
-Each reading is compared with its *reference*: the estimate as it would be without this sensor's readings. A node
+Each reading is compared with its *reference*: what is expected without this sensor's readings. A node
 follows the heat that is put in: so a sensor is trusted once it has moved as its reference did, and as long as it agrees
 with it. Until then limits are planned by the hotter of the two. A sensor that contradicts its reference is lost. It is
 trusted again when it has agreed for as long as it contradicted or, where that was over a minute, for as long as its
@@ -24,6 +24,8 @@ BELOW = 3.5
 """Standard deviations below the reference. Chance makes a model so wrong in one node of 4000, sensors fail oftener."""
 BELOW_IF_LOST = 2.0
 """The same for a sensor that has been lost: a fault is no longer rare for it."""
+MISLEADS = 2.5
+"""Standard deviations by which the model must be wrong for cold readings where the sensor is the likelier culprit."""
 ABOVE = 6.0
 """Standard deviations above it: to disbelieve a hot sensor burns motors, to disbelieve a cold one costs torque."""
 NOISE = 6.0  # standard deviations of a reading; chance gives one in 500 million
@@ -99,7 +101,7 @@ class LivingSensors:
             near = away >= -np.maximum(below * deviation + NOISE * noise, LEAST)
             near &= away <= np.maximum(ABOVE * deviation + NOISE * noise, LEAST)
             near &= np.abs(readings - predicted) <= LEAST + NOISE * np.sqrt(np.maximum(variance, 0) + noise**2)
-            misleads = self.trusted & ((learned < -BELOW) | (learned > ABOVE))
+            misleads = self.trusted & ((learned < -MISLEADS) | (learned > ABOVE))
             self._watch_repeats(seen, readings, predicted, variance, near)
             agrees = seen & near & ~misleads & ~self.stands
             begins = agrees & ~self.agrees
