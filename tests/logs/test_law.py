@@ -138,3 +138,13 @@ def test_a_single_load_that_no_joint_bears_makes_no_sensor_doubtful(row: int, va
     log.loc[row, "current.a"] = value
     log["temperature.a"] = log["temperature.a"].round()
     assert {issue.key for issue in read_log(log, strict=False)[0].issues} == {"current.a"}
+
+
+@pytest.mark.parametrize(("code", "times"), [(850.0, 1), (-127.0, 3), (65535.0, 2)])
+def test_a_code_at_rest_is_a_code_and_no_way_back_to_the_air(code: float, times: int) -> None:
+    """It makes the mean of a block hot, and what follows in a joint that rests is the air's."""
+    log = _two_joints(rest=3000.0)
+    for k in range(times):
+        log.loc[11000 + 200 * k : 11003 + 200 * k, "temperature.a"] = code
+    (issue,) = read_log(log)[0].issues
+    assert (issue.key, issue.kind) == ("temperature.a", "code")

@@ -253,7 +253,7 @@ def silences_of(values: Mapping[str, FloatArray]) -> dict[str, list[Silence]]:
     for key, resolution in steps.items():
         loads = [f"{quantity}.{key.partition('.')[2]}" for quantity in HEATS]
         load = next((load for load in loads if load in values), None)
-        channel = without_silent(values[key], silent[key])
+        channel = without_silent(values[key], [*silent[key], *(one for one in outside[key] if not one.lasts)])
         stretches = against_heat(blocks.with_channel(key, channel), key, load, resolution) if load else []
         if stretches:
             silent[key] += [_elsewhere(values["time"], channel, *stretch) for stretch in stretches]
