@@ -58,12 +58,12 @@ def test_to_remove_nothing_changes_nothing() -> None:
 @pytest.mark.parametrize("seeds", [(1, 2), (3, 4), (5, 6), (7, 8)])
 def test_a_heat_that_is_not_there_lowers_the_evidence_and_one_that_is_raises_it(seeds: tuple[int, int]) -> None:
     """A size that ends at none changes nothing: one that chance makes is worth less than its prior costs."""
-    for heat in (0.0, 0.3):
+    for heat in (0.0, 1.0):
         fit = _fit(heat, seeds)
         larger, name = _with_heat(fit)
         size = next(parameter.value for parameter in larger.model.parameters if parameter.name == name)
-        evidence = Evidence(larger, [])
-        gained = evidence.log_evidence - Evidence(fit, [], beside=evidence).log_evidence
+        evidence = Evidence(fit, [])
+        gained = Evidence(larger, [], beside=evidence).log_evidence - evidence.log_evidence
         assert gained > 10.0 if heat else gained < (-1.0 if size > 0 else 1e-3)
 
 

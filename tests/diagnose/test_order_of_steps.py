@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import cast
+from typing import Any, cast
 
 import pytest
 
@@ -13,6 +13,9 @@ from lptn.identify.fitting import Fit
 from lptn.model.network import EffectDeclaration
 
 _FIT = cast("Fit", None)  # an order asks nothing of it
+
+
+_EVIDENCE: Any = None  # nobody asks for it here
 
 
 def _step(name: str) -> Step:
@@ -31,5 +34,5 @@ def _step(name: str) -> Step:
 )
 def test_what_sets_one_part_apart_comes_first(findings: list[str], structure: list[str], told: list[str]) -> None:
     found, made_of = (tuple(map(_step, names)) for names in (findings, structure))
-    made = Composition(_FIT, found, made_of, rivals=(), refused=(), fitted=1)
+    made = Composition(_FIT, found, made_of, rivals=(), refused=(), fitted=1, before=_EVIDENCE, after=_EVIDENCE)
     assert [f"{step.effect} {step.at}" for step in made.steps] == told

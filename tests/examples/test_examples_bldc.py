@@ -23,8 +23,15 @@ def _said(model: str, fitted: str, held_out: str) -> tuple[Fit, list[RunDifferen
     return done, runs_that_differ(done, data.holdout)
 
 
-@pytest.mark.xfail(reason="power that heats only 0.58 times as much is told first, the fan beside it")
-@pytest.mark.parametrize("model", ["two_nodes", "own_surfaces"])
+@pytest.mark.parametrize(
+    "model",
+    [
+        "two_nodes",
+        pytest.param(
+            "own_surfaces", marks=pytest.mark.xfail(reason="power that heats only 0.58 times as much is told first")
+        ),
+    ],
+)
 def test_of_the_run_with_a_fan_the_loss_to_the_air_is_named(model: str) -> None:
     done, (difference,) = _said(model, "135", "4")
     assert done.rmse < 3.5

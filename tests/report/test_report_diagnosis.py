@@ -119,9 +119,7 @@ def test_heat_without_a_burst_has_no_map(adequate: Told) -> None:
 def test_the_opening_paragraph_of_a_missing_effect(missing: Told, heat: HeatStory) -> None:
     short = _short(missing[0], heat)
     assert list(short) == ["What was missing", "Where", "How sure", "What to do"]
-    assert re.fullmatch(
-        rf"Constant heat at {NODES[0]} \(3 ± \S+ W, more than 99 % probable\)\.", short["What was missing"]
-    )
+    assert re.fullmatch(rf"Constant heat at {NODES[0]} \(3 ± \S+ W, 98 % probable\)\.", short["What was missing"])
     assert short["Where"].startswith(NODES[0].capitalize()[:1])
     assert "The RMSE on the test runs goes from" in short["How sure"]
     assert short["What to do"].endswith("Use the best model.")

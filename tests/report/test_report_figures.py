@@ -175,7 +175,8 @@ def test_what_was_added_and_what_was_refused_is_drawn_by_its_probability(missing
     bars = plot_probabilities(told).patches
     assert [bar.get_width() for bar in bars] == [history.best.probability, 0.25]  # type: ignore[attr-defined]
     chosen = replace(history.best, probability=0.0)  # of what somebody chose nobody knows
-    assert not plot_probabilities(replace(history, steps=(history.steps[0], chosen), last=history.first)).patches[1:]
+    last = replace(history.first, refused=())
+    assert not plot_probabilities(replace(history, steps=(history.steps[0], chosen), last=last)).patches[1:]
 
 
 def test_two_models_are_called_by_their_names(missing: Told) -> None:

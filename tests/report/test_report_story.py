@@ -133,7 +133,7 @@ def test_words_missing(missing: Told) -> None:
     assert (history.best.effect, history.best.at) == ("constant_heat", NODES[0])
     text = " ".join(story_in_words(*missing))
     assert f"Missing: constant heat at {NODES[0]} (3 ± " in text
-    assert "more than 99 % probable, beside all else in the model" in text.replace("More", "more")
+    assert "98 % probable, beside all else in the model" in text
     assert "Held out: two (60 to 600 s). Nothing but its start was fitted to it." in text
     assert "decided by the fitted runs, and by how the held-out ones are predicted" in text
     assert "Test: three (60 to 600 s). It chose nothing" in text

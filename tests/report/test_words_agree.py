@@ -49,12 +49,12 @@ def test_a_solved_story_says_what_was_found_and_not_that_something_is_missing(mi
     assert after is not None
     size = size_told(history.best, history.best.fit)
     assert re.fullmatch(r"3 ± \S+ W", size)
-    opening = f"Found: constant heat at {NODES[0]} ({size}, more than 99 % probable); "
+    opening = f"Found: constant heat at {NODES[0]} ({size}, 98 % probable); "
     opening += f"test {before.rmse:.3g} → {after.rmse:#.3g} K, floor "
     assert headline(history).startswith(opening)
     floor = float(headline(history).removeprefix(opening).removesuffix(" K."))
     assert floor == pytest.approx(NOISE, rel=0.1)
-    assert left_in_words(history) == "What is left on the fitted runs is no more than the sensors' noise."
+    assert left_in_words(history) == "What is left is no more than the sensors' noise."
     text = _everything(history, missing)
     for wrong in ("is missing:", "Something", "still wrong", "does not explain"):
         assert wrong not in text
@@ -172,7 +172,7 @@ def test_held_out_runs_far_above_the_noise_are_not_called_noise(missing: Told) -
     holdout = history.best.holdout
     assert holdout is not None
     far = replace(history.best, holdout=replace(holdout, rmse=1.0))
-    sentence = left_in_words(replace(history, steps=(history.steps[0], far)))
+    sentence = left_in_words(replace(history, steps=(history.steps[0], far), remaining="unexplained"))
     assert "but the held-out ones are off by 1.00 K" in sentence
 
 

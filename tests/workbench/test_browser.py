@@ -110,7 +110,7 @@ def test_from_opening_to_a_fallen_error(browser: Browser, tmp_path: Path) -> Non
 
         _order(page, "diagnose")
         expect(page.locator("#missing > .answers li")).to_have_count(3)
-        page.locator(".answers li").first.hover()  # what it would change, at once
+        page.locator(".answers li", has_text="sensor lag everywhere").hover()  # what it would change, at once
         expect(page.locator("#steps tbody")).to_contain_text("try: sensor lag")
         page.locator("#weighed summary").click()  # what was not refitted is foreseen, on held-out data, too
         page.locator("#weighed button").first.click()

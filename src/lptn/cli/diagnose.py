@@ -72,7 +72,7 @@ def diagnose(
 
 
 VERDICTS = {
-    "adequate": "adequate: what is left is no more than the sensors' noise",
+    "adequate": "adequate",
     "missing": "missing something: the catalogue explains most of what the model gets wrong",
     "unexplained": "unexplained: wrong by more than noise, on fitted or held-out runs, and the catalogue does not "
     "explain most of it",
@@ -83,18 +83,14 @@ _FEW = 3  # rivals named in a sentence; all of them stand in the JSON and on the
 def show_diagnosis(diagnosis: Diagnosis) -> None:
     """Verdict, and what is missing."""
     from lptn.cli.terminal import show_table
-    from lptn.report.shown import noise_alone
-    from lptn.report.tables import FAR
+    from lptn.report.outcome import log_errors_in_words
     from lptn.report.text import kelvin, named, percent, size_told
 
     held_out = f", {kelvin(diagnosis.holdout.rmse)} on the held-out ones" if diagnosis.holdout else ""
     step = diagnosis.fit.problem.bound_runs[0].run.step
     lack = ", ".join(f"{node} {value:.2g}" for node, value in diagnosis.lack_of_fit.items())
-    print(f"The model is {VERDICTS[diagnosis.verdict]}.")
-    noise = noise_alone(diagnosis.fit)
-    if diagnosis.verdict == "adequate" and diagnosis.holdout and diagnosis.holdout.rmse > FAR * noise:
-        print(f"That holds for the fitted runs. The held-out ones are off by more than noise ({kelvin(noise, 2)}):")
-        print("they hold something that the fitted runs do not. Fit on runs like them as well.")
+    left = f": what is left is no more than {log_errors_in_words(diagnosis)}" if diagnosis.verdict == "adequate" else ""
+    print(f"The model is {VERDICTS[diagnosis.verdict]}{left}.")
     print(f"RMSE {kelvin(diagnosis.fit.rmse)} on the fitted runs{held_out}, in steps of {step:g} s.")
     print(f"Misfit over one-minute means, 1 being the most that noise would leave: {lack}.")
     if not diagnosis.steps:

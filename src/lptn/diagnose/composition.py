@@ -29,9 +29,8 @@ from lptn.diagnose.candidates import Candidate, candidates, possible_effects
 from lptn.diagnose.evidence import USUAL, ErrorsOfRuns, Evidence, FirstOrder, allowances
 from lptn.diagnose.priors import in_occams_window, log_priors
 from lptn.diagnose.refits import continued, unless_interrupted
-from lptn.identify.comparison import Prediction, predict
 from lptn.identify.data import DataSplit
-from lptn.identify.fitting import Fit, finished
+from lptn.identify.fitting import Fit, finished, tolerant
 from lptn.identify.validation import fit_segments
 from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration, Network
@@ -59,6 +58,7 @@ class Composition:
         rivals: what the data can't tell from one of the findings, and that itself first; empty where all are told.
         refused: what was fitted exactly in the last round, and is less probable than nothing.
         fitted: how many models were fitted.
+        before, after: evidence of the given model, and of this one.
     """
 
     fit: Fit
@@ -67,6 +67,8 @@ class Composition:
     rivals: tuple[Step, ...]
     refused: tuple[Step, ...]
     fitted: int
+    before: Evidence
+    after: Evidence
 
     @property
     def steps(self) -> tuple[Step, ...]:
@@ -84,7 +86,6 @@ def composition(
     data: DataSplit,
     *,
     most: int = 6,
-    whole: bool = True,
     errors: ErrorsOfRuns | None = None,
     executor: Executor | None = None,
     report: Report = lambda _: None,
@@ -95,13 +96,12 @@ def composition(
         given: the fitted model.
         data: the runs it was fitted to.
         most: how many findings to add at most.
-        whole: whether to begin with what every part may have; `False` where the model meets the data already.
         errors: how far a log may be off.
         executor: where exact fits run; here, one after the other, by default.
         report: called with a sentence on what is being done.
     """
     search = _Search(given, data, errors or ErrorsOfRuns(), executor, report)
-    if whole:
+    if search.before.is_lacking():
         search.add_structure()
     search.add_findings(most)
     return search.result()
@@ -111,17 +111,24 @@ class _Search:
     """A model on its way; arguments as for `composition`."""
 
     def __init__(
-        self, given: Fit, data: DataSplit, errors: ErrorsOfRuns, executor: Executor | None, report: Report
+        self,
+        given: Fit,
+        data: DataSplit,
+        errors: ErrorsOfRuns,
+        executor: Executor | None,
+        report: Report,
     ) -> None:
         self.given, self.fit, self.errors, self.report = given, given, errors, report
         self.map = executor.map if executor else map
         self.data = data
         self.columns = set.intersection(*(set(segment.run.columns) for segment in data.fit))
+        self.runs = [segment.run.name for segment in data.fit]
         self.structure: list[EffectDeclaration] = []
         self.findings: dict[EffectDeclaration, tuple[Step, tuple[Step, ...]]] = {}
         self.refused: tuple[Step, ...] = ()
         self.needed: dict[Key, float] = {}  # log odds, by exact fits, of what was tried to be left out
         self.fitted = 1
+        self.before = self._evidence(self._tolerant(given))
 
     @property
     def added(self) -> list[EffectDeclaration]:
@@ -142,8 +149,8 @@ class _Search:
         if not fit.cost < self.given.cost:
             self.structure = []
             return
-        self.fit = fit
         try:
+            self.fit = self._tolerant(fit)
             self._take_out()
         except SimulationError:  # with all of it the model is too stiff for a held-out run
             self.structure, self.fit = [], self.given
@@ -177,10 +184,10 @@ class _Search:
         for _ in range(_MOST_ROUNDS):
             if len(self.findings) == most:
                 return
-            self.fit = unless_interrupted(finished(self.fit))
-            possible = possible_effects(self.fit, self.columns)
-            allowed = allowances(self.fit, possible, self.errors)
-            base = Evidence(self.fit, allowed, possible, predicted=self._predicted(self.fit))
+            self.fit = self._tolerant(self.fit)
+            every = self._possible(self.fit)
+            possible = [one for one in every if not one.run or one.run in self.runs]
+            base = Evidence(self.fit, allowances(self.fit, every, self.errors), possible, held_out=self.data.holdout)
             priors = log_priors(possible)
             priors -= np.logaddexp.reduce(priors)
             odds = dict(zip((one.key for one in possible), priors.tolist(), strict=True))
@@ -192,7 +199,7 @@ class _Search:
                 return
             shares = softmax([*(step.log_odds for step in steps), 0.0])[:-1]
             self.refused = tuple(judged := _judged(steps, shares.tolist()))
-            best = judged[0]
+            best = max(judged, key=lambda step: (step.at_its_place, step.probability))  # where is surer than what
             if best.at_its_place < LIKELY:
                 return
             assert best.declaration is not None
@@ -206,7 +213,7 @@ class _Search:
             if best.is_structure:
                 self.structure.append(best.declaration)
             else:
-                rivals = tuple(step for step in judged[1:] if step.key in best.indistinguishable)
+                rivals = tuple(step for step in judged if step.key in best.indistinguishable)
                 self.findings[best.declaration] = best, rivals
             self._take_out()
 
@@ -220,20 +227,27 @@ class _Search:
             if fit is None or is_at_chosen_bound(fit, declaration):
                 continue  # no size was found
             try:
-                evidence = self._evidence(fit, base, held_out=True)
+                evidence = self._evidence(fit, base)
             except SimulationError:  # too stiff for a held-out run
                 continue
-            log_odds = evidence.log_evidence_of_all - base.log_evidence_of_all + odds[entry.candidate.key]
+            # What it makes needless goes: the one that stood for it in all places, for one.
+            needless = [_log_odds_of_none(evidence, own) for own in self.added]
+            gone = sum(one for one in needless if 0.0 < one < np.inf)
+            log_odds = evidence.log_evidence + gone - base.log_evidence + odds[entry.candidate.key]
             steps.append(Step(fit, declaration, log_odds=log_odds))
         return sorted(steps, key=lambda step: -step.log_odds)
 
-    def _evidence(self, fit: Fit, beside: Evidence | None = None, *, held_out: bool = False) -> Evidence:
-        allowed = allowances(fit, possible_effects(fit, self.columns), self.errors)
-        return Evidence(fit, allowed, beside=beside, predicted=self._predicted(fit) if held_out else ())
+    def _evidence(self, fit: Fit, beside: Evidence | None = None) -> Evidence:
+        allowed = allowances(fit, self._possible(fit), self.errors)
+        return Evidence(fit, allowed, beside=beside, held_out=self.data.holdout)
 
-    def _predicted(self, fit: Fit) -> list[Prediction]:
-        """The held-out runs as a file with this fit predicts them."""
-        return [predict(fit.model, segment, fit.problem.sigma) for segment in self.data.holdout]
+    def _possible(self, fit: Fit) -> list[Candidate]:
+        """All that a fit may lack, in held-out runs as well."""
+        return possible_effects(fit, self.columns, [*self.runs, *(one.run.name for one in self.data.holdout)])
+
+    def _tolerant(self, fit: Fit) -> Fit:
+        """A fit to the end that leaves to errors of runs, of sensors and of like parts what they usually are."""
+        return unless_interrupted(tolerant(fit, self._evidence(fit).tolerance))
 
     # --- needed? ------------------------------------------------------------------------------------
 
@@ -296,7 +310,7 @@ class _Search:
     def result(self) -> Composition:
         """The model as it is now, fitted to the end."""
         self.report("fitting what was found to the end")
-        self.fit = unless_interrupted(finished(self.fit))
+        self.fit = unless_interrupted(tolerant(self.fit, None))
         self._take_out_none()
         fit = unless_interrupted(finished(self.fit))
         evidence = self._evidence(fit)
@@ -310,7 +324,7 @@ class _Search:
         findings = tuple(replace(step, fit=fit, declaration=one) for one, (step, _) in self.findings.items())
         rivals = next(((step, *others) for step, others in self.findings.values() if others), ())
         structure.sort(key=lambda step: -step.log_odds)
-        return Composition(fit, findings, tuple(structure), rivals, self.refused, self.fitted)
+        return Composition(fit, findings, tuple(structure), rivals, self.refused, self.fitted, self.before, evidence)
 
 
 def with_priors(one: Candidate, amplitude: float | None, shape: float | None) -> EffectDeclaration:

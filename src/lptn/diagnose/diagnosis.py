@@ -8,7 +8,6 @@ too, where these show any; else `"unexplained"`.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -22,7 +21,7 @@ from lptn.diagnose.answers import NOTHING, Key, Report, Step, named
 from lptn.diagnose.candidates import AMBIENT_ERROR, SURFACE_ERROR, TORQUE_ERROR, possible_effects
 from lptn.diagnose.composition import FREED, composition
 from lptn.diagnose.evidence import ErrorsOfRuns, Evidence, FirstOrder, allowances
-from lptn.diagnose.fit_statistics import LACKING, MOST, explained_elsewhere, explains, lack_of_fit, standing_out
+from lptn.diagnose.fit_statistics import LACKING, MOST, explained_elsewhere, explains, lack_of_fit
 from lptn.diagnose.priors import log_priors
 from lptn.diagnose.refits import unless_interrupted
 from lptn.identify.comparison import Errors
@@ -41,6 +40,7 @@ class Diagnosis(Tabular):
     Args:
         verdict: `"adequate"`: within the noise; `"missing"`: effects of the catalogue remove most of the misfit;
             `"unexplained"`: misfit that the catalogue does not remove.
+        remaining: on the model with all that is missing: adequate, or unexplained.
         fit: the fitted baseline.
         holdout: its errors on held-out runs as they were logged, `None` without any.
         lack_of_fit: of each node: mean square of the one-minute means of what the baseline leaves, over the most that
@@ -53,6 +53,7 @@ class Diagnosis(Tabular):
     """
 
     verdict: Verdict
+    remaining: Verdict
     fit: Fit
     holdout: Errors | None
     lack_of_fit: dict[str, float]
@@ -207,23 +208,18 @@ def examine(
 ) -> Diagnosis:
     """`diagnose` for a model that is fitted already, on data of the step it was fitted with."""
     lack, given = lack_of_fit(base), Step(base).predicting(data)
-    made = composition(base, data, most=most, whole=not is_met(lack), errors=errors, executor=executor, report=report)
+    made = composition(base, data, most=most, errors=errors, executor=executor, report=report)
     if not made.steps and made.fit.cost < (1.0 - FREED) * base.cost:  # the given fit stood in a local minimum
         return examine(made.fit, data, most=most, errors=errors, executor=executor, report=report)
     last = Step(made.fit).predicting(data)
     steps = tuple(replace(step, holdout=last.holdout, predicted=last.predicted) for step in made.steps)
-    verdict = _verdict(given, last, lack, steps, (errors or ErrorsOfRuns()).ambient)
-    return Diagnosis(verdict, base, given.holdout, lack, steps, made.rivals, made.refused, made.fitted)
-
-
-def _verdict(given: Step, last: Step, lack: dict[str, float], steps: Sequence[Step], ambient: float) -> Verdict:
-    base = given.fit
-    if is_met(lack) and not steps:  # two runs differ by the errors of their air alone
-        agree = not any(standing_out(base, prediction, ambient) for prediction in given.predicted)
-        return "adequate" if agree else "unexplained"
-    if not steps or not explained_elsewhere(base, given.holdout, last.holdout):
-        return "unexplained"
-    return "missing" if is_met(lack_of_fit(last.fit)) or explains(MOST, base, last.fit) else "unexplained"
+    remaining: Verdict = "unexplained" if made.after.is_lacking() else "adequate"
+    verdict: Verdict = remaining
+    if steps:
+        elsewhere = explained_elsewhere(base, made.before.left_of_held_out, made.after.left_of_held_out)
+        found = not made.after.is_lacking(held_out=False) or (elsewhere and explains(MOST, base, made.fit))
+        verdict = "missing" if found else "unexplained"
+    return Diagnosis(verdict, remaining, base, given.holdout, lack, steps, made.rivals, made.refused, made.fitted)
 
 
 def is_met(lack: dict[str, float]) -> bool:

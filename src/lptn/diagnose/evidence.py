@@ -1,11 +1,12 @@
 """How probable a fitted model is: one likelihood, one prior, and the integral over all parameters at the fit (Laplace).
 
 What a model gets wrong repeats from reading to reading, so the readings count as many times as there are independent
-errors (a tempered likelihood, [MillerDunson2019]); how large errors are is unknown and integrated out. Held-out runs
-count by how a file with the fit predicts them, nothing but their start fitted. Small errors of the log in each run
+errors (a tempered likelihood, [MillerDunson2019]); how large errors are is unknown. Small errors of the log in each run
 (air, torque, surface, each sensor's offset), and how like parts scatter about what they have in common, are part of
-every model: allowances, with a prior of their own and integrated out in closed form. Robots begin at rest, or warm, and
-not colder than what surrounds them.
+every model: allowances, with a prior of their own and integrated out in closed form. An error that nobody looks for, of
+`NEGLIGIBLE` over a minute, bounds how much a long log can say. Held-out runs move no parameter of the fit. They speak
+of the model after the fitted ones, with errors of their own size, so that a run of another machine says little. Robots
+begin at rest, or warm, and not colder than what surrounds them.
 
 The size of an effect has a prior with long tails (Cauchy's): an unusual size is improbable, and never forbidden.
 """
@@ -13,9 +14,9 @@ The size of an effect has a prior with long tails (Cauchy's): an unusual size is
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from math import log, pi, sqrt
+from math import exp, log, pi, sqrt
 
 import numpy as np
 from scipy.special import log_ndtr, logsumexp
@@ -24,16 +25,25 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.parameters import Parameter
 from lptn.basics.processes import one_blas_thread
 from lptn.diagnose.candidates import AMBIENT_ERROR, SURFACE_ERROR, TORQUE_ERROR, Candidate, Site
-from lptn.diagnose.fit_statistics import fitted_errors, independent_readings, predicted_errors, squared_errors
+from lptn.diagnose.fit_statistics import (
+    LACKING,
+    NEGLIGIBLE,
+    RunErrors,
+    independent_readings,
+    lack_of_fit,
+    standing_out,
+)
 from lptn.diagnose.traces import derivatives, pushed_beyond_bounds
 from lptn.effects.ambient_offset import AmbientOffset
 from lptn.effects.loss_scale import LossScale
 from lptn.effects.sensor_offset import SensorOffset
 from lptn.effects.surface_scale import SurfaceScale
-from lptn.identify.comparison import Prediction
+from lptn.identify.comparison import Errors
+from lptn.identify.data import Segment
 from lptn.identify.fitting import Fit
 from lptn.identify.noise import LEAST_NOISE
-from lptn.identify.problem import AT_REST
+from lptn.identify.problem import AT_REST, Problem, tolerance_of
+from lptn.simulate.bound_run import BoundRun, bind, default_start
 
 USUAL = 2.0
 """Times its typical size that an effect is as often above as below (the scale of Cauchy's density): sizes are stated to
@@ -48,6 +58,9 @@ _GIVEN = 1.5
 hand is right to a factor of four or so. It is the same for all models, of which it decides nothing."""
 _MIXTURE = (1.0, 3.0, 10.0, 30.0), (0.5, 0.3, 0.15, 0.05)
 """Cauchy's density of a size as normal ones of so many typical sizes, with these weights: the integral is closed."""
+_ROUNDS = 4  # of how large errors are, and how many are independent, each by the other
+_CHANCE = 0.05  # of one log in twenty it is said that it needs more than what every log may be off by
+_FINER = (-1.0, 14.0)  # logarithm of how much more precise errors are than the fit leaves them, see `_precision`
 _LEAST = 1e-6  # share of a trace that is left beside all else, below which nothing can be said of its size
 
 
@@ -120,6 +133,21 @@ class FirstOrder:
     standard_error: float
 
 
+@dataclass(frozen=True)
+class _Group:
+    """What some runs say of a model.
+
+    Args:
+        independent: number of independent errors.
+        precision: of each, in weighted residuals.
+        misfit: sum of squares that is left with all parameters at their best, in units of these errors.
+    """
+
+    independent: float
+    precision: float
+    misfit: float
+
+
 class Evidence:
     """A fit and all that it may be off by, to first order; how probable that makes its model.
 
@@ -127,9 +155,12 @@ class Evidence:
         fit: the fitted model.
         allowed: small deviations that every model may have.
         among: candidates that are to be weighed besides, see `first_order`.
-        beside: evidence of another model of the same readings, whose errors say how many of them are independent and
-            how large they are; this one's own by default.
-        predicted: held-out runs as a file with this fit predicts them.
+        beside: evidence of another model of the same readings, whose errors say how many of them are independent; this
+            one's own by default.
+        held_out: runs that moved no parameter, and speak of the model all the same; their starts are integrated out.
+
+    Raises:
+        SimulationError: a held-out run can't be simulated.
     """
 
     @one_blas_thread
@@ -139,28 +170,17 @@ class Evidence:
         allowed: Sequence[Allowance],
         among: Sequence[Candidate] = (),
         beside: Evidence | None = None,
-        predicted: Sequence[Prediction] = (),
+        held_out: Sequence[Segment] = (),
     ) -> None:
-        from scipy.linalg import cho_factor  # heavy, and few commands need it
-
-        self.fit, self._among, problem = fit, among, fit.problem
+        self.fitted = fit
+        fit = self.fit = with_runs(fit, held_out)
+        self._among = among
+        problem = fit.problem
         residuals, jacobian = problem.jacobian(fit.z)
-        self._free = ~pushed_beyond_bounds(fit, jacobian.T @ residuals)
-        n, weight = problem.readings, problem.weight_of_priors
-        self._residuals, errors = residuals[:n], predicted_errors(predicted)
-        # A log without any noise is met to the last digit, and no reading says infinitely much.
-        least = (LEAST_NOISE / problem.sigma) ** 2
-        exact = sum(float(least @ bound.counted.sum(axis=1)) for bound in problem.bound_runs)
-        self.squares = max(float(self._residuals @ self._residuals), exact)
-        exact = sum(float(least @ bound.counted.sum(axis=1)) for bound, _ in errors)
-        self._held_out = max(float(squared_errors(errors, problem.sigma).sum()), exact) if errors else 1.0
-        if beside is None:
-            self.independent: float = independent_readings(fitted_errors(fit))
-            self.independent_held_out: float = independent_readings(errors) if errors else 0.0
-        else:
-            self.independent, self.independent_held_out = beside.independent, beside.independent_held_out
-        squares = self.squares if beside is None else beside.squares
-        self._share = self.independent / squares
+        n, n_fitted, weight = problem.readings, self.fitted.problem.readings, problem.weight_of_priors
+        pull_of = np.r_[:n_fitted, n : problem.rows]  # what has moved parameters
+        self._free = ~pushed_beyond_bounds(fit, jacobian[pull_of].T @ residuals[pull_of])
+        self._residuals = residuals[:n]
 
         prior, off = jacobian[n:] / weight, residuals[n:] / weight
         declared = [fit.model.parameters[index].declared for index in problem.free]
@@ -184,26 +204,86 @@ class Evidence:
         spreads = np.array([allowance.spread for allowance in allowed])
         self._columns = np.hstack([jacobian[:n, self._free], self._traces[:, self._numbers(sites)] * spreads])
         count = int(self._free.sum())
-        information = self._share * (self._columns.T @ self._columns)
-        information[:count, :count] += prior[:, self._free].T @ prior[:, self._free] + np.diag(weak[self._free])
-        information[range(count, len(information)), range(count, len(information))] += 1.0
-        self._scale = 1.0 / np.sqrt(np.maximum(np.diag(information), np.finfo(float).tiny))
-        scaled = information * np.outer(self._scale, self._scale) + 1e-10 * np.eye(len(information))
-        self._factor = cho_factor(scaled)
-        self._gradient = self._share * (self._columns.T @ self._residuals)
-        self._gradient[:count] += prior[:, self._free].T @ off
-        self._misfit = (
-            self._share * self.squares + float(off @ off) - float(self._gradient @ self._solve(self._gradient))
-        )
-        self._log_volume = 2.0 * float(np.log(np.diag(self._factor[0]) / self._scale).sum())
+        self._information, self._gradient = np.eye(self._columns.shape[1]), np.zeros(self._columns.shape[1])
+        self._information[:count, :count] = prior[:, self._free].T @ prior[:, self._free] + np.diag(weak[self._free])
+        self._gradient[:count] = prior[:, self._free].T @ off
+        self._squares = float(off @ off)
+        self.left, weights = np.zeros(n), np.ones(n)
+        self._groups: list[_Group] = []
+        # What the fitted runs say comes first; held-out runs, and how far they are off, are judged by that.
+        runs, rest = np.split(np.array(problem.bound_runs, dtype=object), [len(self.fitted.problem.bound_runs)])
+        for number, (rows, bound_runs) in enumerate(((slice(0, n_fitted), runs), (slice(n_fitted, n), rest))):
+            if len(bound_runs):
+                self._groups.append(self._heard(rows, bound_runs.tolist(), beside._groups[number] if beside else None))
+                weights[rows] = sqrt(self._groups[-1].precision)
+        self._columns *= weights[:, None]
+        self._traces *= weights[:, None]
+        self._residuals = self._residuals * weights
         proper = np.einsum("ij,ij->j", prior[:, self._free], prior[:, self._free])
         proper += np.where(np.isin(np.flatnonzero(self._free), self._amplitudes), 0.0, weak[self._free])
         self._log_prior_volume = float(np.log(proper[proper > 0]).sum())
 
+    def _heard(self, rows: slice, bound_runs: Sequence[BoundRun], known: _Group | None) -> _Group:
+        """Take in what some runs say; how large their errors are, and how many, is found unless it is known."""
+        columns, residuals, sigma = self._columns[rows], self._residuals[rows], self.fit.problem.sigma
+        information, gradient = columns.T @ columns, columns.T @ residuals
+        # A log without any noise is met to the last digit, and no reading says infinitely much.
+        exact = sum(float((LEAST_NOISE / sigma) ** 2 @ bound.counted.sum(axis=1)) for bound in bound_runs)
+        squares, left = max(float(residuals @ residuals), exact), residuals
+        for _ in range(1 if known else _ROUNDS):
+            if known:
+                independent, precision = known.independent, known.precision
+            else:  # what errors of the log leave repeats for hours: independent are those beside them
+                independent = independent_readings(_by_run(bound_runs, sigma, left), NEGLIGIBLE)
+                precision = _precision(information, self._information, gradient, self._gradient, squares, independent)
+            self._factorise(self._information + precision * information)
+            self._moved = self._solve(self._gradient + precision * gradient)
+            left = residuals - columns @ self._moved
+        self.left[rows] = left
+        self._information = self._information + precision * information
+        self._gradient = self._gradient + precision * gradient
+        self._squares += precision * squares
+        before = sum(group.misfit for group in self._groups)
+        return _Group(independent, precision, self._squares - float(self._gradient @ self._moved) - before)
+
+    @property
+    def tolerance(self) -> FloatArray:
+        """What a fit should leave to the allowances, as `Problem` takes it."""
+        precision, rows = self._groups[0].precision, self.fitted.problem.readings
+        return tolerance_of(self._columns[:rows, int(self._free.sum()) :] / sqrt(precision), precision)
+
+    def is_lacking(self, *, held_out: bool = True) -> bool:
+        """Whether some node's readings are met worse than noise and what every log may be off by leave.
+
+        Args:
+            held_out: of held-out runs as well.
+        """
+        from scipy.stats import chi2, norm  # heavy, and few commands need it
+
+        runs, count = self._left_by_run, len(self.fitted.problem.bound_runs)
+        beyond_noise = any(lack > LACKING for lack in lack_of_fit(self.fitted, runs[:count]).values()) or any(
+            standing_out(self.fitted, run, AMBIENT_ERROR, fitted=runs[:count]) for run in runs[count:] if held_out
+        )
+        allowed = self._moved[int(self._free.sum()) :]
+        largest, together = norm.isf(0.5 * _CHANCE / max(len(allowed), 1)), chi2.isf(_CHANCE, max(len(allowed), 1))
+        return bool(beyond_noise or (np.abs(allowed) > largest).any() or allowed @ allowed > together)
+
+    @property
+    def _left_by_run(self) -> list[RunErrors]:
+        return _by_run(self.fit.problem.bound_runs, self.fit.problem.sigma, self.left)
+
+    @property
+    def left_of_held_out(self) -> Errors | None:
+        """What is left of the held-out runs beside starts and allowances, `None` without any."""
+        runs = self._left_by_run[len(self.fitted.problem.bound_runs) :]
+        return Errors.of(np.concatenate([error.ravel() for _, error in runs])) if runs else None
+
     @cached_property
     def log_evidence(self) -> float:
         """Logarithm of the probability of the fitted readings, up to a constant that their models have in common."""
-        problem, total = self.fit.problem, -0.5 * self.independent * log(self._misfit / self.independent)
+        problem, total = self.fit.problem, 0.0
+        for group in self._groups:
+            total -= 0.5 * group.independent * log(max(group.misfit, np.finfo(float).tiny) / group.independent)
         slope = problem.slope(self.fit.point.values)
         for row in self._amplitudes:
             if self._free[row]:
@@ -212,12 +292,7 @@ class Evidence:
                 if _is_one_sided(instance.declared):
                     off = instance.value - (instance.declared.off or 0.0)
                     total += float(log_ndtr(off / sqrt(self._variance(row))))
-        return total + log_prior_of_starts(self.fit) + 0.5 * (self._log_prior_volume - self._log_volume)
-
-    @property
-    def log_evidence_of_all(self) -> float:
-        """The same with the held-out runs, as their predictions fall out."""
-        return self.log_evidence - 0.5 * self.independent_held_out * log(self._held_out)
+        return total + log_prior_of_starts(self.fitted) + 0.5 * (self._log_prior_volume - self._log_volume)
 
     def log_odds_of_none(self, name: str) -> float:
         """Logarithm of the odds that an amplitude is none to that it is not, by its posterior and prior density there.
@@ -251,8 +326,10 @@ class Evidence:
             log_priors: logarithm of the prior odds of each, shape (candidates,).
         """
         scales, weights = (np.array(numbers) for numbers in _MIXTURE)
-        shared_by_site = self._share * (self._columns.T @ self._traces)
-        pull_by_site = self._share * (self._traces.T @ self._residuals)
+        independent = sum(group.independent for group in self._groups)
+        misfit = sum(group.misfit for group in self._groups)
+        shared_by_site = self._columns.T @ self._traces
+        pull_by_site = self._traces.T @ self._residuals
         weighed = []
         for one, prior in zip(self._among, log_priors.tolist(), strict=True):
             amplitude, best = one.amplitude, None
@@ -261,7 +338,7 @@ class Evidence:
                 sites = self._numbers(one.sites(shape))
                 trace = self._traces[:, sites[0]] if len(sites) == 1 else self._traces[:, sites].sum(axis=1)
                 shared = shared_by_site[:, sites].sum(axis=1)
-                whole, beside = self._share * float(trace @ trace), self._solve(shared)
+                whole, beside = float(trace @ trace), self._solve(shared)
                 information = whole - float(shared @ beside)
                 if information <= _LEAST * whole or whole == 0.0:
                     continue
@@ -270,8 +347,8 @@ class Evidence:
                 explained = pull**2 * variances / (1.0 + variances * information)
                 if one.one_sided and pull < 0:
                     explained = np.zeros_like(explained)
-                left = np.maximum(1.0 - explained / self._misfit, np.finfo(float).eps)
-                odds = -0.5 * self.independent * np.log(left) - 0.5 * np.log1p(variances * information)
+                left = np.maximum(1.0 - explained / misfit, np.finfo(float).eps)
+                odds = -0.5 * independent * np.log(left) - 0.5 * np.log1p(variances * information)
                 log_odds = prior + float(np.log(np.sum(weights * np.exp(odds - odds.max()))) + odds.max())
                 log_odds += log(2.0) if one.one_sided and pull > 0 else 0.0
                 if best is None or log_odds > best.log_odds:
@@ -283,10 +360,72 @@ class Evidence:
     def _numbers(self, sites: Iterable[Site]) -> list[int]:
         return [self._place[site] for site in sites]
 
+    def _factorise(self, information: FloatArray) -> None:
+        from scipy.linalg import cho_factor  # heavy, and few commands need it
+
+        self._scale = 1.0 / np.sqrt(np.maximum(np.diag(information), np.finfo(float).tiny))
+        scaled = information * np.outer(self._scale, self._scale) + 1e-10 * np.eye(len(information))
+        self._factor = cho_factor(scaled)
+        self._log_volume = 2.0 * float(np.log(np.diag(self._factor[0]) / self._scale).sum())
+
     def _solve(self, vector: FloatArray) -> FloatArray:
         from scipy.linalg import cho_solve
 
         return np.asarray(cho_solve(self._factor, vector * self._scale) * self._scale)
+
+
+def with_runs(fit: Fit, segments: Sequence[Segment]) -> Fit:
+    """A fit with further runs, which begin as their first readings say and have moved no parameter."""
+    if not segments:
+        return fit
+    problem, model = fit.problem, fit.model
+    ends = [(one.initialisation[0], one.evaluation[1]) for one in segments]
+    others = [bind(model, one.run).count(end).until(end[1]) for one, end in zip(segments, ends, strict=True)]
+    bound_runs = [*problem.bound_runs, *others]
+    wide = Problem(model, bound_runs, problem.sigma, problem.symmetry_penalty, problem.free)
+    starts = [*fit.point.starts, *(default_start(model, bound) for bound in others)]
+    return replace(fit, problem=wide, z=wide.guess(fit.point.values, starts))
+
+
+def _by_run(bound_runs: Sequence[BoundRun], sigma: FloatArray, residuals: FloatArray) -> list[RunErrors]:
+    """Weighted residuals of all readings as errors of each run."""
+    runs, first = [], 0
+    for bound in bound_runs:
+        error, rows = np.full(bound.counted.shape, np.nan), int(bound.counted.sum())
+        error[bound.counted] = residuals[first : first + rows] * np.repeat(sigma, bound.counted.sum(axis=1))
+        runs.append((bound, error))
+        first += rows
+    return runs
+
+
+def _precision(
+    known: FloatArray, held: FloatArray, shared: FloatArray, pull: FloatArray, squares: float, independent: float
+) -> float:
+    """The precision of an independent error that makes the readings most probable, all parameters at their best.
+
+    Args:
+        known, held: information of the readings at a precision of one, and of the priors, both square.
+        shared, pull: likewise of the gradient, shape (parameters,).
+        squares: of the residuals.
+        independent: number of errors.
+    """
+    from scipy.linalg import eigh  # heavy, and few commands need it
+    from scipy.optimize import minimize_scalar
+
+    first = independent / squares
+    whole = first * known + held
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(whole), np.finfo(float).tiny))
+    whole = whole * np.outer(scale, scale) + 1e-10 * np.eye(len(whole))
+    by_priors, axes = eigh(held * np.outer(scale, scale), whole)
+    by_priors = np.clip(by_priors, 0.0, 1.0)
+    by_readings, off = first * (axes.T @ (scale * shared)), axes.T @ (scale * pull)
+
+    def lost(ratio: float) -> float:
+        times = exp(ratio)
+        explained = (times * by_readings + off) ** 2 / np.maximum(times * (1 - by_priors) + by_priors, 1e-12)
+        return times * independent - float(explained.sum()) - independent * ratio
+
+    return first * exp(float(minimize_scalar(lost, bounds=_FINER, method="bounded").x))
 
 
 def _log_density(amplitude: Parameter, value: float) -> float:

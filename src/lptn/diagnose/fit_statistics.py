@@ -15,7 +15,7 @@ import numpy as np
 from lptn.basics.arrays import FloatArray
 from lptn.identify.comparison import Errors, Prediction
 from lptn.identify.fitting import Fit
-from lptn.identify.noise import PLAIN
+from lptn.identify.noise import LEAST_NOISE, PLAIN
 from lptn.simulate.bound_run import BoundRun
 
 # --- The information criterion: which of two fits to the same runs is better, parameters paid for --
@@ -55,14 +55,21 @@ def predicted_errors(predictions: Sequence[Prediction]) -> list[RunErrors]:
     return [(prediction.bound, prediction.readings - prediction.bound.measured) for prediction in predictions]
 
 
-def independent_readings(runs: Sequence[RunErrors]) -> float:
-    """Number of readings that are as good as independent, from the errors' correlation in time."""
+def independent_readings(runs: Sequence[RunErrors], beside: float = 0.0) -> float:
+    """Number of readings that are as good as independent, from the errors' correlation in time.
+
+    Args:
+        runs: with their errors.
+        beside: standard deviation of an error beside them that stays the same for `BLOCK` [K].
+    """
     count = 0.0
     for bound, error in runs:
+        block = BLOCK / bound.run.step
         for row in range(len(error)):
             residual = error[row][bound.counted[row]]
             if residual.size > 2:
-                count += residual.size / _correlation_time(residual)
+                square = max(float(np.mean(residual**2)), LEAST_NOISE**2)
+                count += residual.size / (_correlation_time(residual) + block * beside**2 / square)
     return max(count, _LEAST_INDEPENDENT)
 
 
@@ -197,14 +204,19 @@ def minute_means(fit: Fit, row: int, runs: Sequence[RunErrors]) -> MinuteMeans |
     return MinuteMeans(float(square.mean()), float(noise.mean()), limit)
 
 
-def lack_of_fit(fit: Fit) -> dict[str, float]:
-    """Mean square of each node's one-minute means over the fitted runs, as a share of the most that noise leaves."""
-    means = _of_nodes(fit)
+def lack_of_fit(fit: Fit, runs: Sequence[RunErrors] | None = None) -> dict[str, float]:
+    """Mean square of each node's one-minute means over the fitted runs, as a share of the most that noise leaves.
+
+    Args:
+        fit: the fit.
+        runs: these with other errors than the fit's own.
+    """
+    means = _of_nodes(fit, fitted_errors(fit) if runs is None else runs)
     return {node: own.square / own.limit for node, own in means.items()}
 
 
-def _of_nodes(fit: Fit) -> dict[str, MinuteMeans]:
-    means = {node: minute_means(fit, row, fitted_errors(fit)) for row, node in enumerate(fit.model.nodes)}
+def _of_nodes(fit: Fit, runs: Sequence[RunErrors]) -> dict[str, MinuteMeans]:
+    means = {node: minute_means(fit, row, runs) for row, node in enumerate(fit.model.nodes)}
     return {node: own for node, own in means.items() if own is not None}
 
 
@@ -224,7 +236,7 @@ def explains(share: float, base: Fit, larger: Fit) -> bool:
     floor = float(np.sum(readings * (base.noise.floor / base.problem.sigma) ** 2))
     if before <= PLAIN * floor:
         sigma = dict(zip(base.model.nodes, base.problem.sigma.tolist(), strict=True))
-        noise, now = _of_nodes(base), _of_nodes(larger)
+        noise, now = _of_nodes(base, fitted_errors(base)), _of_nodes(larger, fitted_errors(larger))
         before = sum(own.square / sigma[node] ** 2 for node, own in noise.items())
         after = sum(own.square / sigma[node] ** 2 for node, own in now.items())
         floor = sum(own.noise / sigma[node] ** 2 for node, own in noise.items())
@@ -247,22 +259,25 @@ def explained_elsewhere(base: Fit, before: Errors | None, after: Errors | None) 
     return after.rmse**2 <= max(before.rmse**2 - HALF * (before.rmse**2 - floor), floor)
 
 
-def standing_out(fit: Fit, before: Prediction, least: float = NEGLIGIBLE) -> dict[str, tuple[float, float]]:
+def standing_out(
+    fit: Fit, run: RunErrors, least: float = NEGLIGIBLE, fitted: Sequence[RunErrors] | None = None
+) -> dict[str, tuple[float, float]]:
     """Nodes where a run is predicted clearly worse than the fitted runs are met, with both errors [K].
 
     There one-minute means of the error are beyond noise, and clearly beyond those of the fitted runs.
 
     Args:
         fit: the fitted model.
-        before: its prediction of the run.
+        run: the run, and the errors of its prediction.
         least: K; means that are off by less stand out nowhere.
+        fitted: the fitted runs and what is left of them; by the fit, by default.
 
     Returns:
         For each such node the root mean square of one-minute means in this run and in the fitted ones, the worst first.
     """
-    errors, usual = {}, _of_nodes(fit)
+    errors, usual = {}, _of_nodes(fit, fitted_errors(fit) if fitted is None else fitted)
     for row, node in enumerate(fit.model.nodes):
-        own = minute_means(fit, row, predicted_errors([before]))
+        own = minute_means(fit, row, [run])
         known = usual[node].square if node in usual else 0.0
         if own is not None and own.square > max(CLEARLY**2 * known, LACKING * own.limit, least**2):
             errors[node] = sqrt(own.square), sqrt(known)

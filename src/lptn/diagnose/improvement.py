@@ -17,7 +17,7 @@ import pandas as pd
 from lptn.basics.tables import Tabular
 from lptn.diagnose.answers import Report, Step
 from lptn.diagnose.candidates import AMBIENT_ERROR, SURFACE_ERROR, TORQUE_ERROR
-from lptn.diagnose.diagnosis import Diagnosis, Verdict, examine, for_search, is_met
+from lptn.diagnose.diagnosis import Diagnosis, Verdict, examine, for_search
 from lptn.diagnose.evidence import ErrorsOfRuns
 from lptn.diagnose.fit_statistics import Removed, lack_of_fit
 from lptn.diagnose.refits import continued, unless_interrupted
@@ -196,7 +196,7 @@ def improve(
         >>> data = lptn.split_data(loaded.runs(["examples/tclab/log.csv"]), holdout_after=300)
         >>> history = lptn.improve(loaded.model, data)
         >>> [(step.effect, step.at) for step in history.steps]
-        [(None, None), ('sensor_lag', '*'), ('constant_heat', '*'), ('natural_convection', '*')]
+        [(None, None), ('constant_heat', '*'), ('natural_convection', '*'), ('sensor_lag', '*')]
     """
     coarse = for_search(data)
     report("fitting the model as it stands")
@@ -217,7 +217,6 @@ def improve(
     if len(steps) == 1:
         return History(first.verdict, first.verdict, tuple(steps), first, first, first.considered)
     last_fit = first.steps[-1].fit
-    left = lack_of_fit(last_fit)
-    remaining: Verdict = "adequate" if is_met(left) else "unexplained"
-    last_diagnosis = Diagnosis(remaining, last_fit, first.steps[-1].holdout, left, refused=first.refused)
+    left, remaining = lack_of_fit(last_fit), first.remaining
+    last_diagnosis = Diagnosis(remaining, remaining, last_fit, first.steps[-1].holdout, left, refused=first.refused)
     return History(first.verdict, remaining, tuple(steps), first, last_diagnosis, first.considered, rivals=first.rivals)

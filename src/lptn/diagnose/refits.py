@@ -57,6 +57,7 @@ def continued(base: Fit, network: Network) -> Fit:
                 for index, parameter in enumerate(model.parameters)
                 if parameter.name in fitted or (parameter.free and parameter.name not in held)
             ],
+            tolerance=problem.tolerance,
         )
     )
 

@@ -188,7 +188,7 @@ def runs_that_differ(fit: Fit, segments: Sequence[Segment], errors: ErrorsOfRuns
 
 def _difference(fit: Fit, segment: Segment, errors: ErrorsOfRuns) -> RunDifference | None:
     before = predict(fit.model, segment, fit.problem.sigma)
-    where = standing_out(fit, before)
+    where = standing_out(fit, (before.bound, before.error))
     if not where:
         return None
     bound = before.bound.count((float("-inf"), float("inf")))

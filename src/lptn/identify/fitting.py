@@ -179,6 +179,7 @@ def fit(
     keep: Keep | None = None,
     precision: float = PRECISION,
     free: Sequence[int] | None = None,
+    tolerance: FloatArray | None = None,
 ) -> Fit:
     """Fit the free parameters, and the initial states of each run, to free-running simulations.
 
@@ -198,6 +199,7 @@ def fit(
         keep: called after each iteration with the best point so far.
         precision: share of the cost that is not worth another step of the last search.
         free: indices of the parameters to fit; the model's own free ones by default.
+        tolerance: as for `Problem`; needs a `guess`.
 
     Raises:
         InputError: a run lacks an input, or measures none of the model's nodes.
@@ -214,7 +216,7 @@ def fit(
     bound_runs = [run if isinstance(run, BoundRun) else bind(model, run) for run in runs]
     noise = estimate_noise(bound_runs, model.nodes)
     sigma = balanced_sigma(bound_runs, noise) if sigma is None else sigma
-    problem = Problem(model, bound_runs, sigma, symmetry_penalty, free)
+    problem = Problem(model, bound_runs, sigma, symmetry_penalty, free, tolerance)
     values, starts = (guess.values, guess.starts) if isinstance(guess, Point) else (guess, None)
     before = 0
     if values is None or (isinstance(guess, Point) and guess.averaged):
@@ -257,11 +259,18 @@ def _as_fit(problem: Problem, solution: Solution, noise: Noise, iterations: int)
     return Fit(model, problem, solution.z, solution.cost, noise, iterations, solution.status)
 
 
-@one_blas_thread
 def finished(done: Fit) -> Fit:
     """A fit that was ended early because it only ranked, gone on with to the end."""
-    solution = minimise(done.problem, done.z, near=True)
-    return _as_fit(done.problem, solution, done.noise, done.iterations + solution.iterations)
+    return tolerant(done, done.problem.tolerance)
+
+
+@one_blas_thread
+def tolerant(done: Fit, tolerance: FloatArray | None) -> Fit:
+    """A fit gone on with to the end with another tolerance, see `Problem`; with none, it is plain least squares."""
+    old = done.problem
+    problem = Problem(done.model, old.bound_runs, old.sigma, old.symmetry_penalty, old.free, tolerance)
+    solution = minimise(problem, problem.guess(done.point.values, done.point.starts), near=True)
+    return _as_fit(problem, solution, done.noise, done.iterations + solution.iterations)
 
 
 @one_blas_thread

@@ -58,6 +58,22 @@ def rows_of_readings(bound: BoundRun) -> IntArray:
     return np.cumsum(bound.counted).reshape(bound.counted.shape) - 1
 
 
+def tolerance_of(traces: FloatArray, precision: float) -> FloatArray:
+    """A factor K so that residuals of the precision 1 − K Kᵀ are those that errors of these traces are left out of.
+
+    The errors' sizes have a standard normal distribution, beside independent errors of this precision, and are
+    integrated out.
+
+    Args:
+        traces: what errors of one standard deviation leave on the residuals, shape (readings, k).
+        precision: of an independent error of a reading, in residuals.
+    """
+    squares, axes = np.linalg.eigh(traces.T @ traces)
+    kept = squares > 0
+    shares = 1.0 / np.sqrt(squares[kept] + 1.0 / precision)
+    return np.asarray(traces @ (axes[:, kept] * shares))
+
+
 class Problem:
     """Residuals of free-running simulations, with priors on initial states and parameters, and a left-right symmetry
     penalty.
@@ -75,6 +91,8 @@ class Problem:
         symmetry_penalty: λ of the penalty that pulls the logarithms of left and right parameters
             together ([QuadrupedLPTN, eq. 14], on logarithms so that λ has no unit).
         free: indices of the parameters to fit; the model's own free ones by default.
+        tolerance: what the cost and its derivatives leave out of account, as a factor K of the residuals' precision
+            1 − K Kᵀ, shape (readings, k); see `tolerance_of`.
     """
 
     def __init__(
@@ -84,8 +102,10 @@ class Problem:
         sigma: FloatArray,
         symmetry_penalty: float = 0.0,
         free: Sequence[int] | None = None,
+        tolerance: FloatArray | None = None,
     ) -> None:
         self.model, self.bound_runs, self.sigma = model, list(bound_runs), sigma
+        self.tolerance = tolerance
         self.symmetry_penalty = symmetry_penalty
         self.free = list(model.free if free is None else free)
         self._transform = Transform([model.parameters[index] for index in self.free])
@@ -173,7 +193,11 @@ class Problem:
         """Half the sum of squared residuals; infinite where the model can't be simulated, or the squares overflow."""
         try:
             with np.errstate(over="ignore"):
-                return 0.5 * float(np.sum(self.residuals(z) ** 2))
+                residuals = self.residuals(z)
+                squares = float(np.sum(residuals**2))
+                if self.tolerance is not None:
+                    squares -= float(np.sum((self.tolerance.T @ residuals[: self.readings]) ** 2))
+                return 0.5 * squares
         except SimulationError:
             return float("inf")
 
@@ -204,6 +228,8 @@ class Problem:
         point = self.point(z)
         prior = self._prior_jacobian(point.values)
         gradient, hessian = prior.T @ self._prior_residuals(z, point), prior.T @ prior
+        count = 0 if self.tolerance is None else self.tolerance.shape[1]
+        pull, shared = np.zeros(count), np.zeros((count, self.size))
         for number, bound in enumerate(self.bound_runs):
             columns, chain, seen = self._columns(number), self._chain(number, point.values), self._seen[number]
             for window, predicted in self._sensitivities(number, point):
@@ -217,7 +243,24 @@ class Problem:
                 rows = rows.reshape(-1, len(columns))
                 gradient[columns] += chain.T @ (rows.T @ errors.ravel())
                 hessian[np.ix_(columns, columns)] += chain.T @ (rows.T @ rows) @ chain
-        return gradient, hessian
+                if count:
+                    tolerated = self._tolerated[number][window].reshape(-1, count)
+                    pull += errors.ravel() @ tolerated
+                    shared[:, columns] += (tolerated.T @ rows) @ chain
+        return gradient - pull @ shared, hessian - shared.T @ shared
+
+    @cached_property
+    def _tolerated(self) -> list[FloatArray]:
+        """The tolerance step after step of each run, shape (n, seen nodes, k); 0 where no reading counts."""
+        assert self.tolerance is not None
+        ordered, first = [], 0
+        for bound, seen in zip(self.bound_runs, self._seen, strict=True):
+            rows = int(bound.counted.sum())
+            whole = np.zeros((*bound.counted.shape, self.tolerance.shape[1]))
+            whole[bound.counted] = self.tolerance[first : first + rows]
+            ordered.append(np.ascontiguousarray(np.moveaxis(whole[seen], 0, 1)))
+            first += rows
+        return ordered
 
     @property
     def rows_of_priors(self) -> slice:

@@ -242,19 +242,26 @@ def require_package(path: Path, package: str, log: str, instead: str) -> None:
         raise InputError(path, "log", f"{log}, and no package to read it", instead)
 
 
+_SMALL = 10_000_000
+"""bytes of a file that needs no more memory than any machine has: one that asks for more has a false length in it."""
+
+
 @contextmanager
 def one_line_if_broken(path: Path, expected: str) -> Iterator[None]:
     """Make one line of whatever a library raises of broken bytes, which are errors of many kinds.
 
     Raises:
         InputError: there is such an error within, or an InputError, which stays as it is.
-        MemoryError: the machine has too little memory, which is not the file's fault.
+        MemoryError: the machine has too little memory, which is not the fault of a file that is not small.
     """
     try:
         yield
-    except (InputError, MemoryError):
+    except InputError:
         raise
     except Exception as error:
+        small = path.is_file() and path.stat().st_size < _SMALL
+        if isinstance(error, MemoryError) and not small:
+            raise
         raise InputError(path, "log", f"a broken file ({str(error) or type(error).__name__})", expected) from error
 
 

@@ -13,6 +13,7 @@ from typing import Literal
 
 from lptn.basics.words import listed
 from lptn.diagnose.answers import LIKELY, Step
+from lptn.diagnose.diagnosis import Diagnosis, is_met
 from lptn.diagnose.fit_statistics import criterion_difference
 from lptn.diagnose.improvement import History
 from lptn.identify.fitting import Fit
@@ -185,15 +186,21 @@ def _first_answer(history: History) -> str:
     return f", first of all {answer}" if answer else ""
 
 
+def log_errors_in_words(diagnosis: Diagnosis) -> str:
+    """What an adequate model leaves."""
+    beside = "" if is_met(diagnosis.lack_of_fit) else " and what air, torques and surfaces are usually off by"
+    return f"the sensors' noise{beside}"
+
+
 def left_in_words(history: History) -> str:
     """What is left with the last step, in one sentence or two that hold for fitted and held-out runs alike."""
     best, noise = history.best, noise_alone(history.best.fit)
     if history.remaining == "adequate":
-        text = "What is left on the fitted runs is no more than the sensors' noise"
-        if best.holdout is not None and best.holdout.rmse > FAR * noise:
-            text += f", but the held-out ones are off by {kelvin(best.holdout.rmse)}: they hold something that the "
-            return text + "fitted runs do not. Fit on runs like them as well."
-        return f"{text}."
+        return f"What is left is no more than {log_errors_in_words(history.last)}."
+    if is_met(history.last.lack_of_fit) and best.holdout is not None and best.holdout.rmse > FAR * noise:
+        text = "What is left on the fitted runs is no more than the sensors' noise, but the held-out ones are off by "
+        text += f"{kelvin(best.holdout.rmse)}: they hold something that the "
+        return text + "fitted runs do not. Fit on runs like them as well."
     text = f"The model is still wrong by more than noise, which alone would leave about {kelvin(noise, 2)}; "
     answer = answer_in_words(history) if history.remaining == "missing" else ""
     return text + (f"next to add would be {answer}." if answer else "the catalogue explains little of the rest.")

@@ -15,7 +15,7 @@ from lptn.diagnose.evidence import FirstOrder
 from lptn.effects import catalogue
 from lptn.identify.comparison import Errors
 from lptn.identify.data import Segment, Stretch
-from lptn.report.outcome import FEW, Kinds, finding_in_words, steps_in_words
+from lptn.report.outcome import FEW, Kinds, finding_in_words, log_errors_in_words, steps_in_words
 from lptn.report.shown import noise_alone
 from lptn.report.text import experiment_for, few, for_people, kelvin, named, percent, place_of, size_told, title_of
 from lptn.report.words import size_in_words
@@ -102,7 +102,7 @@ def _sentence(bench: Bench, floor: float) -> str:
     subject = "With what was added the model" if helped else "With or without it the model"
     subject = subject if len(study.steps) > 1 else "The model as given"
     if diagnosis.verdict == "adequate":
-        return f"{subject} is adequate: what is left is no more than the sensors’ noise."
+        return f"{subject} is adequate: what is left is no more than {log_errors_in_words(diagnosis)}."
     if diagnosis.only_held_out_runs_object:
         return f"{subject} meets the fitted runs; the held-out ones hold something else. {_worst(bench, floor)}"
     missing = Kinds.of([Step(diagnosis.fit), *diagnosis.steps])
