@@ -219,6 +219,12 @@ def examine(
         elsewhere = explained_elsewhere(base, made.before.left_of_held_out, made.after.left_of_held_out)
         found = not made.after.is_lacking(held_out=False) or (elsewhere and explains(MOST, base, made.fit))
         verdict = "missing" if found else "unexplained"
+        if not found:  # something without a name is at work, and may have made what the names explain
+            share = min(1.0, max(0.0, 1.0 - (made.fit.rmse / base.rmse) ** 2))
+            steps = tuple(
+                replace(step, probability=share * step.probability, at_its_place=share * step.at_its_place)
+                for step in steps
+            )
     return Diagnosis(verdict, remaining, base, given.holdout, lack, steps, made.rivals, made.refused, made.fitted)
 
 
