@@ -79,7 +79,7 @@ class Diagnosis(Tabular):
         of_nothing = (
             float(np.prod([1.0 - share for _, share in listed]))
             if self.steps
-            else 1.0 - sum(share for _, share in listed)
+            else max(0.0, 1.0 - sum(share for _, share in listed))
         )
         return sorted([(NOTHING, of_nothing), *listed], key=lambda answer: -answer[1])
 
@@ -225,7 +225,11 @@ def examine(
                 replace(step, probability=share * step.probability, at_its_place=share * step.at_its_place)
                 for step in steps
             )
-    return Diagnosis(verdict, remaining, base, given.holdout, lack, steps, made.rivals, made.refused, made.fitted)
+    refused, rivals = made.refused, made.rivals
+    if verdict == "unexplained" and given.holdout and last.holdout and last.holdout.rmse > given.holdout.rmse:
+        # Neither explained nor predicted any better: an offer that nobody should use.
+        steps, refused, rivals, remaining = (), (*steps, *refused), (), verdict
+    return Diagnosis(verdict, remaining, base, given.holdout, lack, steps, rivals, refused, made.fitted)
 
 
 def is_met(lack: dict[str, float]) -> bool:
