@@ -178,8 +178,8 @@ class Evidence:
         problem = fit.problem
         residuals, jacobian = problem.jacobian(fit.z)
         n, n_fitted, weight = problem.readings, self.fitted.problem.readings, problem.weight_of_priors
-        pull_of = np.r_[:n_fitted, n : problem.rows]  # what has moved parameters
-        self._free = ~pushed_beyond_bounds(fit, jacobian[pull_of].T @ residuals[pull_of])
+        moving = np.r_[:n_fitted, n : problem.rows]  # rows that have moved parameters
+        self._free = ~pushed_beyond_bounds(fit, jacobian[moving].T @ residuals[moving])
         self._residuals = residuals[:n]
 
         prior, off = jacobian[n:] / weight, residuals[n:] / weight
@@ -211,10 +211,11 @@ class Evidence:
         self.left, weights = np.zeros(n), np.ones(n)
         self._groups: list[_Group] = []
         # What the fitted runs say comes first; held-out runs, and how far they are off, are judged by that.
-        runs, rest = np.split(np.array(problem.bound_runs, dtype=object), [len(self.fitted.problem.bound_runs)])
-        for number, (rows, bound_runs) in enumerate(((slice(0, n_fitted), runs), (slice(n_fitted, n), rest))):
-            if len(bound_runs):
-                self._groups.append(self._heard(rows, bound_runs.tolist(), beside._groups[number] if beside else None))
+        runs, count = problem.bound_runs, len(self.fitted.problem.bound_runs)
+        of_both = (slice(0, n_fitted), runs[:count]), (slice(n_fitted, n), runs[count:])
+        for number, (rows, bound_runs) in enumerate(of_both):
+            if bound_runs:
+                self._groups.append(self._learn(rows, bound_runs, beside._groups[number] if beside else None))
                 weights[rows] = sqrt(self._groups[-1].precision)
         self._columns *= weights[:, None]
         self._traces *= weights[:, None]
@@ -223,7 +224,7 @@ class Evidence:
         proper += np.where(np.isin(np.flatnonzero(self._free), self._amplitudes), 0.0, weak[self._free])
         self._log_prior_volume = float(np.log(proper[proper > 0]).sum())
 
-    def _heard(self, rows: slice, bound_runs: Sequence[BoundRun], known: _Group | None) -> _Group:
+    def _learn(self, rows: slice, bound_runs: Sequence[BoundRun], known: _Group | None) -> _Group:
         """Take in what some runs say; how large their errors are, and how many, is found unless it is known."""
         columns, residuals, sigma = self._columns[rows], self._residuals[rows], self.fit.problem.sigma
         information, gradient = columns.T @ columns, columns.T @ residuals
