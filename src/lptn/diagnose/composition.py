@@ -6,9 +6,13 @@
 2. *Wrong*: what sets a place, a limb, a sensor or a run apart. All candidates are weighed in closed form at that fit,
    beside what every log and all like parts scatter by anyway; the best few are fitted exactly, and the most probable
    one stays if something is missing more probably than not. Then again, beside it.
-   Held-out runs speak here as they are predicted: which of two fitted runs is the odd one, only another can tell.
+   Held-out runs move no parameter, and are weighed all the same: which of two fitted runs is the odd one, only another
+   can tell.
 3. After each step everything is asked anew whether it is needed: a part that all seemed to have may have stood for one
    that has it.
+
+The search leaves to errors of runs, of sensors and of like parts what they usually are (`Problem.tolerance`); what it
+ends with is fitted by plain least squares, as the file's user does.
 
 Evidence decides throughout (`lptn.diagnose.evidence`).
 """

@@ -1,9 +1,9 @@
 """What a fitted model lacks: how far it is beyond noise, what it is made of, what is wrong beyond that; a verdict.
 
 The model is fitted as it stands, on means over 5 s. Where that leaves more than noise, `lptn.diagnose.composition` says
-what is missing. The verdict: `"adequate"` if nothing is beyond noise, nothing is missing more probably than not, and no
-held-out run stands out; `"missing"` if what was found leaves noise, or removes most of the misfit, on held-out runs
-too, where these show any; else `"unexplained"`.
+what is missing. The verdict: `"adequate"` if no more is left than noise and usual errors of the log leave, in held-out
+runs too, and nothing is missing more probably than not; `"missing"` if what was found leaves no more than that on the
+fitted runs, or removes most of the misfit, on held-out runs too, where these show any; else `"unexplained"`.
 """
 
 from __future__ import annotations

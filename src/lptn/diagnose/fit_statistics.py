@@ -13,7 +13,7 @@ from math import log, sqrt
 import numpy as np
 
 from lptn.basics.arrays import FloatArray
-from lptn.identify.comparison import Errors, Prediction
+from lptn.identify.comparison import Errors
 from lptn.identify.fitting import Fit
 from lptn.identify.noise import LEAST_NOISE, PLAIN
 from lptn.simulate.bound_run import BoundRun
@@ -48,11 +48,6 @@ RunErrors = tuple[BoundRun, FloatArray]
 def fitted_errors(fit: Fit) -> list[RunErrors]:
     """The fitted runs with what the fit leaves of them."""
     return list(zip(fit.problem.bound_runs, fit.residuals, strict=True))
-
-
-def predicted_errors(predictions: Sequence[Prediction]) -> list[RunErrors]:
-    """Predicted runs with the errors of their evaluation windows."""
-    return [(prediction.bound, prediction.readings - prediction.bound.measured) for prediction in predictions]
 
 
 def independent_readings(runs: Sequence[RunErrors], beside: float = 0.0) -> float:
