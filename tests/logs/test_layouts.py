@@ -160,7 +160,7 @@ def test_a_spreadsheet_with_metadata_units_and_another_sheet(tmp_path: Path, ref
     path = workbook(tmp_path / "log.xlsx", {"notes": [["nothing"]], "data": table, "old": [["a", "b"], [1, 2]]})
     run = read(path)
     assert any("sheet 'data' is read; 'old' not" in note for note in run.notes)
-    assert any("begins in row 4" in note for note in run.notes)
+    assert any("begins on sheet 'data', row 4" in note for note in run.notes)
     broken = workbook(tmp_path / "off.xlsx", {"data": [*table[:7], [2, "off", 21.0], *table[8:]]})
     assert "sheet 'data', row 8, column 'torque.a': found 'off'" in refuse(broken, read_log, broken)
 

@@ -251,7 +251,39 @@ def test_a_table_that_unfolds_to_a_hundred_times_its_size(
     path.write_bytes(
         gzip.compress(b"time,torque.a,temperature.a\n" + 20 * b"0,1,20\n" + 20_000_000 // len(piece) * piece)
     )
-    assert "unfolds to more than 100 times its size" in refuse(path, read_log, path)
+    assert "unfolds to more than 50 times its size" in refuse(path, read_log, path)
+
+
+_WHOLE = b"time,torque.a,temperature.a\n" + b"".join(b"%d,1,20\n" % k for k in range(200))
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "said"),
+    [
+        ("log.csv", b"\n" * 9_000, "no table within its first 2,501 characters"),
+        ("log.csv", b"# a comment\n" * 900, "no table within its first 2,508 characters"),
+        ("log.csv", _WHOLE + b"0" * 9_000, "line 202: found a line of 16 million characters"),
+        ("log.csv", b"a,b\n" + b"," * 9_000, "line 2: found a line of 16 million characters"),
+        ("log.csv", _WHOLE + b"# x\n" + b"\n" * 9_000, "more than 4,000 lines, not all of them rows"),
+        ("log.csv", _WHOLE + 6_000 * b"# x\n", "more than 4,000 lines, not all of them rows"),
+        (
+            "log.txt",
+            b"time torque.a temperature.a\n" + 6_000 * b"1 1 20\n",
+            "more than 4,000 lines, not all of them rows",
+        ),
+        ("log.csv", _WHOLE + 900 * b"hot,hot,hot\n", "501 lines of words without a number"),
+    ],
+)
+def test_what_is_looked_through_is_bounded(
+    tmp_path: Path, refuse: Refuse, monkeypatch: pytest.MonkeyPatch, name: str, content: bytes, said: str
+) -> None:
+    """Packed, each takes next to nothing: 2 GB of blank lines, comments, words, rows without commas, or one line."""
+    monkeypatch.setattr("lptn.logs.csv_files._LONGEST", 2_500)
+    monkeypatch.setattr("lptn.logs.csv_files._MOST_LINES", 4_000)
+    monkeypatch.setattr("lptn.logs.layout._WORDS", Bound(500, "lines of words without a number"))
+    for path, bytes_of in ((tmp_path / name, content), (tmp_path / f"{name}.gz", gzip.compress(content))):
+        path.write_bytes(bytes_of)
+        assert said in refuse(path, read_log, path)
 
 
 def test_a_log_of_a_robot_at_rest_is_no_bomb(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,12 +9,11 @@ import io
 import os
 import re
 import zlib
-from collections import deque
-from collections.abc import Iterator, Sequence
-from contextlib import nullcontext
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
-from itertools import islice, takewhile
+from itertools import islice
 from pathlib import Path
 from typing import BinaryIO
 
@@ -32,7 +31,11 @@ from lptn.logs.tables import TIMES_PACKED, Bounded, Table, most_unpacked, one_li
 ENDINGS = (".csv", ".tsv", ".txt", ".csv.gz", ".tsv.gz", ".txt.gz")
 
 _ENCODING = "utf-8"
-_LONGEST_LINE = 1 << 24  # characters, of 100,000 columns with long names; binary files may have no line end at all
+_LONGEST = 1 << 24
+"""Characters of a line, and of what is looked through for a table: 100,000 columns with long names have as many, and
+binary files may have no line end at all."""
+_MOST_LINES = 10_000_000
+"""Of a file that is read line by line, at some µs each: a day at 100 Hz. Blank ones pack into nothing."""
 _HEAD, _FEWEST_LINES = 1 << 19, 4  # characters that are looked at for the layout, and lines that are in any case
 _SEPARATORS = ",;\t"
 _BLANK, _WIDE = " ", "  "  # any number of blanks and tabs; two or more, where names have blanks of their own
@@ -43,47 +46,66 @@ _BLOCK, _LINES_IN_A_BLOCK = 1 << 22, 8  # bytes that are parsed at once, and lin
 _CELLS_IN_A_CHUNK = 4_000_000  # the same where any row is admitted
 
 
+@dataclass(frozen=True)
+class Content:
+    """A table of text that may be read again and again.
+
+    Attributes:
+        path: the file that it is from.
+        open: gives its bytes.
+        row: what a line is called, such as "line".
+    """
+
+    path: Path
+    open: Callable[[], BinaryIO]
+    row: str = "line"
+
+
 def open_csv(path: Path) -> Table:
     """Open a table of text, perhaps compressed, and find its column names.
 
     Raises:
         InputError: it can't be read, or begins no table.
     """
-    text = _Text.of(path, *_begin(path))
-    cut = False
-    if path.suffix != ".gz":  # the last line of a plain file may have no end: its writer was stopped, or the copy
-        with path.open("rb") as file:
-            file.seek(-min(2, path.stat().st_size), os.SEEK_END)
-            cut = not file.read().strip(b"\0").endswith((b"\n", b"\r"))  # in UTF-16 it has a zero beside it
-    notes = ["the file ends within a line, which is left out: its last number may be cut."] if cut else []
+    return table_of_text(Content(path, partial(_unpacked, path)))
+
+
+def table_of_text(content: Content, kind: str = "CSV", notes: Iterable[str] = ()) -> Table:
+    """A table of text as a log.
+
+    Raises:
+        InputError: see `open_csv`.
+    """
+    text = _Text.of(content)
+    layout, path, row = text.layout, content.path, content.row
+    notes = [*notes]
+    if text.cut:
+        notes.append("the file ends within a line, which is left out: its last number may be cut.")
     if text.encoding != _ENCODING:
         notes.append(f"log: its text is read as {text.encoding}, for it is not in UTF-8.")
-    if not text.layout.named:
-        notes.append(f"log: there are no names above line {text.first_line}; {text.said_of_names}.")
-    elif text.layout.header:
-        line = text.lines[text.layout.header]
-        notes.append(f"log: its table begins on line {line}; what stands above is left out.")
+    if not layout.named:
+        notes.append(f"log: there are no names above {row} {text.first_line}; {text.said_of_names}.")
+    elif layout.header:
+        notes.append(f"log: its table begins on {row} {text.lines[layout.header]}; what stands above is left out.")
     place = {name: number for number, name in reversed(list(enumerate(text.names)))}
     lines: list[int] = []
 
     def read(wanted: Sequence[str]) -> pd.DataFrame:
         positions = [place[name] for name in wanted]
         frame = text.read_regular(positions)
-        if frame is not None:
-            frame = frame.iloc[: len(frame) - cut]
-        else:
-            frame, lines[:], said = text.read_any(positions, cut)
+        if frame is None:
+            frame, lines[:], said = text.read_any(positions)
             table.note(said)
-        return text.with_points(frame).set_axis(list(wanted), axis="columns")
+        return frame.set_axis(list(wanted), axis="columns")
 
-    def where(row: int) -> str:
+    def where(number: int) -> str:
         if lines:
-            return f"line {lines[row]}"
-        line, _ = next(islice(_lines(path, text.encoding), text.layout.first + row, None), (0, ""))
-        return f"line {line}" if line else f"row {row + 1}"  # of a file that pyarrow cuts into lines another way
+            return f"{row} {lines[number]}"
+        line, _ = next(islice(_lines(content, text.encoding), layout.first + number, None), (0, ""))
+        return f"{row} {line}" if line else f"row {number + 1}"  # of a file that pyarrow cuts into lines another way
 
-    units = dict(zip(text.names, text.layout.units, strict=False))
-    table = Table(path, text.names, read, where, units=units, notes=notes, digest=partial(fingerprint, path))
+    units, digest = dict(zip(text.names, layout.units, strict=False)), partial(fingerprint, path)
+    table = Table(path, text.names, read, where, kind, units=units, notes=notes, digest=digest)
     return table
 
 
@@ -92,8 +114,9 @@ class _Text:
     """What is known of a table of text before it is read as a whole.
 
     Args:
-        path: the file.
+        content: its bytes.
         encoding: of its characters.
+        cut: its last line has no end: its writer was stopped, or the copy.
         separator: of its cells; `_BLANK` and `_WIDE` stand for more.
         decimal: the sign in its numbers.
         layout: where the table begins, among lines that are neither blank nor comments.
@@ -103,8 +126,9 @@ class _Text:
         said_of_names: where names come from that no line of their own has.
     """
 
-    path: Path
+    content: Content
     encoding: str
+    cut: bool
     separator: str
     decimal: str
     layout: Layout
@@ -119,12 +143,13 @@ class _Text:
         return (*self.lines, self.lines[-1] + 1)[self.layout.first]
 
     @classmethod
-    def of(cls, path: Path, encoding: str, head: Sequence[tuple[int, str]]) -> _Text:
-        """What the first lines say.
+    def of(cls, content: Content) -> _Text:
+        """What a file's first lines say.
 
         Raises:
-            InputError: they don't begin a table.
+            InputError: it can't be read, or they begin no table.
         """
+        path, (encoding, cut, head, comments) = content.path, _begin(content)
         lines, texts = tuple(number for number, _ in head), [text for _, text in head]
 
         def tried(separator: str) -> tuple[int, int, Layout, list[list[str]], str]:
@@ -143,21 +168,29 @@ class _Text:
         first = rows[layout.first] if layout.first < len(rows) else []
         said, above = "", rows[max(layout.header, 0)]
         names = names_of(above)
+        other_count = InputError(
+            path,
+            "header",
+            f"{len(first)} values in the first row under {len(above)} names",
+            "a name for each column, and numbers with a decimal point",
+        )
         if not layout.named and len(rows) > layout.first:
             names = names_of([""] * len(first))
             said = f"its columns are called {', '.join(names[:_MOST_SHOWN])}{' …' * (len(names) > _MOST_SHOWN)}"
-            comment = _cells(_comment_above(path, encoding, lines[layout.first]), separator)
+            comment = _cells(
+                max(((k, c) for k, c in comments if k < lines[layout.first]), default=(0, ""))[1], separator
+            )
             if len(comment) == len(names) and not all(map(is_value, comment)):
                 names, said = names_of(comment), "those of the comment above are taken"
             elif layout.header >= 0 and separator.strip(" ") and len(list(filter(None, above))) > 1:
-                raise _other_count(path, len(first), len(above))
+                raise other_count
         if layout.rows == 0 and all(map(is_number, names)):
             raise InputError(path, "header", f"numbers ({', '.join(names[:3])})", "a line of column names, and rows")
         if len(first) > len(names) + 1 or any(first[len(names) :]):
-            raise _other_count(path, len(first), len(names))
+            raise other_count
         cells = (cell.strip() for row in rows[layout.first :] for cell in row)
         decimal = "," if separator != "," and any(map(_DECIMAL_COMMA.fullmatch, cells)) else "."
-        return cls(path, encoding, separator, decimal, layout, lines, names, tuple(first), said)
+        return cls(content, encoding, cut, separator, decimal, layout, lines, names, tuple(first), said)
 
     def read_regular(self, positions: Sequence[int]) -> pd.DataFrame | None:
         """The columns at `positions` of a file whose rows are all as long as the header, and hold what the first does.
@@ -169,7 +202,8 @@ class _Text:
             return None
         keys = [str(number) for number in range(len(self.names))]
         wanted = [keys[position] for position in dict.fromkeys((*positions, 0))]
-        kinds = {key: pa.float64() if self._is_number(int(key)) else pa.string() for key in wanted}
+        cells = {key: self.first[int(key)].strip().replace(self.decimal, ".") for key in wanted}
+        kinds = {key: pa.float64() if not cell or is_number(cell) else pa.string() for key, cell in cells.items()}
         most, batches = tables.MOST_NUMBERS // max(len(positions), 1), list[pa.RecordBatch]()
         longest = max(map(len, self.first), default=0) * len(self.names)
         reading = pa_csv.ReadOptions(
@@ -185,13 +219,13 @@ class _Text:
         parsing = pa_csv.ParseOptions(delimiter=self.separator)
         try:
             with (
-                _unpacked(self.path) if self.path.suffix == ".gz" else nullcontext(self.path) as file,
+                self.content.open() as file,
                 pa_csv.open_csv(file, reading, parsing, conversion) as reader,
             ):
                 for batch in reader:
                     batches.append(batch)
                     if sum(batch.num_rows for batch in batches) >= most:
-                        raise too_large(self.path, f"{most} rows or more")
+                        raise too_large(self.content.path, f"{most} rows or more")
         except InputError:
             raise
         except (pa.ArrowException, OSError, ValueError):
@@ -199,28 +233,25 @@ class _Text:
         frame = pa.Table.from_batches(batches, reader.schema).to_pandas(split_blocks=True)
         if kinds["0"] == pa.string() and frame["0"].str.lstrip().str.startswith("#", na=False).any():
             return None
-        return pd.DataFrame({k: frame[keys[position]] for k, position in enumerate(positions)}, copy=False)
+        frame = pd.DataFrame({k: frame[keys[position]] for k, position in enumerate(positions)}, copy=False)
+        return frame.iloc[: len(frame) - self.cut]
 
-    def _is_number(self, position: int) -> bool:
-        cell = self.first[position].strip()
-        return not cell or is_number(cell.replace(self.decimal, "."))
-
-    def read_any(self, positions: Sequence[int], cut: bool) -> tuple[pd.DataFrame, list[int], list[str]]:
+    def read_any(self, positions: Sequence[int]) -> tuple[pd.DataFrame, list[int], list[str]]:
         """The columns at `positions` of any file of rows, comments among them; the rows' lines; and notes.
 
         A row of words without a number is no row of the table: its names again, a logger's message, a last line that
-        says how many there were. Nor is the last one where it was `cut`.
+        says how many there were. Nor is the last one where it was cut.
 
         Raises:
             InputError: a row has more or fewer cells than there are names, or the file is broken.
         """
-        below, lines = RowsBelow(self.path, self.names, self.layout.units), list[int]()
+        below, lines = RowsBelow(self.content.path, self.names, self.layout.units), list[int]()
         most, at_once = tables.MOST_NUMBERS // max(len(positions), 1), max(_CELLS_IN_A_CHUNK // len(self.names), 1)
-        frames, rows = [pd.DataFrame({position: [] for position in positions})], self._rows(below, lines, cut)
-        with one_line_if_broken(self.path, "a whole table"):
+        frames, rows = [pd.DataFrame({position: [] for position in positions})], self._rows(below, lines)
+        with one_line_if_broken(self.content.path, "a whole table"):
             while some := "\n".join(islice(rows, at_once)):
                 if len(lines) >= most:
-                    raise too_large(self.path, f"{most} rows or more")
+                    raise too_large(self.content.path, f"{most} rows or more")
                 frame = pd.read_csv(
                     io.StringIO(some),
                     sep=self._between,
@@ -233,20 +264,31 @@ class _Text:
                 )
                 frames.append(frame)
         whole = pd.concat(frames[1:] or frames, ignore_index=True)
-        return whole[list(positions)].set_axis(range(len(positions)), axis="columns"), lines, below.said()
+        whole = whole[list(positions)].set_axis(range(len(positions)), axis="columns")
+        for name in whole if self.decimal == "," else ():
+            if not pd.api.types.is_numeric_dtype(whole[name]):  # words made text of the numbers beside them
+                cells = whole[name].astype("str")
+                numbers = cells.str.fullmatch(_DECIMAL_COMMA.pattern)
+                whole[name] = whole[name].mask(numbers, cells.str.replace(",", "."))
+        return whole, lines, below.said()
 
-    def _rows(self, below: RowsBelow, lines: list[int], cut: bool) -> Iterator[str]:
+    def _rows(self, below: RowsBelow, lines: list[int]) -> Iterator[str]:
         """Rows as lines of text whose cells stand in the order of the names; the lines' numbers go into `lines`."""
         in_order = below.order
-        for number, line in _whole_lines(self.path, self.encoding, self.first_line, cut):
+        below_names = ((k, line) for k, line in _lines(self.content, self.encoding) if k >= self.first_line)
+        last = next(below_names, None) if self.cut else None
+        for number, line in below_names:
+            if last is not None:  # each but the last one, which is cut
+                (number, line), last = last, (number, line)
             # Most begin with a number, and their cells need no look.
-            plain = line[0] in _BEGINS_A_NUMBER and '"' not in line and self.separator not in (_BLANK, _WIDE)
-            if plain and below.order == in_order and line.count(self.separator) + 1 == len(self.names):
-                lines.append(number)
-                yield line
-                continue
+            if line[0] in _BEGINS_A_NUMBER and '"' not in line and below.order == in_order and self.separator != _WIDE:
+                plain = "\t".join(line.split()) if self.separator == _BLANK else line
+                if plain.count(self._between) + 1 == len(self.names):
+                    lines.append(number)
+                    yield plain
+                    continue
             cells = _cells(line, self.separator)
-            if below.holds_values(f"line {number}", cells):
+            if below.holds_values(f"{self.content.row} {number}", cells):
                 lines.append(number)
                 text = io.StringIO()
                 csv.writer(text, delimiter=self._between, lineterminator="").writerow(cells[k] for k in below.order)
@@ -257,57 +299,54 @@ class _Text:
         """What stands between cells where a row is written anew."""
         return "\t" if self.separator in (_BLANK, _WIDE) else self.separator
 
-    def with_points(self, frame: pd.DataFrame) -> pd.DataFrame:
-        """The same, where words made text of numbers beside them that are written with a comma."""
-        if self.decimal == ",":
-            for name in frame:
-                if not pd.api.types.is_numeric_dtype(frame[name]):
-                    text = frame[name].astype("str")
-                    frame[name] = frame[name].where(
-                        ~text.str.fullmatch(_DECIMAL_COMMA.pattern), text.str.replace(",", ".")
-                    )
-        return frame
 
+def _begin(content: Content) -> tuple[str, bool, list[tuple[int, str]], list[tuple[int, str]]]:
+    """How a file's characters are written, whether its end is cut, its first lines of data and those of comment.
 
-def _other_count(path: Path, values: int, names: int) -> InputError:
-    problem = f"{values} values in the first row under {names} names"
-    return InputError(path, "header", problem, "a name for each column, and numbers with a decimal point")
-
-
-def _begin(path: Path) -> tuple[str, list[tuple[int, str]]]:
-    """How a file's characters are written, and its first lines that hold something, each with its number.
-
-    UTF-16 says so by its first bytes; what is not UTF-8 is as Windows had it.
+    UTF-16 says so by its first bytes; what is not UTF-8 is as Windows had it. A packed file is not asked for its end.
 
     Raises:
         InputError: it can't be read, or is no table of text.
     """
-    lines: list[tuple[int, str]] = []
+    data: list[tuple[int, str]] = []
+    comments: list[tuple[int, str]] = []
     try:
-        with _unpacked(path) as file:
-            head = file.read(_HEAD)
-        encoding = _ENCODING
-        try:
-            # The last character may be cut.
-            codecs.getincrementaldecoder(_ENCODING)().decode(head)
-        except UnicodeDecodeError:
-            is_utf16 = head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
-            encoding = "utf-16" if is_utf16 and "\n" in head.decode("utf-16", "replace") else "cp1252"
-            if b"\0" in head and encoding == "cp1252":
-                raise
+        with content.open() as file:
+            head, cut = file.read(_HEAD), False
+            if file.seekable():
+                file.seek(-min(2, file.seek(0, os.SEEK_END)), os.SEEK_END)
+                cut = not file.read().strip(b"\0").endswith((b"\n", b"\r"))  # in UTF-16 it has a zero beside it
+        encoding = _encoding_of(head)
         characters = 0
-        for number, text in islice(_lines(path, encoding), LOOKED_AT):
-            lines.append((number, text))
-            characters += len(text)
-            if characters > _HEAD and len(lines) >= _FEWEST_LINES:
+        for number, text in _lines(content, encoding, all_kinds=True):
+            characters += len(text) + 1
+            if text.startswith("#"):
+                comments.append((number, text.lstrip("# ")))
+            elif text.strip():
+                data.append((number, text))
+            if len(data) == LOOKED_AT or (characters > _HEAD and len(data) >= _FEWEST_LINES):
                 break
+            if characters > _LONGEST:
+                found = f"no table within its first {characters:,} characters"
+                raise InputError(content.path, "log", found, "a line of column names, and rows")
     except (OSError, EOFError, zlib.error, UnicodeError) as error:
-        raise InputError(path, "log", f"a file that can't be read ({error})", "CSV text in UTF-8") from error
-    if not lines:
-        raise InputError(path, "log", "an empty file", "a header line and at least 10 rows")
-    if len(lines[0][1]) >= _LONGEST_LINE - 1:
-        raise InputError(path, "header", "a line of 16 million characters", "a line of column names")
-    return encoding, lines
+        raise InputError(content.path, "log", f"a file that can't be read ({error})", "CSV text in UTF-8") from error
+    if not data:
+        raise InputError(content.path, "log", "an empty file", "a header line and at least 10 rows")
+    return encoding, cut, data, comments
+
+
+def _encoding_of(head: bytes) -> str:
+    """How characters are written; a UnicodeError where it is no text."""
+    try:
+        codecs.getincrementaldecoder(_ENCODING)().decode(head)  # the last character may be cut
+    except UnicodeDecodeError:
+        if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) and "\n" in head.decode("utf-16", "replace"):
+            return "utf-16"
+        if b"\0" in head:
+            raise
+        return "cp1252"
+    return _ENCODING
 
 
 def _unpacked(path: Path) -> BinaryIO:
@@ -327,38 +366,30 @@ def _cells(text: str, separator: str) -> list[str]:
         return re.split(r"\s{2,}|\t", text.strip())
     if separator not in text:
         return [text.strip('"')]
-    try:
+    with suppress(csv.Error):  # a cell of a hundred thousand characters
         return next(csv.reader([text], delimiter=separator, skipinitialspace=True), [])
-    except csv.Error:  # a cell of a hundred thousand characters
-        return [text]
+    return [text]
 
 
-def _lines(path: Path, encoding: str, comments: bool = False) -> Iterator[tuple[int, str]]:
-    """The lines that hold data, each with its number from 1: neither blank nor comment; or the comments.
+def _lines(content: Content, encoding: str, *, all_kinds: bool = False) -> Iterator[tuple[int, str]]:
+    """The lines that hold data, each with its number from 1: neither blank nor comment, unless all are asked for.
 
     A comment is a line that begins with #: in a name, or within a row, it is a character like any other.
+
+    Raises:
+        InputError: a line, or their number, is beyond all bounds.
     """
-    with _unpacked(path) as file:
+    with content.open() as file:
         marked = "utf-8-sig" if encoding == _ENCODING else encoding  # Excel writes a byte order mark
         text_stream = io.TextIOWrapper(file, encoding=marked, errors="replace", newline="")
-        for number, line in enumerate(iter(partial(text_stream.readline, _LONGEST_LINE), ""), start=1):
+        for number, line in enumerate(iter(partial(text_stream.readline, _LONGEST), ""), start=1):
+            if number > _MOST_LINES:
+                found = f"more than {_MOST_LINES:,} lines, not all of them rows of a plain table"
+                raise InputError(content.path, "log", found, "Parquet, rows alone, or a log cut into pieces")
+            if len(line) == _LONGEST:
+                raise InputError(
+                    content.path, f"{content.row} {number}", "a line of 16 million characters", "a table of readings"
+                )
             text = line.strip("\r\n ")
-            if text.strip() and text.startswith("#") == comments:
+            if all_kinds or (text.strip() and not text.startswith("#")):
                 yield number, text
-
-
-def _whole_lines(path: Path, encoding: str, first: int, cut: bool) -> Iterator[tuple[int, str]]:
-    """The lines of data from the `first` on; without the last one where it was `cut`."""
-    before: list[tuple[int, str]] = []
-    for number, text in _lines(path, encoding):
-        if number >= first:
-            yield from before
-            before = [(number, text)]
-    if not cut:
-        yield from before
-
-
-def _comment_above(path: Path, encoding: str, line: int) -> str:
-    """What the last line of comment says above one of data, without its mark; '' where there is none."""
-    above = takewhile(lambda one: one[0] < line, _lines(path, encoding, comments=True))
-    return next((text.lstrip("# ") for _, text in deque(above, maxlen=1)), "")

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NoReturn
 
+from lptn.basics.bounds import Bound
 from lptn.basics.errors import InputError
 from lptn.logs.columns import is_unit
 
@@ -57,7 +58,7 @@ def find_layout(rows: Sequence[Cells]) -> Layout:
     Args:
         rows: cells as text, neither blank rows nor comments among them.
     """
-    widths = list(map(_width, rows))
+    widths = list(map(width_of, rows))
     of_values = [any(map(is_value, row)) for row in rows]
     best = Layout(0)
     for header, row in enumerate(rows[:-1]):
@@ -91,7 +92,7 @@ def _without_names(rows: Sequence[Cells], widths: Sequence[int]) -> Layout:
     return Layout(0)
 
 
-def _width(cells: Cells) -> int:
+def width_of(cells: Cells) -> int:
     """How many cells a row has, without the empty ones behind its last."""
     return max((k for k, cell in enumerate(cells, start=1) if cell.strip()), default=0)
 
@@ -99,6 +100,10 @@ def _width(cells: Cells) -> int:
 def names_of(cells: Cells) -> tuple[str, ...]:
     """The names in a row, without blanks around them; `column 3` where the third has none."""
     return tuple(cell.strip() or f"column {number}" for number, cell in enumerate(cells, start=1))
+
+
+_WORDS = Bound(200_000, "lines of words without a number")
+"""Of a table of numbers, which a logger's messages may stand among; a look at each takes 0.1 ms."""
 
 
 @dataclass
@@ -135,7 +140,7 @@ class RowsBelow:
             InputError: the row has more cells than there are names, or fewer; other names; or other units.
         """
         filled = [cell.strip() for cell in cells if cell.strip()]
-        count = _width(cells)
+        count = width_of(cells)
         width = count if count > len(self.names) else min(len(cells), len(self.names))
         if any(map(is_value, filled)):
             if width != len(self.names):
@@ -149,6 +154,7 @@ class RowsBelow:
         elif not set(self.names).isdisjoint(filled) or (width > 1 and len(set(filled)) == width == len(self.names)):
             self._heed_names(place, names_of(cells[:width]))
         self.words += 1
+        _WORDS.check(self.words, self.path, place)
         return False
 
     def _heed_units(self, place: str, cells: Cells) -> None:
