@@ -176,7 +176,7 @@ MIXED = {
 
 def test_numbers_are_found_among_the_bytes_of_any_layout(tmp_path: Path) -> None:
     """The quick way, which looks at bytes, against rosbags' own reading of each message."""
-    from lptn.logs.bag_messages import Decoder, Numbers
+    from lptn.logs.bag_messages import Decoder, numbers_of
 
     recorder = Recorder(tmp_path / "bag", "mcap")
     for name, text in MIXED.items():
@@ -200,7 +200,7 @@ def test_numbers_are_found_among_the_bytes_of_any_layout(tmp_path: Path) -> None
     kind = "maker_msgs/msg/Mixed"
     messages = [message(k, "same" if k % 10 else "other text") for k in range(60)]
     raws = [bytes(recorder.store.serialize_cdr(original, kind)) for original in messages]
-    wanted = list(Numbers(recorder.store, messages[0]).values)
+    wanted = list(numbers_of(recorder.store, messages[0]))
     assert {"cells[2].temperature", "cells[0].counts[2]", "y", "triple[1]", "last"} <= set(wanted)
     assert not any(name.startswith("picture") for name in wanted)
     decoder = Decoder(recorder.store, kind, wanted)
@@ -209,7 +209,7 @@ def test_numbers_are_found_among_the_bytes_of_any_layout(tmp_path: Path) -> None
     # The first's layout is that of one in ten.
     assert [template.like(raws)[1].sum() for template in decoder.templates] == [6, 54]
     whole = [recorder.store.deserialize_cdr(raw, kind) for raw in raws]
-    expected = [list(Numbers(recorder.store, message).values.values()) for message in whole]
+    expected = [list(numbers_of(recorder.store, message).values()) for message in whole]
     np.testing.assert_array_equal(values, expected)
     np.testing.assert_array_equal(stamps, [(START + k) * 10**9 for k in range(60)])
 
@@ -378,8 +378,8 @@ _SIZE = 256 << 20  # bytes that a bomb unfolds to
 _COMPRESSED = {"zstd": reader.zstd.compress, "lz4": lz4.frame.compress}
 
 
-def write_chunk(path: Path, way: str, data: bytes, declared: int) -> None:
-    """An MCAP file of one chunk without an index, as a recorder that was killed leaves it."""
+def write_chunk(path: Path, way: str, data: bytes, declared: int, times: int = 1) -> None:
+    """An MCAP file of one chunk, perhaps several times, without an index, as a recorder that was killed leaves it."""
     out, header, chunk, footer = (io.BytesIO() for _ in range(4))
     out.write(_MAGIC)
     for text in ("ros2", "test"):
@@ -388,7 +388,8 @@ def write_chunk(path: Path, way: str, data: bytes, declared: int) -> None:
     chunk.write(struct.pack("<QQQI", 0, 1, declared, 0))
     storage.write_string(chunk, way)
     chunk.write(struct.pack("<Q", len(data)) + data)
-    storage.write_record(out, 6, chunk)
+    for _ in range(times):
+        storage.write_record(out, 6, chunk)
     footer.write(struct.pack("<QQI", 0, 0, 0))
     storage.write_record(out, 2, footer)
     path.write_bytes(out.getvalue() + _MAGIC)
@@ -410,6 +411,17 @@ def test_a_chunk_that_unfolds_to_more_than_it_may(
 
 
 @pytest.mark.parametrize("compression", ["zstd", "lz4"])
+def test_many_chunks_that_are_what_they_say(
+    tmp_path: Path, refuse: Refuse, monkeypatch: pytest.MonkeyPatch, compression: str
+) -> None:
+    """Each is as large as it declares, and small; a thousand of them take a kilobyte each, and hours."""
+    monkeypatch.setattr("lptn.logs.bags.UNPACKED", 1_000_000)
+    path, size = tmp_path / "bomb.mcap", 9 * 44_500  # empty records of 9 bytes
+    write_chunk(path, compression, _COMPRESSED[compression](bytes(size)), size, times=1000)
+    assert "pieces that unfold to more than 50 times their size" in refuse(path, read_log, path)
+
+
+@pytest.mark.parametrize("compression", ["zstd", "lz4"])
 def test_a_chunk_that_is_cut_off(tmp_path: Path, refuse: Refuse, compression: str) -> None:
     whole = _COMPRESSED[compression](bytes(range(256)) * 8)
     write_chunk(tmp_path / "cut.mcap", compression, whole[:-6], 2048)
@@ -424,5 +436,10 @@ def test_a_bag_compressed_as_a_whole_may_not_fill_the_disk(
     writer.set_compression(rosbag2.CompressionMode.FILE, rosbag2.CompressionFormat.ZSTD)
     with writer:
         pass
+    (whole,) = (tmp_path / "bag").glob("*.zstd")
+    whole.write_bytes(reader.zstd.compress(bytes(10_000_000)))
+    with monkeypatch.context() as patch:
+        patch.setattr("lptn.logs.bags.UNPACKED", 1_000_000)
+        assert "more than 50 times its size" in refuse(tmp_path / "bag", read_log, tmp_path / "bag")
     monkeypatch.setattr("lptn.logs.bags._SHARE", 0.0)
     assert "half of the disk" in refuse(tmp_path / "bag", read_log, tmp_path / "bag")

@@ -246,7 +246,7 @@ def test_a_last_line_that_was_cut_is_left_out_and_said(tmp_path: Path) -> None:
 def test_a_table_that_unfolds_to_a_hundred_times_its_size(
     tmp_path: Path, refuse: Refuse, monkeypatch: pytest.MonkeyPatch, piece: bytes
 ) -> None:
-    monkeypatch.setattr("lptn.logs.tables._UNPACKED", 1_000_000)
+    monkeypatch.setattr("lptn.logs.tables.UNPACKED", 1_000_000)
     path = tmp_path / "bomb.csv.gz"
     path.write_bytes(
         gzip.compress(b"time,torque.a,temperature.a\n" + 20 * b"0,1,20\n" + 20_000_000 // len(piece) * piece)
@@ -287,7 +287,7 @@ def test_what_is_looked_through_is_bounded(
 
 
 def test_a_log_of_a_robot_at_rest_is_no_bomb(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("lptn.logs.tables._UNPACKED", 1000)
+    monkeypatch.setattr("lptn.logs.tables.UNPACKED", 1000)
     rows = b"".join(b"%d,0,20.0\n" % k for k in range(20_000))
     path = tmp_path / "rest.csv.gz"
     path.write_bytes(gzip.compress(b"time,torque.a,temperature.a\n" + rows, 9))
@@ -334,7 +334,7 @@ def test_rows_and_cells_that_no_sheet_has(tmp_path: Path, refuse: Refuse, old: b
 def test_a_spreadsheet_that_unfolds_to_a_hundred_times_its_size(
     tmp_path: Path, refuse: Refuse, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("lptn.logs.tables._UNPACKED", 1_000_000)
+    monkeypatch.setattr("lptn.logs.tables.UNPACKED", 1_000_000)
     path = tmp_path / "bomb.xlsx"
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("xl/sharedStrings.xml", b" " * 20_000_000)
@@ -345,7 +345,7 @@ def test_a_spreadsheet_that_unfolds_to_a_hundred_times_its_size(
 def test_texts_of_a_parquet_file_that_unfold_to_a_hundred_times_its_size(
     tmp_path: Path, refuse: Refuse, monkeypatch: pytest.MonkeyPatch, stored: str
 ) -> None:
-    monkeypatch.setattr("lptn.logs.tables._UNPACKED", 1_000_000)
+    monkeypatch.setattr("lptn.logs.tables.UNPACKED", 1_000_000)
     text = pa.array(["x" * 20_000] * 300)
     text = text.dictionary_encode() if stored == "dictionary" else text.cast(stored)
     table = {"time": np.arange(300.0), "temperature.a": np.full(300, 25.0), "torque.a": text}

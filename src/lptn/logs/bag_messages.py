@@ -27,88 +27,59 @@ _NUMPY_TYPES = {"bool": "u1", "byte": "u1", "char": "u1", "float32": "<f4", "flo
 _LONGEST = 64  # entries of an array; longer ones are pictures and clouds
 _HEAD = 4  # bytes that say how a message is encoded
 _BASE, _NAME, _SEQUENCE = 1, 2, 4  # kinds of types, as rosbags numbers them
+_COUNT, _TEXT = "count", "string"  # what stands before the entries of an array, 4 bytes; and letters, with their count
 
 
-class Numbers:
-    """The numbers of one message, read along the definition of its type.
+def numbers_of(store: Any, message: Any) -> dict[str, float]:
+    """The numbers of a message by their names: `twist.linear.x`, `motor_state[3].temperature`, `effort[FR_calf]`."""
+    entries = _entries(store.fielddefs, message, "")
+    return {name: float(x) for name, kind, x in entries if kind in _NUMPY_TYPES and name and name[:7] != "header."}
 
-    Attributes:
-        values: by name, such as `twist.linear.x`, `motor_state[3].temperature`, `effort[FR_calf]`.
-        places: first byte and numpy type of each, and of those in its header.
-        fixed: bytes that hold texts and counts: messages in which these are the same have the same layout.
-        end: byte behind the message's last; -1 where it holds a type whose length nobody knows.
+
+def _entries(types: Mapping[str, Any], message: Any, prefix: str | None) -> Iterator[tuple[str, str, Any]]:
+    """All that a message holds, in the order of its bytes: name, type and value; the name is '' where nobody asks.
+
+    Args:
+        types: the members of each type.
+        message: read by rosbags.
+        prefix: how the names of its members begin; of `None` they have none.
     """
+    joints = _joints(message)
+    for member, described in types[message.__msgtype__][1]:
+        own: Sequence[str] = ()
+        if member == "interface_values":
+            own = joints
+        elif member == "values":
+            own = getattr(message, "interface_names", ())
+        elif hasattr(message, "effort"):
+            own = [f"{member}[{joint}]" for joint in joints]
+        hidden = prefix is None or (member == "header" and prefix)
+        yield from _entries_of(types, described, getattr(message, member), "" if hidden else f"{prefix}{member}", own)
 
-    def __init__(self, store: Any, message: Any) -> None:
-        self._types = store.fielddefs
-        self.values: dict[str, float] = {}
-        self.places: dict[str, tuple[int, str]] = {}
-        self.fixed: list[int] = []
-        self.end = _HEAD
-        self._members(message.__msgtype__, message, "")
 
-    def _members(self, kind: str, message: Any, prefix: str | None) -> None:
-        """The members of a message, called by `prefix` and their names; of `None` the places alone are followed."""
-        joints = _joints(message)
-        for member, described in self._types[kind][1]:
-            entries: Sequence[str] = ()
-            if member == "interface_values":
-                entries = joints
-            elif member == "values":
-                entries = getattr(message, "interface_names", ())
-            elif hasattr(message, "effort"):
-                entries = [f"{member}[{joint}]" for joint in joints]
-            hidden = prefix is None or (member == "header" and prefix)
-            self._value(described, getattr(message, member), "" if hidden else f"{prefix}{member}", entries)
-
-    def _value(self, described: Any, value: Any, name: str, entries: Sequence[str] = ()) -> None:
-        form, inner = described
-        if form == _NAME:
-            self._members(inner, value, f"{name}." if name else None)
-        elif form == _BASE:
-            self._single(inner[0], value, name)
-        else:
-            if form == _SEQUENCE:
-                self._texts_or_counts(4, 4)
-            self._many(inner[0], value, name, entries)
-
-    def _many(self, described: Any, values: Any, name: str, entries: Sequence[str]) -> None:
-        """An array, whose entries are called by names of their own or by their number."""
-        size = int(_NUMPY_TYPES.get(described[1][0], "0")[-1]) if described[0] == _BASE else 0
-        prefix = name.rpartition(".")[0]
-        if len(entries) == len(values):
-            names = [f"{prefix}.{entry}" if prefix else entry for entry in entries]
-        elif len(values) <= _LONGEST:
-            names = [f"{name}[{number}]" for number in range(len(values))]
-        elif size and self.end >= 0:
-            self._skip(size, size * len(values))
-            return
-        else:
-            names = [""] * len(values)
-        for value, own in zip(values, names if name else [""] * len(values), strict=True):
-            self._value(described, value, own)
-
-    def _single(self, kind: str, value: Any, name: str) -> None:
-        if kind == "string":
-            self._texts_or_counts(4, 4)
-            self._texts_or_counts(1, len(value.encode()) + 1)
-            return
-        if name and not name.startswith("header."):
-            self.values[name] = float(value)
-        if kind not in _NUMPY_TYPES:
-            self.end = -1
-        elif self.end >= 0:
-            size = int(_NUMPY_TYPES[kind][-1])
-            self._skip(size, size)
-            self.places[name] = self.end - size, _NUMPY_TYPES[kind]
-
-    def _texts_or_counts(self, aligned: int, size: int) -> None:
-        if self.end >= 0:
-            self._skip(aligned, size)
-            self.fixed += range(self.end - size, self.end)
-
-    def _skip(self, aligned: int, size: int) -> None:
-        self.end += -(self.end - _HEAD) % aligned + size
+def _entries_of(
+    types: Mapping[str, Any], described: Any, value: Any, name: str, own: Sequence[str] = ()
+) -> Iterator[tuple[str, str, Any]]:
+    """The same of one member; the entries of an array are called by names of their `own`, or by their number."""
+    form, inner = described
+    if form == _NAME:
+        yield from _entries(types, value, f"{name}." if name else None)
+        return
+    if form == _BASE:
+        yield name, inner[0], value
+        return
+    if form == _SEQUENCE:
+        yield "", _COUNT, len(value)
+    element, prefix = inner[0], name.rpartition(".")[0]
+    if len(own) == len(value):
+        names = [f"{prefix}.{entry}" if prefix else entry for entry in own]
+    elif len(value) > _LONGEST and element[0] == _BASE and element[1][0] in _NUMPY_TYPES:
+        yield "", element[1][0], value
+        return
+    else:
+        names = [f"{name}[{k}]" if len(value) <= _LONGEST else "" for k in range(len(value))]
+    for entry, called in zip(value, names, strict=True):
+        yield from _entries_of(types, element, entry, called if name else "")
 
 
 def _joints(message: Any) -> Sequence[str]:
@@ -213,7 +184,7 @@ class Decoder:
     Args:
         store: the types that rosbags knows.
         kind: of the messages.
-        wanted: names of the numbers, as `Numbers` has them.
+        wanted: names of the numbers, as `numbers_of` has them.
     """
 
     def __init__(self, store: Any, kind: str, wanted: Sequence[str]) -> None:
@@ -231,30 +202,25 @@ class Decoder:
         values = np.full((len(raws), len(self._wanted)), np.nan)
         rest = np.arange(len(raws))
         for number in range(_LAYOUTS):
-            if not rest.size or not self._has_template(number, raws[int(rest[0])]):
+            if number == len(self.templates) and self._learns and rest.size:
+                template = _Template.of(self._store, self._kind, raws[int(rest[0])], self._wanted)
+                self.templates += [template] * (template is not None)
+                self._learns = template is not None
+            if number == len(self.templates) or not rest.size:
                 break
-            template = self.templates[number]
-            rows, like = template.like([raws[row] for row in rest.tolist()])
-            stamps[rest[like]], values[rest[like]] = template.read(rows)
+            rows, like = self.templates[number].like([raws[row] for row in rest.tolist()])
+            stamps[rest[like]], values[rest[like]] = self.templates[number].read(rows)
             for row in rest[like].tolist():
-                labels[row] = template.label
+                labels[row] = self.templates[number].label
             rest = rest[~like]
         for row in rest.tolist():
             message = self._store.deserialize_cdr(raws[row], self._kind)
-            numbers = Numbers(self._store, message).values
+            numbers = numbers_of(self._store, message)
             values[row] = [numbers.get(name, np.nan) for name in self._wanted]
             labels[row] = label_of(message)
             if (header := getattr(message, "header", None)) is not None:
                 stamps[row] = header.stamp.sec * 10**9 + header.stamp.nanosec
         return stamps, values, labels
-
-    def _has_template(self, number: int, raw: bytes) -> bool:
-        """Whether there is a template of this number, after a look at a message that none of the others fits."""
-        if number == len(self.templates) and self._learns:
-            template = _Template.of(self._store, self._kind, raw, self._wanted)
-            self._learns = template is not None
-            self.templates += [template] if template is not None else []
-        return number < len(self.templates)
 
 
 @dataclass(frozen=True)
@@ -269,19 +235,30 @@ class _Template:
 
     @classmethod
     def of(cls, store: Any, kind: str, raw: bytes, wanted: Sequence[str]) -> _Template | None:
-        """`None` where the message is laid out in another way than `Numbers` reads it."""
+        """`None` where the message is laid out in another way than its type says."""
         message = store.deserialize_cdr(raw, kind)
-        numbers = Numbers(store, message)
-        if raw[1] != _LITTLE_ENDIAN or not 0 <= len(raw) - numbers.end < _PADDED:
+        places: dict[str, tuple[int, str]] = {}
+        fixed: list[int] = []
+        end = _HEAD
+        for name, base, value in _entries(store.fielddefs, message, ""):
+            if base not in _NUMPY_TYPES and base not in (_COUNT, _TEXT):
+                return None
+            size = int(_NUMPY_TYPES.get(base, "4")[-1])
+            begin = end + -(end - _HEAD) % size
+            end = begin + size * np.size(value)
+            if base in _NUMPY_TYPES:
+                places[name] = begin, _NUMPY_TYPES[base]
+            else:
+                end += len(value.encode()) + 1 if base == _TEXT else 0
+                fixed += range(begin, end)
+        if raw[1] != _LITTLE_ENDIAN or not 0 <= len(raw) - end < _PADDED:
             return None
-        at = tuple(numbers.places.get(name, (0, "")) for name in wanted)
-        clock = ("header.stamp.sec", "header.stamp.nanosec")
-        stamp = tuple(numbers.places[name] for name in clock if name in numbers.places)
-        fixed = np.array(numbers.fixed, np.int64)
-        template = cls(np.frombuffer(raw, np.uint8), fixed, at, stamp, label_of(message))
-        values = template.read(template.raw[None])[1][0]
-        expected = [numbers.values.get(name, np.nan) for name in wanted]
-        return template if np.array_equal(values, expected, equal_nan=True) else None
+        at = tuple(places.get(name, (0, "")) for name in wanted)
+        stamp = tuple(places[f"header.stamp.{part}"] for part in ("sec", "nanosec") if f"header.stamp.{part}" in places)
+        template = cls(np.frombuffer(raw, np.uint8), np.array(fixed, np.int64), at, stamp, label_of(message))
+        numbers = numbers_of(store, message)
+        expected = [numbers.get(name, np.nan) for name in wanted]
+        return template if np.array_equal(template.read(template.raw[None])[1][0], expected, equal_nan=True) else None
 
     def like(self, raws: Sequence[bytes]) -> tuple[NDArray[np.uint8], BoolArray]:
         """The messages laid out like this one as rows of bytes, and which they are, (n,)."""

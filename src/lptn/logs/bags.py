@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import re
 import shutil
 import tempfile
@@ -21,9 +22,18 @@ import numpy as np
 from lptn.basics.arrays import FloatArray, IntArray
 from lptn.basics.errors import InputError
 from lptn.basics.files import fingerprint
-from lptn.logs.bag_messages import COMMON_TYPES, Decoder, Numbers, label_of, quantities
+from lptn.logs.bag_messages import COMMON_TYPES, Decoder, label_of, numbers_of, quantities
 from lptn.logs.streams import ANOTHER_SOURCE, conflicts
-from lptn.logs.tables import Bounded, Source, Table, one_line_if_broken, require_package, table_of_sources
+from lptn.logs.tables import (
+    TIMES_PACKED,
+    UNPACKED,
+    Bounded,
+    Source,
+    Table,
+    one_line_if_broken,
+    require_package,
+    table_of_sources,
+)
 
 # --- A bag opened ----------------------------------------------------------------------------------
 
@@ -179,7 +189,7 @@ def _first_numbers(reader: Any, store: Any, topic: str, kind: str) -> First | No
                 return None
             source = (connection.id, label_of(message))
             sources[source] = None
-            for name in islice(Numbers(store, message).values, _WIDEST):
+            for name in islice(numbers_of(store, message), _WIDEST):
                 names.setdefault(name, set()).add(source)
     shared = len(sources) <= _MOST_SOURCES and any(len(of_name) > 1 for of_name in names.values())
     return First(list(names)[:_WIDEST], list(sources), shared)
@@ -215,21 +225,16 @@ def _plain(types: Mapping[str, Any]) -> bool:
         used = [*(name for name, *_ in constants), *(name for name, _ in members)]
         if not _KIND.fullmatch(kind) or not all(map(_MEMBER.fullmatch, used)):
             return False
-        texts = [text for _, described in members for text in _texts(described)]
-        if not all(_KIND.fullmatch(text) or _MEMBER.fullmatch(text) for text in texts):
-            return False
+        described: list[Any] = [how for _, how in members]
+        while described:
+            one = described.pop()
+            if isinstance(one, tuple):
+                described += one
+            elif isinstance(one, str) and not (_KIND.fullmatch(one) or _MEMBER.fullmatch(one)):
+                return False
         if not all(isinstance(value, bool | int | float | str) for *_, value in constants):
             return False
     return True
-
-
-def _texts(described: Any) -> Iterator[str]:
-    """All names in the description of a type."""
-    if isinstance(described, str):
-        yield described
-    elif isinstance(described, tuple):
-        for entry in described:
-            yield from _texts(entry)
 
 
 @contextmanager
@@ -314,28 +319,53 @@ def _listed(streams: Sequence[Stream]) -> str:
 
 _MOST = 1 << 30  # bytes of a chunk, or of a message; recorders make chunks of some megabytes
 _SHARE = 0.5  # of the disk's free space that a bag may take while it is read
-_TOO_LARGE = "a compressed file of more than half of the disk's free space"
 _METHODS = ("lz4", "zstd")
 
 
 @contextmanager
 def bounded() -> Iterator[None]:
-    """Within it rosbags decompresses no chunk beyond the size that it declares, and nothing beyond 1 GiB.
+    """Within it rosbags decompresses no piece beyond 1 GiB or the size that it declares, and all to 50 times its size.
 
     The library has no such option; its own functions are put back afterwards.
     """
+    from lz4.frame import LZ4FrameDecompressor  # type: ignore[import-untyped]
     from rosbags.rosbag2 import reader, storage_mcap
+
+    left = UNPACKED  # bytes that may still come
+
+    def within(decompressor: Any, data: bytes, size: int) -> bytes:
+        """Data decompressed, one frame of at most `size` bytes; a ValueError if it is more, or is cut off."""
+        nonlocal left
+        if not 0 <= size <= _MOST:
+            raise ValueError(f"{size} bytes in one piece, of which {_MOST} at most are taken")
+        left += TIMES_PACKED * len(data)
+        most = min(size, left)
+        unpacked: bytes = decompressor.decompress(bytes(data), max_length=most + 1)
+        left -= len(unpacked)
+        if left < 0:
+            raise ValueError(f"pieces that unfold to more than {TIMES_PACKED} times their size")
+        if len(unpacked) > size:
+            raise ValueError(f"a piece of more than the {size} bytes that it may have")
+        if not decompressor.eof:
+            raise ValueError("a compressed piece that is cut off")
+        return unpacked
+
+    def opened(stream: Any, mode: str) -> Bounded:
+        """A bag that is compressed as a whole, which the library unpacks to the disk."""
+        free = int(_SHARE * shutil.disk_usage(tempfile.gettempdir()).free)
+        size = max(UNPACKED, TIMES_PACKED * os.fstat(stream.fileno()).st_size)
+        found = "half of the disk's free space" if free < size else f"{TIMES_PACKED} times its size"
+        return Bounded(zstd.open(stream, mode), min(free, size), ValueError(f"a compressed file of more than {found}"))
 
     chunks: dict[str, Any] = storage_mcap.DECOMPRESSORS
     usual = {method: chunks[method] for method in _METHODS}
-    most = int(_SHARE * shutil.disk_usage(tempfile.gettempdir()).free)
     zstd = getattr(reader, "zstd", None)  # older versions use another package: only their lz4 is bounded
-    chunks["lz4"] = _lz4
+    chunks["lz4"] = lambda data, size: within(LZ4FrameDecompressor(), data, size)
     if zstd is not None:
-        chunks["zstd"] = lambda data, size: _within(zstd.ZstdDecompressor(), data, size)
+        chunks["zstd"] = lambda data, size: within(zstd.ZstdDecompressor(), data, size)
+        whole = partial(within, size=_MOST)
         vars(reader)["zstd"] = SimpleNamespace(
-            decompress=lambda data: _within(zstd.ZstdDecompressor(), data, _MOST),
-            open=lambda stream, mode: Bounded(zstd.open(stream, mode), most, ValueError(_TOO_LARGE)),
+            decompress=lambda data: whole(zstd.ZstdDecompressor(), data), open=opened
         )
     try:
         yield
@@ -343,25 +373,3 @@ def bounded() -> Iterator[None]:
         chunks.update(usual)
         if zstd is not None:
             vars(reader)["zstd"] = zstd
-
-
-def _lz4(data: bytes, size: int) -> bytes:
-    from lz4.frame import LZ4FrameDecompressor  # type: ignore[import-untyped]
-
-    return _within(LZ4FrameDecompressor(), data, size)
-
-
-def _within(decompressor: Any, data: bytes, size: int) -> bytes:
-    """Data decompressed, one frame of at most `size` bytes.
-
-    Raises:
-        ValueError: it is more, or ends before the frame does.
-    """
-    if not 0 <= size <= _MOST:
-        raise ValueError(f"{size} bytes in one piece, of which {_MOST} at most are taken")
-    unpacked: bytes = decompressor.decompress(bytes(data), max_length=size + 1)
-    if len(unpacked) > size:
-        raise ValueError(f"a piece of more than the {size} bytes that it may have")
-    if not decompressor.eof:
-        raise ValueError("a compressed piece that is cut off")
-    return unpacked

@@ -6,7 +6,7 @@ One log has the temperatures, the other what heats: a motor that warms says when
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -52,10 +52,9 @@ def join(
     one = _Timed(first, column_sources(first, time_key).get("time"), "time")
     own = columns.get(SECOND_TIME) or column_sources(second, time_key).get("time")
     other = _Timed(second, own, SECOND_TIME)
-    if shift is None:
+    seconds, note = shift, f"{second.path.name}: its clock set forward by {shift or 0:.6g} s, as given."
+    if seconds is None:
         seconds, note = _aligned(path, one, other, rest)
-    else:
-        seconds, note = shift, f"{second.path.name}: its clock set forward by {shift:.6g} s, as given."
     taken = set(first.names)
     renamed = {name: f"{name}:2" if name in taken else name for name in second.names if name != other.column}
     names = ("time", *(name for name in first.names if name not in {one.column, "time"}), *renamed.values())
@@ -89,8 +88,7 @@ class _Timed:
 
     def __init__(self, table: Table, source: ColumnSource | None, key: str) -> None:
         self.table = table
-        missing = source is None or any(name not in table.names for name in source.columns)
-        if source is None or missing:
+        if source is None or not set(source.columns) <= set(table.names):
             problem = f"no such column; the log has: {table.listing}"
             raise InputError(table.path, f"column {key}", problem, f"a line in [columns] / --map {key}=YOURNAME")
         self.column = source.columns[0]
@@ -110,70 +108,52 @@ class _Timed:
         numbers = self.table.numbers(names)
         return self.time + shift, {new: numbers[name][self.rows] for name, new in names.items()}
 
-    def values(self, sources: Mapping[str, ColumnSource], quantities: Sequence[str]) -> dict[str, FloatArray]:
-        """The columns of some quantities that this log has, (n,) each."""
-        columns = {
+    def values(self, columns: Mapping[str, ColumnSource], quantities: Collection[str]) -> dict[str, FloatArray]:
+        """The columns of some quantities that this log has, (n,) each; the air's temperature is none of a robot."""
+        found = {
             key: source.values(key, self.table.numbers(source.columns))[self.rows]
-            for key, source in sources.items()
-            if key.partition(".")[0] in quantities and set(source.columns) <= set(self.table.names)
+            for key, source in column_sources(self.table, columns).items()
+            if key.partition(".")[0] in quantities and key != AMBIENT and set(source.columns) <= set(self.table.names)
         }
-        return {key: values for key, values in columns.items() if np.isfinite(values).sum() > FEWEST_ROWS}
+        return {key: values for key, values in found.items() if np.isfinite(values).sum() > FEWEST_ROWS}
 
 
 def _aligned(path: Path, one: _Timed, other: _Timed, columns: Mapping[str, ColumnSource]) -> tuple[float, str]:
-    """The shift of the second log's clock, and what is said of it."""
-    both = [(log, column_sources(log.table, columns)) for log in (one, other)]
-    warm = [log.values(sources, ["temperature"]) for log, sources in both]
-    warm = [{key: values for key, values in temperatures.items() if key != AMBIENT} for temperatures in warm]
-    heat = [log.values(sources, list(_HEAT)) for log, sources in both]
-    if warm[0] and heat[1]:
-        sign, pairs = 1.0, _pairs(one, warm[0], other, heat[1])
-    elif warm[1] and heat[0]:
-        sign, pairs = -1.0, _pairs(other, warm[1], one, heat[0])
+    """The shift of the second log's clock, by each temperature that the heat in the other log explains; and a note."""
+    for warm, hot in ((one, other), (other, one)):
+        temperatures, inputs = warm.values(columns, {"temperature"}), hot.values(columns, _HEAT)
+        if temperatures and inputs:
+            break
     else:
         problem = "no temperature in one of the logs, or no torque, current or power in the other"
         raise InputError(path, "join", problem, f"lines in [columns] for them, or the shift: {path}@SECONDS")
+    heats = {key: np.abs(values) ** _HEAT[key.partition(".")[0]] for key, values in inputs.items()}
+    kind = next(quantity for quantity in _HEAT if any(key.startswith(f"{quantity}.") for key in heats))
+    total = np.sum([np.nan_to_num(values) for key, values in heats.items() if key.startswith(f"{kind}.")], axis=0)
     shifts: dict[str, Shift] = {}
     reasons = []
-    for name, pair in pairs.items():
+    for key, readings in temperatures.items():
+        place = key.partition(".")[2]
+        own = next((f"{quantity}.{place}" for quantity in _HEAT if f"{quantity}.{place}" in heats), "")
+        heat = heats.get(own, total)
+        read, fed = np.isfinite(readings), np.isfinite(heat)
         try:
-            shifts[name] = shift_of(*pair)
+            shift = shift_of(warm.time[read], readings[read], hot.time[fed], heat[fed])
+            shifts[f"{key} against {own or f'all {kind}s'}"] = Shift(
+                shift.seconds if warm is one else -shift.seconds, shift.error
+            )
         except NoOnsetError as reason:
             reasons.append(str(reason))
     if not shifts:
         expected = f"logs that begin before the heating does, or the shift: {path}@SECONDS"
         raise InputError(path, "join", f"no onset of heating to align on ({reasons[0]})", expected)
     best = min(shifts, key=lambda name: shifts[name].error)
-    seconds, error = sign * shifts[best].seconds, shifts[best].error
+    seconds, error = shifts[best].seconds, shifts[best].error
     note = f"{other.table.path.name}: its clock set forward by {seconds:.2f} ± {error:.2g} s, so that the onset of "
     note += f"heating fits ({best}); a sensor's own lag is in it."
-    apart = [
-        f"{name} {sign * shift.seconds:.1f} s"
-        for name, shift in shifts.items()
-        if abs(shift.seconds - shifts[best].seconds) > _APART
-    ]
-    return seconds, note + (f" Others say otherwise: {', '.join(apart)}." if apart else "")
-
-
-Pair = tuple[FloatArray, FloatArray, FloatArray, FloatArray]  # times and temperatures, times and heat
-
-
-def _pairs(
-    warm: _Timed, temperatures: Mapping[str, FloatArray], hot: _Timed, inputs: Mapping[str, FloatArray]
-) -> dict[str, Pair]:
-    """Each temperature with the heat at its own place, or where there is none with the sum of all of one kind."""
-    heats = {key: np.abs(values) ** _HEAT[key.partition(".")[0]] for key, values in inputs.items()}
-    kind = next(quantity for quantity in _HEAT if any(key.startswith(f"{quantity}.") for key in heats))
-    total = np.sum([np.nan_to_num(values) for key, values in heats.items() if key.startswith(f"{kind}.")], axis=0)
-    pairs = {}
-    for key, readings in temperatures.items():
-        place = key.partition(".")[2]
-        own = next((f"{quantity}.{place}" for quantity in _HEAT if f"{quantity}.{place}" in heats), "")
-        heat = heats.get(own, total)
-        read, fed = np.isfinite(readings), np.isfinite(heat)
-        name = f"{key} against {own or f'all {kind}s'}"
-        pairs[name] = (warm.time[read], readings[read], hot.time[fed], heat[fed])
-    return pairs
+    apart = {name: shift.seconds for name, shift in shifts.items() if abs(shift.seconds - seconds) > _APART}
+    listed = ", ".join(f"{name} {shift:.1f} s" for name, shift in apart.items())
+    return seconds, note + f" Others say otherwise: {listed}." * bool(apart)
 
 
 # --- The shift between two clocks, from the onset of heating: heat in one log, what it warms in the other ---
@@ -243,7 +223,7 @@ def shift_of(warm_time: FloatArray, temperature: FloatArray, heat_time: FloatArr
     lost = np.concatenate(([0.0], np.cumsum(0.5 * (energy[1:] + energy[:-1]) * np.diff(heat_time))))
 
     def fitted(share: float) -> Shift:
-        """The shift from a share of the first rise."""
+        """The shift of least cost from a share of the first rise."""
         window = _first_rise(temperature, share)
         time, readings = warm_time[:window], temperature[:window]
 
@@ -261,7 +241,19 @@ def shift_of(warm_time: FloatArray, temperature: FloatArray, heat_time: FloatArr
             order = np.argsort(np.concatenate([tried, more]))
             costs = np.concatenate([costs, [cost(shift) for shift in more]])[order]
             tried = np.concatenate([tried, more])[order]
-        return _least(tried, costs, readings, (time, heat_time))
+        best, flat = int(costs.argmin()), float(np.sum((readings - readings.mean()) ** 2))
+        if costs[best] > _MISFIT * flat:
+            raise NoOnsetError("the temperature does not rise as the heat would have it")
+        # What the equation leaves out correlates neighbouring errors; one a second, at most, counts as its own. Three
+        # coefficients and the shift are fitted to them.
+        count = max(3.0, min(float(readings.size), float(np.ptp(time))) - 4.0)
+        inside = tried[costs <= max(costs[best], 1e-12 * flat) * (1 + _WIDTH / count)]
+        if inside[0] <= tried[0] or inside[-1] >= tried[-1]:
+            raise NoOnsetError("the temperature's log begins too late, or shows too little of the rise")
+        spread = (inside[-1] - inside[0]) / 6  # from three standard errors below to three above
+        # A stamp is uniform in its period.
+        stamps = sum(float(np.median(np.diff(clock))) ** 2 / 12 for clock in (time, heat_time))
+        return Shift(float(tried[best]), float(np.sqrt(spread**2 + stamps)))
 
     whole = fitted(1.0)
     try:
@@ -270,25 +262,6 @@ def shift_of(warm_time: FloatArray, temperature: FloatArray, heat_time: FloatArr
     except NoOnsetError:  # too noisy for half the rise
         error = 2 * whole.error
     return Shift(whole.seconds, error)
-
-
-def _least(tried: FloatArray, costs: FloatArray, readings: FloatArray, clocks: Sequence[FloatArray]) -> Shift:
-    """The shift of least cost; refused where the heat does not explain the rise, or leaves the shift open."""
-    best = int(costs.argmin())
-    flat = float(np.sum((readings - readings.mean()) ** 2))
-    if costs[best] > _MISFIT * flat:
-        raise NoOnsetError("the temperature does not rise as the heat would have it")
-    # What the equation leaves out correlates neighbouring errors; one a second, at most, counts as its own. Three
-    # coefficients and the shift are fitted to them.
-    count = max(3.0, min(float(readings.size), float(np.ptp(clocks[0]))) - 4.0)
-    floor = max(costs[best], 1e-12 * flat)
-    inside = tried[costs <= floor * (1 + _WIDTH / count)]
-    if inside[0] <= tried[0] or inside[-1] >= tried[-1]:
-        raise NoOnsetError("the temperature's log begins too late, or shows too little of the rise")
-    spread = (inside[-1] - inside[0]) / 6  # from three standard errors below to three above
-    # A stamp is uniform in its period.
-    periods = (float(np.median(np.diff(stamps))) for stamps in clocks)
-    return Shift(float(tried[best]), float(np.sqrt(spread**2 + sum(period**2 / 12 for period in periods))))
 
 
 def _sum_of_squares(readings: FloatArray, put_in: FloatArray, gone: FloatArray) -> float:

@@ -29,7 +29,7 @@ COLUMNS = Bound(100_000, "columns")
 """Of a table: a file of so many takes 8 s to open; of a robot's log a thousand are many."""
 MOST_NUMBERS = 500_000_000  # 4 GB; a day of twelve joints at 100 Hz has 400 million
 _NUMBERS_AT_ONCE = 10_000_000  # read from a file before they are copied into their columns, so that few stand twice
-_UNPACKED = 100_000_000  # bytes that any packed file may have …
+UNPACKED = 100_000_000  # bytes that any packed file may have …
 TIMES_PACKED = 50  # … and times its own size
 _MOST_WORDS = 5  # that a note gives as examples
 _MOST_LISTED = 30  # names of columns in a message
@@ -201,7 +201,7 @@ def too_large(path: Path, size: str) -> InputError:
 
 def most_unpacked(path: Path) -> int:
     """Bytes that a packed file may unfold to: numbers that change take a third of them, a robot at rest a thirtieth."""
-    return max(_UNPACKED, TIMES_PACKED * path.stat().st_size)
+    return max(UNPACKED, TIMES_PACKED * path.stat().st_size)
 
 
 class Bounded(io.RawIOBase):

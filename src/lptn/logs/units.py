@@ -201,11 +201,23 @@ def room_of(values: Mapping[str, FloatArray]) -> float | None:
 def _suspect_temperature(
     key: str, source: ColumnSource, numbers: Mapping[str, FloatArray], readings: FloatArray, room: float | None
 ) -> list[Issue]:
-    """A temperature that as it is read can be no robot's."""
+    """A temperature that as it is read can be no robot's, and the other entries by which it could be read."""
     middle, can = _middle(readings), PLAUSIBLE["temperature"]
     if middle < can.most and (middle > _COLDEST or source.unit is None):  # who fails at -127 is no other unit's
         return []
-    ways = _ways(source, numbers[source.columns[0]])
+    raw = numbers[source.columns[0]]
+    raw = raw[np.isfinite(raw)]
+    counted, whole = _middle(raw) * source.scale, bool((np.round(raw) == raw).all())
+    turns = [source.wrap] if source.wrap else [turn for turn in _TURNS if turn / 2 <= raw.min() <= raw.max() < turn]
+    if source.unit is None:
+        ways = {"kelvin": replace(source, unit="K")}
+        if whole or counted > _MELTS + _KELVIN:
+            parts = {words: part for words, part in _PARTS.items() if counted * part > _NOT_FROZEN}
+            ways |= {words: replace(source, scale=source.scale * part) for words, part in parts.items()}
+    else:
+        ways = {words: replace(source, unit=unit) for words, unit in _UNITS.items() if unit != source.unit}
+    if whole and turns:
+        ways["a number that began below 0"] = below_zero(source, turns[0])
     problem = f"values around {middle:.4g}"
     if source.unit is not None:
         problem += f" degC, in the unit that is stated, {source.unit}: no part of a robot has that"
@@ -223,35 +235,9 @@ def _suspect_temperature(
     return [proposed(key, source, numbers, problem, ways, room, certain=certain, stays=stays)]
 
 
-def _ways(source: ColumnSource, raw: FloatArray) -> dict[str, ColumnSource]:
-    """The other entries by which a temperature could be read, each with its words."""
-    raw = raw[np.isfinite(raw)]
-    ways = {words: replace(source, unit=unit) for words, unit in _UNITS.items() if unit != source.unit}
-    if source.unit is None:
-        ways = {"kelvin": ways["kelvin"]}
-    turns = [source.wrap] if source.wrap else [turn for turn in _TURNS if turn / 2 <= raw.min() <= raw.max() < turn]
-    whole, middle = bool((np.round(raw) == raw).all()), _middle(raw) * source.scale
-    if source.unit is None and (whole or middle > _MELTS + _KELVIN):
-        parts = {words: part for words, part in _PARTS.items() if middle * part > _NOT_FROZEN}
-        ways |= {words: replace(source, scale=source.scale * part) for words, part in parts.items()}
-    if whole and turns:
-        ways["a number that began below 0"] = below_zero(source, turns[0])
-    return ways
-
-
 def below_zero(source: ColumnSource, turn: float) -> ColumnSource:
     """A counter of a temperature that begins below 0, and is written from 0 up."""
     return replace(source, wrap=turn, offset=source.offset - turn * source.scale)
-
-
-@dataclass(frozen=True)
-class _Reading:
-    """A way to read a temperature: its words, its entry, degC where it begins, and whether a robot begins there."""
-
-    words: str
-    source: ColumnSource
-    start: float
-    fits: bool
 
 
 def proposed(
@@ -279,37 +265,28 @@ def proposed(
         stays: what to do where it is.
         kind: of issue.
     """
-    read = [one for words, way in ways.items() if (one := _read(key, words, way, numbers, room))]
-    near = sorted(read, key=lambda one: (not one.fits, abs(one.start - (_USUAL if room is None else room))))
-    fitting = [one for one in near if one.fits] or near[:1]
+    usual = _USUAL if room is None else room
+    near: list[tuple[bool, float, str, ColumnSource, float]] = []  # unlikely, by how much, words, entry, start
+    for words, way in ways.items():
+        readings = way.values(key, numbers)
+        readings = readings[np.isfinite(readings)]
+        if readings.size and _can_be(_middle(readings)):  # else no part of a robot would be so warm, or cold
+            start = float(readings[0])
+            above = usual - start if key == AMBIENT else start - usual
+            fits = _OUTDOORS[0] <= start <= _OUTDOORS[1] if room is None else -_COLDER <= above <= _WARMER
+            near.append((not fits, abs(start - usual), words, way, start))
+    near.sort(key=lambda one: one[:2])
+    fitting = [one for one in near if not one[0]] or near[:1]
     if kind == "unit" and fitting and source.unit is None:
-        problem += f", which look like {' or '.join(one.words for one in fitting)}"
-    lines = [f"for {one.words} write {as_line_or_option(key, one.source)}" for one in fitting]
-    for one in near[len(fitting) :]:
-        side = "below" if one.start < (_USUAL if room is None else room) else "above"
-        where = "any room" if room is None else "its surroundings"
-        lines.append(
-            f"less likely for {one.words}, by which it begins at {one.start:.3g} degC, {side} {where}: "
-            f"{as_line_or_option(key, one.source)}"
-        )
+        problem += f", which look like {' or '.join(words for _, _, words, *_ in fitting)}"
+    lines = [f"for {words} write {as_line_or_option(key, way)}" for _, _, words, way, _ in fitting]
+    for _, _, words, way, start in near[len(fitting) :]:
+        where = f"{'below' if start < usual else 'above'} {'any room' if room is None else 'its surroundings'}"
+        lines.append(f"less likely for {words}, by which it begins at {start:.3g} degC, {where}: ")
+        lines[-1] += as_line_or_option(key, way)
     remedy = "; ".join([*lines, *[stays] * bool(stays)]) if lines else f"write its unit; {stays}"
-    only = fitting[0].source if len(fitting) == 1 else None
+    only = fitting[0][3] if len(fitting) == 1 else None
     return Issue(key, source.columns[0], problem, remedy, certain, only, kind)
-
-
-def _read(
-    key: str, words: str, source: ColumnSource, numbers: Mapping[str, FloatArray], room: float | None
-) -> _Reading | None:
-    """A column read in a way; None where no part of a robot would be so warm, or cold."""
-    x = source.values(key, numbers)
-    x = x[np.isfinite(x)]
-    if not x.size or not _can_be(_middle(x)):
-        return None
-    start = float(x[0])
-    fits = _OUTDOORS[0] <= start <= _OUTDOORS[1]
-    if room is not None:
-        fits = -_COLDER <= (room - start if key == AMBIENT else start - room) <= _WARMER
-    return _Reading(words, source, start, fits)
 
 
 def _can_be(reading: float) -> bool:
