@@ -204,7 +204,7 @@ class Decoder:
         for number in range(_LAYOUTS):
             if number == len(self.templates) and self._learns and rest.size:
                 template = _Template.of(self._store, self._kind, raws[int(rest[0])], self._wanted)
-                self.templates += [template] * (template is not None)
+                self.templates += [template] if template is not None else []
                 self._learns = template is not None
             if number == len(self.templates) or not rest.size:
                 break

@@ -359,7 +359,7 @@ def bounded() -> Iterator[None]:
 
     chunks: dict[str, Any] = storage_mcap.DECOMPRESSORS
     usual = {method: chunks[method] for method in _METHODS}
-    zstd = getattr(reader, "zstd", None)  # older versions use another package: only their lz4 is bounded
+    zstd: Any = getattr(reader, "zstd", None)  # older versions use another package: only their lz4 is bounded
     chunks["lz4"] = lambda data, size: within(LZ4FrameDecompressor(), data, size)
     if zstd is not None:
         chunks["zstd"] = lambda data, size: within(zstd.ZstdDecompressor(), data, size)
