@@ -23,8 +23,8 @@ from lptn.identify.fitting import fit
 from lptn.logs.run import Run
 from lptn.model.model import Model
 from lptn.online.calibration import FALSE_ALARMS, Calibration, calibrate, rare
-from lptn.online.monitoring import alarms_by_threshold, monitor
-from lptn.online.sensor_faults import Alarm, MonitoredRun
+from lptn.online.fault_bank import Alarm
+from lptn.online.monitoring import MonitoredRun, alarms_by_threshold, monitor
 from lptn.robots.presets import presets
 from lptn.simulate.bound_run import bind
 from lptn.virtual import Fault, plan, quadruped_logs, write_logs

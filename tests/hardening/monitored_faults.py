@@ -27,8 +27,8 @@ from lptn.basics.arrays import FloatArray
 from lptn.identify.data import load_model
 from lptn.identify.fitting import fit
 from lptn.online.calibration import calibrate
+from lptn.online.fault_bank import Alarm
 from lptn.online.monitoring import monitor
-from lptn.online.sensor_faults import Alarm
 from lptn.simulate.bound_run import bind
 from tests.hardening.plants import AIR, ROBOTS, Plant, Robot
 

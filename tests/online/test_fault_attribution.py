@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+from functools import partial
+
+import numpy as np
 import pytest
 
+from lptn.basics.arrays import FloatArray
 from tests.hardening import monitored_faults
 from tests.hardening.monitored_faults import BEGIN, FAULTS, Fault, at, loose, watched
 
 
-def blamed(seed: int, mode: str, faults: list[str], noise: float = 0.1) -> tuple[dict[str, tuple[str, ...]], set[str]]:
+def blamed(
+    seed: int, mode: str, faults: list[str], noise: float = 0.1, robot: str = "leg"
+) -> tuple[dict[str, tuple[str, ...]], set[str]]:
     """The healthy channels that are blamed, by fault; and the faults that are called."""
-    said = watched("leg", seed, noise, [mode], faults)
+    said = watched(robot, seed, noise, [mode], faults)
     return (
         {fault: answer.blamed for (_, fault), answer in said.items() if answer.blamed},
         {fault for (_, fault), answer in said.items() if answer.called},
@@ -66,3 +72,35 @@ def test_what_a_failed_sensor_reads_is_named() -> None:
     said = watched("leg", 3, 0.1, ["taught"], list(FAULTS))
     assert said["taught", "come loose by 60 %"].called == ("disconnected",)
     assert said["taught", "stuck with dither"].called == ("stuck",)
+
+
+def _scaled(share: float, values: FloatArray, _since: FloatArray, _random: np.random.Generator) -> FloatArray:
+    return share * values
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("robot", "mode"), [("leg", "taught"), ("leg", "untaught"), ("knee", "taught"), ("quadruped", "untaught")]
+)
+def test_a_load_of_another_size_from_some_time_on_is_called(
+    robot: str, mode: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Every value of the model is 10 % off; without healthy logs no sensor stood out, and no load was looked at."""
+    for share in (0.5, 0.6, 1.6):
+        fault = Fault(at(BEGIN, partial(_scaled, share), "current"), ("current.j",))
+        monkeypatch.setitem(monitored_faults.FAULTS, f"current times {share}", fault)
+    faults = ["healthy", *(fault for fault in monitored_faults.FAULTS if fault.startswith("current times"))]
+    wrongly, called = blamed(5, mode, faults, robot=robot)
+    assert wrongly == {}
+    assert called == {*faults} - {"healthy"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("robot", "offset"), [("leg", 10.0), ("leg", -10.0), ("motor", 8.0), ("knee", 10.0)])
+def test_air_that_is_off_all_the_while_is_called(robot: str, offset: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """All joints lose more heat, or less, than the model says; each by itself could be a model that is off."""
+    fault = Fault(at(0, lambda x, t, r: x + offset, "ambient"), ("temperature.ambient",))
+    monkeypatch.setitem(monitored_faults.FAULTS, "air off", fault)
+    wrongly, called = blamed(6, "taught", ["healthy", "air off"], robot=robot)
+    assert wrongly == {}
+    assert called == {"air off"}

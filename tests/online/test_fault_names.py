@@ -9,8 +9,7 @@ import pytest
 
 from lptn.logs.issue import Issue
 from lptn.model.model import Model
-from lptn.online.monitoring import monitor
-from lptn.online.sensor_faults import MonitoredRun, known_faults, noisy, silent_rows
+from lptn.online.monitoring import MonitoredRun, known_faults, monitor, noisy, silent_rows
 from tests.identify.truth import TRUTH, network, truth_run
 
 BEGIN = 1200  # s

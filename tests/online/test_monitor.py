@@ -17,18 +17,19 @@ from lptn.cli.main import main
 from lptn.logs.run import Run
 from lptn.model.model import Model
 from lptn.online.calibration import Calibration, calibrate, rare, read_calibration, uncalibrated, write_calibration
-from lptn.online.fault_likelihood import (
+from lptn.online.fault_bank import (
+    DECIDES,
     DRIFT,
     LAG,
     OFFSET,
     STEP,
+    Alarm,
     coarsely_bound,
     fault_statistics,
     first_alarm,
     gaussian_estimator,
 )
-from lptn.online.monitoring import Monitoring, alarms_by_threshold, monitor
-from lptn.online.sensor_faults import Alarm, MonitoredRun
+from lptn.online.monitoring import MonitoredRun, Monitoring, alarms_by_threshold, monitor
 from lptn.report.online_figures import monitoring_figure
 from tests.identify.truth import TRUTH, network, truth_run
 
@@ -185,7 +186,7 @@ def test_error_codes_count_as_missing_and_scattered_gaps_do_not(model: Model, ca
 def test_the_size_of_a_drift_is_estimated_right(model: Model, calibration: Calibration) -> None:
     bound = coarsely_bound(model, log(4, drift(FASTEST)).slice(-np.inf, BEGIN + 600), STEP)
     estimator = gaussian_estimator(model, calibration.noise, calibration.error)
-    weight, size = fault_statistics(estimator, bound, bound.measured)
+    weight, size, *_ = fault_statistics(estimator, bound, bound.measured)
     begin = int(weight[:, DRIFT, 0].argmax())
     assert bound.run.time[begin] == pytest.approx(BEGIN, abs=60.0)
     assert size[begin, DRIFT, 0] == pytest.approx(FASTEST, rel=0.2)
@@ -205,6 +206,30 @@ def test_what_is_called_had_begun(model: Model, share: float) -> None:
     assert BEGIN - STEP <= alarm.onset <= alarm.time
 
 
+@pytest.mark.parametrize("share", [0.4, 0.6, 1.0, 1.5])
+def test_one_pass_finds_the_load_that_is_of_another_size_and_since_when(model: Model, share: float) -> None:
+    run = log(4)
+    torque = np.where(run.time >= BEGIN, share, 1.0) * run.columns["torque.a"]
+    run = replace(run, columns={**run.columns, "torque.a": torque})
+    guessed, bound = uncalibrated(model, [run], None), coarsely_bound(model, run, STEP)
+    said = fault_statistics(gaussian_estimator(model, guessed.noise, guessed.error), bound, bound.measured)
+    assert (said.load.max() > DECIDES) == (share != 1.0)
+    assert said.air.max() < DECIDES
+    if share != 1.0:
+        begin, node = np.unravel_index(said.load.argmax(), said.load.shape)
+        assert model.nodes[node] == "a"
+        assert bound.run.time[begin] == pytest.approx(BEGIN, abs=400.0), "the torque changes every few minutes"
+
+
+@pytest.mark.parametrize("offset", [-15.0, 0.0, 15.0])
+def test_the_same_pass_finds_air_that_is_off(model: Model, offset: float) -> None:
+    run = log(4)
+    run = replace(run, columns={**run.columns, "temperature.ambient": run.columns["temperature.ambient"] + offset})
+    guessed, bound = uncalibrated(model, [run], None), coarsely_bound(model, run, STEP)
+    said = fault_statistics(gaussian_estimator(model, guessed.noise, guessed.error), bound, bound.measured)
+    assert (said.air[0] > 0) == (offset != 0)
+
+
 @pytest.mark.long
 def test_a_very_long_log_keeps_its_suspicions(model: Model, calibration: Calibration) -> None:
     parts = [log(seed) for seed in (0, 4, 5)]
@@ -214,7 +239,7 @@ def test_a_very_long_log_keeps_its_suspicions(model: Model, calibration: Calibra
     run = replace(parts[0], columns=columns, time=np.arange(float(n)))
     bound = coarsely_bound(model, run, STEP)
     estimator = gaussian_estimator(model, calibration.noise, calibration.error)
-    weight, _ = fault_statistics(estimator, bound, bound.measured)
+    weight, *_ = fault_statistics(estimator, bound, bound.measured)
     assert len(weight) == len(bound) == n // 10 - 1
     assert np.isfinite(weight).all()
 

@@ -27,8 +27,7 @@ from lptn.logs.resampling import reduce_blocks
 from lptn.model.file import parse_model
 from lptn.model.model import Model
 from lptn.model.network import Network
-from lptn.online.monitoring import alarms_by_threshold
-from lptn.online.sensor_faults import MonitoredRun
+from lptn.online.monitoring import MonitoredRun, alarms_by_threshold
 from lptn.planners.gym import ID
 from lptn.robots.presets import presets
 from lptn.simulate.state_space import state_space

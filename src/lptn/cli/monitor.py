@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from lptn.logs.run import Run
     from lptn.model.model import Model
     from lptn.online.calibration import Calibration
-    from lptn.online.monitoring import Monitoring
-    from lptn.online.sensor_faults import Alarm, MonitoredRun
+    from lptn.online.fault_bank import Alarm
+    from lptn.online.monitoring import MonitoredRun, Monitoring
 
 Healthy = Annotated[
     list[Path] | None,

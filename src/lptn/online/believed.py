@@ -1,7 +1,7 @@
 """Which readings of a run are to be believed, by the model and its own errors: those of sensors that are alive.
 
 Reading by reading a filter leaves out sensors that are not alive (`living_sensors`); of the others, offsets, drifts and
-lags that the model's errors don't explain are found by their likelihood ratio (`fault_likelihood`).
+lags that the model's errors don't explain are found by their likelihood ratio (`fault_bank`).
 """
 
 from __future__ import annotations
@@ -15,8 +15,7 @@ from lptn.basics.arrays import BoolArray, FloatArray
 from lptn.basics.errors import InputError
 from lptn.logs.run import Run
 from lptn.online.estimator import Estimate, Estimator, run_filter
-from lptn.online.fault_likelihood import first_alarm
-from lptn.online.sensor_faults import Alarm
+from lptn.online.fault_bank import Alarm, first_alarm
 from lptn.simulate.bound_run import BoundRun
 
 

@@ -8,6 +8,8 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
+from functools import cache
+from itertools import product
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -26,7 +28,16 @@ from lptn.logs.run import Run
 from lptn.model.model import Model
 from lptn.online.augmented_model import BIAS_TIME, ModelError
 from lptn.online.estimator import run_filter
-from lptn.online.fault_likelihood import KINDS, LAG, STEP, coarsely_bound, fault_statistics, gaussian_estimator
+from lptn.online.fault_bank import (
+    KINDS,
+    LAG,
+    MODEL_OFF,
+    STEP,
+    coarsely_bound,
+    fault_statistics,
+    gaussian_estimator,
+    warming_by_loads,
+)
 from lptn.simulate.bound_run import BoundRun, bind
 
 FALSE_ALARMS = 0.01
@@ -96,7 +107,8 @@ def calibrate(
         report(f"learning what is healthy: log {number} of {len(runs)}")
         bound = coarsely_bound(model, run, STEP)
         statistics = fault_statistics(gaussian_estimator(model, noise, error), bound, bound.measured)
-        weights += _block_maxima(statistics.weight, bound.run.step)
+        blocks = max(1, round(len(bound) * bound.run.step / _BLOCK))
+        weights += [block.max(axis=0) for block in np.array_split(statistics.weight, blocks)]
     hours = sum(len(run) * run.step for run in runs) / 3600
     share = false_alarms * hours / len(weights) / (len(KINDS) * len(model.nodes))
     maxima = np.array(weights)
@@ -113,11 +125,18 @@ def uncalibrated(model: Model, runs: Sequence[Run], rmse: float | None) -> Calib
         runs: the logs to watch, for their sensors' noise.
         rmse: of the model's fit [K], if it was fitted.
     """
-    noise = estimate_noise([bind(model, run) for run in runs], model.nodes)
-    size = max(1.0, rmse or 1.0)
+    bound_runs = [bind(model, run) for run in runs]
+    noise = estimate_noise(bound_runs, model.nodes)
+    capacities = model.values[[model.network.capacities[node] for node in model.nodes]]
+    heats = np.concatenate([warming_by_loads(model, bound) for bound in bound_runs], axis=1) * capacities[:, None]
+    loaded = heats[heats.any(axis=1)]
+    # Heat of a watt for each kelvin that the fit errs, or as wrong a share of the loads' as the model's parameters.
+    size = max(
+        _FIRST_SIZES["heat"], rmse or 0.0, MODEL_OFF * float(np.sqrt(np.square(loaded).mean())) if loaded.size else 0.0
+    )
     air = [column for column in model.inputs if column.startswith("temperature.")]
-    # Twice what the search on healthy logs begins with, and heat of a watt for each kelvin that the fit errs.
-    error = ModelError(size, _FIRST_HEAT_TIME, _FIRST_SIZES["change"], size, 2 * _FIRST_AIR, dict.fromkeys(air, 2.0))
+    inputs = dict.fromkeys(air, _FIRST_INPUT)
+    error = ModelError(size, _FIRST_HEAT_TIME, _FIRST_SIZES["change"], size, 2 * _FIRST_AIR, inputs)
     limits = np.full((len(KINDS), len(model.nodes)), _UNTRIED)
     limits[LAG] = _LEAST_LIMIT  # of a fault whose course is known, and which explains more than any other
     return Calibration(noise, error, limits, 0.0)
@@ -127,12 +146,6 @@ def uncalibrated(model: Model, runs: Sequence[Run], rmse: float | None) -> Calib
 
 _TAIL, _LEAST_TAIL = 0.1, 20  # share, and number, of the largest maxima that the tail is fitted to
 _MARGIN = 1.1  # on the limits: healthy logs to come hold what those before did not
-
-
-def _block_maxima(values: FloatArray, step: float) -> list[FloatArray]:
-    """The largest along the first axis in each block of about half an hour."""
-    count = max(1, round(len(values) * step / _BLOCK))
-    return [np.max(block, axis=0) for block in np.array_split(values, count)]
 
 
 def _rare_by_class(maxima: FloatArray, nodes: Sequence[str], share: float) -> FloatArray:
@@ -191,17 +204,22 @@ def likeliest(
     best = {"heat_time": _FIRST_HEAT_TIME, "air": _FIRST_AIR, **dict.fromkeys(air, _FIRST_INPUT)}
     for name in dict.fromkeys(classes.values()):
         best |= {f"{kind} {name}": size for kind, size in _FIRST_SIZES.items()}
-    tried: dict[tuple[float, ...], float] = {}
 
-    def value(sizes: dict[str, float]) -> float:
-        key = tuple(sizes.values())
-        if key not in tried:
-            report(f"learning what is healthy: sizes of the model's errors, trial {len(tried) + 1}")
-            tried[key] = mean_log_likelihood(model, noise, error(sizes), bound_runs)
-        return tried[key]
+    @cache
+    def value(sizes: tuple[tuple[str, float], ...]) -> float:
+        report(f"learning what is healthy: sizes of the model's errors, trial {value.cache_info().misses}")
+        return mean_log_likelihood(model, noise, error(dict(sizes)), bound_runs)
 
-    while (better := _improved(best, value)) != best:
-        best = better
+    def times(name: str, factor: float) -> dict[str, float]:
+        size = best[name] * factor
+        return best | {name: float(np.clip(size, *_HEAT_TIMES)) if name == "heat_time" else size}
+
+    before: dict[str, float] = {}
+    while best != before:
+        before = best
+        for name, factor in product(before, (_FACTOR, 1 / _FACTOR)):
+            while value(tuple((trial := times(name, factor)).items())) > value(tuple(best.items())) + _GAIN:
+                best = trial
     return error(best)
 
 
@@ -215,19 +233,6 @@ def mean_log_likelihood(model: Model, noise: Noise, error: ModelError, bound_run
                 total += estimator.last.log_likelihood
                 count += len(estimator.last.innovation)
     return total / max(count, 1)
-
-
-def _improved(best: dict[str, float], value: Callable[[dict[str, float]], float]) -> dict[str, float]:
-    """Each size in turn made larger or smaller, as far as that helps."""
-    for name in best:
-        for times in (_FACTOR, 1 / _FACTOR):
-            while value(trial := best | {name: _admissible(name, best[name] * times)}) > value(best) + _GAIN:
-                best = trial
-    return best
-
-
-def _admissible(name: str, size: float) -> float:
-    return float(np.clip(size, *_HEAT_TIMES)) if name == "heat_time" else size
 
 
 # --- The file -------------------------------------------------------------------------------------

@@ -24,10 +24,10 @@ from lptn.identify.noise import PLAIN, Noise, estimate_noise
 from lptn.logs.run import Run
 from lptn.model.model import Model
 from lptn.model.tables import FitTable
-from lptn.online.augmented_model import AugmentedModel, ModelError
+from lptn.online.augmented_model import AugmentedModel, ModelError, by_node
 from lptn.online.believed import Doubt, not_alive, refuse_none, wandering, without
 from lptn.online.estimator import Estimator, run_filter
-from lptn.online.fault_likelihood import KINDS, LEAST_NOISE, STEP
+from lptn.online.fault_bank import KINDS, LEAST_NOISE, STEP
 from lptn.online.operating_point import Gait, OperatingPoint, WindowChoice, find_gait, present_operating_point
 from lptn.online.quantisation import coarse_noise
 from lptn.simulate.bound_run import BoundRun, bind, default_start
@@ -272,8 +272,12 @@ def present(model: Model, run: Run, noise: Noise, uncertainty: ModelUncertainty)
 
 
 def _missing_heat(model: Model, bound: BoundRun, uncertainty: ModelUncertainty) -> float:
-    """The size that the fit's errors suggest [W]."""
-    return float(np.sqrt(np.mean((uncertainty.error / _warming(model, bound)) ** 2)))
+    """The size that the fit's errors suggest [W]: at each node, for as long as it stays alike."""
+    a = model.state_jacobian(default_start(model, bound), bound.inputs.mean(axis=1), model.values).full()
+    nodes, (_, integral) = len(model.nodes), zero_order_hold(a, _HEAT_TIME)
+    capacities = model.values[[model.network.capacities[node] for node in model.nodes]]
+    warming = np.linalg.norm(integral[:nodes, :nodes] / capacities, axis=1)  # K/W
+    return float(np.sqrt(np.mean((uncertainty.error / warming) ** 2)))
 
 
 def _error(heat: float) -> ModelError:
@@ -327,42 +331,38 @@ def present_by_live_sensors(model: Model, run: Run, uncertainty: ModelUncertaint
     # A sensor that stands for most of the log shows no noise of its own.
     white = np.maximum(np.maximum(noise.white, coarse), max(LEAST_NOISE, float(np.median(noise.white))))
 
-    def watched(error: ModelError) -> tuple[Run, list[Doubt], Noise, Estimator]:
-        """The log without readings of sensors that are not alive to a model of that error."""
-        watching = _estimator(model, white, noise.step, uncertainty, error, watch=True)
-        left_out, doubts = not_alive(watching, bound)
+    def believed(left_out: BoolArray, doubts: list[Doubt]) -> tuple[Run, Noise, Estimator]:
+        """The log without some readings, its noise, and an estimator at its end."""
         rest = without(run, nodes, left_out)
         refuse_none(rest, nodes, doubts)
         left = estimate_noise([bind(model, rest)], nodes)
-        return rest, doubts, left, present(model, rest, left, uncertainty)
+        return rest, left, present(model, rest, left, uncertainty)
 
-    # Sensors are judged by a model as good as usual. Where those that nobody doubts then say that it is worse, the
-    # others are judged again: else the healthy sensor of a joint of which the model knows little would be left out.
-    error = _error(_USUAL_SCALE * size)
-    rest, doubts, noise, estimator = watched(error)
-    if doubts and _heat(estimator.error) > _heat(error):
-        rest, doubts, noise, estimator = watched(estimator.error)
-    blocks, lively = _blocks(rest), estimator
-    error = _error(min(_heat(estimator.error), _WORST_SCALE * size))
+    # Sensors are judged by a model as good as usual. Where those that nobody doubts then say that it is worse, all are
+    # judged again: else the healthy sensor of a joint of which the model knows little would be left out.
+    heat = _USUAL_SCALE * size
     for _ in range(2):
-        make = partial(_of_blocks, model, blocks.step / run.step, noise, uncertainty, error)
+        watching = _estimator(model, white, noise.step, uncertainty, _error(heat), watch=True)
+        left_out, doubts = not_alive(watching, bound)
+        rest, left, estimator = believed(left_out, doubts)
+        blocks = _blocks(rest)
+        error = _error(min(_largest_heat(estimator), max(heat, _WORST_SCALE * size)))
+        make = partial(_of_blocks, model, blocks.step / run.step, left, uncertainty, error)
         wander = wandering(make, bind(model, blocks), np.full((len(KINDS), len(nodes)), _FAULT))
-        if not wander:
-            return lively, doubts
-        since = {doubt.node: doubt.since for doubt in wander}
-        believed = without(rest, nodes, np.array([run.time >= since.get(node, inf) for node in nodes]))
-        both = doubts + [doubt for doubt in wander if doubt.node not in {earlier.node for earlier in doubts}]
-        refuse_none(believed, nodes, both)
-        estimator = present(model, believed, estimate_noise([bind(model, believed)], nodes), uncertainty)
-        if _heat(estimator.error) <= _heat(error):
+        if wander:
+            since = {doubt.node: doubt.since for doubt in wander}
+            doubts += [doubt for doubt in wander if doubt.node not in {earlier.node for earlier in doubts}]
+            gone = np.array([run.time >= since.get(node, inf) for node in nodes])
+            *_, estimator = believed(left_out | gone, doubts)
+        if not doubts or _largest_heat(estimator) <= heat:
             break
-        error = estimator.error
-    return estimator, both
+        heat = _largest_heat(estimator)
+    return estimator, doubts
 
 
-def _heat(error: ModelError) -> float:
+def _largest_heat(estimator: Estimator) -> float:
     """The largest missing heat that is allowed for [W]."""
-    return max(error.heat.values()) if isinstance(error.heat, Mapping) else error.heat
+    return float(by_node(estimator.error.heat, estimator.model.nodes).max())
 
 
 def _without_readings(bound: BoundRun, model: Model, doubts: Sequence[Doubt]) -> list[Doubt]:
@@ -386,15 +386,6 @@ def _blocks(run: Run) -> Run:
     if factor == 1 or steps < factor:
         return run
     return run.slice(float(run.time[steps % factor]), float("inf")).coarsen(factor)
-
-
-def _warming(model: Model, bound: BoundRun) -> FloatArray:
-    """Of each node by 1 W at each for as long as missing heat stays alike, added as squares [K/W]."""
-    a = model.state_jacobian(default_start(model, bound), bound.inputs.mean(axis=1), model.values).full()
-    _, integral = zero_order_hold(a, _HEAT_TIME)
-    nodes = len(model.nodes)
-    capacities = model.values[[model.network.capacities[node] for node in model.nodes]]
-    return np.asarray(np.linalg.norm(integral[:nodes, :nodes] / capacities, axis=1))
 
 
 # --- The operating point held: temperatures to come -----------------------------------------------
@@ -462,7 +453,7 @@ def forecast(
     bound = bind(model, run)
     if len(bound) * run.step < _SHORTEST:
         raise InputError(run.source, "log", f"{len(bound) * run.step:g} s", f"at least {_SHORTEST:g} s")
-    by_node = _limits_by_node(limits, bound, model)
+    limited = _limits_by_node(limits, bound, model)
     uncertainty = ModelUncertainty.of_fit(fit) if isinstance(fit, Fit) else fit
     uncertainty = uncertainty or ModelUncertainty.nothing(model)
     if gait is None:
@@ -475,7 +466,7 @@ def forecast(
     half = float(ndtri(0.5 + coverage / 2)) * deviation
     low, high = mean - half, mean + half
     nodes = {}
-    for node, limit in by_node.items():
+    for node, limit in limited.items():
         row = model.places.index(node)
         steady, coldest, hottest = (float(path[row, -1]) if settles else inf for path in (mean, low, high))
         nodes[node] = NodeForecast(
@@ -569,7 +560,7 @@ def _limits_by_node(limits: float | Mapping[str, float], bound: BoundRun, model:
     joints = [node for node in measured if node in actuated] or measured
     if not isinstance(limits, Mapping):
         limits = {"": limits}
-    by_node: dict[str, float] = {}
+    limited: dict[str, float] = {}
     for pattern, limit in limits.items():
         nodes = matching(pattern, model.places) if pattern else joints
         if not nodes:
@@ -577,8 +568,8 @@ def _limits_by_node(limits: float | Mapping[str, float], bound: BoundRun, model:
             raise InputError("limits", "node", f"'{pattern}'", expected)
         if not isfinite(limit):
             raise InputError("limits", pattern or "all joints", f"{limit}", "a temperature in degC")
-        by_node |= dict.fromkeys(nodes, float(limit))
-    return {place: by_node[place] for place in model.places if place in by_node}
+        limited |= dict.fromkeys(nodes, float(limit))
+    return {place: limited[place] for place in model.places if place in limited}
 
 
 def _check(cycles: int, coverage: float, window: WindowChoice) -> None:

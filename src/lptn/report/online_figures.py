@@ -29,8 +29,7 @@ from lptn.basics.style import (
     time_axis,
 )
 from lptn.online.forecasting import Forecast, NodeForecast
-from lptn.online.monitoring import Monitoring
-from lptn.online.sensor_faults import MonitoredRun
+from lptn.online.monitoring import MonitoredRun, Monitoring
 
 # --- forecasts: temperatures so far and to come, with their interval and the limit --------------------------
 

@@ -1,0 +1,632 @@
+"""What may be wrong with a log: one bank of hypotheses, scored by the likelihood of one filter.
+
+A node that is warmer than the model says has a sensor that reads too much, or more heat than the log's torque, current
+or speed says, or air that the log has wrong; or the model is off there. A wrong sensor goes its own way, and all others
+follow the model; heat moves the neighbours, too, and moves nothing at once.
+
+A cheap filter's innovations say where to look: one pass backwards scores an offset, a drift and a lag of each sensor,
+each load and the air, for all onsets. Where one of them stands out, each hypothesis is weighed by a filter of its own,
+a `Suspicion`: the run, and what of it is free over the model's own errors. That every capacity, resistance and loss may
+be off belongs to all of these, so a model that is a little wrong never has to be a fault of somebody else.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from lptn.basics.arrays import BoolArray, FloatArray, IntArray
+from lptn.identify.noise import Noise
+from lptn.logs.columns import INPUTS
+from lptn.logs.run import Run
+from lptn.model.model import Model
+from lptn.online.augmented_model import ModelError, by_node
+from lptn.online.estimator import Correction, Estimator, run_filter
+from lptn.simulate.bound_run import BoundRun, bind, default_start
+from lptn.simulate.simulation import simulate
+
+Kind = Literal["drift", "offset", "stuck", "dropout", "dead", "clamped", "spikes", "duplicate", "noise", "lag",
+               "disconnected", "swapped", "input", "undecided"]  # fmt: skip
+"""Disconnected: reads the air, or whatever else is prescribed. Input: not the sensor, but what the log says of the
+joint's torque, current or speed, or of the air. Undecided: one or the other. Duplicate: the readings of another
+column. The others are as people say."""
+OFFSET, DRIFT, LAG = 0, 1, 2
+"""Rows of what is said of each kind of fault of a sensor."""
+KINDS: tuple[Kind, ...] = ("offset", "drift", "lag")
+
+
+@dataclass(frozen=True)
+class Alarm:
+    """One channel's fault as a detector sees it.
+
+    The size of a sensor's fault is what it adds to the reading, so a sensor 3 K too high has an offset of +3 K: there
+    error = predicted − measured is −3 K.
+
+    Args:
+        node: whose sensor, or load.
+        kind: named from the log up to some minutes behind the alarm.
+        time: of the alarm [s, in the log's clock].
+        onset: at which the fault seems to have begun [s].
+        size: K for an offset, K/s for a drift, positive where the reading is too high, s for a lag; else `None`.
+        detail: what more is known, in words.
+        channel: the log's column, where it is not the node's temperature.
+    """
+
+    node: str
+    kind: Kind
+    time: float
+    onset: float
+    size: float | None = None
+    detail: str = ""
+    channel: str = ""
+
+    def as_json(self) -> dict[str, object]:
+        """The alarm as other tools read it."""
+        return asdict(self) | {"channel": self.channel or f"temperature.{self.node}"}
+
+
+# --- What is free in each hypothesis ----------------------------------------------------------------
+
+MODEL_OFF = 0.1
+"""Relative standard deviation of each of the model's free parameters: data sheets, and fits to other loads, are so far
+off. Readings learn more of them within minutes."""
+DECIDES = 10.0
+"""nats by which readings must be likelier: odds of 20,000, for a thermal model is wrong for minutes on end, and its
+readings say less than if each stood for itself."""
+FREE = 10.0
+"""K; so far off a wrong sensor may be at the onset, and the air all the while."""
+_LIFTS = np.geomspace(1 / 600, 1 / 6, 5)  # K/s; so fast unknown heat warms its node: a motor's peak at most
+_SCALES = (0.5, 0.7, 1.4, 2.0)  # of a load; its heat is half to twice as much between two of them
+
+# --- A run in the detector's steps ----------------------------------------------------------------
+
+STEP = 10.0
+"""s; how often the statistical detector looks."""
+LEAST_NOISE = 0.05
+"""K; of a mean over so long: a sensor's own errors don't average out, nor does what a model loses by such steps."""
+_FEWEST_STEPS = 20  # that a short run keeps
+
+
+def coarsely_bound(model: Model, run: Run, step: float) -> BoundRun:
+    """A run in steps of about so many seconds, where it is long enough for it."""
+    factor = min(max(1, round(step / run.step)), max(1, len(run) // _FEWEST_STEPS))
+    return bind(model, run.coarsen(factor))
+
+
+def warming_by_loads(model: Model, bound: BoundRun) -> FloatArray:
+    """How fast loads warm each node by what the model says [K/s], at the temperatures of the start, (nodes, n)."""
+    start, loaded = default_start(model, bound), np.nan_to_num(bound.inputs)
+    temperatures = np.array([column.startswith("temperature.") for column in model.inputs], dtype=float)
+    rates = [model.rhs(start, u, model.values).full() for u in (loaded, loaded * temperatures[:, None])]
+    return np.asarray((rates[0] - rates[1])[: len(model.nodes)])
+
+
+def gaussian_estimator(model: Model, noise: Noise, error: ModelError, off: float = 0.0) -> Estimator:
+    """An estimator for coarse steps; rounding enters as white noise, since the likelihood ratios are of Gaussians.
+
+    Args:
+        model: the model.
+        noise: of its sensors.
+        error: what the model lacks.
+        off: relative standard deviation of each of its free parameters.
+    """
+    white = dict(zip(model.nodes, np.maximum(noise.floor, LEAST_NOISE).tolist(), strict=True))
+    free = [model.parameters[index].name for index in model.free] if off else []
+    covariance = off**2 * np.eye(len(free)) if off else None
+    return Estimator(
+        model, noise=white, error=error, learn=dict.fromkeys(free, 0.0), covariance=covariance, watch=False
+    )
+
+
+# --- What each fault does to the innovations, for all onsets at once ------------------------------
+
+_LAGS = (60.0, 240.0, 960.0)  # s; a lag between two of them shows as the nearer one
+_LEAST_INFORMATION = 1e-9  # 1/K²; keeps a fault that no reading has shown from a division by zero
+# Each sensor has the same few fault states: level and rate of what is added to its reading, and for each lag a switch
+# and what a lagging sensor adds.
+_STATES = 2 + 2 * len(_LAGS)
+_ADDS = np.array([1.0, 0.0] + [0.0, 1.0] * len(_LAGS))  # to the reading, by each state
+_BEGINS = [0, 1, *range(2, _STATES, 2)]  # the states in which an offset, a drift, each lag begin
+
+
+class FaultStatistics(NamedTuple):
+    """What speaks for a fault that begins with each reading.
+
+    weight: for an offset, a drift, a lag, √ of twice the logarithm of the likelihood ratio, in standard deviations; 0
+    where a lag is less likely than no fault; shape (n, 3, nodes). size: K for an offset, K/s for a drift, s for a lag.
+    load: logarithm of the Bayes factor for heat at a node that is unknown by as much as its load gives, (n, nodes).
+    air: the same for each of `error.inputs` all the while, unknown by `FREE`.
+    """
+
+    weight: FloatArray
+    size: FloatArray
+    load: FloatArray
+    air: FloatArray
+
+
+class _Filtered(NamedTuple):
+    """A filter's way through a run: corrections; nodes read; how faults of unit size at each node's sensor grow from
+    step to step, (n, nodes, states, states); by how much loads warm each node in each step [K], (n, nodes)."""
+
+    corrections: list[Correction | None]
+    read: list[IntArray]
+    growth: FloatArray
+    warms: FloatArray
+
+
+def _filtered(estimator: Estimator, bound: BoundRun, measured: FloatArray) -> _Filtered:
+    path, step = simulate(estimator.model, bound).readings.T, bound.run.step
+    growth = np.tile(np.eye(_STATES), (*path.shape, 1, 1))
+    growth[..., 0, 1] = step
+    for state, lag in zip(range(2, _STATES, 2), _LAGS, strict=True):
+        # A lagging sensor is behind the model's path by what it was before, and by what the path has moved.
+        keep = np.exp(-step / lag)
+        growth[..., state + 1, state + 1] = keep
+        growth[1:, :, state + 1, state] = -keep * np.diff(path, axis=0)
+    corrections = [estimator.last for _ in run_filter(estimator, bound, measured)]
+    read = [np.flatnonzero(np.isfinite(row)) for row in measured.T]
+    return _Filtered(corrections, read, growth, step * warming_by_loads(estimator.model, bound).T)
+
+
+def fault_statistics(estimator: Estimator, bound: BoundRun, measured: FloatArray) -> FaultStatistics:
+    r"""What speaks for each fault, for each time of onset, by all that was read from then on.
+
+    A fault of unit size shifts the innovations :math:`\nu` of covariance :math:`S` by a signature :math:`g`. With the
+    information :math:`J = \sum g^\top S^{-1} g` and the score :math:`s = \sum g^\top S^{-1}\nu` its size is
+    :math:`\hat b = s/J`, its weight :math:`|\hat b| \sqrt J`. Score and information of all onsets come from one pass
+    backwards through the filter, the disturbance smoother of [DeJongPenzer1998]: a fault of a sensor is a shock to a
+    state that the filter doesn't have, one of a load or of the air to states that it has. So what a fault at one
+    sensor does to its neighbours' innovations counts for it.
+
+    What a lag adds to the reading is known beforehand: the path that the model predicts, followed with a time constant,
+    less that path. Its size is 1, and its weight :math:`\sqrt{2s - J}`. If no sensor lags, the ratio of these
+    likelihoods ever exceeds a number A with a probability of 1/A at most [Ville1939].
+
+    Args:
+        estimator: fresh.
+        bound: the run.
+        measured: readings [degC] as they are to be believed, shape (nodes, n).
+    """
+    return _backwards(estimator, _filtered(estimator, bound, measured), len(bound))
+
+
+def _backwards(estimator: Estimator, filtered: _Filtered, n: int) -> FaultStatistics:
+    size, nodes = estimator.size, filtered.growth.shape[1]
+    own = np.arange(nodes)
+    score, information = np.zeros(size), np.zeros((size, size))  # of a shock to the filter's own states
+    of_fault, of_both = np.zeros((nodes, _STATES)), np.zeros((nodes, size, _STATES))
+    of_faults = np.zeros((nodes, _STATES, _STATES))
+    of_load, of_loads, load_and_own = np.zeros(nodes), np.zeros(nodes), np.zeros((size, nodes))
+    scores, squares = np.zeros((n, nodes, len(_BEGINS))), np.zeros((n, nodes, len(_BEGINS)))
+    loads = np.zeros((n, nodes))
+    for k in reversed(range(n)):
+        correction, grow = filtered.corrections[k], filtered.growth[k]
+        if correction is not None:
+            h, gain, inverse = correction.by_state, correction.gain, np.linalg.inv(correction.covariance)
+            read, kept, back = filtered.read[k], np.eye(size) - gain @ h, correction.transition.T
+            by_gain = information @ gain
+            smoothed = inverse @ correction.innovation - gain.T @ score
+            precision = np.diag(inverse + gain.T @ by_gain)
+            of_fault[read] += smoothed[:, None] * _ADDS
+            with_gain = _ADDS[:, None] * np.einsum("zr,rzs->rs", gain, of_both[read])[:, None, :]
+            of_faults[read] += precision[:, None, None] * np.outer(_ADDS, _ADDS)
+            of_faults[read] -= with_gain + with_gain.transpose(0, 2, 1)
+            of_both = (kept @ correction.transition).T @ of_both
+            of_both[read] += (back @ (h.T @ inverse - kept.T @ by_gain)).T[..., None] * _ADDS
+            score = h.T @ (inverse @ correction.innovation) + kept.T @ score
+            information = h.T @ inverse @ h + kept.T @ information @ kept
+            load_and_own, warms = kept.T @ load_and_own, filtered.warms[k]
+            of_load += warms * score[:nodes]
+            of_loads += 2 * warms * load_and_own[own, own] + warms**2 * information[own, own]
+            load_and_own = back @ (load_and_own + warms * information[:, :nodes])
+            score, information = back @ score, back @ information @ back.T
+        turned = grow.transpose(0, 2, 1)
+        of_fault = (turned @ of_fault[..., None])[..., 0]
+        of_both, of_faults = of_both @ grow, turned @ of_faults @ grow
+        scores[k], squares[k] = of_fault[:, _BEGINS], of_faults[:, _BEGINS, _BEGINS]
+        loads[k] = _log_bayes_factor(of_load, of_loads, 1.0)
+    squares = np.maximum(squares, _LEAST_INFORMATION)
+    lag_weights = np.sqrt(np.maximum(2 * scores - squares, 0.0))[..., LAG:]
+    which = lag_weights.argmax(axis=2)
+    weight, sizes = np.abs(scores[..., :LAG]) / np.sqrt(squares[..., :LAG]), scores[..., :LAG] / squares[..., :LAG]
+    weight = np.concatenate([weight, lag_weights.max(axis=2, keepdims=True)], axis=2)
+    sizes = np.concatenate([sizes, np.array(_LAGS)[which][..., None]], axis=2)
+    inputs = estimator.augmented.layout.inputs
+    more = FREE**2 - np.square(list(estimator.error.inputs.values()))
+    air = _log_bayes_factor(score[inputs], np.diag(information)[inputs], np.maximum(more, 0.0))
+    return FaultStatistics(weight.transpose(0, 2, 1), sizes.transpose(0, 2, 1), loads, air)
+
+
+def _log_bayes_factor(score: FloatArray, information: FloatArray, variance: FloatArray | float) -> FloatArray:
+    """Of a shock of unknown size, Gaussian with a variance, against none."""
+    with_prior = 1 + np.maximum(information, 0.0) * variance
+    return np.asarray(0.5 * (variance * score**2 / with_prior - np.log(with_prior)))
+
+
+# --- Where to look: the first fault that stands out -----------------------------------------------
+
+_SETTLED = 240.0  # s behind an alarm: by then offset and drift can be told apart
+
+
+def first_alarm(
+    estimator: Estimator, bound: BoundRun, measured: FloatArray, limits: FloatArray, inputs: Collection[str] = ()
+) -> Alarm | None:
+    """The first alarm among the sensors that are read; its kind as it looks some minutes later.
+
+    Where the whole run passes a limit, bisection finds the reading with which it is first passed: of what a large fault
+    does later on the filter's linearisation says nothing. A lag counts where no offset or drift explains more. A load
+    comes first where it explains more than any sensor's fault, and the air where no limit is passed.
+
+    Args:
+        estimator: fresh.
+        bound: the run.
+        measured: readings [degC] as they are to be believed, shape (nodes, n).
+        limits: weight that calls an offset, a drift, a lag [standard deviations], shape (3, nodes).
+        inputs: columns of loads and of the air that may be wrong.
+    """
+    filtered, delay, count = _filtered(estimator, bound, measured), bound.run.step * bound.run.averaged, len(bound)
+    model, time = estimator.model, bound.run.time + delay  # a mean is known at the end of its step
+    whole = _backwards(estimator, filtered, count)
+    driving = loads(model)
+    suspected = np.where([driving.get(node, "") in inputs for node in model.nodes], whole.load, 0.0)
+    begin, row = map(int, np.unravel_index(int(suspected.argmax()), suspected.shape))
+    if suspected.max() > max(DECIDES, 0.5 * float(whole.weight.max()) ** 2):
+        end = _first(
+            count, lambda end: _backwards(estimator, filtered, end).load[begin:, row].max(initial=0.0) > DECIDES
+        )
+        node, onset = model.nodes[row], float(bound.run.time[begin])
+        return Alarm(node, "input", float(time[end - 1]), onset, channel=driving[node])
+
+    def excess(said: FaultStatistics) -> FloatArray:
+        """Weights as shares of their limits."""
+        share = said.weight / limits
+        share[:, LAG] *= said.weight[:, LAG] >= said.weight[:, :LAG].max()
+        return np.asarray(share)
+
+    if excess(whole).max() > 1:
+        end = _first(count, lambda end: excess(_backwards(estimator, filtered, end)).max() > 1)
+        row = int(excess(_backwards(estimator, filtered, end)).max(axis=(0, 1)).argmax())
+        settled = _backwards(estimator, filtered, min(end + round(_SETTLED / bound.run.step), count))
+        begin, kind = map(int, np.unravel_index(int(excess(settled)[:end, :, row].argmax()), (end, len(KINDS))))
+        onset, size = float(bound.run.time[begin]), float(settled.size[begin, kind, row])
+        return Alarm(model.nodes[row], KINDS[kind], float(time[end - 1]), onset, size)
+    for column, evidence in zip(estimator.error.inputs, whole.air.tolist(), strict=True):
+        if column in inputs and evidence > 0:
+            # The readings that tell most of the air are of the node that it cools most.
+            _, by_state = estimator.augmented.warming(estimator.state()["mean"], bound.inputs[:, -1])
+            cooled = np.abs(by_state[:, estimator.augmented.layout.inputs].sum(axis=1)) * np.isfinite(measured).any(
+                axis=1
+            )
+            node = model.nodes[int(cooled.argmax())]
+            return Alarm(node, "input", float(time[-1]), float(bound.run.time[0]), channel=column)
+    return None
+
+
+def _first(count: int, passes: Callable[[int], bool]) -> int:
+    """The number of readings, of so many, with which a limit is first passed, by bisection."""
+    before, end = 0, count
+    while end - before > 1:
+        middle = (before + end) // 2
+        before, end = (before, middle) if passes(middle) else (middle, end)
+    return end
+
+
+def loads(model: Model) -> dict[str, str]:
+    """The input that tells what heats a joint, by node."""
+    columns = [(*column.partition(".")[::2], column) for column in model.inputs]
+    return {place: column for quantity, place, column in reversed(columns)
+            if quantity in INPUTS and place in model.nodes}  # fmt: skip
+
+
+def suspects(model: Model, node: str) -> list[str]:
+    """The inputs that lead a node's temperature astray: loads of its own and of its neighbours, and the air."""
+    near = {node, *(end for link in model.network.resistors if node in link.ends for end in link.ends)}
+    own = [column for place, column in sorted(loads(model).items(), key=lambda one: one[0] != node) if place in near]
+    return own + [column for column in model.inputs if column.startswith("temperature.")]
+
+
+# --- A hypothesis, with a filter of its own -------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Suspicion:
+    """A run in the detector's steps, and what may be wrong with it.
+
+    Args:
+        model: the model.
+        run: the run.
+        read: all readings [degC], NaN where missing, shape (nodes, n).
+        measured: those that are believed, NaN elsewhere.
+        noise: of the sensors.
+        error: what the model and the log's inputs may be wrong by.
+    """
+
+    model: Model
+    run: BoundRun
+    read: FloatArray
+    measured: FloatArray
+    noise: Noise
+    error: ModelError
+
+    @cached_property
+    def filtered(self) -> tuple[FloatArray, FloatArray]:
+        """Logarithms of the likelihood of each step's innovations, (n,); temperatures [degC], shape (nodes, n)."""
+        # What lasts for a run is a parameter that is off.
+        estimator = gaussian_estimator(self.model, self.noise, replace(self.error, bias=0.0), MODEL_OFF)
+        log_likelihoods, temperatures = np.zeros(len(self.run)), []
+        for k, estimate in enumerate(run_filter(estimator, self.run, self.measured)):
+            temperatures.append(estimate.temperatures)
+            if estimator.last is not None:
+                log_likelihoods[k] = estimator.last.log_likelihood
+        return log_likelihoods, np.array(temperatures).T
+
+    def alarm(self, limits: FloatArray, inputs: Collection[str]) -> Alarm | None:
+        """The first one among the sensors that are believed, and such inputs."""
+        if not np.isfinite(self.measured).any():
+            return None
+        return first_alarm(
+            gaussian_estimator(self.model, self.noise, self.error), self.run, self.measured, limits, inputs
+        )
+
+    def behind(self, onset: float) -> BoolArray:
+        """Steps that end behind a time [s], shape (n,)."""
+        return np.asarray(self.run.run.time > onset - self.run.run.step)
+
+    def nats(self, onset: float = -np.inf) -> float:
+        """Logarithm of the likelihood of all readings behind a time [s]."""
+        return float(self.filtered[0][self.behind(onset)].sum())
+
+    def without(self, rows: Sequence[int], onset: float) -> Suspicion:
+        """The same without some sensors' readings behind a time [s]."""
+        measured = self.measured.copy()
+        measured[np.array(rows)[:, None], self.behind(onset)] = np.nan
+        return replace(self, measured=measured)
+
+    def with_readings(self, rows: Sequence[int], values: FloatArray) -> Suspicion:
+        """The same with other readings of some sensors [degC], shape (rows, n)."""
+        read, measured = self.read.copy(), self.measured.copy()
+        read[list(rows)] = measured[list(rows)] = values
+        return replace(self, read=read, measured=measured)
+
+    def with_inputs(self, rows: Sequence[int], values: FloatArray) -> Suspicion:
+        """The same with other values of some inputs, shape (rows, n)."""
+        inputs = self.run.inputs.copy()
+        inputs[list(rows)] = values
+        return replace(self, run=replace(self.run, inputs=inputs))
+
+    def with_unknown_input(self, column: str, lift: float = float(_LIFTS[2])) -> Suspicion:
+        """The same with heat [K/s] at a joint that its load doesn't tell, or air that is far off."""
+        if column.startswith("temperature."):
+            return replace(self, error=replace(self.error, inputs={**self.error.inputs, column: FREE}))
+        place = column.partition(".")[2]
+        capacity = float(self.model.values[self.model.network.capacities[place]])
+        heat = dict(zip(self.model.nodes, by_node(self.error.heat, self.model.nodes).tolist(), strict=True))
+        return replace(self, error=replace(self.error, heat=heat | {place: capacity * lift}))
+
+
+# --- What a sensor that is wrong reads ------------------------------------------------------------
+
+_SLOPE = 0.3  # K a step; and so fast it may drift: 1 K in half a minute
+_WALKS = np.geomspace(0.003, 3.0, 7)  # K; by how much what a sensor adds may wander from one step to the next
+_BENDS = _WALKS / 10  # K a step; or its slope, for the air, a surface, a body that it touches now move smoothly
+_FINE_LAGS = (30.0, 60.0, 120.0, 240.0, 480.0, 960.0)  # s; a factor of two is as finely as a lag is known
+_OWED = 10.0  # nats by which a lag, which a missing mass resembles, or part of the air must explain more than others
+_LOOSENS = 100.0  # s; a sensor in a drop of glue follows the air so late
+_FEWEST = 12  # readings behind the onset, that a name needs
+
+
+class _Course(NamedTuple):
+    """What a sensor reads with one fault: kind, size, words, readings [degC] of shape (n,), nats owed."""
+
+    kind: Kind
+    size: float | None
+    detail: str
+    path: FloatArray  # (n,)
+    owed: float = 0.0
+
+
+def _courses(others: Suspicion, row: int, onset: float) -> Iterator[_Course]:
+    """The table of a sensor's faults, beside what the model and all other sensors let expect behind the onset."""
+    behind, since, step = others.behind(onset), np.maximum(others.run.run.time - onset, 0.0), others.run.run.step
+    expected, measured = others.filtered[1][row], others.read
+    readings = measured[row]
+    seen, level = behind & np.isfinite(readings), np.ones(len(since))
+    number = 0.5 * float(np.log(seen.sum()))  # what a free number costs, by the Bayesian information criterion
+
+    def size(of: FloatArray) -> float:
+        """By how much of a course the readings are off, by least squares."""
+        return float((readings - expected)[seen] @ of[seen]) / max(float(of[seen] @ of[seen]), 1e-9)
+
+    yield _Course("offset", size(level), "", expected + size(level), number)
+    yield _Course("drift", size(since), "", expected + size(since) * since, number)
+    for column, values in zip(others.model.inputs, others.run.inputs, strict=True):
+        if column.startswith("temperature."):
+            near = _lagged(np.where(behind, values - expected, 0.0), _LOOSENS, step, behind)
+            share = size(near)
+            yield _Course("disconnected", None, f"reads {column}", values)
+            if 0 < share <= 1:
+                detail = f"reads {share:.0%} of {column}"
+                yield _Course("disconnected", None, detail, expected + share * near, number + _OWED)
+    constant = float(readings[seen].mean())
+    yield _Course("stuck", None, f"at {constant:.3g} degC", np.full(len(since), constant), number)
+    for lag in _FINE_LAGS:
+        yield _Course("lag", lag, "", _lagged(expected, lag, step, behind), number + _OWED)
+    for other, node in enumerate(others.model.nodes):
+        beside = seen & np.isfinite(measured[other])
+        # The other one reads what this one should, too.
+        if other != row and beside.sum() >= _FEWEST and _nearer(measured[other], readings, expected, beside):
+            both = others.without([other], onset).filtered[1]
+            if _nearer(both[row], both[other], measured[other], beside):
+                yield _Course("swapped", None, f"with {node}", both[other])
+
+
+def _nearer(one: FloatArray, other: FloatArray, to: FloatArray, where: BoolArray) -> bool:
+    """Whether one course is nearer to a third than another, by squares."""
+    return bool(np.square(one - to)[where].sum() < np.square(other - to)[where].sum())
+
+
+def _lagged(path: FloatArray, lag: float, step: float, behind: BoolArray) -> FloatArray:
+    """A path that is followed with a time constant [s] from the onset on."""
+    lagged, keep = path.copy(), float(np.exp(-step / lag))
+    for k in np.flatnonzero(behind).tolist():
+        lagged[k] = keep * lagged[max(k - 1, 0)] + (1 - keep) * path[k]
+    return lagged
+
+
+def _nats(off: FloatArray, along: FloatArray, noise: float) -> float:
+    """Logarithm of the likelihood of readings that are off a course, in noise of a variance [K²].
+
+    Beside the noise they are off by a multiple of another course: this, or its slope, wanders, in the size that is
+    likeliest. Arrays have shape (n,).
+    """
+    wandering, bending = np.square([[*_WALKS, *0 * _BENDS], [*0 * _WALKS, *_BENDS]])
+    level, slope, total = (np.zeros(wandering.size) for _ in range(3))
+    of_level, of_slope, of_both = (np.full(wandering.size, size**2) for size in (FREE, _SLOPE, 0.0))
+    for error, share in zip(off.tolist(), along.tolist(), strict=True):
+        if np.isfinite(error):
+            variance, surprise = share**2 * of_level + noise, error - share * level
+            total -= 0.5 * (surprise**2 / variance + np.log(variance))
+            moved = share * surprise / variance
+            level, slope = level + of_level * moved, slope + of_both * moved
+            of_slope = of_slope - (share * of_both) ** 2 / variance
+            of_level, of_both = of_level * noise / variance, of_both * noise / variance
+        level = level + slope
+        of_level, of_both = of_level + 2 * of_both + of_slope + wandering, of_both + of_slope
+        of_slope = of_slope + bending
+    return float(total.max())
+
+
+def _of_a_sensor(given: Suspicion, alarm: Alarm) -> tuple[float, Alarm]:
+    """Logarithm of the likelihood behind an alarm's onset if its sensor is wrong, and the fault that is likeliest.
+
+    It is off by a number, or drifts, and goes on to tell of its node. Or it reads anything, beside the course of a
+    fault or in a mean of its node and of cooler air.
+    """
+    row, onset = given.model.nodes.index(alarm.node), alarm.onset
+    others, behind, readings = given.without([row], onset), given.behind(onset), given.measured[row]
+    if np.isfinite(readings[behind]).sum() < _FEWEST:
+        return others.nats(onset), replace(alarm, kind="offset", channel="") if alarm.channel else alarm
+    noise = max(float(given.noise.floor[row]), LEAST_NOISE) ** 2
+    expected, courses = others.filtered[1][row], list(_courses(others, row, onset))
+    nats = [_nats((readings - course.path)[behind], np.ones(behind.sum()), noise) for course in courses]
+    left = [np.nanmean(np.square(readings - course.path)[behind]) for course in courses]  # K²
+    seen = 0.5 * float(np.isfinite(readings[behind]).sum())
+    best = min(range(len(courses)), key=lambda k: seen * np.log(left[k] + noise) + courses[k].owed)
+    named = replace(alarm, kind=courses[best].kind, size=courses[best].size, detail=courses[best].detail, channel="")
+    for column, air in zip(given.model.inputs, given.run.inputs, strict=True):
+        if column.startswith("temperature.") and np.nansum(((readings - expected) * (air - expected))[behind]) > 0:
+            nats.append(_nats((readings - expected)[behind], ((air - expected) / FREE)[behind], noise))
+    corrected = [
+        given.with_readings([row], readings - np.where(behind, course.path - expected, 0.0)).nats(onset)
+        for course in courses[:2]
+    ]
+    return max(others.nats(onset) + max(nats), *corrected), named
+
+
+# --- Whose fault it is ----------------------------------------------------------------------------
+
+
+class _Answer(NamedTuple):
+    """What explains an alarm: nats gained, the channels in words, their alarms, the run with them as they may be."""
+
+    gain: float
+    what: str
+    alarms: list[Alarm]
+    after: Suspicion
+
+
+def attributed(given: Suspicion, alarm: Alarm, *, taught: bool) -> tuple[list[Alarm], Suspicion]:
+    """Whose alarm it is: of the hypothesis under which the readings are clearly likelier than under any other.
+
+    Args:
+        given: the run, with all that was found before.
+        alarm: of a sensor that goes its own way, or of an input.
+        taught: whether healthy logs told how wrong the model is.
+
+    Returns:
+        The alarms, none where the model's own errors explain as much; and the run with what was found, or without the
+        sensor's readings.
+    """
+    row = given.model.nodes.index(alarm.node)
+    without = given.without([row], alarm.onset)
+    if not np.isnan(without.measured[row]).sum() > np.isnan(given.measured[row]).sum():
+        without = given.without([row], -np.inf)  # it is called again for what was read before
+    nats, named = _of_a_sensor(given, alarm)
+    sensor = _Answer(nats - given.nats(alarm.onset), f"temperature.{alarm.node}", [named], without)
+    others = sorted([*_inputs(given, alarm), *_exchanges(given, alarm)], key=lambda answer: -answer.gain)
+    best, *rivals = sorted([sensor, *others], key=lambda answer: -answer.gain)
+    # Of one sensor and one model that no healthy log has tried nothing says which is wrong.
+    alone = not taught and not np.isfinite(np.delete(given.measured, row, axis=0)).any()
+    likely = [answer for answer in (best, *rivals) if alone or answer.gain > best.gain - DECIDES]
+    if alarm.channel and alarm.channel not in {answer.what for answer in likely}:
+        return [], given  # sensors are called by what they read themselves
+    if best.gain < DECIDES:
+        return [], given if alarm.channel else without
+    if len(likely) > 1:
+        # The sensor is not believed, and the rest is as the likeliest of the others says.
+        after = (others[0] if best is sensor else best).after.without([row], alarm.onset)
+        return [undecided(alarm, f"{best.what} or {likely[1].what}")], after
+    if not taught and best.alarms[0].kind == "input" and len(best.alarms) == 1:
+        # Without healthy logs nobody knows how wrong the model is about a node's heat.
+        return [undecided(alarm, f"{best.what} or the model")], best.after
+    return best.alarms, best.after
+
+
+def undecided(alarm: Alarm, what: str) -> Alarm:
+    """An alarm of one or the other."""
+    return Alarm(alarm.node, "undecided", alarm.time, alarm.onset, detail=f"{what} is wrong: not decided which")
+
+
+def _inputs(given: Suspicion, alarm: Alarm) -> Iterator[_Answer]:
+    """A load that is wrong, at the node or near it, or the air; of the likeliest load the size, too."""
+    model, onset = given.model, alarm.onset
+    freed = {column: given.with_unknown_input(column) for column in suspects(model, alarm.node)}
+    driving = freed.keys() & loads(model).values()
+    likeliest = max(driving, key=lambda column: freed[column].nats(onset), default="")
+    for column, trial in freed.items():
+        trials, place = [trial], column.partition(".")[2]
+        if column == likeliest:
+            trials += [given.with_unknown_input(column, lift) for lift in _LIFTS]
+            index, scales = model.inputs.index(column), np.where(given.behind(onset), np.array(_SCALES)[:, None], 1.0)
+            trials += [given.with_inputs([index], scale * given.run.inputs[index]) for scale in scales]
+        best = max(trials, key=lambda trial: trial.nats(onset))
+        node = place if place in model.nodes else alarm.node
+        detail = "does not explain the temperatures"
+        told = Alarm(node, "input", alarm.time, onset, detail=detail, channel=column)
+        gain = best.nats(onset) - given.nats(onset)
+        yield _Answer(gain, column, [told], best.with_unknown_input(column, _LIFTS[-1]))
+
+
+def _exchanges(given: Suspicion, alarm: Alarm) -> Iterator[_Answer]:
+    """The node's sensor, or load, and that of another node, swapped from the beginning of a run.
+
+    Nobody swaps plugs while a robot works. Only pairs are tried that bring the model, run freely, nearer to the
+    readings.
+    """
+    model, measured, start = given.model, given.measured, float(given.run.run.time[0])
+    predicted, driven, row = simulate(model, given.run).readings, loads(model), model.nodes.index(alarm.node)
+    everywhere = np.isfinite(measured)
+    for other, node in enumerate(model.nodes):
+        pair, trials = (alarm.node, node), []
+        if node != alarm.node and everywhere[[row, other]].any(axis=1).all():
+            trials.append(("temperature", given.with_readings([row, other], measured[[other, row]]), predicted))
+        quantity, *differ = {driven.get(place, place).partition(".")[0] for place in pair}
+        if node != alarm.node and driven.keys() >= set(pair) and not differ:
+            here, there = (model.inputs.index(driven[place]) for place in pair)
+            after = given.with_inputs([here, there], given.run.inputs[[there, here]])
+            trials.append((quantity, after, simulate(model, after.run).readings))
+        for what, after, expected in trials:
+            if np.nansum(np.square(after.measured - expected)) < np.nansum(np.square(measured - predicted)):
+                alarms = [
+                    Alarm(one, "swapped", alarm.time, start, detail=f"with {two}") for one, two in (pair, pair[::-1])
+                ]
+                if what != "temperature":
+                    alarms = [
+                        replace(one, kind="input", detail=f"exchanged {one.detail}", channel=driven[one.node])
+                        for one in alarms
+                    ]
+                yield _Answer(after.nats() - given.nats(), f"{what} of {' and '.join(pair)}", alarms, after)
