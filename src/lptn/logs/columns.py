@@ -23,24 +23,23 @@ AMBIENT = "temperature.ambient"
 HEATS = ("torque", "current")
 INPUTS = (*HEATS, "velocity")
 """Quantities that drive a joint's heat."""
-_SI = {  # by quantity, and what a unit of it is called in a message
-    "time": ("s", "time, such as s"),
-    "temperature": ("degC", "temperature, such as degC"),
-    "torque": ("N*m", "torque, such as N*m"),
-    **dict.fromkeys(("current", "current_abs"), ("A", "current, such as A")),
-    **dict.fromkeys(("velocity", "velocity_rms"), ("rad/s", "angular velocity, such as rad/s")),
-    "speed": ("m/s", "speed, such as m/s"),
-    **dict.fromkeys(("power", "mechanical_power"), ("W", "power, such as W")),
-    "voltage": ("V", "voltage, such as V"),
-    "resistance": ("ohm", "resistance, such as ohm"),
+_SI = {
+    "time": "s",
+    "temperature": "degC",
+    "torque": "N*m",
+    **dict.fromkeys(("current", "current_abs"), "A"),
+    **dict.fromkeys(("velocity", "velocity_rms"), "rad/s"),
+    "speed": "m/s",
+    **dict.fromkeys(("power", "mechanical_power"), "W"),
+    "voltage": "V",
+    "resistance": "ohm",
 }
 _NEVER_CONVERTED = {"torque_abs": "N*m", "powered": "1", "fan": "1", "irradiance": "W/m^2"}
 
 
 def column_unit(column: str) -> str:
     """The unit that a log column of lptn's has by its quantity, empty where the quantity has none."""
-    quantity = column.partition(".")[0]
-    return _SI[quantity][0] if quantity in _SI else _NEVER_CONVERTED.get(quantity, "")
+    return (_SI | _NEVER_CONVERTED).get(column.partition(".")[0], "")
 
 
 # pint reads Nm as "number metre" and does not know rev.
@@ -60,10 +59,10 @@ def to_si(values: FloatArray, quantity: str, unit: str | None) -> FloatArray:
     name = _SPELLINGS.get(unit, unit)
     if quantity.startswith("velocity"):
         name = _TURNS.get(unit, name)
-    if quantity in _SI and name == _SI[quantity][0]:  # the usual case, and pint takes half a second to begin
+    if quantity in _SI and name == _SI[quantity]:  # the usual case, and pint takes half a second to begin
         return np.asarray(values, dtype=np.float64)
     measured = registry().Quantity(values, registry().parse_units(name))
-    converted = measured.to(_SI[quantity][0]) if quantity in _SI else measured.to_base_units()
+    converted = measured.to(_SI[quantity]) if quantity in _SI else measured.to_base_units()
     return np.asarray(converted.magnitude, dtype=np.float64)
 
 
@@ -85,6 +84,7 @@ _COMBINED: Mapping[Combined, Callable[[Sequence[FloatArray]], FloatArray]] = {
     "mean": lambda columns: np.mean(columns, axis=0),  # where one is missing, the others' mean would be another one's
     "ratio": lambda columns: _ratio(*columns),
 }
+_HOW: Mapping[str, Combined] = {how: how for how in _COMBINED}
 _LEAST_SHARE = 0.1
 """Of the largest current of a log: below it a measured resistance has over ten times the error that it has there."""
 
@@ -187,6 +187,10 @@ def _are_finite(value: object) -> bool:
     return isinstance(value, Sequence) and not isinstance(value, str) and len(value) > 0 and all(map(_is_finite, value))
 
 
+def _floats(value: Any) -> tuple[float, ...]:
+    return tuple(map(float, value if isinstance(value, Sequence) else [value]))
+
+
 def _are_names(value: object) -> bool:
     listed = value if isinstance(value, Sequence) and not isinstance(value, str) else ()
     return len(listed) > 1 and all(isinstance(name, str) and name for name in listed)
@@ -208,19 +212,30 @@ _PLACES: Mapping[str, _Rule] = {
     "rate": (lambda x: _is_finite(x) and x > 0, "the rows of the log a second, such as 50"),
 }
 """How an entry says where its values stand, of which it has one: whether its value can be used, and what can."""
-_SETTINGS: Mapping[str, _Rule] = {
-    "unit": (lambda x: isinstance(x, str) and x.strip() != "", 'the name of a unit, such as "degC"'),
-    "scale": (lambda x: _is_finite(x) and x != 0, "a finite number but 0"),
-    "offset": (_is_finite, "a finite number"),
-    "wrap": (lambda x: _is_finite(x) and x > 0, "a finite number above 0"),
-    "invalid": (lambda x: _is_finite(x) or _are_finite(x), "numbers, such as [850, -127]"),
-    "valid": (lambda x: _are_finite(x) and len(x) == 2 and x[0] < x[1], "least and greatest, such as [-40, 200]"),
-    "afterwards": (_is_finite, "a finite number"),
-    "thermometer": (_is_thermometer, "{ resistance = 0.186, at = 25, alpha = 0.0039 }, above 0: ohm, degC, 1/K"),
-    "rows": (lambda x: x in (*MEANS, SAMPLES), f"of time: one of {', '.join(map(shown, (*MEANS, SAMPLES)))}"),
+_SETTINGS: Mapping[str, tuple[Callable[[Any], bool], str, Callable[[Any], Any]]] = {
+    "unit": (lambda x: isinstance(x, str) and x.strip() != "", 'the name of a unit, such as "degC"', str.strip),
+    "scale": (lambda x: _is_finite(x) and x != 0, "a finite number but 0", float),
+    "offset": (_is_finite, "a finite number", float),
+    "wrap": (lambda x: _is_finite(x) and x > 0, "a finite number above 0", float),
+    "invalid": (lambda x: _is_finite(x) or _are_finite(x), "numbers, such as [850, -127]", _floats),
+    "valid": (
+        lambda x: _are_finite(x) and len(x) == 2 and x[0] < x[1],
+        "least and greatest, such as [-40, 200]",
+        _floats,
+    ),
+    "afterwards": (_is_finite, "a finite number", float),
+    "thermometer": (
+        _is_thermometer,
+        "{ resistance = 0.186, at = 25, alpha = 0.0039 }, above 0: ohm, degC, 1/K",
+        lambda x: {**_COPPER, **x},
+    ),
+    "rows": (
+        lambda x: x in (*MEANS, SAMPLES),
+        f"of time: one of {', '.join(map(shown, (*MEANS, SAMPLES)))}",
+        str,
+    ),
 }
-"""The same of what an entry may say besides."""
-_CHECKS = {**_PLACES, **_SETTINGS}
+"""The same of what an entry may say besides, and how that is kept."""
 
 
 def parse_columns(table: Mapping[str, object], file: str | Path, place: str) -> dict[str, ColumnSource]:
@@ -284,22 +299,23 @@ def is_number(text: str) -> bool:
 
 
 _OF_KEYS = {  # settings of some quantities alone, and those that can't stand beside them
-    "rate": (re.compile(r"time(\.2)?"), "time alone: time = { rate = 50 }", _CHECKS.keys() - {"rate", "rows"}),
+    "rate": (re.compile(r"time(\.2)?"), "time alone: time = { rate = 50 }", {*_PLACES, *_SETTINGS} - {"rate", "rows"}),
     "rows": (re.compile("time"), _SETTINGS["rows"][1], frozenset[str]()),
     "thermometer": (re.compile(r"temperature\..*"), "a temperature alone", {"unit", "scale", "offset"}),
 }
 
 
-def _check(key: str, said: Mapping[str, Any], file: str | Path, place: str) -> None:
-    """Refuse settings that can't be used, or not for this quantity, or not beside each other."""
+def _check(key: str, said: Mapping[str, Any], file: str | Path, place: str) -> str:
+    """How an entry says where its values stand; settings that can't be used, or not for its quantity, are refused."""
 
     def refuse(problem: str, expected: str, name: str = "") -> NoReturn:
         raise InputError(file, f"{place} {name}".rstrip(), problem, expected)
 
+    known = {**_PLACES, **_SETTINGS}
     for name, value in said.items():
-        if name not in _CHECKS:
-            refuse(f"key '{name}'", f"one of {', '.join(_CHECKS)}")
-        usable, expected = _CHECKS[name]
+        if name not in known:
+            refuse(f"key '{name}'", f"one of {', '.join(known)}")
+        usable, expected, *_ = known[name]
         if not usable(value):
             refuse(shown(value), expected, name)
     places = [name for name in _PLACES if name in said]
@@ -312,49 +328,32 @@ def _check(key: str, said: Mapping[str, Any], file: str | Path, place: str) -> N
             refuse(shown(said[name]), f"{name} of {expected}", name)
         if beside := sorted(others & said.keys()):
             refuse(f"{beside[0]} beside {name}", "one of the two")
+    return places[0]
 
 
 def _source(key: str, entry: object, file: str | Path, place: str) -> ColumnSource:
-    """What an entry of `[columns]` says.
-
-    Args:
-        key: the quantity that it is for.
-        entry: a name, or a table.
-        file: the file, or option, that holds it.
-        place: where it stands there.
-    """
+    """What an entry of `[columns]` says: a name, or a table."""
     if not is_key(key):
         raise InputError(file, place, f"key '{key}'", "time or <quantity>.<place>, such as torque.FR_calf")
     said: Any = {"column": entry} if isinstance(entry, str) else entry
     if not isinstance(said, Mapping):
         raise InputError(file, place, shown(entry), 'a column\'s name or a table such as { column = "T1" }')
-    _check(key, said, file, place)
-    scale, offset = said.get("scale", 1.0), said.get("offset", 0.0)
-    if "thermometer" in said:
+    how = _check(key, said, file, place)
+    settings = {name: convert(said[name]) for name, (_, _, convert) in _SETTINGS.items() if name in said}
+    if thermometer := settings.pop("thermometer", None):
         # R = R_0 (1 + α (T - T_0)), solved for T.
-        numbers = {**_COPPER, **said["thermometer"]}
-        scale, offset = 1 / (numbers["alpha"] * numbers["resistance"]), numbers["at"] - 1 / numbers["alpha"]
-    quantity, unit = key.partition(".")[0], said["unit"].strip() if "unit" in said else None
+        settings["scale"] = 1 / (thermometer["alpha"] * thermometer["resistance"])
+        settings["offset"] = thermometer["at"] - 1 / thermometer["alpha"]
+    quantity, wanted = key.partition(".")[0], "its quantity, such as V"
+    if quantity in _SI:
+        wanted = f"{quantity.partition('_')[0]}, such as {_SI[quantity]}"
     try:
-        to_si(np.zeros(1), quantity, unit)
+        to_si(np.zeros(1), quantity, settings.get("unit"))
     except Exception as error:  # pint raises a dozen kinds of its own and Python's for a text that is no unit
-        wanted = _SI[quantity][1] if quantity in _SI else "its quantity, such as V"
-        raise InputError(file, place, f"unit '{unit}'", f"a unit of {wanted}") from error
-    (how,) = _PLACES.keys() & said.keys()
-    columns, invalid = said[how], said.get("invalid", ())
-    return ColumnSource(
-        () if how == "rate" else (columns,) if how == "column" else tuple(columns),
-        unit,
-        float(scale),
-        float(offset),
-        how if how in _COMBINED else "norm",  # type: ignore[arg-type]
-        float(said.get("wrap", 0.0)),
-        (float(invalid),) if _is_finite(invalid) else tuple(map(float, invalid)),
-        tuple(map(float, said.get("valid", (-math.inf, math.inf)))),  # type: ignore[arg-type]
-        float(said.get("rate", 0.0)),
-        float(said["afterwards"]) if "afterwards" in said else None,
-        said.get("rows", ""),
-    )
+        raise InputError(file, place, f"unit '{settings['unit']}'", f"a unit of {wanted}") from error
+    if how == "rate":
+        return ColumnSource((), rate=float(said["rate"]), **settings)
+    return ColumnSource((said[how],) if how == "column" else tuple(said[how]), how=_HOW.get(how, "norm"), **settings)
 
 
 # --- Where it stands, written: the line that a user pastes into `[columns]`, or an option `--map` ---
