@@ -311,11 +311,11 @@ def _check(key: str, said: Mapping[str, Any], file: str | Path, place: str) -> s
     def refuse(problem: str, expected: str, name: str = "") -> NoReturn:
         raise InputError(file, f"{place} {name}".rstrip(), problem, expected)
 
-    known = {**_PLACES, **_SETTINGS}
+    known: dict[str, _Rule] = {**_PLACES, **{name: rule[:2] for name, rule in _SETTINGS.items()}}
     for name, value in said.items():
         if name not in known:
             refuse(f"key '{name}'", f"one of {', '.join(known)}")
-        usable, expected, *_ = known[name]
+        usable, expected = known[name]
         if not usable(value):
             refuse(shown(value), expected, name)
     places = [name for name in _PLACES if name in said]

@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
+import pyarrow as pa
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.bounds import Bound
@@ -37,6 +37,7 @@ _LONGEST_CELL = 100  # characters of a cell that go into a message
 _NO_NUMBER = re.compile(r"[-+]?1\.#(?:INF|IND|QNAN|SNAN)\d*", re.IGNORECASE)  # as Windows prints what is no number
 _YES_OR_NO = {"true": 1.0, "false": 0.0, "yes": 1.0, "no": 0.0, "on": 1.0, "off": 0.0}
 _NOT_PLAIN = (bytes, list, dict, np.ndarray)  # cells of a binary or nested column, of which nothing makes numbers
+_TEXTS = (pa.string(), pa.large_string(), pa.binary(), pa.large_binary())  # of which a file holds each once
 _DATE = re.compile(r"\d{4,}-\d\d-\d\d.*")
 _YEARS = (1900, 2200)  # of a date that a logger's clock says
 _THOUSANDS = re.compile(r"[-+]?\d{1,3}(?P<sign>[.,'\u2019\u00a0\u202f ])\d{3}(?:(?P=sign)\d{3})*(?:[.,]\d*)?")
@@ -111,7 +112,10 @@ class Table:
         return series.to_numpy(dtype=np.float64, na_value=np.nan)
 
     def _of_text(self, name: str, series: pd.Series, *, worded: bool) -> pd.Series:
-        """Cells of text as numbers, dates or durations."""
+        """Cells of text as numbers, dates or durations; NaN for words by which a sensor says that it has no reading.
+
+        What has a digit in it is no such word, but a number in some other way, and is refused.
+        """
         if series.dtype == object and (nested := series.map(type).isin(_NOT_PLAIN).to_numpy()).any():
             row = int(nested.argmax())
             self.refuse(row, name, f"a cell of type {type(series.iloc[row]).__name__}", "a number or an empty cell")
@@ -120,34 +124,17 @@ class Table:
         if not text.any():
             return numbers
         cells = series.astype("str")
-        no_number = text & cells.str.fullmatch(_NO_NUMBER).to_numpy(dtype=bool)
-        if no_number.any():
-            self._note_words(name, cells[no_number])
-            text, series = text & ~no_number, series.where(~no_number)
+        other = text & ~cells.str.fullmatch(_NO_NUMBER).to_numpy(dtype=bool)
         yes_or_no = cells.str.lower().map(_YES_OR_NO)
-        if not worded and (yes_or_no.notna() | series.isna()).all():
+        if not worded and (yes_or_no.notna() | series.isna() | (text & ~other)).all():
             return yes_or_no
-        times = times_of(series) if text.all() else None
-        if times is None and text.any():
-            self._require_words(name, series, text, worded=worded)
-        return numbers if times is None else times
-
-    def _require_words(self, name: str, series: pd.Series, text: npt.NDArray[np.bool_], *, worded: bool) -> None:
-        """Refuse text that is no number, and note words by which a sensor says that it has no reading.
-
-        Args:
-            name: of a column.
-            series: its cells, (n,).
-            text: which of them hold text that is no number, (n,).
-            worded: whether there may be words; what has a digit in it is none, but a number in some other way.
-        """
-        rows = np.flatnonzero(text)
-        words = series.iloc[rows].astype("str")
-        refused = words.str.contains(r"\d").to_numpy(dtype=bool) | (not worded or text.all())
+        if other.all() and (times := times_of(series)) is not None:
+            return times
+        refused = other & (cells.str.contains(r"\d").to_numpy(dtype=bool) | (not worded or bool(other.all())))
         if refused.any():
-            row = int(rows[refused.argmax()])
-            cell, expected = str(series.iloc[row])[:_LONGEST_CELL], "a number or an empty cell"
-            if ":" in cell or _DATE.fullmatch(cell):
+            row = int(refused.argmax())
+            cell, expected = cells.iloc[row][:_LONGEST_CELL], "a number or an empty cell"
+            if ":" in cell or _DATE.match(cell):
                 expected = (
                     "a number; of times also 2026-11-23T14:05:03.5, 23.11.2026 14:05:03, or 0:12:30 since the start"
                 )
@@ -156,11 +143,10 @@ class Table:
             elif _THOUSANDS.fullmatch(cell):
                 expected += ", without a sign between thousands"
             self.refuse(row, name, repr(cell), expected)
-        self._note_words(name, words)
-
-    def _note_words(self, name: str, words: pd.Series) -> None:
+        words = cells[text]
         shown = ", ".join(f"'{word[:_LONGEST_CELL]}'" for word in words.unique()[:_MOST_WORDS])
         self.note([f"{name}: {words.size} cells hold a word ({shown}), which is no reading."])
+        return numbers
 
     @property
     def listing(self) -> str:
@@ -182,16 +168,6 @@ def column_sources(table: Table, columns: Mapping[str, ColumnSource]) -> dict[st
     """Where each quantity stands: by its own name, by the format's own rules, or, above both, by the mapping."""
     own = {name: ColumnSource((name,)) for name in table.names if is_key(name)}
     return own | dict(table.defaults) | dict(columns)
-
-
-def check_size(path: Path, rows: int, columns: int) -> None:
-    """Refuse a table that would fill the memory.
-
-    Raises:
-        InputError: it holds more than 500 million numbers.
-    """
-    if rows * columns > MOST_NUMBERS:
-        raise too_large(path, f"{rows} rows of {columns} columns")
 
 
 def too_large(path: Path, size: str) -> InputError:
@@ -273,8 +249,7 @@ def with_times(table: Table, rate: float) -> Table:
     """
 
     def read(wanted: Sequence[str]) -> pd.DataFrame:
-        others = [name for name in wanted if name != "time"] or list(table.names[:1])
-        frame = table.read(others)
+        frame = table.read([name for name in wanted if name != "time"] or table.names[:1])
         return frame.assign(time=np.arange(len(frame)) / rate)[list(wanted)]
 
     names = ("time", *(name for name in table.names if name != "time"))
@@ -326,11 +301,12 @@ def open_parquet(path: Path) -> Table:
     expected = "a whole Parquet file"
     with one_line_if_broken(path, expected), pq.ParquetFile(path) as file:
         names, rows = tuple(file.schema_arrow.names), int(file.metadata.num_rows)
-        texts = [field.name for field in file.schema_arrow if _is_text(field.type)]
+        texts = [field.name for field in file.schema_arrow if field.type in _TEXTS]
     COLUMNS.check(len(names), path, "columns")
 
     def read(wanted: Sequence[str]) -> pd.DataFrame:
-        check_size(path, rows, len(wanted))  # such a number of rows takes few bytes to write
+        if rows * len(wanted) > MOST_NUMBERS:  # such a number of rows takes few bytes to write
+            raise too_large(path, f"{rows} rows of {len(wanted)} columns")
         at_once = max(1, _NUMBERS_AT_ONCE // max(rows, 1))
         some = [list(wanted[k : k + at_once]) for k in range(0, len(wanted), at_once)]
         with one_line_if_broken(path, expected), pq.ParquetFile(path, read_dictionary=texts) as file:
@@ -342,32 +318,23 @@ def open_parquet(path: Path) -> Table:
     return Table(path, names, read, lambda row: f"row {row + 1}", "Parquet", digest=partial(fingerprint, path))
 
 
-def _is_text(kind: Any) -> bool:
-    """Whether cells of a type of `pyarrow` are text or bytes."""
-    import pyarrow as pa
-
-    return kind in (pa.string(), pa.large_string(), pa.binary(), pa.large_binary())
-
-
 def _with_texts_in_full(table: Any, path: Path) -> Any:
     """A table of `pyarrow` whose texts, which the file holds once each, stand in every row that has them.
 
     Raises:
         InputError: that would be too much: 64 kB hold a megabyte that stands in 3,000 rows.
     """
-    import pyarrow as pa
     import pyarrow.compute as pc
 
     left = most_unpacked(path)
     for number, (name, column) in enumerate(zip(table.column_names, table.columns, strict=True)):
-        if not (pa.types.is_dictionary(column.type) and _is_text(column.type.value_type)):
-            continue
-        for chunk in column.chunks:
-            left -= pc.sum(pc.take(pc.binary_length(chunk.dictionary), chunk.indices)).as_py() or 0
-        if left < 0:
-            found = f"texts that unfold to more than {TIMES_PACKED} times the file's size"
-            raise InputError(path, f"column '{name}'", found, "numbers and times")
-        table = table.set_column(number, name, column.cast(column.type.value_type))
+        if pa.types.is_dictionary(column.type) and column.type.value_type in _TEXTS:
+            for chunk in column.chunks:
+                left -= pc.sum(pc.take(pc.binary_length(chunk.dictionary), chunk.indices)).as_py() or 0
+            if left < 0:
+                found = f"texts that unfold to more than {TIMES_PACKED} times the file's size"
+                raise InputError(path, f"column '{name}'", found, "numbers and times")
+            table = table.set_column(number, name, column.cast(column.type.value_type))
     return table
 
 
@@ -398,7 +365,9 @@ def table_of_sources(
 
     def read(wanted: Sequence[str]) -> pd.DataFrame:
         sources = read_sources(wanted)
-        check_size(path, sum(own.size for own, _ in sources), len(wanted))
+        rows = sum(own.size for own, _ in sources)
+        if rows * len(wanted) > MOST_NUMBERS:
+            raise too_large(path, f"{rows} rows of {len(wanted)} columns")
         columns = on_one_time(sources)
         stamps[0] = columns["time"]
         return pd.DataFrame({name: columns[name] for name in wanted}, copy=False)
