@@ -114,17 +114,16 @@ _INTERFACES = {
 _COMMANDED = {"cmd", "command", "commands", "desired", "target", "ref", "reference", "setpoint"}
 
 
-def quantities(topics: Mapping[str, Sequence[str]], kinds: Mapping[str, str]) -> dict[str, ColumnSource]:
+def quantities(topics: Mapping[str, tuple[str, Sequence[str]]]) -> dict[str, ColumnSource]:
     """Where quantities stand in messages of well-known types; of two topics that give one, the first by type.
 
     Args:
-        topics: for each topic the names of its numbers.
-        kinds: for each topic its messages' type.
+        topics: for each topic its messages' type, and the names of its numbers.
     """
     sources: dict[str, ColumnSource] = {}
     for kind, rule in _RULES.items():
-        for topic, names in topics.items():
-            if kinds[topic].endswith(f"/{kind}") and not _COMMANDED.intersection(words_of(topic)):
+        for topic, (own, names) in topics.items():
+            if own.endswith(f"/{kind}") and not _COMMANDED.intersection(words_of(topic)):
                 for key, columns in rule(topic, names):
                     if is_key(key):
                         sources.setdefault(key, ColumnSource(tuple(f"{topic}.{name}" for name in columns)))

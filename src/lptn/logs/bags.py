@@ -58,52 +58,50 @@ def open_bag(path: Path) -> Table:
     require_package(path, "rosbags", "a ROS 2 bag", "pip install 'lptn[ros]'")
     with _reader(path) as reader:
         store = _store(reader.connections)
-        kinds, of_opening = _kinds(reader, store)
-        looks = {topic: _first_numbers(reader, store, topic, kind) for topic, kind in kinds.items()}
-    first = {topic: look for topic, look in looks.items() if look is not None}
-    undecoded = [topic for topic in kinds if topic not in first]
-    of_opening += [f"{topic}: its messages do not decode as {kinds[topic]}; left out." for topic in undecoded]
-    topics = {topic: look.names for topic, look in first.items() if look.names}
+        topics, of_opening = _topics(reader, store)
     if not topics:
         raise InputError(path, "log", "no topic whose messages hold numbers", "a bag with joint states or the like")
     # A topic's messages, and those of each source by itself where several have one number.
-    parts: dict[str, tuple[str, Hashable]] = {topic: (topic, None) for topic in topics}
-    for topic, look in first.items():
-        if look.shared:
-            parts |= {f"{topic}:{number}": (topic, source) for number, source in enumerate(look.sources, start=1)}
-    names = ("time", *(f"{part}.{name}" for part, (topic, _) in parts.items() for name in topics[topic]))
+    parts: dict[str, tuple[_Topic, Hashable]] = {name: (topic, None) for name, topic in topics.items()}
+    for name, topic in topics.items():
+        if topic.shared:
+            parts |= {f"{name}:{number}": (topic, source) for number, source in enumerate(topic.sources, start=1)}
+    names = ("time", *(f"{part}.{name}" for part, (topic, _) in parts.items() for name in topic.names))
     notes = [*of_opening]
 
     def sources(wanted: Sequence[str]) -> list[Source]:
         of_all = set(wanted)
-        asked = {part: [n for n in topics[topic] if f"{part}.{n}" in of_all] for part, (topic, _) in parts.items()}
+        asked = {part: [n for n in topic.names if f"{part}.{n}" in of_all] for part, (topic, _) in parts.items()}
         asked = {part: numbers for part, numbers in asked.items() if numbers} or {next(iter(topics)): []}
         of_topic: dict[str, dict[str, None]] = {}
         for part, numbers in asked.items():
-            of_topic.setdefault(parts[part][0], {}).update(dict.fromkeys(numbers))
+            of_topic.setdefault(parts[part][0].name, {}).update(dict.fromkeys(numbers))
         with _reader(path) as again:
-            every = {topic: _stream(again, store, topic, kinds[topic], list(some)) for topic, some in of_topic.items()}
+            every = {name: _stream(again, store, topics[name], list(some)) for name, some in of_topic.items()}
         streams, of_sources = [], []
         for part, numbers in asked.items():
             topic, source = parts[part]
             if source is None:
-                stream, said = _of_one_source(path, every[topic], numbers, first[topic].sources)
+                stream, said = _of_one_source(path, every[topic.name], numbers, topic.sources)
                 of_sources += said
             else:
-                stream = every[topic].only(partial(eq, source), numbers, part)
+                stream = every[topic.name].only(partial(eq, source), numbers, part)
             streams.append(stream)
         stamps, of_clock = one_clock(streams)
         notes[:] = [*of_opening, *of_sources, *of_clock]
         return [(own / 1e9, stream.columns()) for stream, own in zip(streams, stamps, strict=True)]
 
-    defaults, digest = quantities(topics, kinds), partial(_digest, path)
+    defaults, digest = (
+        quantities({name: (topic.kind, topic.names) for name, topic in topics.items()}),
+        partial(_digest, path),
+    )
     return table_of_sources(path, names, sources, "ROS 2 bag", defaults=defaults, notes=notes, digest=digest)
 
 
-def _stream(reader: Any, store: Any, topic: str, kind: str, wanted: list[str]) -> Stream:
+def _stream(reader: Any, store: Any, topic: _Topic, wanted: list[str]) -> Stream:
     """All of a topic's messages of one type, the wanted numbers of each."""
-    decoder = Decoder(store, kind, wanted)
-    messages = reader.messages(_connections(reader, topic, kind))
+    decoder = Decoder(store, topic.kind, wanted)
+    messages = reader.messages(_connections(reader, topic.name, topic.kind))
     stamps, received, values = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)], [np.zeros((0, len(wanted)))]
     sources: list[Hashable] = []
     while batch := list(islice(messages, _BATCH)):
@@ -112,7 +110,7 @@ def _stream(reader: Any, store: Any, topic: str, kind: str, wanted: list[str]) -
         received.append(np.array([when for _, when, _ in batch], np.int64))
         values.append(numbers)
         sources += [(channel.id, label) for (channel, _, _), label in zip(batch, labels, strict=True)]
-    return Stream(topic, wanted, np.concatenate(stamps), np.concatenate(received), np.concatenate(values), sources)
+    return Stream(topic.name, wanted, np.concatenate(stamps), np.concatenate(received), np.concatenate(values), sources)
 
 
 _MOST_SOURCES = 20  # of a topic: what changes more often names no source
@@ -130,69 +128,70 @@ def _of_one_source(
         return stream, []
     places = [stream.names.index(name) for name in wanted]
     found = conflicts(wanted, stream.values[:, places], stream.sources)
-    for conflict in found:
-        one, other = cast(Any, conflict.sources)  # each a connection, and a frame with joints
-        if len(conflict.silent) != 1:
-            numbers = [first.index(source) + 1 if source in first else 0 for source in conflict.sources]
-            (channel, (frame, joints)), (channel2, (frame2, joints2)) = one, other
+    for pair, name, silent in found:
+        if len(silent) != 1:
+            numbers = [first.index(source) + 1 if source in first else 0 for source in pair]
+            (channel, (frame, joints)), (channel2, (frame2, joints2)) = cast(Any, pair)
             words = f"joints {', '.join(joints[:3])} … and {', '.join(joints2[:3])} …"
             words = f"frames '{frame}' and '{frame2}'" if frame != frame2 else words
             words = f"connections {channel} and {channel2}" if channel != channel2 else words
-            said = f"messages of 2 sources in turn, {words}, which say different things of {conflict.name}"
-            columns = " or ".join(f'"{stream.topic}:{number}.{conflict.name}"' for number in numbers)
+            said = f"messages of 2 sources in turn, {words}, which say different things of {name}"
+            columns = " or ".join(f'"{stream.topic}:{number}.{name}"' for number in numbers)
             expected = f"one of them, in [columns] as {columns} (behind --map with [] at its end), and so for others"
             expected = expected if all(numbers) else "a bag of one of them"
             raise InputError(path, stream.topic, said, expected)
-    silent = {source for conflict in found for source in conflict.silent}
-    left_out = sum(source in silent for source in stream.sources)
-    notes = [f"{stream.topic}: {left_out} messages {ANOTHER_SOURCE} hold zeros alone; left out."] if silent else []
-    return stream.only(lambda source: source not in silent, wanted, stream.topic), notes
+    dumb = {source for _, _, silent in found for source in silent}
+    left_out = sum(source in dumb for source in stream.sources)
+    notes = [f"{stream.topic}: {left_out} messages {ANOTHER_SOURCE} hold zeros alone; left out."] if dumb else []
+    return stream.only(lambda source: source not in dumb, wanted, stream.topic), notes
 
 
 def _connections(reader: Any, topic: str, kind: str) -> list[Any]:
     return [channel for channel in reader.connections if channel.topic == topic and channel.msgtype == kind]
 
 
-def _kinds(reader: Any, store: Any) -> tuple[dict[str, str], list[str]]:
-    """The type of each topic's messages, and what is left out, a sentence each."""
-    kinds: dict[str, str] = {}
-    notes = []
-    for channel in sorted(reader.connections, key=lambda channel: (channel.topic, channel.id)):
-        topic, kind = channel.topic, channel.msgtype
-        if kind not in store.fielddefs:
-            notes.append(f"{topic}: the bag does not define the type of its messages; left out.")
-        elif kinds.setdefault(topic, kind) != kind:
-            notes.append(f"{topic}: of several types; only messages of {kinds[topic]} are read.")
-    return kinds, list(dict.fromkeys(notes))
-
-
 @dataclass(frozen=True)
-class First:
-    """What a topic's first messages hold: names of their numbers, their sources, whether two have one number."""
+class _Topic:
+    """Its messages' type, and of the first of them the names of numbers, the sources, whether two have one number."""
 
+    name: str
+    kind: str
     names: list[str]
     sources: list[Hashable]
     shared: bool
 
 
-def _first_numbers(reader: Any, store: Any, topic: str, kind: str) -> First | None:
-    """What a topic's first messages hold; `None` where one does not decode."""
+def _topics(reader: Any, store: Any) -> tuple[dict[str, _Topic], list[str]]:
+    """The topics that hold numbers, and what is left out, a sentence each."""
     from rosbags.serde import SerdeError
 
-    names: dict[str, set[Hashable]] = {}
-    sources: dict[Hashable, None] = {}
-    for connection in _connections(reader, topic, kind):
-        for _, _, raw in islice(reader.messages([connection]), _FIRST):
-            try:
-                message = store.deserialize_cdr(raw, kind)
-            except SerdeError:  # of another version of its type
-                return None
-            source = (connection.id, label_of(message))
-            sources[source] = None
-            for name in islice(numbers_of(store, message), _WIDEST):
-                names.setdefault(name, set()).add(source)
-    shared = len(sources) <= _MOST_SOURCES and any(len(of_name) > 1 for of_name in names.values())
-    return First(list(names)[:_WIDEST], list(sources), shared)
+    kinds: dict[str, str] = {}
+    of_types: dict[str, None] = {}  # notes, each once
+    for channel in sorted(reader.connections, key=lambda channel: (channel.topic, channel.id)):
+        name, kind = channel.topic, channel.msgtype
+        if kind not in store.fielddefs:
+            of_types[f"{name}: the bag does not define the type of its messages; left out."] = None
+        elif kinds.setdefault(name, kind) != kind:
+            of_types[f"{name}: of several types; only messages of {kinds[name]} are read."] = None
+    topics, notes = {}, list(of_types)
+    for name, kind in kinds.items():
+        numbers: dict[str, set[Hashable]] = {}
+        sources: dict[Hashable, None] = {}
+        try:
+            for connection in _connections(reader, name, kind):
+                for _, _, raw in islice(reader.messages([connection]), _FIRST):
+                    message = store.deserialize_cdr(raw, kind)
+                    source = (connection.id, label_of(message))
+                    sources[source] = None
+                    for number in islice(numbers_of(store, message), _WIDEST):
+                        numbers.setdefault(number, set()).add(source)
+        except SerdeError:  # of another version of its type
+            notes.append(f"{name}: its messages do not decode as {kind}; left out.")
+            continue
+        if numbers:
+            shared = len(sources) <= _MOST_SOURCES and any(len(of_number) > 1 for of_number in numbers.values())
+            topics[name] = _Topic(name, kind, list(numbers)[:_WIDEST], list(sources), shared)
+    return topics, notes
 
 
 def _store(connections: Sequence[Any]) -> Any:

@@ -173,29 +173,21 @@ def _with_unit(
 ) -> Guess | None:
     """The guess with its unit, from the name or else from the values; `None` for a column without numbers.
 
-    Args:
-        table: the log.
-        key: the quantity.
-        column: its column.
-        why: what speaks for it.
-        numbers: the file's columns, (n,) each.
-        beside: temperatures that the log has without a guess.
+    The `numbers` are the file's, (n,) each; `beside` are temperatures that the log has without a guess.
     """
-    quantity = key.partition(".")[0]
-    source = ColumnSource((column,))
+    quantity, source, stated = key.partition(".")[0], ColumnSource((column,)), table.units.get(column, "")
     values = numbers.get(column, np.empty(0))
     if not np.isfinite(values).any():
         return None
-    if unit := ColumnName.of(column, table.units.get(column, "")).unit(quantity):
+    if unit := ColumnName.of(column, stated).unit(quantity):
         return Guess(key, replace(source, unit=unit), f"{why}, unit and all")
     if quantity == "current" and _of_opensourceleg(table):
         return Guess(key, replace(source, unit="mA"), f"{why}; opensourceleg logs mA")
     others = {name: there for name, there in beside.items() if set(there.columns) <= numbers.keys()}
     room = room_of({name: there.values(name, numbers) for name, there in others.items()})
-    issue = next(iter(suspect_unit(key, source, numbers, values, table.units.get(column, ""), room)), None)
-    if issue is None:
-        return Guess(key, source, why)
-    return Guess(key, issue.corrected or source, f"{why}; {issue.problem}")
+    for issue in suspect_unit(key, source, numbers, values, stated, room):
+        return Guess(key, issue.corrected or source, f"{why}; {issue.problem}")
+    return Guess(key, source, why)
 
 
 # --- What words in a column's name say -------------------------------------------------------------

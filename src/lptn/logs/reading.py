@@ -83,23 +83,11 @@ def open_log(path: Path, columns: Mapping[str, ColumnSource]) -> tuple[Table, di
     """
     pair = pair_of(path)
     if pair is None:
-        return _timed(open_table(path), columns)
+        return with_times(open_table(path), columns)
     first, second, shift = pair
-    one, rest = _timed(open_table(first), columns)
-    other, rest = _timed(open_table(second), rest, SECOND_TIME)
+    one, rest = with_times(open_table(first), columns)
+    other, rest = with_times(open_table(second), rest, SECOND_TIME)
     return join(path, one, other, shift, rest)
-
-
-def _timed(
-    table: Table, columns: Mapping[str, ColumnSource], key: str = "time"
-) -> tuple[Table, dict[str, ColumnSource]]:
-    """A log whose rows are its clock with a column of times, and the mapping to it; any other as it is."""
-    source = columns.get(key)
-    if source is None or not source.rate:
-        return table, dict(columns)
-    # Who counts rows has said when they are; of means he says so, too.
-    counted = ColumnSource(("time",), rows=source.rows or SAMPLES)
-    return with_times(table, source.rate), {**columns, key: counted}
 
 
 def open_table(path: Path) -> Table:
@@ -346,7 +334,7 @@ def read_log(
         if value is not None and not (math.isfinite(value) and value > 0):
             raise InputError(path, setting, f"{value:g} s", "a time above 0 s")
     if isinstance(log, pd.DataFrame):
-        table, columns = _timed(table_of(log, name), columns or {})
+        table, columns = with_times(table_of(log, name), columns or {})
     else:
         table, columns = open_log(path, columns or {})
     if rows in MEANS and table.mixed:

@@ -9,7 +9,6 @@ at twice its rate goes back and forth as well.
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
@@ -29,19 +28,8 @@ _APART = 3.0  # times the usual step of one source, by which another's readings 
 _OTHER_SIZE = 1.5  # times the mean square, by which two sources of one noisy quantity can't differ
 
 
-@dataclass(frozen=True)
-class Conflict:
-    """Two sources that say different things of one number.
-
-    Attributes:
-        sources: who they are.
-        name: the number.
-        silent: those of them that say zero throughout.
-    """
-
-    sources: tuple[Hashable, Hashable]
-    name: str
-    silent: tuple[Hashable, ...]
+Conflict = tuple[tuple[Hashable, Hashable], str, tuple[Hashable, ...]]
+"""Two sources that say different things of one number: who they are, the number, and which of them say zero alone."""
 
 
 def conflicts(names: Sequence[str], values: FloatArray, sources: Sequence[Hashable]) -> list[Conflict]:
@@ -55,21 +43,18 @@ def conflicts(names: Sequence[str], values: FloatArray, sources: Sequence[Hashab
     order = list(dict.fromkeys(sources))
     number = {source: k for k, source in enumerate(order)}
     label = np.array([number[source] for source in sources])
-    found = []
+    found: list[Conflict] = []
     for pair in combinations(order, 2):
         one, other = (label == number[source] for source in pair)
-        if not _take_turns(other[one | other]):
+        second = other[one | other]
+        rarer, turns = min(int(second.sum()), int((~second).sum())), int(np.count_nonzero(second[1:] != second[:-1]))
+        if rarer < _FEWEST or turns < 2 * _TAKE_TURNS * rarer:
             continue
         name = next((name for name, x in zip(names, values.T, strict=True) if _differ(x, one, other)), "")
         if name:
             silent = (source for source in pair if not np.nan_to_num(values[label == number[source]]).any())
-            found.append(Conflict(pair, name, tuple(silent)))
+            found.append((pair, name, tuple(silent)))
     return found
-
-
-def _take_turns(second: BoolArray) -> bool:
-    rarer = min(int(second.sum()), int((~second).sum()))
-    return rarer >= _FEWEST and int((np.diff(second.astype(int)) != 0).sum()) >= 2 * _TAKE_TURNS * rarer
 
 
 def _differ(x: FloatArray, one: BoolArray, other: BoolArray) -> bool:

@@ -22,7 +22,7 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.bounds import Bound
 from lptn.basics.errors import InputError
 from lptn.basics.files import fingerprint
-from lptn.logs.columns import ColumnSource, is_key
+from lptn.logs.columns import SAMPLES, ColumnSource, is_key
 from lptn.logs.times import times_of
 
 COLUMNS = Bound(100_000, "columns")
@@ -241,12 +241,19 @@ def one_line_if_broken(path: Path, expected: str) -> Iterator[None]:
         raise InputError(path, "log", f"a broken file ({str(error) or type(error).__name__})", expected) from error
 
 
-def with_times(table: Table, rate: float) -> Table:
-    """The same log with a column `time`, s, that counts its rows, for one that has none.
+def with_times(
+    table: Table, columns: Mapping[str, ColumnSource], key: str = "time"
+) -> tuple[Table, dict[str, ColumnSource]]:
+    """A log whose rows are its clock with a column of times, and the mapping to it; any other as it is.
 
     Args:
-        rate: rows a second.
+        table: the log.
+        columns: where the quantities stand; of `key`, perhaps a rate.
+        key: what the log's time is mapped as.
     """
+    source = columns.get(key)
+    if source is None or not (rate := source.rate):
+        return table, dict(columns)
 
     def read(wanted: Sequence[str]) -> pd.DataFrame:
         frame = table.read([name for name in wanted if name != "time"] or table.names[:1])
@@ -254,8 +261,10 @@ def with_times(table: Table, rate: float) -> Table:
 
     names = ("time", *(name for name in table.names if name != "time"))
     units = {name: unit for name, unit in table.units.items() if name != "time"}
-    note = f"time: counted from its rows, {rate:g} a second, as given."
-    return replace(table, names=names, read=read, units=units, notes=[*table.notes, note])
+    notes = [*table.notes, f"time: counted from its rows, {rate:g} a second, as given."]
+    # Who counts rows has said when they are; of means he says so, too.
+    counted = ColumnSource(("time",), rows=source.rows or SAMPLES)
+    return replace(table, names=names, read=read, units=units, notes=notes), {**columns, key: counted}
 
 
 # --- Data frames and Parquet files ---------------------------------------------------------------------
