@@ -1,9 +1,9 @@
 """Whether two runs hold the same readings, in another format, in part, or resampled: then one can't test the other.
 
-Two sensors, or two days, never repeat each other's noise. So a stretch of one run is that of another if all their
-temperatures agree within their own noise, wherever in time the one is laid over the other; or, where the one keeps but
-a part of the other's readings, if what is noise in the one goes with what is noise in the other. A copy at a lower rate
-has rows picked out of the other's, or read between them, or the means of several.
+Two sensors, or two days, never repeat each other's noise. So one run is laid over the other where it lies closest, and
+they are the same if there the noise of the one goes with that of the other, and they are as warm. A copy at a lower
+rate has rows picked out of the other's, or read between them, or the means of several: it keeps a part of its noise.
+Where a temperature has no noise, or its sensor's steps hide it, the two may differ by what a format rounds off.
 """
 
 from __future__ import annotations
@@ -14,19 +14,18 @@ from typing import NamedTuple
 import numpy as np
 
 from lptn.basics.arrays import FloatArray, IntArray
+from lptn.logs.resampling import means_of_blocks
 from lptn.logs.run import Run
 from lptn.logs.silence import quantisation_step
 
 _LEAST = 60  # changes of readings that are compared at least; fewer, as of robots that cool, may be alike by accident
 _PARTS = 4  # of the shorter run, each of which is sought in the longer one
 _FEWEST = 10  # steps of a part
-_OF_NOISE, _OF_SPREAD = 0.2, 1e-4
-"""RMS of differences, as shares of the noise and of the standard deviation of a column, up to which two columns are
-one: digits that a format rounds off, not readings of another day, which differ by 1.4 times the noise."""
 _MOST_FACTOR = 60  # times that one run's steps may be the other's
 _MEANS = 1.5  # times, from which on a copy may hold means of several readings
-_AROUND = 2.0  # steps of the coarser run, by which the place where it lies closest may be wrong
-_BETWEEN = 10  # places that are tried in each step of the finer run: clocks may be set by less than one
+_AROUND, _BETWEEN = 2.0, 10
+"""Steps of the coarser run by which the place where it lies closest may be wrong; places that are tried in the finer
+run's steps beside it: clocks may be set by less than one."""
 
 
 def repeated_stretch(one: Run, other: Run) -> tuple[float, float] | None:
@@ -45,7 +44,7 @@ def repeated_stretch(one: Run, other: Run) -> tuple[float, float] | None:
     for means in (False, True) if ratio > _MEANS else (False,):
         copies = {name: _Copy(fine.columns[name], ratio, means) for name in names}
         for stretch in _stretches(readings, copies):
-            match = _same(readings, copies, stretch) or _same_noise(readings, copies, stretch)
+            match = _same(readings, copies, stretch) or _same(readings, copies, _longer(stretch, coarse, fine))
             if match is not None:
                 start = other.time[0] + (match.first * coarse.step if other is coarse else match.position * fine.step)
                 return float(start), float(start + (match.size - 1) * coarse.step)
@@ -147,86 +146,61 @@ def _changes(readings: FloatArray) -> int:
 # --- Whether what lies there is the same ----------------------------------------------------------
 
 
-def _same(coarse: Mapping[str, FloatArray], copies: Mapping[str, _Copy], stretch: _Stretch) -> _Stretch | None:
-    """The stretch, set right by less than a step of the finer run, if all columns agree within their noise."""
-    first, size, position = stretch
-    parts = {name: values[first : first + size] for name, values in coarse.items()}
-    name = max(parts, key=lambda name: _changes(parts[name]))
-    around = position + np.arange(-_BETWEEN, _BETWEEN + 1) / _BETWEEN
-    apart = [_difference(parts[name], copies[name].at(at, size)) for at in around]
-    position = float(around[np.argmin(apart)])
-    there = {name: copies[name].at(position, size) for name in parts}
-    # Where one of them has a gap, what is laid over it agrees with nothing.
-    shared = sum(_changes(np.where(np.isfinite(there[name]), part, np.nan)) for name, part in parts.items())
-    if shared >= _LEAST / 2 and all(_is_one(part, there[name]) for name, part in parts.items()):
-        return _Stretch(first, size, position)
-    return None
-
-
-def _difference(one: FloatArray, other: FloatArray) -> float:
-    """RMS of what two columns differ by; infinite where less than half of them can be compared."""
-    apart = (one - other)[np.isfinite(one) & np.isfinite(other)]
-    return float(np.sqrt(np.mean(apart**2))) if 2 * apart.size > np.isfinite(one).sum() > 0 else np.inf
-
-
-def _is_one(part: FloatArray, other: FloatArray) -> bool:
-    if not np.isfinite(part).any():
-        return True  # a sensor that says nothing says nothing against it
-    noise = float(np.nanstd(np.diff(part))) / np.sqrt(2)
-    return bool(_difference(part, other) <= max(_OF_NOISE * noise, _OF_SPREAD * float(np.nanstd(part))))
-
-
-_LEAST_SHARED = 0.1  # correlation of the noise: of one row that is picked from a hundred that the other averages
+_OF_NOISE, _ROUNDED = 0.1, 0.96
+"""Correlation of the noise of one row that is picked from a hundred that the other averages; and of two columns that
+differ by a fifth of their noise, as by digits that a format rounds off."""
 _CHANCE = 6.0  # standard deviations of it, which other readings reach once in 500 million
 _SPREAD = np.sqrt(35 / 18)  # of a correlation of N second differences of white noise, times √N
-_MOST_COLUMNS = 4  # that are compared at each of the places, of which there may be hundreds
-_MOST_ROWS = 5000  # that are compared: such a correlation shows in a tenth of them
+_MOST_COLUMNS, _MOST_ROWS = 4, 5000  # that are compared at each of the places, of which there may be hundreds
 _NOISY = -0.5  # correlation of a second difference with the next one, below which it is noise: -2/3 where it is white
-
-
-def _same_noise(coarse: Mapping[str, FloatArray], copies: Mapping[str, _Copy], stretch: _Stretch) -> _Stretch | None:
-    """A long stretch there, if the noise of some columns together goes with that of the other's.
-
-    Second differences leave noise alone where a temperature moves little from row to row. Days of one motion have one
-    ripple, but hardly one level.
-    """
-    copy = next(iter(copies.values()))
-    length, ratio = len(next(iter(coarse.values()))), copy.ratio
-    first = max(0, stretch.first - min(int(stretch.position / ratio), _MOST_ROWS // 2))
-    position = stretch.position - (stretch.first - first) * ratio
-    size = min(length - first, int((copy.length - position) / ratio), _MOST_ROWS)
-    parts = {name: values[first : first + size] for name, values in coarse.items()}
-    noises = {name: np.diff(part, n=2) for name, part in parts.items() if not _is_rounding(part)}
-    noises = {name: noises[name] for name in [name for name in noises if _is_noise(noises[name])][:_MOST_COLUMNS]}
-    best, match = 0.0, None
-    for at in position + np.arange(-np.ceil(_AROUND * ratio), np.ceil(_AROUND * ratio) + 1):
-        score, rows = 0.0, 0
-        for name, noise in noises.items():
-            there = copies[name].at(float(at), size)
-            other = np.diff(there, n=2)
-            both = np.isfinite(noise) & np.isfinite(other)
-            if both.sum() < _LEAST or not _is_noise(other):
-                continue
-            a, b = noise[both], other[both]
-            if not _is_level(parts[name] - there, float(np.sqrt(max(np.mean(a**2), np.mean(b**2)) / 6))):
-                score = -np.inf
-            score, rows = score + float(a @ b) / float(np.sqrt((a @ a) * (b @ b))) * a.size, rows + a.size
-        weight = score / (_SPREAD * np.sqrt(max(rows, 1)))
-        if weight > max(best, _CHANCE) and score > _LEAST_SHARED * rows:
-            best, match = weight, _Stretch(first, size, float(at))
-    return match
-
-
 _TOGETHER, _OFF = 20, 0.5
 """Rows whose mean difference is looked at, and how many times the noise of the noisier run it may be: it is 0.2 to 0.3
 where both are the same, while two days differ by what the room, the start or the load did."""
 
 
-def _is_level(apart: FloatArray, noise: float) -> bool:
-    """Whether two columns agree on the average of some rows."""
-    blocks = apart[: apart.size // _TOGETHER * _TOGETHER].reshape(-1, _TOGETHER)
-    means = blocks[np.isfinite(blocks).all(axis=1)].mean(axis=1)
-    return means.size > 0 and float(np.sqrt(np.mean(means**2))) <= _OFF * noise
+def _longer(stretch: _Stretch, coarse: Run, fine: Run) -> _Stretch:
+    """All that two runs share if they are one there, up to so many rows: little noise that is shared shows in many."""
+    ratio = coarse.step / fine.step
+    first = max(0, stretch.first - min(int(stretch.position / ratio), _MOST_ROWS // 2))
+    position = stretch.position - (stretch.first - first) * ratio
+    return _Stretch(first, min(len(coarse) - first, int((len(fine) - position) / ratio), _MOST_ROWS), position)
+
+
+def _same(coarse: Mapping[str, FloatArray], copies: Mapping[str, _Copy], stretch: _Stretch) -> _Stretch | None:
+    """The stretch, set right by a few steps, if there the noise of some columns together goes with that of the other's.
+
+    Second differences leave noise alone where a temperature moves little from row to row. Days of one motion have one
+    ripple, but hardly one level.
+    """
+    first, size, position = stretch
+    ratio = next(iter(copies.values())).ratio
+    parts = {name: values[first : first + size] for name, values in coarse.items()}
+    names = sorted(parts, key=lambda name: -_changes(parts[name]))[:_MOST_COLUMNS]
+    needed = {name: _OF_NOISE if _shows_noise(parts[name]) else _ROUNDED for name in names}
+    steps = np.arange(-np.ceil(_AROUND * ratio), np.ceil(_AROUND * ratio) + 1)
+    best, match = _CHANCE, None
+    for at in position + np.union1d(steps, np.arange(-_BETWEEN, _BETWEEN + 1) / _BETWEEN):
+        score, rows, changes = 0.0, 0, 0
+        for name in names:
+            there = copies[name].at(float(at), size)
+            both = np.isfinite(parts[name]) & np.isfinite(there)
+            own, other = parts[name][both], there[both]
+            a, b = np.diff(own, n=2), np.diff(other, n=2)
+            power = float(max(a @ a, b @ b))
+            if power == 0:
+                continue  # a sensor that says nothing says nothing against it
+            apart = means_of_blocks(own - other, _TOGETHER)
+            if not apart.size or np.mean(apart**2) > _OFF**2 * power / a.size / 6:
+                score = -np.inf
+                break
+            shared = float(a @ b) / float(np.sqrt((a @ a) * (b @ b))) if min(a @ a, b @ b) > 0 else 0.0
+            if shared > needed[name]:
+                score, rows = score + shared * a.size, rows + a.size
+                changes += _changes(own)
+        weight = score / (_SPREAD * np.sqrt(max(rows, 1)))
+        if weight > best and changes >= _LEAST / 2:
+            best, match = weight, _Stretch(first, size, float(at))
+    return match
 
 
 _OF_STEP, _OVER, _DITHERED = 0.1, 10, 0.5
@@ -234,15 +208,14 @@ _OF_STEP, _OVER, _DITHERED = 0.1, 10, 0.5
 is less than half of them: one that moves further is rounded now up, now down, and on two days of one motion alike."""
 
 
-def _is_rounding(readings: FloatArray) -> bool:
-    step, moves = quantisation_step(readings), np.abs(readings[_OVER:] - readings[:-_OVER]) / _OVER
-    moved = np.isfinite(moves).any() and float(np.nanmean(moves)) > _OF_STEP * step
-    return bool(moved) and float(np.sqrt(np.nanmean(np.diff(readings, n=2) ** 2) / 6)) < _DITHERED * step
-
-
-def _is_noise(second: FloatArray) -> bool:
-    """Whether second differences turn back from row to row, as those of noise do."""
+def _shows_noise(readings: FloatArray) -> bool:
+    """Whether readings turn back from row to row, as noise does, and not because they are rounded."""
+    second = np.diff(readings, n=2)
     here, after = second[:-1], second[1:]
     both = np.isfinite(here) & np.isfinite(after)
     power = float(here[both] @ here[both])
-    return power > 0 and float(here[both] @ after[both]) / power < _NOISY
+    if not power > 0 or not float(here[both] @ after[both]) / power < _NOISY:
+        return False
+    step, moves = quantisation_step(readings), np.abs(readings[_OVER:] - readings[:-_OVER]) / _OVER
+    moved = np.isfinite(moves).any() and float(np.nanmean(moves)) > _OF_STEP * step
+    return not (moved and float(np.sqrt(np.nanmean(second**2) / 6)) < _DITHERED * step)
