@@ -10,10 +10,11 @@ import numpy.typing as npt
 import pandas as pd
 import pytest
 
+from lptn.logs.alike import duplicates
 from lptn.logs.columns import ColumnSource
 from lptn.logs.issue import Issue
 from lptn.logs.reading import read_log
-from lptn.logs.silence import duplicates, silences, silences_of
+from lptn.logs.silence import silences, silences_of
 from tests.hardening.corruptions import healthy, issues_in
 
 
@@ -51,8 +52,8 @@ def test_one_move_by_two_steps_in_forty_is_chance_and_no_noise() -> None:
     readings[50] = readings[49] + 2.0
     assert (np.diff(readings) != 0).sum() > 40
     assert not silences(time, readings, resolution=1.0)
-    noisy = readings.copy()
-    noisy[:100:7] += 2.0  # its noise is plain, so that a live sensor would not stand
+    noisy = np.round(readings + np.random.default_rng(5).normal(0.0, 0.6, readings.size))
+    noisy[100:300] = 25.0  # its noise is plain, so that a live sensor would not stand
     assert [silence.kind for silence in silences(time, noisy, resolution=1.0)] == ["frozen"]
 
 
@@ -101,8 +102,8 @@ def test_two_joints_at_rest_that_read_alike_are_no_copies() -> None:
         readings[rng.choice(np.arange(1201, 2399, 3), 11, replace=False)] = 31.0
     assert np.count_nonzero(np.diff(one)) >= 20
     assert np.mean(one == other) > 0.99
-    assert not duplicates({"a": one, "b": other})
-    assert duplicates({"a": one, "b": one.copy()}) == {"b": "a"}
+    assert not duplicates({"a": one, "b": other}, {})
+    assert duplicates({"a": one, "b": one.copy()}, {}) == {"b": "a"}
 
 
 def test_two_channels_with_the_same_readings() -> None:
@@ -262,6 +263,25 @@ def test_a_sensor_that_shows_its_noise_is_frozen_after_a_minute() -> None:
     (frozen,) = silences(time, readings)
     assert (frozen.kind, frozen.start, frozen.stop) == ("frozen", 400.0, 499.5)
     assert not silences(time, np.round(readings / 0.1) * 0.1, resolution=0.1)  # such a one may stand for longer
+
+
+@pytest.mark.parametrize("steps", [0.0, 0.1, 0.3])
+@pytest.mark.parametrize("again", [1, 3, 50])
+def test_a_reading_that_a_topic_repeats_is_one_reading(steps: float, again: int) -> None:
+    """Its highest stands for several rows and is no limit; a sensor that freezes, or is clamped, is found."""
+    rng, time = np.random.default_rng(7), np.arange(0.0, 1200.0, 1 / again)
+    true = 30 + 3 * np.sin(time / 200)
+    readings = np.repeat((true[::again] + rng.normal(0, 0.2, 1200)), again)
+    readings = np.round(readings / steps) * steps if steps else readings
+    assert not silences(time, readings, resolution=steps)
+    froze = np.where((time >= 500) & (time < 800), readings[500 * again], readings)
+    (frozen,) = silences(time, froze, resolution=steps)
+    assert frozen.kind == "frozen"
+    assert frozen.stop - frozen.start == pytest.approx(300, abs=5)
+    limit = 31.5 if steps else 31.47
+    (clamped, *_) = silences(time, np.minimum(readings, limit), resolution=steps)
+    assert clamped.kind == "clamped"
+    assert clamped.value == pytest.approx(limit)
 
 
 def test_a_filtered_reading_that_comes_to_rest_is_not_frozen_after_a_minute() -> None:

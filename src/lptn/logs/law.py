@@ -7,7 +7,7 @@ By block means a part with a heat capacity follows
 with its load q, what surrounds it and the speed of its joint, by least squares. A reading that stands, or that is the
 air's, is right where the part would have stayed so; it is none where what the law adds up to over that stretch is far
 beyond what the law is off elsewhere in as long a time. A load that from some row on makes another heat for its square
-is in another unit from there on. Where two parts read alike, one of them follows the other's load.
+is in another unit from there on.
 """
 
 from __future__ import annotations
@@ -187,8 +187,7 @@ def against_heat(blocks: Blocks, key: str, load: str, resolution: float) -> list
         return found
     readings, groups = values[there], [[stretch] for stretch in _at_the_air(blocks, key, resolution)]
     for limit in (float(readings.max()), float(readings.min()), None):
-        changes = np.diff(readings) != 0 if limit is None else np.diff(readings == limit)
-        first, last = (there[np.append(*ends)] for ends in ((True, changes), (changes, True)))
+        first, last = (there[rows] for rows in standing(readings if limit is None else readings == limit))
         stands = time[last] - time[first] >= (STILL if limit is None else SHORTEST)
         stands &= True if limit is None else values[first] == limit
         stretches = list(zip(first[stands].tolist(), last[stands].tolist(), strict=True))
@@ -206,6 +205,12 @@ def against_heat(blocks: Blocks, key: str, load: str, resolution: float) -> list
                 known[max(begin - 1, 0) : end + 1] = False
             with_all = warming.off(known)
     return found
+
+
+def standing(readings: FloatArray | BoolArray) -> tuple[IntArray, IntArray]:
+    """First and last of each stretch of readings (n,) in which all are the same, (stretches,) each."""
+    changes = np.flatnonzero(readings[1:] != readings[:-1])
+    return np.append(0, changes + 1), np.append(changes, readings.size - 1)
 
 
 def _at_the_air(blocks: Blocks, key: str, resolution: float) -> list[tuple[int, int]]:
@@ -260,13 +265,9 @@ def _is_contradicted(
 
 
 _ROWS = 10  # of a block: in fewer the mean square of a load that swings is not known
-_CHANGES, _LEAST_PARTS = (
-    100,
-    15,
-)  # places at which it may change; steps on each side, from which six numbers can be told
+_CHANGES, _LEAST_PARTS = 100, 15  # places at which it may change; steps on each side, that tell six numbers
 _RATIO = 3.0
 """By which heats differ: friction, iron and a winding that warms change them by less, a unit by the square of more."""
-_ERRORS = 4.0  # standard errors, at the likeliest of these places
 _LOADED = 0.02  # of the mean square, on each side: with less load other heat is all that warms a part
 _OF_ONE_GAIN = 0.5
 """Of the squares that one gain leaves with all else free to change: a load that is another explains half of them."""
@@ -307,24 +308,20 @@ def gain_change(blocks: Blocks, key: str, load: str) -> GainChange | None:
     # From each row on the load's heat changes, other heat, and what leaves to the air.
     late = np.where(np.arange(count) >= changes[:, None], 1.0, 0.0)[:, :, None] * design[:, :3]
     designs = np.concatenate([late, np.broadcast_to(design, (changes.size, *design.shape))], axis=2)
-    fitted, inverses, squares = _least_squares(designs, rate)
+    fitted, squares = _least_squares(designs, rate)
     best = int(squares.argmin())
-    if squares[best] > _OF_ONE_GAIN * _least_squares(designs[:, :, 1:], rate)[2].min():
+    if squares[best] > _OF_ONE_GAIN * _least_squares(designs[:, :, 1:], rate)[1].min():
         return None
-    both = np.zeros((2, designs.shape[2]))
-    both[:, late.shape[2]] = both[1, 0] = 1.0
-    gains = both @ fitted[best]
-    variances = np.einsum("ij,jk,ik->i", both, inverses[best], both) * squares[best] / (count - designs.shape[2])
-    errors, (low, high) = np.sqrt(variances), np.argsort(gains)
-    if gains[high] - _ERRORS * errors[high] <= _RATIO * (max(gains[low], 0.0) + _ERRORS * errors[low]):
+    before = float(fitted[best, late.shape[2]])
+    gains = before, before + float(fitted[best, 0])
+    if max(gains) <= _RATIO * max(min(gains), 0.0):
         return None
-    return GainChange(int((warming.rows[changes[best]] + 1) * blocks.size), float(gains[1] / gains[0]))
+    return GainChange(int((warming.rows[changes[best]] + 1) * blocks.size), gains[1] / gains[0])
 
 
-def _least_squares(designs: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Of each design (n, columns) the coefficients, the inverse of its normal matrix, and the squares that are left."""
+def _least_squares(designs: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Of each design (n, columns) the coefficients, and the squares that are left."""
     turned = np.swapaxes(designs, 1, 2)
-    inverses = np.linalg.inv(turned @ designs + _RIDGE * np.eye(designs.shape[2]))
-    fitted = inverses @ (turned @ values)[:, :, None]
-    left: FloatArray = np.square(values - (designs @ fitted)[:, :, 0]).sum(axis=1)
-    return fitted[:, :, 0], np.asarray(inverses, dtype=float), left
+    fitted = np.linalg.solve(turned @ designs + _RIDGE * np.eye(designs.shape[2]), (turned @ values)[:, :, None])
+    squares: FloatArray = np.square(values - (designs @ fitted)[:, :, 0]).sum(axis=1)
+    return np.asarray(fitted[:, :, 0], dtype=float), squares

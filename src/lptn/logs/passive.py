@@ -17,6 +17,7 @@ from typing import Literal
 import numpy as np
 
 from lptn.basics.arrays import BoolArray, FloatArray, IntArray
+from lptn.logs.law import SHORTEST
 
 Kind = Literal["frozen", "clamped", "dead", "disconnected", "wrap", "spike", "code"]
 
@@ -66,7 +67,7 @@ _SAMPLED = 2.0  # s between readings: in more a small part goes on no longer
 _QUICK = 10.0  # s between readings: in more a winding may warm and cool again by any number
 _SLOW_LEAP = 30.0  # K, then
 _WINDOWS = (3.0, 10.0, 30.0)  # s, within which a filter, or a wire that corrodes, lets a channel leave
-_FEWEST = 20  # readings, to know what a sensor is like
+FEWEST = 20  # readings, to know what a sensor is like
 _SAMPLE = 100_000  # moves, of which the usual one is taken
 _BEGINS, _COLDER = 6.0, 10.0  # K, from the start of the others; below all of them
 _HOTTEST = 300.0  # degC: insulation of the best class bears 240, magnets less
@@ -104,7 +105,7 @@ def off(
         around: what is known of the part.
     """
     there = np.flatnonzero(np.isfinite(values))
-    if there.size < _FEWEST:
+    if there.size < FEWEST:
         return []
     around = around or Surroundings()
     channel = _Channel(time[there], values[there], resolution, around, there)
@@ -119,7 +120,7 @@ def off(
         kept[:] = False
         believed, rows = _chain(channel, begins, ends), max(1, round(_WINDOWS[1] / channel.every))
         for begin, end in zip(begins[believed].tolist(), ends[believed].tolist(), strict=True):
-            if end - begin > rows + _FEWEST:  # what is left of a slow leap moves faster than usual
+            if end - begin > rows + FEWEST:  # what is left of a slow leap moves faster than usual
                 moves = np.abs(channel.readings[begin + rows : end + 1] - channel.readings[begin : end + 1 - rows])
                 calm = np.flatnonzero(moves <= 2 * float(np.quantile(moves, 0.9)))
                 if begin > 0 and cuts[begin - 1] == 2 and calm[0] > 0:
@@ -249,16 +250,8 @@ def _chain(channel: _Channel, begins: IntArray, ends: IntArray) -> IntArray:
     first = np.array([np.median(readings[b : b + n]) for b, n in zip(begins, size, strict=True)])
     last = np.array([np.median(readings[e + 1 - n : e + 1]) for e, n in zip(ends, size, strict=True)])
     still = np.array([np.ptp(readings[b : e + 1]) == 0 for b, e in zip(begins, ends, strict=True)])
-    still &= (stamps[ends] - stamps[begins] >= _LONG) & ~still.all()
+    still &= (stamps[ends] - stamps[begins] >= SHORTEST) & ~still.all()
     begun, ended = stamps[begins + size // 2], stamps[ends - size // 2]
-    if np.median(np.abs(np.diff(readings))) > 0:  # else its steps are coarse, and it mostly repeats itself
-        for k, (begin, end) in enumerate(zip(begins, ends, strict=True)):
-            moves = begin + np.flatnonzero(np.diff(readings[begin : end + 1]))
-            # What it repeats for long it said when it stopped, or will say until it goes on.
-            if moves.size and stamps[moves[0]] - stamps[begin] >= _LONG:
-                begun[k] = stamps[moves[0]]
-            if moves.size and stamps[end] - stamps[moves[-1] + 1] >= _LONG:
-                ended[k] = stamps[moves[-1] + 1]
     nowhere = (np.maximum(first, last) < around.coldest - _COLDER) | (np.minimum(first, last) > _HOTTEST)
     weight = (ends - begins + 1.0) * np.where(still | nowhere, _LAST, 1.0)
     if abs(first[0] - around.start) < _BEGINS and not still[0]:
@@ -284,7 +277,6 @@ def _chain(channel: _Channel, begins: IntArray, ends: IntArray) -> IntArray:
 _TAIL = 3  # times ten seconds, in which the rest of a filter's way is lost in what is usual
 
 
-_LONG = 60.0  # s, of one number
 CODES = (0.0, -127.0, 85.0, -999.0, 999.0, 127.0, 255.0, 65535.0, 32767.0, -32768.0)
 """degC that failing sensors are known to give: DS18B20 at power-up (85) and disconnected (-127), codes of drives and of
 converters of 8 and 16 bit."""
@@ -309,7 +301,7 @@ def _named(time: FloatArray, values: FloatArray, out: BoolArray, every: float) -
         value = float(values[rows[0]])
         if not (values[rows] == value).all():
             yield named("disconnected", float(np.median(values[rows])), [rows])
-        elif time[rows[-1]] - time[rows[0]] >= _LONG:
+        elif time[rows[-1]] - time[rows[0]] >= SHORTEST:
             yield named("dead", value, [rows])
         else:
             by_value.setdefault(value, []).append(rows)

@@ -13,12 +13,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lptn.basics.arrays import FloatArray
+from lptn.logs.alike import copies_in
 from lptn.logs.clock import FEWEST_ROWS
 from lptn.logs.columns import AMBIENT, HEATS, INPUTS, ColumnSource, as_line_or_option, column_unit
 from lptn.logs.issue import Issue, correctable, in_unit
 from lptn.logs.law import Blocks, gain_change
 from lptn.logs.passive import Silence
-from lptn.logs.silence import duplicates, held_rows, loads_of, same_loads
 from lptn.logs.tables import Table
 from lptn.logs.units import PLAUSIBLE, believed, room_of, suspect_starts, suspect_unit, suspect_wrap
 
@@ -115,7 +115,7 @@ def suspect_silence(
         rows, middle = np.any([silence.rows for silence in off], axis=0), float(np.median([one.value for one in off]))
         off = [replace(off[0], value=middle, stop=off[-1].stop, rows=rows)]
     for silence in (*said, *off):
-        problem, remedy = _what(key, silence, roles), _done(key, source, silence, numbers, roles)
+        problem, remedy = _what(key, silence), _done(key, source, silence, numbers, roles)
         if silence.column:
             problem = f"its column '{silence.column}' {'is ' * (not silence.whole)}{problem}"
         stretch, column = (silence.start, silence.stop), silence.column or source.columns[0]
@@ -126,15 +126,13 @@ def suspect_silence(
 _MANY = 4  # stretches of one kind that are said one by one
 
 
-def _what(key: str, silence: Silence, roles: Roles) -> str:
+def _what(key: str, silence: Silence) -> str:
     """What a channel does in a silence."""
     number, unit, count = f"{silence.value + 0.0:.6g}", column_unit(key), int(silence.rows.sum())  # no zero with a sign
     when, length = f"from {silence.start:.6g} to {silence.stop:.6g} s", f"{silence.stop - silence.start:.4g} s"
-    if silence.whole and key.partition(".")[0] in INPUTS:
-        return f"reads {number} {unit} throughout, {length}, while the joint moves"
     if silence.whole:
-        rest = "while another one moves" if key in roles.predicted else "where all others begin elsewhere"
-        return f"reads {number} {unit} throughout, {length}, {rest}"
+        others = "the joint" if key.partition(".")[0] in INPUTS else "another one"
+        return f"reads {number} {unit} throughout, {length}, while {others} moves"
     match silence.kind:
         case "spike":
             return f"{count} spike{'s' * (count > 1)} of up to {silence.value:.3g} K in single readings {when}"
@@ -152,76 +150,21 @@ def _done(key: str, source: ColumnSource, silence: Silence, numbers: Mapping[str
     if silence.kind == "wrap":
         meant = replace(source, wrap=float(f"{silence.value / abs(source.scale):.4g}"))
         return f"these readings are left out; to have a counter unwrapped, write {as_line_or_option(key, meant)}"
-    if not silence.lasts:
-        return "these readings are left out"
-    if silence.whole and quantity in INPUTS:
-        return f"the heat of {place} is not known; map the column that has it; {right}"
-    if silence.whole and key not in roles.predicted:
-        return f"no sensor is there; map another column, or write a number for {place}; {right}"
-    if silence.whole:
-        if roles.left_out(key, source, silence):
-            return f"it is left out; {right}"
-        return "it is the only sensor, and counts all the same; if it was stuck, nothing can be concluded from it"
     if not roles.left_out(key, source, silence):
+        if silence.whole and key in roles.predicted:
+            return "it is the only sensor, and counts all the same; if it was stuck, nothing can be concluded from it"
         gap = replace(source, invalid=(*source.invalid, _in_file(source, silence, numbers)))
         return f"it is taken as it stands; to have a gap there, write {as_line_or_option(key, gap)}"
-    if key in roles.predicted:
-        return "these readings are left out"
+    if not silence.lasts or key in roles.predicted:
+        return f"it is left out; {right}" if silence.whole else "these readings are left out"
     what = f"the heat of {place}" if quantity in INPUTS else "what it gives to the model"
-    return f"{what} is not known there, so that the log is cut; {right}"
+    cut = "; map the column that has it" if silence.whole else " there, so that the log is cut"
+    return f"{what} is not known{cut}; {right}"
 
 
 def _in_file(source: ColumnSource, silence: Silence, numbers: Mapping[str, FloatArray]) -> float:
     """The number that the file has in a silence."""
     return float(np.median(numbers[silence.column or source.columns[0]][silence.rows]))
-
-
-def duplicates_of(sources: Mapping[str, ColumnSource], values: Mapping[str, FloatArray]) -> dict[str, str]:
-    """Temperatures that say number by number what another column says, by quantity, each with that other."""
-    read = {key: values[key] for key in sources if key.startswith("temperature.") and key != AMBIENT}
-    pairs = duplicates(read, {f"temperature.{place}": load for place, load in loads_of(values).items()})
-    return {key: other for key, other in pairs.items() if sources[key].columns != sources[other].columns}
-
-
-def _suspect_copies(
-    sources: Mapping[str, ColumnSource], numbers: Mapping[str, FloatArray], values: Mapping[str, FloatArray]
-) -> list[Issue]:
-    """Temperatures that are another column's; torques and currents that are another joint's."""
-    issues, whose = [], "one of the two is not where it is said to be"
-    for key, other in duplicates_of(sources, values).items():
-        remedy = f"{whose}, and beside others neither is used; map its own column"
-        issues.append(
-            Issue(key, sources[key].columns[0], f"the same readings as {other}", remedy, False, kind="duplicate")
-        )
-    for key, other in same_loads({key: values[key] for key in sources}).items():
-        if sources[key].columns != sources[other].columns and not np.isfinite(sources[key].valid).any():
-            remedy = f"{whose}: map its own column; if both are right, write {believed(key, sources[key], numbers)}"
-            issues.append(
-                Issue(key, sources[key].columns[0], f"the same numbers as {other}", remedy, False, kind="duplicate")
-            )
-    return issues
-
-
-def without_held_rows(column: str, values: dict[str, FloatArray]) -> tuple[dict[str, FloatArray], list[Issue]]:
-    """Quantities without what stands in rows that the logger did not write, but repeated; and what is said of these.
-
-    Args:
-        column: of the times.
-        values: time [s] and the quantities, (n,) each.
-    """
-    held, time = held_rows(values), values["time"]
-    if not held:
-        return values, []
-    rows = np.zeros(time.size, dtype=bool)
-    for first, last in held:
-        rows[first : last + 1] = True
-    length = sum(time[last] - time[first - 1] for first, last in held)
-    start, stop = float(time[held[0][0]]), float(time[held[-1][1]])
-    problem = f"all columns stand {len(held)} time{'s' * (len(held) > 1)}, {length:.4g} s in all, "
-    problem += f"from {start:.6g} to {stop:.6g} s"
-    remedy = "these rows are left out"
-    issue = Issue("time", column, problem, remedy, certain=False, kind="held", stretch=(start, stop))
-    return {key: x if key == "time" else np.where(rows, np.nan, x) for key, x in values.items()}, [issue]
 
 
 def _suspect_power(key: str, source: ColumnSource, values: Mapping[str, FloatArray]) -> list[Issue]:
@@ -302,7 +245,7 @@ def _suspect_ambient(
     if AMBIENT not in sources or np.isfinite(sources[AMBIENT].valid).any():  # who says what is valid knows the room
         return []
     air = values[AMBIENT]
-    for key in (key for key in sources if _is_read_temperature(key, values[key]) and key != AMBIENT):
+    for key in (key for key in sources if key.startswith("temperature.") and key != AMBIENT):
         both = np.isfinite(air) & np.isfinite(values[key])
         warmth, ambient = (values[key] - air)[both], air[both]
         if both.sum() < FEWEST_ROWS or min(np.ptp(ambient), np.ptp(warmth)) < _LEAST_FOLLOWED:
@@ -364,11 +307,7 @@ def issues_of(
         elif key.startswith("velocity."):
             of_column = _suspect_power(key, source, values)
         issues += [*of_column, *suspect_silence(key, source, said, numbers, roles)]
-    issues += [*_suspect_copies(sources, numbers, values), *_suspect_ambient(sources, numbers, values)]
+    issues += [*copies_in(sources, numbers, values), *_suspect_ambient(sources, numbers, values)]
     if not any(issue.key.startswith("temperature.") and issue.kind == "unit" for issue in issues):
         issues += suspect_starts(sources, numbers, values)
     return (*issues, *_suspect_gains(sources, numbers, values, {issue.key for issue in issues}))
-
-
-def _is_read_temperature(key: str, values: FloatArray) -> bool:
-    return key.startswith("temperature.") and bool(np.isfinite(values).any())

@@ -15,6 +15,7 @@ import pandas as pd
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import LOG_FILE, InputError
+from lptn.logs.alike import duplicates_of, without_held_rows
 from lptn.logs.bags import open_bag
 from lptn.logs.clock import FEWEST_ROWS, check_time, in_order, within_stamps
 from lptn.logs.columns import (
@@ -32,7 +33,7 @@ from lptn.logs.followed import refuse_exchanged
 from lptn.logs.guess import format_note, guess
 from lptn.logs.issue import Issue
 from lptn.logs.joining import SECOND_TIME, join
-from lptn.logs.quality import Roles, check_values, duplicates_of, issues_of, without_held_rows
+from lptn.logs.quality import Roles, check_values, issues_of
 from lptn.logs.resampling import (
     ROUNDING,
     SEVERAL,
