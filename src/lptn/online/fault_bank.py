@@ -138,8 +138,8 @@ class FaultStatistics(NamedTuple):
 
     weight: for an offset, a drift, a lag, √ of twice the logarithm of the likelihood ratio, in standard deviations; 0
     where a lag is less likely than no fault; shape (n, 3, nodes). size: K for an offset, K/s for a drift, s for a lag.
-    load: logarithm of the Bayes factor for heat at a node that is unknown by as much as its load gives, (n, nodes).
-    air: the same for each of `error.inputs` all the while, unknown by `FREE`.
+    load: logarithm of the Bayes factor for heat at a node that is unknown by as much as its load gives, against heat
+    that is off by `MODEL_OFF` of it, (n, nodes). air: of each of `error.inputs` all the while, unknown by `FREE`.
     """
 
     weight: FloatArray
@@ -228,7 +228,7 @@ def _backwards(estimator: Estimator, filtered: _Filtered, n: int) -> FaultStatis
         of_fault = (turned @ of_fault[..., None])[..., 0]
         of_both, of_faults = of_both @ grow, turned @ of_faults @ grow
         scores[k], squares[k] = of_fault[:, _BEGINS], of_faults[:, _BEGINS, _BEGINS]
-        loads[k] = _log_bayes_factor(of_load, of_loads, 1.0)
+        loads[k] = _log_bayes_factor(of_load, of_loads, 1.0) - _log_bayes_factor(of_load, of_loads, MODEL_OFF**2)
     squares = np.maximum(squares, _LEAST_INFORMATION)
     lag_weights = np.sqrt(np.maximum(2 * scores - squares, 0.0))[..., LAG:]
     which = lag_weights.argmax(axis=2)
@@ -572,7 +572,7 @@ def attributed(given: Suspicion, alarm: Alarm, *, taught: bool) -> tuple[list[Al
         return [undecided(alarm, f"{best.what} or {likely[1].what}")], after
     if not taught and best.alarms[0].kind == "input" and len(best.alarms) == 1:
         # Without healthy logs nobody knows how wrong the model is about a node's heat.
-        return [undecided(alarm, f"{best.what} or the model")], best.after
+        return [undecided(best.alarms[0], f"{best.what} or the model")], best.after
     return best.alarms, best.after
 
 

@@ -50,7 +50,6 @@ def first_at_each_sensor(alarms: Iterable[Alarm]) -> tuple[Alarm, ...]:
 # --- The run: what was read, what the free-running model predicts, and which sensors are faulty ---
 
 _COLDEST, _HOTTEST = -60.0, 250.0  # degC; what lies beyond is an error code, no temperature of a robot
-_SAME = 1e-6  # K
 
 
 @dataclass(frozen=True, repr=False)
@@ -114,13 +113,6 @@ class MonitoredRun:
         """Step of each sensor [K], 0 for a fine one, shape (nodes,)."""
         return np.array([self.run.resolution.get(f"temperature.{node}", 0.0) for node in self.nodes])
 
-    def stands_since(self, row: int, at: int) -> int:
-        """Index of the reading since which a sensor's reading has not changed; a missing one is no change."""
-        readings = self.measured[row, : at + 1]
-        finite = np.flatnonzero(np.isfinite(readings))
-        changes = np.flatnonzero(np.abs(np.diff(readings[finite])) > _SAME)
-        return int(finite[changes[-1] + 1]) if changes.size else 0
-
 
 def believable(measured: FloatArray) -> FloatArray:
     """Readings with error codes such as -273 or 999 degC made missing."""
@@ -134,7 +126,6 @@ _NAMING = 300.0  # s behind an alarm that help to name it
 _SILENT = 10.0  # s without a reading
 _SILENT_STEPS = 5
 _ONSETS = 100  # tried for a step or a line: one in 1 % of the time until the alarm
-_MOVED = 0.75  # K beyond the sensor's step that the model moves while a stuck reading stands: a model errs as much
 
 
 def dropouts(watched: MonitoredRun, explained: BoolArray) -> list[Alarm]:
@@ -177,19 +168,6 @@ def offset_or_drift(watched: MonitoredRun, row: int, at: int) -> Alarm:
             if power > 0 and along**2 / power > explained:
                 best, explained = replace(best, kind=kind, onset=onset, size=along / power), along**2 / power
     return best
-
-
-def or_stuck(watched: MonitoredRun, alarm: Alarm) -> Alarm:
-    """The same alarm, or one of a stuck sensor if its reading stands still for minutes while the model moves.
-
-    A drift, too, can hold a reading for a while: against a temperature that moves the other way.
-    """
-    row, at = watched.nodes.index(alarm.node), watched.index_at(alarm.time)
-    end = watched.index_at(watched.run.time[at] + _NAMING)
-    begin = watched.stands_since(row, end)
-    if begin > at or np.ptp(watched.predicted[row, begin : end + 1]) <= watched.steps[row] + _MOVED:
-        return alarm
-    return replace(alarm, kind="stuck", onset=float(watched.run.time[begin]), size=None)
 
 
 # --- What the log's own quality pass says ---------------------------------------------------------
@@ -376,7 +354,7 @@ def alarms_by_threshold(watched: MonitoredRun, threshold: float) -> tuple[Alarm,
     for row, error in enumerate(watched.error):
         over = np.flatnonzero(np.abs(np.nan_to_num(error)) > threshold)
         if over.size:
-            alarms.append(or_stuck(watched, offset_or_drift(watched, row, int(over[0]))))
+            alarms.append(offset_or_drift(watched, row, int(over[0])))
     return first_at_each_sensor(alarms)
 
 
@@ -388,13 +366,11 @@ def _unless_explained(model: Model, alarms: tuple[Alarm, ...], found: tuple[Alar
     if found:
         nodes = {alarm.node for alarm in found if alarm.kind != "input"}
         return tuple(alarm for alarm in alarms if alarm.node in nodes)
-    shapes = [alarm for alarm in alarms if alarm.kind in KINDS]
     others = [alarm for alarm in alarms if alarm.kind not in KINDS]
-    first = [
-        undecided(alarm, f"{', '.join([f'temperature.{alarm.node}', *suspects(model, alarm.node)])} or the model")
-        for alarm in shapes[:1]
-    ]
-    return first_at_each_sensor([*others, *first])
+    for alarm in [alarm for alarm in alarms if alarm.kind in KINDS][:1]:
+        channels = ", ".join([f"temperature.{alarm.node}", *suspects(model, alarm.node)])
+        others.append(undecided(alarm, f"{channels} or the model"))
+    return first_at_each_sensor(others)
 
 
 # --- The statistical detector: the bank of hypotheses ---------------------------------------------
@@ -423,7 +399,7 @@ def alarms_by_statistics(
     coarse = coarsely_bound(model, watched.run, STEP)
     measured = believable(coarse.measured)
     given = Suspicion(model, coarse, measured, measured, calibration.noise, calibration.error)
-    inputs = set(model.inputs)  # that may yet be called
+    inputs = set(model.inputs)  # that may yet be suspected
     for alarm in known:
         if alarm.channel in model.inputs and alarm.node in model.nodes:
             given, inputs = given.with_unknown_input(alarm.channel), inputs - {alarm.channel}
@@ -433,25 +409,17 @@ def alarms_by_statistics(
     while (first := given.alarm(calibration.limits, inputs)) is not None:
         told, after = attributed(given, first, taught=calibration.hours > 0)
         # A sensor can't be judged by a load that is wrong; and no channel is told twice.
-        if any(alarm.channel and alarm.channel not in inputs for alarm in told) or (
-            not first.channel and first.node in {alarm.node for alarm in faulty}
+        called = {name for alarm in faulty for name in (alarm.node, alarm.channel)} - {""}
+        if any((alarm.channel or alarm.node) in called for alarm in told) or (
+            not first.channel and first.node in called
         ):
             told, after = [], given.without([model.nodes.index(first.node)], -inf)  # what that leaves
         given, inputs = after, inputs - {first.channel, *(alarm.channel for alarm in told)}
-        faulty += [
-            or_stuck(watched, alarm) if alarm.node == first.node and not alarm.channel else alarm for alarm in told
-        ]
-    end = float(coarse.run.time[-1])
-    alarms += [
-        alarm
-        for alarm in faulty
-        if (alarm.channel or alarm.node not in named_already) and _largest(alarm, end) >= NOTICED
-    ]
+        faulty += told
+    for alarm in faulty:
+        size = inf if alarm.size is None or alarm.kind == "lag" else abs(alarm.size)
+        if alarm.kind == "drift":
+            size *= float(coarse.run.time[-1]) - alarm.onset
+        if (alarm.channel or alarm.node not in named_already) and size >= NOTICED:
+            alarms.append(alarm)
     return first_at_each_sensor(alarms)
-
-
-def _largest(alarm: Alarm, end: float) -> float:
-    """What a fault adds to the reading at most until the end of the log [K]; infinite where nobody knows."""
-    if alarm.size is None or alarm.kind == "lag":
-        return inf
-    return abs(alarm.size) * (end - alarm.onset if alarm.kind == "drift" else 1.0)

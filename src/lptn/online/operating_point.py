@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from lptn.basics.arrays import BoolArray, FloatArray
+from lptn.basics.arrays import FloatArray
 from lptn.logs.resampling import feature
 from lptn.simulate.bound_run import BoundRun
 
@@ -93,9 +93,7 @@ def _first_peak(correlation: FloatArray, step: float, least: float) -> float | N
 # --- How long the operating point has been unchanged ----------------------------------------------
 
 _BLOCK = 10.0  # s; means over it are compared: some gait cycles, and short against thermal time constants
-_CLEAR = (
-    4.5  # standard errors of a change that counts: among 800 means (27 inputs, 30 times) chance makes 0.005 of them
-)
+_CLEAR = 4.5  # standard errors of a change that counts: of 800 means (27 inputs, 30 times) chance makes 0.005
 _CORRELATED = 1.5  # neighbouring blocks resemble each other, so their differences understate the scatter
 _FLOOR = 0.03  # of an input's size in the log: changes so small are none
 _FLOOR_KELVIN = 0.5  # K; the same for temperatures, whose zero means nothing
@@ -215,7 +213,7 @@ def operating_point(bound: BoundRun, columns: list[str], seconds: float, steady:
     weights = np.clip(np.arange(1, n + 1) - (n - seconds / step), 0.0, 1.0)
     before = _before(bound.inputs, columns)
     mean = before @ weights / weights.sum()
-    squared = _squared(columns)
+    squared = _before(np.full((len(columns), 1), 2.0), columns)[:, 0] == 4.0
     inputs = np.where(squared, np.sqrt(np.maximum(mean, 0.0)), mean)
     # d input / d mean of what is averaged; an input that rests at zero is taken to stay there.
     slope = np.where(squared, 0.5 / np.where(inputs > 0, inputs, np.inf), 1.0)
@@ -227,11 +225,6 @@ def operating_point(bound: BoundRun, columns: list[str], seconds: float, steady:
 def _before(inputs: FloatArray, columns: list[str]) -> FloatArray:
     """What the mean of each input is taken of: the square of a torque, the value itself of others."""
     return np.stack([feature(column).reduction.before(row) for column, row in zip(columns, inputs, strict=True)])
-
-
-def _squared(columns: list[str]) -> BoolArray:
-    probe = np.array([2.0])
-    return np.array([feature(column).reduction.before(probe)[0] == 4.0 for column in columns], dtype=bool)
 
 
 def _long_run(series: FloatArray, step: float) -> tuple[FloatArray, float]:
