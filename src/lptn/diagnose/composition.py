@@ -32,7 +32,7 @@ from lptn.diagnose.answers import LIKELY, Key, Report, Step, named
 from lptn.diagnose.candidates import Candidate, candidates, possible_effects
 from lptn.diagnose.evidence import USUAL, ErrorsOfRuns, Evidence, FirstOrder, allowances
 from lptn.diagnose.priors import in_occams_window, log_priors
-from lptn.diagnose.refits import continued, unless_interrupted
+from lptn.diagnose.refits import RANKING, continued, unless_interrupted
 from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit, finished, tolerant
 from lptn.identify.validation import fit_segments
@@ -154,7 +154,9 @@ class _Search:
             self.structure = []
             return
         try:
-            self.fit = self._tolerant(fit)
+            self.fit = fit
+            self._take_out_none()  # first, since what is none costs as much time as what is something
+            self.fit = self._tolerant(self.fit)
             self._take_out()
         except SimulationError:  # with all of it the model is too stiff for a held-out run
             self.structure, self.fit = [], self.given
@@ -250,8 +252,8 @@ class _Search:
         return possible_effects(fit, self.columns, [*self.runs, *(one.run.name for one in self.data.holdout)])
 
     def _tolerant(self, fit: Fit) -> Fit:
-        """A fit to the end that leaves to errors of runs, of sensors and of like parts what they usually are."""
-        return unless_interrupted(tolerant(fit, self._evidence(fit).tolerance))
+        """A fit that leaves to errors of runs, of sensors and of like parts what they usually are."""
+        return unless_interrupted(tolerant(fit, self._evidence(fit).tolerance, precision=RANKING))
 
     # --- needed? ------------------------------------------------------------------------------------
 

@@ -13,7 +13,8 @@ from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration, Network
 from lptn.simulate.bound_run import BoundRun, bind, default_start, start_from
 
-_ITERATIONS, _PRECISION = 25, 3e-4  # of the cost: enough to rank; the step that is kept is fitted to the end
+_ITERATIONS = 25
+RANKING = 3e-4  # share of the cost that decides no rank; what is kept is fitted to the end
 
 
 def refit(base: Fit, declaration: EffectDeclaration) -> Fit:
@@ -51,7 +52,7 @@ def continued(base: Fit, network: Network) -> Fit:
             sigma=problem.sigma,
             guess=Point(values, starts),
             iterations=_ITERATIONS,
-            precision=_PRECISION,
+            precision=RANKING,
             free=[
                 index
                 for index, parameter in enumerate(model.parameters)

@@ -35,6 +35,7 @@ Keep = Callable[[Point], None]
 """Called with the best point so far."""
 
 _COARSE_STEP = 10.0  # s; the first search is on averages so long: a tenth of the readings, near the same optimum
+_ROUGH = 3e-5  # share of the cost that a search on averages leaves: the next one takes a step or two from there
 _LEAST_COARSE = 150  # steps that a run must keep for such averages
 
 
@@ -224,7 +225,7 @@ def fit(
         coarse = Problem(model, averaged, sigma, symmetry_penalty, free)
         z = _first_guess(coarse) if values is None else coarse.guess(values, starts)
         keep_coarse = None if keep is None else lambda z: keep(replace(coarse.point(z), averaged=True))
-        rough = minimise(coarse, z, progress, keep=keep_coarse, near=True)
+        rough = minimise(coarse, z, progress, keep=keep_coarse, near=True, precision=max(precision, _ROUGH))
         before, point = rough.iterations, coarse.point(rough.z)
         z = problem.guess(point.values, point.starts)
         if rough.status == "interrupted":
@@ -265,11 +266,18 @@ def finished(done: Fit) -> Fit:
 
 
 @one_blas_thread
-def tolerant(done: Fit, tolerance: FloatArray | None) -> Fit:
-    """A fit gone on with to the end with another tolerance, see `Problem`; with none, it is plain least squares."""
+def tolerant(done: Fit, tolerance: FloatArray | None, *, precision: float = PRECISION) -> Fit:
+    """A fit gone on with with another tolerance, see `Problem`; with none, it is plain least squares.
+
+    Args:
+        done: the fit.
+        tolerance: what is left out of account.
+        precision: share of the cost that is not worth another step.
+    """
     old = done.problem
     problem = Problem(done.model, old.bound_runs, old.sigma, old.symmetry_penalty, old.free, tolerance)
-    solution = minimise(problem, problem.guess(done.point.values, done.point.starts), near=True)
+    guess = problem.guess(done.point.values, done.point.starts)
+    solution = minimise(problem, guess, near=True, precision=precision)
     return _as_fit(problem, solution, done.noise, done.iterations + solution.iterations)
 
 
