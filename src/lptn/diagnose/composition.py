@@ -28,6 +28,7 @@ from scipy.special import expit, softmax
 
 from lptn.basics.errors import InputError
 from lptn.basics.places import EVERYWHERE
+from lptn.basics.processes import one_blas_thread
 from lptn.diagnose.answers import LIKELY, Key, Report, Step, named
 from lptn.diagnose.candidates import Candidate, candidates, possible_effects
 from lptn.diagnose.evidence import USUAL, ErrorsOfRuns, Evidence, FirstOrder, allowances
@@ -85,6 +86,7 @@ class Composition:
         return tuple(sorted((*self.findings, *self.structure), key=lambda step: (later(step), not step.is_structure)))
 
 
+@one_blas_thread
 def composition(
     given: Fit,
     data: DataSplit,
@@ -148,7 +150,8 @@ class _Search:
             return
         self.report(f"fitting {len(self.structure)} effects that every part may have, all at once")
         model = Model(network.with_effects(self.structure))
-        fit = unless_interrupted(fit_segments(model, self.data.fit))  # far from the given one: by a search of its own
+        # Far from the given one: by a search of its own.
+        fit = unless_interrupted(fit_segments(model, self.data.fit, precision=RANKING))
         self.fitted += 1
         if not fit.cost < self.given.cost:
             self.structure = []

@@ -78,6 +78,7 @@ _REACH = log(10.0)
 first order, such as the time constant of a mass without capacitance, would be sent to infinity and stay there."""
 _FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-3, 1e-7, 1e3  # relative to the Hessian's diagonal
 _POOR, _GOOD = 0.1, 0.7  # actual over predicted gain: below, damping grows; above, it shrinks
+_PATIENCE = 5  # steps; where so many together gain less than is worth one, no more are taken
 _RIGHT, _HALF = 0.05, 0.5
 """Of the predicted gain. Where the quadratic model is so near the truth, and twice the step gains less than half by it,
 twice the step is not tried: of 850 such trials in four diagnoses of an exoskeleton none gained anything."""
@@ -108,7 +109,7 @@ def polish(
     Returns:
         `"converged"`: the optimum was reached; `"stopped"` before that.
     """
-    damping = 0.0
+    damping, costs = 0.0, [evaluator.cost(z)]
     for _ in range(most):
         if stopped():
             return "stopped"
@@ -117,7 +118,7 @@ def polish(
             return "stopped"
         enough = max(_GAIN * evaluator.scale, precision * evaluator.cost(z))
         free = bounded_minimum(gradient, hessian, *_room(evaluator.problem, z))
-        predicted, before = _predicted_gain(gradient, hessian, free), evaluator.cost(z)
+        predicted = _predicted_gain(gradient, hessian, free)
         if predicted < enough:
             return "converged"
         # A step that ends where the model is no guide any more says nothing of what lies beyond.
@@ -126,11 +127,14 @@ def polish(
         if following is None:  # rounding in the simulation hides what is left, or the model is no guide here
             return "converged" if predicted < 100 * enough else "stopped"
         step_taken()
-        gained = before - evaluator.cost(following)
+        costs.append(evaluator.cost(following))
+        gained = costs[-2] - costs[-1]
         # Where all is as the quadratic model says, its optimum, if a step reaches it, is the problem's: that takes no
         # derivatives to see.
         as_predicted = trusted and abs(gained - predicted) < enough and np.array_equal(following, z + free)
-        if as_predicted or gained < 0.01 * enough:
+        # In a curved valley every step promises what the next ones don't keep.
+        spent = len(costs) > _PATIENCE and costs[-1 - _PATIENCE] - costs[-1] < enough
+        if as_predicted or spent or gained < 0.01 * enough:
             return "converged"
         z = following
     return "stopped"

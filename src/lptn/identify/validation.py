@@ -13,7 +13,7 @@ from lptn.identify.comparison import Errors, errors_of, predict
 from lptn.identify.data import DataSplit, Segment
 from lptn.identify.fitting import Checkpoint, Fit, fit
 from lptn.identify.problem import Point
-from lptn.identify.solvers import Progress
+from lptn.identify.solvers import PRECISION, Progress
 from lptn.model.model import Model
 from lptn.simulate.bound_run import bind
 
@@ -29,6 +29,7 @@ def fit_segments(
     symmetry_penalty: float = 0.0,
     checkpoint: Checkpoint | None = None,
     progress: Progress | None = None,
+    precision: float = PRECISION,
 ) -> Fit:
     """Fit a model to the evaluation windows of runs.
 
@@ -39,6 +40,7 @@ def fit_segments(
         symmetry_penalty: λ of the penalty on left-right differences.
         checkpoint: keeps the best point while the search runs, and if Ctrl-C ends it; empty once the fit is done.
         progress: called after each iteration.
+        precision: share of the cost that is not worth another step.
     """
     bound_runs = [bind(model, s.run).count(s.evaluation).until(s.evaluation[1]) for s in segments]
     saved = checkpoint.load(model, len(segments)) if checkpoint else None
@@ -49,6 +51,7 @@ def fit_segments(
         guess=saved or near,
         progress=progress,
         keep=None if checkpoint is None else lambda point: checkpoint.offer(model, point),
+        precision=precision,
     )
     if checkpoint and done.status == "interrupted":
         checkpoint.save(model, done.point)

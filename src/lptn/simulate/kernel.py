@@ -10,9 +10,9 @@ import ctypes
 from collections.abc import Sequence
 from functools import cache
 from importlib.resources import files
-from itertools import accumulate, groupby
+from itertools import accumulate
 from subprocess import CalledProcessError
-from typing import Any, NamedTuple
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -84,16 +84,6 @@ class UnknownOperationError(ValueError):
     """A model has an operation that machine code here does not know."""
 
 
-class _Value(NamedTuple):
-    """One of the numbers that a function works with: its part of the work, its depth there, how it is made."""
-
-    part: int
-    depth: int = 0
-    kind: int = -1  # of the operation; none for an argument or a constant
-    left: int = 0
-    right: int = 0
-
-
 class _Operations:
     """A function (x, u, p) -> dense column, sorted for `kernel.c`; the same operation on the same values once.
 
@@ -103,10 +93,13 @@ class _Operations:
 
     def __init__(self, function: ca.Function) -> None:
         self.sizes: list[int] = [function.numel_in(k) for k in range(3)]
-        parts = np.repeat([_STATES, _INPUTS, _PARAMETERS], self.sizes).tolist()
-        values, constants, results = [_Value(part) for part in parts], {}, [0] * function.numel_out(0)
         offsets = [0, *accumulate(self.sizes)]
-        indices: dict[object, int] = {}
+        # Of each value: its part of the work, its depth there, and how it is made; arguments and constants aren't.
+        part = np.repeat([_STATES, _INPUTS, _PARAMETERS], self.sizes).tolist()
+        depth, made_by, left, right = ([empty] * len(part) for empty in (0, -1, 0, 0))
+        constants: dict[int, float] = {}
+        numbers: dict[object, int] = {}
+        results = [0] * function.numel_out(0)
         held: dict[int, int] = {}  # which value each place of CasADi's working memory holds
         for k in range(function.n_instructions()):
             kind, used, made = function.instruction_id(k), function.instruction_input(k), function.instruction_output(k)
@@ -118,39 +111,41 @@ class _Operations:
                 continue
             if kind == ca.OP_CONST:
                 constant = function.instruction_constant(k)
-                value = _Value(_PARAMETERS)
                 key: object = repr(constant)  # 0.0 and -0.0 are two
+                new = _PARAMETERS, 0, -1, 0, 0
             elif kind in _NUMBERS:
-                operands = [held[place] for place in used]
-                part = max(values[operand].part for operand in operands)
-                depth = 1 + max(values[operand].depth for operand in operands if values[operand].part == part)
-                key = value = _Value(part, depth, kind, operands[0], operands[-1])
+                a, b = held[used[0]], held[used[-1]]
+                key = kind, a, b
+                own = max(part[a], part[b])
+                new = own, 1 + max(depth[a] * (part[a] == own), depth[b] * (part[b] == own)), kind, a, b
             else:
                 raise UnknownOperationError(f"operation {kind} of {function.name()}")
-            if key not in indices:
-                indices[key] = len(values)
-                values.append(value)
+            if key not in numbers:
+                numbers[key] = len(part)
                 if kind == ca.OP_CONST:
-                    constants[indices[key]] = constant
-            held[made[0]] = indices[key]
-        self._sort(values, constants, results)
+                    constants[len(part)] = constant
+                for values, value in zip((part, depth, made_by, left, right), new, strict=True):
+                    values.append(value)
+            held[made[0]] = numbers[key]
 
-    def _sort(self, values: list[_Value], constants: dict[int, float], results: list[int]) -> None:
-        """Number the values anew: arguments, constants, then operations by part, depth and kind."""
-        order = sorted(range(len(values)), key=lambda k: values[k][:3] if values[k].kind >= 0 else ())
-        number = np.empty(len(values), dtype=np.int32)
-        number[order] = np.arange(len(values))
-        self.initial = np.zeros(len(values))
+        # Numbered anew: arguments and constants, then operations by part, depth and kind.
+        work = np.array([part, depth, made_by])
+        work[:, work[2] < 0] = -1
+        order = np.lexsort(work[::-1])
+        number = np.empty(len(order), dtype=np.int32)
+        number[order] = np.arange(len(order))
+        self.initial = np.zeros(len(order))
         self.initial[number[list(constants)]] = list(constants.values())
-        self.left = number[[values[k].left for k in order]]
-        self.right = number[[values[k].right for k in order]]
+        self.left, self.right = number[left][order], number[right][order]
         self.results = number[results]
-        made = [values[k] for k in order if values[k].kind >= 0]
-        groups = [(group[0], group[2], len(list(same))) for group, same in groupby(made, key=lambda value: value[:3])]
-        self.groups = np.array([group[1:] for group in groups], dtype=np.int64)
-        in_part = [[value.part for value in made].count(part) for part in range(3)]
-        self.first = list(accumulate(in_part, initial=len(values) - len(made)))[:3]
-        self.bounds = list(accumulate(([group[0] for group in groups].count(part) for part in range(3)), initial=0))
+        given = int((work[2] < 0).sum())
+        sorted_work = work[:, order[given:]]
+        same = (np.diff(sorted_work, axis=1) == 0).all(axis=0)
+        starts = np.flatnonzero(np.append(True, ~same)[: sorted_work.shape[1]])
+        lengths = np.diff(np.append(starts, sorted_work.shape[1]))
+        self.groups = np.column_stack([sorted_work[2, starts], lengths]).astype(np.int64)
+        self.first = (given + np.searchsorted(sorted_work[0], range(3))).tolist()
+        self.bounds = np.searchsorted(sorted_work[0, starts], range(4)).tolist()
 
 
 # --- Machine code that evaluates and steps any model ----------------------------------------------
