@@ -184,7 +184,7 @@ def structs(heating: Heating, limits: int, stages: int) -> Structs:
         *((name, _struct("Reference", reference)) for name in ("model", "recent")),
         ("renewed", _D),
         ("woken", _D * nodes),
-        *((name, _I * nodes) for name in ("read", "once_trusted", "used", "guessed")),
+        *((name, _I * nodes) for name in ("read", "guessed", "once_trusted", "used")),
         ("applied", _D * u),
         ("conditions", _D * (d + 1)),
         ("scale", _D * u * stages),

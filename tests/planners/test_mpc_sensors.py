@@ -148,7 +148,7 @@ def loop(spoil: dict[str, float], steps: int = 90, resolution: float = 0.0) -> t
 def test_limits_hold_though_a_sensor_stands(value: float) -> None:
     """Believed for ever, standing sensors let a joint pass its limit by 2 to 3 K, one at 0 by 15 K."""
     worst, mpc, untrusted = loop({"FR_calf": value, "RL_calf": value})
-    assert worst < 0.5
+    assert worst < 0.2
     assert untrusted == {"FR_calf", "RL_calf"}
     assert 57 < mpc.estimate["FR_calf"] < 61
 
@@ -250,12 +250,15 @@ def test_a_sensor_that_is_dead_teaches_a_winding_beside_it_nothing(reads: float 
     assert plan.given_up
 
 
-def both_read(read: Callable[[float, FloatArray], FloatArray], heats: float = 1.0) -> tuple[float, list[Plan]]:
+def both_read(
+    read: Callable[[float, FloatArray], FloatArray], heats: float = 1.0, start: float = 25.0
+) -> tuple[float, list[Plan]]:
     """A winding of 30 J/K in a housing of 200 J/K, both limited and read, asked for 25 A for half an hour.
 
     Args:
         read: what the sensors read [degC], by time [s] and true temperatures, before noise of 0.1 K.
         heats: true loss over the model's.
+        start: of both [degC].
 
     Returns:
         By how much limit and margin were passed at most [K], and the plans.
@@ -263,7 +266,7 @@ def both_read(read: Callable[[float, FloatArray], FloatArray], heats: float = 1.
     replaced = _WINDING.replace("= 60\n", "= 30\n").replace("= 300\n", "= 200\n").replace("= 3\n", "= 1\n")
     model = Model(parse_model(replaced, Path("motor.toml")).network)
     mpc = TorqueMPC(model, LIMIT, request="current", current_limits=40.0)
-    random, x, worst, plans = np.random.default_rng(0), np.array([25.0, 25.0, 1.0]), -np.inf, list[Plan]()
+    random, x, worst, plans = np.random.default_rng(0), np.array([start, start, 1.0]), -np.inf, list[Plan]()
     for k in range(360):
         readings = read(PERIOD * k, x[:2]) + 0.1 * random.standard_normal(2)
         plans.append(mpc.step(readings, [25.0], {"temperature.ambient": 25.0}))
@@ -347,6 +350,30 @@ def test_a_winding_whose_sensor_is_lost_is_not_taught_by_a_late_housing(seconds:
     assert both_read(read, heats)[0] < 7.0
 
 
+@pytest.mark.parametrize("heats", [0.9, 1.0, 1.1])
+@pytest.mark.parametrize("values", [(25.0, 25.0), (40.0, 40.0), (-40.0, -40.0), (25.0, 30.0), (0.0, 25.0)])
+def test_beside_a_false_sensor_none_is_believed_that_has_not_moved(values: tuple[float, float], heats: float) -> None:
+    """A warm motor, both sensors dead: the housing's was believed until it should have moved, 8.5 K above."""
+    assert both_read(lambda _, true: np.array(values), heats, start=50.0)[0] < 0.5
+
+
+@pytest.mark.parametrize("heats", [0.9, 1.1])
+@pytest.mark.parametrize("seconds", [45.0, 75.0, 90.0, 120.0])
+def test_a_sensor_that_was_lost_is_believed_against_the_model_when_that_is_paid_off(
+    seconds: float, heats: float
+) -> None:
+    """The winding's readings are late: each time they were believed again it got 4 to 16 K too hot."""
+    past: list[float] = []
+
+    def read(_: float, true: FloatArray) -> FloatArray:
+        past.append(float(true[0]))
+        return np.array([past[max(0, len(past) - 1 - round(seconds / PERIOD))], true[1]])
+
+    worst, plans = both_read(read, heats)
+    assert worst < 1.5
+    assert any(plan.untrusted for plan in plans)
+
+
 @pytest.mark.parametrize("value", [-1.0, 0.0, 10.0, 25.0])
 def test_of_many_sensors_that_are_dead_none_teaches_that_currents_cool(value: float) -> None:
     """Four legs at a trunk, 13 sensors at one number: gains beyond their bound let joints get to twice their limit."""
@@ -375,7 +402,7 @@ def test_what_a_joint_gets_that_has_lost_its_sensor_is_the_users_choice() -> Non
     ways = {way: one_joint(read, 60, lost_sensor=way)[1] for way in ("model", "derate", "stop")}
     soon = {way: plans[20].admitted[0] for way, plans in ways.items()}
     assert soon["model"] > 10.0  # it is still cool
-    assert soon["stop"] < 0.1 < 3.0 < soon["derate"] < 6.0  # 5.92 A hold 60 degC
+    assert soon["stop"] < 0.1 < 3.0 < soon["derate"] < 5.92
     floor = one_joint(read, 60, lost_sensor="stop", floors=2.0)[1]
     assert floor[-1].admitted[0] == pytest.approx(2.0, rel=1e-2)
     with pytest.raises(InputError, match="lost_sensor"):

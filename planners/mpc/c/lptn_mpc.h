@@ -61,7 +61,8 @@ typedef struct {
     double moves[LPTN_NN], due[LPTN_NN];  /* moves seen, and to be expected */
     double agreed_for[LPTN_NN];           /* s for which it has agreed with its reference */
     double regression[LPTN_NN][6];        /* its readings and its reference since then: count, means, sums of squares */
-    double contradicted_for[LPTN_NN];     /* s for which it contradicted its reference before */
+    double contradicted_for[LPTN_NN];     /* s for which it contradicted its reference before,
+                                             less those for which it has been trusted again */
     double last_seen[LPTN_NN];            /* s of the clock: its last reading */
     int stands[LPTN_NN], agrees[LPTN_NN]; /* repeats itself bit for bit; agrees with its reference */
     int proven[LPTN_NN], trusted[LPTN_NN], lost[LPTN_NN]; /* has moved as the reference did; counts as alive; was found
@@ -84,7 +85,7 @@ typedef struct {
     double made[LPTN_NN];                /* what the controlled heat warmed each node by, over the last period [K/s] */
     lptn_mpc_reference model, recent;    /* the estimate without any sensor: since the start, and of late */
     double renewed;                      /* s of the clock: the recent reference began with the estimate */
-    double woken[LPTN_NN];               /* of a sensor that is not believed: where its node would be, had it begun there [K] */
+    double woken[LPTN_NN];               /* of a sensor that was never trusted: by how much it began above the model alone [K] */
     int read[LPTN_NN], guessed[LPTN_NN]; /* how often its sensor began, 0 for never read; is taken to be as hot as allowed */
     int once_trusted[LPTN_NN], used[LPTN_NN]; /* its sensor was trusted once; was used since its reference was set */
     double applied[LPTN_NU], conditions[LPTN_ND + 1];

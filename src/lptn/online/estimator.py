@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal, get_args
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from lptn.basics.arrays import BoolArray, FloatArray
+from lptn.basics.arrays import BoolArray, FloatArray, IntArray
 from lptn.basics.errors import InputError
 from lptn.basics.parameters import Transform
 from lptn.identify.noise import LEAST_NOISE
@@ -112,10 +112,9 @@ class Estimator:
     The state is the model's own, augmented by what `error` allows and by the doubtful parameters. The covariance
     is corrected in Joseph's form, :math:`(I-KH)P(I-KH)^\top + KRK^\top`, which keeps it positive for any gain.
 
-    It leans on no sensor that is not alive (`lptn.online.living_sensors`): beside the estimate go references, one for
-    each sensor, the estimate as it would be without this sensor's readings, carried as differences by the same linear
-    algebra. What contradicts its reference is left out, `Estimate.untrusted` says why, and the estimate reverts to the
-    reference. Drifts and small offsets are found by `lptn.monitor`.
+    It leans on no sensor that is not alive (`lptn.online.living_sensors`): beside the estimate goes the model alone
+    since the start, that takes in no reading. What contradicts it is left out, `Estimate.untrusted` says why, and
+    what the sensor taught is taken back. Drifts and small offsets are found by `lptn.monitor`.
 
     Args:
         model: the model, at the values to start from.
@@ -185,12 +184,12 @@ class Estimator:
         self.sensors = LivingSensors(self._noise, self._step) if watch else None
         """What is known of the sensors; `None` where they are not watched."""
         nodes = len(model.nodes)
-        self._without = np.zeros((layout.size, nodes))  # by how much the state differs in each sensor's reference
-        self._deviations = np.zeros(nodes)  # K, standard deviation of a reference
+        self._without = np.zeros(layout.size)  # by how much the state of the model alone differs
+        self._deviations = np.zeros(nodes)  # K, standard deviation of the model alone
+        self._woken = np.zeros(nodes)  # K, of a sensor that was never trusted: of what it read, carried on by the model
         self._settles = np.zeros(nodes)  # s, time constants of the nodes
-        self._renewed = np.zeros(nodes)  # s of the sensors' clock: when each reference was last set to the estimate
         self._once_trusted = np.zeros(nodes, dtype=bool)  # sensors that were trusted once
-        self._used = np.zeros(nodes, dtype=bool)  # those used since their references were set
+        self._used = np.zeros(nodes, dtype=bool)  # those whose readings are taken in
         self._is_temperature = np.array([column.startswith("temperature.") for column in model.inputs], dtype=float)
         self.last: Correction | None = None
         """The linear algebra of the last update's correction; `None` where nothing was read."""
@@ -234,12 +233,12 @@ class Estimator:
         if self.sensors is None:
             return self._correct(y, np.isfinite(y))
         predicted, by_state = self.augmented.readings(self._z)
-        without = np.diag(by_state @ self._without)
-        # Of a sensor that was never trusted only its own reference tells anything.
+        # Of a sensor that was never trusted only what it reads itself tells anything.
         alone = self.sensors.lost & ~self._once_trusted
+        reference = predicted + by_state @ self._without + self._woken
         variance = np.einsum("ij,jk,ik->i", by_state, self._covariance, by_state)
         self.sensors.judge(
-            dt, y, predicted + alone * without, np.where(alone, self._deviations**2, variance), predicted + without,
+            dt, y, np.where(alone, reference, predicted), np.where(alone, self._deviations**2, variance), reference,
             self._deviations, np.zeros(y.size), self._settles,
         )  # fmt: skip
         for node in np.flatnonzero(np.isfinite(y)):
@@ -310,9 +309,8 @@ class Estimator:
             "resting": self._resting.copy(),
             "inputs": self._last_inputs.copy(),
             "sensors": np.zeros((0, len(self.model.nodes))) if self.sensors is None else self.sensors.state(),
-            "references": np.vstack(
-                [self._without, self._deviations, self._settles, self._renewed, self._once_trusted, self._used]
-            ),
+            "model": self._without.copy(),
+            "nodes": np.vstack([self._deviations, self._woken, self._settles, self._once_trusted, self._used]),
         }
 
     def restore(self, state: Mapping[str, FloatArray]) -> None:
@@ -333,15 +331,14 @@ class Estimator:
         self._covariance = np.array(state["covariance"], dtype=float)
         self._resting = np.array(state["resting"], dtype=float)
         self._last_inputs = np.array(state["inputs"], dtype=float)
-        *without, self._deviations, self._settles, self._renewed, once_trusted, used = np.array(
-            state["references"], dtype=float
-        )
-        self._without, self._once_trusted, self._used = np.array(without), once_trusted > 0, used > 0
+        self._without = np.array(state["model"], dtype=float)
+        nodes = np.array(state["nodes"], dtype=float)
+        self._deviations, self._woken, self._settles, self._once_trusted, self._used = *nodes[:3], *(nodes[3:] > 0)
         if self.sensors is not None:
             self.sensors.restore(np.array(state["sensors"], dtype=float))
 
     def _follow(self, sensors: LivingSensors, node: int, reading: float, alone: bool, u: FloatArray) -> None:
-        """After a sensor was judged: use it, renew its reference, or revert to it.
+        """After a sensor was judged: use it, or take back what it taught.
 
         Args:
             sensors: as they were judged.
@@ -350,69 +347,62 @@ class Estimator:
             alone: whether it had never been trusted when it was judged.
             u: inputs.
         """
-        if sensors.lost[node]:
-            if not sensors.agrees[node] and not self._once_trusted[node]:
-                self._reinitialise(node, reading, alone, u)
-            elif self._used[node] and not sensors.proven[node]:
-                self._revert(node)
-            return
-        if alone:
-            self._revert(node)
-        self._used[node] = True
-        if sensors.trusted[node]:
-            self._once_trusted[node] = True
-            if sensors.clock - self._renewed[node] >= self._settles[node]:
-                self._without[:, node] = 0.0
-                self._deviations[node] = math.sqrt(max(self._covariance[node, node], 0.0))
-                self._renewed[node] = sensors.clock
+        noise = math.sqrt(self._noise[node] + self._step[node] ** 2 / 12)
+        if not sensors.lost[node]:
+            if alone:
+                self._begin_node(node, reading, noise)
+            self._used[node] = True
+            self._once_trusted[node] |= sensors.trusted[node]
+        elif not sensors.agrees[node] and not self._once_trusted[node]:
+            # It says nothing of its node: robots start near one temperature. What it reads now may wake.
+            if not alone:
+                others = np.arange(len(self.model.nodes)) != node
+                air = u[(self._is_temperature > 0) & np.isfinite(u)]
+                near = self._z[: others.size][others] if others.any() else air
+                self._begin_node(node, near.mean() if near.size else self._z[node], _UNREAD)
+            predicted, by_state = self.augmented.readings(self._z)
+            self._woken[node] = reading - (predicted + by_state @ self._without)[node]
+            self._deviations[node], self._used[node] = noise, False
+        elif self._used[node] and not sensors.proven[node]:
+            self._used[node] = False
+            # What others read is kept, but no surer than a reading: it was estimated beside a false temperature.
+            kept = np.flatnonzero(self._used[list(self.model.owners)])
+            without, self._without[kept] = self._without[kept], 0.0
+            taught = np.flatnonzero(~self._only_doubtful)
+            self._z[taught] += self._without[taught]
+            self._forget(taught)
+            self._without[kept] = without
+            self._covariance[kept, kept] = (self._noise + self._step**2 / 12)[np.array(self.model.owners)[kept]]
 
     def _errors_of(self, node: int) -> list[int]:
         """Rows of the state that are what the model lacks at a node."""
         layout = self.augmented.layout
         return [where.start + node for where in (layout.heat, layout.bias) if where.stop > where.start]
 
-    def _forget(self, rows: list[int]) -> None:
+    def _begin_node(self, node: int, temperature: float, deviation: float) -> None:
+        """A node as it is known at a temperature [degC] with an error [K], the model's errors unknown."""
+        states, errors = np.flatnonzero(np.array(self.model.owners) == node), self._errors_of(node)
+        self._z[states], self._z[errors] = temperature, 0.0
+        self._deviations[node], self._woken[node] = deviation, 0.0
+        self._forget(np.concatenate([states, errors]).astype(int))
+
+    def _forget(self, rows: IntArray) -> None:
+        """Rows of the state of which nothing is known but what the model alone says."""
+        self._without[rows] = 0.0
+        variance = self._doubt.copy()
+        variance[: len(self.model.owners)] = self._deviations[list(self.model.owners)] ** 2
         self._covariance[rows], self._covariance[:, rows] = 0.0, 0.0
-        self._covariance[rows, rows] = self.augmented.errors[rows]
-
-    def _revert(self, node: int) -> None:
-        """The estimate becomes the sensor's reference."""
-        self._z += self._without[:, node]
-        self._clip()
-        self._without[:, node] = 0.0
-        self._forget(self._errors_of(node))
-        self._covariance[node, node] += self._deviations[node] ** 2
-        self._used[node] = False
-
-    def _reinitialise(self, node: int, reading: float, alone: bool, u: FloatArray) -> None:
-        """A sensor that was never trusted says nothing of its node; what it reads now begins a reference of its own."""
-        if not alone:
-            self._z += self._without[:, node]
-            self._clip()
-            others = np.arange(len(self.model.nodes)) != node
-            air = u[(self._is_temperature > 0) & np.isfinite(u)]
-            near = self._z[: others.size][others] if others.any() else air
-            if near.size:  # robots start near one temperature
-                self._z[node] = near.mean()
-            rows = self._errors_of(node)
-            self._z[rows] = 0.0
-            self._forget(rows)
-            self._covariance[node], self._covariance[:, node] = 0.0, 0.0
-            self._covariance[node, node] = _UNREAD**2
-        self._without[:, node] = 0.0
-        self._without[node, node] = reading - self.augmented.readings(self._z)[0][node]
-        self._deviations[node] = math.sqrt(self._noise[node] + self._step[node] ** 2 / 12)
-        self._used[node] = False
+        self._covariance[rows, rows] = variance[rows]
 
     def _clip(self) -> None:
         """Bound what is learnt of the model by what may be wrong with it: a false sensor would run away with it.
 
-        The references stay where they were."""
+        The model alone stays where it was."""
         layout, most, before = self.augmented.layout, _PLAUSIBLE * np.sqrt(self._doubt), self._z.copy()
         for where, middle in ((slice(layout.air.start, layout.inputs.stop), 0.0), (layout.parameters, self._given)):
             self._z[where] = np.clip(self._z[where], middle - most[where], middle + most[where])
         self._z[layout.parameters] = np.clip(self._z[layout.parameters], *self._bounds)
-        self._without += (before - self._z)[:, None]
+        self._without += before - self._z
 
     def _choose_parameters(self, walks: Mapping[str, float], covariance: FloatArray | None) -> None:
         """The parameters that become states: those to learn, and those whose covariance is given."""
@@ -471,7 +461,7 @@ class Estimator:
         self._z = z
         self._without[:] = 0.0
         self._deviations = np.sqrt(np.diag(self._covariance)[: len(model.nodes)])
-        self._once_trusted[:], self._used[:], self._renewed[:] = False, False, 0.0
+        self._once_trusted[:], self._used[:], self._woken[:] = False, False, 0.0
         if self.sensors is not None:
             self.sensors = LivingSensors(self._noise, self._step)
 
@@ -482,15 +472,17 @@ class Estimator:
         if self._change.any():
             self._unsettle(u)
         if self.sensors is not None:
-            self._widen_references(self.sensors, u, dt)
+            self._widen(self.sensors, u, dt)
         step = self.augmented.step(self._z, u, dt)
         self._z = step.states
         self._without = step.transition @ self._without
         self._covariance = step.transition @ self._covariance @ step.transition.T + step.added
         self._since_correction = step.transition @ self._since_correction
 
-    def _widen_references(self, sensors: LivingSensors, u: FloatArray, dt: float) -> None:
-        """References become less sure: by the relative error of heat put in and heat that leaves, and by `error`."""
+    def _widen(self, sensors: LivingSensors, u: FloatArray, dt: float) -> None:
+        """The model alone becomes less sure: by the relative error of heat put in and of heat that leaves, and `error`.
+
+        What a sensor read that was never trusted is forgotten as its node settles."""
         sensors.clock += dt
         left, _ = self.augmented.warming(self._z, u * self._is_temperature)
         warming, by_state = self.augmented.warming(self._z, u)
@@ -499,6 +491,7 @@ class Estimator:
         self._settles = 1 / np.maximum(-own, 1 / _DAY)
         stays = np.exp(-dt / self._settles)
         self._deviations = stays * self._deviations + self._settles * (1 - stays) * rate
+        self._woken *= stays
 
     def _unsettle(self, u: FloatArray) -> None:
         """What was learnt of the missing heat counts for less after a change of load.
@@ -521,19 +514,12 @@ class Estimator:
         seen = np.isfinite(innovation)
         spreads[seen] = np.sqrt(np.diag(prior) + self._noise + self._step**2 / 12)[seen]
         h, noise, step = by_state[taken], self._noise[taken], self._step[taken]
-        others = h @ self._without  # the same corrections in the references, but for the sensor that each is without
         cross, prior = self._covariance @ h.T, prior[np.ix_(taken, taken)]
         surprise, variance = innovation[taken], noise + step**2 / 12
         if self._rounding == "cell" and step.any():
             surprise, variance = as_gaussian(surprise, np.diag(prior), noise, step)
         if taken.any():
-            gain = self._take_in(h, cross, prior + np.diag(variance), surprise, variance)
-            others[np.arange(len(surprise)), np.flatnonzero(taken)] = surprise
-            self._without -= gain @ others
-            if self.sensors is not None:  # a reference that begins with a reading is surer than the guess beside it
-                alone = np.flatnonzero(self.sensors.lost & ~self._once_trusted)
-                difference = surprise[:, None] - others[:, alone]
-                self._without[alone, alone] -= np.einsum("nr,rn->n", gain[alone], difference)
+            self._take_in(h, cross, prior + np.diag(variance), surprise, variance)
         return self._estimate(innovation, spreads)
 
     def _take_in(
@@ -543,19 +529,19 @@ class Estimator:
         covariance: FloatArray,
         innovation: FloatArray,
         variance: FloatArray,
-    ) -> FloatArray:
+    ) -> None:
         factor = cho_factor(covariance, lower=True, check_finite=False)
         gain = cho_solve(factor, cross.T, check_finite=False).T
         # What is only doubtful, not learnt, keeps its value; Joseph's form holds for that gain too.
         gain[self._only_doubtful] = 0.0
-        self._z = self._z + gain @ innovation
+        change = gain @ innovation
+        self._z, self._without = self._z + change, self._without - change
         kept = np.eye(len(self._z)) - gain @ by_state
         after = kept @ self._covariance @ kept.T + (gain * variance) @ gain.T
         self._covariance = 0.5 * (after + after.T)
         self._clip()
         self.last = Correction(self._since_correction, by_state, gain, covariance, innovation)
         self._since_correction = np.eye(len(self._z))
-        return gain
 
     def _estimate(self, innovation: FloatArray, spreads: FloatArray) -> Estimate:
         nodes, where = len(self.model.nodes), self.augmented.layout.parameters

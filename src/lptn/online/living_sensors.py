@@ -1,12 +1,14 @@
 """Whether each temperature sensor is alive, reading by reading, by what a model without it expects.
 
-Each reading is compared with its *reference*: what is expected without this sensor's readings. A node
-follows the heat that is put in: so a sensor is trusted once it has moved as its reference did, and as long as it agrees
-with it. Until then limits are planned by the hotter of the two. A sensor that contradicts its reference is lost. It is
-trusted again when it has agreed for as long as it contradicted or, where that was over a minute, for as long as its
-node takes to settle, and has moved as the model does. A sensor that repeats its last reading bit for bit for longer
-than noise, steps and the model's movement explain is lost, too. The C code of `lptn.planners.mpc` judges each reading
-alike, with the constants of this file; what a filter does with the verdict is its own.
+Each reading is compared with its *reference*, one prediction that takes in no reading: the model alone since the start;
+of a sensor that was never trusted, from what it read when it last contradicted. A node follows the heat that is put in:
+so a sensor is trusted once it has moved as its reference did, and as long as it agrees with it. Until then limits are
+planned by the hotter of the two. A sensor that contradicts its reference is lost. It is trusted again when it has
+agreed for as long as it contradicted or, where that was over a minute, for as long as its node takes to settle, and has
+moved as the model does; as much time again has to pass until that is forgotten. A sensor that repeats its last reading
+bit for bit for longer than noise, steps and the model's movement explain is lost, too. The C code of
+`lptn.planners.mpc` judges each reading alike, with the constants of this file; what a filter does with the verdict is
+its own.
 """
 
 from __future__ import annotations
@@ -64,7 +66,7 @@ class LivingSensors:
         self.regression = np.zeros((6, count))
         """Readings and reference since then: count, means of reference and reading, sums of squares and products."""
         self.contradicted_for = np.zeros(count)
-        """s for which it had contradicted its reference before."""
+        """s for which it had contradicted its reference before, less those for which it has been trusted again."""
         self.stands, self.agrees, self.proven = (np.zeros(count, dtype=bool) for _ in range(3))
         """Whether it repeats itself bit for bit; agrees with its reference; has moved as its reference did."""
         self.trusted, self.lost = np.zeros(count, dtype=bool), np.zeros(count, dtype=bool)
@@ -119,7 +121,7 @@ class LivingSensors:
         self.agrees = np.where(seen, agrees, self.agrees)
         self.trusted = np.where(seen, agrees & self.proven & earned, self.trusted)
         self.lost = (self.lost | contradicts) & ~(seen & self.trusted)
-        self.contradicted_for[seen & self.trusted] = 0.0
+        self.contradicted_for -= np.minimum(seconds, self.contradicted_for) * (seen & self.trusted)
 
     def _follow_reference(
         self, agrees: BoolArray, readings: FloatArray, reference: FloatArray, noise: FloatArray, below: FloatArray
