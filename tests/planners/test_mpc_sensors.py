@@ -16,6 +16,7 @@ from lptn.basics.errors import InputError
 from lptn.model.file import parse_model
 from lptn.model.model import Model
 from lptn.online.living_sensors import LivingSensors
+from lptn.online.quantisation import as_gaussian
 from lptn.planners import TorqueMPC
 from lptn.planners.compiled import compiled
 from lptn.planners.mpc import Plan
@@ -71,6 +72,11 @@ void look(double clock, double white, double step, const double *readings, const
         flags[i] = sensors.stands[i] + 2 * sensors.agrees[i] + 4 * sensors.proven[i] + 8 * sensors.trusted[i] +
                    16 * sensors.lost[i];
     memcpy(evidence, sensors.evidence, sizeof sensors.evidence);
+}
+void cell(double noise, double grain, double prior, double *innovation, double *variance) {
+    static lptn_mpc_settings settings;
+    settings.noise = noise, settings.grain = grain;
+    of_cell(&settings, prior, innovation, variance);
 }
 """
 
@@ -248,6 +254,32 @@ def test_a_sensor_that_is_dead_teaches_a_winding_beside_it_nothing(reads: float 
         worst = max(worst, x[0] - 80.0)
     assert worst < 0.5
     assert plan.given_up
+
+
+@pytest.mark.parametrize("step", [0.0, 0.1, 0.5, 1.0])
+@pytest.mark.parametrize("spread", [1e-4, 0.01, 1.0, 25.0])
+def test_a_rounded_reading_says_in_c_what_it_says_in_python(step: float, spread: float) -> None:
+    library = compiled({**TorqueMPC(Model(leg([effect("copper_loss")])), LIMIT).sources, "glue.c": _GLUE}, "glue.c")
+    library.cell.argtypes = [ctypes.c_double] * 3 + [ctypes.POINTER(ctypes.c_double)] * 2
+    away = np.linspace(-3.0, 3.0, 61)
+    expected = as_gaussian(away, np.full(61, spread), np.full(61, 0.1**2), np.full(61, step))
+    for innovation, *wanted in zip(away, *expected, strict=True):
+        found, variance = ctypes.c_double(innovation), ctypes.c_double()
+        grain = step / np.sqrt(12)
+        library.cell(float(np.hypot(0.1, grain)), grain, spread, ctypes.byref(found), ctypes.byref(variance))
+        # A reading that says next to nothing has a variance that is the rest of two large numbers.
+        np.testing.assert_allclose([found.value, variance.value], wanted, rtol=1e-5, atol=1e-6)
+
+
+def test_whole_degrees_cost_little_torque() -> None:
+    """Their rounding was kept off the limit as if no model knew better: three times as much was lost."""
+    given = {}
+    for step in (0.0, 1.0):
+        read = (lambda k, true, noise: round(true + noise)) if step else (lambda k, true, noise: true + noise)
+        worst, plans = one_joint(read, resolution=step)
+        assert worst < 0.0
+        given[step] = np.mean([plan.admitted[0] for plan in plans])
+    assert given[1.0] > 0.993 * given[0.0]
 
 
 def both_read(
