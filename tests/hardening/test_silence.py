@@ -292,6 +292,16 @@ def test_a_filtered_reading_that_comes_to_rest_is_not_frozen_after_a_minute() ->
     assert not silences(time, readings)
 
 
+@pytest.mark.parametrize("steps", [0.0, 0.1])
+def test_a_sensor_that_freezes_at_its_highest_loses_no_reading_before(steps: float) -> None:
+    time = np.arange(1200.0)
+    readings = 30 + 0.01 * time + np.random.default_rng(8).normal(0, 0.1, time.size)
+    readings = np.round(readings / steps) * steps if steps else readings
+    readings[900:] = readings.max()
+    (stands,) = silences(time, readings, resolution=steps)
+    assert stands.start >= 899
+
+
 # --- A limit at which a coarse sensor stands --------------------------------------------------------
 
 

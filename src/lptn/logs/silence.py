@@ -87,7 +87,8 @@ def silences(
         # Where noise only touches the limit, what is left of it is too high on average, or too low.
         touches = np.flatnonzero(readings == limit)
         for some in np.split(touches, np.flatnonzero(np.diff(touches) > _CLEAR) + 1):
-            ends = there[np.clip([some[0] - _CLEAR, some[-1] + _CLEAR], 0, there.size - 1)]
+            beside = _CLEAR if np.ptp(some) >= some.size else 0  # of a number that stands no noise is cut off
+            ends = there[np.clip([some[0] - beside, some[-1] + beside], 0, there.size - 1)]
             rows = np.arange(values.size)
             stretches.append(silence_at(time, "clamped", limit, (rows >= ends[0]) & (rows <= ends[1])))
     return sorted(stretches, key=lambda stretch: stretch.start)
