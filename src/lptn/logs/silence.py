@@ -1,9 +1,9 @@
 """Stretches in which a channel says nothing: its sensor stands still, is gone, or is at the end of its range.
 
 A sensor that is alive shows its noise. One that gives bit for bit the same number for longer than its own noise and
-steps allow is *frozen*; *clamped* where that is the highest or lowest number that it gives, and one that it gives again
-and again; *dead* where the number is far from all around it, as 0 or full scale is. A torque that stands still, or is
-exactly zero while its joint moves, is found in the same way. What a channel says in such a stretch is no reading.
+steps allow is *frozen*; *clamped* where that is the highest or lowest number that it gives; *dead* where the number is
+far from all around it, as 0 or full scale is. A torque that stands still, or is exactly zero while its joint moves, is
+found in the same way. What a channel says in such a stretch is no reading.
 
 What no heated part could have given is found in `passive.py`: spikes, codes, broken wires, counters that turn.
 """
