@@ -44,12 +44,14 @@ ARCHIVE = Bound(1 << 30, "bytes")
 MEMBERS = Bound(10_000, "files")
 """Of an archive: FMUs with their sources and documentation have some hundred."""
 
-NODES = Bound(500, "nodes")
-"""Of a network: a humanoid with all its windings has 100. With 500 `check` takes a minute, and the cube of it more."""
+NODES = Bound(200, "nodes")
+"""Of a network: a humanoid with all its windings has 100. Forecasts and faults take the cube of it."""
+
+LINKS = Bound(1_000, "links")
+"""Of a network: a humanoid has some hundred. With 5,000 between 100 nodes `check` takes 20 s, a forecast minutes."""
 
 PLACES = Bound(5_000, "places")
-"""Of a network's links, or of its effects: a humanoid has some hundred. With 20,000 an FMU took more than a
-minute."""
+"""Of a network's effects: a humanoid has some hundred. With 20,000 an FMU took more than a minute."""
 
 VARIABLES = Bound(100_000, "variables")
 """Of an FMU, elements of arrays counted: an importer needs some 10 µs and 1 kB for each."""

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from scipy.optimize import nnls
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
@@ -265,16 +266,11 @@ def shift_of(warm_time: FloatArray, temperature: FloatArray, heat_time: FloatArr
 
 
 def _sum_of_squares(readings: FloatArray, put_in: FloatArray, gone: FloatArray) -> float:
-    """Sum of squares that a level, the heat put in and what is lost of it leave; of the level alone if heat cools."""
-    basis = [np.ones_like(readings), put_in, gone]
-    scales = [float(np.abs(column).max()) or 1.0 for column in basis]
-    scaled = np.column_stack([column / scale for column, scale in zip(basis, scales, strict=True)])
-    for columns in (3, 2):
-        matrix = scaled[:, :columns]
-        coefficients = np.linalg.lstsq(matrix, readings, rcond=None)[0]
-        if coefficients[1] > 0 and (columns == 2 or coefficients[2] <= 0):
-            return float(np.sum((readings - matrix @ coefficients) ** 2))
-    return float(np.sum((readings - readings.mean()) ** 2))
+    """Sum of squares that a level, the heat put in and what is lost of it leave; the first warms, the second cools."""
+    basis = np.column_stack([put_in, -gone])
+    basis -= basis.mean(axis=0)
+    basis /= np.maximum(np.abs(basis).max(axis=0), np.finfo(float).tiny)
+    return float(nnls(basis, readings - readings.mean())[1] ** 2)
 
 
 def _begun(time: FloatArray, heat: FloatArray) -> float:

@@ -121,25 +121,19 @@ class _Definitions:
 def _defaults(names: Sequence[str], topics: Mapping[str, Mapping[str, Any]]) -> dict[str, ColumnSource]:
     """Where quantities stand by PX4's names; slots of controllers that are not there are left out."""
     sources: dict[str, ColumnSource] = {}
-    for name in names:
-        match = _ESC.fullmatch(name)
-        if match and match["field"] in _ESC_FIELDS and _has_controller(topics[match["topic"]], int(match["number"])):
+    for match in filter(None, map(_ESC.fullmatch, names)):
+        topic, number = topics[match["topic"]], int(match["number"])
+        warm = topic.get(f"esc[{number}].esc_temperature")
+        there = number < np.max(topic["esc_count"]) if "esc_count" in topic else warm is None or np.any(warm)
+        if there and match["field"] in _ESC_FIELDS:
             quantity, unit = _ESC_FIELDS[match["field"]]
-            sources[f"{quantity}.esc{match['number']}"] = ColumnSource((name,), unit)
+            sources[f"{quantity}.esc{number}"] = ColumnSource((match[0],), unit)
     several = {
         "power.battery": ColumnSource(("battery_status.voltage_v", "battery_status.current_a"), how="product"),
         "temperature.battery": ColumnSource(("battery_status.temperature",), "degC"),
         "speed.base": ColumnSource(tuple(f"vehicle_local_position.v{axis}" for axis in "xyz")),
     }
     return sources | {key: source for key, source in several.items() if set(source.columns) <= set(names)}
-
-
-def _has_controller(topic: Mapping[str, Any], number: int) -> bool:
-    count = topic.get("esc_count")
-    if count is not None:
-        return number < int(np.max(count))
-    readings = topic.get(f"esc[{number}].esc_temperature")
-    return readings is None or bool(np.any(np.asarray(readings) != 0))
 
 
 def _in_time(path: Path, topic: str, fields: Mapping[str, Any]) -> tuple[FloatArray, IntArray, list[str]]:
@@ -156,10 +150,10 @@ def _in_time(path: Path, topic: str, fields: Mapping[str, Any]) -> tuple[FloatAr
     if back.any():
         order = in_order(stamps[rows])
         if order is None:
-            at = int(back.argmax())
-            before, now = (f"{stamps[rows[row]]:.10g} s" for row in (at, at + 1))
-            place = f"{topic}, message {rows[at + 1] + 1}"
-            raise InputError(path, place, f"{now} after {before}", "time that runs forwards; cut the log there")
+            before, now = rows[back.argmax() : back.argmax() + 2]
+            found = f"{stamps[now]:.10g} s after {stamps[before]:.10g} s"
+            expected = "time that runs forwards; cut the log there"
+            raise InputError(path, f"{topic}, message {now + 1}", found, expected)
         rows = rows[order]
         notes.append(f"{topic}: messages out of order, by a few; sorted.")
     return stamps[rows], rows, notes

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
 
-from lptn.basics.bounds import NODES, PLACES
+from lptn.basics.bounds import LINKS, NODES, PLACES
 from lptn.basics.errors import InputError
 from lptn.basics.parameters import Parameter, ParameterInstance
 from lptn.basics.places import (
@@ -537,7 +537,7 @@ def _work_out(
 
     bodies.lay_conductors(conductivity, [name for name, (_, element) in elements.items() if element.hottest])
     layout = Layout(capacities, prescribed, resistors, bodies.conductors, bodies.massless, bodies.hottest, effects)
-    PLACES.check(len(resistors), origin, "links")
+    LINKS.check(len(resistors), origin, "links")
     _refuse_isolated(origin, layout, bodies)
     instances, runs = _effects(origin, layout, parameters)
     PLACES.check(len(instances), origin, "effects")
