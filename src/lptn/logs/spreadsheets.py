@@ -51,10 +51,12 @@ def open_spreadsheet(path: Path) -> Table:
             width = width_of(heads[name][layout.header if layout.named else layout.first])
             text = io.StringIO(newline="")
             write = csv.writer(text, quoting=csv.QUOTE_ALL, lineterminator="\n").writerow
-            for number, cells in enumerate(_rows(book[name])):
-                if number * width > _MOST_CELLS:
-                    raise too_large(path, f"a spreadsheet of more than {_MOST_CELLS:.0e} cells")
+            count = 0
+            for cells in _rows(book[name]):
                 filled = width_of(cells)
+                count += max(filled, width)
+                if count > _MOST_CELLS:
+                    raise too_large(path, f"a spreadsheet of more than {_MOST_CELLS:.0e} cells")
                 if filled:
                     write([*cells[: max(filled, width)], *[""] * (width - len(cells))])
                 else:
