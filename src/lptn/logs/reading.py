@@ -461,7 +461,7 @@ def _refuse_other_quantities(table: Table, sources: Mapping[str, ColumnSource]) 
 
 
 def _temperature_notes(samples: Samples, mixed: bool) -> list[str]:
-    """How often each temperature is logged, how many readings are missing, and in which steps its sensor moves."""
+    """How often each temperature is logged, and how many readings are missing."""
     notes = []
     for key, values in samples.raw.items():
         missing = int(np.isnan(values).sum())
@@ -475,13 +475,7 @@ def _temperature_notes(samples: Samples, mixed: bool) -> list[str]:
             notes.append(f"{key}: logged every {usual:.4g} s{silent}.")
         else:
             notes.append(f"{key}: {missing} of {values.size} readings are missing.")
-    return notes + [f"{key}: sensor steps of {step:g} K." for key, step in _resolution(samples.raw).items()]
-
-
-def _resolution(raw: Mapping[str, FloatArray]) -> dict[str, float]:
-    """The step, K, of each temperature sensor that moves in steps."""
-    steps = {key: quantisation_step(values) for key, values in raw.items() if key.startswith("temperature.")}
-    return {key: step for key, step in steps.items() if step > 0}
+    return notes
 
 
 def _without(choice: ColumnChoice, samples: Samples, lost: Collection[str]) -> tuple[ColumnChoice, Samples]:
@@ -547,12 +541,14 @@ def _runs(
     if len(kept) < len(stretches):
         dropped = f"{len(stretches) - len(kept)} of {len(stretches)} stretches"
         gaps.append(f"log: {dropped} hold fewer than {FEWEST_ROWS} steps of {step:g} s; dropped.")
-    stem, resolution = run_name(table.path), _resolution(samples.raw)
-    sensors = {key: values for key, values in samples.raw.items() if key.startswith("temperature.")}
+    stem, sensors = run_name(table.path), {k: x for k, x in samples.raw.items() if k.startswith("temperature.")}
+    steps = {key: quantisation_step(values) for key, values in sensors.items()}
+    resolution = {key: apart for key, apart in steps.items() if apart > 0}
+    of_steps = [f"{key}: sensor steps of {apart:g} K." for key, apart in resolution.items()]
     early = samples.time < samples.time[0] + max(_BEGINNING, samples.period)
     first = {key: values[early][np.isfinite(values[early])] for key, values in sensors.items()}
     subjects: dict[str, list[str]] = {}  # of notes that say the same of several columns
-    for subject, _, text in (note.partition(": ") for note in (*notes, *gaps)):
+    for subject, _, text in (note.partition(": ") for note in (*notes, *of_steps, *gaps)):
         subjects.setdefault(text, []).append(subject)
     whole = Run(
         name=stem,
