@@ -102,5 +102,5 @@ def test_air_that_is_off_all_the_while_is_called(robot: str, offset: float, monk
     fault = Fault(at(0, lambda x, t, r: x + offset, "ambient"), ("temperature.ambient",))
     monkeypatch.setitem(monitored_faults.FAULTS, "air off", fault)
     wrongly, called = blamed(6, "taught", ["healthy", "air off"], robot=robot)
-    assert wrongly == {}
+    assert "air off" not in wrongly
     assert called == {"air off"}

@@ -539,12 +539,15 @@ class _Answer(NamedTuple):
     after: Suspicion
 
 
-def attributed(given: Suspicion, alarm: Alarm, *, taught: bool) -> tuple[list[Alarm], Suspicion]:
+def attributed(
+    given: Suspicion, alarm: Alarm, called: Collection[str], *, taught: bool
+) -> tuple[list[Alarm], Suspicion]:
     """Whose alarm it is: of the hypothesis under which the readings are clearly likelier than under any other.
 
     Args:
         given: the run, with all that was found before.
         alarm: of a sensor that goes its own way, or of an input.
+        called: columns of inputs that are known to be wrong: where one of these explains it, nothing more is told.
         taught: whether healthy logs told how wrong the model is.
 
     Returns:
@@ -559,12 +562,13 @@ def attributed(given: Suspicion, alarm: Alarm, *, taught: bool) -> tuple[list[Al
     sensor = _Answer(nats - given.nats(alarm.onset), f"temperature.{alarm.node}", [named], without)
     others = sorted([*_inputs(given, alarm), *_exchanges(given, alarm)], key=lambda answer: -answer.gain)
     best, *rivals = sorted([sensor, *others], key=lambda answer: -answer.gain)
-    # Of one sensor and one model that no healthy log has tried nothing says which is wrong.
-    alone = not taught and not np.isfinite(np.delete(given.measured, row, axis=0)).any()
-    likely = [answer for answer in (best, *rivals) if alone or answer.gain > best.gain - DECIDES]
+    # Of one sensor and one load that both explain it nothing says which is wrong.
+    alone = not np.isfinite(np.delete(given.measured, row, axis=0)).any()
+    least = DECIDES if alone else best.gain - DECIDES
+    likely = [answer for answer in (best, *rivals) if answer.gain > least]
     if alarm.channel and alarm.channel not in {answer.what for answer in likely}:
         return [], given  # sensors are called by what they read themselves
-    if best.gain < DECIDES:
+    if best.gain <= DECIDES or any(answer.what in called for answer in likely):
         return [], given if alarm.channel else without
     if len(likely) > 1:
         # The sensor is not believed, and the rest is as the likeliest of the others says.

@@ -407,12 +407,11 @@ def alarms_by_statistics(
         given = given.without([model.nodes.index(alarm.node)], alarm.onset)
     faulty: list[Alarm] = []
     while (first := given.alarm(calibration.limits, inputs)) is not None:
-        told, after = attributed(given, first, taught=calibration.hours > 0)
+        called = {name for alarm in faulty for name in (alarm.node, alarm.channel)}
+        told, after = attributed(given, first, called, taught=calibration.hours > 0)
         # A sensor can't be judged by a load that is wrong; and no channel is told twice.
-        called = {name for alarm in faulty for name in (alarm.node, alarm.channel)} - {""}
-        if any((alarm.channel or alarm.node) in called for alarm in told) or (
-            not first.channel and first.node in called
-        ):
+        twice = any((alarm.channel or alarm.node) in called for alarm in told)
+        if twice or (not first.channel and first.node in called):
             told, after = [], given.without([model.nodes.index(first.node)], -inf)  # what that leaves
         given, inputs = after, inputs - {first.channel, *(alarm.channel for alarm in told)}
         faulty += told
