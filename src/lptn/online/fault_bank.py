@@ -601,7 +601,7 @@ def _inputs(given: Suspicion, alarm: Alarm) -> Iterator[_Answer]:
         node = place if place in model.nodes else alarm.node
         detail = "does not explain the temperatures"
         told = Alarm(node, "input", alarm.time, onset, detail=detail, channel=column)
-        gain = best.nats(onset) - given.nats(onset)
+        gain = max(best.nats(since) - given.nats(since) for since in (onset, -np.inf))  # or all the while
         yield _Answer(gain, column, [told], best.with_unknown_input(column, _LIFTS[-1]))
 
 
