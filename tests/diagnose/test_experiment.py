@@ -315,3 +315,4 @@ def test_a_difference_is_told_where_there_is_a_sensor_to_see_it() -> None:
     pair = (("constant_heat", "knee"), ("sensor_offset", "knee"))
     result = difference(pair, Separation(9.0, left), 2 * left, ("trunk", "knee"), np.array([False, True]))
     assert (result.node, result.kelvin, result.as_fitted) == ("knee", 1.0, 2.0)
+    assert result.pair == pair[::-1]  # the warmer one first: heat less offset is -1 K there

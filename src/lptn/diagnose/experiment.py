@@ -502,7 +502,7 @@ class Difference(NamedTuple):
     """How two rivals differ in the proposed run.
 
     Args:
-        pair: the rivals, effect and place each.
+        pair: the rivals, effect and place each; where they differ most the first is the warmer one.
         kelvin: the largest difference that no change of parameters takes away, mean of a minute [K].
         as_fitted: the largest difference of the predictions as the old data leave them [K].
         deviations: of all readings together, in standard deviations.
@@ -549,11 +549,12 @@ def difference(
     """
     per_minute = round(60 / STEP)
     minutes = apart.left.shape[1] // per_minute
-    means = np.abs(apart.left[:, : minutes * per_minute].reshape(len(nodes), minutes, per_minute).mean(axis=2))
+    means = apart.left[:, : minutes * per_minute].reshape(len(nodes), minutes, per_minute).mean(axis=2)
     means[~measured] = 0.0
-    row, column = np.unravel_index(int(np.argmax(means)), means.shape)
+    row, column = np.unravel_index(int(np.argmax(np.abs(means))), means.shape)
     largest, as_fitted = float(means[row, column]), float(np.abs(fitted[measured]).max())
-    return Difference(pair, largest, as_fitted, apart.deviations, nodes[int(row)], float(column + 1))
+    warmer = pair if largest >= 0 else pair[::-1]
+    return Difference(warmer, abs(largest), as_fitted, apart.deviations, nodes[int(row)], float(column + 1))
 
 
 @dataclass(frozen=True)
@@ -605,27 +606,28 @@ class Experiment:
         return np.asarray(self.run.time + 0.5 * self.run.step)
 
     def text(self) -> str:
-        """What to do and what it will show, in two or three sentences."""
+        """What to do, what each rival predicts, and what to conclude."""
         least, minutes = self.weakest, self.program.seconds / 60
+        warmer, colder = (named(key) for key in least.pair)
+        shown = (
+            f"At {least.minute:.0f} min {least.node} is then {least.kelvin:.2g} K warmer if it is {warmer} than if it is "
+            f"{colder}, whatever the other parameters are"
+        )
         if not self.separates:
-            one, other = (named(key) for key in least.pair)
             reach = f"{minutes:.0f} min within the loads, speeds and temperatures of these logs"
             if least.deviations < 1.0:
                 return (
-                    f"No run of {reach} tells {one} from {other}: in the best of {self.tried} they stay within one "
+                    f"No run of {reach} tells {warmer} from {colder}: in the best of {self.tried} they stay within one "
                     "standard deviation of each other, whatever the other parameters are."
                 )
             return (
-                f"No run of {reach} is sure to tell {one} from {other}. The best of {self.tried} would in fewer "
-                f"than four cases of five: {self.words} At {least.node} the two predictions then differ by "
-                f"{least.kelvin:.2g} K, whatever the other parameters are ({least.deviations:.1f} standard deviations)."
+                f"No run of {reach} is sure to tell {warmer} from {colder}. The best of {self.tried} would in fewer "
+                f"than four cases of five: {self.words} {shown} ({least.deviations:.1f} standard deviations)."
             )
-        what = "the two predictions" if len(self.rivals) == 2 else listed([named(key) for key in least.pair])
-        shown = f"At {least.minute:.0f} min {what} differ by {least.kelvin:.2g} K at {least.node}"
-        sure = f"whatever the other parameters are ({least.deviations:.0f} standard deviations)"
         pairs = "; ".join(listed([named(key) for key in pair]) for pair in self.indistinguishable)
         rest = f" It does not tell apart {pairs}." if pairs else ""
-        return f"{self.words} {shown}, {sure}.{rest}"
+        decided = "Fit that log as well: the wrong one is then refused."
+        return f"{self.words} {shown} ({least.deviations:.0f} standard deviations). {decided}{rest}"
 
     def as_json(self) -> dict[str, object]:
         """The experiment as other tools read it."""
