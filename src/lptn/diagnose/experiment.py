@@ -610,8 +610,8 @@ class Experiment:
         least, minutes = self.weakest, self.program.seconds / 60
         warmer, colder = (named(key) for key in least.pair)
         shown = (
-            f"At {least.minute:.0f} min {least.node} is then {least.kelvin:.2g} K warmer if it is {warmer} than if it is "
-            f"{colder}, whatever the other parameters are"
+            f"At {least.minute:.0f} min {least.node} is then {least.kelvin:.2g} K warmer if it is {warmer} "
+            f"than if it is {colder}, whatever the other parameters are"
         )
         if not self.separates:
             reach = f"{minutes:.0f} min within the loads, speeds and temperatures of these logs"
