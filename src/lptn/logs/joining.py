@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.optimize import nnls
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
@@ -267,6 +266,8 @@ def shift_of(warm_time: FloatArray, temperature: FloatArray, heat_time: FloatArr
 
 def _sum_of_squares(readings: FloatArray, put_in: FloatArray, gone: FloatArray) -> float:
     """Sum of squares that a level, the heat put in and what is lost of it leave; the first warms, the second cools."""
+    from scipy.optimize import nnls  # here, since most logs are one
+
     basis = np.column_stack([put_in, -gone])
     basis -= basis.mean(axis=0)
     basis /= np.maximum(np.abs(basis).max(axis=0), np.finfo(float).tiny)
