@@ -51,6 +51,30 @@ def test_a_terminal_without_our_characters_shows_numbers_and_names_all_the_same(
     assert "half\\udcff" in said
 
 
+@pytest.mark.parametrize("columns", [40, 80, 200])
+def test_a_sentence_breaks_between_words_where_the_terminal_ends(
+    columns: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = "/home/somebody/" + "a-long-folder/" * 8 + "better.toml"
+    sentence = f"What is left is no more than the sensors' noise, and the best model was written to {path} as asked."
+    monkeypatch.setenv("COLUMNS", str(columns))
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    with spared_closed_pipes():
+        print(sentence)
+        print("first line\nsecond line")
+    said = capsys.readouterr().out
+    assert " ".join(said.split()) == f"{sentence} first line second line"
+    assert all(len(line) <= columns or line == path for line in said.splitlines())
+    assert said.endswith("first line\nsecond line\n")
+
+
+def test_a_pipe_has_a_sentence_in_one_line(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setenv("COLUMNS", "40")
+    with spared_closed_pipes():
+        print("word " * 40)
+    assert capsys.readouterr().out.count("\n") == 1
+
+
 LOOPS = {
     "itself": {"x.toml": "x.toml"},
     "a circle": {"x.toml": "b", "b": "c", "c": "x.toml"},

@@ -11,6 +11,8 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
+from shutil import get_terminal_size
+from textwrap import fill
 from typing import Any, TextIO, cast
 
 from rich.console import Console
@@ -207,15 +209,19 @@ _PLAIN = str.maketrans(
 
 
 class _Output:
-    """A text stream that drops what nobody reads, and writes what it has no characters for as escapes.
+    """A text stream that breaks sentences between words where a terminal ends, drops what nobody reads, and writes what
+    it has no characters for as escapes.
 
     Whatever else is asked of it, the stream answers.
     """
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
+        self._width = get_terminal_size().columns if stream.isatty() else None
 
     def write(self, text: str) -> int:
+        if self._width is not None and "\x1b" not in text:  # what rich has coloured it has broken as well
+            text = "\n".join(self._broken(line) for line in text.split("\n"))
         try:
             return self._stream.write(text)
         except UnicodeEncodeError as error:  # a terminal of ASCII, or half a character of a file's name
@@ -224,6 +230,10 @@ class _Output:
         except OSError as error:
             self._let_go(error)
             return len(text)
+
+    def _broken(self, line: str) -> str:
+        """A line as long as the terminal is wide; a path or a name stays whole."""
+        return fill(line, self._width or 0, break_long_words=False, break_on_hyphens=False) or line
 
     def flush(self) -> None:
         try:
