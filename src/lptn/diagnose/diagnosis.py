@@ -214,21 +214,21 @@ def examine(
     last = Step(made.fit).predicting(data)
     steps = tuple(replace(step, holdout=last.holdout, predicted=last.predicted) for step in made.steps)
     remaining: Verdict = "unexplained" if made.after.is_lacking() else "adequate"
-    verdict: Verdict = remaining
+    verdict, refused, rivals = remaining, made.refused, made.rivals
     if steps:
         elsewhere = explained_elsewhere(base, made.before.left_of_held_out, made.after.left_of_held_out)
         found = not made.after.is_lacking(held_out=False) or (elsewhere and explains(MOST, base, made.fit))
         verdict = "missing" if found else "unexplained"
-        if not found:  # something without a name is at work, and may have made what the names explain
-            share = min(1.0, max(0.0, 1.0 - (made.fit.rmse / base.rmse) ** 2))
-            steps = tuple(
-                replace(step, probability=share * step.probability, at_its_place=share * step.at_its_place)
-                for step in steps
-            )
-    refused, rivals = made.refused, made.rivals
-    if verdict == "unexplained" and given.holdout and last.holdout and last.holdout.rmse > given.holdout.rmse:
-        # Neither explained nor predicted any better: an offer that nobody should use.
-        steps, refused, rivals, remaining = (), (*steps, *refused), (), verdict
+    if verdict == "unexplained" and steps:  # something without a name is at work, and may have made what they explain
+        pairs = [(base.rmse, made.fit.rmse)]
+        pairs += [(given.holdout.rmse, last.holdout.rmse)] if given.holdout and last.holdout else []
+        share = min(max(0.0, 1.0 - (after / before) ** 2) for before, after in pairs)
+        steps = tuple(
+            replace(step, probability=share * step.probability, at_its_place=share * step.at_its_place)
+            for step in steps
+        )
+        if share == 0.0:  # an offer that nobody should use
+            steps, refused, rivals, remaining = (), (*steps, *refused), (), verdict
     return Diagnosis(verdict, remaining, base, given.holdout, lack, steps, rivals, refused, made.fitted)
 
 
