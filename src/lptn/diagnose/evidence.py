@@ -23,6 +23,7 @@ from scipy.special import log_ndtr, logsumexp
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.parameters import Parameter
+from lptn.basics.places import EVERYWHERE, is_of_run
 from lptn.basics.processes import one_blas_thread
 from lptn.diagnose.candidates import AMBIENT_ERROR, SURFACE_ERROR, TORQUE_ERROR, Candidate, Site
 from lptn.diagnose.fit_statistics import (
@@ -174,7 +175,7 @@ class Evidence:
     ) -> None:
         self.fitted = fit
         fit = self.fit = with_runs(fit, held_out)
-        self._among = among
+        self._allowed, self._among = allowed, among
         problem = fit.problem
         residuals, jacobian = problem.jacobian(fit.z)
         n, n_fitted, weight = problem.readings, self.fitted.problem.readings, problem.weight_of_priors
@@ -262,10 +263,14 @@ class Evidence:
         from scipy.stats import chi2, norm  # heavy, and few commands need it
 
         runs, count = self._left_by_run, len(self.fitted.problem.bound_runs)
+        of_air = [allowance.spread for allowance in self._allowed if allowance.candidate.effect is AmbientOffset]
+        least = max(of_air, default=AMBIENT_ERROR)
         beyond_noise = any(lack > LACKING for lack in lack_of_fit(self.fitted, runs[:count]).values()) or any(
-            standing_out(self.fitted, run, AMBIENT_ERROR, fitted=runs[:count]) for run in runs[count:] if held_out
+            standing_out(self.fitted, run, least, fitted=runs[:count]) for run in runs[count:] if held_out
         )
-        allowed = self._moved[int(self._free.sum()) :]
+        fitted, of_run = [bound.run.name for bound, _ in runs[:count]], [one.candidate.run for one in self._allowed]
+        counted = [held_out or any(is_of_run(name, run or EVERYWHERE) for name in fitted) for run in of_run]
+        allowed = self._moved[int(self._free.sum()) :][counted]
         largest, together = norm.isf(0.5 * _CHANCE / max(len(allowed), 1)), chi2.isf(_CHANCE, max(len(allowed), 1))
         return bool(beyond_noise or (np.abs(allowed) > largest).any() or allowed @ allowed > together)
 
