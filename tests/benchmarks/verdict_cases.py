@@ -16,7 +16,7 @@ from pathlib import Path
 
 from lptn.robots.presets import presets
 from lptn.virtual import BEYOND, EFFECTS, LAYOUTS, Hidden, Plan, leg_logs, places, quadruped_logs, write_logs
-from lptn.virtual.changes import ALWAYS, CHANGES, finite_volume_leg_logs
+from tests.truth.changes import ALWAYS, CHANGES, finite_volume_leg_logs
 
 QUADRUPED_MODEL = Path(__file__).with_name("quadruped_plain.toml")
 CATALOGUE = tuple(effect for effect in EFFECTS if effect not in BEYOND)

@@ -1,14 +1,12 @@
-"""Virtual robots as ground truth for tests of a diagnosis; nothing here uses the rest of the library.
+"""Virtual robots, a leg and a quadruped, to try things on; nothing here uses the rest of the library.
 
 From a robot to its log, a file each: ``robot`` (the truth), ``effects`` (what may be hidden in it), ``heat`` (its
 balance), ``sensors``, ``surroundings``, ``motion`` and ``runs`` (what it does), ``leg`` and ``quadruped`` (the logs),
-``writers`` (the files). Those robots are lumped, as the models are that they test. ``finite_volumes`` is a leg that
-isn't, ``changes`` what engineers may hide in it.
+``writers`` (the files). Those robots are lumped, as the models are; ``tests/truth`` has a leg that isn't.
 """
 
 from __future__ import annotations
 
-from .changes import ALWAYS, CHANGES, Change, finite_volume_leg_logs
 from .effects import BEYOND, EFFECTS, SINGLE, Columns, Hidden, places
 from .heat import Forcing, Network
 from .leg import leg_logs
@@ -20,9 +18,7 @@ from .sensors import Fault, Sensor
 from .writers import Format, write_logs
 
 __all__ = [
-    "ALWAYS",
     "BEYOND",
-    "CHANGES",
     "EFFECTS",
     "LAYOUTS",
     "LEG_JOINTS",
@@ -30,7 +26,6 @@ __all__ = [
     "QUADRUPED_JOINTS",
     "QUADRUPED_NODES",
     "SINGLE",
-    "Change",
     "Columns",
     "Fault",
     "Forcing",
@@ -48,7 +43,6 @@ __all__ = [
     "Sensor",
     "draw_leg",
     "draw_quadruped",
-    "finite_volume_leg_logs",
     "leg_logs",
     "places",
     "plan",

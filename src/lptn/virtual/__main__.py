@@ -7,7 +7,6 @@ import sys
 from collections.abc import Sequence
 from typing import NoReturn, get_args
 
-from .changes import CHANGES, Logging, finite_volume_leg_logs
 from .effects import EFFECTS, Columns, Hidden
 from .leg import RATES as LEG_RATES
 from .leg import Start, leg_logs
@@ -32,14 +31,6 @@ def _parser() -> argparse.ArgumentParser:
     leg.add_argument("--scatter", type=float, default=0.03, help="of the parameters, relative")
     leg.add_argument("--start", choices=get_args(Start), default="cold")
     leg.add_argument("--rate", type=float, default=10.0, help=f"Hz: {', '.join(f'{r:g}' for r in LEG_RATES)}")
-    volumes = robots.add_parser("volumes", help="a leg without lumped structure, with a change that engineers name")
-    volumes.add_argument("--change", help=f"one of {', '.join(CHANGES)}")
-    volumes.add_argument("--at", default="", metavar="PLACE", help="a joint, or an edge")
-    volumes.add_argument("--computer", action="store_true", help="hang the leg on a box with a computer")
-    volumes.add_argument("--logging", choices=get_args(Logging), default="sampled", help="of torque and speed")
-    volumes.add_argument("--steps", type=float, default=0.1, help="of the temperatures, K")
-    volumes.add_argument("--noise", type=float, default=0.05, help="of the temperatures, K")
-    _add_output(volumes)
     whole = robots.add_parser("quadruped", help="twelve joints and the onboard computer, as a Unitree A1 has them")
     _add_shared(whole, quantisation=1.0)
     whole.add_argument("--runs", choices=tuple(PLANS), default="protocol", help="protocol and tests as in the article")
@@ -65,10 +56,6 @@ def _add_shared(robot: argparse.ArgumentParser, quantisation: float) -> None:
     robot.add_argument(
         "--columns", choices=get_args(Columns), default="asked", help="all: also what no effect asks for"
     )
-    _add_output(robot)
-
-
-def _add_output(robot: argparse.ArgumentParser) -> None:
     robot.add_argument("--seed", type=int, default=0)
     robot.add_argument("--format", choices=get_args(Format), default="parquet")
     robot.add_argument("-o", "--output", required=True, metavar="DIR")
@@ -98,9 +85,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = vars(_parser().parse_args(arguments))
     robot, folder, kind = options.pop("robot"), options.pop("output"), options.pop("format")
     try:
-        if robot == "volumes":
-            print(*write_logs(folder, finite_volume_leg_logs(**options), kind), sep="\n")
-            return 0
         hidden = _hidden(robot, options.pop("hidden"), options.pop("at"), options.pop("size"), options.pop("run"))
         if robot == "quadruped":
             files = write_quadruped(folder, hidden, format=kind, **options)

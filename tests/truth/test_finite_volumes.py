@@ -7,7 +7,8 @@ import pytest
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
-from lptn.virtual.finite_volumes import (
+from lptn.virtual.robot import Array
+from tests.truth.finite_volumes import (
     ALUMINIUM,
     COIL,
     KELVIN,
@@ -22,7 +23,6 @@ from lptn.virtual.finite_volumes import (
     film,
     solve,
 )
-from lptn.virtual.robot import Array
 
 LOSSES = (12.0, 1.0, 0.5, 0.5, 0.5, 0.0)  # W, in the order of KINDS
 

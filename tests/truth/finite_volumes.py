@@ -16,7 +16,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from .robot import LEG_JOINTS, Array, stream
+from lptn.virtual.robot import LEG_JOINTS, Array, stream
 
 KELVIN = 273.15
 STEFAN_BOLTZMANN = 5.670374419e-8  # W/(m² K⁴)

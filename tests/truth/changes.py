@@ -23,12 +23,13 @@ from typing import Literal, get_args
 import numpy as np
 import pandas as pd
 
+from lptn.virtual import LEG_JOINTS, Run, Sensor
+from lptn.virtual.leg import SAMPLES, Signals, draw_runs, draw_signals, mean
+from lptn.virtual.robot import PC, PC_BUSY, PC_IDLE, Array, check_one_of, edge, stream
+from lptn.virtual.sensors import by_place, lagged
+from lptn.virtual.surroundings import BURST_EVERY, fan, sun
+
 from .finite_volumes import TORQUE_CONSTANT, Joint, Leg, assemble, draw_finite_volumes, solve
-from .leg import SAMPLES, Signals, draw_runs, draw_signals, mean
-from .robot import LEG_JOINTS, PC, PC_BUSY, PC_IDLE, Array, check_one_of, edge, stream
-from .runs import Run
-from .sensors import Sensor, by_place, lagged
-from .surroundings import BURST_EVERY, fan, sun
 
 Logging = Literal["sampled", "mean"]
 

@@ -11,8 +11,8 @@ import pytest
 from lptn.cli.main import main
 from lptn.effects import catalogue
 from lptn.robots.presets import presets
-from lptn.virtual import ALWAYS, CHANGES, LEG_JOINTS, Change, finite_volume_leg_logs, write_logs
-from lptn.virtual.__main__ import main as make_logs
+from lptn.virtual import LEG_JOINTS, write_logs
+from tests.truth.changes import ALWAYS, CHANGES, Change, finite_volume_leg_logs
 
 TEMPERATURES = [f"temperature.{joint}" for joint in LEG_JOINTS]
 # Heat crosses the leg but slowly: each change moves the reading of its own joint most. K, in any of the runs.
@@ -109,15 +109,6 @@ def test_the_logs_pass_the_check_of_the_preset_leg(tmp_path: Path, capsys: pytes
         main(["check", str(tmp_path / "leg.toml"), *map(str, files)])
     assert done.value.code == 0
     assert "error" not in capsys.readouterr().out.lower()
-
-
-@pytest.mark.long
-def test_the_command_writes_them(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    options = ["volumes", "--change", "wax", "--at", "FR_hip", "--seed", "1", "--format", "csv", "-o", str(tmp_path)]
-    assert make_logs(options) == 0
-    assert sorted(file.name for file in tmp_path.iterdir()) == ["fit1.csv", "fit2.csv", "holdout.csv"]
-    assert make_logs(["volumes", "--change", "rust", "-o", str(tmp_path)]) == 2
-    assert "change: found 'rust'; expected one of paste_missing" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
