@@ -13,6 +13,7 @@ import numpy as np
 
 from lptn.basics.arrays import BoolArray, FloatArray
 from lptn.basics.errors import InputError
+from lptn.model.model import rk4
 
 from .component import Component
 from .variables import Kind, Variable
@@ -88,11 +89,8 @@ def _rk4(component: Component) -> tuple[list[Any], list[Any]]:
     u1, h = ca.SX.sym("u1", u0.numel()), ca.SX.sym("h")
     rates = ca.Function("rates", [x, u0, p], [component.rates])
     middle = 0.5 * (u0 + u1)
-    k1 = rates(x, u0, p)
-    k2 = rates(x + h / 2 * k1, middle, p)
-    k3 = rates(x + h / 2 * k2, middle, p)
-    k4 = rates(x + h * k3, u1, p)
-    return [x, u0, u1, p, h], [x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)]
+    inputs = iter((u0, middle, middle, u1))  # at the four stages
+    return [x, u0, u1, p, h], [rk4(lambda state: rates(state, next(inputs), p), x, h)]
 
 
 def _largest_row(jacobian: Any) -> Any:

@@ -15,7 +15,7 @@ import numpy as np
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
-from lptn.model.model import Model
+from lptn.model.model import Model, rk4
 
 from .heating import Request, heating, requested_by
 from .values import Each, checked_by_place
@@ -72,11 +72,7 @@ class ThermalConstraint:
         parts = int(np.ceil(seconds / _SUBSTEP))
         h = seconds / parts
         for _ in range(parts):
-            k1 = rate(x, self.u, self.d)
-            k2 = rate(x + h / 2 * k1, self.u, self.d)
-            k3 = rate(x + h / 2 * k2, self.u, self.d)
-            k4 = rate(x + h * k3, self.u, self.d)
-            x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+            x = rk4(lambda state: rate(state, self.u, self.d), x, h)
         return ca.Function("step", [self.x, self.u, self.d], [x], ["x", "u", "d"], ["next"])
 
 

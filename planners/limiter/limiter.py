@@ -21,7 +21,7 @@ import numpy as np
 from lptn.basics.arrays import FloatArray
 from lptn.basics.bounds import Bound
 from lptn.basics.errors import InputError
-from lptn.model.model import Model
+from lptn.model.model import Model, rk4
 
 from ..compiled import CompiledFunction, c_code
 from ..heating import Heating, Request, heating, requested_by
@@ -376,22 +376,23 @@ def _course(heating: Heating, seconds: float, steps: int, *, slopes: bool = True
     """(x, z, base, direction, d, p, limits) -> by how much the hottest node at its hottest passes its limit [K];
     with slopes also Newton's change of z, and the rise of the hottest node by a unit of z at the end."""
     s = _symbols(heating, ca.SX)
-    h, moved, room, over = seconds / steps, ca.SX.sym("moved", s.x.numel()), ca.SX.sym("room"), ca.SX.sym("over")
+    states, room, over = s.x.numel(), ca.SX.sym("room"), ca.SX.sym("over")
+    moved = ca.SX.sym("moved", states)
     rates, pushed = _rates(heating, s)
     rest = (s.z, s.base, s.direction, s.d, s.p)
-    faster = ca.jtimes(rates, s.x, moved) + pushed if slopes else ca.SX.zeros(s.x.numel())
+    faster = ca.jtimes(rates, s.x, moved) + pushed if slopes else ca.SX.zeros(states)
     both = ca.Function("both", [s.x, moved, *rest], [rates, faster])
-    k1, m1 = both(s.x, moved, *rest)
-    k2, m2 = both(s.x + h / 2 * k1, moved + h / 2 * m1, *rest)
-    k3, m3 = both(s.x + h / 2 * k2, moved + h / 2 * m2, *rest)
-    k4, m4 = both(s.x + h * k3, moved + h * m3, *rest)
-    following, change = s.x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4), moved + h / 6 * (m1 + 2 * m2 + 2 * m3 + m4)
+
+    def rate(together: Any) -> Any:
+        return ca.vertcat(*both(*ca.vertsplit(together, states), *rest))
+
+    following, change = ca.vertsplit(rk4(rate, ca.vertcat(s.x, moved), seconds / steps), states)
     hottest = ca.mmax(ca.vertcat(over, following[: s.limits.numel()] - s.limits))
     least = ca.fmin(room, _room(following, change, s.limits)) if slopes else room
     results = ca.cse([following, change, least, hottest])
     one = ca.Function("one", [s.x, moved, room, over, *rest, s.limits], results)
     m = _symbols(heating, ca.MX)
-    at, slope, left, worst = m.x, ca.MX(ca.DM.zeros(s.x.numel())), ca.MX(_NEVER), ca.MX(-_NEVER)
+    at, slope, left, worst = m.x, ca.MX(ca.DM.zeros(states)), ca.MX(_NEVER), ca.MX(-_NEVER)
     for _ in range(steps):
         at, slope, left, worst = one(at, slope, left, worst, m.z, m.base, m.direction, m.d, m.p, m.limits)
     # C's maximum passes over what is no number; a sum does not.

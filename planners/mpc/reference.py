@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 
 from lptn.basics.arrays import FloatArray
+from lptn.model.model import rk4
 
 from ..heating import Heating
 from .settings import Settings
@@ -140,9 +141,5 @@ class Reference:
         parts = max(1, round(h / _SUBSTEP))
         rate, part, x, heat = heating.rate_function(), h / parts, heating.x, ca.SX.sym("heat", len(heating.joints))
         for _ in range(parts):
-            k1 = rate(x, heat, heating.d, heating.p) + bias
-            k2 = rate(x + part / 2 * k1, heat, heating.d, heating.p) + bias
-            k3 = rate(x + part / 2 * k2, heat, heating.d, heating.p) + bias
-            k4 = rate(x + part * k3, heat, heating.d, heating.p) + bias
-            x = x + part / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+            x = rk4(lambda state: rate(state, heat, heating.d, heating.p) + bias, x, part)
         return ca.Function("step", [heating.x, heat, heating.d, bias, heating.p], [x])

@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 
 from lptn.basics.arrays import FloatArray
+from lptn.model.model import rk4
 
 from .plant import Load, Parameters, Plant
 from .study import Option
@@ -51,13 +52,8 @@ class Simulator:
         def slope(state: Any) -> Any:
             return f(state, drive, capacity, resistance, numbers)
 
-        k1 = slope(x)
-        k2 = slope(x + h / 2 * k1)
-        k3 = slope(x + h / 2 * k2)
-        k4 = slope(x + h * k3)
-        following = ca.fmin(x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4), _HOT)
         names = [x, drive, capacity, resistance, h]
-        self.step = ca.Function("step", names, [following])
+        self.step = ca.Function("step", names, [ca.fmin(rk4(slope, x, h), _HOT)])
         amperes, volts = (drive, 0) if load is None else (plant.current(x, load), plant.voltage(x, load))
         electric = ca.substitute(ca.vertcat(amperes, volts), parameters.stacked, numbers)
         self._electric = ca.Function("electric", [x, drive], [electric])

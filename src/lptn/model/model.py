@@ -23,6 +23,21 @@ _SQUARINGS = 12
 _TAYLOR_ORDER = 10
 
 
+def rk4(rate: Callable[[Any], Any], x: Any, h: Any) -> Any:
+    """The state after one step of the classical Runge-Kutta scheme of fourth order.
+
+    Args:
+        rate: dx/dt at a state; called for the four stages in order, at the start, twice in the middle, at the end.
+        x: the state, an expression of CasADi or an array.
+        h: the step [s].
+    """
+    k1 = rate(x)
+    k2 = rate(x + h / 2 * k1)
+    k3 = rate(x + h / 2 * k2)
+    k4 = rate(x + h * k3)
+    return x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+
+
 class Symbols(NamedTuple):
     """States x, inputs u and parameters p; rates of the states [K/s] and readings of the sensors [degC]."""
 
@@ -237,7 +252,10 @@ class Model:
 
     def _make_step(self, method: Method) -> ca.Function:
         h = ca.SX.sym("h")
-        following = {"rk4": self._rk4, "euler": self._euler, "zoh": self._zero_order_hold}[method](h)
+        if method == "rk4":
+            following = rk4(lambda x: self.rhs(x, self._u, self._p), self._x, h)
+        else:
+            following = self._x + h * self._rhs if method == "euler" else self._zero_order_hold(h)
         return ca.Function("step", [self._x, self._u, self._p, h], [following], ["x", "u", "p", "h"], ["x_next"])
 
     def _make_run(self, n: int, method: Method) -> ca.Function:
@@ -245,17 +263,6 @@ class Model:
         p, h = ca.MX.sym("p", len(self.parameters)), ca.MX.sym("h")
         path = self.step(method).mapaccum(n)(x, u, ca.repmat(p, 1, n), ca.repmat(h, 1, n))
         return ca.Function("run", [x, u, p, h], [path], ["x0", "U", "p", "h"], ["X"])
-
-    def _euler(self, h: ca.SX) -> ca.SX:
-        return self._x + h * self._rhs
-
-    def _rk4(self, h: ca.SX) -> ca.SX:
-        rhs = self.rhs
-        k1 = rhs(self._x, self._u, self._p)
-        k2 = rhs(self._x + h / 2 * k1, self._u, self._p)
-        k3 = rhs(self._x + h / 2 * k2, self._u, self._p)
-        k4 = rhs(self._x + h * k3, self._u, self._p)
-        return self._x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
 
     def _zero_order_hold(self, h: ca.SX) -> ca.SX:
         """x + h φ₁(hA) f(x): exact for f affine in x, by scaling and squaring of a Taylor series."""

@@ -18,7 +18,7 @@ import numpy as np
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.parameters import Transform
-from lptn.model.model import Model
+from lptn.model.model import Model, rk4
 from lptn.simulate.dynamics import RATE_OF_A_STEP, runge_kutta_derivative, zero_order_hold
 
 # --- How wrong a model may be ---------------------------------------------------------------------
@@ -127,12 +127,15 @@ def _functions(
             warming[row] += heats[row] / values[model.network.capacities[model.nodes[row]]]
     slope[layout.states] = warming
     rate = ca.Function("rate", [z, u, p, times], [ca.densify(slope), ca.densify(ca.jacobian(slope, z))])
-    k1, j1 = rate(z, u, p, times)
-    k2, j2 = rate(z + h / 2 * k1, u, p, times)
-    k3, j3 = rate(z + h / 2 * k2, u, p, times)
-    k4, j4 = rate(z + h * k3, u, p, times)
-    following = z + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-    stages = ca.Function("stages", [z, u, p, times, h], [following, j1, j2, j3, j4])
+    jacobians = []
+
+    def stage(at: ca.SX) -> ca.SX:
+        slope, jacobian = rate(at, u, p, times)
+        jacobians.append(jacobian)
+        return slope
+
+    following = rk4(stage, z, h)
+    stages = ca.Function("stages", [z, u, p, times, h], [following, *jacobians])
     # What the sensors read depends neither on the air nor on inputs.
     reading = ca.Function("reading", [z, p], [ca.densify(read), ca.densify(ca.jacobian(read, z))])
     return stages, rate, reading
