@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from lptn.virtual import leg_logs, write_logs
+from lptn.virtual import leg_logs
 from tests.hardening.mutations import spoil_bytes, spoil_csv
 from tests.logs.ulog_bytes import FORMATS, definitions, esc_status, header
 
@@ -52,8 +52,9 @@ def _recordings() -> dict[str, bytes]:
     files = {}
     if find_spec("rosbags"):
         with tempfile.TemporaryDirectory() as name:
-            legs = {"bag": leg_logs(seed=1)["holdout"][:300]}
-            files["bag.mcap"] = write_logs(Path(name), legs, "mcap")[0].read_bytes()
+            from tests.truth.bags import write_bag
+
+            files["bag.mcap"] = write_bag(Path(name) / "bag.mcap", leg_logs(seed=1)["holdout"][:300]).read_bytes()
     if find_spec("pyulog"):
         parts = [header(), definitions(FORMATS)]
         for k in range(300):

@@ -47,7 +47,7 @@ MADE = {
     "src/lptn/cli/options.py": {"savefig"},
     "src/lptn/cli/terminal.py": {"open"},  # /dev/null
     "src/lptn/fleet/work.py": {"open"},  # a lock, always empty
-    "src/lptn/virtual/writers.py": {"open", "to_csv", "ParquetWriter"},  # logs in pieces, renamed when they are whole
+    "src/lptn/virtual/writers.py": {"open", "to_csv", "to_parquet"},  # logs, renamed when they are whole
     "fmu/compile.py": {"write_bytes"},  # in a folder that is removed again
     "fmu/archive.py": {"open"},  # an FMU unpacked, checked below
     "fmu/reference/make.py": {"write_bytes", "write_text", "to_csv"},  # of the developers, not in the package

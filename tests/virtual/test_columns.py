@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pandas as pd
 import pytest
 
-from lptn.virtual import QUADRUPED_JOINTS, Hidden, Run, Segment, leg_logs, quadruped_logs, write_quadruped
+from lptn.virtual import QUADRUPED_JOINTS, Hidden, Run, Segment, leg_logs, quadruped_logs
 
 MOVES = (Segment("trot", 200, 0.7, 4.0), Segment("sway", 150, 1.0), Segment("rest", 150), Segment("stand", 100))
 RUNS = {"mix": Run(MOVES, 20.0, cutout=None)}
@@ -83,10 +81,3 @@ def test_leg_has_the_columns_too() -> None:
         assert slow[name].std() > 0
     asked = leg_logs([Hidden("computer_heat", "FR_hip")], seed=2, rate=1)["fit2"]
     assert set(slow.columns) - set(asked.columns) == {*SHARED, *(n for n in UNSIGNED if "FR" in n)}
-
-
-def test_mcap_says_what_it_cannot_hold(tmp_path: Path) -> None:
-    pytest.importorskip("rosbags", reason="MCAP needs the extra 'robots'")
-    with pytest.raises(ValueError, match=r"format: mcap has no topic for power\.battery; expected parquet or csv"):
-        write_quadruped(tmp_path, [("battery_heat", "*")], seed=1, runs=RUNS, format="mcap")
-    assert not list(tmp_path.iterdir())

@@ -1,21 +1,17 @@
-"""Check the files and the command that makes them: pieces as wholes, all formats, nothing left behind."""
+"""Check the files and the command that makes them: all formats, nothing left behind."""
 
 from __future__ import annotations
 
-import importlib.util
 import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
 
 from lptn.virtual import (
-    QUADRUPED_JOINTS,
-    QUADRUPED_NODES,
     Fault,
     Hidden,
     Logs,
@@ -25,10 +21,8 @@ from lptn.virtual import (
     quadruped_logs,
     write_logs,
     write_quadruped,
-    writers,
 )
 from lptn.virtual.__main__ import main
-from lptn.virtual.writers import write_pieces
 
 RUNS = {"mix": Run((Segment("trot", 500, 0.5), Segment("rest", 200)), faults=(Fault("dropout", "pc", 650),))}
 
@@ -38,7 +32,7 @@ def fine() -> Logs:
     return quadruped_logs(seed=1, runs=RUNS, rate=100)
 
 
-def test_pieces_make_the_whole(fine: Logs, tmp_path: Path) -> None:
+def test_files_hold_what_the_function_makes(fine: Logs, tmp_path: Path) -> None:
     files = write_quadruped(tmp_path / "new", seed=1, runs=RUNS, rate=100, truth=True)
     assert files == [tmp_path / "new" / "mix.parquet"]
     read = pd.read_parquet(files[0])
@@ -48,62 +42,31 @@ def test_pieces_make_the_whole(fine: Logs, tmp_path: Path) -> None:
     assert sorted(path.name for path in (tmp_path / "new").iterdir()) == ["mix.parquet", "truth"]
 
 
-def test_csv_in_pieces_has_one_header(tmp_path: Path) -> None:
+def test_csv_holds_the_log(tmp_path: Path) -> None:
     table = pd.DataFrame({"time": np.arange(6.0), "temperature.pc": [20.5, np.nan, 21, 22, 23, 24]})
-    (file,) = write_pieces(tmp_path, [("log", [table[:2], table[2:]])], "csv")
+    (file,) = write_logs(tmp_path, {"log": table}, "csv")
     pd.testing.assert_frame_equal(pd.read_csv(file), table, check_dtype=False)
 
 
-def test_mcap_holds_every_value(tmp_path: Path) -> None:
-    pytest.importorskip("rosbags", reason="MCAP needs the extra 'robots'")
-    from rosbags.highlevel import AnyReader
+def test_broken_off_log_leaves_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken_off(_table: pd.DataFrame, file: Path, **_options: object) -> None:
+        file.write_text("half")
+        raise OSError("no room")
 
-    log = quadruped_logs(seed=1, runs=RUNS)["mix"]
-    (file,) = write_quadruped(tmp_path, seed=1, runs=RUNS, format="mcap")
-    assert sorted(tmp_path.iterdir()) == [file]
-    topics: dict[str, list[tuple[float, Any]]] = {}
-    with AnyReader([file]) as reader:
-        for connection, stamp, raw in reader.messages():
-            message: Any = reader.deserialize(raw, connection.msgtype)
-            assert message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec == pytest.approx(stamp / 1e9)
-            topics.setdefault(connection.topic, []).append((stamp / 1e9, message))
-    joint, dynamic, base, ambient = (
-        topics[topic] for topic in ("/joint_states", "/dynamic_joint_states", "/base_velocity", "/ambient_temperature")
-    )
-    assert [time for time, _ in joint] == log["time"].tolist()
-    assert joint[0][1].name == list(QUADRUPED_JOINTS)
-    for quantity, attribute in (("torque", "effort"), ("velocity", "velocity")):
-        values = np.array([getattr(message, attribute) for _, message in joint])
-        assert np.array_equal(values, log[[f"{quantity}.{name}" for name in QUADRUPED_JOINTS]])
-    assert dynamic[0][1].joint_names == list(QUADRUPED_NODES)
-    temperatures = np.array([[value.values[0] for value in message.interface_values] for _, message in dynamic])
-    assert np.array_equal(temperatures, log[[f"temperature.{node}" for node in QUADRUPED_NODES]], equal_nan=True)
-    assert dynamic[0][1].interface_values[0].interface_names == ["temperature", "powered"]
-    assert dynamic[-1][1].interface_values[12].values[1] == log["power.pc"].iloc[-1]
-    assert np.array_equal([message.twist.linear.x for _, message in base], log["speed.base"])
-    assert np.array_equal([message.temperature for _, message in ambient], log["temperature.ambient"])
+    monkeypatch.setattr(pd.DataFrame, "to_parquet", broken_off)
+    with pytest.raises(OSError, match="no room"):
+        write_logs(tmp_path / "new", {"log": pd.DataFrame({"time": [0.0]})})
+    assert not list((tmp_path / "new").iterdir())
 
 
-def test_mcap_without_rosbags_is_said_in_one_line(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(
-        writers, "find_spec", lambda name: None if name == "rosbags" else importlib.util.find_spec(name)
-    )
-    assert main(["quadruped", "--runs", "tests", "--format", "mcap", "-o", str(tmp_path / "new")]) == 2
-    said = capsys.readouterr()
-    assert said.err == "lptn.virtual: format: mcap needs the package rosbags; pip install 'lptn[robots]'\n"
-    assert not (tmp_path / "new").exists()
-
-
-def test_broken_off_log_leaves_no_file(tmp_path: Path) -> None:
-    def pieces() -> Iterator[pd.DataFrame]:
-        yield pd.DataFrame({"time": [0.0]})
+def test_logs_before_one_that_fails_stay(tmp_path: Path) -> None:
+    def made() -> Iterator[tuple[str, pd.DataFrame]]:
+        yield "first", pd.DataFrame({"time": [0.0]})
         raise ValueError("no more")
 
     with pytest.raises(ValueError, match="no more"):
-        write_pieces(tmp_path / "new", [("log", pieces())])
-    assert not list((tmp_path / "new").iterdir())
+        write_logs(tmp_path / "new", made())
+    assert [file.name for file in (tmp_path / "new").iterdir()] == ["first.parquet"]
 
 
 def test_files_that_stand_there_are_replaced(tmp_path: Path) -> None:

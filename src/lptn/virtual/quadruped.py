@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Required, TypedDict, Unpack, get_args
@@ -29,7 +29,7 @@ from .robot import (
 from .runs import Plan, Run, plan
 from .sensors import Sensor, by_place, noise_free_readings, replace_readings, sensor_steps, shift_readings
 from .surroundings import Ambient, ambient, event_heat, fan, sun
-from .writers import Format, write_logs, write_pieces
+from .writers import Format, write_logs
 
 RATES = (1.0, 100.0)  # Hz
 CHUNK = 600  # s of 100 Hz rows at a time, which bounds the memory
@@ -284,8 +284,8 @@ def quadruped_logs(hidden: Effects = (), **options: Unpack[Options]) -> Logs:
     """
     robot, simulated = _simulate(hidden, **options)
     logs = Logs(robot)
-    for record, pieces in simulated:
-        logs[record.name] = pd.concat(pieces, ignore_index=True)
+    for record, log in simulated:
+        logs[record.name] = log
         logs.truth[record.name] = record.truth()
     return logs
 
@@ -298,12 +298,12 @@ def write_quadruped(
     truth: bool = False,
     **options: Unpack[Options],
 ) -> list[Path]:
-    """Write the logs of ``quadruped_logs`` to ``<folder>/<name>.<format>``, holding 10 min of samples at most.
+    """Write the logs of ``quadruped_logs`` to ``<folder>/<name>.<format>``, holding one run at a time.
 
     Args:
         folder: made if it isn't there; files in it are replaced.
         hidden: as for ``quadruped_logs``.
-        format: "parquet", "csv" or "mcap"; the last needs the package rosbags.
+        format: "parquet" or "csv".
         truth: write what no log holds, too, to ``<folder>/truth/<name>.parquet``.
         options: see ``Options``.
 
@@ -316,13 +316,12 @@ def write_quadruped(
     """
     _, simulated = _simulate(hidden, **options)
 
-    def logs() -> Iterator[tuple[str, Iterable[pd.DataFrame]]]:
-        for record, pieces in simulated:
-            yield record.name, pieces
-            if truth:
-                write_logs(Path(folder) / "truth", {record.name: record.truth()})
-
-    return write_pieces(folder, logs(), format)
+    files = []
+    for record, log in simulated:
+        files += write_logs(folder, {record.name: log}, format)
+        if truth:
+            write_logs(Path(folder) / "truth", {record.name: record.truth()})
+    return files
 
 
 def quadruped(hidden: Effects = (), *, seed: int, physics: Physics = "full", scatter: float = 1.0) -> Robot:
@@ -353,8 +352,8 @@ def _simulate(
     scatter: float = 1.0,
     rate: float = 1.0,
     columns: Columns = "asked",
-) -> tuple[Robot, Iterator[tuple[Record, Iterator[pd.DataFrame]]]]:
-    """Check the options; return the robot, and each run's record with the pieces of its log, made when asked for."""
+) -> tuple[Robot, Iterator[tuple[Record, pd.DataFrame]]]:
+    """Check the options; return the robot, and each run's record with its log, made when asked for."""
     check_one_of("rate", rate, RATES, " Hz")
     check_one_of("columns", columns, get_args(Columns))
     sensor = Sensor(noise, quantisation, dropouts)
@@ -364,4 +363,6 @@ def _simulate(
     if level is None:
         level = "none" if physics == "plain" else "default"
     records = simulate_runs(robot, planned, seed, level)
-    return robot, ((record, rows(record, sensor, seed, rate, columns)) for record in records)
+    return robot, (
+        (record, pd.concat(rows(record, sensor, seed, rate, columns), ignore_index=True)) for record in records
+    )
