@@ -21,6 +21,7 @@ from lptn.identify.fitting import Fit
 from lptn.identify.validation import fit_segments
 from lptn.model.model import Model
 from lptn.virtual import quadruped_logs, write_logs
+from lptn.virtual.runs import trial
 
 MODEL = Path(__file__).with_name("quadruped_plain.toml")
 
@@ -29,7 +30,8 @@ def hour(effect: str, at: str, seed: int) -> tuple[Model, DataSplit]:
     """An hour of logs with one hidden effect, to fit."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        logs = quadruped_logs([(effect, at)], seed=seed, runs="hour", physics="plain", noise=0.1, quantisation=0.0)
+        runs = trial(seed, fitted=1800)
+        logs = quadruped_logs([(effect, at)], seed=seed, runs=runs, physics="plain", noise=0.1, quantisation=0.0)
         write_logs(folder, logs)
         loaded = load_model(MODEL)
         return loaded.model, split_data(loaded.runs([folder / "fit1.parquet", folder / "fit2.parquet"]))

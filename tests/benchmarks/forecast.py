@@ -1,6 +1,6 @@
 """Forecast trial: how long until a trotting virtual quadruped's first joint is at 60 °C?
 
-Run it with ``python tests/benchmarks/forecast.py``: robots unlike those it was tuned on (201, 202, 301), the 20 trots
+Run it with ``python -m tests.benchmarks.forecast``: robots unlike those it was tuned on (201, 202, 301), the 20 trots
 of each robot's forecast plan, which all get well past 60 °C. ``--creeping`` draws trots of any load and ambient
 instead, some of which creep up to the limit or never reach it. For each robot a model is fitted to the logs of its
 protocol (other runs, another day); the log of a trot is then read up to the moment at which its hottest joint passes
@@ -28,8 +28,9 @@ from lptn.identify.validation import fit_segments
 from lptn.online.forecasting import Forecast, ModelUncertainty, NodeForecast, forecast
 from lptn.online.operating_point import Gait, find_gait
 from lptn.robots.presets import preset_text
-from lptn.virtual import Record, Run, Segment, Sensor, plan, quadruped, quadruped_logs, rows, write_logs
+from lptn.virtual import Record, Run, Segment, Sensor, quadruped, quadruped_logs, rows, write_logs
 from lptn.virtual import simulate_runs as live
+from tests.truth.plans import trots
 
 LIMIT, LASTS, RATE = 60.0, 5400, 100.0  # degC, s, Hz
 EARLIEST, LATEST = 60, 600  # s of trot before the forecast; the latter where the moment to make it never comes
@@ -85,7 +86,7 @@ def fitted(seed: int, model: str, folder: Path) -> Robot:
 
 def planned(seed: int, number: int) -> dict[str, Run]:
     """The first trots of the robot's forecast plan, without the cut-out that would hide when other joints get hot."""
-    runs = list(plan("forecast", seed).items())[:number]
+    runs = list(trots(seed).items())[:number]
     return {name: replace(run, cutout=None) for name, run in runs}
 
 

@@ -1,6 +1,6 @@
 """Monitor trial: a fitted quadruped watches 50 healthy logs and 50 with one sensor's fault. What is called, and when?
 
-Run it with ``python tests/benchmarks/monitor.py --seeds 101``; some minutes a seed. The truth comes from
+Run it with ``python -m tests.benchmarks.monitor --seeds 101``; some minutes a seed. The truth comes from
 `lptn.virtual`, which shares no code with the model. The model is fitted on other logs of the same robot: the
 protocol and tests of [QuadrupedLPTN], and ten healthy outings of an earlier day. The same logs calibrate the
 statistical detector.
@@ -28,6 +28,7 @@ from lptn.online.monitoring import MonitoredRun, alarms_by_threshold, monitor
 from lptn.robots.presets import presets
 from lptn.simulate.bound_run import bind
 from lptn.virtual import Fault, plan, quadruped_logs, write_logs
+from tests.truth.plans import outings
 
 OUTINGS = 10
 THRESHOLD = 10.0  # K
@@ -73,7 +74,7 @@ class Robot:
 
 def prepare(seed: int, folder: Path, ordinary: bool) -> Robot:
     """Make the logs to fit, fit, calibrate."""
-    earlier = [run for name, run in plan("monitor", seed + 1000).items() if name.startswith("healthy")][:OUTINGS]
+    earlier = [run for name, run in outings(seed + 1000).items() if name.startswith("healthy")][:OUTINGS]
     runs = plan("protocol", seed) | plan("tests", seed)
     if ordinary:
         runs |= {f"outing_{number:02d}": run for number, run in enumerate(earlier)}
@@ -105,7 +106,7 @@ def _fair(model: Model, healthy: Sequence[Run]) -> float:
 
 def watch(seed: int, robot: Robot, folder: Path, count: int) -> list[Watch]:
     """Make the logs to watch, and watch them."""
-    runs = {name: run for name, run in plan("monitor", seed).items() if int(name[-2:]) < count}
+    runs = {name: run for name, run in outings(seed).items() if int(name[-2:]) < count}
     logs = quadruped_logs(seed=seed, runs=runs)
     watched = []
     for name, path in zip(logs, write_logs(folder, logs), strict=True):

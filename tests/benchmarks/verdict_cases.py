@@ -15,8 +15,10 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 
 from lptn.robots.presets import presets
-from lptn.virtual import BEYOND, EFFECTS, LAYOUTS, Hidden, Plan, leg_logs, places, quadruped_logs, write_logs
+from lptn.virtual import BEYOND, EFFECTS, LAYOUTS, Hidden, leg_logs, places, quadruped_logs, write_logs
+from lptn.virtual.runs import trial
 from tests.truth.changes import ALWAYS, CHANGES, finite_volume_leg_logs
+from tests.truth.plans import swing
 
 QUADRUPED_MODEL = Path(__file__).with_name("quadruped_plain.toml")
 CATALOGUE = tuple(effect for effect in EFFECTS if effect not in BEYOND)
@@ -208,9 +210,9 @@ def write_quadruped(folder: Path, hidden: Sequence[str], seed: int, noise: str, 
             if (effect, at) != first:
                 effects.append(Hidden(effect, at, size, robot="quadruped", run="".join(run)))
     spread, step = NOISES[noise]
-    plan: Plan = "swing" if any("ambient_lag" in text for text in hidden) else "trial"
+    runs = swing(seed) if any("ambient_lag" in text for text in hidden) else trial(seed)
     logs = quadruped_logs(
-        effects, seed=seed, runs=plan, physics="plain", noise=spread, quantisation=step, columns="all"
+        effects, seed=seed, runs=runs, physics="plain", noise=spread, quantisation=step, columns="all"
     )
     write_logs(folder, logs)
 

@@ -32,6 +32,7 @@ from lptn.logs.reading import read_log
 from lptn.robots.presets import presets
 from lptn.study import Study
 from lptn.virtual import leg_logs, quadruped_logs
+from lptn.virtual.runs import trial
 
 Log = pd.DataFrame
 Rng = np.random.Generator
@@ -476,7 +477,7 @@ def _healthy(robot: str, seed: int, steps: float) -> Log:
     if robot == "leg":
         logs = leg_logs([], seed=seed, noise=0.1, quantisation=steps, columns="all")
     else:
-        logs = quadruped_logs(seed=seed, runs="hour", noise=0.1, quantisation=steps)
+        logs = quadruped_logs(seed=seed, runs=trial(seed, fitted=1800), noise=0.1, quantisation=steps)
     return logs["fit1"].reset_index(drop=True)
 
 

@@ -19,6 +19,7 @@ from lptn.logs.reading import open_table, read_log
 from lptn.logs.run import Run
 from lptn.robots.presets import presets
 from lptn.virtual import quadruped_logs
+from lptn.virtual.runs import trial
 
 Write = Callable[..., Path]
 Refuse = Callable[..., str]
@@ -352,7 +353,7 @@ def test_joints_that_work_alike_or_stand_right_are_not_refused(seed: int, order:
 
 @pytest.mark.parametrize("seed", [21, 22, 23])
 def test_a_healthy_quadruped_is_not_refused_and_an_exchanged_one_is(seed: int) -> None:
-    logs = quadruped_logs(seed=seed, runs="hour")
+    logs = quadruped_logs(seed=seed, runs=trial(seed, fitted=1800))
     frame = logs["fit1"]
     joints = [str(key).partition(".")[2] for key in frame if str(key).startswith("torque.")]
     keys = [f"{quantity}.{joint}" for joint in joints for quantity in ("temperature", "torque")]
@@ -369,7 +370,7 @@ def test_a_healthy_quadruped_is_not_refused_and_an_exchanged_one_is(seed: int) -
 
 def test_all_guesses_are_told_and_of_a_second_log_that_they_are_the_same(tmp_path: Path) -> None:
     told: list[str] = []
-    frame = quadruped_logs(seed=24, runs="hour")["fit1"]
+    frame = quadruped_logs(seed=24, runs=trial(24, fitted=1800))["fit1"]
     (tmp_path / "model.toml").write_text(presets()["quadruped"])
     loaded = load_model(tmp_path / "model.toml", ["guess"])
     joints = [key.partition(".")[2] for key in loaded.model.inputs if key.startswith("torque.")]

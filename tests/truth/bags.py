@@ -32,8 +32,11 @@ def write_bag(file: Path, log: pd.DataFrame) -> Path:
     for name, text in DEFINITIONS.items():
         store.register(get_types_from_msg(text, name))
     types = {name.replace("/msg/", "/"): made for name, made in store.types.items()}
-    joints = [name.partition(".")[2] for name in log if name.startswith("torque.")]
-    nodes = [name.partition(".")[2] for name in log if name.startswith("temperature.")][:-1]  # the last is the air
+    joints, nodes = (
+        [name.partition(".")[2] for name in map(str, log) if name.startswith(quantity)]
+        for quantity in ("torque.", "temperature.")
+    )
+    nodes.remove("ambient")
     own = [[quantity for quantity in QUANTITIES if f"{quantity}.{node}" in log] for node in nodes]
     efforts, velocities = (
         np.ascontiguousarray(log[[f"{name}.{joint}" for joint in joints]]) for name in ("torque", "velocity")

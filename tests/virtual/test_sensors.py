@@ -10,6 +10,7 @@ from scipy.integrate import solve_ivp
 from lptn.virtual import QUADRUPED_NODES, Fault, Hidden, Logs, Run, Segment, leg_logs, plan, quadruped, quadruped_logs
 from lptn.virtual.robot import Array
 from lptn.virtual.sensors import lagged
+from tests.truth.plans import swing
 
 
 def test_lag_is_the_exact_one() -> None:
@@ -98,7 +99,7 @@ def test_offset_of_the_ambient_is_not_in_the_log(full: bool) -> None:
 @pytest.mark.long
 def test_true_ambient_lags_behind_the_logged_one() -> None:
     hidden = [("ambient_lag", "ambient", 1.0)]
-    runs = plan("swing", 3)
+    runs = swing(3)
     done, usual = (quadruped_logs(h, seed=3, runs=runs, physics="plain") for h in (hidden, ()))
     for name, log in done.items():
         logged, true = log["temperature.ambient"], done.truth[name]["temperature.ambient"].to_numpy()

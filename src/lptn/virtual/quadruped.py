@@ -221,9 +221,7 @@ class Options(TypedDict, total=False):
     """0 or above; draws parameters, movements, events and noise"""
     runs: Plan | Mapping[str, Run]
     """a plan's name: "protocol" (the default, [QuadrupedLPTN, table 1]: 25 runs), "tests" (table 3 and the multi-gait
-    test: 7 runs), "trial" (60 min twice to fit, 40 min to hold out), "hour" (30 min twice to fit), "swing" (as "trial",
-    with an ambient that steps by 8 K), "forecast" (20 trots past 60 degC), "monitor" (50 healthy logs, 50 with a
-    sensor's fault); or runs of your own by name"""
+    test: 7 runs), "trial" (60 min twice to fit, 40 min to hold out); or runs of your own by name"""
     level: Level | None
     """"none", "default" or "strong": hidden errors of each run, of the ambient's sensor, of the joints' conductances to
     air and of the battery's heat. ``None``, the default: "default" for full physics, "none" for plain"""

@@ -4,25 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from .motion import Segment
 from .robot import QUADRUPED_JOINTS, check_one_of, stream
-from .sensors import FAULTS, Fault
+from .sensors import Fault
 
 CUTOUT, RESUME = 65.0, 50.0  # degC
 GAP, PAUSE = 60, 3600  # s, between runs of the protocol and of the tests
 RUN_SECONDS = 1800  # of the protocol and of the tests
 WARM_UP = 420  # s of trot with 4 kg, without a log, before the robot is left to cool
-SWING = 8.0  # K
-TROTS, LOGS = 20, 50  # runs of a forecast's plan; healthy ones, and faulty ones, of a monitor's
-TROT_SECONDS, OUTING_SECONDS, HOLDOUT_SECONDS = 4800, 2400, 2400
-# Where a long trot at 0.2 m/s ends, degC: without load at 0 degC, per kg and per degC of ambient, from a simulation.
-ENDS, ENDS_PER_KG = 52.0, 4.7
-WELL_ABOVE = 68.0  # degC: a trot that ends just above 60 would creep up to it, and no forecast could say when
+HOLDOUT_SECONDS = 2400  # of the trial
 
 
 # --- one run -------------------------------------------------------------------------------------------------------
@@ -135,7 +130,7 @@ def _in_turn(acts: dict[str, tuple[Segment, ...]], seed: int, day: str, gap: int
     return runs
 
 
-# --- free sessions, to try a diagnosis, a forecast and a monitor on ------------------------------------------------
+# --- free sessions, to try a diagnosis on ---------------------------------------------------------------------------
 
 # Activity, share of the time, ranges of speed and load. A "hold" powers four joints, the next one four others. After
 # three of them the joints are grouped anew, or no data could tell the four of a group apart.
@@ -170,14 +165,6 @@ _HOLDOUT: Acts = (
     ("rest", 1.2, (0, 0), (0, 0)),
 )
 _TRIAL = {"fit1": (_FIT1, 22.0), "fit2": (_FIT2, 12.0), "holdout": (_HOLDOUT, 28.0)}
-_OUTING: Acts = (
-    ("stand", 1.0, (0, 0), (0, 4)),
-    ("trot", 1.5, (0.2, 0.8), (0, 2)),
-    ("walk", 1.5, (0.2, 0.6), (0, 2)),
-    ("rest", 0.7, (0, 0), (0, 0)),
-    ("trot", 0.7, (0.2, 1.0), (0, 4)),
-    ("rest", 0.7, (0, 0), (0, 0)),
-)
 
 
 def trial(seed: int = 0, fitted: int = 3600) -> dict[str, Run]:
@@ -188,51 +175,9 @@ def trial(seed: int = 0, fitted: int = 3600) -> dict[str, Run]:
     """
     seconds = {"fit1": fitted, "fit2": fitted, "holdout": HOLDOUT_SECONDS}
     return {
-        name: Run(_draw(stream(seed, "trial", name), acts, seconds[name]), ambient, cutout=None)
+        name: Run(draw_segments(stream(seed, "trial", name), acts, seconds[name]), ambient, cutout=None)
         for name, (acts, ambient) in _TRIAL.items()
     }
-
-
-def hour(seed: int = 0) -> dict[str, Run]:
-    """Return the runs of ``trial`` with 30 min to each of those to fit."""
-    return trial(seed, fitted=1800)
-
-
-def swing(seed: int = 0) -> dict[str, Run]:
-    """Return the runs of ``trial`` out of doors and in again, where the air is 8 K warmer or colder."""
-    return {name: replace(run, swing=SWING) for name, run in trial(seed).items()}
-
-
-def forecast(seed: int = 0) -> dict[str, Run]:
-    """Return 20 steady trots, 0 to 6 kg, 5 to 35 degC, 0.2 to 1 m/s, 80 min each, all of them past 60 degC.
-
-    Pairs of load and ambient that end near 60 degC, or below it, are drawn again.
-    """
-    runs = {}
-    for k in range(TROTS):
-        rng, ends = stream(seed, "forecast", str(k)), 0.0
-        while ends < WELL_ABOVE:
-            load, ambient = round(rng.uniform(0, 6), 1), round(rng.uniform(5, 35), 1)
-            ends = ENDS + ENDS_PER_KG * load + ambient
-        speed = float(rng.choice([0.2, 0.5, 1.0]))
-        runs[f"trot_{k:02d}"] = Run((Segment("trot", TROT_SECONDS, speed, load),), ambient)
-    return runs
-
-
-def monitor(seed: int = 0) -> dict[str, Run]:
-    """Return 50 healthy outings of 40 min and 50 with one sensor's fault in the middle half, 10 to 30 degC.
-
-    Drifts of 0.01 to 0.1 K/s, offsets of 4 to 15 K, stuck and missing readings in turn; see ``Run.faults``.
-    """
-    runs = {}
-    for state in ("healthy", "faulty"):
-        for k in range(LOGS):
-            rng = stream(seed, "monitor", state, str(k))
-            ambient = round(rng.uniform(10, 30), 1)
-            segments = _draw(rng, _OUTING, OUTING_SECONDS)
-            faults = (_fault(FAULTS[k % len(FAULTS)], rng),) if state == "faulty" else ()
-            runs[f"{state}_{k:02d}"] = Run(segments, ambient, resume=RESUME, faults=faults)
-    return runs
 
 
 def in_random_order(
@@ -246,7 +191,7 @@ def in_random_order(
     return [(acts[i][0], int(length), *acts[i][2:]) for i, length in zip(order, lengths, strict=True)]
 
 
-def _draw(rng: np.random.Generator, acts: Acts, seconds: int) -> tuple[Segment, ...]:
+def draw_segments(rng: np.random.Generator, acts: Acts, seconds: int) -> tuple[Segment, ...]:
     """Draw segments of these activities in random order, but for the last."""
     ordered = in_random_order(acts, seconds, rng)
     segments, joints = [], [str(joint) for joint in rng.permutation(QUADRUPED_JOINTS)]
@@ -261,22 +206,12 @@ def _draw(rng: np.random.Generator, acts: Acts, seconds: int) -> tuple[Segment, 
     return tuple(segments)
 
 
-def _fault(kind: str, rng: np.random.Generator) -> Fault:
-    at, time, sign = str(rng.choice(QUADRUPED_JOINTS)), float(rng.integers(600, 1800)), rng.choice([-1.0, 1.0])
-    size = {"drift": np.exp(rng.uniform(np.log(0.01), np.log(0.1))), "offset": rng.uniform(4, 15)}.get(kind, 0.0)
-    return Fault(kind, at, time, float(sign * size))
-
-
-Plan = Literal["protocol", "tests", "trial", "hour", "swing", "forecast", "monitor"]
+Plan = Literal["protocol", "tests", "trial"]
 
 PLANS: dict[str, Callable[[int], dict[str, Run]]] = {
     "protocol": protocol,
     "tests": conditions,
     "trial": trial,
-    "hour": hour,
-    "swing": swing,
-    "forecast": forecast,
-    "monitor": monitor,
 }
 
 
@@ -284,9 +219,8 @@ def plan(name: Plan, seed: int = 0) -> dict[str, Run]:
     """Return the runs of this name.
 
     Args:
-        name: "protocol" ([QuadrupedLPTN, table 1]), "tests" (table 3 and the multi-gait test), "trial", "hour",
-            "swing", "forecast" (application 3) or "monitor" (application 2).
-        seed: 0 or above; draws ambients, the order of things, faults.
+        name: "protocol" ([QuadrupedLPTN, table 1]), "tests" (table 3 and the multi-gait test) or "trial".
+        seed: 0 or above; draws ambients and the order of things.
 
     Raises:
         ValueError: unknown name, negative seed.

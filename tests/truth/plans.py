@@ -1,0 +1,71 @@
+"""Plans of runs that only trials use: trots to a limit, outings with a sensor's fault, an ambient that steps."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from lptn.virtual import QUADRUPED_JOINTS, Fault, Run, Segment
+from lptn.virtual.robot import stream
+from lptn.virtual.runs import RESUME, Acts, draw_segments, trial
+from lptn.virtual.sensors import FAULTS
+
+SWING = 8.0  # K
+TROTS, LOGS = 20, 50  # runs of a forecast's plan; healthy ones, and faulty ones, of a monitor's
+TROT_SECONDS, OUTING_SECONDS = 4800, 2400
+# Where a long trot at 0.2 m/s ends, degC: without load at 0 degC, per kg and per degC of ambient, from a simulation.
+ENDS, ENDS_PER_KG = 52.0, 4.7
+WELL_ABOVE = 68.0  # degC: a trot that ends just above 60 would creep up to it, and no forecast could say when
+
+_OUTING: Acts = (
+    ("stand", 1.0, (0, 0), (0, 4)),
+    ("trot", 1.5, (0.2, 0.8), (0, 2)),
+    ("walk", 1.5, (0.2, 0.6), (0, 2)),
+    ("rest", 0.7, (0, 0), (0, 0)),
+    ("trot", 0.7, (0.2, 1.0), (0, 4)),
+    ("rest", 0.7, (0, 0), (0, 0)),
+)
+
+
+def swing(seed: int = 0) -> dict[str, Run]:
+    """Return the runs of ``trial`` out of doors and in again, where the air is 8 K warmer or colder."""
+    return {name: replace(run, swing=SWING) for name, run in trial(seed).items()}
+
+
+def trots(seed: int = 0) -> dict[str, Run]:
+    """Return 20 steady trots, 0 to 6 kg, 5 to 35 degC, 0.2 to 1 m/s, 80 min each, all of them past 60 degC.
+
+    Pairs of load and ambient that end near 60 degC, or below it, are drawn again.
+    """
+    runs = {}
+    for k in range(TROTS):
+        rng, ends = stream(seed, "forecast", str(k)), 0.0
+        while ends < WELL_ABOVE:
+            load, ambient = round(rng.uniform(0, 6), 1), round(rng.uniform(5, 35), 1)
+            ends = ENDS + ENDS_PER_KG * load + ambient
+        speed = float(rng.choice([0.2, 0.5, 1.0]))
+        runs[f"trot_{k:02d}"] = Run((Segment("trot", TROT_SECONDS, speed, load),), ambient)
+    return runs
+
+
+def outings(seed: int = 0) -> dict[str, Run]:
+    """Return 50 healthy outings of 40 min and 50 with one sensor's fault in the middle half, 10 to 30 degC.
+
+    Drifts of 0.01 to 0.1 K/s, offsets of 4 to 15 K, stuck and missing readings in turn; see ``Run.faults``.
+    """
+    runs = {}
+    for state in ("healthy", "faulty"):
+        for k in range(LOGS):
+            rng = stream(seed, "monitor", state, str(k))
+            ambient = round(rng.uniform(10, 30), 1)
+            segments = draw_segments(rng, _OUTING, OUTING_SECONDS)
+            faults = (_fault(FAULTS[k % len(FAULTS)], rng),) if state == "faulty" else ()
+            runs[f"{state}_{k:02d}"] = Run(segments, ambient, resume=RESUME, faults=faults)
+    return runs
+
+
+def _fault(kind: str, rng: np.random.Generator) -> Fault:
+    at, time, sign = str(rng.choice(QUADRUPED_JOINTS)), float(rng.integers(600, 1800)), rng.choice([-1.0, 1.0])
+    size = {"drift": np.exp(rng.uniform(np.log(0.01), np.log(0.1))), "offset": rng.uniform(4, 15)}.get(kind, 0.0)
+    return Fault(kind, at, time, float(sign * size))
