@@ -6,7 +6,7 @@ The object that a person holds in a notebook; the commands and the report stand 
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 from html import escape
@@ -331,13 +331,17 @@ class Study:
             self._advice = last, advise(first, last, for_search(self.data), logger.info)
         return self._advice[1]
 
-    def add(self, effect: str | Step, at: str = "", *, run: str = "") -> Step:
+    def add(
+        self, effect: str | Step, at: str = "", *, run: str = "", settings: Mapping[str, str | float] | None = None
+    ) -> Step:
         """Add an effect to the model and refit, one step further.
 
         Args:
-            effect: its key, such as `"forced_convection"`, or an answer of `diagnose`, which knows its place.
+            effect: its key, such as `"forced_convection"`, or an answer of `diagnose`, which knows its place, or the
+                step of the curve that `advise` has learned.
             at: a node, an edge `"a~b"`, a pattern `"*_calf"`, or `"*"`.
             run: the only run in which it acts; all by default.
+            settings: words for its options and values of its parameters, in SI units; the effect's own by default.
 
         Raises:
             InputError: there is no such effect, it can't stand there, or there is nothing to fit.
@@ -345,7 +349,10 @@ class Study:
         if not self._steps:
             self.fit()
         last = self._steps[-1].fit
-        step = Step(last, added(self.file, effect, at, run).network.effects[-1]) if isinstance(effect, str) else effect
+        if isinstance(effect, str):
+            step = Step(last, added(self.file, effect, at, run, settings).network.effects[-1])
+        else:
+            step = effect
         if step.declaration is None:
             raise InputError("study", "add", "the model as given", "an effect's key, or an answer of diagnose()")
         logger.info("fitting %s at %s", step.effect, step.at)

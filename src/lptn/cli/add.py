@@ -20,15 +20,23 @@ def add(
         str, Option(help='Node, edge "a~b", pattern such as "*_calf", or "*"; NODE@RUN as `lptn diagnose` prints it.')
     ],
     run: Annotated[str, Option(help="The only run in which it acts; all by default.")] = "",
+    set: Annotated[  # noqa: A002 - the option's name
+        list[str] | None,
+        Option(help="Its options and parameters: input=velocity span=6.", negative="", consume_multiple=True),
+    ] = None,
     output: Output,
 ) -> None:
-    """Add an effect to a model file, at its typical size.
+    """Add an effect to a model file, at its typical size, or as it is set.
 
     Example: lptn add leg.toml forced_convection --at "*" -o next.toml
     """
     if run and "@" in at:
         raise InputError("command line", "--run", f"'{run}' beside --at {at}", "the run in one place")
+    for text in set or ():
+        if "=" not in text:
+            raise InputError("command line", "--set", f"'{text}'", "NAME=VALUE, such as input=velocity")
     check_inputs(model)
     from lptn.model.file import added, read_model_file
 
-    added(read_model_file(model), effect, at, run).write(output)
+    settings = {name: value for name, _, value in (text.partition("=") for text in set or ())}
+    added(read_model_file(model), effect, at, run, settings).write(output)

@@ -294,7 +294,9 @@ def _rounded(value: float) -> float:
 # --- An effect added to a model file, at the size at which it is usually met ------------------------
 
 
-def added(file: ModelFile, key: str, at: str, run: str = "") -> ModelFile:
+def added(
+    file: ModelFile, key: str, at: str, run: str = "", settings: Mapping[str, str | float] | None = None
+) -> ModelFile:
     """The model file with one more effect; where `at` is a pattern, its places share the parameters.
 
     Where the place shares the effect with others already, it is the place's difference from them.
@@ -305,9 +307,11 @@ def added(file: ModelFile, key: str, at: str, run: str = "") -> ModelFile:
         at: a node, an edge `"a~b"`, a pattern, or `"*"`; perhaps with the run behind it as `lptn diagnose` prints it,
             `"FR_thigh@fit2"`.
         run: name of the only run in which it acts, or a pattern of such names; every run by default.
+        settings: words for its options, values of its parameters in SI units, the place that is `driven_by`; by default
+            the effect's own.
 
     Raises:
-        InputError: no such effect, it can't stand there, or two runs are named.
+        InputError: no such effect, it can't stand there, two runs are named, or a setting that it does not have.
     """
     kind = effect_named(key, "add", "EFFECT")
     names = {*file.network.dynamic, *file.network.prescribed}
@@ -319,5 +323,25 @@ def added(file: ModelFile, key: str, at: str, run: str = "") -> ModelFile:
         at, run = place, run or printed.replace(",", "?")
     share: Share = "all" if is_glob(at) or "{" in at else "each"
     difference = kind.adds_up() and not run and at in {instance.place for instance in file.network.in_common(key)}
-    parameters = tuple(replace(parameter.switched_on, share=share) for parameter in kind.stated(difference))
-    return file.with_effects([EffectDeclaration(kind(), at, parameters, run=run, difference=difference)])
+    parameters = {one.name: replace(one.switched_on, share=share) for one in kind.stated(difference)}
+    words, driven_by = {}, ""
+    for name, given in (settings or {}).items():
+        if name in kind.options:
+            if given not in kind.options[name]:
+                raise InputError("add", "--set", f"{name}={given}", f"one of {', '.join(kind.options[name])}")
+            words[name] = str(given)
+        elif name == "driven_by":
+            driven_by = str(given)
+        elif name in parameters:
+            try:
+                value = float(given)
+            except ValueError as error:
+                raise InputError("add", "--set", f"{name}={given}", f"a number, in {parameters[name].unit}") from error
+            parameters[name] = Setting(name, value).of(parameters[name])
+        else:
+            known = ", ".join((*kind.options, "driven_by", *parameters))
+            raise InputError("add", "--set", f'"{name}"', f"one of {known}")
+    effect = EffectDeclaration(
+        kind(**words), at, tuple(parameters.values()), driven_by=driven_by, run=run, difference=difference
+    )
+    return file.with_effects([effect])
