@@ -83,6 +83,7 @@ _FEW = 3  # rivals named in a sentence; all of them stand in the JSON and on the
 def show_diagnosis(diagnosis: Diagnosis) -> None:
     """Verdict, and what is missing."""
     from lptn.cli.terminal import show_table
+    from lptn.effects.learned_heat import UNNAMED, goes_with
     from lptn.report.outcome import log_errors_in_words
     from lptn.report.text import kelvin, named, percent, size_told
 
@@ -93,6 +94,9 @@ def show_diagnosis(diagnosis: Diagnosis) -> None:
     print(f"The model is {VERDICTS[diagnosis.verdict]}{left}.")
     print(f"RMSE {kelvin(diagnosis.fit.rmse)} on the fitted runs{held_out}, in steps of {step:g} s.")
     print(f"Misfit over one-minute means, 1 being the most that noise would leave: {lack}.")
+    for one in diagnosis.learned:
+        column = goes_with(one.effect, one.driven_by or one.at)
+        print(f"Heat at {one.where} is {UNNAMED}{column}: learned, without a name.")
     if not diagnosis.steps:
         _show_that_nothing_helps(diagnosis)
         return

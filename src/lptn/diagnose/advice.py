@@ -14,6 +14,7 @@ from lptn.diagnose.diagnosis import Diagnosis
 from lptn.diagnose.evidence import USUAL, FirstOrder
 from lptn.diagnose.experiment import Experiment, propose
 from lptn.diagnose.fit_statistics import POWER, TIE, criterion_difference
+from lptn.diagnose.learned_heat import LearnedCurve, learned_curve
 from lptn.diagnose.priors import log_priors
 from lptn.diagnose.refits import unless_interrupted
 from lptn.diagnose.runs_that_differ import RunDifference, runs_that_differ
@@ -86,6 +87,8 @@ class Advice:
         heat: each stretch of time in which the last model surely lacks heat, or has too much, the surest first.
         detectable: the smallest size of each effect that the data would show, the easiest to see first.
         differing: held-out runs in which one parameter seems to differ.
+        learned: what the unexplained heat goes with, and the curve; `None` where all is explained, no heat is sure, or
+            it goes with nothing that is logged.
         rows: what slow rows seem to be that nobody spoke of, and how to say so; empty where the data don't tell.
     """
 
@@ -93,6 +96,7 @@ class Advice:
     heat: list[HeatPeak]
     detectable: list[Detectable]
     differing: list[RunDifference]
+    learned: LearnedCurve | None = None
     rows: str = ""
 
     def __repr__(self) -> str:
@@ -104,6 +108,8 @@ class Advice:
         sentences = [*([self.rows] if self.rows else []), *(difference.text() for difference in self.differing)]
         if self.heat:
             sentences.append(f"Where heat is most clearly unexplained: {self.heat[0].text()}.")
+        if self.learned is not None:
+            sentences.append(self.learned.text())
         if self.experiment is not None:
             sentences.append(f"Next experiment: {self.experiment.text()}")
         return sentences
@@ -115,6 +121,7 @@ class Advice:
             "rows": self.rows or None,
             "unexplained_heat": self.heat[0].text() if self.heat else None,
             "unexplained_stretches": [peak.as_json() for peak in self.heat],
+            "learned_heat": self.learned.as_json() if self.learned else None,
             "runs_that_differ": [difference.as_json() for difference in self.differing],
             "detectable": [limit.as_json() for limit in self.detectable[:_MOST_DETECTABLE]],
         }
@@ -137,6 +144,7 @@ def advise(first: Diagnosis, last: Diagnosis, data: DataSplit, report: Report = 
         stretches(unexplained_heat(last.fit)),
         smallest(last.weighed),
         runs_that_differ(last.fit, data.holdout) if added else [],
+        learned_curve(first, last, data),
         _rows_as_means(last.fit, data),
     )
 

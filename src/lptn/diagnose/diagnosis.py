@@ -24,11 +24,13 @@ from lptn.diagnose.evidence import ErrorsOfRuns, Evidence, FirstOrder, allowance
 from lptn.diagnose.fit_statistics import LACKING, MOST, explained_elsewhere, explains, lack_of_fit
 from lptn.diagnose.priors import log_priors
 from lptn.diagnose.refits import unless_interrupted
+from lptn.effects.learned_heat import UNNAMED, LearnedHeat, goes_with
 from lptn.identify.comparison import Errors
 from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit
 from lptn.identify.validation import fit_segments
 from lptn.model.model import Model
+from lptn.model.network import EffectDeclaration
 
 Verdict = Literal["adequate", "missing", "unexplained"]
 
@@ -96,6 +98,11 @@ class Diagnosis(Tabular):
         return weighed(self.fit)
 
     @property
+    def learned(self) -> list[EffectDeclaration]:
+        """Heat in the fitted model that was learned as a curve: it has no name, and stays unexplained."""
+        return [declared for declared in self.fit.model.network.effects if declared.effect.key == LearnedHeat.key]
+
+    @property
     def only_held_out_runs_object(self) -> bool:
         """Whether the fitted runs have nothing against the model, and held-out runs have."""
         return self.verdict == "unexplained" and not self.steps and is_met(self.lack_of_fit)
@@ -146,6 +153,10 @@ class Diagnosis(Tabular):
             "rmse_fit": self.fit.rmse,
             "rmse_holdout": before,
             "lack_of_fit": self.lack_of_fit,
+            "learned": [
+                {"at": one.where, "verdict": UNNAMED + goes_with(one.effect, one.driven_by or one.at)}
+                for one in self.learned
+            ],
             "probabilities": self.probabilities_as_json(),
             "candidates": listed,
         }

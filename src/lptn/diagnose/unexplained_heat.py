@@ -133,22 +133,33 @@ def unexplained_heat(fit: Fit) -> list[UnexplainedHeat]:
         fit: the fitted model, with the readings that count.
     """
     runs = [blocks(fit, number) for number in range(len(fit.problem.bound_runs))]
-    scale = _heat_scale(runs)
+    scale, walk = heat_scale(runs), likeliest_walks(fit, runs)[-1]
+    unexplained = []
+    for run, bound in zip(runs, fit.problem.bound_runs, strict=True):
+        heat, spread = smoothed(run, prior_of(fit, run, scale, walk))
+        nodes = tuple(fit.model.nodes[row] for row in run.rows)
+        unexplained.append(UnexplainedHeat(bound.run.name, run.time, nodes, heat, _WIDE * spread, run.seconds))
+    return unexplained
+
+
+def likeliest_walks(fit: Fit, runs: Sequence[Blocks]) -> list[float]:
+    """How fast the heat wanders, the standard deviation after one second [W]: slower ones first, the likeliest last.
+
+    Args:
+        fit: the fitted model.
+        runs: its runs, as `blocks` gives them.
+    """
+    scale = heat_scale(runs)
 
     @cache
     def density(number: int) -> float:
-        return sum(likelihood(run, _prior(fit, run, scale, walks[number])) for run in runs)
+        return sum(likelihood(run, prior_of(fit, run, scale, walks[number])) for run in runs)
 
     # It has one peak, which is climbed to from the third, near which most have it.
     walks, top = [share * scale / np.sqrt(60.0) for share in _GRID], 2
     while (best := max((k for k in (top, top - 1, top + 1) if 0 <= k < len(walks)), key=density)) != top:
         top = best
-    unexplained = []
-    for run, bound in zip(runs, fit.problem.bound_runs, strict=True):
-        heat, spread = smoothed(run, _prior(fit, run, scale, walks[top]))
-        nodes = tuple(fit.model.nodes[row] for row in run.rows)
-        unexplained.append(UnexplainedHeat(bound.run.name, run.time, nodes, heat, _WIDE * spread, run.seconds))
-    return unexplained
+    return walks[: top + 1]
 
 
 def stretches(runs: Sequence[UnexplainedHeat]) -> list[HeatPeak]:
@@ -201,18 +212,19 @@ def _separate(clear: FloatArray, heat: FloatArray) -> list[int]:
     return peaks
 
 
-def _heat_scale(runs: Sequence[Blocks]) -> float:
+def heat_scale(runs: Sequence[Blocks]) -> float:
     """What heat is large [W]: that which the nodes take up as they warm, or that would hold the residual."""
     stored = np.concatenate([run.storage.ravel() for run in runs])
     holding = np.concatenate([(run.error * run.conductance).ravel() for run in runs])
     return float(np.sqrt(np.mean(stored**2) + np.nanmean(holding**2)))
 
 
-def _prior(fit: Fit, run: Blocks, scale: float, walk: float) -> Prior:
+def prior_of(fit: Fit, run: Blocks, scale: float, walk: float, *, open_parameters: bool = False) -> Prior:
     """Of the states, the heats, and the parameters, which are off together as their standard errors say.
 
     The errors grow with what the model lacks. Were each parameter free to move for itself, a steady heat that nobody
-    needs could be balanced by resistances and capacitances far from the fitted ones.
+    needs could be balanced by resistances and capacitances far from the fitted ones. With `open_parameters` it may:
+    beside a curve that stands for the heat they go to where they belong.
     """
     states, nodes = len(fit.model.states), len(run.rows)
     deviations = np.full(states + nodes, _HIDDEN_START)
@@ -220,6 +232,9 @@ def _prior(fit: Fit, run: Blocks, scale: float, walk: float) -> Prior:
     deviations[states:] = scale
     covariance = np.zeros((run.top.shape[2], run.top.shape[2]))
     covariance[: len(deviations), : len(deviations)] = np.diag(deviations**2)
+    if open_parameters:
+        covariance[len(deviations) :, len(deviations) :] = _FARTHEST**2 * np.eye(len(covariance) - len(deviations))
+        return Prior(covariance, walk)
     per_unit = _BIASED * fit.problem.slope(fit.point.values) / _slopes(fit)
     sizes, directions = np.linalg.eigh(fit.uncertainty.covariance * np.outer(per_unit, per_unit))
     covariance[len(deviations) :, len(deviations) :] = (directions * np.clip(sizes, 0.0, _FARTHEST**2)) @ directions.T
@@ -399,31 +414,49 @@ class Prior:
 class _Filtered:
     """What the backward pass needs of one block, before its readings are taken in."""
 
-    heat: FloatArray  # (M,)
+    heat: FloatArray  # (M, 1 + K)
     covariance: FloatArray  # rows of the heats, (M, D)
     by: FloatArray  # (seen, D)
     gain: FloatArray  # (D, seen)
     precision: FloatArray  # of the innovation, (seen, seen)
-    innovation: FloatArray  # (seen,)
+    innovation: FloatArray  # (seen, 1 + K)
 
 
 def likelihood(run: Blocks, prior: Prior) -> float:
     """Logarithm of the readings' probability density at these assumptions, by prediction errors ([Kristensen2004])."""
-    return _forward(run, prior, None)
+    return _forward(run, prior, None)[0]
 
 
 def smoothed(run: Blocks, prior: Prior) -> tuple[FloatArray, FloatArray]:
-    """Each heat given all readings, and its standard deviation [W], shape (M, n) each.
+    """Each heat given all readings, and its standard deviation [W], shape (M, n) each."""
+    heat, spread, _, _ = against_known(run, prior, np.zeros((len(run.time), len(run.rows), 0)))
+    return heat, spread
+
+
+def against_known(
+    run: Blocks, prior: Prior, known: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Each heat given all readings, and how it changes once a heat is known.
 
     Source: [Rauch1965], in the form of [Bierman1973], which inverts no covariance of the states: parameters that
     stay the same make that singular.
+
+    Args:
+        run: the linear model of a run.
+        prior: what is known before its first reading.
+        known: heat into each measured node in each block [W], K of them one beside the other, shape (n, M, K).
+
+    Returns:
+        The heat and its standard deviation [W], shape (M, n) each; what is to be taken off the heat where the known
+        heats are there, shape (M, n, K); and the whitened errors of the prediction from block to block, measured −
+        predicted, the readings' first and then what each known heat takes off them, shape (readings, 1 + K).
     """
     steps: list[_Filtered] = []
-    _forward(run, prior, steps)
+    white = _forward(run, prior, steps, known)[1]
     states, nodes = run.top.shape[1], len(run.rows)
-    size = run.top.shape[2]
-    heat, spread = np.empty((nodes, len(steps))), np.empty((nodes, len(steps)))
-    back, curve = np.zeros(size), np.zeros((size, size))
+    size, count = run.top.shape[2], 1 + known.shape[2]
+    heat, spread = np.empty((nodes, len(steps), count)), np.empty((nodes, len(steps)))
+    back, curve = np.zeros((size, count)), np.zeros((size, size))
     heats = slice(states, states + nodes)
     for k in range(len(steps) - 1, -1, -1):
         transition = np.eye(size)
@@ -437,15 +470,21 @@ def smoothed(run: Blocks, prior: Prior) -> tuple[FloatArray, FloatArray]:
         heat[:, k] = step.heat - step.covariance @ back
         less = np.einsum("ij,jk,ik->i", step.covariance, curve, step.covariance)
         spread[:, k] = np.sqrt(np.maximum(np.diag(step.covariance[:, heats]) - less, 0.0))
-    return heat, spread
+    return heat[:, :, 0], spread, -heat[:, :, 1:], white
 
 
-def _forward(run: Blocks, prior: Prior, steps: list[_Filtered] | None) -> float:
-    """The filter; keeps what smoothing needs where a list is given."""
+def _forward(
+    run: Blocks, prior: Prior, steps: list[_Filtered] | None, known: FloatArray | None = None
+) -> tuple[float, FloatArray]:
+    """The filter; keeps what smoothing needs where a list is given.
+
+    Its first column is of the readings, each other one of a known heat without readings: what it does is linear.
+    """
     states, nodes = run.top.shape[1], len(run.rows)
     heats = slice(states, states + nodes)
-    d, p, density = np.zeros(run.top.shape[2]), prior.covariance.copy(), 0.0
-    gained = prior.walk**2 * run.seconds
+    count = 1 + (0 if known is None else known.shape[2])
+    d, p, density = np.zeros((run.top.shape[2], count)), prior.covariance.copy(), 0.0
+    gained, white = prior.walk**2 * run.seconds, []
     for k in range(len(run.time)):
         seen = np.isfinite(run.error[k])
         by = run.by[k][seen]
@@ -453,20 +492,26 @@ def _forward(run: Blocks, prior: Prior, steps: list[_Filtered] | None) -> float:
         root = np.linalg.cholesky(by @ crossed + np.diag(run.variance[k][seen]))
         inverse = np.linalg.inv(root)
         precision = inverse.T @ inverse
-        innovation = -run.error[k][seen] - by @ d  # measured − predicted, as filters have it
+        driven = d
+        if known is not None:
+            driven = d.copy()
+            driven[heats, 1:] += known[k]
+        innovation = -by @ driven  # measured − predicted, as filters have it
+        innovation[:, 0] -= run.error[k][seen]
         gain = crossed @ precision
         if steps is not None:
             steps.append(_Filtered(d[heats].copy(), p[heats].copy(), by, gain, precision, innovation))
-        density -= 0.5 * float(np.sum((inverse @ innovation) ** 2)) + float(np.log(np.diag(root)).sum())
-        d = d + gain @ innovation
+        white.append(inverse @ innovation)
+        density -= 0.5 * float(np.sum(white[-1][:, 0] ** 2)) + float(np.log(np.diag(root)).sum())
+        d, driven = d + gain @ innovation, driven + gain @ innovation
         p = p - gain @ crossed.T
         mixed = run.top[k] @ p  # heats and parameters stay
         p = 0.5 * (p + p.T)
         p[:states], p[:, :states] = mixed, mixed.T
         p[:states, :states] = mixed @ run.top[k].T
-        d[:states] = run.top[k] @ d
+        d[:states] = run.top[k] @ driven
         np.einsum("ii->i", p)[heats] += gained
-    return density
+    return density, np.concatenate(white)
 
 
 # --- Which of the log's inputs the unexplained heat correlates with -------------------------------

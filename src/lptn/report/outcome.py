@@ -16,6 +16,7 @@ from lptn.diagnose.answers import LIKELY, Step
 from lptn.diagnose.diagnosis import Diagnosis, is_met
 from lptn.diagnose.fit_statistics import criterion_difference
 from lptn.diagnose.improvement import History
+from lptn.effects.learned_heat import UNNAMED, LearnedHeat, goes_with
 from lptn.identify.fitting import Fit
 from lptn.report.shown import noise_alone
 from lptn.report.tables import FAR
@@ -45,6 +46,7 @@ class Kinds:
         helped: what somebody chose, and lowers the errors.
         fitted: what somebody chose, and lowers those of the fitted runs alone.
         idle: what somebody chose, and lowers none.
+        learned: what somebody chose that helped and has no name: it explains nothing.
     """
 
     findings: list[Step] = field(default_factory=list)
@@ -52,6 +54,7 @@ class Kinds:
     helped: list[Step] = field(default_factory=list)
     fitted: list[Step] = field(default_factory=list)
     idle: list[Step] = field(default_factory=list)
+    learned: list[Step] = field(default_factory=list)
 
     @classmethod
     def of(cls, steps: Sequence[Step]) -> Kinds:
@@ -63,6 +66,8 @@ class Kinds:
         for before, step in pairwise(steps):
             if step.probability:
                 (kinds.structure if step.is_structure else kinds.findings).append(step)
+            elif step.effect == LearnedHeat.key and _lowered(before, step):
+                kinds.learned.append(step)
             else:
                 {"all": kinds.helped, "fitted": kinds.fitted, "": kinds.idle}[_lowered(before, step)].append(step)
         return kinds
@@ -70,7 +75,7 @@ class Kinds:
     @property
     def good(self) -> list[Step]:
         """What was found, and what else helped."""
-        return [*self.findings, *self.structure, *self.helped]
+        return [*self.findings, *self.structure, *self.helped, *self.learned]
 
 
 def _lowered(before: Step, after: Step) -> Literal["", "fitted", "all"]:
@@ -144,6 +149,9 @@ def steps_in_words(steps: Sequence[Step], found: str = "found") -> str:
         parts.append(f"added: {listed(helped)}")
     if fitted:
         parts.append(f"{listed(fitted)} {'helps' if len(fitted) == 1 else 'help'} on the fitted runs alone")
+    for declared in (declared for step in kinds.learned for declared in step.declarations):
+        column = goes_with(declared.effect, declared.driven_by or declared.at)
+        parts.append(f"heat at {declared.at} {UNNAMED}{column}: learned, without a name")
     if idle:
         parts.append(f"{listed(idle)}, added{' as well' if parts else ''}, did not help")
     text = "; ".join(parts)

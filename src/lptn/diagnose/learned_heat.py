@@ -1,0 +1,375 @@
+"""Which logged input unexplained heat goes with, as a curve with a band, and the offer to add it without a name.
+
+A model is taken linear about its fit, with an unknown heat at each node that wanders (`unexplained_heat`), and now with
+a curve over one input besides: the rises of its pieces are unknowns with the prior of a random walk, a smoothness
+prior. The filter's innovations, whitened, are linear in them, so that one pass of it gives the posterior and the
+evidence of every input alone, in closed form. What is told of the likeliest is an exact fit with that curve in the
+model, `lptn.effects.learned_heat`: it explains nothing, and is offered only where it predicts held-out runs better.
+
+Source: a latent function in a grey-box model by Bayesian smoothing and regression ([Kouw2024]).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from lptn.basics.arrays import FloatArray
+from lptn.basics.processes import one_blas_thread
+from lptn.basics.words import listed, short_size
+from lptn.diagnose.answers import Step
+from lptn.diagnose.diagnosis import Diagnosis
+from lptn.diagnose.priors import OCCAM
+from lptn.diagnose.refits import refit
+from lptn.diagnose.unexplained_heat import (
+    Blocks,
+    against_known,
+    blocks,
+    heat_scale,
+    likeliest_walks,
+    likelihood,
+    prior_of,
+    stretches,
+    unexplained_heat,
+)
+from lptn.effects.learned_heat import OWN_TEMPERATURE, PIECES, UNNAMED, LearnedHeat
+from lptn.identify.bounded_minimum import bounded_minimum
+from lptn.identify.data import DataSplit
+from lptn.identify.fitting import Fit
+from lptn.logs.columns import column_unit
+from lptn.logs.resampling import means_of_blocks
+from lptn.logs.run import Run
+from lptn.model.heat_balance import input_column
+from lptn.model.network import EffectDeclaration
+
+_WIDE = 1.96  # standard deviations on either side of a 95 % band
+_FAR_BEYOND = (
+    2.0  # bands that a curve must be from none: four standard errors, of many curves the best is not by chance
+)
+_BETTER = 0.95
+"""Share of the held-out error that must be left at most: an RMSE of some 200 independent residuals, an hour or two of a
+few nodes, is itself known to 1/√400."""
+_WORTH_A_WORD = 0.1  # share of the heat that an input must explain to be named
+_POINTS = 41  # of a curve that is drawn
+_DAY, TIME_OF_DAY = 86400.0, "time of day"  # s; asked of logs of a day and more, whose clock is taken for the day's
+_VARIES = 0.1  # of the largest value: less counts as constant, as in `lptn.effects.excitation`
+_Smoothed = tuple[Blocks, FloatArray, FloatArray]  # a run, its heat, and what each rise takes off it
+
+
+@dataclass(frozen=True)
+class InputShare:
+    """How much of one node's unexplained heat goes with one input.
+
+    Args:
+        node: the node.
+        column: of the log, or `"time of day"`.
+        share: of the heat's square over all runs, that a curve over the input explains, 0 to 1.
+        log_odds: logarithm of the odds of the curve to none.
+        declaration: the curve as an effect, at its prior; `None` where the effect has no such input.
+    """
+
+    node: str
+    column: str
+    share: float
+    log_odds: float
+    declaration: EffectDeclaration | None
+
+    def as_json(self) -> dict[str, object]:
+        """As other tools read it."""
+        return {"at": self.node, "input": self.column, "share": self.share, "log_odds": self.log_odds}
+
+
+@dataclass(frozen=True, repr=False)
+class LearnedCurve:
+    """What one node's unexplained heat goes with, and, where `learned_heat` has such an input, the curve over it.
+
+    Args:
+        inputs: the most probable first.
+        values: of the first input, in its SI unit or degC, shape (n,).
+        heat: W, shape (n,).
+        band: half-width of the 95 % band [W], shape (n,).
+        step: the exact fit with the curve in the model, with held-out errors; `None` without a curve.
+        without: held-out error without the curve, the lower of the given model's and that with all that was found [K].
+        offered: whether the curve is far beyond its band and lowers that error by more than chance.
+        beside: whether the fit has effects that were found and are not in the model as given.
+    """
+
+    inputs: tuple[InputShare, ...]
+    values: FloatArray = field(default_factory=lambda: np.zeros(0))
+    heat: FloatArray = field(default_factory=lambda: np.zeros(0))
+    band: FloatArray = field(default_factory=lambda: np.zeros(0))
+    step: Step | None = None
+    without: float | None = None
+    offered: bool = False
+    beside: bool = False
+
+    @property
+    def held_out(self) -> float | None:
+        """Held-out error with the curve [K], `None` where nothing is held out, or without a curve."""
+        return self.step.holdout.rmse if self.step and self.step.holdout else None
+
+    def __repr__(self) -> str:
+        return f"<LearnedCurve: {self.text()}>"
+
+    def text(self) -> str:
+        """What the heat goes with, the curve at a third, two thirds and the end of its range, and how to add it."""
+        first, *others = self.inputs
+        text = f"The heat at {first.node} is {UNNAMED}{first.column}: {100 * first.share:.0f} % of it"
+        beside = [f"{100 * other.share:.0f} % with {other.column} alone" for other in others[:2]]
+        text += f" ({', '.join(beside)})" if beside else ""
+        if self.step is None:
+            return f"{text}. That suggests a cause and proves none."
+        unit = column_unit(first.column) or "as logged"
+        points = [
+            f"{short_size(self.heat[k])} ± {short_size(self.band[k])} W at {short_size(self.values[k])} {unit}"
+            for k in (_POINTS // 3, 2 * _POINTS // 3, -1)
+        ]
+        text += f", {listed(points)}. That suggests a cause and proves none."
+        if self.offered and self.without and self.held_out:
+            before, after = short_size(self.without), short_size(self.held_out)
+            to_what = "with all that was found" if self.beside else "as given"
+            text += f" As a learned heat without a name it lowers the held-out error from {before} to {after} K; "
+            text += f"to add it to the model {to_what}: `{self.command}`"
+        return text
+
+    @property
+    def command(self) -> str:
+        """What adds it to a model file, `MODEL`, empty where it is not offered."""
+        declared = self.step.declaration if self.step and self.offered else None
+        if declared is None:
+            return ""
+        words = dict(declared.effect.chosen) | {one.name: f"{one.value:g}" for one in declared.parameters if one.fixed}
+        words |= {"driven_by": declared.driven_by} if declared.driven_by else {}
+        given = " ".join(f"{name}={word}" for name, word in words.items())
+        return f"lptn add MODEL {LearnedHeat.key} --at {declared.at} --set {given} -o LEARNED"
+
+    def as_json(self) -> dict[str, object]:
+        """As other tools read it."""
+        return {
+            "verdict": UNNAMED + self.inputs[0].column,
+            "inputs": [one.as_json() for one in self.inputs],
+            "curve": {"input": list(self.values), "watts": list(self.heat), "band": list(self.band)},
+            "rmse_holdout_before": self.without,
+            "rmse_holdout_after": self.held_out,
+            "add": self.command or None,
+        }
+
+
+def learned_curve(first: Diagnosis, last: Diagnosis, data: DataSplit) -> LearnedCurve | None:
+    """The likeliest curve over one input in the model as given, and in that with all that was found; the better one.
+
+    What the catalogue offers where it does not explain may imitate a heat without a name, and hide what that goes with.
+
+    Args:
+        first: the diagnosis of the model as given.
+        last: of the model that it led to, or the same.
+        data: the runs, in the steps of the fits.
+
+    Returns:
+        `None` where all is explained, no heat is sure, or it goes with no input.
+    """
+    if last.remaining != "unexplained":
+        return None
+    found = last.fit if last is not first else first.steps[-1].fit if first.steps else None
+    bases = [Step(fit).predicting(data) for fit in (first.fit, found) if fit is not None]
+    curves = [_likeliest(base, data, beside=number > 0) for number, base in enumerate(bases)]
+    told = [curve for curve in curves if curve is not None]
+    fitted = [(curve.held_out, curve) for curve in told if curve.held_out is not None]
+    if not fitted:
+        return next(iter(told), None)
+    (error, best), (other, beside) = fitted[0], fitted[-1]
+    if other < _BETTER * error:
+        error, best = other, beside
+    without = min(base.holdout.rmse for base in bases if base.holdout)
+    far = bool(np.any(np.abs(best.heat) > _FAR_BEYOND * best.band))
+    return replace(best, without=without, offered=far and error < _BETTER * without)
+
+
+def _likeliest(base: Step, data: DataSplit, *, beside: bool) -> LearnedCurve | None:
+    """What most surely unexplained heat goes with in one model, with the exact fit where `learned_heat` has the input.
+
+    Args:
+        base: the fitted model.
+        data: as in `learned_curve`.
+        beside: whether it has effects that the given model lacks.
+    """
+    heat = stretches(unexplained_heat(base.fit))
+    shares = input_shares(base.fit, list(dict.fromkeys(peak.node for peak in heat)))
+    if not shares or shares[0].log_odds < np.log(OCCAM * len(shares)):
+        return None
+    own = tuple(one for one in shares if one.node == shares[0].node and one.share >= _WORTH_A_WORD and one.log_odds > 0)
+    declaration = shares[0].declaration
+    if not own or declaration is None:
+        return LearnedCurve(own, beside=beside) if own else None
+    done = refit(base.fit, declaration)
+    step = Step(done, declaration, places=(declaration.at,)).predicting(data)
+    return LearnedCurve(own, *curve_of(done, declaration), step, beside=beside)
+
+
+def curve_of(fit: Fit, declared: EffectDeclaration) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Values of the input, the heat there and the half-width of its 95 % band [W], shape (n,) each.
+
+    The band is that of the rises, and of what a curve that never falls may do within a piece: a process of gamma
+    increments that rises by r over the piece has the variance r² u (1 − u) / 2 at its share u.
+
+    Args:
+        fit: a model that has the effect at one place.
+        declared: the effect.
+    """
+    effect = declared.effect
+    assert isinstance(effect, LearnedHeat)
+    names = [declared.shared_name(f"rise_{number}") for number in range(1, PIECES + 1)]
+    index = {parameter.name: number for number, parameter in enumerate(fit.model.parameters)}
+    given = {name: fit.point.values[index[declared.shared_name(name)]] for name in ("scale", "start", "span")}
+    values = given["start"] + given["span"] * np.linspace(0.0, 1.0, _POINTS)
+    of_pieces = given["scale"] * np.array(effect.pieces(values, given["start"], given["span"]))
+    rises = fit.point.values[[index[name] for name in names]]
+    rows = [fit.problem.free.index(index[name]) for name in names]
+    slopes = fit.problem.slope(fit.point.values)[rows]
+    covariance = fit.uncertainty.covariance[np.ix_(rows, rows)] * np.outer(slopes, slopes)
+    variance = np.einsum("kn,kl,ln->n", of_pieces, covariance, of_pieces)
+    within = np.abs(of_pieces) / given["scale"]
+    variance += 0.5 * ((rises * given["scale"]) ** 2) @ np.clip(within * (1.0 - within), 0.0, None)
+    return values, rises @ of_pieces, _WIDE * np.sqrt(np.maximum(variance, 0.0))
+
+
+@one_blas_thread
+def input_shares(fit: Fit, nodes: Sequence[str]) -> list[InputShare]:
+    """What the unexplained heat at some nodes goes with, the most probable first.
+
+    Args:
+        fit: the fitted model.
+        nodes: measured ones.
+    """
+    linear = [blocks(fit, number) for number in range(len(fit.problem.bound_runs))]
+    runs = [bound.run for bound in fit.problem.bound_runs]
+    candidates = [one for node in nodes for one in _inputs_of(fit, node, runs)]
+    if not candidates:
+        return []
+    scale, walks = heat_scale(linear), likeliest_walks(fit, linear)
+    known = []
+    for run, part in zip(runs, linear, strict=True):
+        heats = np.zeros((len(part.time), len(part.rows), PIECES * len(candidates)))
+        rows = {fit.model.nodes[row]: place for place, row in enumerate(part.rows)}
+        for number, one in enumerate(candidates):
+            if one.node in rows:  # a run may not measure all nodes
+                heats[:, rows[one.node], PIECES * number : PIECES * (number + 1)] = one.in_blocks(
+                    run, part.time, part.seconds
+                )
+        known.append(heats)
+    best, none = [(-np.inf, 0.0)] * len(candidates), -np.inf
+    for walk in reversed(walks):
+        gradient, hessian = np.zeros(PIECES * len(candidates)), np.zeros((PIECES * len(candidates),) * 2)
+        density, parts = 0.0, list[_Smoothed]()
+        for part, heats in zip(linear, known, strict=True):
+            prior = prior_of(fit, part, scale, walk, open_parameters=True)
+            heat, _, taken, white = against_known(part, prior, heats)
+            parts.append((part, heat, taken))
+            gradient, hessian = gradient + white[:, 1:].T @ white[:, 0], hessian + white[:, 1:].T @ white[:, 1:]
+            density += likelihood(part, prior)
+        none = max(none, density)
+        for number, one in enumerate(candidates):
+            own = slice(PIECES * number, PIECES * (number + 1))
+            odds, rises = _posterior(gradient[own], hessian[own, own], scale, one.monotone)
+            if odds + density > best[number][0]:
+                best[number] = odds + density, _share(fit, one.node, parts, own, rises)
+    shares = [
+        InputShare(one.node, one.column, share, odds - none, one.declaration(scale))
+        for one, (odds, share) in zip(candidates, best, strict=True)
+    ]
+    return sorted(shares, key=lambda one: -one.log_odds)
+
+
+def _posterior(gradient: FloatArray, hessian: FloatArray, scale: float, monotone: bool) -> tuple[float, FloatArray]:
+    """Logarithm of the Bayes factor of a curve to none, by Laplace, and its rises where they are likeliest [W]."""
+    whole = hessian + np.eye(PIECES) / scale**2
+    least = np.zeros(PIECES) if monotone else np.full(PIECES, -np.inf)
+    rises = bounded_minimum(gradient, whole, least, np.full(PIECES, np.inf))
+    width = 0.5 * np.linalg.slogdet(scale**2 * whole)[1]
+    return float(-(gradient @ rises + 0.5 * rises @ whole @ rises) - width), rises
+
+
+def _share(fit: Fit, node: str, parts: Sequence[_Smoothed], own: slice, rises: FloatArray) -> float:
+    """Share of the square of a node's unexplained heat, over all runs, that is not left once a curve is there."""
+    before, after = 0.0, 0.0
+    for part, heat, taken in parts:
+        for row in np.flatnonzero(part.rows == fit.model.nodes.index(node)):  # none where a run does not measure it
+            before += float(np.sum(heat[row] ** 2))
+            after += float(np.sum((heat[row] - taken[row][:, own] @ rises) ** 2))
+    return max(0.0, 1.0 - after / before) if before > 0 else 0.0
+
+
+# --- What a node's heat may go with ------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _Input:
+    """One input at one node: where its curve begins, and how far it goes; `key` as `LearnedHeat` calls it, or empty."""
+
+    node: str
+    column: str
+    key: str
+    driven_by: str
+    start: float
+    span: float
+
+    @property
+    def monotone(self) -> bool:
+        return bool(self.key)
+
+    def declaration(self, scale: float) -> EffectDeclaration | None:
+        """The effect at its prior, with all that is given rounded as it is typed."""
+        if not self.key:
+            return None
+        given = {"scale": scale, "start": self.start, "span": self.span}
+        parameters = tuple(
+            replace(one, value=float(f"{given[one.name]:.3g}")) if one.name in given else one
+            for one in LearnedHeat.parameters
+        )
+        return EffectDeclaration(LearnedHeat(input=self.key), self.node, parameters, driven_by=self.driven_by)
+
+    def in_blocks(self, run: Run, time: FloatArray, seconds: float) -> FloatArray:
+        """Heat of each piece for a rise of 1 W, means over blocks of time with these middles, shape (n, PIECES)."""
+        size, first = round(seconds / run.step), int(np.argmin(np.abs(run.time - (time[0] - seconds / 2))))
+        values = _values(run, self.column)[first : first + size * len(time)]
+        of_pieces = np.array(LearnedHeat(input=self.key or OWN_TEMPERATURE).pieces(values, self.start, self.span))
+        return means_of_blocks(of_pieces, size).T
+
+
+def _inputs_of(fit: Fit, node: str, runs: Sequence[Run]) -> list[_Input]:
+    """Its speed, load and power, or those of its winding; temperatures of its own and beside it; the time of day."""
+    layout = fit.model.network.layout
+    windings = layout.windings_at(node)
+    places = dict.fromkeys([node, *(windings if len(windings) == 1 else [])])
+    columns = [
+        (input_column(key, place), key, "" if place == node else place)
+        for key in LearnedHeat.options["input"]
+        if key != OWN_TEMPERATURE
+        for place in places
+    ]
+    columns.append((f"temperature.{node}", OWN_TEMPERATURE, ""))
+    beside = {end for link in layout.resistors if node in link.ends for end in link.ends} - {node}
+    columns += [(f"temperature.{name}", "", "") for name in sorted(beside)]
+    if all(run.time[-1] - run.time[0] >= _DAY for run in runs):
+        columns.append((TIME_OF_DAY, "", ""))
+    inputs = []
+    for column, key, driven_by in columns:
+        if any(column not in run.columns and column != TIME_OF_DAY for run in runs):
+            continue
+        values = np.concatenate([_values(run, column) for run in runs])
+        start = 0.0 if key not in ("", OWN_TEMPERATURE) else float(values.min())
+        span = float(np.abs(values).max() if start == 0.0 else np.ptp(values))
+        if np.ptp(values) > _VARIES * span:
+            inputs.append(_Input(node, column, key, driven_by, start, span))
+    return inputs
+
+
+def _values(run: Run, column: str) -> FloatArray:
+    """A column of a run, gaps bridged; or the hour of its log's clock."""
+    if column == TIME_OF_DAY:
+        return np.asarray(run.time % _DAY)
+    values = run.columns[column]
+    there = np.isfinite(values)
+    return values if there.all() else np.interp(run.time, run.time[there], values[there])
