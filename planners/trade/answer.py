@@ -64,7 +64,7 @@ class StudyResult:
         counts = f"{len(self.designs)} of {len(self.designs) + len(self.refusals)} choices feasible"
         if not self.designs:
             return f"<StudyResult: {counts}>"
-        words, unit = GOALS[self.study.goal][0], self.study.unit
+        words, unit = GOALS[self.study.question.goal][0], self.study.unit
         return f"<StudyResult: {counts}, best {self.best.option.name}, {words} {self.best.value:.4g} {unit}>"
 
     @property
@@ -139,7 +139,7 @@ def solve_study(study: Study, report: Report = lambda _: None) -> StudyResult:
         else:
             refusals.append(refusal_of(problem))
             problems.append((problem, None))
-    better = GOALS[study.goal][2]
+    better = GOALS[study.question.goal][2]
     designs.sort(key=lambda design: (-design.value if better else design.value, design.mass))
     by_name = {problem.option.name: problem for problem, _ in problems}
     solved = [(by_name[design.option.name], design) for design in designs]
@@ -159,8 +159,8 @@ def _swept(result: StudyResult, problems: list[tuple[Problem, Solution | None]],
 
 def _front_of(by_option: dict[str, tuple[FrontPoint, ...]], study: Study, sweep: Sweep) -> tuple[FrontPoint, ...]:
     """The points that no other beats in both the amount and the goal; the best of each amount that costs nothing."""
-    sign = 1.0 if GOALS[study.goal][2] else -1.0
-    cheap_first = SWEPT[sweep.against]
+    sign = 1.0 if GOALS[study.question.goal][2] else -1.0
+    cheap_first = SWEPT[sweep.against].eases
     points = [point for points in by_option.values() for point in points]
     if not cheap_first:
         best = {point.amount: point for point in sorted(points, key=lambda point: sign * point.value)}
@@ -177,8 +177,8 @@ def _sweep_points(problem: Problem, near: Solution | None, sweep: Sweep) -> tupl
     parameter = _swept_parameter(problem, sweep.against)
     if parameter is None:
         return ()
-    points, eases = [], SWEPT[sweep.against]
-    for amount in sweep.values[::-1] if eases > 0 else sweep.values:
+    points, eases = [], SWEPT[sweep.against].eases
+    for amount in (sweep.values[::-1] if eases > 0 else sweep.values).tolist():
         if sweep.against in BUDGETS and amount < problem.option.least(sweep.against):
             break
         solution = problem.solve({parameter: amount}, near=near)

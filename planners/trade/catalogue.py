@@ -31,18 +31,23 @@ from ..values import (
     TorqueConstant,
     Volume,
 )
-from .motors import MOTORS, REFERENCE
+from .motors import MAGNET_COEFFICIENT, MOTORS, REFERENCE
 
 _ALPHA = 0.0039  # 1/K, copper; [Chen2017, eq. 2.5]
 
 
 class MotorLimits(Strict):
-    """What a motor's data sheet limits."""
+    """What a motor's data sheet limits; none where it is silent."""
 
     winding: Celsius | None = None
     magnet: Celsius | None = None
     current: Current | None = None
-    speed: ShaftSpeed | None = None
+    speed: ShaftSpeed | None = None  # of the motor's shaft
+
+    @property
+    def given(self) -> dict[str, float]:
+        """The limits that are given, by name."""
+        return self.model_dump(exclude_none=True)
 
 
 class DataSheet(Strict):
@@ -68,19 +73,18 @@ class MotorTable(Strict):
     volume: Volume | None = None
     diameter: Length | None = None
     length: Length | None = None
-    torque_constant: TorqueConstant | None = None
+    torque_constant: TorqueConstant | None = None  # at 25 degC
     speed_constant: SpeedConstant | None = None
-    magnet_coefficient: Annotated[Number, Field(gt=-0.01, le=0)] | None = None
-    rotor_inertia: Inertia | None = None
-    price: NotNegative | None = None
+    magnet_coefficient: Annotated[Number, Field(gt=-0.01, le=0)] = MAGNET_COEFFICIENT  # of the torque constant, 1/K
+    rotor_inertia: Inertia = 0.0
+    price: NotNegative | None = None  # none where nobody said
     limits: MotorLimits = MotorLimits()
     source: str | None = None
 
     def over(self, other: MotorTable) -> MotorTable:
         """This motor, and where it says nothing, what the other one says."""
-        said = self.model_dump(exclude_none=True)
-        limits = other.limits.model_dump(exclude_none=True) | said.pop("limits", {})
-        kept = other.model_dump(exclude_none=True) | said | {"limits": limits}
+        said = self.model_dump(exclude_unset=True)
+        kept = other.model_dump(exclude_unset=True) | said | {"limits": other.limits.given | self.limits.given}
         # Two ways to say the same: the later one counts alone.
         for one, another in _EITHER:
             if any(key in said for key in one) and not any(key in said for key in another):

@@ -75,8 +75,8 @@ class Design:
     def degenerate(self) -> bool:
         """Whether more constraints are active than the design has freedom: then its sensitivities are not unique."""
         study = self.option.study
-        sought = study.goal in ("held_torque", "time_to_limit", "worst_temperature")
-        active = len(self.binding) + (study.goal == "worst_temperature")
+        sought = study.question.goal in ("held_torque", "time_to_limit", "worst_temperature")
+        active = len(self.binding) + (study.question.goal == "worst_temperature")
         return active > 2 * self.option.has_sink + sought + ("most.ratio" in self.parameters)
 
     @property
@@ -134,10 +134,10 @@ class Refusal:
 def design_of(problem: Problem, solution: Solution) -> Design:
     """A converged solution as a design, with its sensitivities."""
     values = solution.variables
-    gear = replace(problem.option.gear, ratio=(values["ratio"],) * 2)
+    gear = problem.option.gear.model_copy(update={"ratio": [values["ratio"]] * 2})
     option = replace(problem.option, gear=gear)
     sink = (values["capacity"], values["resistance"]) if option.has_sink else None
-    winding = [problem.plant.states.index(node) for node in option.motor.winding]
+    winding = [problem.plant.states.index(node) for node in option.motor.winding_nodes]
     hottest, current = check_design(option, sink, values["torque"], values["duration"], solution.states[:, 0])
     return Design(
         option,
@@ -164,13 +164,13 @@ def design_of(problem: Problem, solution: Solution) -> Design:
 
 def _sink_sensitivities(option: Option, sink: tuple[float, float]) -> dict[str, float]:
     """Derivatives of the goal to the sink's two numbers, the rest of the design held."""
-    if option.study.goal in BUDGETS:
+    if option.study.question.goal in BUDGETS:
         return {}  # at a given sink its mass is given
     solution = Problem(option, sink).solve()
     if not solution.success:
         return {}
     gradient, per_capacity = solution.gradient, solution.gradient[CAPACITY]
-    per_mass = per_capacity * option.material.specific_heat
+    per_mass = per_capacity * option.metal.specific_heat
     return {
         "capacity": per_capacity,
         "mass": per_mass,
@@ -248,8 +248,7 @@ def iso_map(design: Design, points: int = 30) -> IsoMap:
     option, study = design.option, design.option.study
     if not option.has_sink:
         raise InputError(study.origin, "map", f"{option.name}", "a design with a sink")
-    capacity = np.geomspace(*study.sink.capacity, points)
-    resistance = np.geomspace(*study.sink.resistance, points)
+    capacity, resistance = (np.geomspace(*ends, points) for ends in study.sink.bounds)
     every_c, every_r = (grid.ravel() for grid in np.meshgrid(capacity, resistance))
     peaks = peak_temperatures(option, every_c, every_r, np.full(every_c.size, design.torque), design.duration)
     return IsoMap(option, capacity, resistance, peaks.reshape(points, points), design.torque, design.duration)
@@ -263,7 +262,7 @@ def limit_curves(design: Design, currents: FloatArray) -> LimitCurve:
         currents: A, shape (n,).
     """
     option = design.option
-    limit = option.limits.get("winding", option.motor.limits.get("winding", ENAMEL_LIMIT))
+    limit = option.limits.get("winding", option.motor.limits.winding or ENAMEL_LIMIT)
     simulator, task = Simulator(option, "current"), option.study.task
     n = currents.size
     one = np.ones(n)

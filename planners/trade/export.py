@@ -21,11 +21,11 @@ _NOT_OF_THE_DESIGN = ("least.", "most.", "weight", "longest", "copper_loss.torqu
 
 def as_json(result: StudyResult) -> dict[str, object]:
     """The whole answer; units are in the names' documentation, all SI and degC."""
-    words, _, more = GOALS[result.study.goal]
+    words, _, more = GOALS[result.study.question.goal]
     return {
-        "study": result.study.name,
-        "currency": result.study.currency,
-        "goal": {"name": result.study.goal, "words": words, "unit": result.study.unit, "more_is_better": more},
+        "study": result.study.question.name,
+        "currency": result.study.question.currency,
+        "goal": {"name": result.study.question.goal, "words": words, "unit": result.study.unit, "more_is_better": more},
         "best": result.designs[0].option.name if result.designs else None,
         "designs": [_design(design, result.intervals) for design in result.designs],
         "refused": [
@@ -83,7 +83,7 @@ def _design(design: Design, intervals: Mapping[str, Interval]) -> dict[str, obje
         "cooling": design.option.cooling,
         "pipes": design.option.pipes,
         "gear": design.option.gear.name,
-        "material": design.option.material.name if design.option.has_sink else None,
+        "material": design.option.material if design.option.has_sink else None,
         **{name: getattr(design, name) for name in names},
         "fan_power": design.option.study.fan.power if design.option.cooling == "fan" else 0.0,
         "binding": list(design.binding),
@@ -112,8 +112,8 @@ def lines(result: StudyResult) -> Iterable[str]:
 
 def headline(result: StudyResult) -> str:
     """What was sought."""
-    words, _, more = GOALS[result.study.goal]
-    return f"{result.study.name}: {'most' if more else 'least'} {words}, best choice first"
+    words, _, more = GOALS[result.study.question.goal]
+    return f"{result.study.question.name}: {'most' if more else 'least'} {words}, best choice first"
 
 
 def table(result: StudyResult) -> list[tuple[str, ...]]:
@@ -124,7 +124,7 @@ def table(result: StudyResult) -> list[tuple[str, ...]]:
 
 def remarks(result: StudyResult) -> Iterable[str]:
     """Cautions, what was refused, sensitivities, the ends of the front."""
-    words, unit = GOALS[result.study.goal][0], result.study.unit
+    words, unit = GOALS[result.study.question.goal][0], result.study.unit
     for design in result.designs:
         if abs(design.checked - design.winding) > _AGREES:
             yield f"{design.option.name}: caution, a simulation in fine steps reaches {design.checked:.1f} degC"
@@ -145,7 +145,7 @@ def remarks(result: StudyResult) -> Iterable[str]:
 
 def _columns(result: StudyResult) -> dict[str, Callable[[Design], str]]:
     """The table's columns: those that the study asks about."""
-    words, unit = GOALS[result.study.goal][0], result.study.unit
+    words, unit = GOALS[result.study.question.goal][0], result.study.unit
     columns: dict[str, Callable[[Design], str]] = {
         "choice": lambda design: design.option.name,
         f"{words} [{unit}]": lambda design: f"{design.value:.4g}",
@@ -162,8 +162,8 @@ def _columns(result: StudyResult) -> dict[str, Callable[[Design], str]]:
         "mass [g]": lambda design: f"{1e3 * design.mass:.0f}",
         "volume [cm3]": lambda design: f"{1e6 * design.volume:.0f}",
     }
-    if result.study.asks_for_prices and result.study.goal != "price":
-        columns[f"price [{result.study.currency}]"] = lambda design: f"{design.price:.4g}"
+    if result.study.asks_for_prices and result.study.question.goal != "price":
+        columns[f"price [{result.study.question.currency}]"] = lambda design: f"{design.price:.4g}"
     columns["winding [degC]"] = lambda design: f"{design.winding:.1f}"
     columns["active constraints"] = lambda design: ", ".join(design.binding) or "nothing"
     return columns

@@ -40,7 +40,7 @@ _AXES = {
 def axis_of(quantity: str, study: Study) -> tuple[float, str]:
     """Of a goal, or of what a front is swept over: its factor from SI, and its label."""
     factor, label = _AXES[quantity]
-    return factor, label.format(currency=plain(study.currency))
+    return factor, label.format(currency=plain(study.question.currency))
 
 
 def study_figure(result: StudyResult) -> Figure:
@@ -58,7 +58,7 @@ def study_figure(result: StudyResult) -> Figure:
         draw(ax, result)
         ax.title.set_fontsize(TEXT)
         dress(ax)
-    figure.suptitle(plain(result.study.name), fontsize=TEXT + 1)
+    figure.suptitle(plain(result.study.question.name), fontsize=TEXT + 1)
     return figure
 
 
@@ -88,7 +88,9 @@ def torque_speed_figure(result: StudyResult) -> Figure:
         ax.set_ylabel("torque [N·m]")
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, frameon=False, fontsize=SMALL, loc="outside lower center", ncols=5)
-    figure.suptitle(f"{plain(result.study.name)}: how long a torque can be held, behind the gear", fontsize=TEXT + 1)
+    figure.suptitle(
+        f"{plain(result.study.question.name)}: how long a torque can be held, behind the gear", fontsize=TEXT + 1
+    )
     return figure
 
 
@@ -128,13 +130,13 @@ def _look(result: StudyResult, name: str) -> dict[str, Any]:
 
 
 def _style(option: Option) -> tuple[str, str, int, str]:
-    return option.gear.name, option.cooling, option.pipes, option.material.name
+    return option.gear.name, option.cooling, option.pipes, option.material
 
 
 def _front(ax: Axes, result: StudyResult) -> None:
     assert result.study.sweep is not None
     factor, label = axis_of(result.study.sweep.against, result.study)
-    scale, goal = axis_of(result.study.goal, result.study)
+    scale, goal = axis_of(result.study.question.goal, result.study)
     for name, points in result.by_option.items():
         if points and name in result.drawn:
             amounts, values = ([getattr(point, key) for point in points] for key in ("amount", "value"))
@@ -167,7 +169,7 @@ def _map(ax: Axes, result: StudyResult) -> None:
     _bounds(ax, design, here)
     ax.plot(*here, "o", ms=7, color=_look(result, option.name)["color"], zorder=6, clip_on=False)
     ax.annotate("design", here, (7, 7), textcoords="offset points", fontsize=SMALL)
-    peak = "Mean" if option.study.task.cycles is None else "Hottest"
+    peak = "Mean" if option.study.task.repeats is None else "Hottest"
     ax.set_title(f"{peak} winding [degC] at {design.torque:.3g} N·m\n{plain(option.name)}; shaded: can't be built")
 
 
@@ -180,14 +182,14 @@ def _decimals(values: FloatArray) -> str:
 def _bounds(ax: Axes, design: Design, here: tuple[float, float]) -> None:
     """Where mass, volume and fins end what can be built; names away from the design, where all of them may meet."""
     option = design.option
-    sink, spacing, metal = option.study.sink, option.study.air[option.cooling].spacing, option.material
-    c, r = np.meshgrid(np.geomspace(*sink.capacity, 200), np.geomspace(*sink.resistance, 200))
-    fins = fin_mass(r, option.film, sink.thickness, metal.density) * metal.specific_heat / c
+    sink, spacing, metal = option.study.sink, option.air.spacing, option.metal
+    c, r = np.meshgrid(*(np.geomspace(*ends, 200) for ends in sink.bounds))
+    fins = fin_mass(r, option.film, sink.fin_thickness, metal.density) * metal.specific_heat / c
     named = {"all fins": (fins, 1.0)}
     if "mass" in option.limits:
         named["mass"] = (option.fixed_mass + c / metal.specific_heat, option.limits["mass"])
     if "volume" in option.limits:
-        of_sink = sink_volume(c, r, option.film, sink.thickness, spacing, metal.density, metal.specific_heat)
+        of_sink = sink_volume(c, r, option.film, sink.fin_thickness, spacing, metal.density, metal.specific_heat)
         named["volume"] = (option.fixed_volume + of_sink, option.limits["volume"])
     if "price" in option.limits:
         spent = option.fixed_price + (metal.price or 0.0) * c / metal.specific_heat
@@ -240,6 +242,6 @@ def _sensitivities(ax: Axes, result: StudyResult) -> None:
     ax.set_yticks(rows, [plain(name) + (", per K" if units[name] == "degC" else "") for name in names])
     ax.set_ylim(-0.5, max(len(names), 3) - 0.5)
     ax.axvline(0.0, color=INK, lw=0.8)
-    ax.set_xlabel(f"% of the {GOALS[result.study.goal][0]} per %")
+    ax.set_xlabel(f"% of the {GOALS[result.study.question.goal][0]} per %")
     ax.set_title("Sensitivities", pad=20)  # pt: the legend stands between it and the bars
     ax.legend(frameon=False, fontsize=SMALL, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)

@@ -85,7 +85,7 @@ class Plant:
         self._coefficient = add("magnet_coefficient", option.motor.magnet_coefficient, "1/K")
         self._fixed_mass = add("fixed_mass", option.fixed_mass, "kg")
         self._fixed_volume = add("fixed_volume", option.fixed_volume, "m^3")
-        self._fixed_price = add("fixed_price", option.fixed_price, option.study.currency)
+        self._fixed_price = add("fixed_price", option.fixed_price, option.study.question.currency)
         self._inertia = add("rotor_inertia", option.motor.rotor_inertia, "kg*m^2")
         self.ratio, self._efficiency = (ca.SX(1.0) if ratio is None else ratio), ca.SX(1.0)
         if option.gear.name:
@@ -94,11 +94,11 @@ class Plant:
         if option.has_sink:
             sink = option.study.sink
             self._film = add("film", option.film, "W/(m^2*K)")
-            self._thickness = add("fin_thickness", sink.thickness, "m")
-            self._spacing = add("fin_spacing", option.study.air[option.cooling].spacing, "m")
-            self._density = add("density", option.material.density, "kg/m^3")
-            self._heat = add("specific_heat", option.material.specific_heat, "J/(kg*K)")
-            self._per_kilogram = add("price_per_kg", option.material.price or 0.0, f"{option.study.currency}/kg")
+            self._thickness = add("fin_thickness", sink.fin_thickness, "m")
+            self._spacing = add("fin_spacing", option.air.spacing, "m")
+            self._density = add("density", option.metal.density, "kg/m^3")
+            self._heat = add("specific_heat", option.metal.specific_heat, "J/(kg*K)")
+            self._per_kilogram = add("price_per_kg", option.metal.price or 0.0, f"{option.study.question.currency}/kg")
         self._refuse_other_inputs()
 
     def _refuse_other_inputs(self) -> None:
@@ -162,7 +162,7 @@ class Plant:
         return self.motor_torque(load) / self._torque_constant(x)
 
     def _torque_constant(self, x: Any) -> Any:
-        nodes = self.option.motor.magnet
+        nodes = self.option.motor.magnet_nodes
         warm = ca.sum1(self.temperatures(x, nodes)) / len(nodes) - REFERENCE
         return self._constant * (1 + self._coefficient * warm)
 

@@ -156,9 +156,9 @@ def transcribe(program: Program, plant: Plant, torque: Any, duration: Any) -> Co
         duration: of the hold or the cycle [s], an expression.
     """
     task = plant.option.study.task
-    parts = np.tile(task.operation, (_HOLD_ELEMENTS if task.hold else task.cycles or 1, 1))
+    parts = np.tile(task.operation, (_HOLD_ELEMENTS if task.is_hold else task.repeats or 1, 1))
     elements, n = len(parts), len(plant.states)
-    share = (np.arange(elements + 1) / elements) ** (_GRADING if task.hold else 1.0) * (task.cycles or 1)
+    share = (np.arange(elements + 1) / elements) ** (_GRADING if task.is_hold else 1.0) * (task.repeats or 1)
     low, high = min(task.ambient, task.start) - _COLD, max(task.ambient, task.start) + _HOT
 
     def state(name: str) -> Any:
@@ -166,7 +166,7 @@ def transcribe(program: Program, plant: Plant, torque: Any, duration: Any) -> Co
 
     derivative, _, _ = ca.collocation_coeff(ca.collocation_points(_DEGREE, "radau"))
     start = plant.parameters.add("start", task.start, "degC")
-    path = [state("x0") if task.cycles is None else ca.repmat(start, n, 1)]
+    path = [state("x0") if task.repeats is None else ca.repmat(start, n, 1)]
     loads = [Load(torque * share, *motion) for share, *motion in parts.tolist()]
     for k, load in enumerate(loads):
         stages = [state(f"x{k + 1}s{j}") for j in range(_DEGREE)]
@@ -175,7 +175,7 @@ def transcribe(program: Program, plant: Plant, torque: Any, duration: Any) -> Co
             slope = ca.mtimes(ca.horzcat(path[-1], *stages), derivative[:, j])
             program.constrain(slope - h * plant.rates(stages[j], load), "heat balance", equal=True)
         path.append(stages[-1])
-    if task.cycles is None:
+    if task.repeats is None:
         program.constrain(path[-1] - path[0], "heat balance", equal=True)
     return Course(path, loads, share)
 
@@ -199,7 +199,7 @@ class Problem:
         capacity, resistance = self._design(given_design)
         self.plant = Plant(option, self.parameters, capacity, resistance, self._ratio())
         self._limits = {
-            name: self.parameters.add(f"limit.{name}", value, LIMITS[name] or option.study.currency)
+            name: self.parameters.add(f"limit.{name}", value, LIMITS[name] or option.study.question.currency)
             for name, value in option.limits.items()
         }
         self._task()
@@ -223,7 +223,7 @@ class Problem:
         gear = self.option.gear
         return self._sought("ratio", gear.ratio, "1") if gear.is_sought else None
 
-    def _sought(self, name: str, bounds: tuple[float, float], unit: str) -> Any:
+    def _sought(self, name: str, bounds: Sequence[float], unit: str) -> Any:
         """A number of the design between two bounds, which are parameters."""
         low, high = (
             self.parameters.add(f"{end}.{name}", value, unit)
@@ -241,19 +241,18 @@ class Problem:
         geared = float(np.sqrt(self.option.gear.ratio[0] * self.option.gear.ratio[1]))
         self._torque_scale, self._time_scale = self.option.motor.torque_constant * 10.0 * geared, task.longest / 10
         self._slack["torque"] = self._program.variable("slack.torque", 0.0, 0.0, 0.0)
-        if task.torque is None:
+        torque = self.option.study.torque
+        if torque is None:
             self._torque = self._program.variable("torque", 1.0, 0.0, 1e3) * self._torque_scale
         else:
-            self._torque = (
-                self.parameters.add("torque", task.torque, "N*m") - self._slack["torque"] * self._torque_scale
-            )
-        if task.duration is None:
+            self._torque = self.parameters.add("torque", torque, "N*m") - self._slack["torque"] * self._torque_scale
+        if task.time is None:
             most = self.parameters.add("longest", task.longest, "s")
             logarithm = self._program.variable("duration", float(np.log(10.0)), -5.0, float(np.log(task.longest)) + 1)
             self._program.constrain(logarithm - ca.log(most), "longest")
             self._duration = ca.exp(logarithm)
         else:
-            self._duration = self.parameters.add("duration", task.duration, "s")
+            self._duration = self.parameters.add("duration", task.time, "s")
 
     def _limit(self, name: str, values: Any) -> None:
         """`values` at most the limit of this name, which a slack can move by multiples of its size."""
@@ -271,15 +270,15 @@ class Problem:
         return max(abs(self.parameters.defaults[f"limit.{name}"]), 1e-6)
 
     def _limit_all(self) -> None:
-        plant, motor, goal, ends = self.plant, self.option.motor, self.option.study.goal, self._course.ends
-        windings = ca.vertcat(*[plant.temperatures(x, motor.winding) for x, _ in ends])
+        plant, motor, goal, ends = self.plant, self.option.motor, self.option.study.question.goal, self._course.ends
+        windings = ca.vertcat(*[plant.temperatures(x, motor.winding_nodes) for x, _ in ends])
         self._limit("winding", windings)
-        self._limit("magnet", ca.vertcat(*[plant.temperatures(x, motor.magnet) for x, _ in ends]))
+        self._limit("magnet", ca.vertcat(*[plant.temperatures(x, motor.magnet_nodes) for x, _ in ends]))
         task = self.option.study.task
         self._limit_size("current", [plant.current(x, load) for x, load in ends], bool(task.accelerations.any()))
-        reverses = bool((task.speeds < 0).any())
+        reverses = bool((task.motion < 0).any())
         self._limit_size("voltage", [plant.voltage(x, load) for x, load in self._course.both_ends], reverses)
-        self._limit("speed", plant.ratio * float(np.abs(task.speeds).max()))
+        self._limit("speed", plant.ratio * float(np.abs(task.motion).max()))
         if self.option.has_sink:
             self._limit("pipe_power", ca.vertcat(*[plant.pipe_power(x, load) for x, load in ends]))
         if goal == "worst_temperature":
@@ -295,7 +294,7 @@ class Problem:
 
     def _objective(self) -> tuple[Any, float]:
         """What is minimised, and the factor that turns it back into the goal's own unit."""
-        goal = self.option.study.goal
+        goal = self.option.study.question.goal
         if goal == "held_torque":
             return -self._torque / self._torque_scale, -self._torque_scale
         if goal == "time_to_limit":

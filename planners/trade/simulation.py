@@ -60,8 +60,8 @@ class Simulator:
         jacobian = ca.jacobian(slope(x), x)
         self._rates = ca.Function("rates", [x, drive, capacity, resistance], [slope(x)])
         self._jacobian = ca.Function("jacobian", [x, drive, capacity, resistance], [ca.densify(jacobian)])
-        self._winding = [plant.states.index(node) for node in option.motor.winding]
-        self._magnet = [plant.states.index(node) for node in option.motor.magnet]
+        self._winding = [plant.states.index(node) for node in option.motor.winding_nodes]
+        self._magnet = [plant.states.index(node) for node in option.motor.magnet_nodes]
 
     def winding(self, x: FloatArray) -> FloatArray:
         """The winding's highest temperature [degC] for each case, shape (number of cases,)."""
@@ -161,12 +161,12 @@ def check_design(
     capacity, resistance = sink or (1.0, 1.0)
     part = duration / len(task.shape)
     loads = task.operation * (torque, 1.0, 1.0)
-    least = _HOLD_STEPS if task.hold else _CYCLE_STEPS
+    least = _HOLD_STEPS if task.is_hold else _CYCLE_STEPS
     steps = max(simulator.substeps(part, capacity, resistance, torque), least)
     x = start[:, None]
     hottest, most = float(simulator.winding(x)[0]), 0.0
     run = simulator.step.mapaccum(steps)
-    for _ in range(task.cycles or 1):
+    for _ in range(task.repeats or 1):
         for load in loads:
             drive, ones = load[:, None] * np.ones(steps), np.ones((1, steps))
             path = run(x, drive, capacity * ones, resistance * ones, part / steps * ones).full()
@@ -184,20 +184,20 @@ def peak_temperatures(
     Of a cycle that repeats for ever it is the mean over the cycle, from the RMS current; infinite where it runs away.
     """
     simulator, task = Simulator(option), option.study.task
-    if task.cycles is None:
+    if task.repeats is None:
         return simulator.winding(simulator.steady(_equivalent(option, torque), capacity, resistance))
     n, part = capacity.size, duration / len(task.shape)
     x = np.full((len(simulator.plant.states), n), task.start)
     hottest = simulator.winding(x)
     hardest = float(capacity.min()), float(resistance.min()), float(torque.max())
-    implicit_steps = _MAP_STEPS if task.hold else _IMPLICIT_CYCLE_STEPS
+    implicit_steps = _MAP_STEPS if task.is_hold else _IMPLICIT_CYCLE_STEPS
     if simulator.is_stiff(part, implicit_steps, *hardest):
         advance, steps = simulator.advance_implicitly, implicit_steps
     else:
         advance = simulator.advance
-        steps = max(simulator.substeps(part, *hardest), _MAP_STEPS if task.hold else _CYCLE_STEPS)
+        steps = max(simulator.substeps(part, *hardest), _MAP_STEPS if task.is_hold else _CYCLE_STEPS)
     h = np.full(n, part / steps)
-    for share, *motion in np.tile(task.operation, (task.cycles, 1)):
+    for share, *motion in np.tile(task.operation, (task.repeats, 1)):
         drive = np.vstack([torque * share, *(np.full(n, value) for value in motion)])
         for _ in range(steps):
             x = advance(x, drive, capacity, resistance, h)
@@ -208,8 +208,8 @@ def peak_temperatures(
 def _equivalent(option: Option, torque: FloatArray) -> FloatArray:
     """The steady load, shape (3, n), that needs the cycle's RMS current at its RMS speed, for peak torques (n,)."""
     task, gear = option.study.task, option.gear
-    through = np.where(task.speeds < 0, gear.efficiency, 1 / gear.efficiency)
+    through = np.where(task.motion < 0, gear.efficiency, 1 / gear.efficiency)
     at_rotor = torque[:, None] * task.shape * through / gear.ratio[0]
     at_rotor = at_rotor + option.motor.rotor_inertia * gear.ratio[0] * task.accelerations
     rms = np.sqrt(np.mean(at_rotor**2, axis=1)) * gear.ratio[0] * gear.efficiency
-    return np.vstack([rms, np.full(torque.size, np.sqrt(np.mean(task.speeds**2))), np.zeros(torque.size)])
+    return np.vstack([rms, np.full(torque.size, np.sqrt(np.mean(task.motion**2))), np.zeros(torque.size)])

@@ -9,41 +9,31 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from lptn.basics.toml import Strict
 from lptn.effects.base import Symbol
+
+from ..values import Conductivity, Density, NotNegative, SpecificHeat
 
 AIR_CONDUCTIVITY, AIR_VISCOSITY, AIR_DIFFUSIVITY = 0.0267, 1.67e-5, 2.36e-5
 """Of air at 37 degC (W/(m K), m²/s, m²/s): [IncroperaDeWitt, table A.4]."""
 _GRAVITY, _AIR_TEMPERATURE = 9.81, 310.0
 
 
-@dataclass(frozen=True)
-class Material:
-    """What a sink is made of.
+class Material(Strict):
+    """What a sink is made of: table `[materials.NAME]`."""
 
-    Args:
-        name: what people call it.
-        density: kg/m³.
-        specific_heat: J/(kg K).
-        conductivity: W/(m K).
-        price: per kilogram, `None` where nobody said.
-    """
-
-    name: str
-    density: float
-    specific_heat: float
-    conductivity: float
-    price: float | None = None
+    density: Density
+    specific_heat: SpecificHeat
+    conductivity: Conductivity
+    price: NotNegative | None = None  # per kilogram; none where nobody said
 
 
-ALUMINIUM = Material("aluminium", 2700.0, 897.0, 200.0)
+ALUMINIUM = Material(density=2700.0, specific_heat=897.0, conductivity=200.0)
 MATERIALS = {
-    material.name: material
-    for material in (
-        ALUMINIUM,
-        Material("copper", 8960.0, 385.0, 390.0),
-        Material("magnesium", 1810.0, 1050.0, 72.0),
-        Material("steel", 7850.0, 490.0, 50.0),
-    )
+    "aluminium": ALUMINIUM,
+    "copper": Material(density=8960.0, specific_heat=385.0, conductivity=390.0),
+    "magnesium": Material(density=1810.0, specific_heat=1050.0, conductivity=72.0),
+    "steel": Material(density=7850.0, specific_heat=490.0, conductivity=50.0),
 }
 """Metals by name: density and specific heat after the CRC Handbook of Chemistry and Physics, conductivity that of
 common alloys: extruded aluminium, magnesium AZ91, unalloyed steel."""

@@ -1,204 +1,24 @@
-"""Study files: their tables and keys, checked by pydantic; each mistake said with its line and what was expected."""
+"""Study files: their tables read, motors found in catalogues and models, and mistakes that single keys do not show."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated, Any, Literal
 
-import numpy as np
-from pydantic import Field, TypeAdapter, ValidationError
-
-from lptn.basics.arrays import FloatArray
-from lptn.basics.errors import InputError, shown
+from lptn.basics.errors import InputError
 from lptn.basics.files import text_of
 from lptn.basics.places import matching
-from lptn.basics.toml import Number, Strict, mistakes_by_line, toml_of
+from lptn.basics.toml import mistakes_by_line, toml_of
 from lptn.model.file import parse_model, read_model_file
 from lptn.model.network import Network
 from lptn.robots.presets import presets
 
-from ..values import (
-    AnySpeed,
-    Capacity,
-    Celsius,
-    Conductivity,
-    Current,
-    Density,
-    ExtraMass,
-    ExtraPower,
-    ExtraVolume,
-    Kelvins,
-    Length,
-    Mass,
-    NotNegative,
-    Positive,
-    Power,
-    Resistance,
-    Runtime,
-    Seconds,
-    ShaftSpeed,
-    SpecificEnergy,
-    SpecificHeat,
-    Speed,
-    Torque,
-    Voltage,
-    Volume,
-)
-from . import profiles
 from .catalogue import MotorTable, data_sheet_network, known_motors, read_catalogue
-from .motors import MAGNET_COEFFICIENT
-from .sink import MATERIALS, Air, Material, blown_air, still_air
-from .study import (
-    CURRENCY,
-    Cooling,
-    Fan,
-    Gear,
-    Goal,
-    MotorChoice,
-    Pipes,
-    Sink,
-    Study,
-    Sweep,
-    Task,
-    Uncertainty,
-    attachable,
-    pipe_places,
-)
+from .study import SWEPT, MotorChoice, Study, StudyTables, Sweep, Task, attachable, pipe_places
 
-_SWEPT: dict[str, tuple[Any, str]] = {
-    "mass": (Mass, "kg"),
-    "volume": (Volume, "m^3"),
-    "price": (Positive, ""),
-    "voltage": (Voltage, "V"),
-    "torque": (Torque, "N*m"),
-    "duration": (Seconds, "s"),
-    "ratio": (Positive, "revolutions of the motor by one of the load"),
-}
-_GEAR = 50.0  # of walking and jumping where no gear is said
-_MOST_FACTOR = 1e6  # kg of body on a motor without gear
 _NEEDED = {"mass": "kg", "volume": "m^3", "torque_constant": "N*m/A at 25 degC"}
-_MOST_DRAWS = 4096  # an hour for a study of some choices
-
-# --- tables and keys ----------------------------------------------------------------------------
-
-
-class StudyTable(Strict):
-    name: str = "study"
-    goal: Goal
-    cooling: list[Cooling] = Field(default=["none", "passive", "fan"], min_length=1)
-    catalogue: str | list[str] = Field(default=[])
-    currency: Annotated[str, Field(pattern=r"^\S{1,8}$")] = CURRENCY
-
-
-class TaskTable(Strict):
-    kind: Literal["hold", "cycle", "level_walking", "jump"] = "hold"
-    torque: Torque | None = None
-    profile: Annotated[list[NotNegative], Field(min_length=2, max_length=400)] | None = None
-    duration: Seconds | None = None
-    longest: Seconds = 3600.0
-    ambient: Celsius = 25.0
-    start: Celsius | None = None
-    period: Seconds | None = None
-    cycles: Annotated[int, Field(ge=1, le=100, strict=True)] | None = None
-    samples: Annotated[int, Field(ge=5, le=400, strict=True)] = 40
-    body_mass: Mass = 75.0
-    speed: AnySpeed | None = None
-    speeds: Annotated[list[AnySpeed], Field(min_length=2, max_length=400)] | None = None
-    gear: Positive | None = None
-    share: Annotated[Number, Field(gt=0, le=1)] = 1.0
-
-
-class LimitsTable(Strict):
-    winding: Celsius | None = None
-    magnet: Celsius | None = None
-    current: Current | None = None
-    voltage: Voltage | None = None
-    speed: ShaftSpeed | None = None
-    pipe_power: Power | None = None
-    mass: Mass | None = None
-    volume: Volume | None = None
-    price: Positive | None = None
-
-
-class GearTable(Strict):
-    name: str
-    ratio: Positive | Annotated[list[Positive], Field(min_length=2, max_length=2)]
-    efficiency: Annotated[Number, Field(gt=0, le=1)] = 1.0
-    mass: ExtraMass = 0.0
-    volume: ExtraVolume = 0.0
-    price: NotNegative | None = None
-
-
-class MaterialTable(Strict):
-    density: Density | None = None
-    specific_heat: SpecificHeat | None = None
-    conductivity: Conductivity | None = None
-    price: NotNegative | None = None
-
-
-class SinkTable(Strict):
-    at: str | None = None
-    node: str = "sink"
-    material: str | Annotated[list[str], Field(min_length=1)] = "aluminium"
-    price: NotNegative = 0.0  # of making it, beside its metal
-    capacity: list[Capacity] = Field(default=[20.0, 1500.0], min_length=2, max_length=2)
-    resistance: list[Resistance] = Field(default=[0.05, 10.0], min_length=2, max_length=2)
-    fin_thickness: Length = 1e-3
-    fin_depth: Length = 0.03
-    fin_height: Length = 0.08
-    excess: Kelvins = 30.0
-
-
-class PipesTable(Strict):
-    count: list[Annotated[int, Field(ge=1, le=64, strict=True)]] = Field(default=[4], min_length=1)
-    resistance: Resistance = 0.708  # each, with its contacts: four make the 0.177 K/W of the thesis's exchanger
-    power: Power = 65.0  # each; [Chen2017, appendix A.4]
-    mass: ExtraMass = 0.03  # each; assumed
-    mount: ExtraMass = 0.06  # the insert that holds them; assumed
-    price: NotNegative = 0.0  # each
-
-
-class FanTable(Strict):
-    mass: ExtraMass = 0.05
-    volume: ExtraVolume = 1e-4
-    power: ExtraPower = 2.0
-    speed: Speed = 3.0
-    runtime: Runtime = 0.0
-    battery: SpecificEnergy = 5.4e5  # 150 W·h/kg
-    price: NotNegative = 0.0
-
-
-class SweepTable(Strict):
-    against: Literal["mass", "volume", "price", "voltage", "torque", "duration", "ratio"] = "mass"
-    least: Any
-    most: Any
-    points: Annotated[int, Field(ge=2, le=200, strict=True)] = 12
-
-
-class UncertaintyTable(Strict):
-    draws: Annotated[int, Field(ge=8, le=_MOST_DRAWS, strict=True)] = 128
-    level: Annotated[Number, Field(ge=0.5, lt=1)] = 0.95
-    errors: dict[str, Any] = Field(default={})
-
-
-class File(Strict):
-    study: StudyTable
-    task: TaskTable = TaskTable()
-    limits: LimitsTable = LimitsTable()
-    motors: Annotated[list[MotorTable], Field(min_length=1)]
-    sink: SinkTable = SinkTable()
-    gears: Annotated[list[GearTable], Field(min_length=1)] | None = None
-    materials: dict[str, MaterialTable] = Field(default={})
-    pipes: PipesTable = PipesTable()
-    fan: FanTable = FanTable()
-    pareto: SweepTable | None = None
-    uncertainty: UncertaintyTable | None = None
-
-
-# --- reading ------------------------------------------------------------------------------------
+_MOST_FACTOR = 1e6  # kg of body on a motor without gear
+Tables = StudyTables[MotorTable]
 
 
 def load_study(path: Path) -> Study:
@@ -220,54 +40,23 @@ def parse_study(text: str, path: Path) -> Study:
         InputError: with the line of the mistake.
     """
     with mistakes_by_line(path, text):
-        tables = File.model_validate(toml_of(path, text))
-        return _study(tables, path)
-
-
-def _study(tables: File, path: Path) -> Study:
-    motors = tuple(_motor(motor, place, tables, path) for place, motor in _chosen_motors(tables, path))
-    gears = tuple(_gear(gear, number, path) for number, gear in enumerate(tables.gears or ()))
-    _refuse_twice([gear.name for gear in gears], "gears", path)
-    sink, fan = tables.sink, tables.fan
-    still = still_air(sink.excess, sink.fin_height)
-    study = Study(
-        tables.study.name,
-        tables.study.goal,
-        _task(tables.task, tables.study.goal, bool(gears), path),
-        motors,
-        tuple(dict.fromkeys(tables.study.cooling)),
-        {name: value for name, value in tables.limits.model_dump().items() if value is not None},
-        Sink(
-            sink.node,
-            _range(sink.capacity, "sink.capacity", path),
-            _range(sink.resistance, "sink.resistance", path),
-            sink.fin_thickness,
-            sink.fin_depth,
-            _materials(tables, path),
-            sink.price,
-        ),
-        Pipes(tuple(dict.fromkeys(tables.pipes.count)), tables.pipes.resistance, tables.pipes.power,
-              tables.pipes.mass, tables.pipes.mount, tables.pipes.price),
-        Fan(fan.mass + fan.power * fan.runtime / fan.battery, fan.volume, fan.power, fan.price),
-        {"none": Air(1.0, 1.0), "passive": still, "fan": blown_air(fan.speed, sink.fin_height)},
-        gears=gears or (Gear(),),
-        uncertainty=_uncertainty(tables.uncertainty, path),
-        origin=str(path),
-        currency=tables.study.currency,
-    )  # fmt: skip
-    if tables.pareto is not None:
-        study = replace(study, sweep=_sweep(tables.pareto, study, path))
-    _check(study, path)
-    return study
+        tables = Tables.model_validate(toml_of(path, text))
+        motors = [_motor(motor, place, tables, path) for place, motor in _chosen_motors(tables, path)]
+        if "gears" in tables.model_fields_set:
+            _check_gears(tables, path)
+            tables.task = tables.task.model_copy(update={"gear": 1.0})
+        study = Study(**dict(tables) | {"motors": motors, "origin": str(path)})
+        _check(study, path)
+        return study
 
 
 # --- motors -------------------------------------------------------------------------------------
 
 
-def _chosen_motors(tables: File, path: Path) -> list[tuple[str, MotorTable]]:
+def _chosen_motors(tables: Tables, path: Path) -> list[tuple[str, MotorTable]]:
     """Each motor with the place that asks for it: a name or pattern of the catalogue, or a motor of the study's own."""
     catalogue = known_motors()
-    names = tables.study.catalogue
+    names = tables.question.catalogue
     for name in [names] if isinstance(names, str) else names:
         if not (path.parent / name).is_file():
             raise InputError(path, "study.catalogue", f'"{name}"', "a CSV or TOML file beside the study")
@@ -292,33 +81,28 @@ def _chosen_motors(tables: File, path: Path) -> list[tuple[str, MotorTable]]:
     return list(chosen.values())
 
 
-def _motor(table: MotorTable, place: str, tables: File, path: Path) -> MotorChoice:
-    given = {"mass": table.mass, "volume": table.package, "torque_constant": table.constant}
-    absent = [name for name, value in given.items() if value is None]
+def _motor(table: MotorTable, place: str, tables: Tables, path: Path) -> MotorChoice:
+    given = table.model_dump(exclude_unset=True)
+    given |= {"volume": table.package, "torque_constant": table.constant}
+    absent = [name for name in _NEEDED if given.get(name) is None]
     if absent:
         raise InputError(path, place, f'"{table.name}" without {", ".join(absent)}', _needed(absent))
-    numbers = {name: value for name, value in given.items() if value is not None}
     errors: dict[str, float] = {}
     if table.data_sheet is not None:
         network = data_sheet_network(table.name, table.data_sheet)
     else:
         network, errors = _network(table.model or "", f"{place}.model", path)
-    return MotorChoice(
-        table.name,
-        network,
-        _winding(table, network, place, path),
-        _magnet(table, network, place, path),
-        _sink_at(table, tables, network, place, path),
-        magnet_coefficient=MAGNET_COEFFICIENT if table.magnet_coefficient is None else table.magnet_coefficient,
-        limits=table.limits.model_dump(exclude_none=True),
-        rotor_inertia=table.rotor_inertia or 0.0,
-        price=table.price,
-        standard_errors=errors,
-        **numbers,
-    )
+    found = {
+        "network": network,
+        "winding_nodes": _winding(table, network, place, path),
+        "magnet_nodes": _magnet(table, network, place, path),
+        "sink_at": _sink_at(table, tables, network, place, path),
+        "standard_errors": errors,
+    }
+    return MotorChoice(**given | found)
 
 
-def _needed(names: Sequence[str] | dict[str, str]) -> str:
+def _needed(names: Iterable[str]) -> str:
     return ", ".join(f"{name} = … [{_NEEDED[name]}]" for name in names)
 
 
@@ -353,9 +137,9 @@ def _nodes(pattern: str, network: Network, place: str, path: Path) -> tuple[str,
     return tuple(nodes)
 
 
-def _sink_at(table: MotorTable, tables: File, network: Network, place: str, path: Path) -> str:
+def _sink_at(table: MotorTable, tables: Tables, network: Network, place: str, path: Path) -> str:
     """What the heat pipes touch: as the study says, else the stator, else the outside of the housing."""
-    if set(tables.study.cooling) == {"none"}:
+    if tables.question.cooling == ["none"]:
         return ""
     usual = ("stator", "housing*.outer", "housing*.front", "housing")
     own = table.sink_at if table.sink_at is not None else tables.sink.at
@@ -386,195 +170,110 @@ def _network(name: str, place: str, path: Path) -> tuple[Network, dict[str, floa
     return network, {} if model.fit is None else dict(model.fit.standard_errors)
 
 
-def _refuse_twice(names: list[str], table: str, path: Path) -> None:
-    """Answers are kept by name."""
+# --- mistakes that only the whole study shows ---------------------------------------------------
+
+
+def _check_gears(tables: Tables, path: Path) -> None:
+    """Answers are kept by name; a gear stands in one place."""
+    names = [gear.name for gear in tables.gears]
     for number, name in enumerate(names):
+        if not name:
+            raise InputError(path, f"gears[{number}].name", '""', "a name")
         if name in names[:number]:
-            raise InputError(path, f"{table}[{number}].name", f'"{name}" a second time', "a name of its own for each")
+            raise InputError(path, f"gears[{number}].name", f'"{name}" a second time', "a name of its own for each")
+    if "gear" in tables.task.model_fields_set:
+        raise InputError(path, "task.gear", f"{tables.task.gear:g}", "no gear in [task] beside [[gears]]")
 
 
-# --- gears, materials, what is uncertain ----------------------------------------------------------
-
-
-def _gear(table: GearTable, number: int, path: Path) -> Gear:
-    if not table.name:
-        raise InputError(path, f"gears[{number}].name", '""', "a name")
-    ratio = _range(table.ratio, f"gears[{number}].ratio", path) if isinstance(table.ratio, list) else (table.ratio,) * 2
-    return Gear(table.name, ratio, table.efficiency, table.mass, table.volume, table.price)
-
-
-def _materials(tables: File, path: Path) -> tuple[Material, ...]:
-    materials = dict(MATERIALS)
-    for name, table in tables.materials.items():
-        said = table.model_dump(exclude_none=True)
-        absent = [key for key in ("density", "specific_heat", "conductivity") if key not in said]
-        if name in materials:
-            materials[name] = replace(materials[name], **said)
-        elif absent:
-            raise InputError(
-                path, f"materials.{name}", f"no {', '.join(absent)}", "density, specific_heat, conductivity"
-            )
-        else:
-            materials[name] = Material(name, **said)
-    asked = tables.sink.material
-    names = [asked] if isinstance(asked, str) else asked
-    for name in names:
-        if name not in materials:
-            expected = f"one of {', '.join(materials)}, or a table [materials.{name}]"
+def _check(study: Study, path: Path) -> None:
+    goal, task = study.question.goal, study.task
+    if task.is_hold:
+        _check_hold(task, goal, path)
+    else:
+        _check_cycle(task, goal, path)
+    for name in study.sink.metals:
+        if name not in study.materials:
+            expected = f"one of {', '.join(study.materials)}, or a table [materials.{name}]"
             raise InputError(path, "sink.material", f'"{name}"', expected)
-    return tuple(materials[name] for name in dict.fromkeys(names))
+    if study.sweep is not None:
+        _check_sweep(study.sweep, study, path)
+    for name in ("voltage", "speed"):
+        if name in study.limits.given and not task.has_speeds:
+            expected = 'speeds = […] in [task], with kind = "cycle": nobody knows how fast this cycle turns'
+            raise InputError(path, f"limits.{name}", "a task without speeds", expected)
+    if study.asks_for_prices:
+        _check_prices(study, path)
+    _check_winding(study, path)
 
 
-def _uncertainty(table: UncertaintyTable | None, path: Path) -> Uncertainty | None:
-    """Standard errors by pattern: a number is relative, `{ value = 3, unit = "K" }` is not."""
-    if table is None:
-        return None
-    errors: dict[str, tuple[float, bool]] = {}
-    for pattern, given in table.errors.items():
-        place = f'uncertainty.errors."{pattern}"'
-        number, relative = given, True
-        if isinstance(given, dict) and set(given) == {"value", "unit"}:
-            number, relative = given["value"], False
-            if given["unit"] not in ("K", "SI"):
-                raise InputError(path, place, shown(given["unit"]), 'unit = "K", or "SI" for a number in SI units')
-        if isinstance(number, bool) or not isinstance(number, int | float) or not 0 <= number < math.inf:
-            expected = 'a relative standard error such as 0.1, or { value = 3, unit = "K" }'
-            raise InputError(path, place, shown(given), expected)
-        errors[pattern] = (float(number), relative)
-    return Uncertainty(errors, table.draws, table.level)
+def _check_winding(study: Study, path: Path) -> None:
+    hottest = max(study.task.start, study.task.ambient)
+    for option in study.options():
+        limit = option.limits.get("winding")
+        if limit is None and study.question.goal != "worst_temperature":
+            expected = f"winding = … in degC, for no data sheet gives {option.motor.name}'s"
+            raise InputError(path, "limits", "no limit of the winding's temperature", expected)
+        if limit is not None and limit <= hottest:
+            where = f"motors[{study.motors.index(option.motor)}]"
+            where = where if study.limits.winding is None else "limits.winding"
+            raise InputError(path, where, f"{limit:g} degC", f"more than the {hottest:g} degC of the start and the air")
 
 
-# --- task ---------------------------------------------------------------------------------------
-
-
-def _task(table: TaskTable, goal: str, geared: bool, path: Path) -> Task:
-    start = table.ambient if table.start is None else table.start
-    if table.gear is not None and geared:
-        raise InputError(path, "task.gear", f"{table.gear:g}", "no gear in [task] beside [[gears]]")
-    if table.kind == "hold":
-        return _hold(table, goal, start, path)
-    if goal == "time_to_limit":
-        raise InputError(path, "task.kind", f'"{table.kind}"', 'kind = "hold" for the goal time_to_limit')
-    shape, speed, period = _cycle(table, geared, path)
-    peak: float | None = float(shape.max())
-    if not peak:
-        raise InputError(path, "task.profile", "no torque at all", "one part of the cycle at least above 0 N*m")
-    shape = shape / peak
-    if goal == "held_torque":
-        peak = None
-    return Task(shape, peak, period, table.cycles, False, table.longest, table.ambient, start, speed)
-
-
-def _hold(table: TaskTable, goal: str, start: float, path: Path) -> Task:
-    torque, duration = table.torque, table.duration
-    for name, value, sought in (("torque", torque, "held_torque"), ("duration", duration, "time_to_limit")):
+def _check_hold(task: Task, goal: str, path: Path) -> None:
+    for name, value, sought in (("torque", task.torque, "held_torque"), ("duration", task.duration, "time_to_limit")):
         if value is None and goal != sought:
             raise InputError(path, "task", f"no {name}", f"{name} = … for the goal {goal}")
         if value is not None and goal == sought:
             raise InputError(path, f"task.{name}", f"{value:g}", f"no {name}, for the goal {goal} seeks it")
     for name in ("profile", "period", "cycles", "speeds"):
-        if getattr(table, name) is not None:
+        if name in task.model_fields_set:
             raise InputError(path, f"task.{name}", "a key of a duty cycle", 'kind = "cycle" with it')
-    speed = np.array([table.speed or 0.0])
-    return Task(np.ones(1), torque, duration, 1, True, table.longest, table.ambient, start, speed)
 
 
-def _cycle(table: TaskTable, geared: bool, path: Path) -> tuple[FloatArray, FloatArray | None, float]:
-    """Torque [N·m] and speed [rad/s] in each part of the cycle, and the cycle's time [s].
-
-    They are the joint's where the study has gears, else the motor's.
-    """
-    if table.duration is not None:
-        raise InputError(path, "task.duration", f"{table.duration:g} s", "period and cycles for a duty cycle")
-    if table.speed is not None:
-        raise InputError(
-            path, "task.speed", f"{table.speed:g} rad/s", "speeds = […] for a duty cycle, one for each part"
-        )
-    if table.kind == "cycle":
-        if table.profile is None or table.period is None:
-            missing = "profile" if table.profile is None else "period"
+def _check_cycle(task: Task, goal: str, path: Path) -> None:
+    if goal == "time_to_limit":
+        raise InputError(path, "task.kind", f'"{task.kind}"', 'kind = "hold" for the goal time_to_limit')
+    if task.duration is not None:
+        raise InputError(path, "task.duration", f"{task.duration:g} s", "period and cycles for a duty cycle")
+    if "speed" in task.model_fields_set:
+        expected = "speeds = […] for a duty cycle, one for each part"
+        raise InputError(path, "task.speed", f"{task.speed:g} rad/s", expected)
+    if task.kind == "cycle":
+        if task.profile is None or task.period is None:
+            missing = "profile" if task.profile is None else "period"
             raise InputError(path, "task", f"no {missing}", f"{missing} = … for a duty cycle")
-        if table.speeds is not None and len(table.speeds) != len(table.profile):
-            expected = f"{len(table.profile)}, one for each part of the profile"
-            raise InputError(path, "task.speeds", f"{len(table.speeds)} speeds", expected)
-        speeds = None if table.speeds is None else np.array(table.speeds, dtype=float)
-        return np.array(table.profile), speeds, table.period
-    if table.torque is not None or table.profile is not None or table.speeds is not None:
-        raise InputError(path, "task", "a torque or speeds of its own", f"body_mass, gear and share for {table.kind}")
-    moment = {"level_walking": profiles.level_walking, "jump": profiles.jump}[table.kind](table.samples)
-    period = table.period or {"level_walking": profiles.WALKING_PERIOD, "jump": profiles.JUMP_PERIOD}[table.kind]
-    speeds = profiles.walking_speed(table.samples, period) if table.kind == "level_walking" else None
-    gear = 1.0 if geared else table.gear or _GEAR
-    factor = table.body_mass * table.share / gear
-    if not 0 < factor < _MOST_FACTOR:
-        expected = f"body_mass * share / gear below {_MOST_FACTOR:g} kg"
-        raise InputError(path, "task", f"{factor:g} kg", expected)
-    return moment * factor, None if speeds is None else speeds * gear, period
-
-
-# --- the rest -----------------------------------------------------------------------------------
-
-
-def _range(given: list[float], place: str, path: Path) -> tuple[float, float]:
-    if not given[0] <= given[1]:
-        raise InputError(path, place, f"{given[0]:g} above {given[1]:g}", "[least, greatest]")
-    return given[0], given[1]
-
-
-def _check(study: Study, path: Path) -> None:
-    """Mistakes that only the whole study shows."""
-    _check_speed(study, path)
-    _check_prices(study, path)
-    for option in study.options():
-        limit = option.limits.get("winding")
-        if limit is None and study.goal != "worst_temperature":
-            expected = f"winding = … in degC, for no data sheet gives {option.motor.name}'s"
-            raise InputError(path, "limits", "no limit of the winding's temperature", expected)
-        hottest = max(study.task.start, study.task.ambient)
-        if limit is not None and limit <= hottest:
-            where = "limits.winding" if "winding" in study.limits else f"motors[{study.motors.index(option.motor)}]"
-            raise InputError(path, where, f"{limit:g} degC", f"more than the {hottest:g} degC of the start and the air")
-
-
-def _check_speed(study: Study, path: Path) -> None:
-    if study.task.speed is not None:
-        return
-    for name in ("voltage", "speed"):
-        if name in study.limits:
-            expected = 'speeds = […] in [task], with kind = "cycle": nobody knows how fast this cycle turns'
-            raise InputError(path, f"limits.{name}", "a task without speeds", expected)
+        if task.speeds is not None and len(task.speeds) != len(task.profile):
+            expected = f"{len(task.profile)}, one for each part of the profile"
+            raise InputError(path, "task.speeds", f"{len(task.speeds)} speeds", expected)
+    elif task.torque is not None or task.profile is not None or task.speeds is not None:
+        raise InputError(path, "task", "a torque or speeds of its own", f"body_mass, gear and share for {task.kind}")
+    elif not 0 < task.factor < _MOST_FACTOR:
+        raise InputError(path, "task", f"{task.factor:g} kg", f"body_mass * share / gear below {_MOST_FACTOR:g} kg")
+    if not task.torques.any():
+        raise InputError(path, "task.profile", "no torque at all", "one part of the cycle at least above 0 N*m")
 
 
 def _check_prices(study: Study, path: Path) -> None:
     """What has no price must not pass for free."""
-    if not study.asks_for_prices:
-        return
-    motor = next((motor for motor in study.motors if motor.price is None), None)
-    if motor is not None:
-        raise InputError(path, "motors", f'"{motor.name}" without a price', "price = … for each motor")
-    gear = next((gear for gear in study.gears if gear.price is None), None)
-    if gear is not None:
-        raise InputError(path, "gears", f'"{gear.name}" without a price', "price = … for each gear")
-    metal = next((metal for metal in study.sink.materials if metal.price is None), None)
-    if metal is not None and set(study.cooling) != {"none"}:
-        expected = f"[materials.{metal.name}] with price = …, by the kilogram"
-        raise InputError(path, "sink.material", f'"{metal.name}" without a price', expected)
+    for table, choices in (("motors", study.motors), ("gears", study.gears)):
+        for choice in choices:
+            if choice.price is None:
+                expected = f"price = … for each {table.removesuffix('s')}"
+                raise InputError(path, table, f'"{choice.name}" without a price', expected)
+    for name in study.sink.metals:
+        if study.materials[name].price is None and study.question.cooling != ["none"]:
+            expected = f"[materials.{name}] with price = …, by the kilogram"
+            raise InputError(path, "sink.material", f'"{name}" without a price', expected)
 
 
-def _sweep(table: SweepTable, study: Study, path: Path) -> Sweep:
-    (kind, unit), against, ends = _SWEPT[table.against], table.against, []
-    unit = unit or study.currency
-    for name, given in (("least", table.least), ("most", table.most)):
-        try:
-            ends.append(float(TypeAdapter(kind).validate_python(given)))
-        except ValidationError as error:
-            raise InputError(path, f"pareto.{name}", shown(given), f"a number above 0 in {unit}") from error
-    if not ends[0] < ends[1]:
-        raise InputError(path, "pareto.least", f"{ends[0]:g} to {ends[1]:g} {unit}", "a least below the most")
-    task = study.task
-    is_sought = {"torque": task.torque is None, "duration": task.duration is None or not task.hold}
+def _check_sweep(sweep: Sweep, study: Study, path: Path) -> None:
+    against, goal = sweep.against, study.question.goal
+    if not sweep.least < sweep.most:
+        unit = SWEPT[against].unit or study.question.currency
+        found = f"{sweep.least:g} to {sweep.most:g} {unit}"
+        raise InputError(path, "pareto.least", found, "a least below the most")
     if against == "ratio" and not any(gear.name and not gear.is_sought for gear in study.gears):
         raise InputError(path, "pareto.against", '"ratio"', "a [[gears]] with one ratio, which the sweep replaces")
-    if is_sought.get(against, against == study.goal):
-        raise InputError(path, "pareto.against", f'"{against}"', f"what a study of {study.goal} is given, not seeks")
-    return Sweep(against, tuple(np.linspace(ends[0], ends[1], table.points).tolist()))
+    is_sought = {"torque": study.torque is None, "duration": study.task.time is None or not study.task.is_hold}
+    if is_sought.get(against, against == goal):
+        raise InputError(path, "pareto.against", f'"{against}"', f"what a study of {goal} is given, not seeks")

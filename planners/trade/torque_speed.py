@@ -53,7 +53,7 @@ def torque_speed(design: Design) -> TorqueSpeed:
     """
     option, study = design.option, design.option.study
     ratio = option.gear.ratio[0]
-    limits = option.motor.limits | option.limits
+    limits = option.motor.limits.given | option.limits
     magnets = option.motor.torque_constant * (1 + option.motor.magnet_coefficient * (study.task.start - REFERENCE))
     ends = [limits["speed"]] if "speed" in limits else []
     ends += [limits["voltage"] / magnets] if "voltage" in limits else []

@@ -15,7 +15,7 @@ from lptn.basics.places import matching
 from .designs import BUDGETS, Design
 from .plant import CAPACITY, RESISTANCE
 from .problem import Problem
-from .study import GOALS, Study
+from .study import GOALS, StandardError, Study
 
 _SEED = 1  # any; the same draws each time, so that an answer can be had again
 _TEMPERATURE = "degC"
@@ -65,11 +65,11 @@ def intervals(
     draws = np.zeros((uncertainty.draws, 0))
     if keys:
         draws = ndtri(qmc.Sobol(len(keys), seed=_SEED).random(uncertainty.draws))
-    worst = -np.inf if GOALS[study.goal][2] else np.inf
+    worst = -np.inf if GOALS[study.question.goal][2] else np.inf
     values = np.full((len(solved), uncertainty.draws), worst)
     for row, ((problem, design), error) in enumerate(zip(solved, errors, strict=True)):
         report(f"drawing what is not known for {design.option.name}")
-        asked = problem if study.goal in BUDGETS else Problem(design.option, design.sink)
+        asked = problem if study.question.goal in BUDGETS else Problem(design.option, design.sink)
         near = asked.solve()
         for number, draw in enumerate(draws):
             drawn = {
@@ -89,21 +89,21 @@ def intervals(
     return result
 
 
-def _errors_of(problem: Problem, study: Study) -> dict[Key, tuple[float, bool]]:
+def _errors_of(problem: Problem, study: Study) -> dict[Key, StandardError]:
     """Standard errors of a program's parameters, and whether each is relative; a fit's unless the study says."""
     assert study.uncertainty is not None
     motor, names = problem.option.motor, list(problem.parameters.symbols)
-    errors = {name: (error, False) for name, error in motor.standard_errors.items() if name in names}
+    errors = {name: StandardError(error, False) for name, error in motor.standard_errors.items() if name in names}
     for pattern, error in study.uncertainty.errors.items():
         for name in matching(pattern, names):
-            if error[1] and problem.parameters.units[name] == _TEMPERATURE:
+            if error.is_relative and problem.parameters.units[name] == _TEMPERATURE:
                 place = f'uncertainty.errors."{pattern}"'
                 raise InputError(
-                    study.origin, place, f"{error[0]:g} of {name}, a temperature", '{ value = …, unit = "K" }'
+                    study.origin, place, f"{error.size:g} of {name}, a temperature", '{ value = …, unit = "K" }'
                 )
             errors[name] = error
     own = {parameter.name for parameter in problem.plant.model.parameters}
-    return {(motor.name if name in own else "", name): error for name, error in errors.items() if error[0] > 0}
+    return {(motor.name if name in own else "", name): error for name, error in errors.items() if error.size > 0}
 
 
 def _refuse_unused(study: Study, solved: Sequence[tuple[Problem, Design]]) -> None:
@@ -116,7 +116,7 @@ def _refuse_unused(study: Study, solved: Sequence[tuple[Problem, Design]]) -> No
             raise InputError(study.origin, f'uncertainty.errors."{pattern}"', "no such number", expected)
 
 
-def _drawn(problem: Problem, name: str, error: tuple[float, bool], normal: float) -> float:
+def _drawn(problem: Problem, name: str, error: StandardError, normal: float) -> float:
     """A parameter as it is in one draw: what is positive by its nature is lognormal with its value as the median."""
     value, (size, relative) = problem.parameters.defaults[name], error
     if problem.parameters.units[name] == _TEMPERATURE or value <= 0:

@@ -50,7 +50,7 @@ def test_a_row_of_a_data_sheet_is_a_motor(tmp_path: Path) -> None:
     assert motor.torque_constant == pytest.approx(60 / (2 * math.pi * 250))
     assert motor.rotor_inertia == pytest.approx(130e-7)
     assert motor.price == 80
-    assert motor.limits == {"winding": 125.0, "current": 12.0}
+    assert motor.limits.given == {"winding": 125.0, "current": 12.0}
     best = solve_study(asked).designs
     held = {design.option.motor.name: design for design in best}["flat-50"]
 
@@ -98,7 +98,7 @@ def test_what_a_study_says_comes_before_the_catalogue(tmp_path: Path) -> None:
     motor = _study(tmp_path, said).motors[0]
     assert motor.torque_constant == 0.05
     assert motor.price == 60
-    assert motor.limits == {"winding": 125.0, "current": 9.0}
+    assert motor.limits.given == {"winding": 125.0, "current": 9.0}
     everything = _study(tmp_path, STUDY.replace('"flat-*"', '"*"')).motors
     assert [motor.name for motor in everything] == ["U8", "U10", "flat-50", "flat-90", "long-40"]
     own = STUDY.replace('"flat-*"', '"U8"\nmodel = "u8-heat-sink"')

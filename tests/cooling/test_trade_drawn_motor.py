@@ -120,13 +120,13 @@ def test_the_hottest_of_several_windings_is_limited(folder: Path) -> None:
     path = folder / "study.toml"
     path.write_text(STUDY.format(motor=OWN, limits="winding = 120", sink="").replace('"passive"', '"none"'))
     (option,) = load_study(path).options()
-    assert set(option.motor.winding) == {
+    assert set(option.motor.winding_nodes) == {
         *(f"winding_r{layer}_z1" for layer in (1, 2, 3)), "end_winding_front", "end_winding_back",
     }  # fmt: skip
-    assert option.motor.magnet == ("magnets_z1",)
+    assert option.motor.magnet_nodes == ("magnets_z1",)
     solution = Problem(option).solve()
     assert solution.success
-    rows = [option.network().dynamic.index(node) for node in option.motor.winding]
+    rows = [option.network().dynamic.index(node) for node in option.motor.winding_nodes]
     assert solution.states[rows].max() == pytest.approx(120.0, abs=1e-6)
     assert solution.states[rows, -1].min() < 119.0
 

@@ -162,13 +162,13 @@ def trade_html(result: StudyResult) -> str:
         charts["How long each torque can be held at each speed"] = _torque_speed(result).html("torque-speed")
     return render(
         "planning.html.j2",
-        title=result.study.name,
+        title=result.study.question.name,
         said=[for_people(line) for line in remarks(result)],
-        lead=for_people(headline(result).removeprefix(f"{result.study.name}: ")),
+        lead=for_people(headline(result).removeprefix(f"{result.study.question.name}: ")),
         table=Table(tuple(for_people(head) for head in heads), tuple(rows)),
         charts=list(charts.values()),
         headings=list(charts),
-        still=picture("The study in one figure.", inline_svg(study_figure(result), result.study.name)),
+        still=picture("The study in one figure.", inline_svg(study_figure(result), result.study.question.name)),
     )
 
 
@@ -177,7 +177,7 @@ def _front(result: StudyResult) -> Charts:
 
     assert result.study.sweep is not None  # a front comes from a sweep
     factor, label = axis_of(result.study.sweep.against, result.study)
-    scale, goal = axis_of(result.study.goal, result.study)
+    scale, goal = axis_of(result.study.question.goal, result.study)
     every = {name: points for name, points in result.by_option.items() if points and name in result.drawn}
     amounts = np.unique([point.amount for points in [*every.values(), result.front] for point in points])
     shown: dict[str, FloatArray] = {}
