@@ -543,8 +543,9 @@ class Study:
         from lptn.report.pages import story_html
 
         history = self.selection()
-        experiment = self.advise().experiment
-        write_whole(Path(path), story_html(history, self.data, self.model.network.name, commands, experiment))
+        advice, name = self.advise(), self.model.network.name
+        html = story_html(history, self.data, name, commands, advice.experiment, advice.learned)
+        write_whole(Path(path), html)
 
     def export_fmu(self, path: str | Path, **options: Any) -> Exported:
         """Write the model as it is now as an FMU; `options` as for `lptn.fmu.export`."""

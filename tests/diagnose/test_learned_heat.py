@@ -14,6 +14,7 @@ from lptn.effects.learned_heat import LearnedHeat
 from lptn.identify.data import DataSplit, split_data
 from lptn.identify.validation import fit_segments
 from lptn.logs.run import Run
+from lptn.report.heat_story import learned_picture
 from tests.benchmarks.learned_heat import HIDDEN, Hidden, curve_against_truth, model, split, truth_run
 from tests.builders import LEG
 
@@ -139,6 +140,9 @@ def test_advice_tells_it_and_other_tools_read_it() -> None:
     assert isinstance(told, dict)
     assert told["verdict"] == "unexplained, but goes with torque.FR_calf"
     assert str(told["add"]).startswith("lptn add MODEL learned_heat --at FR_calf --set input=torque")
+    drawn = learned_picture(curve)
+    assert drawn is not None
+    assert "unexplained heat over torque.FR_calf" in str(drawn)
     assert len(told["curve"]["watts"]) == len(told["curve"]["band"]) == len(told["curve"]["input"])
 
 

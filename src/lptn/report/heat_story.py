@@ -9,6 +9,7 @@ import numpy as np
 
 from lptn.basics.words import listed
 from lptn.diagnose.improvement import History
+from lptn.diagnose.learned_heat import LearnedCurve
 from lptn.diagnose.unexplained_heat import (
     HeatPeak,
     InputLink,
@@ -20,7 +21,7 @@ from lptn.diagnose.unexplained_heat import (
 )
 from lptn.identify.fitting import Fit
 from lptn.report.document import Picture, picture
-from lptn.report.page_figures import fields, heat_line
+from lptn.report.page_figures import fields, heat_curve, heat_line
 from lptn.report.shown import MOST_INPUTS, MOST_RUNS, heat_fields
 from lptn.report.text import for_people, number
 
@@ -148,6 +149,11 @@ def heat_line_picture(story: HeatStory) -> Picture:
     if story.peak is None:
         return picture(f"No node lacks heat beyond chance; {story.node} comes nearest to it.", drawing)
     return picture(f"{text} {_inputs(story.links)}", drawing)
+
+
+def learned_picture(curve: LearnedCurve | None) -> Picture | None:
+    """The curve over the input that unexplained heat goes with; none where it goes with none that can be learned."""
+    return picture(for_people(curve.text()), heat_curve(curve)) if curve and curve.step else None
 
 
 def _inputs(links: Sequence[InputLink]) -> str:

@@ -12,6 +12,7 @@ from markupsafe import Markup
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.lines import decimated, time_axis
+from lptn.diagnose.learned_heat import LearnedCurve
 from lptn.diagnose.unexplained_heat import HeatPeak, InputLink, UnexplainedHeat
 from lptn.identify.comparison import Comparison, Condition, Pair, Prediction, Versus
 from lptn.logs.run import Run
@@ -273,6 +274,22 @@ def heat_line(
         draw.text(_LEFT, top, for_people(f"{what} correlates with the heat by {link.correlation:+.2f}"))
         below.frame(label, f"[{unit_of(link.column)}]", numbers=number == len(links) - 1)
     return draw.svg(f"unexplained heat of {node} over time, and inputs")
+
+
+def heat_curve(curve: LearnedCurve) -> Markup:
+    """Unexplained heat [W] as a curve over the input that it goes with, with its 95 % band."""
+    draw = Drawing(236)
+    low, high = curve.heat - curve.band, curve.heat + curve.band
+    ends = float(curve.values[0]), float(curve.values[-1])
+    panel = Panel(draw, (_LEFT, 24, WIDE - 10, 198), ends, margin(*_extent([low, high])))
+    draw.text(_LEFT - 4, 14, curve.inputs[0].node, look="title")
+    draw.legend(None, 14, [("line-best", "learned, with its 95 % band")])
+    draw.area(panel.x(curve.values), panel.y(low), panel.y(high), "band-best")
+    panel.level(0.0, 0.0, "zero")
+    panel.line(curve.values, curve.heat, "line-best")
+    column = curve.inputs[0].column
+    panel.frame(f"{column} [{unit_of(column)}]", "unexplained heat [W]")
+    return draw.svg(f"unexplained heat over {column}")
 
 
 # --- where a model fails: RMSE by node and operating condition ----------------------------------------------

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from lptn.diagnose.advice import smallest
 from lptn.diagnose.improvement import History
+from lptn.diagnose.learned_heat import LearnedCurve
 from lptn.effects import Effect, catalogue
 from lptn.identify.comparison import Comparison, Versus, predict
 from lptn.identify.data import DataSplit
@@ -14,7 +15,7 @@ from lptn.identify.fitting import Fit
 from lptn.references import works_cited
 from lptn.report import words
 from lptn.report.document import Picture, picture, render
-from lptn.report.heat_story import HeatStory, heat_line_picture, heat_map_picture
+from lptn.report.heat_story import HeatStory, heat_line_picture, heat_map_picture, learned_picture
 from lptn.report.outcome import headline, left_in_words, outcome_of
 from lptn.report.page_diagnosis import detectability_figure, history_figure, probability_figure
 from lptn.report.page_figures import NAMES, conditions, fields, predictions, versus_bars
@@ -55,6 +56,7 @@ def story_html(
     title: str,
     commands: Sequence[str] = (),
     proposal: Proposal | None = None,
+    learned: LearnedCurve | None = None,
 ) -> str:
     """One self-contained HTML page that tells what is missing in a model, how sure that is, and what tests it.
 
@@ -66,6 +68,7 @@ def story_html(
         title: heads the page, such as the model's name.
         commands: what was typed, shown at the end.
         proposal: of the next experiment, where one was worked out.
+        learned: what unexplained heat goes with, where it goes with anything.
 
     Returns:
         HTML text; the same arguments give the same text, but for the day and the versions at its end.
@@ -116,6 +119,7 @@ def story_html(
         which=which,
         heat_map=heat_map_picture(heat),
         heat_line=heat_line_picture(heat),
+        learned=learned_picture(learned),
         stretches=stretch_table(left[:_FEW]),
         more_stretches=max(len(left) - _FEW, 0),
         hiding=heat.hiding,
