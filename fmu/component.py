@@ -298,8 +298,7 @@ class _Builder:
         lower, upper = declared.bounds
         shape = unit == "1" and upper < 1e3  # an exponent or a share keeps its bounds; a size may be tuned past a fit's
         minimum = 0.0 if hot else lower if shape else _LEAST_POSITIVE if lower > 0 else 0.0 if lower == 0 else None
-        prefix, _, owner = parameter.name.rpartition(".")
-        label, _, quantity = prefix.rpartition(".")
+        label, quantity, owner = parameter.effect, declared.name, parameter.owner
         title = declared.title or declared.name
         one, other = places_of_owner(owner, self.model.network.prescribed)
         middle = f"{label}_to_{other}" if label and other else f"to_{other}" if other else label

@@ -494,11 +494,17 @@ class Study:
             file = self._loaded.file.with_setting(setting)
             loaded = replace(self._loaded, file=file, model=Model(file.network))
         else:
-            number = next((k for k, step in enumerate(added) if step.declaration and name in _names_of(step)), None)
-            if number is None:
+            own = [
+                (k, parameter.declared.name)
+                for k, step in enumerate(added)
+                for parameter in step.fit.model.parameters
+                if step.declaration and parameter.effect == step.declaration.name and parameter.name == name
+            ]
+            if not own:
                 names = ", ".join(parameter.name for parameter in self.model.parameters)
                 raise InputError("parameter", name, "no such parameter", f"one of {names}")
-            loaded, added[number] = self._loaded, _with_setting(added[number], setting)
+            number, key = own[0]
+            loaded, added[number] = self._loaded, _with_setting(added[number], key, setting)
         self._loaded, self.settings = loaded, (*self.settings, setting)
         return self._fit_again(added)
 
@@ -630,17 +636,9 @@ class Study:
         )
 
 
-def _names_of(step: Step) -> list[str]:
-    """The parameters of the effect that a step added."""
+def _with_setting(step: Step, key: str, setting: Setting) -> Step:
+    """A step whose effect is declared with what is set of its parameter of this key, at all its places."""
     assert step.declaration is not None
-    prefix = f"{step.declaration.name}."
-    return [parameter.name for parameter in step.fit.model.parameters if parameter.name.startswith(prefix)]
-
-
-def _with_setting(step: Step, setting: Setting) -> Step:
-    """A step whose effect is declared with what is set of one of its parameters, at all its places."""
-    assert step.declaration is not None
-    key = setting.name.removeprefix(f"{step.declaration.name}.").partition(".")[0]
     resolved = step.declaration.resolved
     parameters = tuple(setting.of(parameter) if name == key else parameter for name, parameter in resolved.items())
     return replace(step, declaration=replace(step.declaration, parameters=parameters))

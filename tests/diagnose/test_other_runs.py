@@ -319,6 +319,6 @@ def test_what_a_held_out_run_does_not_log_is_not_looked_for(leg: Leg) -> None:  
 )
 def test_what_a_size_means_is_said_no_louder_than_it_is(change: float, bounds: tuple[float, float], said: str) -> None:
     declared = replace(catalogue()["surface_scale"].parameters[0], value=change, bounds=bounds)
-    amplitude = ParameterInstance("surface_scale.change.*@run4", declared)
+    amplitude = ParameterInstance(declared, "*@run4", "surface_scale")
     declaration = EffectDeclaration(catalogue()["surface_scale"](), "*", (declared,), run="run4")
     assert _in_words(declaration, amplitude, "run4") == said

@@ -23,6 +23,8 @@ from lptn.basics.errors import InputError
 from lptn.fmu import Exported, Session, export
 from lptn.fmu.archive import unit_of
 from lptn.fmu.compile import PLATFORMS, _run, local_compiler, universal
+from lptn.fmu.component import component
+from lptn.model.file import parse_model
 from lptn.model.model import Model
 from lptn.robots.presets import presets
 from tests.builders import capacity, link
@@ -216,6 +218,20 @@ def test_only_the_interface_is_exported(fmi: int, built: Build, tmp_path: Path) 
     symbols = {line.split()[-1] for line in done.stdout.splitlines()}
     assert len(symbols) > 40
     assert all(symbol.startswith(f"fmi{fmi}") for symbol in symbols)
+
+
+@pytest.mark.parametrize("face", ["core.inner", "core.outer", "core.front"])
+@pytest.mark.parametrize("node", ["arm", "shell"])
+def test_a_link_to_a_face_is_called_as_its_heat_flow_is(face: str, node: str) -> None:
+    ring = "kind = 'annulus'\ninner_radius = 0.02\nouter_radius = 0.04\nlength = 0.02\nconductivity_radial = 28\n"
+    ring += "conductivity_axial = 3\ndensity = 7650\nspecific_heat = 490\n"
+    text = f"[model]\nambient = 20\n[nodes.core.element]\n{ring}[nodes.{node}]\ncapacity = 100\n"
+    text += "".join(f'[[links]]\nbetween = ["{one}", "{other}"]\n' for one, other in ((face, node), (node, "ambient")))
+    exported = component(Model(parse_model(text, Path("ring.toml")).network))
+    flows = {variable.name.removesuffix("heat_flow") for variable in exported.of("output")}
+    resistances = {variable.name for variable in exported.of("parameter") if variable.name.endswith("resistance")}
+    assert resistances == {f"{flow}resistance" for flow in flows if "to_" in flow}
+    assert len(resistances) == 2
 
 
 def test_names_that_are_no_identifiers_are_quoted(tmp_path: Path) -> None:

@@ -215,3 +215,21 @@ def test_a_mistake_is_one_line_with_its_place(mistake: str) -> None:
     assert "\n" not in line
     for word in words:
         assert word in line
+
+
+@pytest.mark.parametrize(
+    ("effect", "quantity", "owner"),
+    [
+        ("", "resistance", "housing~stator.outer"),
+        ("", "resistance", "ambient~housing"),
+        ("", "conductivity_radial", "stator"),
+        ("copper_loss", "resistance", "stator"),
+        ("surface_scale", "change", "housing@log,2"),
+    ],
+)
+def test_a_parameter_says_whose_it_is(effect: str, quantity: str, owner: str) -> None:
+    """A face's name has a dot, and so may a run's: the parts of a parameter's name can't be found in it."""
+    scale = '\n[[effects]]\nkind = "surface_scale"\nat = "housing"\nrun = "log.2"\n'
+    parameters = _parse(MOTOR + scale).network.parameters
+    (found,) = (one for one in parameters if (one.effect, one.declared.name, one.owner) == (effect, quantity, owner))
+    assert found.name == ".".join(part for part in (effect, quantity, owner) if part)

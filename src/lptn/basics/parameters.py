@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
@@ -149,12 +150,31 @@ class Setting:
 class ParameterInstance:
     """One number of a model: a parameter at the place, or group of places, that owns it.
 
-    Its `name` is `"<parameter>.<owner>"`, for an effect `"<effect>.<parameter>.<owner>"`.
+    Args:
+        declared: the parameter, with its value here.
+        owner: a node, an edge, a class or a pattern; for an effect of one run with the run behind it.
+        effect: name of the effect that it belongs to; `""` for a node's or a link's own.
+        mirrored: who owns it on the robot's other side, when it is shared by "sides".
     """
 
-    name: str
     declared: Parameter
-    mirror: str | None = None  # the same parameter on the robot's other side, when shared by "sides"
+    owner: str
+    effect: str = ""
+    mirrored: str = ""
+
+    @cached_property
+    def name(self) -> str:
+        """`"<parameter>.<owner>"`, for an effect `"<effect>.<parameter>.<owner>"`."""
+        return self._of(self.owner)
+
+    @property
+    def mirror(self) -> str | None:
+        """The name of the same parameter on the robot's other side, where the sides have it in common."""
+        return self._of(self.mirrored) if self.mirrored else None
+
+    def _of(self, owner: str) -> str:
+        own = f"{self.declared.name}.{owner}"
+        return f"{self.effect}.{own}" if self.effect else own
 
     @property
     def value(self) -> float:

@@ -48,14 +48,17 @@ class _LinearBalance:
         self.model = model
         x, u, p, rates, _ = model.symbols
         capacities = [model.network.capacities[node] for node in model.nodes]
-        self._inverse = np.array([parameter.name.startswith("resistance.") for parameter in model.parameters])
+        self._inverse = np.array(
+            [not parameter.effect and parameter.declared.name == "resistance" for parameter in model.parameters]
+        )
         w = ca.SX.sym("w", len(model.parameters))
         as_declared = ca.vertcat(*(1 / w[i] if inverse else w[i] for i, inverse in enumerate(self._inverse)))
         heat = ca.substitute(rates[: len(capacities)] * p[capacities], p, as_declared)
         self.chosen = [
             i
             for i in model.free
-            if model.parameters[i].name.startswith(("capacity.", "resistance.")) or _is_amplitude(model, i)
+            if (not (own := model.parameters[i]).effect and own.declared.name in ("capacity", "resistance"))
+            or _is_amplitude(model, i)
         ]
         self.chosen = _jointly_linear(heat, w, self.chosen)
         self._capacities = capacities

@@ -553,18 +553,22 @@ class _Parameters:
         self.declared_at: dict[Key, dict[str, str]] = {}
         self._index: dict[str, int] = {}
 
-    def index(self, key: Key, prefix: str, place: str, pattern: str, declared: Parameter, run: str = "") -> int:
+    def index(
+        self, key: Key, quantity: str, place: str, pattern: str, declared: Parameter, effect: str = "", run: str = ""
+    ) -> int:
         """The number of a declared parameter at a place, which it may have in common with others."""
+        if declared.name != quantity:  # in Python it may be called anything
+            declared = replace(declared, name=quantity)
         owner = {"class": class_of(place), "all": pattern}.get(declared.share, place)
-        name = in_run(f"{prefix}.{owner}", run)
+        other = mirrored(place) if declared.share == "sides" else None
+        instance = ParameterInstance(declared, in_run(owner, run), effect, in_run(other, run) if other else "")
+        name = instance.name
         self.declared_at.setdefault(key, {})[name] = owner
         if name not in self._index:
-            other = mirrored(place) if declared.share == "sides" else None
-            mirror = None if other is None else in_run(f"{prefix}.{other}", run)
             if name in self.values:
-                declared = _revalued(self.origin, name, declared, self.values[name])
+                instance = replace(instance, declared=_revalued(self.origin, name, declared, self.values[name]))
             self._index[name] = len(self.instances)
-            self.instances.append(ParameterInstance(name, declared, mirror))
+            self.instances.append(instance)
         return self._index[name]
 
 
@@ -696,7 +700,7 @@ def _effects(origin: str, layout: Layout, parameters: _Parameters) -> tuple[list
         for place, ends in held:
             indices = {
                 name: parameters.index(
-                    ("effects", number, name), f"{declared.name}.{name}", place, declared.at, parameter, run
+                    ("effects", number, name), name, place, declared.at, parameter, declared.name, run
                 )
                 for name, parameter in declared.resolved.items()
             }

@@ -200,7 +200,7 @@ def _parameters(step: Step) -> list[dict[str, Any]]:
     return [
         {
             "name": parameter.name,
-            "part": parameter.name.rpartition(".")[2],
+            "part": parameter.owner,
             "value": parameter.value,
             "error": errors.get(parameter.name),
             "unit": "" if parameter.declared.unit == "1" else parameter.declared.unit,
