@@ -51,6 +51,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from lptn.fmu.exporter import Exported
+    from lptn.report.narrative import Sentence
 
 logger = logging.getLogger(__name__)
 
@@ -232,7 +233,9 @@ class Study:
 
     def _repr_html_(self) -> str:
         rows = self.history.to_html(index=False, na_rep="–", border=0, float_format=lambda value: f"{value:.3g}")
-        return f"<p>{escape(repr(self))}</p>\n{rows if self._steps else ''}"
+        said = self.narrative() if self.advised else []
+        lines = "".join(f"<p><b>{sentence.label}:</b> {escape(sentence.text)}</p>\n" for sentence in said)
+        return f"<p>{escape(repr(self))}</p>\n{lines}{rows if self._steps else ''}"
 
     # --- what to do ---------------------------------------------------------------------------
 
@@ -539,6 +542,13 @@ class Study:
             rivals=history.rivals,
         )
 
+    def narrative(self) -> list[Sentence]:
+        """Verdict, findings, structure, errors and what to do next, in the sentences of terminal, page and report."""
+        from lptn.report.narrative import narrative
+
+        history = self.selection()
+        return narrative(history.steps, history.last, self.advise())
+
     def report(self, path: str | Path, commands: Sequence[str] = ()) -> None:
         """Write the whole story as one HTML file: data, fit, where it fails, what is missing, held-out errors.
 
@@ -548,10 +558,8 @@ class Study:
         """
         from lptn.report.pages import story_html
 
-        history = self.selection()
-        advice, name = self.advise(), self.model.network.name
-        html = story_html(history, self.data, name, commands, advice.experiment, advice.learned)
-        write_whole(Path(path), html)
+        page = story_html(self.selection(), self.data, self.model.network.name, commands, self.advise())
+        write_whole(Path(path), page)
 
     def export_fmu(self, path: str | Path, **options: Any) -> Exported:
         """Write the model as it is now as an FMU; `options` as for `lptn.fmu.export`."""

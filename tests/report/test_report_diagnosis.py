@@ -11,31 +11,21 @@ from matplotlib.figure import Figure
 
 from lptn.basics.style import new_figure
 from lptn.diagnose.advice import Detectable, smallest
-from lptn.diagnose.improvement import History
 from lptn.diagnose.unexplained_heat import InputLink, UnexplainedHeat
 from lptn.effects import catalogue
 from lptn.effects.sensor_lag import SensorLag
 from lptn.identify.comparison import compare
 from lptn.model.network import EffectDeclaration
-from lptn.report import words
+from lptn.report import captions
 from lptn.report.diagnosis_figures import plot_detectability
 from lptn.report.heat_figures import fields_figure
-from lptn.report.heat_story import HeatStory, chosen_links, heat_line_picture, heat_map_picture, worst_of
-from lptn.report.pages import story_html
+from lptn.report.heat_story import HeatStory, chosen_links, heat_line_picture, heat_map_picture
 from lptn.report.shown import error_fields, heat_fields, reaches, worst_runs
 from lptn.report.tables import effects_table, node_table, refused_table
 from lptn.report.text import for_people, named
-from lptn.report.words import in_short
 from tests.report.two_joints import NODES, STEP, Told
 
 HIDDEN = 3.0  # W, what the truth of `missing` has at the first joint
-
-
-class Advice:
-    """An experiment as others propose one."""
-
-    def text(self) -> str:
-        return "Hold 2 N*m at thigh for 8.5 min. At 4 min the two predictions differ by 3 K."
 
 
 @pytest.fixture(scope="module")
@@ -45,10 +35,6 @@ def heat(missing: Told) -> HeatStory:
 
 def _labels(figure: Figure) -> set[str]:
     return {label for ax in figure.axes if ax.axison for label in (ax.get_xlabel(), ax.get_ylabel()) if label}
-
-
-def _short(history: History, heat: HeatStory, proposal: Advice | None = None) -> dict[str, str]:
-    return dict(in_short(history, heat, proposal))
 
 
 def _bursting(estimate: UnexplainedHeat, watts: float) -> UnexplainedHeat:
@@ -110,44 +96,6 @@ def test_heat_without_a_burst_has_no_map(adequate: Told) -> None:
     assert story.where == ""
     assert heat_map_picture(story) is None
     assert "No node lacks heat beyond chance" in heat_line_picture(story).caption
-    short = _short(adequate[0], story)
-    assert short["What is missing"].startswith("Nothing")
-    assert short["Where"].startswith("Nowhere: no node lacks heat beyond chance; the 95 % band")
-    assert short["What to do"].startswith("Use the model.")
-
-
-def test_the_opening_paragraph_of_a_missing_effect(missing: Told, heat: HeatStory) -> None:
-    short = _short(missing[0], heat)
-    assert list(short) == ["What was missing", "Where", "How sure", "What to do"]
-    assert re.fullmatch(rf"Constant heat at {NODES[0]} \(3 ± \S+ W, 98 % probable\)\.", short["What was missing"])
-    assert short["Where"].startswith(NODES[0].capitalize()[:1])
-    assert "The RMSE on the test runs goes from" in short["How sure"]
-    assert short["What to do"].endswith("Use the best model.")
-
-
-@pytest.mark.long
-def test_a_proposal_is_what_to_do(missing: Told, heat: HeatStory) -> None:
-    short = _short(missing[0], heat, Advice())
-    assert "Hold 2 N*m at thigh for 8.5 min. Section 7 says what that shows." in short["What to do"]
-    html = story_html(*missing, "story", (), Advice())
-    assert "At 4\u00a0min the two predictions differ by 3\u00a0K." in html
-    assert "No run was worked out" not in html
-
-
-def test_heat_that_stays_is_said_and_asked_about(missing: Told, heat: HeatStory) -> None:
-    given = [_bursting(estimate, 4.0) for estimate in heat.given]
-    run, node, peak = worst_of(given)
-    burst = replace(heat, given=given, run=run, node=node, peak=peak)
-    stays = replace(burst, best=[_bursting(estimate, 3.0) for estimate in heat.given])
-    short = _short(missing[0], stays)
-    assert "what was added does not explain that" in short["How sure"]
-    assert short["What to do"].startswith(f"Ask what happened at {NODES[1]} from 150 to 300 s")
-    gone = replace(burst, best=[_bursting(estimate, 0.0) for estimate in heat.given])
-    assert "Ask what happened" not in _short(missing[0], gone)["What to do"]
-    unexplained = replace(missing[0], verdict="unexplained", steps=missing[0].steps[:1])
-    short = _short(unexplained, replace(burst, best=[]))
-    assert "the catalogue does not hold" in short["What is missing"]
-    assert f"heat is missing most clearly at {NODES[1]} from 150 to 300 s, about 4 W (3.5 to 4.5 W)" in short["Where"]
 
 
 def test_detectability_has_a_row_for_each_effect(missing: Told) -> None:
@@ -162,7 +110,7 @@ def test_detectability_has_a_row_for_each_effect(missing: Told) -> None:
     pair = [Detectable("radiation", at, size, "m^2", size / 0.02) for at, size in (("a", 0.01), ("b", 0.5))]
     (one,) = reaches(pair)
     assert (one.easiest.at, one.hardest.at) == ("a", "b")
-    assert "(0 of 1 effects" in words.caption_of_detectability(pair)
+    assert "(0 of 1 effects" in captions.of_detectability(pair)
 
 
 def test_tables_hold_size_and_nodes(missing: Told) -> None:

@@ -8,11 +8,10 @@ from html.parser import HTMLParser
 
 import pytest
 
-from lptn.diagnose.improvement import History
 from lptn.identify.comparison import compare
 from lptn.identify.data import DataSplit, holdout_segment
+from lptn.report.narrative import details, narrative
 from lptn.report.pages import comparison_html, story_html
-from lptn.report.words import next_step, story_in_words
 from tests.report.two_joints import NODES, Told, make_run, robot
 
 _VOID = {"meta", "br", "hr", "img", "link", "input"}
@@ -92,7 +91,7 @@ def test_every_figure_has_its_sentence(html: str, missing: Told) -> None:
     assert Page(html).tags.count("figure") == 10
     headings = re.findall(r'<h2 id="s\d">(\d)\. ([^<]*)</h2>', html)
     assert [number for number, _ in headings] == [str(number) for number in range(1, 10)]
-    story = ["The log", "The model", "Where it fails", "What was missing", "Test", "What to do next"]
+    story = ["The log", "The model", "Where it errs", "What it lacked", "Test", "What to do next"]
     assert all(title.startswith(start) for (_, title), start in zip(headings[1:], story, strict=False))
 
 
@@ -127,51 +126,14 @@ def test_long_logs_stay_small() -> None:
     assert len(comparison_html(compare(model, [holdout_segment(run)]), "long").encode()) < 1_000_000
 
 
-def test_words_missing(missing: Told) -> None:
-    history, _ = missing
-    assert history.verdict == "missing"
-    assert (history.best.effect, history.best.at) == ("constant_heat", NODES[0])
-    text = " ".join(story_in_words(*missing))
-    assert f"Missing: constant heat at {NODES[0]} (3 ± " in text
-    assert "98 % probable, beside all else in the model" in text
-    assert "Held out: two (60 to 600 s). Nothing but its start was fitted to it." in text
-    assert "decided by the fitted runs, and by how the held-out ones are predicted" in text
-    assert "Test: three (60 to 600 s). It chose nothing" in text
-    assert next_step(history) == "use the best model."
-
-
-@pytest.mark.long
-def test_words_adequate(adequate: Told) -> None:
-    history, _ = adequate
-    assert history.verdict == "adequate"
-    text = " ".join(story_in_words(*adequate))
-    assert text.startswith("Nothing is missing that these data can show")
-    assert "This holds for what the fitted runs cover: 10 min at" in text
-    assert "use the model" in next_step(history)
-    assert "nothing to plot" in story_html(*adequate, "adequate")
-
-
-def test_words_unexplained(missing: Told) -> None:
-    history, data = missing
-    text = " ".join(story_in_words(replace(history, verdict="unexplained", remaining="unexplained"), data))
-    assert "the catalogue does not explain it" in text
-    assert "Do not read what was added as physics." in text
-    assert "How sure" not in text
-    alone = " ".join(story_in_words(_without_steps(history, "unexplained"), data))
-    assert "No effect of the catalogue was worth adding." in alone
-
-
-def test_words_of_rivals(missing: Told) -> None:
-    history, data = missing
-    best = replace(history.best, indistinguishable=(("radiation", NODES[0]), ("sensor_offset", "*")))
-    rivals = replace(history, steps=(history.steps[0], best))
-    text = " ".join(story_in_words(rivals, data))
-    rivals_named = f"radiation to the surroundings at {NODES[0]} and sensor offset everywhere"
-    assert f"these data can't rule out {rivals_named} in its place" in text
-    assert "leave the robot powered and resting for an hour" in next_step(rivals)
-    elsewhere = replace(history.best, indistinguishable=(("constant_heat", "*"),))
-    text = " ".join(story_in_words(replace(history, steps=(history.steps[0], elsewhere)), data))
-    assert "these data can't rule out constant heat everywhere in its place" in text
+@pytest.mark.parametrize("told", ["missing", "adequate"])
+def test_the_page_has_the_narrative_word_for_word(told: str, request: pytest.FixtureRequest) -> None:
+    history, data = request.getfixturevalue(told)
+    text = Page(story_html(history, data, told)).text.replace("\N{NO-BREAK SPACE}", " ")
+    for sentence in narrative(history.steps, history.last):
+        assert str(sentence) in text
+    for paragraph in details(history, data):
+        assert paragraph in text
 
 
 @pytest.mark.long
@@ -185,15 +147,11 @@ def test_without_held_out_data_the_page_says_so(missing: Told) -> None:
     assert not page.wrong
 
 
-def _without_steps(history: History, verdict: str) -> History:
-    return replace(history, verdict=verdict, steps=history.steps[:1])  # type: ignore[arg-type]
-
-
 @pytest.mark.long
 def test_many_parameters_wait_until_the_story_is_told(missing: Told, monkeypatch: pytest.MonkeyPatch) -> None:
     few = story_html(*missing, "few")
-    assert few.index("capacity.") < few.index("4. Where it fails")
+    assert few.index("capacity.") < few.index("4. Where it errs")
     monkeypatch.setattr("lptn.report.pages._FEW", 0)
     many = story_html(*missing, "many")
-    assert "Their values stand in section 8." in many
+    assert "parameters are in section 8." in many
     assert many.index("<td>capacity.") > many.index("8. Parameters")

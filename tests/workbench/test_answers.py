@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from lptn.report.outcome import headline
 from lptn.report.text import size_told
 from lptn.workbench.bench import Bench, name_of
 from lptn.workbench.content import content_of
@@ -52,15 +51,15 @@ def test_an_answer_has_its_kind_size_and_probability(asked: Bench) -> None:
         assert "±" in each["size"]
         assert each["probable"].endswith("%")
     assert [each["effect"] for each in shown["refused"]] == [step.effect for step in diagnosis.refused]
-    assert "structure that all parts have: " in content["head"]["sentence"]
+    said = dict(content["head"]["said"])
+    assert all(each["size"] in said["Structure"] for each in shown["answers"] if each["kind"] == "structure")
 
 
-def test_the_head_says_what_the_report_says(tmp_path: Path) -> None:
+def test_the_head_says_what_study_and_report_say(tmp_path: Path) -> None:
     study = OPENING.study()
     study.improve()
-    bench = Bench(study, tmp_path, "")
-    head = content_of(bench, OPENING)["head"]
-    said = headline(study.selection())
-    assert head["found"]
-    assert f"{head['found'][1:]}; held out " in said
-    assert f"→ {head['now']:.2f} K" in said
+    study.advise()
+    head = content_of(Bench(study, tmp_path, ""), OPENING)["head"]
+    said = [(sentence.label, sentence.text) for sentence in study.narrative()]
+    assert head["said"][:-1] == said
+    assert f"→ {head['now']:.2f} K" in dict(said)["Error"]

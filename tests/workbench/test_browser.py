@@ -226,7 +226,7 @@ def test_parameters_conditions_and_ways_that_were_left(browser: Browser, tmp_pat
             if effect == "sensor_lag":
                 page.locator("#undo").click()
                 expect(page.locator("#redo")).to_be_enabled()
-        expect(page.locator(".lead")).to_contain_text("Added: conduction heater1–heater2")
+        expect(page.locator(".lead")).to_contain_text("Added by hand: Conduction heater1–heater2")
         page.locator("#branches summary").click()
         page.locator("[id='back 0']").click()
         expect(page.locator("#steps tbody")).to_contain_text("sensor lag")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter as Option
 from cyclopts import validators
 
-from lptn.cli.diagnose import in_words, show_advice
+from lptn.cli.diagnose import show_heat
 from lptn.cli.options import (
     AmbientError,
     Holdout,
@@ -30,8 +30,9 @@ from lptn.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from lptn.diagnose.answers import Step
+    from lptn.diagnose.advice import Advice
     from lptn.diagnose.improvement import History
+    from lptn.identify.data import DataSplit
 
 Steps = Annotated[
     int,
@@ -51,13 +52,16 @@ def improve(
     ambient_error: AmbientError = None,
     torque_error: TorqueError = None,
     surface_error: SurfaceError = None,
+    details: Annotated[
+        bool, Option(help="Print the table of steps, and all that is known of each.", negative="")
+    ] = False,
     json: Json = None,
     report: Annotated[Path | None, Option(help="HTML report to write.")] = None,
     jobs: Jobs = 1,
     map: Map = None,  # noqa: A002 - the option's name
     rate: Rate = None,
 ) -> None:
-    """Find what the model lacks, add it, refit; print the steps: what is wrong, then what every part has.
+    """Find what the model lacks, add it, refit; say what was found, the errors before and after, what to do next.
 
     Example: lptn improve leg.toml monday.parquet --holdout friday.parquet -o better.toml --report story.html
     """
@@ -83,46 +87,47 @@ def improve(
         )
         study.improve(steps)
         history, advice = study.selection(), study.advise()
-    show_history(history)
-    show_advice(advice, history.remaining)
+    for sentence in study.narrative():
+        print(sentence)
+    if details:
+        show_details(history, study.data, advice)
     if output is not None:
         study.save(output)
     write_json(json, history.as_json() | advice.as_json())
     if report is not None:
         study.report(report, (typed(),))
-    show_written({"the best model": output, "the story; open it in a browser": report})
+    show_written({"the best model": output, "open it in a browser": report})
+
+
+def show_details(history: History, data: DataSplit, advice: Advice) -> None:
+    """The table of steps, what stands behind it, what the fit warns of, and all advice."""
+    from lptn.report.narrative import details
+    from lptn.report.text import for_people
+
+    print()
+    show_history(history)
+    for sentence in (
+        *details(history, data),
+        *(f"Warning: {warning}." for warning in history.best.fit.uncertainty.warnings),
+    ):
+        print(sentence)
+    for sentence in advice.sentences:
+        print(for_people(sentence))
+    show_heat(advice)
 
 
 def show_history(history: History) -> None:
-    """The steps, from the model as given to the best, the errors, and what the data can't tell apart."""
+    """The steps, from the model as given to the best, each with its size, probability and errors."""
     from lptn.cli.terminal import show_table
-    from lptn.report.outcome import headline, left_in_words
-    from lptn.report.text import kelvin, size_told
+    from lptn.report.text import kelvin, percent, size_told
 
     tested = any(step.test for step in history.steps)
     rows = []
     for number, step in enumerate(history.steps):
         what = step.key if step.effect else ("(as given)", "")
-        size = size_told(step, history.best.fit), _sure(step)
+        probable = percent(step.probability) if step.probability else ""
         errors = [step.fit.rmse, step.holdout.rmse if step.holdout else None]
         errors += [step.test.rmse if step.test else None] if tested else []
-        rows.append((str(number), *what, *size, *map(kelvin, errors)))
+        rows.append((str(number), *what, size_told(step, history.best.fit), probable, *map(kelvin, errors)))
     heads = ("step", "effect", "at", "size", ">probable", ">fit", ">held out")
     show_table((*heads, ">test") if tested else heads, rows)
-    print(headline(history))
-    if len(history.steps) > 1:
-        print(left_in_words(history))
-        if not history.steps[0].holdout:
-            print("No data were held out: nothing tests the choice.")
-    for number, step in enumerate(history.steps):
-        if step.indistinguishable:
-            print(f"Step {number} can't be told from {in_words(step.indistinguishable)}.")
-    for warning in history.best.fit.uncertainty.warnings:
-        print(f"Warning: {warning}.")
-
-
-def _sure(step: Step) -> str:
-    """How probable a step is, short enough for a column; nothing of what somebody chose."""
-    from lptn.report.text import percent
-
-    return percent(step.probability).replace("more than", ">").replace("less than", "<") if step.probability else ""

@@ -25,7 +25,6 @@ from lptn.report.page_figures import fields, heat_curve, heat_line
 from lptn.report.shown import MOST_INPUTS, MOST_RUNS, heat_fields
 from lptn.report.text import for_people, number
 
-_STAYS = 0.5  # share of the heat from which it is called unexplained by what was added
 _CLOSE = 0.5  # correlation from which an input is worth a word
 _PALE = 2.0  # the colour scale reaches so many times the usual band at least
 
@@ -76,15 +75,6 @@ class HeatStory:
     def stretches(self) -> list[HeatPeak]:
         """Every stretch of time in which the best model, or the given one without a better, surely lacks heat."""
         return stretches(self.best or self.given)
-
-    @property
-    def event(self) -> str:
-        """Run, node and time at which most of the heat stays missing with the best model, too; empty without one."""
-        if not self.best:
-            return self._place(self.peak) if self.peak else ""
-        after = largest(self.best)
-        stays = self.peak is not None and after is not None and abs(after.heat) > _STAYS * abs(self.peak.heat)
-        return self._place(after) if after is not None and stays else ""
 
     @property
     def hiding(self) -> str:

@@ -5,18 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from lptn.diagnose.advice import smallest
+from lptn.diagnose.advice import Advice, smallest
 from lptn.diagnose.improvement import History
-from lptn.diagnose.learned_heat import LearnedCurve
 from lptn.effects import Effect, catalogue
 from lptn.identify.comparison import Comparison, Versus, predict
 from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit
 from lptn.references import works_cited
-from lptn.report import words
+from lptn.report import captions
 from lptn.report.document import Picture, picture, render
 from lptn.report.heat_story import HeatStory, heat_line_picture, heat_map_picture, learned_picture
-from lptn.report.outcome import headline, left_in_words, outcome_of
+from lptn.report.narrative import details, narrative
 from lptn.report.page_diagnosis import detectability_figure, history_figure, probability_figure
 from lptn.report.page_figures import NAMES, conditions, fields, predictions, versus_bars
 from lptn.report.shown import effects_told, error_fields, weighed_effects
@@ -35,7 +34,6 @@ from lptn.report.tables import (
     versus_table,
 )
 from lptn.report.text import for_people, kelvin
-from lptn.report.words import Proposal
 
 # --- the whole story: log, fit, where it fails, what is missing, what tests it --------------------------------
 
@@ -55,8 +53,7 @@ def story_html(
     data: DataSplit,
     title: str,
     commands: Sequence[str] = (),
-    proposal: Proposal | None = None,
-    learned: LearnedCurve | None = None,
+    advice: Advice | None = None,
 ) -> str:
     """One self-contained HTML page that tells what is missing in a model, how sure that is, and what tests it.
 
@@ -67,8 +64,7 @@ def story_html(
         data: the runs it was given.
         title: heads the page, such as the model's name.
         commands: what was typed, shown at the end.
-        proposal: of the next experiment, where one was worked out.
-        learned: what unexplained heat goes with, where it goes with anything.
+        advice: what to do next, where it was worked out.
 
     Returns:
         HTML text; the same arguments give the same text, but for the day and the versions at its end.
@@ -84,15 +80,15 @@ def story_html(
     runs = shown_runs([_JOBS[job] for job, _ in jobs], all_given, heat.best or heat.given)
     charts, thinned = time_charts(runs, all_given, all_best, NAMES)
     left = heat.stretches
-    outcome = outcome_of(history)
+    said = narrative(history.steps, history.last, advice)
     effects = _effects_named(history)
     works = [cited.reference.full for cited in works_cited(effect.source for effect in effects)]
     titles = [
         "In short",
         "The log",
         "The model, and its fit as given",
-        "Where it errs" if outcome == "adequate" else "Where it fails",
-        "What was missing" if outcome == "found" else "What is missing",
+        "Where it errs",
+        "What it lacked",
         _HEADINGS[which],
         "What to do next",
         f"Parameters of the {'best model' if all_best else 'model'}",
@@ -102,37 +98,33 @@ def story_html(
         "story.html.j2",
         title=title,
         titles=titles,
-        headline=headline(history),
-        remains=left_in_words(history) if all_best else "",
-        short=[(label, for_people(text)) for label, text in words.in_short(history, heat, proposal)],
-        words=words.story_in_words(history, data),
+        said=said,
+        details=details(history, data),
         network=network_picture(all_given),
         best_network=network_picture(all_best) if all_best else None,
         tiles=tiles(runs, all_best or all_given),
         charts=charts.html(CHARTS),
         thinned=thinned,
         history=history_table(history),
-        fall=picture(words.caption_of_history(history), history_figure(history)) if all_best else None,
+        fall=picture(captions.of_history(history), history_figure(history)) if all_best else None,
         conditions=_conditions(given, best, which),
         errors=_errors(given, best, which),
         nodes=node_table(given, best),
         which=which,
         heat_map=heat_map_picture(heat),
         heat_line=heat_line_picture(heat),
-        learned=learned_picture(learned),
+        learned=learned_picture(advice.learned if advice else None),
         stretches=stretch_table(left[:_FEW]),
         more_stretches=max(len(left) - _FEW, 0),
         hiding=heat.hiding,
         more_than_noise=history.remaining != "adequate",
-        predictions=picture(words.caption_of_predictions(given, best, data, which), predictions(given, best)),
+        predictions=picture(captions.of_predictions(given, best, data, which), predictions(given, best)),
         told=effects_table(history),
         refused=refused_table(history),
         probabilities=_probabilities(history),
         coarse=_coarse_step(history),
         detectability=_detectability(history),
-        proposal=for_people(proposal.text()) if proposal else None,
-        next=words.next_step(history),
-        fitted=words.fitted_in_words(history),
+        experiment=for_people(advice.experiment.text()) if advice and advice.experiment else None,
         few=_FEW,
         parameters_given=parameter_table(first.fit),
         parameters=parameter_table(last.fit, first.fit if last is not first else None),
@@ -175,24 +167,24 @@ def _effects_named(history: History) -> list[type[Effect]]:
 
 def _conditions(given: Comparison, best: Comparison | None, which: str) -> Picture | None:
     drawings = conditions(given, best)
-    return picture(words.caption_of_conditions(given, best, which), *drawings) if drawings else None
+    return picture(captions.of_conditions(given, best, which), *drawings) if drawings else None
 
 
 def _errors(given: Comparison, best: Comparison | None, which: str) -> Picture:
     noise = max(given.floor(node) for node in given.model.nodes)
     drawings = fields(error_fields(given), error_fields(best) if best else [], "K", _PALE * noise)
-    return picture(words.caption_of_errors(which), *drawings)
+    return picture(captions.of_errors(which), *drawings)
 
 
 def _probabilities(history: History) -> Picture | None:
     if not weighed_effects(history):
         return None
-    return picture(words.CAPTION_OF_PROBABILITIES, probability_figure(history))
+    return picture(captions.OF_PROBABILITIES, probability_figure(history))
 
 
 def _detectability(history: History) -> Picture | None:
     sizes = smallest(history.last.weighed)
-    return picture(words.caption_of_detectability(sizes), detectability_figure(sizes)) if sizes else None
+    return picture(captions.of_detectability(sizes), detectability_figure(sizes)) if sizes else None
 
 
 # --- one model against logs: where it fails, without a diagnosis ----------------------------------------------
@@ -208,7 +200,7 @@ def comparison_html(comparison: Comparison, title: str) -> str:
     Returns:
         HTML text; the same arguments give the same text.
     """
-    caption = words.caption_of_predictions(comparison, None, DataSplit(()), "compared")
+    caption = captions.of_predictions(comparison, None, DataSplit(()), "compared")
     runs = shown_runs([""] * len(comparison.predictions), comparison)
     charts, thinned = time_charts(runs, comparison, None, NAMES)
     return render(
@@ -252,7 +244,7 @@ def versus_html(result: Versus, title: str) -> str:
     both = set(result.other.model.nodes) <= set(result.model.model.nodes)
     given, best = (result.other, result.model) if both else (result.model, None)
     names = result.names[1], result.names[0]
-    caption = words.caption_of_predictions(given, best, DataSplit(()), "compared", names)
+    caption = captions.of_predictions(given, best, DataSplit(()), "compared", names)
     runs = shown_runs([""] * len(given.predictions), given)
     charts, thinned = time_charts(runs, given, best, names)
     return render(

@@ -50,10 +50,20 @@ _CERTAIN = 0.99
 
 
 def percent(probability: float) -> str:
-    """A probability; what is nearly certain is `more than 99 %`, what hardly can be `less than 1 %`."""
+    """A probability; what is nearly certain is `> 99 %`, what hardly can be `< 1 %`."""
     if probability > _CERTAIN:
-        return "more than 99 %"
-    return "less than 1 %" if probability < 1 - _CERTAIN else f"{100 * probability:.0f} %"
+        return "> 99 %"
+    return "< 1 %" if probability < 1 - _CERTAIN else f"{100 * probability:.0f} %"
+
+
+_IN_WORDS = ((0.99, "virtually certain"), (0.9, "very likely"), (0.66, "likely"), (0.33, "about as likely as not"))
+"""From which probability on which word: the scale of the IPCC's guidance note on uncertainties (2010)."""
+
+
+def certainty(probability: float) -> str:
+    """A probability in a word and a number, such as `very likely, 98 %`."""
+    word = next((word for least, word in _IN_WORDS if probability >= least), "unlikely")
+    return f"{word}, {percent(probability)}"
 
 
 def unit_text(unit: str) -> str:

@@ -15,10 +15,9 @@ from lptn.diagnose.evidence import FirstOrder
 from lptn.effects import catalogue
 from lptn.identify.comparison import Errors
 from lptn.identify.data import Segment, Stretch
-from lptn.report.outcome import FEW, Kinds, finding_in_words, log_errors_in_words, steps_in_words
+from lptn.report.narrative import narrative, size_in_words
 from lptn.report.shown import noise_alone
-from lptn.report.text import experiment_for, few, for_people, kelvin, named, percent, place_of, size_told, title_of
-from lptn.report.words import size_in_words
+from lptn.report.text import experiment_for, for_people, kelvin, named, percent, place_of, size_told, title_of
 from lptn.study import Study
 from lptn.workbench.bench import Bench, key_of, name_of, names_of, segments
 from lptn.workbench.conditions import by_condition
@@ -77,44 +76,18 @@ def _head(bench: Bench) -> dict[str, Any]:
     first, last = study.steps[0], study.steps[-1]
     which = "held out" if first.holdout else "fitted"
     floor = noise_alone(first.fit)
+    said = narrative(study.steps, study.diagnosed, study.advised)
     return {
         "which": which,
         "given": _error(first),
         "now": _error(last),
         "floor": floor,
-        "found": steps_in_words(study.steps),
-        "sentence": _sentence(bench, floor),
+        "said": [*((each.label, each.text) for each in said), ("Largest error", _worst(bench, floor))],
     }
 
 
 def _error(step: Step) -> float:
     return step.holdout.rmse if step.holdout else step.fit.rmse
-
-
-def _sentence(bench: Bench, floor: float) -> str:
-    """What is known of the model as it is now."""
-    study = bench.study
-    diagnosis = study.diagnosed
-    if diagnosis is None:
-        return _worst(bench, floor)
-    kinds = Kinds.of(study.steps)
-    helped = bool(kinds.good or kinds.fitted)
-    subject = "With what was added the model" if helped else "With or without it the model"
-    subject = subject if len(study.steps) > 1 else "The model as given"
-    if diagnosis.verdict == "adequate":
-        return f"{subject} is adequate: what is left is no more than {log_errors_in_words(diagnosis)}."
-    if diagnosis.only_held_out_runs_object:
-        return f"{subject} meets the fitted runs; the held-out ones hold something else. {_worst(bench, floor)}"
-    missing = Kinds.of([Step(diagnosis.fit), *diagnosis.steps])
-    parts = [finding_in_words(step, step.fit) for step in missing.findings]
-    if missing.structure:
-        parts.append(f"structure that all parts have: {few([named(*step.key) for step in missing.structure], FEW)}")
-    answers = "; ".join(parts)
-    if diagnosis.verdict == "unexplained":
-        best = f"; it offers {answers}" if answers else ""
-        text = f"{subject} is wrong by more than noise, and the catalogue does not explain it{best}."
-        return f"{text} {_worst(bench, floor)}"
-    return f"{subject} lacks {'more' if helped else 'something'}: {answers}."
 
 
 def _worst(bench: Bench, floor: float) -> str:
@@ -131,9 +104,9 @@ def _worst(bench: Bench, floor: float) -> str:
     errors = {place: summary for place, summary in errors.items() if summary.count}
     (node, key), worst = max(errors.items(), key=lambda item: item[1].rmse)
     if worst.rmse <= 2 * floor:
-        return "It errs nowhere by much more than the sensors’ noise."
+        return "Nowhere much larger than the sensors’ noise."
     side = "" if abs(worst.mean) < _PLAIN * worst.rmse else f", predicted too {'hot' if worst.mean > 0 else 'cold'}"
-    return f"It errs most at {node} in {shown[key].run.name}: {kelvin(worst.rmse)}{side}."
+    return f"At {node} in {shown[key].run.name}: {kelvin(worst.rmse)}{side}."
 
 
 # --- steps, tiles, parameters --------------------------------------------------------------------------------

@@ -47,7 +47,7 @@ export function head(state) {
       figure("given", it.given, `${which} error, as given`),
       added && figure("now", it.now, `${which} error now`),
       figure("floor", it.floor, "the sensors’ own noise", 2)),
-    h("p", { className: "lead" }, it.found ? `${it.found}. ` : "", it.sentence),
+    h("div", { className: "lead" }, ...it.said.map(([label, text]) => h("p", null, h("b", null, `${label}: `), text))),
   ];
 }
 

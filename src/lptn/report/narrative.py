@@ -1,0 +1,387 @@
+"""What a study says, written once: terminal, workbench, report and Python show the same sentences.
+
+First the verdict on the model as it is now, then what sets a place, a sensor, a limb or a run apart (findings), what
+all parts have in common (structure), what somebody added, the errors, and what to do next.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Literal
+
+import numpy as np
+
+from lptn.basics.parameters import Parameter
+from lptn.basics.words import listed, short_size
+from lptn.diagnose.advice import Advice
+from lptn.diagnose.answers import LIKELY, Step
+from lptn.diagnose.diagnosis import Diagnosis, is_met
+from lptn.diagnose.fit_statistics import MOST, Removed, criterion_difference, explains
+from lptn.diagnose.improvement import History
+from lptn.effects.learned_heat import UNNAMED, LearnedHeat, goes_with
+from lptn.identify.data import DataSplit, Segment
+from lptn.identify.fitting import Fit
+from lptn.model.network import EffectDeclaration
+from lptn.report.shown import noise_alone
+from lptn.report.text import (
+    capitalised,
+    certainty,
+    experiment_for,
+    few,
+    for_people,
+    kelvin,
+    named,
+    percent,
+    place_of,
+    significant,
+    size_told,
+    unit_text,
+    value_in_words,
+    window_text,
+)
+
+Label = Literal[
+    "Verdict", "Findings", "Best candidates", "Structure", "Added by hand", "Error", "Unexplained heat", "Next"
+]
+
+WORTH = 0.05
+"""Share by which held-out errors must differ to speak for a step that somebody chose: the RMSE of some 200 independent
+residuals, an hour or two of a few nodes, is itself known to 1/√400."""
+HELPED = 0.99
+"""The share of the error below which an error is called smaller."""
+FEW = 3
+"""Names in a row that a sentence carries."""
+
+
+@dataclass(frozen=True)
+class Sentence:
+    """What is said under one label, a sentence or two."""
+
+    label: Label
+    text: str
+
+    def __str__(self) -> str:
+        return f"{self.label}: {self.text}"
+
+
+# --- what the steps are -------------------------------------------------------------------------------------
+
+
+@dataclass
+class Kinds:
+    """The steps that added an effect, by what is said of them.
+
+    Args:
+        findings: what sets a place, a sensor, a limb or a run apart, by a diagnosis.
+        structure: what all parts have in common, by a diagnosis.
+        helped: what somebody chose, and lowers the errors.
+        fitted: what somebody chose, and lowers those of the fit data alone.
+        idle: what somebody chose, and lowers none.
+        learned: curves without a name that somebody added and that help; they explain nothing.
+    """
+
+    findings: list[Step] = field(default_factory=list)
+    structure: list[Step] = field(default_factory=list)
+    helped: list[Step] = field(default_factory=list)
+    fitted: list[Step] = field(default_factory=list)
+    idle: list[Step] = field(default_factory=list)
+    learned: list[Step] = field(default_factory=list)
+
+    @classmethod
+    def of(cls, steps: Sequence[Step]) -> Kinds:
+        """Sort the steps of a history, the model as given first.
+
+        What a diagnosis answered has a probability; what somebody chose is judged by the errors.
+        """
+        kinds = cls()
+        for before, step in pairwise(steps):
+            if step.probability:
+                (kinds.structure if step.is_structure else kinds.findings).append(step)
+            elif step.effect == LearnedHeat.key and _lowered(before, step):
+                kinds.learned.append(step)
+            else:
+                {"all": kinds.helped, "fitted": kinds.fitted, "": kinds.idle}[_lowered(before, step)].append(step)
+        return kinds
+
+
+def _lowered(before: Step, after: Step) -> Literal["", "fitted", "all"]:
+    """Which errors a step lowered: those of held-out data, `"fitted"` where those of the fit data alone, or none.
+
+    Errors on fit data are lower where Schwarz's criterion says so, which decides where nothing is held out. Held-out
+    ones are lower by more than any scatter explains, or by less where those on fit data agree.
+    """
+    pays = criterion_difference(before.fit, after.fit) > 0
+    if before.holdout is None or after.holdout is None:
+        return "all" if pays else ""
+    share = after.holdout.rmse / before.holdout.rmse
+    if share < 1 - WORTH or (pays and share < HELPED):
+        return "all"
+    return "fitted" if pays else ""
+
+
+# --- the answer -----------------------------------------------------------------------------------------------
+
+
+def narrative(steps: Sequence[Step], last: Diagnosis | None, advice: Advice | None = None) -> list[Sentence]:
+    """The answer in a few sentences.
+
+    Args:
+        steps: the model as given first; their errors are those that `lptn compare` gives of the model's file.
+        last: the diagnosis of the last step; without one nothing is said of what is missing.
+        advice: what to do next, where it was worked out.
+    """
+    single, kinds = len(steps) == 1, Kinds.of(steps)
+    unexplained = last is not None and last.verdict == "unexplained"
+    hopeless = unexplained and (single or not explains(MOST, steps[0].fit, steps[-1].fit))
+    answers = Kinds.of([steps[0], *last.steps]) if last and single else kinds
+    said = [Sentence("Verdict", _verdict(steps, last, kinds))] if last else []
+    groups: tuple[tuple[Label, list[Step]], ...] = (
+        ("Best candidates" if hopeless else "Findings", answers.findings),
+        ("Structure", answers.structure),
+    )
+    for label, group in groups:
+        if group:
+            likeliest = sorted(group, key=lambda step: -step.probability)
+            said.append(Sentence(label, f"{capitalised(few([_in_full(step, steps) for step in likeliest], FEW))}."))
+    if kinds.helped or kinds.fitted or kinds.idle:
+        said.append(Sentence("Added by hand", f"{capitalised(_chosen(kinds))}."))
+    said.append(Sentence("Error", errors_in_words(steps)))
+    heat = [f"Most significant {for_people(advice.heat[0].text())}."] if advice and advice.heat and unexplained else []
+    for declared in (declared for step in kinds.learned for declared in step.declarations):
+        column = goes_with(declared.effect, declared.driven_by or declared.at)
+        heat.append(f"At {declared.at} {UNNAMED}{column}: learned, without a name.")
+    if advice and advice.learned:
+        heat.append(_first_sentence(for_people(advice.learned.text())))
+    if heat:
+        said.append(Sentence("Unexplained heat", " ".join(heat)))
+    if last:
+        said.append(Sentence("Next", for_people(_next(steps, last, kinds, advice))))
+    return said
+
+
+def _verdict(steps: Sequence[Step], last: Diagnosis, kinds: Kinds) -> str:
+    """What is known of the model as it is now."""
+    subject = "The model as given"
+    if len(steps) > 1:
+        helped = kinds.findings or kinds.structure or kinds.helped or kinds.fitted or kinds.learned
+        subject = "The model with the effects below" if helped else "With or without the added effects the model"
+    if last.verdict == "adequate":
+        return f"{subject} is adequate; what remains is {allowance_in_words(last)}."
+    if last.only_held_out_runs_object:
+        return f"{subject} meets the fit data to within noise, but not the held-out data, which contain something else."
+    if last.verdict == "missing":
+        if len(steps) == 1:
+            return f"{subject} lacks the effects below, which explain most of its error."
+        return f"{subject} still lacks {few([_short_and_sure(step) for step in last.steps], FEW)}."
+    still, rest = ("", "it") if len(steps) == 1 else ("still ", "the rest")
+    return f"{subject} is {still}wrong by more than noise, and the catalogue explains little of {rest}."
+
+
+def allowance_in_words(diagnosis: Diagnosis) -> str:
+    """What the error of an adequate model is no larger than."""
+    beside = "" if is_met(diagnosis.lack_of_fit) else " and typical errors of air, torques and surfaces"
+    return f"no more than the sensors' noise{beside}"
+
+
+def errors_in_words(steps: Sequence[Step]) -> str:
+    """RMSE as given and now, on each kind of data, and the sensors' noise."""
+    given, now = steps[0], steps[-1]
+    parts = []
+    for data, before, after in _errors(given, now):
+        change = kelvin(after) if len(steps) == 1 else f"{significant(before, 3)} → {kelvin(after)}"
+        parts.append(f"{data} {change}")
+    beside = "" if given.holdout else " No data were held out, so nothing tests the result."
+    return f"RMSE {', '.join(parts)}; sensors' noise {kelvin(noise_alone(now.fit), 2)}.{beside}"
+
+
+def _errors(given: Step, now: Step) -> list[tuple[str, float, float]]:
+    """What each kind of data is called, and the RMSE [K] there as given and now, what no fit saw first."""
+    pairs = [("test", given.test, now.test), ("held out", given.holdout, now.holdout)]
+    unseen = [(data, before.rmse, after.rmse) for data, before, after in pairs if before and after]
+    return [*unseen, ("fitted", given.fit.rmse, now.fit.rmse)]
+
+
+def short_name(key: str, at: str) -> str:
+    """An effect by its key, and where it acts, such as `conduction heater1–heater2`; no place for everywhere."""
+    place = "" if at == "*" else f"{'' if '~' in at else ' at'} {place_of(at)}".replace(" at everywhere", " everywhere")
+    return f"{key.replace('_', ' ')}{place}".replace("~", "–")
+
+
+def _short_and_sure(step: Step) -> str:
+    return f"{short_name(*step.key)} ({sure(step)})"
+
+
+def sure(step: Step) -> str:
+    """How probable an answer is, in a word and a number; of one name among several also that anything is there."""
+    text = certainty(step.probability)
+    if step.probability < LIKELY <= step.at_its_place:
+        text += f", something there {percent(step.at_its_place)}"
+    return text
+
+
+def _in_full(step: Step, steps: Sequence[Step]) -> str:
+    """An effect with size, certainty and rivals, such as `fan at knee (0.3 ± 0.02 W/K, very likely, 98 %)`."""
+    size = size_told(step, step.fit if len(steps) == 1 else steps[-1].fit)
+    text = ", ".join(filter(None, (size, sure(step))))
+    if step.indistinguishable:
+        more = len(step.indistinguishable) - 1
+        text += f"; or {short_name(*step.indistinguishable[0])}{f' or {more} more' if more else ''}"
+    return f"{short_name(*step.key)} ({text})"
+
+
+def _chosen(kinds: Kinds) -> str:
+    """What somebody added, and whether it lowered the errors."""
+    kinds_of_help = ((kinds.helped, ""), (kinds.fitted, "lowers the error on fit data only"), (kinds.idle, "no help"))
+    texts = [
+        f"{short_name(*step.key)}{f' ({help_})' if help_ else ''}" for some, help_ in kinds_of_help for step in some
+    ]
+    return listed(texts)
+
+
+def _next(steps: Sequence[Step], last: Diagnosis, kinds: Kinds, advice: Advice | None) -> str:
+    """What to do next, in a sentence or two."""
+    if advice and advice.rows:
+        return advice.rows
+    if kinds.idle and not (kinds.findings or kinds.structure or kinds.helped or kinds.fitted or kinds.learned):
+        return "Take out what did not help."
+    if last.verdict == "missing":
+        answer = _short_and_sure(last.steps[0])
+        return f"Add {answer if len(steps) > 1 else 'the effects above'}, and see whether the held-out error falls."
+    if advice and advice.differing:
+        return advice.differing[0].sentence or advice.differing[0].text()
+    if advice and advice.experiment:
+        first = _first_sentence(advice.experiment.text())
+        return first if advice.experiment.separates else f"{first.partition(': ')[0]}."
+    if any(step.indistinguishable for step in steps):
+        effect = next(step.declaration.effect for step in steps if step.indistinguishable and step.declaration)
+        return f"One experiment would separate the names. {experiment_for(type(effect))}"
+    unseen = [pair for pair in _errors(steps[0], steps[-1]) if pair[0] != "fitted"]
+    if last.only_held_out_runs_object or any(after > before for _, before, after in unseen):
+        return "Find out what differs in the runs that no fit used, and fit on runs like them as well."
+    if last.verdict == "adequate":
+        return "Use the model; compare it again when the robot works harder, faster or in other air."
+    return (
+        "Find out what happened there that the log does not record: touch, water, a fan, a moved sensor, a load "
+        "without a column. Log it, or leave that segment out."
+    )
+
+
+def _first_sentence(text: str) -> str:
+    return re.split(r"(?<=[.!?]) (?=[A-Z])", text, maxsplit=1)[0]
+
+
+# --- the details ----------------------------------------------------------------------------------------------
+
+
+def details(history: History, data: DataSplit) -> list[str]:
+    """What stands behind the answer, a few sentences to each of: data, sizes of effects, what was refused."""
+    texts = [_which_data(history, data)]
+    if history.remaining == "adequate":
+        texts.append(_covered(history.best.fit))
+    texts += [_step_in_words(history, number) for number in range(1, len(history.steps))]
+    if history.last.refused:
+        names = [f"{named(*step.key)} ({percent(step.probability)})" for step in history.last.refused]
+        texts.append(f"Fitted as well, and less probable than not: {few(names, FEW)}.")
+    return texts
+
+
+def _which_data(history: History, data: DataSplit) -> str:
+    """Which runs were fitted, which chose, which only test the result."""
+    text = f"{history.steps[0].parameters} parameters of the model as given were fitted on {_runs(data.fit)}."
+    if data.holdout:
+        text += f" Held out: {_runs(data.holdout)}; only the initial temperatures are fitted there."
+    if data.test:
+        return f"{text} Test: {_runs(data.test)}; these runs chose nothing, so quote their error."
+    if len(history.steps) == 1:
+        return text
+    flaw = "the held-out error, which helped to choose, is slightly optimistic" if data.holdout else "nothing tests it"
+    return f"{text} There are no test runs, so {flaw}; give one more log with --test."
+
+
+def _runs(segments: Sequence[Segment]) -> str:
+    """Runs by name, and the segment that counts where it is not all."""
+    parts = [(segment.run.name, window_text(segment.evaluation, segment)) for segment in segments]
+    return few([name if part == "all" else f"{name} ({part})" for name, part in parts], FEW)
+
+
+def _covered(fit: Fit) -> str:
+    """For which temperatures the verdict holds."""
+    bound_runs = fit.problem.bound_runs
+    readings = np.concatenate([bound.measured[bound.counted] for bound in bound_runs])
+    minutes = sum(len(bound) * bound.run.step for bound in bound_runs) / 60
+    covered = f"{minutes:.3g} min at {readings.min():.0f} to {readings.max():.0f} °C"
+    return f"The verdict holds for what the fit data cover: {covered}."
+
+
+def _step_in_words(history: History, number: int) -> str:
+    step = history.steps[number]
+    chosen = "" if step.probability else ", chosen by hand"
+    size = size_in_words(step, history.best.fit)
+    text = f"Step {number}, {named(*step.key)}{chosen}{f': {size}' if size else ''}."
+    return " ".join(filter(None, (text, removed_in_words(history, number))))
+
+
+_DIFFERENT = 2.0  # standard errors from which on a size differs from zero
+
+
+def size_in_words(step: Step, last: Fit) -> str:
+    """The size of an added effect against its typical value, such as `conductance 0.02 ± 0.001 W/K, 20 % of a typical
+    value`, and its time constant where it has one; of an effect that is there or not, its shape.
+
+    Args:
+        step: the effect.
+        last: a fit of a model that has it.
+    """
+    values = {instance.name: instance for instance in last.model.parameters}
+    sizes, times, doubt = "", "", ""
+    for declaration in step.declarations:
+        for parameter in declaration.resolved.values():
+            name = declaration.shared_name(parameter.name)
+            if name not in last.standard_errors:
+                continue
+            error, value = last.standard_errors[name], values[name].value
+            text = f"{parameter.name.replace('_', ' ')} {value_in_words(value, error, parameter.unit_behind)}"
+            if parameter.off is None and parameter.unit == "s":
+                times = text + _where_others_have(declaration, parameter, last)
+            elif parameter.off is None and not declaration.effect.adds_up():
+                sizes = text
+            elif parameter.off is not None:
+                share = abs(value / values[name].declared.typical)
+                times_as_large = f"{short_size(share)} times" if share > 1 else f"{short_size(100 * share)} % of"
+                beside = " beyond what it has in common with others" if declaration.difference else ""
+                sizes = f"{text}{beside}, {times_as_large} a typical value"
+                doubt = "" if abs(value - parameter.off) >= _DIFFERENT * error else "; not significant"
+    return "; ".join(filter(None, (sizes + doubt, times)))
+
+
+def _where_others_have(declaration: EffectDeclaration, parameter: Parameter, last: Fit) -> str:
+    """What the other places have in common, of a place that has its own instead: `, where the others have 8 s`."""
+    key, values = declaration.effect.key, last.model.parameters
+    common = {instance.parameters[parameter.name] for instance in last.model.network.in_common(key)}
+    others = [values[k].value for k in sorted(common) if values[k].name != declaration.shared_name(parameter.name)]
+    if declaration.difference or declaration.run or not others:
+        return ""
+    return f", where the others have {short_size(others[0])} {unit_text(parameter.unit)}"
+
+
+_MAIN = 0.5  # share from which on a node or a run is named
+
+
+def removed_in_words(history: History, number: int) -> str:
+    """Where a step lowers the error of the fit data, such as `It explains 41 % of the remaining squared error, 92 % of
+    that at winding, 70 % in Run5.`; empty where it lowers none.
+    """
+    removed = Removed.between(history.steps[number - 1].fit, history.steps[number].fit)
+    if removed.share <= 0:
+        return ""
+    if removed.share < 0.01:  # of next to nothing nobody asks where
+        return "It explains less than 1 % of the remaining squared error."
+    text = f"It explains {100 * removed.share:.0f} % of the remaining squared error"
+    for word, shares in (("at", removed.by_node), ("in", removed.by_run)):
+        name = max(shares, key=shares.__getitem__)
+        if len(shares) > 1 and shares[name] > _MAIN:
+            text += f", {100 * min(shares[name], 1.0):.0f} % of that {word} {name}"
+    return f"{text}."

@@ -1,0 +1,338 @@
+"""What is said is said once: one narrative for every way in which a history can end, on the terminal and the page."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from html import escape, unescape
+from pathlib import Path
+from textwrap import wrap
+from typing import cast
+
+import numpy as np
+import pytest
+
+import lptn
+from lptn.cli.improve import improve, show_history
+from lptn.diagnose.advice import Advice
+from lptn.diagnose.answers import Step
+from lptn.diagnose.experiment import Experiment
+from lptn.diagnose.improvement import History
+from lptn.diagnose.refits import continued
+from lptn.diagnose.unexplained_heat import HeatPeak, UnexplainedHeat, largest, stretches
+from lptn.effects import Effect
+from lptn.effects.radiation import Radiation
+from lptn.effects.sensor_lag import SensorLag
+from lptn.effects.sensor_loose import SensorLoose
+from lptn.identify.comparison import Comparison, compare
+from lptn.identify.fitting import finished
+from lptn.identify.validation import holdout_errors
+from lptn.model.network import EffectDeclaration
+from lptn.report.captions import of_conditions
+from lptn.report.narrative import details, narrative, removed_in_words, short_name, size_in_words
+from lptn.report.shown import heat_fields
+from lptn.report.text import certainty, kelvin, significant, size_told
+from lptn.workbench.bench import Bench
+from lptn.workbench.content import content_of
+from lptn.workbench.opening import Opening
+from tests.report.two_joints import NODES, NOISE, Told
+
+ROOT = Path(__file__).parents[2]
+
+
+class _Proposed:
+    """An experiment that was worked out."""
+
+    separates = True
+
+    def text(self) -> str:
+        return "Hold 2 N*m at thigh for 8.5 min. At 4 min the two predictions differ by 3 K."
+
+
+def _advice(heat: list[HeatPeak] | None = None, experiment: _Proposed | None = None) -> Advice:
+    return Advice(cast("Experiment | None", experiment), heat or [], [], [])
+
+
+def _said(history: History, advice: Advice | None = None) -> dict[str, str]:
+    return {each.label: each.text for each in narrative(history.steps, history.last, advice)}
+
+
+def test_a_solved_history_gives_verdict_finding_errors_and_next_step(missing: Told) -> None:
+    history = missing[0]
+    said = _said(history)
+    assert list(said) == ["Verdict", "Findings", "Error", "Next"]
+    assert said["Verdict"] == (
+        "The model with the effects below is adequate; what remains is no more than the sensors' noise."
+    )
+    size = size_told(history.best, history.best.fit)
+    assert re.fullmatch(r"3 ± \S+ W", size)
+    assert said["Findings"] == f"Constant heat at {NODES[0]} ({size}, very likely, 98 %)."
+    before, after = history.steps[0].test, history.best.test
+    assert before is not None
+    assert after is not None
+    assert said["Error"].startswith(f"RMSE test {before.rmse:.3g} → {after.rmse:#.3g} K, held out ")
+    floor = float(said["Error"].removesuffix(" K.").rpartition(" ")[2])
+    assert floor == pytest.approx(NOISE, rel=0.1)
+    assert said["Next"].startswith("Use the model")
+
+
+def test_an_adequate_model_is_called_so_and_lacks_nothing(adequate: Told) -> None:
+    said = _said(adequate[0])
+    assert list(said) == ["Verdict", "Error", "Next"]
+    assert said["Verdict"].startswith("The model as given is adequate")
+
+
+def test_what_nothing_explains_is_not_called_found(missing: Told) -> None:
+    history = missing[0]
+    idle = replace(history.best, fit=history.steps[0].fit)
+    last = replace(history.last, verdict="unexplained", lack_of_fit=dict.fromkeys(NODES, 9.0))
+    peak = HeatPeak("one", NODES[1], 150.0, 300.0, 4.0, 0.5)
+    said = _said(replace(history, steps=(history.steps[0], idle), last=last), _advice([peak]))
+    assert "still wrong by more than noise" in said["Verdict"]
+    assert "Best candidates" in said
+    assert "Findings" not in said
+    assert said["Unexplained heat"].startswith(f"Most significant at {NODES[1]} from 150 to 300 s, about 4 W")
+    assert said["Next"].startswith("Find out what happened there")
+    alone = replace(history, steps=history.steps[:1], last=replace(history.first, verdict="unexplained"))
+    assert "Best candidates" in _said(alone)
+
+
+def test_findings_come_before_structure_and_both_before_the_errors(missing: Told) -> None:
+    history = missing[0]
+    lag, sun = (
+        replace(history.best, declaration=EffectDeclaration(effect, "*"), probability=0.7)
+        for effect in (SensorLag(), Radiation())
+    )
+    said = _said(replace(history, steps=(history.steps[0], history.best, lag, sun)))
+    assert list(said) == ["Verdict", "Findings", "Structure", "Error", "Next"]
+    assert said["Structure"] == "Sensor lag (likely, 70 %) and radiation (likely, 70 %)."
+    many = _said(replace(history, steps=(history.steps[0], *[lag] * 5)))
+    assert many["Structure"].endswith(" and 2 others.")
+    assert "Findings" not in many
+
+
+def test_one_name_among_several_at_a_place_has_the_place_s_probability(missing: Told) -> None:
+    history = missing[0]
+    doubtful = replace(history.best, probability=0.4, at_its_place=0.97)
+    said = _said(replace(history, steps=(history.steps[0], doubtful)))
+    assert "about as likely as not, 40 %, something there 97 %)" in said["Findings"]
+    assert "something there" not in _said(history)["Findings"]
+
+
+@pytest.mark.parametrize(
+    ("probability", "said"),
+    [
+        (1.0, "virtually certain, > 99 %"),
+        (0.95, "very likely, 95 %"),
+        (0.5, "about as likely as not, 50 %"),
+        (0.1, "unlikely, 10 %"),
+    ],
+)
+def test_a_probability_has_a_word_and_a_number(probability: float, said: str) -> None:
+    assert certainty(probability) == said
+
+
+def _by_hand(outcome: Told, effect: Effect, at: str) -> History:
+    """The model as given with one effect that somebody chose, and what a diagnosis says of the two."""
+    history, data = outcome
+    given = history.steps[0]
+    declared = EffectDeclaration(effect, at)
+    fit = finished(continued(given.fit, given.fit.model.network.with_effects([declared])))
+    step = Step(fit, declared, holdout=holdout_errors(fit, data.holdout), test=holdout_errors(fit, data.test))
+    remaining = replace(history.first, fit=fit)
+    return replace(
+        history, steps=(given, step), remaining=history.verdict, last=remaining, considered=1, searched_from=None
+    )
+
+
+def test_what_was_added_by_hand_and_did_not_help_is_not_a_finding(adequate: Told, missing: Told) -> None:
+    for outcome in (adequate, missing):
+        said = _said(_by_hand(outcome, Radiation(), NODES[1]))
+        assert said["Added by hand"] == f"Radiation at {NODES[1]} (no help)."
+        assert said["Verdict"].startswith("With or without the added effects the model ")
+        assert said["Next"] == "Take out what did not help."
+        assert "Findings" not in said
+    assert f"still lacks constant heat at {NODES[0]} (" in said["Verdict"]
+
+
+def test_what_was_added_beside_the_right_effect_is_told_apart(missing: Told) -> None:
+    useless = _by_hand(missing, Radiation(), NODES[1])
+    right = replace(missing[0].best, probability=0.9)
+    said = _said(replace(useless, steps=(*useless.steps, right), last=missing[0].last))
+    assert said["Findings"].startswith(f"Constant heat at {NODES[0]} (")
+    assert said["Added by hand"] == f"Radiation at {NODES[1]} (no help)."
+
+
+def test_what_lowers_the_error_on_fit_data_only_says_so(missing: Told) -> None:
+    history = missing[0]
+    given = history.steps[0]
+    stays = replace(history.best, holdout=given.holdout, test=given.test, probability=0.0)
+    said = _said(replace(history, steps=(given, stays)))
+    assert said["Added by hand"] == f"Constant heat at {NODES[0]} (lowers the error on fit data only)."
+
+
+def test_an_answer_that_was_not_added_yet_is_a_finding_with_its_size(missing: Told) -> None:
+    history = missing[0]
+    said = _said(replace(history, steps=history.steps[:1], last=history.first))
+    assert said["Verdict"] == "The model as given lacks the effects below, which explain most of its error."
+    assert re.match(rf"Constant heat at {re.escape(NODES[0])} \(3 ± \S+ W, ", said["Findings"])
+    assert said["Next"] == "Add the effects above, and see whether the held-out error falls."
+
+
+def test_held_out_runs_that_differ_are_named_in_verdict_and_next_step(adequate: Told) -> None:
+    history = adequate[0]
+    differs = replace(history.last, verdict="unexplained", steps=())
+    said = _said(replace(history, last=differs))
+    assert "but not the held-out data" in said["Verdict"]
+    assert said["Next"].startswith("Find out what differs in the runs that no fit used")
+
+
+def test_a_model_that_predicts_worse_than_the_one_given_is_not_to_be_used(missing: Told) -> None:
+    history = missing[0]
+    given, best = history.steps
+    assert given.holdout is not None
+    worse = replace(best, holdout=replace(given.holdout, rmse=2 * given.holdout.rmse), test=None)
+    assert "Use the model" not in _said(replace(history, steps=(given, worse)))["Next"]
+
+
+def test_rivals_and_the_experiment_that_separates_them_are_said(missing: Told) -> None:
+    history = missing[0]
+    step = replace(history.steps[1], indistinguishable=(("solar", NODES[0]),))
+    rivals = replace(history, steps=(history.steps[0], step))
+    assert f"; or solar at {NODES[0]})" in _said(rivals)["Findings"]
+    assert _said(rivals, _advice(experiment=_Proposed()))["Next"] == "Hold 2 N·m at thigh for 8.5 min."
+    assert "leave the robot powered and resting for an hour" in _said(rivals)["Next"]
+
+
+def test_details_say_which_data_chose_and_what_was_refused(missing: Told) -> None:
+    history, data = missing
+    refused = replace(history.best, declaration=EffectDeclaration(Radiation(), NODES[1]), probability=0.31)
+    text = " ".join(details(replace(history, last=replace(history.last, refused=(refused,))), data))
+    assert "Held out: two (60 to 600 s); only the initial temperatures are fitted there." in text
+    assert "Test: three (60 to 600 s); these runs chose nothing" in text
+    assert f"less probable than not: radiation to the surroundings at {NODES[1]} (31 %)." in text
+    assert "The verdict holds for what the fit data cover: 10 min at" in text
+    assert "less probable than not" not in " ".join(
+        details(replace(history, last=replace(history.last, refused=())), data)
+    )
+
+
+_STUDIES = {
+    "tclab": ("tclab/two_heaters.toml", "tclab/log.csv", 300.0),
+    "bldc_stators": ("bldc_stators/two_nodes.toml", "bldc_stators/Run3.csv", 120.0),
+    "pmsm": ("pmsm/winding.toml", "pmsm/log.csv", 3600.0),
+}
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", _STUDIES)
+def test_command_study_page_and_report_say_the_same_of_the_examples(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    model, log, after = _STUDIES[name]
+    model, log = str(ROOT / "examples" / model), str(ROOT / "examples" / log)
+    improve(
+        Path(model), Path(log), holdout_after=after, report=tmp_path / "story.html", output=tmp_path / "better.toml"
+    )
+    printed = capsys.readouterr().out
+    study = lptn.Study(model, log, holdout_after=after)
+    study.improve()
+    said = study.narrative()
+    assert printed.splitlines()[: len(said)] == [str(sentence) for sentence in said]
+    assert sum(len(wrap(line, 80)) for line in printed.replace(str(tmp_path), "").splitlines()) <= 15
+    page = unescape((tmp_path / "story.html").read_text(encoding="utf-8")).replace("\N{NO-BREAK SPACE}", " ")
+    head = content_of(Bench(study, tmp_path, ""), Opening(Path(model), (Path(log),), holdout_after=after))["head"]
+    assert head["said"][:-1] == [(sentence.label, sentence.text) for sentence in said]
+    assert all(sentence.text in page and escape(sentence.text) in study._repr_html_() for sentence in said)
+    compared = study.compare()
+    assert kelvin(compared.all.rmse) in dict(head["said"])["Error"]
+
+
+def test_the_table_of_the_terminal_has_the_same_numbers(missing: Told, capsys: pytest.CaptureFixture[str]) -> None:
+    show_history(missing[0])
+    out = capsys.readouterr().out
+    best = missing[0].best
+    assert size_told(best, best.fit) in out
+    assert kelvin(best.fit.rmse) in out
+
+
+def test_an_error_like_the_noise_is_no_failure(adequate: Told, missing: Told) -> None:
+    def caption(outcome: Told) -> tuple[str, Comparison]:
+        comparison = compare(outcome[0].steps[0].fit.model, outcome[1].holdout)
+        comparison = replace(comparison, noise=outcome[0].steps[0].fit.noise)
+        return of_conditions(comparison, None, "held-out"), comparison
+
+    said, comparison = caption(adequate)
+    assert comparison.all.rmse < 0.06
+    assert "fails" not in said
+    assert "is nowhere wrong by much more than noise" in said
+    assert "fails worst at" in caption(missing)[0]
+
+
+def test_heat_that_is_drawn_as_sure_is_heat_that_is_said(adequate: Told) -> None:
+    """The band that is drawn is the one that decides: none is said to be sure that lies within it, nor the reverse."""
+    rng = np.random.default_rng(4)
+    time = np.arange(5.0, 3600.0, 10.0)
+    for shift in (0.0, 0.5, 1.0, 1.5, 2.5):
+        heat = rng.normal(0.0, 0.3, (2, time.size)) + shift * np.exp(-(((time - 1800) / 300) ** 2))
+        estimate = UnexplainedHeat("run", time, NODES, heat, np.full_like(heat, 0.8), 10.0)
+        (drawn,) = heat_fields([estimate])
+        beyond = bool((np.abs(heat) > estimate.sure_band).any())
+        assert (largest([estimate]) is not None) == beyond == bool(drawn.values.any()) == bool(stretches([estimate]))
+
+
+def test_large_numbers_have_no_exponent() -> None:
+    assert [significant(value, 2) for value in (0.052, 1.0, 9.96, 29.4, 142.0)] == ["0.052", "1.0", "10", "29", "142"]
+
+
+@pytest.mark.parametrize(("at", "said"), [("*", "radiation"), ("*_*", "radiation at *_*"), ("a~b", "radiation a–b")])
+def test_a_short_name_has_a_place_but_for_everywhere(at: str, said: str) -> None:
+    assert short_name("radiation", at) == said
+
+
+def test_where_next_to_nothing_goes_is_not_told(missing: Told) -> None:
+    history = missing[0]
+    assert re.match(
+        rf"It explains \d+ % of the remaining squared error, \d+ % of that at {NODES[0]}", removed_in_words(history, 1)
+    )
+    first, second = history.steps
+    hardly = first.fit.z.copy()
+    hardly[0] *= 1 - 1e-7
+    nothing = replace(second, fit=replace(first.fit, z=hardly, cost=first.fit.problem.cost(hardly)))
+    before, after = sorted([first, nothing], key=lambda step: -step.fit.cost)
+    said = removed_in_words(replace(history, steps=(before, after)), 1)
+    assert said == "It explains less than 1 % of the remaining squared error."
+
+
+@pytest.mark.parametrize(("kind", "said"), [(SensorLag, ""), (SensorLoose, r"exposure \S+( ± \S+)?; ")])
+def test_the_size_of_an_effect_that_is_there_or_not_is_its_shape(
+    kind: type[SensorLag], said: str, missing: Told
+) -> None:
+    fit = missing[0].best.fit
+    slow = tuple(parameter.switched_on for parameter in kind.parameters)
+    network = fit.model.network.with_effects([EffectDeclaration(kind(), NODES[0], slow)])
+    lagging = replace(missing[0].best, declaration=network.effects[-1])
+    assert re.fullmatch(said + r"time constant \S+( ± \S+)? s", size_in_words(lagging, continued(fit, network)))
+
+
+def test_a_difference_is_told_as_one(missing: Told) -> None:
+    step = missing[0].best
+    (declared,) = step.declarations
+    more = replace(
+        declared,
+        difference=True,
+        parameters=tuple(replace(p, value=-1.0, bounds=(-9.0, 9.0)) for p in declared.parameters),
+    )
+    fitted = continued(step.fit, step.fit.model.network.without_effect(*step.key).with_effects([more]))
+    assert " W beyond what it has in common with others, " in size_in_words(replace(step, declaration=more), fitted)
+    assert "beyond" not in size_in_words(step, step.fit)
+
+
+@pytest.mark.parametrize(("usual", "said"), [(0.1, " times a typical value"), (10.0, " % of a typical value")])
+def test_a_size_is_a_multiple_or_a_percentage_of_the_typical_one(missing: Told, usual: float, said: str) -> None:
+    step = missing[0].best
+    (declared,) = step.declarations
+    (power,) = declared.parameters
+    resized = replace(declared, parameters=(replace(power, typical=usual * step.size * power.typical),))
+    network = step.fit.model.network.without_effect(*step.key).with_effects([resized])
+    assert said in size_in_words(step, continued(step.fit, network))
