@@ -155,7 +155,7 @@ def test_parameter_jacobian_equals_finite_differences() -> None:
     exact = model.parameter_jacobian(x, u, p).full()
     for column, value in enumerate(p):
         e = np.zeros_like(p)
-        e[column] = 1e-5 * abs(value)
+        e[column] = 1e-5 * (abs(value) or 1.0)
         slope = (model.rhs(x, u, p + e) - model.rhs(x, u, p - e)).full().ravel() / (2 * e[column])
         rounding = 1e-15 * float(abs(model.rhs(x, u, p).full()).max()) / e[column]
         atol = 1e-7 * np.abs(slope).max() + 1e-12 + rounding
