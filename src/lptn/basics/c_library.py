@@ -67,7 +67,8 @@ def shared_library(sources: Mapping[str, str], main: str, options: Sequence[str]
     except OSError as error:
         folder = _of_this_process(f"{error.filename}: {error.strerror}" if error.filename else str(error))
     for path in folder.glob(f"{name}-*.so"):
-        if _is_whole(path):
+        # Whole: a file of the user's, no link to elsewhere, with the bytes that its name says.
+        if is_own_file(path) and fingerprint(path)[:_DIGITS] == path.stem.partition("-")[2]:
             with suppress(OSError):
                 path.touch()  # it is in use
             return path
@@ -104,11 +105,6 @@ def _remove_expired(folder: Path) -> None:
         with suppress(OSError):  # another process removes it
             if path.lstat().st_mtime < oldest:
                 path.unlink()
-
-
-def _is_whole(path: Path) -> bool:
-    """Whether a library is a file of the user's, no link to elsewhere, and has the bytes that its name says."""
-    return is_own_file(path) and fingerprint(path)[:_DIGITS] == path.stem.partition("-")[2]
 
 
 def _run(command: Sequence[str], folder: Path) -> None:

@@ -50,7 +50,8 @@ def _sequence(tokens: deque[str]) -> str:
     while tokens and tokens[0] != "}":
         token = tokens.popleft()
         if token == "_":
-            text += _subscript(_argument(tokens))
+            below = _argument(tokens)
+            text += below.translate(_LOW) if below.isdigit() else f"_{below}"
         elif token == "^":
             text = _power(text, _argument(tokens))
         else:
@@ -92,10 +93,6 @@ def _fraction(above: str, below: str, tokens: deque[str]) -> str:
     behind = next((token for token in tokens if not token.isspace() and token != r"\,"), "}")
     apart = behind in {"}", "=", "+", "-", ")", ",", "]", "|", r"\right", r"\qquad", r"\quad"}
     return f"{above}/{below}" if apart else f"({above}/{below})"
-
-
-def _subscript(below: str) -> str:
-    return below.translate(_LOW) if below.isdigit() else f"_{below}"
 
 
 def _power(text: str, exponent: str) -> str:

@@ -114,7 +114,7 @@ def inline_svg(figure: Figure, label: str) -> Markup:
     head = re.sub(r' (width|height)="[^"]*"', "", head)
     # Several figures share a page: names that nothing refers to would only clash.
     body = re.sub(r'<g id="[^"]*"', "<g", body)
-    body = _PATH.sub(_shortened, body)
+    body = _PATH.sub(lambda path: _LONG_NUMBER.sub(r"\1", path[0]), body)  # two decimals: a hundredth of a point
     return Markup(head + f' role="img" aria-label="{escape(label)}"' + body)
 
 
@@ -136,11 +136,6 @@ def _laid_out(figure: Figure) -> Iterator[None]:
         yield
     finally:
         figure.set_layout_engine(engine)
-
-
-def _shortened(path: re.Match[str]) -> str:
-    """A path with two decimals: a hundredth of a point."""
-    return _LONG_NUMBER.sub(r"\1", path[0])
 
 
 # --- Figures where somebody looks: below the cell of a notebook -----------------------------------

@@ -95,11 +95,10 @@ def hot(rise: float = _RISE) -> ExcitationRule:
     return ExcitationRule(f"a node {rise:g} K above its surroundings, and a cool-down or two levels of load", lacking)
 
 
-def _load_steps(logs: Excitation, _: Collection[str]) -> str:
-    return "" if logs.steps or logs.cool_downs else "no jump of the load from one minute to the next"
-
-
-LOAD_STEPS = ExcitationRule("a jump of the load, or a cool-down", _load_steps)
+LOAD_STEPS = ExcitationRule(
+    "a jump of the load, or a cool-down",
+    lambda logs, _: "" if logs.steps or logs.cool_downs else "no jump of the load from one minute to the next",
+)
 """What answers late or early to a change: a hidden mass, a lag, a clock."""
 
 
@@ -155,9 +154,10 @@ def long_enough(minutes: float = _DRIFT) -> ExcitationRule:
     return ExcitationRule(f"logs of {minutes:g} min or more", lacking)
 
 
-def _several(logs: Excitation, places: Collection[str]) -> str:
-    return "" if logs.runs > 1 or len(places) > 1 else "one run and one place: a fitted parameter takes it up"
-
-
-SEVERAL_RUNS_OR_PLACES = ExcitationRule("several runs, or several places", _several)
+SEVERAL_RUNS_OR_PLACES = ExcitationRule(
+    "several runs, or several places",
+    lambda logs, places: (
+        "" if logs.runs > 1 or len(places) > 1 else "one run and one place: a fitted parameter takes it up"
+    ),
+)
 """What differs from the rest by a factor: there has to be a rest."""

@@ -63,6 +63,7 @@ class _Writer:
         names = [f"{name}_z{i}" for name in self.stacked for i in range(1, self.axial + 1)]
         listed = ",\n    ".join(f'"{name}"' for name in (*names, "end_winding_front", "end_winding_back"))
         kind = self.given.motor.kind
+        name = self.given.motor.name.replace("\\", "").replace('"', "'").replace("\n", " ")  # it stands between quotes
         return [
             f"# {kind} from its drawing {self.geometry.path.name}: {self.axial} slices along the axis (_z1 in front).",
             "# Derived, not measured: treat every film, fit and bearing as a start value. End faces of iron, magnets",
@@ -72,7 +73,7 @@ class _Writer:
             '# [columns] "temperature.end_winding_front" = "my thermistor".',
             "",
             "[model]",
-            f'name = "{_plain(self.given.motor.name)}"',
+            f'name = "{name}"',
             f"joints = [\n    {listed},\n]",
             'ambient = "temperature.ambient"',
             "",
@@ -220,11 +221,6 @@ class _Writer:
         for end in ("_z1.front", f"_z{self.axial}.back"):
             one, other = self.geometry.names(fixed)[0], self.geometry.names(turning)[0]
             self._link(f"{one}{end}", f"{other}{end}", cooling.bearing, "bearing")
-
-
-def _plain(text: str) -> str:
-    """A name that stands between quotes."""
-    return text.replace("\\", "").replace('"', "'").replace("\n", " ")
 
 
 # --- Its losses: copper by volume of winding, iron by volume of teeth and yoke ----------------------
