@@ -214,8 +214,10 @@ def trial(number: int, seed: int) -> Outcome:
         def log(what: str, segments: tuple[Segment, ...], ambient: float) -> Path:
             effect = Hidden(hidden, at, pair[3], "quadruped")
             runs = {what: virtual.Run(segments, ambient, cutout=None)}
-            options = {"seed": seed, "physics": "plain", "noise": NOISE, "quantisation": STEPS, "columns": "all"}
-            return virtual.write_quadruped(folder, [effect], runs=runs, **options)[0]  # type: ignore[arg-type]
+            logs = virtual.quadruped_logs(
+                [effect], seed=seed, runs=runs, physics="plain", noise=NOISE, quantisation=STEPS, columns="all"
+            )
+            return virtual.write_logs(folder, logs)[0]
 
         base = log("base", walking(3600, f"{seed}"), AMBIENT)
         given, first = refits(loaded, [base], rivals, at)

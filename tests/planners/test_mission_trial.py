@@ -13,7 +13,7 @@ from lptn.model.file import read_model_file
 from lptn.model.model import Model
 from lptn.planners.mission import Plan, plan_kind
 from lptn.robots.presets import preset_text
-from lptn.virtual import Options, Run, Segment, quadruped_logs, write_quadruped
+from lptn.virtual import Logs, Run, Segment, quadruped_logs, write_logs
 from tests.builders import bound_runs
 
 LIMIT, LOADS = 58.0, (0, 4)
@@ -40,8 +40,8 @@ loads = [0, 4]
 """
 
 
-def options(seed: int, runs: dict[str, Run]) -> Options:
-    return {"seed": seed, "runs": runs, "physics": "full", "level": "none", "quantisation": 0.0}
+def logged(seed: int, runs: dict[str, Run]) -> Logs:
+    return quadruped_logs(seed=seed, runs=runs, physics="full", level="none", quantisation=0.0)
 
 
 def planned(folder: Path, seed: int) -> Plan:
@@ -52,7 +52,7 @@ def planned(folder: Path, seed: int) -> Plan:
         ]
         rests = [Segment("rest", seconds) for seconds in (300, 300, 600)]
         happens = tuple(segment for pair in zip(trots, rests, strict=True) for segment in pair)
-        write_quadruped(folder, **options(seed, {f"trot_{load}": Run(happens, cutout=None)}))
+        write_logs(folder, logged(seed, {f"trot_{load}": Run(happens, cutout=None)}))
     model = folder / "quadruped.toml"
     model.write_text(preset_text("quadruped"), encoding="utf-8")
     loaded = load_model(model)
@@ -80,7 +80,7 @@ def hottest(plan: Plan, seed: int) -> float:
         )
         for segment, time, speed, load in zip(plan.segments, plan.time.tolist(), plan.speed, plan.load, strict=True)
     ]
-    truth = quadruped_logs(**options(seed, {"mission": Run(tuple(doing), cutout=None)})).truth["mission"]
+    truth = logged(seed, {"mission": Run(tuple(doing), cutout=None)}).truth["mission"]
     joints = [f"temperature.{joint}" for joint in plan.mission.limits]
     return float(np.max(truth[joints]))
 

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import inspect
 from itertools import pairwise
-from typing import Unpack, get_type_hints
 
 import numpy as np
 import pandas as pd
@@ -15,14 +13,11 @@ from lptn.virtual import (
     QUADRUPED_NODES,
     Hidden,
     Logs,
-    Options,
     Run,
     Segment,
     quadruped_logs,
-    write_quadruped,
 )
 from lptn.virtual.motion import draw_motion
-from lptn.virtual.quadruped import _simulate
 from lptn.virtual.robot import Array, stream
 
 TEMPERATURES = [f"temperature.{node}" for node in QUADRUPED_NODES]
@@ -207,15 +202,6 @@ def test_leg_and_quadruped_do_not_take_each_others_places() -> None:
     assert own.to_numpy() == pytest.approx(2.0)
     with pytest.raises(ValueError, match="place of conduction: found 'FR_calf~FR_hip'; expected an edge such as"):
         quadruped_logs([Hidden("conduction", "FR_calf~FR_hip")], seed=0, runs={"mix": MIX})
-
-
-def test_both_writers_and_readers_take_the_same_options() -> None:
-    simulated = inspect.signature(_simulate).parameters
-    assert set(get_type_hints(Options)) == set(simulated) - {"hidden"}
-    assert [name for name, p in simulated.items() if p.default is p.empty] == ["hidden", "seed"]
-    for function in (quadruped_logs, write_quadruped):
-        assert get_type_hints(function)["options"] == Unpack[Options]
-        assert not set(inspect.signature(function).parameters) & set(get_type_hints(Options))
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -14,32 +13,23 @@ import pytest
 from lptn.virtual import (
     Fault,
     Hidden,
-    Logs,
     Run,
     Segment,
     leg_logs,
     quadruped_logs,
     write_logs,
-    write_quadruped,
 )
 from lptn.virtual.__main__ import main
 
 RUNS = {"mix": Run((Segment("trot", 500, 0.5), Segment("rest", 200)), faults=(Fault("dropout", "pc", 650),))}
 
 
-@pytest.fixture(scope="module")
-def fine() -> Logs:
-    return quadruped_logs(seed=1, runs=RUNS, rate=100)
-
-
-def test_files_hold_what_the_function_makes(fine: Logs, tmp_path: Path) -> None:
-    files = write_quadruped(tmp_path / "new", seed=1, runs=RUNS, rate=100, truth=True)
-    assert files == [tmp_path / "new" / "mix.parquet"]
-    read = pd.read_parquet(files[0])
-    assert len(read) == 70000
-    pd.testing.assert_frame_equal(read, fine["mix"], check_exact=True)
-    pd.testing.assert_frame_equal(pd.read_parquet(tmp_path / "new" / "truth" / "mix.parquet"), fine.truth["mix"])
-    assert sorted(path.name for path in (tmp_path / "new").iterdir()) == ["mix.parquet", "truth"]
+def test_files_hold_what_the_function_makes(tmp_path: Path) -> None:
+    log = quadruped_logs(seed=1, runs=RUNS, rate=100)["mix"]
+    files = write_logs(tmp_path / "new", {"mix": log})
+    assert files == [tmp_path / "new" / "mix.parquet"] == list((tmp_path / "new").iterdir())
+    assert len(log) == 70000
+    pd.testing.assert_frame_equal(pd.read_parquet(files[0]), log, check_exact=True)
 
 
 def test_csv_holds_the_log(tmp_path: Path) -> None:
@@ -59,16 +49,6 @@ def test_broken_off_log_leaves_no_file(tmp_path: Path, monkeypatch: pytest.Monke
     assert not list((tmp_path / "new").iterdir())
 
 
-def test_logs_before_one_that_fails_stay(tmp_path: Path) -> None:
-    def made() -> Iterator[tuple[str, pd.DataFrame]]:
-        yield "first", pd.DataFrame({"time": [0.0]})
-        raise ValueError("no more")
-
-    with pytest.raises(ValueError, match="no more"):
-        write_logs(tmp_path / "new", made())
-    assert [file.name for file in (tmp_path / "new").iterdir()] == ["first.parquet"]
-
-
 def test_files_that_stand_there_are_replaced(tmp_path: Path) -> None:
     for value in (1.0, 2.0):
         (file,) = write_logs(tmp_path, {"log": pd.DataFrame({"time": [value]})})
@@ -84,6 +64,7 @@ def test_command_writes_what_the_quadruped_s_function_makes(tmp_path: Path, caps
     assert capsys.readouterr().out.split() == [str(tmp_path / f"{name}.parquet") for name in logs]
     for name, log in logs.items():
         pd.testing.assert_frame_equal(pd.read_parquet(tmp_path / f"{name}.parquet"), log)
+        pd.testing.assert_frame_equal(pd.read_parquet(tmp_path / "truth" / f"{name}.parquet"), logs.truth[name])
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from .effects import BEYOND, EFFECTS, SINGLE, Columns, Hidden, places
 from .heat import Forcing, Network
 from .leg import leg_logs
 from .motion import Segment
-from .quadruped import Logs, Options, Record, quadruped, quadruped_logs, rows, simulate_runs, write_quadruped
+from .quadruped import Logs, Record, quadruped, quadruped_logs, rows, simulate_runs
 from .robot import LAYOUTS, LEG_JOINTS, QUADRUPED_JOINTS, QUADRUPED_NODES, Mass, Robot, draw_leg, draw_quadruped
 from .runs import PLANS, Plan, Run, plan
 from .sensors import Fault, Sensor
@@ -34,7 +34,6 @@ __all__ = [
     "Logs",
     "Mass",
     "Network",
-    "Options",
     "Plan",
     "Record",
     "Robot",
@@ -51,5 +50,4 @@ __all__ = [
     "rows",
     "simulate_runs",
     "write_logs",
-    "write_quadruped",
 ]

@@ -5,12 +5,13 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 from typing import NoReturn, get_args
 
 from .effects import EFFECTS, Columns, Hidden
 from .leg import RATES as LEG_RATES
 from .leg import Start, leg_logs
-from .quadruped import RATES, write_quadruped
+from .quadruped import RATES, quadruped_logs
 from .robot import Level, Physics
 from .runs import PLANS
 from .writers import Format, write_logs
@@ -87,7 +88,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         hidden = _hidden(robot, options.pop("hidden"), options.pop("at"), options.pop("size"), options.pop("run"))
         if robot == "quadruped":
-            files = write_quadruped(folder, hidden, format=kind, **options)
+            truth = options.pop("truth")
+            logs = quadruped_logs(hidden, **options)
+            files = write_logs(folder, logs, kind)
+            if truth:
+                write_logs(Path(folder) / "truth", logs.truth)
         else:
             files = write_logs(folder, leg_logs(hidden, **options), kind)
     except (ValueError, OSError) as problem:

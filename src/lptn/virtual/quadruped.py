@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Required, TypedDict, Unpack, get_args
+from typing import get_args
 
 import numpy as np
 import pandas as pd
@@ -29,7 +28,6 @@ from .robot import (
 from .runs import Plan, Run, plan
 from .sensors import Sensor, by_place, noise_free_readings, replace_readings, sensor_steps, shift_readings
 from .surroundings import Ambient, ambient, event_heat, fan, sun
-from .writers import Format, write_logs
 
 RATES = (1.0, 100.0)  # Hz
 CHUNK = 600  # s of 100 Hz rows at a time, which bounds the memory
@@ -214,37 +212,6 @@ def _frozen(record: Record, sensor: Sensor, seed: int, readings: Array) -> list[
 # --- logs of whole plans -------------------------------------------------------------------------------------------
 
 
-class Options(TypedDict, total=False):
-    """Options of ``quadruped_logs`` and ``write_quadruped``; all but the seed have defaults."""
-
-    seed: Required[int]
-    """0 or above; draws parameters, movements, events and noise"""
-    runs: Plan | Mapping[str, Run]
-    """a plan's name: "protocol" (the default, [QuadrupedLPTN, table 1]: 25 runs), "tests" (table 3 and the multi-gait
-    test: 7 runs), "trial" (60 min twice to fit, 40 min to hold out); or runs of your own by name"""
-    level: Level | None
-    """"none", "default" or "strong": hidden errors of each run, of the ambient's sensor, of the joints' conductances to
-    air and of the battery's heat. ``None``, the default: "default" for full physics, "none" for plain"""
-    physics: Physics
-    """"full", the default, has more than any model under test; "plain" is a baseline of one mass a joint, the computer,
-    copper loss, drive heat and links, to which ``hidden`` adds"""
-    noise: float
-    """standard deviation of each temperature reading, K; by default 0.15"""
-    quantisation: float
-    """step the temperature readings are rounded to, K; by default 1, 0 for none"""
-    dropouts: float
-    """share of temperature readings that are missing (NaN); by default 0"""
-    scatter: float
-    """multiplies the scatter of the parameters over the legs; by default 1, 0 for the nominal robot"""
-    rate: float
-    """rows a second: 100 for signed samples, in single precision but for the time; 1, the default, for RMS torque, mean
-    |velocity| and RMS velocity over the second that follows the row's time, the temperatures at that time"""
-    columns: Columns
-    """"asked", the default: further columns where a hidden effect is driven by them; "all": always, so that they give
-    no effect away. At 1 Hz torque_abs.<joint> (N·m, mean |torque|) and mechanical_power.<joint> (W, mean
-    |torque × velocity|); power.battery (W), speed.fan (share of full speed), irradiance.global (W/m²)"""
-
-
 class Logs(dict[str, pd.DataFrame]):
     """Logs by the name of their run, in the order in which they happened.
 
@@ -261,16 +228,44 @@ class Logs(dict[str, pd.DataFrame]):
         self.truth: dict[str, pd.DataFrame] = {}
 
 
-def quadruped_logs(hidden: Effects = (), **options: Unpack[Options]) -> Logs:
+def quadruped_logs(
+    hidden: Effects = (),
+    *,
+    seed: int,
+    runs: Plan | Mapping[str, Run] = "protocol",
+    level: Level | None = None,
+    physics: Physics = "full",
+    noise: float = 0.15,
+    quantisation: float = 1.0,
+    dropouts: float = 0.0,
+    scatter: float = 1.0,
+    rate: float = 1.0,
+    columns: Columns = "asked",
+) -> Logs:
     """Simulate runs of the quadruped [QuadrupedLPTN].
 
     Equal arguments give equal logs. Calls that differ only in ``hidden`` share parameters and noise, and movements too
-    where no cut-out comes between (there is none in "trial").
+    where no cut-out comes between (there is none in "trial"). At 100 Hz half an hour takes 40 MB.
 
     Args:
         hidden: effects beyond the physics: ``Hidden`` or tuples (effect, place), (effect, place, size) or (effect,
             place, size, run).
-        options: see ``Options``.
+        seed: 0 or above; draws parameters, movements, events and noise.
+        runs: a plan's name: "protocol" ([QuadrupedLPTN, table 1]: 25 runs), "tests" (table 3 and the multi-gait test: 7
+            runs), "trial" (60 min twice to fit, 40 min to hold out); or runs of your own by name.
+        level: "none", "default" or "strong": hidden errors of each run, of the ambient's sensor, of the joints'
+            conductances to air and of the battery's heat. ``None``: "default" for full physics, "none" for plain.
+        physics: "full" has more than any model under test; "plain" is a baseline of one mass a joint, the computer,
+            copper loss, drive heat and links, to which ``hidden`` adds.
+        noise: standard deviation of each temperature reading, K.
+        quantisation: step the temperature readings are rounded to, K; 0 for none.
+        dropouts: share of temperature readings that are missing (NaN).
+        scatter: multiplies the scatter of the parameters over the legs; 0 for the nominal robot.
+        rate: rows a second: 100 for signed samples, in single precision but for the time; 1 for RMS torque, mean
+            |velocity| and RMS velocity over the second that follows the row's time, the temperatures at that time.
+        columns: "asked": further columns where a hidden effect is driven by them; "all": always, so that they give no
+            effect away. At 1 Hz torque_abs.<joint> (N·m, mean |torque|) and mechanical_power.<joint> (W, mean
+            |torque × velocity|); power.battery (W), speed.fan (share of full speed), irradiance.global (W/m²).
 
     Returns:
         By name of the run, tables with the columns time (s), torque.<joint> (N·m), velocity.<joint> (rad/s),
@@ -280,46 +275,19 @@ def quadruped_logs(hidden: Effects = (), **options: Unpack[Options]) -> Logs:
     Raises:
         ValueError: an argument outside its range, or effects so large that the robot passes 150 degC.
     """
-    robot, simulated = _simulate(hidden, **options)
+    check_one_of("rate", rate, RATES, " Hz")
+    check_one_of("columns", columns, get_args(Columns))
+    sensor = Sensor(noise, quantisation, dropouts)
+    planned = runs if isinstance(runs, Mapping) else plan(runs, seed)
+    robot = quadruped(hidden, seed=seed, physics=physics, scatter=scatter)
+    robot.check_runs(planned)
+    if level is None:
+        level = "none" if physics == "plain" else "default"
     logs = Logs(robot)
-    for record, log in simulated:
-        logs[record.name] = log
+    for record in simulate_runs(robot, planned, seed, level):
+        logs[record.name] = pd.concat(rows(record, sensor, seed, rate, columns), ignore_index=True)
         logs.truth[record.name] = record.truth()
     return logs
-
-
-def write_quadruped(
-    folder: str | Path,
-    hidden: Effects = (),
-    *,
-    format: Format = "parquet",  # noqa: A002
-    truth: bool = False,
-    **options: Unpack[Options],
-) -> list[Path]:
-    """Write the logs of ``quadruped_logs`` to ``<folder>/<name>.<format>``, holding one run at a time.
-
-    Args:
-        folder: made if it isn't there; files in it are replaced.
-        hidden: as for ``quadruped_logs``.
-        format: "parquet" or "csv".
-        truth: write what no log holds, too, to ``<folder>/truth/<name>.parquet``.
-        options: see ``Options``.
-
-    Returns:
-        The logs' files.
-
-    Raises:
-        ValueError: an argument outside its range, or effects so large that the robot passes 150 degC.
-        OSError: the folder can't be written to.
-    """
-    _, simulated = _simulate(hidden, **options)
-
-    files = []
-    for record, log in simulated:
-        files += write_logs(folder, {record.name: log}, format)
-        if truth:
-            write_logs(Path(folder) / "truth", {record.name: record.truth()})
-    return files
 
 
 def quadruped(hidden: Effects = (), *, seed: int, physics: Physics = "full", scatter: float = 1.0) -> Robot:
@@ -335,32 +303,3 @@ def quadruped(hidden: Effects = (), *, seed: int, physics: Physics = "full", sca
             one = Hidden(effect, at, one[2] if len(one) > 2 else 1.0, "quadruped", one[3] if len(one) > 3 else "")
         replace(one, robot="quadruped").set_in(robot)
     return robot
-
-
-def _simulate(
-    hidden: Effects,
-    *,
-    seed: int,
-    runs: Plan | Mapping[str, Run] = "protocol",
-    level: Level | None = None,
-    physics: Physics = "full",
-    noise: float = 0.15,
-    quantisation: float = 1.0,
-    dropouts: float = 0.0,
-    scatter: float = 1.0,
-    rate: float = 1.0,
-    columns: Columns = "asked",
-) -> tuple[Robot, Iterator[tuple[Record, pd.DataFrame]]]:
-    """Check the options; return the robot, and each run's record with its log, made when asked for."""
-    check_one_of("rate", rate, RATES, " Hz")
-    check_one_of("columns", columns, get_args(Columns))
-    sensor = Sensor(noise, quantisation, dropouts)
-    planned = runs if isinstance(runs, Mapping) else plan(runs, seed)
-    robot = quadruped(hidden, seed=seed, physics=physics, scatter=scatter)
-    robot.check_runs(planned)
-    if level is None:
-        level = "none" if physics == "plain" else "default"
-    records = simulate_runs(robot, planned, seed, level)
-    return robot, (
-        (record, pd.concat(rows(record, sensor, seed, rate, columns), ignore_index=True)) for record in records
-    )

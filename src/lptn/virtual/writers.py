@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import secrets
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Literal, get_args
 
@@ -17,14 +17,14 @@ Format = Literal["parquet", "csv"]
 
 def write_logs(
     folder: str | Path,
-    logs: Mapping[str, pd.DataFrame] | Iterable[tuple[str, pd.DataFrame]],
+    logs: Mapping[str, pd.DataFrame],
     format: Format = "parquet",  # noqa: A002
 ) -> list[Path]:
     """Write each log to ``<folder>/<name>.<format>``; makes the folder, replaces files that stand there.
 
     Args:
         folder: where to.
-        logs: by their names; pairs that are made one after the other need not fit into memory together.
+        logs: by their names.
         format: "parquet" or "csv".
 
     Returns:
@@ -36,7 +36,7 @@ def write_logs(
     """
     check_one_of("format", format, get_args(Format))
     folder, files = Path(folder), []
-    for name, log in logs.items() if isinstance(logs, Mapping) else logs:
+    for name, log in logs.items():
         folder.mkdir(parents=True, exist_ok=True)
         file = folder / f"{name}.{format}"
         half = file.with_name(f".{file.name[:48]}.{secrets.token_hex(6)}.part")  # two processes may write one log
