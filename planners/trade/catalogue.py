@@ -143,7 +143,13 @@ def read_catalogue(path: Path) -> dict[str, MotorTable]:
     Raises:
         InputError: it can't be read, or says something that can't be; with its line.
     """
-    rows = _rows_of_csv(path) if path.suffix.lower() == ".csv" else _rows_of_toml(path)
+    text = text_of(path, "a catalogue of motors")
+    if path.suffix.lower() == ".csv":
+        rows = _rows_of_csv(path, text)
+    else:
+        with mistakes_by_line(path, text):
+            tables = CatalogueFile.model_validate(toml_of(path, text))
+        rows = [(f"motors[{number}].name", motor) for number, motor in enumerate(tables.motors)]
     motors: dict[str, MotorTable] = {}
     for place, motor in rows:
         if motor.name in motors:
@@ -152,15 +158,8 @@ def read_catalogue(path: Path) -> dict[str, MotorTable]:
     return motors
 
 
-def _rows_of_toml(path: Path) -> list[tuple[str, MotorTable]]:
-    text = text_of(path, "a catalogue of motors")
-    with mistakes_by_line(path, text):
-        tables = CatalogueFile.model_validate(toml_of(path, text))
-    return [(f"motors[{number}].name", motor) for number, motor in enumerate(tables.motors)]
-
-
-def _rows_of_csv(path: Path) -> list[tuple[str, MotorTable]]:
-    lines = csv.reader(text_of(path, "a catalogue of motors").splitlines())
+def _rows_of_csv(path: Path, text: str) -> list[tuple[str, MotorTable]]:
+    lines = csv.reader(text.splitlines())
     try:
         said = [(lines.line_num, cells) for cells in lines if any(cell.strip() for cell in cells)]
     except csv.Error as error:

@@ -16,10 +16,8 @@ from .problem import Problem, Relaxed, Solution
 from .simulation import Simulator, check_design, peak_temperatures
 from .study import Option
 
-_FIRST_STEP, _STEP_GROWTH = 0.02, 1.02  # s: short steps where a winding at many times its rating warms within a second
 BUDGETS: tuple[Relaxed, ...] = ("mass", "volume", "price")
 """What a design spends."""
-_MOVED = 1e-4  # relative; a limit that moved less did not move
 
 
 @dataclass(frozen=True, repr=False)
@@ -169,13 +167,9 @@ def _sink_sensitivities(option: Option, sink: tuple[float, float]) -> dict[str, 
     solution = Problem(option, sink).solve()
     if not solution.success:
         return {}
-    gradient, per_capacity = solution.gradient, solution.gradient[CAPACITY]
+    per_capacity = solution.gradient[CAPACITY]
     per_mass = per_capacity * option.metal.specific_heat
-    return {
-        "capacity": per_capacity,
-        "mass": per_mass,
-        "resistance": gradient[RESISTANCE],
-    }
+    return {"capacity": per_capacity, "mass": per_mass, "resistance": solution.gradient[RESISTANCE]}
 
 
 def refusal_of(problem: Problem) -> Refusal:
@@ -191,7 +185,7 @@ def refusal_of(problem: Problem) -> Refusal:
         moved = problem.solve(relax=problem.relaxable())
         if moved.success:
             together = [_obstacle(problem, name, moved) for name in problem.relaxable()]
-            together = [obstacle for obstacle in together if obstacle.move > _MOVED]
+            together = [obstacle for obstacle in together if obstacle.move > 1e-4]  # the others did not move
     return Refusal(problem.option, tuple(single), tuple(together))
 
 
@@ -268,14 +262,16 @@ def limit_curves(design: Design, currents: FloatArray) -> LimitCurve:
     one = np.ones(n)
     capacity, resistance = (design.capacity or 1.0) * one, (design.resistance or 1.0) * one
     hardest = capacity[0], resistance[0], float(currents.max())
-    growing = ceil(log1p(task.longest / _FIRST_STEP * (_STEP_GROWTH - 1)) / log(_STEP_GROWTH))  # steps, a geometric sum
+    # Short steps at first: a winding at many times its rating warms within a second.
+    first, growth = 0.02, 1.02
+    growing = ceil(log1p(task.longest / first * (growth - 1)) / log(growth))  # steps, a geometric sum
     if simulator.is_stiff(task.longest, growing, *hardest):
         advance, step = simulator.advance_implicitly, task.longest
     else:
         advance, step = simulator.advance, task.longest / simulator.substeps(task.longest, *hardest)
     x = np.full((len(simulator.plant.states), n), task.start)
     time, reached = 0.0, np.full(n, np.inf)
-    h = min(step, _FIRST_STEP)
+    h = min(step, first)
     while time < task.longest and np.isinf(reached).any():
         before = simulator.winding(x)
         x = advance(x, currents, capacity, resistance, h * one)
@@ -283,5 +279,5 @@ def limit_curves(design: Design, currents: FloatArray) -> LimitCurve:
         crossed = np.isinf(reached) & (after >= limit)
         reached[crossed] = time + h * ((limit - before[crossed]) / (after[crossed] - before[crossed]))
         time += h
-        h = min(step, h * _STEP_GROWTH)
+        h = min(step, h * growth)
     return LimitCurve(option.name, limit, currents, reached)

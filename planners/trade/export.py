@@ -8,14 +8,11 @@ from dataclasses import asdict
 import numpy as np
 
 from .answer import StudyResult
-from .designs import Design, IsoMap, LimitCurve
+from .designs import Design, IsoMap
 from .study import GOALS
 from .torque_speed import TorqueSpeed
 from .uncertainty import Interval
 
-_AGREES = 0.5  # K between the program's few elements and a fine simulation
-_COUNTS = 1e-4  # relative sensitivities below this are solver dust
-_SHOWN = 6  # sensitivities that are printed
 _NOT_OF_THE_DESIGN = ("least.", "most.", "weight", "longest", "copper_loss.torque_constant")
 
 
@@ -41,16 +38,18 @@ def as_json(result: StudyResult) -> dict[str, object]:
             "front": [asdict(point) for point in result.front],
             "options": {name: [asdict(point) for point in points] for name, points in result.by_option.items()},
         },
-        "time_to_limit": [_curve(curve) for curve in result.curves],
+        "time_to_limit": [  # over constant current
+            {
+                "option": curve.name,
+                "limit": curve.limit,
+                "current": curve.current.tolist(),
+                "time": curve.time.tolist(),
+            }
+            for curve in result.curves
+        ],
         "map": _map(result.iso_map),
         "torque_speed": [_torque_speed(characteristic) for characteristic in result.torque_speed],
     }
-
-
-def _curve(curve: LimitCurve) -> dict[str, object]:
-    """Time to the limit [s] over constant current [A]; null where it is never reached."""
-    current, time = curve.current.tolist(), curve.time.tolist()
-    return {"option": curve.name, "limit": curve.limit, "current": current, "time": time}
 
 
 def _torque_speed(characteristic: TorqueSpeed) -> dict[str, object]:
@@ -126,7 +125,7 @@ def remarks(result: StudyResult) -> Iterable[str]:
     """Cautions, what was refused, sensitivities, the ends of the front."""
     words, unit = GOALS[result.study.question.goal][0], result.study.unit
     for design in result.designs:
-        if abs(design.checked - design.winding) > _AGREES:
+        if abs(design.checked - design.winding) > 0.5:  # K between the program's few elements and fine steps
             yield f"{design.option.name}: caution, a simulation in fine steps reaches {design.checked:.1f} degC"
         if design.degenerate:
             why = "more constraints are active than it has freedom"
@@ -179,10 +178,10 @@ def _text(value: float | None) -> str:
     return "-" if value is None else f"{value:.4g}"
 
 
-def strongest(design: Design, most: int = _SHOWN) -> list[tuple[str, float, float]]:
+def strongest(design: Design, most: int = 6, least: float = 1e-4) -> list[tuple[str, float, float]]:
     """Parameters to which the goal is most sensitive: name, derivative, share of the goal per share of the parameter.
 
-    A temperature has no natural zero: 1 K stands for 1 % of it.
+    A temperature has no natural zero: 1 K stands for 1 % of it. Shares below the least are solver dust.
     """
     sensitivities = []
     for name, slope in design.sensitivities.items():
@@ -190,7 +189,7 @@ def strongest(design: Design, most: int = _SHOWN) -> list[tuple[str, float, floa
             continue
         value, unit = design.parameters[name]
         relative = slope * (100.0 if unit == "degC" else value) / design.value if design.value else 0.0
-        if abs(relative) > _COUNTS:
+        if abs(relative) > least:
             sensitivities.append((name, slope, relative))
     return sorted(sensitivities, key=lambda sensitivity: -abs(sensitivity[2]))[:most]
 

@@ -22,19 +22,12 @@ from lptn.basics.arrays import BoolArray, FloatArray
 from .plant import CAPACITY, RESISTANCE, Load, Parameters, Plant
 from .study import LIMITS, Option
 
-_TIDY = 1e-6  # of two designs equally good the lighter one is meant; small enough not to show in a sensitivity
-_ACTIVE = 1e-5  # relative; nearer to its limit than this a constraint is called active
 _WORST_SCALE = 100.0  # K
 _OPTIONS: dict[str, Any] = {
     "print_time": False,
     "ipopt": {"print_level": 0, "sb": "yes", "tol": 1e-10, "max_iter": 200, "bound_relax_factor": 0},
 }
-_INFEASIBLE = "Infeasible_Problem_Detected"
 Relaxed = Literal["winding", "magnet", "current", "voltage", "speed", "pipe_power", "mass", "volume", "price", "torque"]
-_DEGREE = 3
-_HOLD_ELEMENTS, _GRADING = 16, 1.6  # shorter ones at the beginning, where a hold changes fastest
-_COLD, _HOT = 5.0, 1000.0  # K below and above the air: beyond runaway the steady state's formula turns negative
-_WARM = 20.0  # K above the air, to start from
 
 
 @dataclass
@@ -92,8 +85,8 @@ class Program:
         """Least and greatest of each variable, fresh copies."""
         return np.array(self.lowers), np.array(self.uppers)
 
-    def active(self, values: FloatArray, tolerance: float) -> list[str]:
-        """Labels of the inequalities that reach zero, without repetition."""
+    def active(self, values: FloatArray, tolerance: float = 1e-5) -> list[str]:
+        """Labels of the inequalities that reach zero but for a relative tolerance, without repetition."""
         rows = zip(self.labels, self.equalities, values, strict=True)
         return list(dict.fromkeys(label for label, equal, value in rows if not equal and value > -tolerance))
 
@@ -156,22 +149,26 @@ def transcribe(program: Program, plant: Plant, torque: Any, duration: Any) -> Co
         duration: of the hold or the cycle [s], an expression.
     """
     task = plant.option.study.task
-    parts = np.tile(task.operation, (_HOLD_ELEMENTS if task.is_hold else task.repeats or 1, 1))
+    degree, hold_elements = 3, 16
+    grading = 1.6 if task.is_hold else 1.0  # shorter elements at the beginning, where a hold changes fastest
+    parts = np.tile(task.operation, (hold_elements if task.is_hold else task.repeats or 1, 1))
     elements, n = len(parts), len(plant.states)
-    share = (np.arange(elements + 1) / elements) ** (_GRADING if task.is_hold else 1.0) * (task.repeats or 1)
-    low, high = min(task.ambient, task.start) - _COLD, max(task.ambient, task.start) + _HOT
+    share = (np.arange(elements + 1) / elements) ** grading * (task.repeats or 1)
+    # K below and above the air: beyond runaway the steady state's formula turns negative.
+    low, high = min(task.ambient, task.start) - 5.0, max(task.ambient, task.start) + 1000.0
+    warm = task.ambient + 20.0  # to start from
 
     def state(name: str) -> Any:
-        return ca.vertcat(*[program.variable(f"{name}.{i}", task.ambient + _WARM, low, high) for i in range(n)])
+        return ca.vertcat(*[program.variable(f"{name}.{i}", warm, low, high) for i in range(n)])
 
-    derivative, _, _ = ca.collocation_coeff(ca.collocation_points(_DEGREE, "radau"))
+    derivative, _, _ = ca.collocation_coeff(ca.collocation_points(degree, "radau"))
     start = plant.parameters.add("start", task.start, "degC")
     path = [state("x0") if task.repeats is None else ca.repmat(start, n, 1)]
     loads = [Load(torque * share, *motion) for share, *motion in parts.tolist()]
     for k, load in enumerate(loads):
-        stages = [state(f"x{k + 1}s{j}") for j in range(_DEGREE)]
+        stages = [state(f"x{k + 1}s{j}") for j in range(degree)]
         h = duration * float(share[k + 1] - share[k])
-        for j in range(_DEGREE):
+        for j in range(degree):
             slope = ca.mtimes(ca.horzcat(path[-1], *stages), derivative[:, j])
             program.constrain(slope - h * plant.rates(stages[j], load), "heat balance", equal=True)
         path.append(stages[-1])
@@ -197,7 +194,9 @@ class Problem:
         self._slack: dict[str, Any] = {}
         self._given = given_design is not None and option.has_sink
         capacity, resistance = self._design(given_design)
-        self.plant = Plant(option, self.parameters, capacity, resistance, self._ratio())
+        gear = option.gear
+        ratio = self._sought("ratio", gear.ratio, "1") if gear.is_sought else None
+        self.plant = Plant(option, self.parameters, capacity, resistance, ratio)
         self._limits = {
             name: self.parameters.add(f"limit.{name}", value, LIMITS[name] or option.study.question.currency)
             for name, value in option.limits.items()
@@ -217,11 +216,6 @@ class Problem:
             return self.parameters.add(CAPACITY, given[0], "J/K"), self.parameters.add(RESISTANCE, given[1], "K/W")
         sink = self.option.study.sink
         return self._sought("capacity", sink.capacity, "J/K"), self._sought("resistance", sink.resistance, "K/W")
-
-    def _ratio(self) -> Any:
-        """Of the gear, where it is sought."""
-        gear = self.option.gear
-        return self._sought("ratio", gear.ratio, "1") if gear.is_sought else None
 
     def _sought(self, name: str, bounds: Sequence[float], unit: str) -> Any:
         """A number of the design between two bounds, which are parameters."""
@@ -307,7 +301,8 @@ class Problem:
     def _build(self) -> None:
         objective, self._unit = self._objective()
         weight = self.parameters.add("weight", 1.0, "1")  # 0 while the least relaxation is sought
-        tidy = 0 if self._given else _TIDY * self.plant.mass
+        # Of two designs equally good the lighter one is meant; its weight is too small to show in a sensitivity.
+        tidy = 0 if self._given else 1e-6 * self.plant.mass
         cost = weight * (objective + tidy) + (1 - weight) * ca.sum1(ca.vertcat(*self._slack.values()))
         w, p, g = self._program.w, self.parameters.stacked, self._program.g
         self._solver = ca.nlpsol("trade", "ipopt", {"x": w, "p": p, "f": cost, "g": g}, _OPTIONS)
@@ -339,7 +334,11 @@ class Problem:
         lower, upper = self._program.bounds
         for name in relax:
             changed = {**(changed or {}), "weight": 0.0}
-            upper[self._program.index(f"slack.{name}")] = self._most_slack(name)
+            # How far a limit is looked for, in multiples of its size.
+            most = 5.0 if name in ("winding", "magnet") else 20.0
+            if name == "torque":
+                most = 0.999 * self.parameters.defaults["torque"] / self._torque_scale
+            upper[self._program.index(f"slack.{name}")] = most
         p, equal = self.parameters.values(changed), self._program.equal
         starts = [] if near is None else [near.raw]
         for start in (*starts, self._program.start, self._second_start()):
@@ -348,15 +347,9 @@ class Problem:
             )
             solution = self._read(done, p)
             # A relaxation that IPOPT calls infeasible is not tried again: what matters then is what does help.
-            if solution.success or (relax and solution.status == _INFEASIBLE):
+            if solution.success or (relax and solution.status == "Infeasible_Problem_Detected"):
                 break
         return solution
-
-    def _most_slack(self, name: Relaxed) -> float:
-        """How far a limit is looked for, in multiples of its size."""
-        if name == "torque":
-            return 0.999 * self.parameters.defaults["torque"] / self._torque_scale
-        return 5.0 if name in ("winding", "magnet") else 20.0
 
     def _second_start(self) -> FloatArray:
         """Everything hot, the sink as large as may be, the demand low."""
@@ -379,7 +372,7 @@ class Problem:
         # CasADi's multipliers of parameters carry the opposite sign of the derivative; those of a failed solve lie.
         slope = -done["lam_p"].full().ravel() * self._unit
         gradient = dict(zip(self.parameters.symbols, slope.tolist(), strict=True)) if success else {}
-        active = self._program.active(g.full().ravel(), _ACTIVE)
+        active = self._program.active(g.full().ravel())
         return Solution(
             success,
             str(stats["return_status"]),

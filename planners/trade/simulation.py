@@ -17,13 +17,7 @@ from lptn.model.model import rk4
 from .plant import Load, Parameters, Plant
 from .study import Option
 
-_RATE = 0.5  # a step times the fastest rate; RK4 is then good to 1e-4
-_DEARER = 2.0  # an implicit step takes the time of so many of RK4, with 10 to 14 states
-_GAMMA = 1 - 0.5**0.5  # makes the two-stage Rosenbrock method L-stable
-_HOLD_STEPS = 400  # at least, in the check of a held torque
-_MAP_STEPS = 200  # at least, in a map of many designs
-_CYCLE_STEPS = 2  # at least, in each part of a cycle
-_IMPLICIT_CYCLE_STEPS = 10  # in each part of a cycle: of order 2 and so shorter than RK4 would need them
+_CYCLE_STEPS = 2  # of RK4 at least, in each part of a cycle
 _HOT = 2000.0  # degC; what runs away is held here instead of overflowing
 
 
@@ -57,9 +51,10 @@ class Simulator:
         amperes, volts = (drive, 0) if load is None else (plant.current(x, load), plant.voltage(x, load))
         electric = ca.substitute(ca.vertcat(amperes, volts), parameters.stacked, numbers)
         self._electric = ca.Function("electric", [x, drive], [electric])
-        jacobian = ca.jacobian(slope(x), x)
         self._rates = ca.Function("rates", [x, drive, capacity, resistance], [slope(x)])
-        self._jacobian = ca.Function("jacobian", [x, drive, capacity, resistance], [ca.densify(jacobian)])
+        self._jacobian = ca.Function(
+            "jacobian", [x, drive, capacity, resistance], [ca.densify(ca.jacobian(slope(x), x))]
+        )
         self._winding = [plant.states.index(node) for node in option.motor.winding_nodes]
         self._magnet = [plant.states.index(node) for node in option.motor.magnet_nodes]
 
@@ -85,13 +80,15 @@ class Simulator:
 
     def substeps(self, duration: float, capacity: float, resistance: float, drive: float = 0.0) -> int:
         """How many equal steps of RK4 a duration [s] needs for the fastest rate of a design."""
-        return max(1, int(np.ceil(duration * self.fastest(capacity, resistance, drive) / _RATE)))
+        longest = 0.5 / self.fastest(capacity, resistance, drive)  # s; RK4 is then good to 1e-4
+        return max(1, int(np.ceil(duration / longest)))
 
     def is_stiff(
         self, duration: float, implicit_steps: int, capacity: float, resistance: float, drive: float = 0.0
     ) -> bool:
         """Whether so many implicit steps take a design through a duration [s] sooner than RK4 would."""
-        return self.substeps(duration, capacity, resistance, drive) > _DEARER * implicit_steps
+        # With 10 to 14 states an implicit step takes the time of two of RK4.
+        return self.substeps(duration, capacity, resistance, drive) > 2 * implicit_steps
 
     def advance(
         self, x: FloatArray, drive: FloatArray, capacity: FloatArray, resistance: FloatArray, h: FloatArray
@@ -108,7 +105,8 @@ class Simulator:
         Source: Verwer, Spee, Blom and Hundsdorfer, SIAM J. Sci. Comput. 20 (1999) 1456: ROS2.
         """
         rows = [self._drive(drive), *(values[None, :] for values in (capacity, resistance))]
-        system = np.eye(len(x)) - _GAMMA * h[:, None, None] * self._jacobians(x, rows)
+        gamma = 1 - 0.5**0.5  # makes the method L-stable
+        system = np.eye(len(x)) - gamma * h[:, None, None] * self._jacobians(x, rows)
         first = np.linalg.solve(system, self._rates(x, *rows).full().T[:, :, None])
         middle = np.minimum(x + h * first[:, :, 0].T, _HOT)
         second = np.linalg.solve(system, self._rates(middle, *rows).full().T[:, :, None] - 2 * first)
@@ -161,8 +159,7 @@ def check_design(
     capacity, resistance = sink or (1.0, 1.0)
     part = duration / len(task.shape)
     loads = task.operation * (torque, 1.0, 1.0)
-    least = _HOLD_STEPS if task.is_hold else _CYCLE_STEPS
-    steps = max(simulator.substeps(part, capacity, resistance, torque), least)
+    steps = max(simulator.substeps(part, capacity, resistance, torque), 400 if task.is_hold else _CYCLE_STEPS)
     x = start[:, None]
     hottest, most = float(simulator.winding(x)[0]), 0.0
     run = simulator.step.mapaccum(steps)
@@ -177,7 +174,12 @@ def check_design(
 
 
 def peak_temperatures(
-    option: Option, capacity: FloatArray, resistance: FloatArray, torque: FloatArray, duration: float
+    option: Option,
+    capacity: FloatArray,
+    resistance: FloatArray,
+    torque: FloatArray,
+    duration: float,
+    hold_steps: int = 200,
 ) -> FloatArray:
     """Highest winding temperature [degC] of many designs under a study's task, shape as given.
 
@@ -190,12 +192,12 @@ def peak_temperatures(
     x = np.full((len(simulator.plant.states), n), task.start)
     hottest = simulator.winding(x)
     hardest = float(capacity.min()), float(resistance.min()), float(torque.max())
-    implicit_steps = _MAP_STEPS if task.is_hold else _IMPLICIT_CYCLE_STEPS
+    implicit_steps = hold_steps if task.is_hold else 10  # of order 2, and so shorter than RK4 would need them
     if simulator.is_stiff(part, implicit_steps, *hardest):
         advance, steps = simulator.advance_implicitly, implicit_steps
     else:
         advance = simulator.advance
-        steps = max(simulator.substeps(part, *hardest), _MAP_STEPS if task.is_hold else _CYCLE_STEPS)
+        steps = max(simulator.substeps(part, *hardest), hold_steps if task.is_hold else _CYCLE_STEPS)
     h = np.full(n, part / steps)
     for share, *motion in np.tile(task.operation, (task.repeats, 1)):
         drive = np.vstack([torque * share, *(np.full(n, value) for value in motion)])

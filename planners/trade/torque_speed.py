@@ -13,12 +13,7 @@ from .designs import Design
 from .motors import REFERENCE
 from .simulation import Simulator
 
-_MOST_CURRENT = 40.0  # A; where nothing limits the current
-_SPEEDS = 49
-_HALVINGS = 14  # of the torque, which is then good to 1e-4 of the largest one
-_STEPS, _GRADING = 60, 2.0  # implicit ones, shorter at the beginning, where a hold changes fastest
 _DURATIONS = (10.0, 30.0, 60.0, 180.0, 600.0, 1800.0, 3600.0)  # s
-_REACHED = 1e-9  # relative
 
 
 @dataclass(frozen=True)
@@ -39,7 +34,7 @@ class TorqueSpeed:
     torque: FloatArray
 
 
-def torque_speed(design: Design) -> TorqueSpeed:
+def torque_speed(design: Design, speeds: int = 49, unlimited: float = 40.0) -> TorqueSpeed:
     """The torque that can be held for each of some durations at each speed.
 
     A point can be held as long as winding and magnets stay below their limits and current and voltage suffice, with
@@ -47,6 +42,8 @@ def torque_speed(design: Design) -> TorqueSpeed:
 
     Args:
         design: the motor, its gear and its cooling.
+        speeds: how many.
+        unlimited: largest current [A] that is looked at where nothing limits it.
 
     Raises:
         InputError: neither the voltage nor the speed is limited.
@@ -60,9 +57,9 @@ def torque_speed(design: Design) -> TorqueSpeed:
     if not ends:
         expected = "voltage = … or speed = …, where the diagram ends"
         raise InputError(study.origin, "limits", "no voltage and no speed", expected)
-    speed = np.linspace(0.0, min(ends) / ratio, _SPEEDS)
+    speed = np.linspace(0.0, min(ends) / ratio, speeds)
     durations = np.array([0.0, *(time for time in _DURATIONS if time < study.task.longest), study.task.longest, np.inf])
-    most = limits.get("current", _MOST_CURRENT) * option.motor.torque_constant * ratio
+    most = limits.get("current", unlimited) * option.motor.torque_constant * ratio
     shape = durations.size, speed.size
     held = _held(design, limits, np.tile(speed, durations.size), np.repeat(durations, speed.size), most)
     # Copper warms before the magnets do: the voltage that is needed may be largest on the way.
@@ -76,7 +73,7 @@ def _held(
     bears = _Bears(design, limits, speed, durations)
     low, high = np.zeros(speed.size), np.full(speed.size, most)
     bears_none = bears(low)
-    for _ in range(_HALVINGS):
+    for _ in range(14):  # to 1e-4 of the largest torque
         middle = (low + high) / 2
         good = bears(middle)
         low, high = np.where(good, middle, low), np.where(good, high, middle)
@@ -102,7 +99,8 @@ class _Bears:
         good[ever] &= self._within(self.simulator.steady(*rows), drive[:, ever])
         # Beyond a thermal runaway long steps mean nothing; before, short ones have passed a limit.
         x, rows = self.start[:, ~ever], (drive[:, ~ever], self.capacity[~ever], self.resistance[~ever])
-        for share in np.diff((np.arange(_STEPS + 1) / _STEPS) ** _GRADING):
+        # Shorter steps at the beginning, where a hold changes fastest.
+        for share in np.diff((np.arange(61) / 60) ** 2):
             x = self.simulator.advance_implicitly(x, *rows, share * self.durations[~ever])
             good[~ever] &= self._within(x, drive[:, ~ever])
         return good
@@ -112,5 +110,5 @@ class _Bears:
         current, voltage = simulator.electric(np.where(np.isfinite(x), x, self.ambient), drive)
         values = simulator.winding(x), simulator.magnet(x), current, voltage
         reached = dict(zip(("winding", "magnet", "current", "voltage"), values, strict=True))
-        within = [value <= self.limits.get(name, np.inf) * (1 + _REACHED) for name, value in reached.items()]
+        within = [value <= self.limits.get(name, np.inf) * (1 + 1e-9) for name, value in reached.items()]
         return np.asarray(np.all(within, axis=0))
