@@ -11,8 +11,6 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.model.model import Model
 
-_FINEST = 0.01  # K; less above a limit is the integrator's own
-
 
 def refuse_what_no_rest_can_keep(
     model: Model,
@@ -47,7 +45,7 @@ def refuse_what_no_rest_can_keep(
         above = start[row] > limit  # then it is enough that it cools
         if above and (first[row] < 0 or x[row] <= limit):
             continue
-        if not above and hottest[row] <= limit + _FINEST:
+        if not above and hottest[row] <= limit + 0.01:  # K; less is the integrator's own
             continue
         column, warmest = max(air.items(), key=lambda item: item[1], default=("", -np.inf))
         why = f"{column} of {warmest:g} degC" if warmest > limit else "heat that is there without any load"

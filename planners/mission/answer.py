@@ -82,7 +82,9 @@ class MissionAnswer:
     def text(self) -> str:
         """What was given up first, then what is in the way, then the plan."""
         plan = self.plan
-        return "\n".join([*_verdict(plan), *_assumed(plan), *_prices(plan), "", *self._rows(), "", *_check(plan)])
+        assumed = [f"no temperature of {', '.join(plan.assumed)}: taken to be at its limit, or as hot as the hottest"]
+        lines = [*_verdict(plan), *(assumed if plan.assumed else []), *_prices(plan)]
+        return "\n".join([*lines, "", *self._rows(), "", *_check(plan)])
 
     def _rows(self) -> list[str]:
         table = _doings(self.table())
@@ -133,12 +135,6 @@ def _obstacle(plan: Plan) -> list[str]:
     return [
         f"done straight on at full speed, {first.node} passes its {limit} after {_time(first.time)}, in {first.name}"
     ]
-
-
-def _assumed(plan: Plan) -> list[str]:
-    if not plan.assumed:
-        return []
-    return [f"no temperature of {', '.join(plan.assumed)}: taken to be at its limit, or as hot as the hottest"]
 
 
 def _why_none(plan: Plan) -> str:

@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from lptn.basics.arrays import BoolArray, FloatArray
+from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError, shown
 from lptn.basics.places import matching
 from lptn.logs.columns import ColumnSource
@@ -23,13 +23,8 @@ from lptn.model.model import Model
 
 REST = "rest"
 """The gait with all drives off."""
-_GRID = 25  # points in each direction at which a table is checked between its cells
 _FORM = math.pi / (2 * math.sqrt(2))  # RMS over mean magnitude of a sine, for a speed of which only the mean is given
-_MOST = 1e15  # SI; beyond it no quantity of a robot lies
 _IDLE = ("torque", "torque_abs", "current", "current_abs", "velocity", "velocity_rms", "mechanical_power", "powered")
-_BELOW = -1e-6  # relative to its largest cell; further below zero a table swings between its cells
-_FEWEST = 3.0  # windows that must lie around a cell, weighted by how near they are
-_BEYOND = 0.1  # share of the range of the cells by which a window may lie outside
 
 
 @dataclass(frozen=True)
@@ -74,11 +69,11 @@ class Gait:
             inputs = np.tensordot(weights_at(value, knots), inputs, axes=1)
         return np.asarray(inputs)
 
-    def least(self) -> FloatArray:
-        """The least value of each input anywhere between the cells, shape (inputs,)."""
+    def least(self, points: int = 25) -> FloatArray:
+        """The least value of each input between the cells, at so many points in each direction, shape (inputs,)."""
         inputs = self.cells
         for axis, knots in enumerate(self.axes):
-            weights = weights_at(np.linspace(knots[0], knots[-1], _GRID if knots.size > 2 else knots.size), knots)
+            weights = weights_at(np.linspace(knots[0], knots[-1], points if knots.size > 2 else knots.size), knots)
             inputs = np.moveaxis(np.tensordot(weights, inputs, axes=(1, axis)), 0, axis)
         return np.asarray(inputs.reshape(-1, inputs.shape[-1]).min(axis=0))
 
@@ -178,7 +173,7 @@ def _gait(
     cells = np.stack([np.broadcast_to(table, shape) for table in columns.values()], axis=-1)
     gait = Gait(name, speeds, loads, np.ascontiguousarray(cells, dtype=float), dict(postures))
     for column, least in zip(columns, gait.least().tolist(), strict=True):
-        if least < _BELOW * max(float(np.abs(columns[column]).max()), 1e-9):
+        if least < -1e-6 * max(float(np.abs(columns[column]).max()), 1e-9):  # more than rounding
             raise InputError(
                 origin, place, f"{column} down to {least:.3g} between the cells",
                 "cells so close that the curve through them stays above zero",
@@ -220,7 +215,7 @@ def _table(values: Any, shape: tuple[int, ...], origin: str, where: str) -> Floa
     admitted = [(), (shape[-2], shape[-1]), (shape[-2], 1), (1, shape[-1]), shape]
     if array.shape not in admitted:
         raise InputError(origin, where, f"a table of {' x '.join(map(str, array.shape))}", expected)
-    wrong = array[~((array >= 0) & (array < _MOST))]
+    wrong = array[~((array >= 0) & (array < 1e15))]  # SI; beyond it no quantity of a robot lies
     if wrong.size:
         raise InputError(origin, where, f"{float(wrong[0]):g}", expected)
     return np.broadcast_to(array, shape)
@@ -295,8 +290,10 @@ def gait_from_logs(
     constants = rows[:, len(asked) :]  # postures and load; the speed is measured
     at = np.column_stack([constants, rows[:, len(needed)] if axes[-1].size > 1 else np.zeros(len(rows))])
     bounded = axes if axes[-1].size > 1 else axes[:-1]
-    inside = np.all([_inside(at[:, k], knots) for k, knots in enumerate(bounded)], axis=0)
-    rows, at = rows[inside], at[inside]
+    for k, knots in enumerate(bounded):
+        reach = 0.1 * float(np.ptp(knots)) + 1e-9  # a tenth of the cells' range, in which a window still tells of them
+        inside = (at[:, k] >= knots[0] - reach) & (at[:, k] <= knots[-1] + reach)
+        rows, at = rows[inside], at[inside]
     _refuse_empty(name, at, axes, titles, origin)
     weights = np.ones((len(rows), 1))
     for values, knots in zip(at.T, axes, strict=True):
@@ -322,19 +319,18 @@ def _windows(
     return np.column_stack([*reduced, np.tile(still, (reduced[0].size, 1))])
 
 
-def _inside(values: FloatArray, knots: FloatArray) -> BoolArray:
-    reach = _BEYOND * float(np.ptp(knots)) + 1e-9
-    return np.asarray((values >= knots[0] - reach) & (values <= knots[-1] + reach))
-
-
-def _refuse_empty(name: str, at: FloatArray, axes: Sequence[FloatArray], titles: Sequence[str], origin: str) -> None:
-    """Every cell needs windows around it; `at` tells where each window lies, shape (windows, axes)."""
+def _refuse_empty(
+    name: str, at: FloatArray, axes: Sequence[FloatArray], titles: Sequence[str], origin: str, least: float = 3.0
+) -> None:
+    """Every cell needs windows around it, weighted by how near they are; `at` tells where each window lies, shape
+    (windows, axes)."""
     count = np.ones((len(at), 1))
     for values, knots in zip(at.T, axes, strict=True):
-        near = np.stack([_hat(values, knots, k) for k in range(knots.size)], axis=1)
+        # For each cell 1 at its knot, 0 at the neighbours.
+        near = np.stack([np.interp(values, knots, hat) for hat in np.eye(knots.size)], axis=1)
         count = (count[:, :, None] * near[:, None, :]).reshape(len(at), -1)
     windows = count.sum(axis=0).reshape([knots.size for knots in axes])
-    if (windows < _FEWEST).any():
+    if (windows < least).any():
         cell = np.unravel_index(int(windows.argmin()), windows.shape)
         where = [
             f"{title} {knots[k]:g}" if title not in ("kg", "m/s") else f"{knots[k]:g} {title}"
@@ -343,12 +339,5 @@ def _refuse_empty(name: str, at: FloatArray, axes: Sequence[FloatArray], titles:
         ]
         raise InputError(
             origin, f"gaits.{name}.logs", f"{windows[cell]:.1f} windows near {' at '.join(where)}",
-            f"{_FEWEST:g} or more around each cell, or other cells",
+            f"{least:g} or more around each cell, or other cells",
         )  # fmt: skip
-
-
-def _hat(values: FloatArray, knots: FloatArray, k: int) -> FloatArray:
-    """1 at a knot, 0 at its neighbours."""
-    if knots.size == 1:
-        return np.ones(values.size)
-    return np.asarray(np.interp(values, knots, np.eye(knots.size)[k]))

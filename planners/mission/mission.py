@@ -199,8 +199,11 @@ def segments_of(mission: Mission, rests: Collection[int] | None = None) -> list[
         named = f"{activity.do} {1 + sum(earlier.do == activity.do for earlier in mission.activities[:number])}"
         for part in range(activity.pieces):
             piece += 1
-            allowed = mission.rest is not None and (rests is None or piece in rests)
-            if mission.rest is not None and allowed and not _rests(mission.rest, segments, activity):
+            allowed = rests is None or piece in rests
+            # Neither behind another rest, nor before one whose time is sought.
+            rested = bool(segments) and segments[-1].gait is mission.rest
+            rested |= activity.gait is mission.rest and activity.duration[1] > activity.duration[0]
+            if mission.rest is not None and allowed and not rested:
                 still = tuple((float(knots[0]), float(knots[-1])) for knots in mission.rest.postures.values())
                 time = (0.0, mission.longest_rest)
                 segments.append(Segment("rest", -1, mission.rest, 0.0, False, time, still, before=piece))
@@ -239,9 +242,3 @@ def first_rest(mission: Mission, segments: list[Segment]) -> int:
         elif not segment.is_transition:
             break
     return rested
-
-
-def _rests(rest: Gait, segments: list[Segment], activity: Activity) -> bool:
-    """Whether a rest here would follow another one, or precede one whose time is sought."""
-    before = bool(segments) and segments[-1].gait is rest
-    return before or (activity.gait is rest and activity.duration[1] > activity.duration[0])

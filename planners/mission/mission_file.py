@@ -4,10 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    TypeAdapter,
+    ValidationError,
+    ValidatorFunctionWrapHandler,
+    WrapValidator,
+)
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError, shown
@@ -22,8 +30,17 @@ from ..values import LONGEST, Celsius, ExtraMass, Length, NotNegative, Positive,
 from .gait import REST, Gait, LogPart, gait_from_logs, gait_from_tables
 from .mission import Activity, GivesUp, Mission, Range, Transition
 
-_WALK_PIECES = 3
-_NO_END = 3600.0  # s, the longest rest of a mission without rests and deadline that begins too hot
+
+def _one_or_two(given: Any, validate: ValidatorFunctionWrapHandler) -> Any:
+    try:
+        return validate(given)
+    except ValidationError as error:
+        raise ValueError("a number, or [least, most]") from error
+
+
+Of = TypeVar("Of")
+OneOrTwo = Annotated[Of | Annotated[list[Of], Field(min_length=2, max_length=2)] | None, WrapValidator(_one_or_two)]
+"""A number, or the least and the greatest."""
 
 # --- tables and keys ----------------------------------------------------------------------------
 
@@ -43,10 +60,12 @@ class TaskTable(Strict):
 class ActivityTable(Strict):
     do: str
     distance: Length | None = None
-    duration: Any = None
-    speed: Any = None
-    load: Any = None
-    posture: dict[str, Any] = Field(default_factory=dict)
+    duration: Annotated[
+        Seconds | Annotated[list[NotNegative], Field(min_length=2, max_length=2)] | None, WrapValidator(_one_or_two)
+    ] = None
+    speed: OneOrTwo[Speed] = None
+    load: OneOrTwo[ExtraMass] = None
+    posture: dict[str, OneOrTwo[Number]] = Field(default_factory=dict)
     pieces: Annotated[int, Field(ge=1, le=12, strict=True)] | None = None
 
 
@@ -87,18 +106,6 @@ class File(Strict):
     transitions: Annotated[list[TransitionTable], Field(max_length=24)] = Field(default_factory=list)
     columns: dict[str, Any] = Field(default_factory=dict)
 
-
-class Between(BaseModel):
-    """A number, or the least and the greatest."""
-
-    speed: Speed | Annotated[list[Speed], Field(min_length=2, max_length=2)] | None = None
-    load: ExtraMass | Annotated[list[ExtraMass], Field(min_length=2, max_length=2)] | None = None
-    duration: Seconds | Annotated[list[NotNegative], Field(min_length=2, max_length=2)] | None = None
-
-
-_TWO: TypeAdapter[float | list[float] | None] = TypeAdapter(
-    Number | Annotated[list[Number], Field(min_length=2, max_length=2)] | None
-)
 
 # --- reading ------------------------------------------------------------------------------------
 
@@ -141,8 +148,9 @@ def _mission(tables: File, origin: str, model: Model) -> Mission:
         raise InputError(origin, "task.carry", f"{task.carry:g} kg", expected)
     if task.begins and task.begins not in gaits:
         raise InputError(origin, "task.begins", f'"{task.begins}"', f"one of {', '.join(gaits)}")
+    unlimited = 3600.0  # s, the longest rest of a mission without rests and deadline that begins too hot
     mission = Mission(
-        model, activities, rest, task.longest_rest or task.deadline or _NO_END, limits, start, task.ambient,
+        model, activities, rest, task.longest_rest or task.deadline or unlimited, limits, start, task.ambient,
         task.deadline, task.carry, task.gives_up, task.name, origin,
         transitions=_transitions(tables.transitions, gaits, activities, model, origin), begins=task.begins,
     )  # fmt: skip
@@ -249,26 +257,25 @@ def _activity(table: ActivityTable, place: str, gaits: Mapping[str, Gait], origi
     if table.do not in gaits:
         raise InputError(origin, f"{place}.do", f'"{table.do}"', f"one of {', '.join(gaits)}, the tables under [gaits]")
     gait = gaits[table.do]
-    between = _between(table, place, origin)
     travels = gait.speeds.size > 1 or gait.speeds[0] > 0
     if travels != (table.distance is not None):
         expected = "a distance [m], for it has speeds" if travels else "a duration [s], for its gait has no speeds"
         raise InputError(origin, place, "a duration" if travels else "a distance", expected)
-    load = _range(between.load, gait.loads, f"{place}.load", "kg", origin)
+    load = _range(table.load, gait.loads, f"{place}.load", "kg", origin)
     posture = _postures(table.posture, gait, f"{place}.posture", origin)
     if travels:
-        speed = _range(between.speed, gait.speeds, f"{place}.speed", "m/s", origin)
-        return Activity(table.do, gait, table.distance, (0.0, 0.0), speed, load, posture, table.pieces or _WALK_PIECES)
-    if between.duration is None or table.speed is not None:
-        raise InputError(origin, place, "no duration" if between.duration is None else "a speed", "a duration [s]")
-    given = between.duration
+        speed = _range(table.speed, gait.speeds, f"{place}.speed", "m/s", origin)
+        return Activity(table.do, gait, table.distance, (0.0, 0.0), speed, load, posture, table.pieces or 3)
+    if table.duration is None or table.speed is not None:
+        raise InputError(origin, place, "no duration" if table.duration is None else "a speed", "a duration [s]")
+    given = table.duration
     duration = (given[0], given[1]) if isinstance(given, list) else (given, given)
     if duration[1] <= 0 or duration[1] < duration[0]:
         raise InputError(origin, f"{place}.duration", str(given), "a time [s], or the least and the most")
     return Activity(table.do, gait, None, duration, (0.0, 0.0), load, posture, table.pieces or 1)
 
 
-def _postures(given: Mapping[str, Any], gait: Gait, place: str, origin: str) -> dict[str, Range]:
+def _postures(given: Mapping[str, float | list[float] | None], gait: Gait, place: str, origin: str) -> dict[str, Range]:
     """Least and most of each posture of a gait; all of its cells' range where nothing is said."""
     for key in given:
         if key not in gait.postures:
@@ -276,26 +283,7 @@ def _postures(given: Mapping[str, Any], gait: Gait, place: str, origin: str) -> 
                 f"some of {', '.join(gait.postures)}" if gait.postures else f"none, for {gait.name} has no postures"
             )
             raise InputError(origin, f"{place}.{key}", "a posture that the gait has not", expected)
-    return {
-        key: _range(_between_two(given.get(key), f"{place}.{key}", origin), knots, f"{place}.{key}", "", origin)
-        for key, knots in gait.postures.items()
-    }
-
-
-def _between_two(given: Any, place: str, origin: str) -> float | list[float] | None:
-    try:
-        return _TWO.validate_python(given)
-    except ValidationError as error:
-        raise InputError(origin, place, shown(given), "a number, or [least, most]") from error
-
-
-def _between(table: ActivityTable, place: str, origin: str) -> Between:
-    given = {key: getattr(table, key) for key in ("speed", "load", "duration")}
-    try:
-        return Between.model_validate(given)
-    except ValidationError as error:
-        key = str(error.errors()[0]["loc"][0])
-        raise InputError(origin, f"{place}.{key}", shown(given[key]), "a number, or [least, most]") from error
+    return {key: _range(given.get(key), knots, f"{place}.{key}", "", origin) for key, knots in gait.postures.items()}
 
 
 def _range(given: float | list[float] | None, cells: FloatArray, place: str, unit: str, origin: str) -> Range:

@@ -18,11 +18,6 @@ from .simulation import Course, simulate_plan
 Verdict = Literal["met", "late", "cut", "none"]
 """All is done in time; all is done but later than the deadline; not all is done; nothing can be done but rest."""
 _EXACT = 0.005  # K by which a replayed plan may pass a limit
-_TIGHTENINGS = 3
-_SEARCHES, _CLOSE = 14, 0.5  # solves, s
-_FINE = 0.1  # K, or share of the rise, to which the rise that would do is sought
-_FARTHEST = 100.0  # K by which limits are raised in search of what would do
-_SHORTEST = 0.05  # s; shorter pieces are solver dust
 _COUNTS = 1e-3  # s/K; smaller multipliers are solver dust
 
 
@@ -177,7 +172,7 @@ def _planned(mission: Mission, explain: bool) -> Plan:
     raised: float | None = None
     program, fastest = solved(mission, "time")
     if fastest.success:
-        if not _misses(mission, fastest):
+        if mission.deadline is None or fastest.total <= mission.deadline + 1e-6 * mission.deadline:
             return _finished(program, "met", fastest, 0.0)
         raised = _rise(program, fastest) if explain else None
         if mission.gives_up == "deadline":
@@ -186,15 +181,21 @@ def _planned(mission: Mission, explain: bool) -> Plan:
     if not part.success:
         return _resting(program, part)
     if explain and not fastest.success:
-        raised = _rise(program, fastest, guess=_lacking(mission, part) / max(_slope(part), _COUNTS))
+        undone = sum(activity.work for activity in mission.activities) - part.work(mission)  # s
+        raised = _rise(program, fastest, guess=undone / max(_slope(part), _COUNTS))
     return _finished(program, "cut", part, raised)
 
 
-def _misses(mission: Mission, solution: Solution) -> bool:
-    return mission.deadline is not None and solution.total > mission.deadline + 1e-6 * mission.deadline
-
-
-def _rise(program: Program, solution: Solution, guess: float = 0.0) -> float | None:
+def _rise(
+    program: Program,
+    solution: Solution,
+    guess: float = 0.0,
+    *,
+    solves: int = 14,
+    close: float = 0.5,
+    fine: float = 0.1,
+    farthest: float = 100.0,
+) -> float | None:
     """By how much all limits would have to rise for all to be done in time [K].
 
     Newton's method on the prices of the least time, kept between what proved too little and what proved enough. (The
@@ -204,27 +205,31 @@ def _rise(program: Program, solution: Solution, guess: float = 0.0) -> float | N
         program: of the mission.
         solution: of least time; where there is none, it failed.
         guess: rise to begin with where it failed [K].
+        solves: at most.
+        close: by how much time may miss the deadline [s].
+        fine: to which the rise is sought [K, or share of it].
+        farthest: rise that is looked at [K].
     """
     mission, raised, little = program.mission, 0.0, 0.0
     if mission.deadline is not None and mission.fastest > mission.deadline:
         return None
     enough: float | None = None
-    for _ in range(_SEARCHES):
+    for _ in range(solves):
         late = solution.total - (mission.deadline or np.inf) if solution.success else np.inf
-        if late <= _CLOSE:
+        if late <= close:
             enough = raised
         else:
             little = raised
-        if enough is not None and (abs(late) <= _CLOSE or enough - little <= max(_FINE, _FINE * enough)):
+        if enough is not None and (abs(late) <= close or enough - little <= max(fine, fine * enough)):
             return enough
         slope = _slope(solution)
         if np.isfinite(late) and slope > _COUNTS:
             raised += late / slope
         elif enough is None:
-            raised = max(guess, 2 * raised, _FINE)
-        if enough is not None and not little < raised < enough - _FINE / 2:
+            raised = max(guess, 2 * raised, fine)
+        if enough is not None and not little < raised < enough - fine / 2:
             raised = (little + enough) / 2
-        raised = min(raised, _FARTHEST)
+        raised = min(raised, farthest)
         if raised <= little:
             return enough
         lifted = {node: limit + raised for node, limit in mission.limits.items()}
@@ -237,16 +242,11 @@ def _slope(solution: Solution) -> float:
     return sum(abs(price) for name, price in solution.prices.items() if name.startswith("limit."))
 
 
-def _lacking(mission: Mission, solution: Solution) -> float:
-    """Work that is not done [s]."""
-    return sum(activity.work for activity in mission.activities) - solution.work(mission)
-
-
 def _finished(program: Program, verdict: Verdict, solution: Solution, raised: float | None) -> Plan:
     """The plan replayed, and found again for limits a little lower where the replay passes one."""
     mission, lowered = program.mission, 0.0
     plan = _plan(program, verdict, solution, lowered, raised)
-    for _ in range(_TIGHTENINGS):
+    for _ in range(3):
         beyond = max((plan.peaks[node] - limit for node, limit in mission.limits.items()), default=0.0)
         if beyond <= _EXACT:
             break
@@ -263,7 +263,7 @@ def _finished(program: Program, verdict: Verdict, solution: Solution, raised: fl
 
 
 def _plan(program: Program, verdict: Verdict, solution: Solution, lowered: float, raised: float | None) -> Plan:
-    mission, kept = program.mission, np.flatnonzero(solution.time > _SHORTEST)
+    mission, kept = program.mission, np.flatnonzero(solution.time > 0.05)  # s; shorter pieces are solver dust
     segments = [program.segments[k] for k in kept.tolist()]
     time, speed, load = solution.time[kept], solution.speed[kept], solution.load[kept]
     posture = [solution.posture[k] for k in kept.tolist()]

@@ -11,17 +11,14 @@ from scipy.stats import norm
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
-from lptn.online import Estimate, Estimator, ModelError
+from lptn.online import Estimator, ModelError
 
 from .gait import REST, Gait
 from .mission import Activity, Mission, Segment
 from .plan import Plan, peaks_of, plan_mission
 from .simulation import simulate_plan
 
-_TRUSTED = 60.0  # s for which a gait's table counts against what is measured
 _FEWEST = 0.5  # s; what takes less is done
-_GREATEST = 0.5  # of the way from the air to a limit; a greater margin would forbid what teaches the model
-_FIXED = ("temperature", "speed")  # inputs that no gait prescribes
 
 
 @dataclass(frozen=True)
@@ -181,10 +178,12 @@ class MissionControl:
         if dt > 0 and self._segments:
             self._advance(inputs, dt, moved)
         ended = not self._segments and (not self.replanned or self.plan.verdict != "none")
-        on_the_way = (
-            bool(self._segments) and self._segments[0].is_transition
-        )  # halfway down is no place to change one's mind
-        time_to_look = self.clock >= self._looked + self._period or self._too_hot(estimate)
+        # Halfway down is no place to change the plan.
+        on_the_way = bool(self._segments) and self._segments[0].is_transition
+        limits = self.mission.limits
+        too_hot = any(estimate.temperature(node)[0] > limit for node, limit in limits.items())
+        works = bool(self._segments) and self._segments[0].gait.name != REST
+        time_to_look = self.clock >= self._looked + self._period or (works and too_hot)
         due = ended or (time_to_look and not on_the_way)
         if due and self._first < len(self._left):
             self._look(inputs)
@@ -231,19 +230,18 @@ class MissionControl:
 
     def _corrected(self) -> dict[str, Gait]:
         """By name what the mission's tables prescribe, with inputs as large as they were measured to be."""
+        trusted = 60.0  # s for which a gait's table counts against what is measured
         gaits = _gaits_of(self.mission)
-        return {name: self._correct(gait) if name in self._measured else gait for name, gait in gaits.items()}
-
-    def _correct(self, gait: Gait) -> Gait:
-        measured, table = self._measured[gait.name]
-        typical = _TRUSTED * (gait.cells**2).reshape(-1, gait.cells.shape[-1]).mean(axis=0)
-        nonzero = typical > 0
-        factor = np.ones(nonzero.size)
-        factor[nonzero] = np.sqrt((measured + typical)[nonzero] / (table + typical)[nonzero])
-        for row, column in enumerate(self.mission.model.inputs):
-            if column.partition(".")[0] in _FIXED:
-                factor[row] = 1.0
-        return replace(gait, cells=gait.cells * factor)
+        # No gait prescribes temperatures or the base's speed.
+        prescribed = [not column.startswith(("temperature.", "speed.")) for column in self.mission.model.inputs]
+        for name, (measured, table) in self._measured.items():
+            cells = gaits[name].cells
+            typical = trusted * (cells**2).reshape(-1, cells.shape[-1]).mean(axis=0)
+            corrected = (typical > 0) & prescribed
+            factor = np.ones(typical.size)
+            factor[corrected] = np.sqrt((measured + typical)[corrected] / (table + typical)[corrected])
+            gaits[name] = replace(gaits[name], cells=cells * factor)
+        return gaits
 
     # --- what is left -------------------------------------------------------------------------
 
@@ -293,12 +291,6 @@ class MissionControl:
 
     # --- looking and planning -----------------------------------------------------------------
 
-    def _too_hot(self, estimate: Estimate) -> bool:
-        """Whether a node is above its limit while the plan has it work."""
-        working = bool(self._segments) and self._segments[0].gait.name != REST
-        limits = self.mission.limits
-        return working and any(estimate.temperature(node)[0] > limit for node, limit in limits.items())
-
     def _look(self, inputs: Mapping[str, float]) -> None:
         """Plan what is left anew where the plan in force would pass a limit, or is held up by none any more."""
         self._margins = self._margins_now(inputs)
@@ -320,15 +312,19 @@ class MissionControl:
         its = f"its limit of {self.mission.limits[nearest]:g} degC less a margin of {self._margins[nearest]:.1f} K"
         if spare < -self._apart:
             return f"{said} above {its}"
-        slower = self._seconds_left() > left.fastest + _FEWEST or self.plan.verdict == "cut"
+        seconds = sum(time for time, *_ in self._pieces) - self._gone
+        slower = seconds > left.fastest + _FEWEST or self.plan.verdict == "cut"
         return f"{said} below {its}" if spare > self._apart and slower else ""
 
     def _margins_now(self, inputs: Mapping[str, float]) -> dict[str, float]:
-        """What the temperatures may be off by a period from now, by node [K]."""
+        """What the temperatures may be off by a period from now, by node [K].
+
+        At most half the way from the air to a limit: a greater margin would forbid what teaches the model.
+        """
         deviations = self.estimator.deviations_ahead(inputs, self._period)
         places, air = self.mission.model.places, self._air
         return {
-            node: min(self._sure * float(deviations[places.index(node)]), _GREATEST * max(limit - air, 0.0))
+            node: min(self._sure * float(deviations[places.index(node)]), 0.5 * max(limit - air, 0.0))
             for node, limit in self.mission.limits.items()
         }
 
@@ -340,9 +336,6 @@ class MissionControl:
         times = np.array(time)
         times[0] = max(times[0] - self._gone, _FEWEST)
         return peaks_of(left, simulate_plan(left, segments, times, np.array(speed), np.array(load), posture))
-
-    def _seconds_left(self) -> float:
-        return sum(time for time, *_ in self._pieces) - self._gone
 
     def _adopt(self, plan: Plan, why: str) -> None:
         self._segments = [self._renumbered(segment) for segment in plan.segments]

@@ -10,15 +10,12 @@ import numpy as np
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.bounds import Bound
-from lptn.model.model import Model
 from lptn.simulate.dynamics import fastest_rate
 
 from .mission import Mission, Segment, first_rest
 
-_STEP = 1.0  # s
 _BLOCK = 32  # steps that one call takes
 _STEPS = Bound(500_000, "steps")  # of a plan: a day by a part of 0.4 s; a mission with so many takes half a minute
-_RATE = 0.5  # product of a step and the fastest rate; a Runge-Kutta step is then exact to 1e-4
 
 
 @dataclass(frozen=True)
@@ -83,10 +80,12 @@ def simulate_plan(
         segments, time.tolist(), speed.tolist(), load.tolist(), postures, strict=True
     ):
         u = inputs_of(mission, segment, v, m, q)
-        step = _step(model, states[-1][:, -1], u)
+        # A Runge-Kutta step that is half of the fastest time constant is exact to 1e-4.
+        fastest = max(fastest_rate(model, states[-1][:, -1], u, values), 1e-12)
+        step = min(1.0, 0.5 / fastest)  # s
         blocks = max(1, ceil(duration / (_BLOCK * step)))
-        fastest = f"a time constant of {step / _RATE:.2g} s in a plan of {time.sum():.4g} s"
-        _STEPS.check(count + blocks * _BLOCK, model.network.origin, fastest)
+        why = f"a time constant of {step / 0.5:.2g} s in a plan of {time.sum():.4g} s"
+        _STEPS.check(count + blocks * _BLOCK, model.network.origin, why)
         h = duration / (_BLOCK * blocks)
         begin = clock[-1]
         for block in range(blocks):
@@ -98,7 +97,3 @@ def simulate_plan(
     leading = first_rest(mission, list(segments))
     settled = ends[min(leading, len(ends) - 1)] if ends else 0
     return Course(np.array(clock), np.hstack(states), ends, ends[leading - 1] if leading else 0, settled)
-
-
-def _step(model: Model, x: FloatArray, u: FloatArray) -> float:
-    return min(_STEP, _RATE / max(fastest_rate(model, x, u, model.values), 1e-12))
