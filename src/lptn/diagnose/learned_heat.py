@@ -51,6 +51,8 @@ _FAR_BEYOND = (
 _BETTER = 0.95
 """Share of the held-out error that must be left at most: an RMSE of some 200 independent residuals, an hour or two of a
 few nodes, is itself known to 1/√400."""
+_MOST_NODES = 3  # those whose heat is surest: time grows with them, and a heat without a name spreads from its place
+_WALKS = 3  # the likeliest and two slower ones: beside a curve that stands for heat the rest wanders less
 _WORTH_A_WORD = 0.1  # share of the heat that an input must explain to be named
 _POINTS = 41  # of a curve that is drawn
 _DAY, TIME_OF_DAY = 86400.0, "time of day"  # s; asked of logs of a day and more, whose clock is taken for the day's
@@ -196,16 +198,21 @@ def _likeliest(base: Step, data: DataSplit, *, beside: bool) -> LearnedCurve | N
         beside: whether it has effects that the given model lacks.
     """
     heat = stretches(unexplained_heat(base.fit))
-    shares = input_shares(base.fit, list(dict.fromkeys(peak.node for peak in heat)))
+    shares = input_shares(base.fit, list(dict.fromkeys(peak.node for peak in heat))[:_MOST_NODES])
     if not shares or shares[0].log_odds < np.log(OCCAM * len(shares)):
         return None
     own = tuple(one for one in shares if one.node == shares[0].node and one.share >= _WORTH_A_WORD and one.log_odds > 0)
     declaration = shares[0].declaration
-    if not own or declaration is None:
-        return LearnedCurve(own, beside=beside) if own else None
+    if not own or own[0] is not shares[0]:
+        return None
+    if declaration is None:
+        return LearnedCurve(own, beside=beside)
     done = refit(base.fit, declaration)
+    values, curve, band = curve_of(done, declaration)
+    if np.all(np.abs(curve) <= band):
+        return None  # what the linear model saw is not there
     step = Step(done, declaration, places=(declaration.at,)).predicting(data)
-    return LearnedCurve(own, *curve_of(done, declaration), step, beside=beside)
+    return LearnedCurve(own, values, curve, band, step, beside=beside)
 
 
 def curve_of(fit: Fit, declared: EffectDeclaration) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -260,7 +267,7 @@ def input_shares(fit: Fit, nodes: Sequence[str]) -> list[InputShare]:
                 )
         known.append(heats)
     best, none = [(-np.inf, 0.0)] * len(candidates), -np.inf
-    for walk in reversed(walks):
+    for walk in reversed(walks[-_WALKS:]):
         gradient, hessian = np.zeros(PIECES * len(candidates)), np.zeros((PIECES * len(candidates),) * 2)
         density, parts = 0.0, list[_Smoothed]()
         for part, heats in zip(linear, known, strict=True):
@@ -356,7 +363,7 @@ def _inputs_of(fit: Fit, node: str, runs: Sequence[Run]) -> list[_Input]:
         columns.append((TIME_OF_DAY, "", ""))
     inputs = []
     for column, key, driven_by in columns:
-        if any(column not in run.columns and column != TIME_OF_DAY for run in runs):
+        if column != TIME_OF_DAY and not all(np.isfinite(run.columns.get(column, np.nan)).any() for run in runs):
             continue
         values = np.concatenate([_values(run, column) for run in runs])
         start = 0.0 if key not in ("", OWN_TEMPERATURE) else float(values.min())
