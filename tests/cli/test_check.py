@@ -151,3 +151,16 @@ def test_a_log_of_currents_says_how_the_model_takes_them(lptn: Lptn, model: Path
     assert status == 2
     assert "It seems to hold currents instead of torques (current.a)." in out
     assert 'input = "current"' in out
+
+
+def test_what_is_the_same_of_all_logs_is_said_once(lptn: Lptn, model: Path, tmp_path: Path) -> None:
+    logs = [tmp_path / f"{day}.csv" for day in ("monday", "tuesday", "friday")]
+    for number, log in enumerate(logs):
+        renamed = table().rename(columns=lambda name: name.replace("torque.", "trq_")).assign(gain=1.0)
+        renamed.assign(**{"temperature.a": 20.0 + number}).to_csv(log, index=False)
+    _, out, _ = lptn("check", model, *logs)
+    assert all(out.count(f"{log.name} (CSV)") == 1 for log in logs)
+    assert out.count("  Some columns may be what is missing.") == out.count("write behind the command") == 1
+    assert out.index("\nAll logs:\n") > out.index("friday.csv")
+    _, one, _ = lptn("check", model, logs[0])
+    assert "All logs:" not in one

@@ -55,8 +55,8 @@ def check(
     with progress("reading"):
         contents = [_content(loaded, log) for log in logs]
     _show_model(loaded.model)
-    for content in contents:
-        _show_log(content, loaded.guessing)
+    if contents:
+        _show_logs(contents, loaded.guessing)
     result: dict[str, object] = {"model": str(model), "nodes": loaded.model.nodes, "inputs": loaded.model.inputs}
     result["logs"] = [content.as_json() for content in contents]
     runs = [run for content in contents for run in content.runs]
@@ -224,25 +224,36 @@ def _show_model(model: Model) -> None:
         print(f"{column} is no column of the log: it is taken from each run's first readings.")
 
 
-def _show_log(content: LogContent, guessing: bool) -> None:
-    """What a log holds, what is wrong with it, and the lines that would map what is missing."""
-    print(f"\n{content.path.name} ({content.kind}): {_lengths(content.runs)}")
+def _show_logs(contents: Sequence[LogContent], guessing: bool) -> None:
+    """What each log holds and what is wrong with it; what is the same of all logs, once."""
+    lines = [list(_lines(content, guessing)) for content in contents]
+    common = set(lines[0]).intersection(*lines[1:]) if len(lines) > 1 else set()
+    for content, own in zip(contents, lines, strict=True):
+        print(f"\n{content.path.name} ({content.kind}): {_lengths(content.runs)}")
+        for line in own:
+            if line not in common:
+                print(line)
+    if common:
+        print("\nAll logs:")
+        for line in lines[0]:
+            if line in common:
+                print(line)
+
+
+def _lines(content: LogContent, guessing: bool) -> Iterator[str]:
+    """What is wrong with a log, and the lines that would map what is missing."""
     if content.unused:
-        print(f"  {'not used' if content.used else 'columns'}: {_some(content.unused)}")
-    for note in content.notes:
-        print(f"  {note}")
-    for sentence in content.wrong:
-        print(f"  WRONG? {sentence}")
+        yield f"  {'not used' if content.used else 'columns'}: {_some(content.unused)}"
+    yield from (f"  {note}" for note in content.notes)
+    yield from (f"  WRONG? {sentence}" for sentence in content.wrong)
     if content.guesses and not guessing:
         use = "what is missing" if content.missing else "speeds, by which `lptn diagnose` can ask for more effects"
-        print(f"  Some columns may be {use}. If so, put into the model file, under [columns]:")
-        for guess in content.guesses:
-            print(f"    {guess.line}   # {guess.why}")
-        print(f"  or write behind the command: {' '.join(guess.option for guess in content.guesses)}")
-        print("  or --map guess, which takes them all and says so.")
+        yield f"  Some columns may be {use}. If so, put into the model file, under [columns]:"
+        yield from (f"    {guess.line}   # {guess.why}" for guess in content.guesses)
+        yield f"  or write behind the command: {' '.join(guess.option for guess in content.guesses)}"
+        yield "  or --map guess, which takes them all and says so."
     if content.refused is not None:
-        for line in _missing_lines(content, () if guessing else tuple(guess.key for guess in content.guesses)):
-            print(line)
+        yield from _missing_lines(content, () if guessing else tuple(guess.key for guess in content.guesses))
 
 
 def _missing_lines(content: LogContent, proposed: Sequence[str]) -> Iterator[str]:
