@@ -127,7 +127,7 @@ def _show_monitoring(result: Monitoring) -> None:
     rows = [cells for watched in result.runs for cells in _rows(watched)]
     if rows:
         show_table(("run", "sensor", "fault", "size", "since", "statistical", f"over {result.threshold:g} K"), rows)
-        print("Times are in s of each log's clock. The fault is named from some minutes behind the alarm, too.")
+        print("Times are in s of each log's clock, of one since 1970 in s since the log's start.")
     for watched in result.runs:
         if not (watched.threshold_alarms or watched.statistical_alarms):
             node = max(watched.largest_error, key=watched.largest_error.__getitem__)
@@ -144,9 +144,9 @@ def _rows(watched: MonitoredRun) -> Iterator[list[str]]:
     for node in [*statistical, *(node for node in direct if node not in statistical)]:
         best = statistical.get(node) or direct[node]
         size = best.detail if best.size is None else f"{best.size:+.2g} {_UNITS[best.kind]}"
-        times = [_time(alarms.get(node)) for alarms in (statistical, direct)]
-        yield [watched.run.name, node, best.kind, size, f"{best.onset:.0f} s", *times]
+        times = [_time(alarms.get(node), watched.run.origin) for alarms in (statistical, direct)]
+        yield [watched.run.name, node, best.kind, size, f"{best.onset - watched.run.origin:.0f} s", *times]
 
 
-def _time(alarm: Alarm | None) -> str:
-    return "–" if alarm is None else f"{alarm.time:.0f} s"
+def _time(alarm: Alarm | None, origin: float) -> str:
+    return "–" if alarm is None else f"{alarm.time - origin:.0f} s"

@@ -42,6 +42,7 @@ class UnexplainedHeat:
         heat: W, shape (nodes, n).
         band: half-width of the 95 % band [W], shape (nodes, n).
         seconds: length of a block.
+        origin: time from which figures and sentences count, in the log's clock [s].
     """
 
     run: str
@@ -50,6 +51,7 @@ class UnexplainedHeat:
     heat: FloatArray
     band: FloatArray
     seconds: float
+    origin: float = 0.0
 
     def __repr__(self) -> str:
         most = float(np.abs(self.heat).max(initial=0.0))
@@ -85,6 +87,7 @@ class HeatPeak:
         heat: mean from start to stop [W]; negative where the model has too much.
         band: mean half-width of the 95 % band [W].
         clear: by how much the heat exceeds zero with 95 % confidence over all nodes and minutes, at most [W].
+        origin: time from which figures and sentences count, in the log's clock [s].
     """
 
     run: str
@@ -94,6 +97,12 @@ class HeatPeak:
     heat: float
     band: float
     clear: float = 0.0
+    origin: float = 0.0
+
+    @property
+    def elapsed(self) -> tuple[float, float]:
+        """Start and stop, counted from `origin` [s]."""
+        return self.start - self.origin, self.stop - self.origin
 
     def text(self) -> str:
         """Such as `at FR_calf from 1200 to 1500 s, about 6 W (3 to 13 W)`."""
@@ -103,7 +112,8 @@ class HeatPeak:
     @property
     def place(self) -> str:
         """Such as `at FR_calf from 1200 to 1500 s`."""
-        return f"at {self.node} from {self.start:.0f} to {self.stop:.0f} s"
+        start, stop = self.elapsed
+        return f"at {self.node} from {start:.0f} to {stop:.0f} s"
 
     def as_json(self) -> dict[str, object]:
         """The stretch as other tools read it; times in s of the log's clock."""
@@ -138,7 +148,8 @@ def unexplained_heat(fit: Fit) -> list[UnexplainedHeat]:
     for run, bound in zip(runs, fit.problem.bound_runs, strict=True):
         heat, spread = smoothed(run, prior_of(fit, run, scale, walk))
         nodes = tuple(fit.model.nodes[row] for row in run.rows)
-        unexplained.append(UnexplainedHeat(bound.run.name, run.time, nodes, heat, _WIDE * spread, run.seconds))
+        about = _WIDE * spread, run.seconds, bound.run.origin
+        unexplained.append(UnexplainedHeat(bound.run.name, run.time, nodes, heat, *about))
     return unexplained
 
 
@@ -191,7 +202,9 @@ def _of_row(unexplained: UnexplainedHeat, row: int) -> list[HeatPeak]:
             taken[first:stop] = True
             ends = float(unexplained.time[first] - half), float(unexplained.time[stop - 1] + half)
             means = float(heat[first:stop].mean()), float(unexplained.band[row, first:stop].mean())
-            peaks.append(HeatPeak(unexplained.run, unexplained.nodes[row], *ends, *means, float(clear[top])))
+            peaks.append(
+                HeatPeak(unexplained.run, unexplained.nodes[row], *ends, *means, float(clear[top]), unexplained.origin)
+            )
     return peaks
 
 

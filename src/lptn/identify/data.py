@@ -257,7 +257,7 @@ def all_but(data: DataSplit, stretch: Stretch, left_out: Sequence[Stretch] = ())
                 held.append(Stretch(run.name, begin, min(span.start, end), held_out=enough))
             begin = max(begin, span.stop)
     if steps < _LEAST_PIECE:
-        interval = f"{stretch.start:g} to {stretch.stop:g} s"
+        interval = f"{stretch.start:.10g} to {stretch.stop:.10g} s"
         raise InputError(stretch.run, "stretch to fit", interval, f"{_LEAST_PIECE} fitted steps or more")
     return (*left_out, *held)
 
@@ -290,7 +290,7 @@ def _inside(data: DataSplit, stretch: Stretch, pieces: Pieces) -> Segment:
             start, stop = max(stretch.start, first), min(stretch.stop, last)
             if (piece := _piece(segment.run, start, stop, f"#{start:g}s", pieces)) is not None:
                 return holdout_segment(piece)
-    interval = f"{stretch.start:g} to {stretch.stop:g} s"
+    interval = f"{stretch.start:.10g} to {stretch.stop:.10g} s"
     raise InputError(stretch.run, "stretch to hold out", interval, f"{_LEAST_PIECE} fitted steps or more")
 
 

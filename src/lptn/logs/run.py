@@ -18,6 +18,10 @@ LATEST_FIRST = 30.0
 """s; a first reading that comes later says little about the start of a run, with time constants of minutes."""
 
 
+_OTHER_CLOCK = 1e6
+"""s, 12 days: no log is that long, so a clock that shows more did not begin with the log."""
+
+
 @dataclass(frozen=True)
 class Run:
     """One stretch of a log.
@@ -73,6 +77,19 @@ class Run:
         """How long after its log the run begins [s], 0 where that is not known."""
         return max(float(self.time[0]) - self.log_start, 0.0) if isfinite(self.log_start) else 0.0
 
+    @property
+    def origin(self) -> float:
+        """Where figures and sentences begin to count [s, in the log's own clock]: at the log's start where the clock
+        began long before it, as in 1970; else at 0.
+        """
+        start = self.log_start if isfinite(self.log_start) else float(self.time[0])
+        return start if abs(start) > _OTHER_CLOCK else 0.0
+
+    @property
+    def elapsed(self) -> FloatArray:
+        """(n,) s, start of each interval, counted from `origin`."""
+        return self.time - self.origin
+
     def has(self, column: str) -> bool:
         """Whether the run holds `<feature>.<place>`."""
         return column in self.columns
@@ -98,8 +115,8 @@ class Run:
         # Grid points carry rounding errors; a millionth of a step must not decide.
         inside = (self.time >= start - 1e-6 * self.step) & (self.time < stop - 1e-6 * self.step)
         if not inside.any():
-            span = f"{self.time[0]:g} to {self.time[-1] + self.step:g} s" if len(self) else "a run with data"
-            raise InputError(self.source, f"time window {start:g} to {stop:g} s", "no data in it", span)
+            span = f"{self.time[0]:.10g} to {self.time[-1] + self.step:.10g} s" if len(self) else "a run with data"
+            raise InputError(self.source, f"time window {start:.10g} to {stop:.10g} s", "no data in it", span)
         columns = {name: values[inside] for name, values in self.columns.items()}
         return replace(self, time=self.time[inside], columns=columns)
 

@@ -114,7 +114,7 @@ def plot_errors(
 
 def _shaded_time(ax: Axes, prediction: Prediction) -> tuple[Any, str]:
     """The run's time in the unit of the axis, and the axis label; the initialisation window is shaded."""
-    time, label = time_axis(prediction.bound.run.time)
+    time, label = time_axis(prediction.bound.run.elapsed)
     end = initialisation_end(prediction)
     if end is not None:
         stop = end / (60 if label.endswith("[min]") else 1)

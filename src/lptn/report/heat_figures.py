@@ -143,18 +143,18 @@ def plot_heat(
     ax = new_axes(_HEAT) if ax is None else ax
     unit, label = _time_unit(given.time)
     if peak is not None:
-        ax.axvspan(peak.start / unit, peak.stop / unit, color=SHADE, zorder=0)
+        ax.axvspan(peak.elapsed[0] / unit, peak.elapsed[1] / unit, color=SHADE, zorder=0)
     for heat, style, name in ((given, GIVEN, "model as given" if best else "model"), (best, BEST, "best model")):
         if heat is not None and node in heat.nodes:
             row = heat.nodes.index(node)
             low, high = heat.heat[row] - heat.sure_band[row], heat.heat[row] + heat.sure_band[row]
-            ax.fill_between(heat.time / unit, low, high, color=style["color"], alpha=0.18, linewidth=0)
+            ax.fill_between((heat.time - heat.origin) / unit, low, high, color=style["color"], alpha=0.18, linewidth=0)
             line: dict[str, Any] = style | {"linewidth": 1.4, "label": f"{name} with its 95 % band"}
-            ax.plot(heat.time / unit, heat.heat[row], **line)
+            ax.plot((heat.time - heat.origin) / unit, heat.heat[row], **line)
     ax.axhline(0.0, color=FAINT, linewidth=0.8)
     ax.set_ylabel("unexplained heat [W]", size=SMALL)
     ax.set_xlabel(label, size=SMALL)
-    ax.set_xlim(given.time[0] / unit, given.time[-1] / unit)
+    ax.set_xlim((given.time[0] - given.origin) / unit, (given.time[-1] - given.origin) / unit)
     ax.set_title(plain(f"{node}, run {given.run}"), size=TEXT, loc="left", pad=3)
     ax.legend(frameon=False, fontsize=SMALL, loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=2)
     dress(ax)
@@ -186,8 +186,8 @@ def heat_figure(
     unit, _ = _time_unit(given.time)
     for ax, link in zip(axes[1:], links, strict=True):
         if peak is not None:
-            ax.axvspan(peak.start / unit, peak.stop / unit, color=SHADE, zorder=0)
-        ax.plot(*decimated(run.time / unit, run.columns[link.column]), color=INK, linewidth=0.7)
+            ax.axvspan(peak.elapsed[0] / unit, peak.elapsed[1] / unit, color=SHADE, zorder=0)
+        ax.plot(*decimated(run.elapsed / unit, run.columns[link.column]), color=INK, linewidth=0.7)
         ax.set_ylabel(f"[{unit_of(link.column)}]", size=SMALL)
         what = f"{link.column}, whose square" if link.squared else f"{link.column}, which"
         title = for_people(f"{what} correlates with the heat by {link.correlation:+.2f}")

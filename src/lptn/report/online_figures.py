@@ -147,7 +147,7 @@ def plot_monitored(monitored: MonitoredRun, node: str, threshold: float | None =
     ax = new_axes(2.6) if ax is None else ax
     row = monitored.nodes.index(node)
     seconds = monitored.run.time
-    time, label = time_axis(seconds)
+    time, label = time_axis(monitored.run.elapsed)
     if threshold is None:
         ax.plot(*decimated(time, monitored.measured[row]), **MEASURED)
         ax.plot(*decimated(time, monitored.predicted[row]), **GIVEN)

@@ -67,7 +67,7 @@ def _prediction(
     (left, top), (run, node) = corner, view
     prediction = given.predictions[run]
     row = given.model.nodes.index(node)
-    time, label = time_axis(prediction.segment.run.time)
+    time, label = time_axis(prediction.segment.run.elapsed)
     both = [
         (comparison, look)
         for comparison, look in ((given, "line-given"), (best, "line-best"))
@@ -227,7 +227,7 @@ def heat_line(
         links: the inputs to draw, closest first.
     """
     draw = Drawing(236 + 92 * len(links))
-    time, label = time_axis(given.time)
+    time, label = time_axis(given.time - given.origin)
     unit = 60.0 if label.endswith("[min]") else 1.0
     ends = float(time[0]), float(time[-1])
     shown = [
@@ -237,7 +237,7 @@ def heat_line(
     ]
     rows = [
         (
-            estimate.time / unit,
+            (estimate.time - estimate.origin) / unit,
             estimate.heat[estimate.nodes.index(node)],
             estimate.sure_band[estimate.nodes.index(node)],
             look,
@@ -255,7 +255,7 @@ def heat_line(
     draw.text(_LEFT - 4, 14, f"{node}, run {given.run}", look="title")
     draw.legend(None, 14, [(f"line-{look}", names[look]) for *_, look in rows])
     if peak is not None:
-        panel.span(peak.start / unit, peak.stop / unit, "shade")
+        panel.span(peak.elapsed[0] / unit, peak.elapsed[1] / unit, "shade")
     for at, heat, band, look in rows:
         draw.area(panel.x(at), panel.y(heat - band), panel.y(heat + band), f"band-{look}")
     panel.level(0.0, 0.0, "zero")
@@ -267,9 +267,9 @@ def heat_line(
         values = run.columns[link.column]
         below = Panel(draw, (_LEFT, top + 6, right, top + 74), ends, margin(*_extent([values])))
         if peak is not None:
-            below.span(peak.start / unit, peak.stop / unit, "shade")
+            below.span(peak.elapsed[0] / unit, peak.elapsed[1] / unit, "shade")
         inside = (run.time >= given.time[0]) & (run.time <= given.time[-1])
-        below.line(*decimated(run.time[inside] / unit, values[inside]), "line-input")
+        below.line(*decimated(run.elapsed[inside] / unit, values[inside]), "line-input")
         what = f"{link.column}, whose square" if link.squared else f"{link.column}, which"
         draw.text(_LEFT, top, for_people(f"{what} correlates with the heat by {link.correlation:+.2f}"))
         below.frame(label, f"[{unit_of(link.column)}]", numbers=number == len(links) - 1)

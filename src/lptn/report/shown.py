@@ -31,11 +31,11 @@ View = tuple[int, str]
 
 
 def initialisation_end(prediction: Prediction) -> float | None:
-    """Where the window that finds the start ends [s], `None` where it is also what counts."""
+    """Where the window that finds the start ends [s, counted from the run's origin], `None` where it also counts."""
     segment = prediction.segment
     if segment.initialisation == segment.evaluation:
         return None
-    return min(segment.initialisation[1], float(segment.run.time[-1]))
+    return min(segment.initialisation[1], float(segment.run.time[-1])) - segment.run.origin
 
 
 def views(comparison: Comparison) -> list[View]:
@@ -112,7 +112,7 @@ def error_fields(comparison: Comparison) -> list[Field]:
         size = max(1, length // _COLUMNS)
         means = means_of_blocks(error[rows, first : first + length], size)
         nodes = tuple(comparison.model.nodes[row] for row in rows)
-        fields.append(Field(run.name, float(run.time[first]), size * run.step, nodes, means))
+        fields.append(Field(run.name, float(run.elapsed[first]), size * run.step, nodes, means))
     return fields
 
 
@@ -121,7 +121,7 @@ def heat_fields(runs: Sequence[UnexplainedHeat]) -> list[Field]:
     return [
         Field(
             estimate.run,
-            float(estimate.time[0] - estimate.seconds / 2),
+            float(estimate.time[0] - estimate.seconds / 2) - estimate.origin,
             estimate.seconds,
             estimate.nodes,
             np.where(np.abs(estimate.heat) > estimate.sure_band, estimate.heat, 0.0),

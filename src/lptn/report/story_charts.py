@@ -33,8 +33,8 @@ class Shown:
     Args:
         label: what it is called: its name, and what it was used as.
         number: in the comparisons.
-        start: where the drawing begins [s].
-        stop: where it ends [s].
+        start: where the drawing begins [s, counted from the run's origin].
+        stop: where it ends.
         heat: what the model as it is now lacks in it; only fitted runs have it.
     """
 
@@ -59,8 +59,8 @@ def shown_runs(jobs: Sequence[str], comparison: Comparison, heat: Sequence[Unexp
         label = f"{run.name} ({job})" if job else run.name
         if any(label == earlier.label for earlier in runs):
             label += f" {number + 1}"
-        first, last = float(run.time[0]), float(run.time[-1])
-        stop = min(window[1], last) if job == "fitted" else last
+        first, last = float(run.elapsed[0]), float(run.elapsed[-1])
+        stop = min(window[1] - run.origin, last) if job == "fitted" else last
         runs.append(Shown(label, number, first, stop, heat[number] if number < len(heat) else None))
     return runs
 
@@ -120,7 +120,7 @@ def time_charts(
     views, longest = [], 0.0
     for run in runs:
         prediction = given.predictions[run.number]
-        time = prediction.segment.run.time
+        time = prediction.segment.run.elapsed
         inside = (time >= run.start) & (time <= run.stop)
         if inside.sum() > POINTS:
             longest = max(longest, (run.stop - run.start) / (POINTS // 2))
@@ -135,7 +135,7 @@ def time_charts(
             values[run.label] = at / unit
             shown = best if best is not None else given
             rmse = kelvin(shown.node(node, shown.predictions[run.number]).rmse)
-            start = prediction.segment.evaluation[0]
+            start = prediction.segment.evaluation[0] - prediction.segment.run.origin
             shaded = [(run.start / unit, start / unit)] if start > run.start else []
             floor = NOISE_BAND * given.floor(node)
             views.append(View((node, run.label), f"{node}, {run.label}: RMSE {rmse}", run.label, drawn, shaded, floor))
@@ -184,7 +184,9 @@ def _heat(heat: UnexplainedHeat | None, node: str, at: FloatArray) -> dict[str, 
         "from": heat.heat[row] - heat.sure_band[row],
         "to": heat.heat[row] + heat.sure_band[row],
     }
-    return {name: np.interp(at, heat.time, line, left=np.nan, right=np.nan) for name, line in lines.items()}
+    return {
+        name: np.interp(at, heat.time - heat.origin, line, left=np.nan, right=np.nan) for name, line in lines.items()
+    }
 
 
 # --- the network at its hottest -----------------------------------------------------------------------------
@@ -198,9 +200,10 @@ def network_picture(comparison: Comparison) -> Picture:
     }
     run = max(courses, key=lambda name: courses[name].hottest)
     _, node, time = courses[run].hottest
+    origin = next(each.segment.run.origin for each in comparison.predictions if each.segment.run.name == run)
     caption = (
-        f"The network at {time:.0f} s of {run}, when {node} is hottest: boxes are coloured by the temperature that the "
-        "model predicts, lines are as wide as the heat that flows through them. A short line with a bar leads to the "
-        "surroundings; numbers name what acts there."
+        f"The network at {time - origin:.0f} s of {run}, when {node} is hottest: boxes are coloured by the temperature "
+        "that the model predicts, lines are as wide as the heat that flows through them. A short line with a bar leads "
+        "to the surroundings; numbers name what acts there."
     )
     return picture(caption, Markup(courses[run].drawing(time)))

@@ -208,7 +208,7 @@ def stretch_table(stretches: Sequence[HeatPeak]) -> Table:
         (
             stretch.run,
             stretch.node,
-            *(f"{time:.0f}" for time in (stretch.start, stretch.stop)),
+            *(f"{time:.0f}" for time in stretch.elapsed),
             *(_signed(stretch.heat + side * stretch.band) for side in (0, -1, 1)),
         )
         for stretch in stretches

@@ -91,11 +91,11 @@ def bin_text(quantity: str, lower: float, upper: float) -> str:
 
 
 def window_text(window: Window, segment: Segment) -> str:
-    """A window of a run, in the log's clock; "all" for the whole run."""
+    """A window of a run, counted from the run's origin; "all" for the whole run."""
     run = segment.run
     first, last = float(run.time[0]), float(run.time[-1] + run.step)
     start, stop = max(window[0], first), min(window[1], last)
-    return "all" if (start, stop) == (first, last) else f"{start:g} to {stop:g} s"
+    return "all" if (start, stop) == (first, last) else f"{start - run.origin:g} to {stop - run.origin:g} s"
 
 
 # --- effects and places ---------------------------------------------------------------------------

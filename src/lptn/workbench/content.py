@@ -134,6 +134,7 @@ def _segment(study: Study, key: str, segment: Segment) -> dict[str, Any]:
         "key": key,
         "run": run.name,
         "job": _JOB_NAMES[job],
+        "origin": run.origin,
         "start": first,
         "stop": min(stop, last) if job == "fit" else last,
         "from": max(start, first),

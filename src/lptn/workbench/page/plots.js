@@ -4,7 +4,7 @@ import uPlot from "/uPlot.js";
 import { h, kelvin, placed, triable } from "/sections.js";
 
 const GRID = [1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1200, 1800, 3600, 7200, 14400, 28800, 86400];  // s between ticks
-const LONG = 600, EPOCH = 1e6;  // s: minutes from here on; a clock that did not begin with the log
+const LONG = 600;  // s: minutes from here on
 const POINTS = 2;  // of a line to each pixel across: the smallest and the largest reading there
 const STRIDE = 0.01;  // of the width, by which a key moves the cursor
 const MOST_INPUTS = 4, MOST_COMPANIONS = 8;
@@ -196,7 +196,7 @@ class View {
   }
 
   chart({ unit, label, height, series, floor, zero, band }, lines, last) {
-    const { run } = this, origin = Math.abs(run.start) > EPOCH ? run.start : 0, minutes = run.stop - run.start > LONG;
+    const { run } = this, origin = run.origin, minutes = run.stop - run.start > LONG;
     const ink = color("--soft"), grid = { stroke: color("--shade"), width: 1 }, ticks = { stroke: color("--line"), width: 1, size: 4 };
     const number = value => value == null ? "–" : `${Number(value.toPrecision(4))} ${unit}`;
     const options = {

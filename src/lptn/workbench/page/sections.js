@@ -229,7 +229,8 @@ function addAnother(page) {
 export function data(page) {
   const { segments, stretches, issues, notes, parameters, busy } = page.state;
   if (!segments) return [];
-  const again = each => h("li", { className: "row" }, `${each.run}, ${digits(each.start, 4)} to ${digits(each.stop, 4)} s: ${each.held_out ? "held out" : "left out"}`,
+  const origin = name => state.segments?.find(each => each.run === name)?.origin ?? 0;
+  const again = each => h("li", { className: "row" }, `${each.run}, ${digits(each.start - origin(each.run), 4)} to ${digits(each.stop - origin(each.run), 4)} s: ${each.held_out ? "held out" : "left out"}`,
     h("button", { disabled: busy, onclick: () => page.order({ what: "use_again", run: each.run, start: each.start, stop: each.stop }) }, "Use again"));
   return [h("h2", null, "Data and parameters"),
     stretches.length ? h("ul", { className: "plain" }, stretches.map(again)) : null,
