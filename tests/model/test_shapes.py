@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lptn.model.bodies import Annulus, Axis, Cuboid, Cylinder, Shape, langevin, slab_peak
+from lptn.model.bodies import Annulus, Axis, Cuboid, Cylinder, Shape, langevin
 from tests.model.volumes import Answer, Face, Grid, refined
 
 SIZE = st.floats(0.004, 0.1)
@@ -166,18 +166,3 @@ def test_count_and_angle_scale_volume_and_conductances() -> None:
     ring, arc = Annulus(0.01, 0.02, 0.03), Annulus(0.01, 0.02, 0.03, math.pi / 6, count=12)
     assert arc.volume == pytest.approx(ring.volume)
     assert arc.axes["radial"].across == pytest.approx(ring.axes["radial"].across)
-
-
-@pytest.mark.parametrize("cooled", [1, 2])
-def test_the_hottest_place_above_the_mean(cooled: int) -> None:
-    """19.7 K in a slab: 4 mm, 0.7 W/(m K), 110 cm², one side cooled, 35 A through 186 mΩ."""
-    power, n = 0.186 * 35.0**2, 4001
-    x = np.linspace(0.0, 0.004, n)
-    flow = power * (x / 0.004 - (0.5 if cooled == 2 else 0.0))  # towards the cooled end, zero at the hottest place
-    T = -np.concatenate([[0.0], np.cumsum((flow[1:] + flow[:-1]) / 2.0 * np.diff(x))]) / (0.7 * 0.0110)
-    mean = float(((T[1:] + T[:-1]) / 2.0).mean())
-    peak = slab_peak(power, 0.004, 0.7, 0.0110, cooled)
-    assert peak == pytest.approx(T.max() - mean, rel=1e-6)
-    assert cooled == 2 or peak == pytest.approx(19.7, abs=0.05)
-    with pytest.raises(ValueError, match="one or two"):
-        slab_peak(power, 0.004, 0.7, 0.0110, 3)

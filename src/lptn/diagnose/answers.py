@@ -82,7 +82,7 @@ class Step(Tabular):
     def is_structure(self) -> bool:
         """Whether it is what all parts have in common, or two parts that touch, and no deviation of one."""
         declared = self.declaration
-        if declared is None or declared.run or declared.difference or declared.effect.errs:
+        if declared is None or declared.run or declared.difference or declared.effect.measurement_error:
             return False
         return declared.at == EVERYWHERE or (declared.effect.common and declared.effect.site == "edge")
 

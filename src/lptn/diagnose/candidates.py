@@ -524,7 +524,7 @@ def _groups(effect: type[Effect], places: list[str], network: Network, run: str)
     def covers(at: str) -> frozenset[str]:
         return frozenset(place for place, _ in network.layout.places_held(EffectDeclaration(effect(), at, run=run)))
 
-    if effect.befalls_one:
+    if effect.single_defect:
         return []
     if effect.whole_robot:
         return [(EVERYWHERE, places)] if places and covers(EVERYWHERE) == set(places) else []
@@ -533,7 +533,7 @@ def _groups(effect: type[Effect], places: list[str], network: Network, run: str)
     for place in places:
         classes.setdefault(effect.like_places(place, network.dynamic), set()).add(place)
     covered = {at: covers(at) for at, group in classes.items() if len(group) > 1 and covers(at) == group}
-    if effect.per_run and not effect.errs:  # what may befall a leg as a whole: cloth, mud, wind
+    if effect.per_run and not effect.measurement_error:  # what may befall a leg as a whole: cloth, mud, wind
         limbs = dict.fromkeys(map(limb_of, places))
         covered |= {at: group for at in limbs if len(group := covers(at)) > 1 and group < set(places)}
     if effect.in_all_pairs:

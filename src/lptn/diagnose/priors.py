@@ -52,7 +52,7 @@ def log_priors(candidates: Sequence[Candidate]) -> FloatArray:
 
 
 def _share_of_level(effect: type[Effect], level: Level) -> float:
-    if effect.errs and level != "one":
+    if effect.measurement_error and level != "one":
         return _ERRORS_ALIKE
     return _ONE_OF_LIKES if level == "one of likes" else 1.0
 

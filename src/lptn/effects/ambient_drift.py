@@ -26,7 +26,7 @@ class AmbientDrift(BoundaryEffect):
 
     key = "ambient_drift"
     title = "ambient that warms or cools, unlogged"
-    errs = True
+    measurement_error = True
     per_run = True
     has_state = True
     in_one_run = (

@@ -19,7 +19,7 @@ class AmbientLag(BoundaryEffect):
 
     key = "ambient_lag"
     title = "surroundings that follow the ambient late"
-    errs = True
+    measurement_error = True
     prior_odds = 0.5
     """Walls out of balance with the air take a change of weather or of room, which few logs hold."""
     has_state = True

@@ -19,7 +19,7 @@ class AmbientOffset(BoundaryEffect):
 
     key = "ambient_offset"
     title = "ambient warmer or cooler than given"
-    errs = True
+    measurement_error = True
     prior_odds = 0.5
     """An ambient sensor near the robot is right within a kelvin more often than not."""
     per_run = True

@@ -166,7 +166,7 @@ class Effect(ABC):
 
     1 is what most effects have. An effect that is rare in practice has less, and says why in a sentence below it.
     """
-    errs: ClassVar[bool] = False
+    measurement_error: ClassVar[bool] = False
     """Whether it is an error of what was logged, of a sensor, a clock or the air, and nothing in the robot.
 
     Such errors are told as findings, the same one at all sensors, too, and never as what a machine is made of.
@@ -229,7 +229,7 @@ class Effect(ABC):
 
     one_place_a_pattern: ClassVar[bool] = False
     """Whether a pattern of nodes is one place, and not one place for each node."""
-    befalls_one: ClassVar[bool] = False
+    single_defect: ClassVar[bool] = False
     """Whether it is a defect that befalls one place, and not several alike: it is looked for at each place alone."""
     alike: ClassVar[bool] = False
     """Whether it follows from how parts are built, and what of: one of several like places rarely has it alone."""

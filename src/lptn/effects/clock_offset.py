@@ -22,7 +22,7 @@ class ClockOffset(ClockEffect):
 
     key = "clock_offset"
     title = "clock offset between temperatures and inputs"
-    errs = True
+    measurement_error = True
     prior_odds = 0.3
     """Most logs have one clock; in those of two the offset is seconds, and is aligned where they are joined."""
     per_run = True

@@ -28,7 +28,7 @@ class SensorDrift(ExcessEffect):
 
     key = "sensor_drift"
     title = "sensor drift"
-    errs = True
+    measurement_error = True
     prior_odds = 0.03
     """Calibrated sensors drift by fractions of a kelvin in a year; a drift within a log is a defect, that none of the
     thirteen measured logs of `tests/benchmarks/measured_verdicts.py` is known to have."""

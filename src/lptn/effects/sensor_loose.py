@@ -27,7 +27,7 @@ class SensorLoose(SensorLag):
     title = "loose sensor"
     prior_odds = 0.5
     """Glue and clips mostly hold: a sensor that is slow, but warm through, is the usual thing."""
-    befalls_one = True
+    single_defect = True
     common = False
     parameters = (
         SensorLag.parameters[0],

@@ -19,7 +19,7 @@ class SensorOffset(SensorEffect):
 
     key = "sensor_offset"
     title = "sensor offset"
-    errs = True
+    measurement_error = True
     prior_odds = 0.5
     """Common sensors keep to their class, 0.3 to 1 K, and a robot at rest shows those that do not."""
     per_run = True

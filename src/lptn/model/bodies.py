@@ -176,26 +176,6 @@ def _within(value: Any, least: float, most: float) -> Any:
     return ca.fmin(ca.fmax(value, least), most)
 
 
-def slab_peak(power: float, length: float, conductivity: float, area: float, cooled: int = 2) -> float:
-    """How far the hottest place of a slab lies above its mean in the steady state [K]: constrain mean plus this.
-
-    Args:
-        power: heat generated [W].
-        length: [m].
-        conductivity: [W/(m K)].
-        area: section [m²].
-        cooled: faces that are cooled alike: 2 (the middle is hottest) or 1 (the other face is).
-
-    Raises:
-        ValueError: neither one face nor two are cooled.
-
-    Derived from the profile [BlockLPTN, eq. 4]: Q L/(24kA) and Q L/(6kA).
-    """
-    if cooled not in (1, 2):
-        raise ValueError(f"{cooled} cooled faces; a slab has one or two")
-    return power * length / ((24.0 if cooled == 2 else 6.0) * conductivity * area)
-
-
 # --- The bodies: cuboid, ring or arc of one, cylinder ---------------------------------------------
 #
 # Along each axis a body is exact as above; the axes share the mean temperature. Where the heat
