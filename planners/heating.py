@@ -87,18 +87,15 @@ class Heating:
             kept = {column: value for column, value in given.items() if column not in self.decided}
             powers = [column.partition(".")[2] for column in given.keys() - kept.keys() if column.startswith(_POWER)]
             if unsaid := [joint for joint in powers if f"velocity.{joint}" not in kept]:
-                torques = dict(zip(self.joints, np.abs(asked) * self._torque_at_room(), strict=True))
+                make = lambda: ca.Function("torque", [self.x, self.p], [self.torque])  # noqa: E731
+                per_unit = self.model.made_once(("torque per unit", self.request), make)
+                at_room = np.asarray(per_unit(np.full(self.x.numel(), _ROOM), self.model.values)).ravel()
+                torques = dict(zip(self.joints, np.abs(asked) * at_room, strict=True))
                 for joint in unsaid:
                     power = abs(given[f"{_POWER}.{joint}"])
                     kept[f"velocity.{joint}"] = power / torques[joint] if torques[joint] else 0.0
             given = kept
         return in_order(given, self.conditions, "conditions", np.nan)
-
-    def _torque_at_room(self) -> FloatArray:
-        """Torques per unit requested [N*m], shape (joints,)."""
-        make = lambda: ca.Function("torque", [self.x, self.p], [self.torque])  # noqa: E731
-        function = self.model.made_once(("torque per unit", self.request), make)
-        return np.asarray(function(np.full(self.x.numel(), _ROOM), self.model.values)).ravel()
 
     def function(self) -> ca.Function:
         """(x, heat, d, p) -> rates at no heat [K/s]; their slope in x at the heat, transposed; their slope in the heat
@@ -132,9 +129,7 @@ class Heating:
         heat = ca.SX.sym("heat", len(self.joints))
         return self.model.made_once(
             ("heated rates", self.request),
-            lambda: ca.Function(
-                "heated", [self.x, heat, self.d, self.p], [ca.substitute(self.rates, self.amount, _root_of(heat))]
-            ),
+            lambda: ca.Function("heated", [self.x, heat, self.d, self.p], [self.rates_at(heat)]),
         )
 
     def rates_at(self, heat: Any) -> Any:

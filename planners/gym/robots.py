@@ -11,7 +11,6 @@ from lptn.basics.arrays import FloatArray
 from lptn.model.array_function import ArrayFunction
 from lptn.model.model import Model
 
-_RATE = 1.0  # product of a step of RK4 and the fastest rate, up to which the step is stable and accurate to some 1 %
 HOT = 100.0  # degC, and inputs at their largest: where rates are near their fastest
 
 
@@ -36,8 +35,9 @@ class Robots:
         self.states = np.full((len(model.states), number), 25.0)
         self.values = np.repeat(model.values[:, None], number, axis=1)
         a = model.state_jacobian(np.full(len(model.states), HOT), fastest, model.values).full()
-        # A network relaxes: its eigenvalues are real, to the accuracy that a step wants.
-        self._steps = max(1, ceil(period * float(np.abs(np.linalg.eigvals(a)).max()) / _RATE))
+        # A network relaxes: its eigenvalues are real, to the accuracy that a step wants. A step of RK4 as long as the
+        # fastest time constant is stable, and accurate to some 1 %.
+        self._steps = max(1, ceil(period * float(np.abs(np.linalg.eigvals(a)).max())))
         self._advance = ArrayFunction(_steps(model, self._steps), number, (3,))
         self._period = period / self._steps
 
@@ -64,10 +64,7 @@ def _steps(model: Model, number: int) -> ca.Function:
     """(x, u, p, h) -> x after so many steps of h seconds."""
     if number == 1:
         return model.step("rk4")
-    x, u, p, h = (ca.MX.sym(name, size) for name, size in zip("xuph", _sizes(model), strict=True))
+    sizes = (len(model.states), len(model.inputs), len(model.parameters), 1)
+    x, u, p, h = (ca.MX.sym(name, size) for name, size in zip("xuph", sizes, strict=True))
     end = model.step("rk4").mapaccum(number)(x, *(ca.repmat(symbol, 1, number) for symbol in (u, p, h)))[:, -1]
     return ca.Function("period", [x, u, p, h], [ca.densify(end)])
-
-
-def _sizes(model: Model) -> tuple[int, int, int, int]:
-    return len(model.states), len(model.inputs), len(model.parameters), 1

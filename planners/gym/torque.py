@@ -84,7 +84,8 @@ class TorqueVectorEnv(VectorEnv[Observation, Array, Array]):
         self._limited = np.array([model.places.index(node) for node in bounds])
         self._limits = np.array(list(bounds.values()))
         self._free = np.setdiff1d(np.arange(len(model.states)), self._limited)
-        self._columns(model)
+        air = [k for k, column in enumerate(self.heating.conditions) if column.startswith("temperature.")]
+        self._air = air[0] if air else None
         heat = self.heating
         driven = ca.Function("driven", [heat.x, heat.amount, heat.d, heat.p], [ca.densify(heat.inputs)])
         self._inputs = ArrayFunction(driven, num_envs)
@@ -100,17 +101,11 @@ class TorqueVectorEnv(VectorEnv[Observation, Array, Array]):
         self._sums = np.zeros((num_envs, self.steps + 2, len(self.rated)))
         self._step = np.zeros(num_envs, dtype=int)
         self._over = np.ones(num_envs, dtype=bool)
-        names = self.names
-        self.single_observation_space = spaces.Box(-LARGEST, LARGEST, (len(names),), np.float32)
+        self.single_observation_space = spaces.Box(-LARGEST, LARGEST, (len(self.names),), np.float32)
         self.single_action_space = spaces.Box(0.0, 1.0, (len(self.rated),), np.float32)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.metadata = {"autoreset_mode": AutoresetMode.NEXT_STEP, "render_modes": []}
-
-    def _columns(self, model: Model) -> None:
-        """Where the model's inputs come from."""
-        air = [k for k, column in enumerate(self.heating.conditions) if column.startswith("temperature.")]
-        self._air = air[0] if air else None
 
     @property
     def names(self) -> list[str]:

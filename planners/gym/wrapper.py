@@ -109,7 +109,8 @@ class ThermalWrapper(gymnasium.Wrapper[npt.NDArray[Any], Any, npt.NDArray[Any], 
         """The window's samples reduced to the network's inputs."""
         names = self._window[0]
         raw = {name: np.array([sample[name] for sample in self._window]) for name in names}
-        raw = {f"temperature.{name}": np.full(len(self._window), self._ambient) for name in self._air()} | raw
+        air = [column for column in self._model.inputs if column.startswith("temperature.")]
+        raw = {column: np.full(len(self._window), self._ambient) for column in air} | raw
         values = []
         for column in self._model.inputs:
             missing = [key for key in raw_keys(column, raw) if key not in raw]
@@ -117,9 +118,6 @@ class ThermalWrapper(gymnasium.Wrapper[npt.NDArray[Any], Any, npt.NDArray[Any], 
                 raise InputError("columns", column, f"no {missing[0]}", "every input of the network")
             values.append(float(reduce_blocks(column, sample_values(column, raw), len(self._window))[0]))
         return np.array(values)
-
-    def _air(self) -> list[str]:
-        return [column.partition(".")[2] for column in self._model.inputs if column.startswith("temperature.")]
 
     def _seen(self, observation: npt.NDArray[Any]) -> npt.NDArray[Any]:
         margins = (self._limits - self._robots.states[self._limited, 0]) / UNIT

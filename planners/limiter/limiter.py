@@ -31,21 +31,8 @@ HORIZONS = (10.0, 60.0, 300.0, inf)
 """Seconds for which a torque is asked; infinite: continuous."""
 _UNLIMITED = 1e9  # degC, A
 _LARGEST_SCALE = 1e6  # a factor on the load above which nothing limits it
-_STARTS = 3  # of Newton's method on the heat alone, for a place to start from
-_ITERATIONS = 3  # of Newton's method beyond the first; each squares its error
-_STEADY_ITERATIONS = 8  # of Newton's method in the steady state, which depends more on z; the last one tells the error
-_BACK = 16.0  # times: so far back at most from a torque that is too much, where none was tried that is not
-_SETTLES = 300.0  # s; in about as long a joint settles, for the place to start from
-_POWERS = (0.5, 4.0)  # with which heat goes with torque, at least and at most
-_LEAST_ROOM = 0.01  # K, to start from
 _ROUNDING = 1e-9  # K; of a course of thousands of sums
-_UNSURE = 5e-3  # of a steady torque: more is not taken off near thermal runaway, where iterations jump
-_SINKS = 0.7  # of a steady torque, from one iteration to the next
-_MOLTEN = 1000.0  # K; heat that would warm a node by so much is none that the model knows: copper melts at 1085 degC
-_LEAST_STEPS = 3  # of RK4 in a horizon
 _STEPS = Bound(1000, "steps")  # of RK4 in a horizon, each machine code of its own that takes 5 ms to compile
-_TYPICAL_HOT = 60.0  # degC, for nodes without a limit
-_RATE = 1.0  # product of an RK4 step and a bound of the fastest rate
 _NEVER = 1e30  # K or a torque: a limit that is never met
 _RISES = 1e-12  # K per unit of torque; less is none
 
@@ -91,7 +78,10 @@ class Limiter:
         most = checked_by_place(current_limits, self.joints, "current_limits", infinite=True)
         self.most = np.minimum([most.get(joint, inf) for joint in self.joints], _UNLIMITED)
         self.function = self._function()
-        self._call = _compiled(self.function)
+        try:
+            self._call: CompiledFunction | None = CompiledFunction(self.function)
+        except (OSError, CalledProcessError):
+            self._call = None  # no compiler; CasADi's interpreter takes twenty times as long
         self._scales: dict[float, ca.Function] = {}
 
     def admissible(self, temperatures: Values, load: Values, conditions: Values = ()) -> FloatArray:
@@ -154,12 +144,17 @@ class Limiter:
         return ca.Function("gain", [heat.x, heat.p], [heat.gain])
 
     def _steps(self, seconds: float) -> int:
+        """How many RK4 steps a horizon needs, from the fastest rate with every node at its limit; 0 for no end."""
         if isinf(seconds):
             return 0
-        typical = [25.0 if name.startswith("temperature") else 0.0 for name in self.conditions]
-        return _steps_for(
-            self.heating, seconds, np.where(self.limits < _UNLIMITED, self.limits, inf), np.array(typical)
-        )
+        heat, model = self.heating, self.model
+        typical = np.array([25.0 if name.startswith("temperature") else 0.0 for name in self.conditions])
+        hot = np.where(self.limits < _UNLIMITED, self.limits, 60.0)[np.array(model.owners)]  # degC
+        slope = np.asarray(heat.function()(hot, np.zeros(len(self.joints)), typical, model.values)[1].full())
+        fastest = float(np.abs(slope).sum(axis=0).max())
+        steps = max(3, ceil(seconds * fastest))  # at most one of the fastest time constant each
+        _STEPS.check(steps, model.network.origin, f"horizon {seconds:g} s, fastest time constant {1 / fastest:.2g} s")
+        return steps
 
     def _function(self) -> ca.Function:
         """(x, load, d, p, limits, most) -> admissible torques, by joint the horizons."""
@@ -182,14 +177,6 @@ class Limiter:
         return ca.Function("lptn_limiter", [x, load, d, p, limits, most], [ca.vec(table)], list(names), ["admissible"])
 
 
-def _compiled(function: ca.Function) -> CompiledFunction | None:
-    """Machine code where a compiler is there; CasADi's interpreter takes twenty times as long."""
-    try:
-        return CompiledFunction(function)
-    except (OSError, CalledProcessError):
-        return None
-
-
 # --- the largest torque ---------------------------------------------------------------------------
 
 
@@ -204,24 +191,6 @@ class _Symbols(NamedTuple):
     d: Any
     p: Any
     limits: Any
-
-
-def _steps_for(heating: Heating, seconds: float, limits: FloatArray, conditions: FloatArray) -> int:
-    """How many RK4 steps a horizon needs, from the fastest rate with every node at its limit.
-
-    Args:
-        heating: the model.
-        seconds: horizon.
-        limits: degC by node, infinite for none.
-        conditions: the model's other inputs.
-    """
-    model = heating.model
-    hot = np.where(np.isfinite(limits), limits, _TYPICAL_HOT)[np.array(model.owners)]
-    slope = np.asarray(heating.function()(hot, np.zeros(len(heating.joints)), conditions, model.values)[1].full())
-    fastest = float(np.abs(slope).sum(axis=0).max())
-    steps = max(_LEAST_STEPS, ceil(seconds * fastest / _RATE))
-    _STEPS.check(steps, model.network.origin, f"horizon {seconds:g} s, fastest time constant {1 / fastest:.2g} s")
-    return steps
 
 
 def _prepared(heating: Heating) -> ca.Function:
@@ -249,12 +218,12 @@ def _largest(heating: Heating, seconds: float, steps: int) -> ca.Function:
     return ca.Function("largest", [s.x, s.base, s.direction, s.most, s.d, s.p, s.limits], [ca.if_else(sound, z, 0)])
 
 
-def _root(heating: Heating, seconds: float, steps: int, s: _Symbols) -> tuple[Any, Any]:
+def _root(heating: Heating, seconds: float, steps: int, s: _Symbols, iterations: int = 4) -> tuple[Any, Any]:
     """The largest z that was tried and keeps the limits, and the most that was considered.
 
     The hottest excess over a limit is convex in z where losses grow with it and with temperature, so Newton's method
     comes to the root from above, on the unsafe side, and a chord from below. All are tried, and only what was seen to
-    keep the limits is an answer, whatever the shape.
+    keep the limits is an answer, whatever the shape. Each iteration squares the error.
     """
     rest = (s.base, s.direction, s.d, s.p, s.limits)
     course, excess, heats = (
@@ -265,7 +234,7 @@ def _root(heating: Heating, seconds: float, steps: int, s: _Symbols) -> tuple[An
     z = before = _start(heats, seconds, s)
     step = most = high = s.most
     low = ca.MX(0)
-    for number in range(1 + _ITERATIONS):
+    for number in range(iterations):
         over, room, slope = course(s.x, z, *rest)
         power = heats(s.x, z, *rest[:-1])[1]
         if not number:
@@ -273,9 +242,10 @@ def _root(heating: Heating, seconds: float, steps: int, s: _Symbols) -> tuple[An
         fits = over <= _ROUNDING
         low, high = ca.if_else(fits, ca.fmax(low, z), low), ca.if_else(fits, high, ca.fmin(high, z))
         better = _moved(z, room, power, most)
-        # A step from where the course overflows, or past what was tried before, is none.
+        # A step from where the course overflows, or past what was tried before, is none. Then it is the geometric
+        # mean of the least that was too much and the most that was not, at least a sixteenth of it.
         good = ca.logic_and(over < _NEVER, ca.logic_and(better >= low, better <= high))
-        better = ca.if_else(good, better, ca.sqrt(ca.fmax(low, high / _BACK) * high))
+        better = ca.if_else(good, better, ca.sqrt(ca.fmax(low, high / 16) * high))
         z, step, before = better, ca.fabs(better - z), step
     # Newton's error falls with the square of its step: twice what the next one would be is below the root.
     below = ca.fmax(0, z - 2 * step * ca.fmin(1, step / ca.fmax(before, _RISES)))
@@ -286,20 +256,23 @@ def _root(heating: Heating, seconds: float, steps: int, s: _Symbols) -> tuple[An
     return low, most
 
 
-def _steady_root(heating: Heating, s: _Symbols) -> tuple[Any, Any]:
-    """Likewise for the steady state: what the last iteration still changed is taken off, for its error is less."""
+def _steady_root(heating: Heating, s: _Symbols, iterations: int = 9) -> tuple[Any, Any]:
+    """Likewise for the steady state: what the last iteration still changed is taken off, for its error is less.
+
+    But for 0.5 % at most: near thermal runaway iterations jump.
+    """
     settle, heats = _steady(heating), _heats(heating)
-    z, at, most = _start(heats, _SETTLES, s), s.x, s.most
+    z, at, most = _start(heats, 300.0, s), s.x, s.most  # s, in which a joint about settles
     before = z
-    for number in range(1 + _STEADY_ITERATIONS):
+    for number in range(iterations):
         before = z
         power = heats(s.x, z, s.base, s.direction, s.d, s.p)[1]
         given = (at, z, power, s.base, s.direction)
         if not number:
             most = _molten(z, settle(*given, s.most, s.d, s.p, s.limits)[2], power, s.most)
         z, at, _ = settle(*given, most, s.d, s.p, s.limits)
-    # What still falls by such a share finds no steady state below the limits: the others alone are too much.
-    return ca.if_else(z > _SINKS * before, z - ca.fmin(ca.fabs(z - before), _UNSURE * z), 0), most
+    # What still falls by a third finds no steady state below the limits: the others alone are too much.
+    return ca.if_else(z > 0.7 * before, z - ca.fmin(ca.fabs(z - before), 5e-3 * z), 0), most
 
 
 def _heats(heating: Heating) -> ca.Function:
@@ -310,33 +283,32 @@ def _heats(heating: Heating) -> ca.Function:
     heat = ca.sum1((rates - ca.substitute(rates, s.z, 0))[: len(heating.model.nodes)])
     some = heat > 0
     power = ca.if_else(some, s.z * ca.jacobian(heat, s.z) / ca.if_else(some, heat, 1), 2)
-    results = ca.cse([heat, _between(_POWERS[0], power, _POWERS[1])])
+    results = ca.cse([heat, ca.fmax(0.5, ca.fmin(power, 4.0))])  # no heat goes with less, or with more
     return ca.Function("heats", [s.x, s.z, s.base, s.direction, s.d, s.p], results)
 
 
 def _start(heats: ca.Function, seconds: float, s: _Symbols) -> Any:
     """The z whose heat would take the node next to its limit there in the time, if nothing flowed away."""
-    room = ca.fmax(ca.mmin(s.limits - s.x[: s.limits.numel()]), _LEAST_ROOM)
+    room = ca.fmax(ca.mmin(s.limits - s.x[: s.limits.numel()]), 0.01)  # K
     z = ca.MX(1)
-    for _ in range(_STARTS):
+    for _ in range(3):
         heat, power = heats(s.x, z, s.base, s.direction, s.d, s.p)
         z = z * (room / seconds / ca.fmax(heat, _RISES)) ** (1 / power)
     return ca.fmin(z, s.most)
 
 
 def _molten(z: Any, slope: Any, power: Any, most: Any) -> Any:
-    """The z above which the model says nothing: a node's rise goes with the power, at z with the slope."""
-    return ca.fmin(most, z * (_MOLTEN * power / ca.fmax(slope * z, _RISES)) ** (1 / power))
+    """The z above which the model says nothing: it would warm a node by 1000 K, and copper melts at 1085 degC.
+
+    A node's rise goes with the power, at z with the slope.
+    """
+    return ca.fmin(most, z * (1000.0 * power / ca.fmax(slope * z, _RISES)) ** (1 / power))
 
 
 def _moved(z: Any, room: Any, power: Any, most: Any) -> Any:
     """Newton's step on the power of z, from the step on z; never to 0, from where none leads away."""
     share = ca.fmax(1 + power * room / z, 1e-12)
     return ca.fmin(z * share ** (1 / power), most)
-
-
-def _between(low: Any, value: Any, high: Any) -> Any:
-    return ca.fmax(low, ca.fmin(value, high))
 
 
 def _divisors(heating: Heating) -> list[int]:

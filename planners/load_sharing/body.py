@@ -188,7 +188,9 @@ def statics(body: Body, stance: Stance) -> Statics:
     names = [leg.name for leg in body.legs]
     standing = names if stance.standing is None else list(stance.standing)
     _check(body, stance, standing, names)
-    up = _up(stance.roll, stance.pitch)
+    # The world's vertical in the trunk's frame.
+    level = np.cos(stance.pitch)
+    up = np.array([-np.sin(stance.pitch), np.sin(stance.roll) * level, np.cos(stance.roll) * level])
     legs = body.legs_at(np.asarray(stance.angles, dtype=float))
     count = len(legs)
     balance, lever, idle = np.zeros((6, 3 * count)), np.zeros((3 * count, 3 * count)), np.zeros(3 * count)
@@ -196,7 +198,7 @@ def statics(body: Body, stance: Stance) -> Statics:
     for k, (leg, state) in enumerate(zip(body.legs, legs, strict=True)):
         block = slice(3 * k, 3 * k + 3)
         contact = state.foot - body.foot_radius * up
-        balance[:3, block], balance[3:, block] = np.eye(3), _cross(contact)
+        balance[:3, block], balance[3:, block] = np.eye(3), np.cross(contact, np.eye(3)).T
         # Virtual work: the joints hold what the ground's force and the links' weight would turn.
         lever[block, block] = -state.jacobian(contact).T
         for link in range(3):
@@ -223,16 +225,6 @@ def _check(body: Body, stance: Stance, standing: list[str], names: list[str]) ->
                                ("least_normal", stance.least_normal, 0.0)):  # fmt: skip
         if not (np.isfinite(value) and value >= least):
             raise ValueError(f"{name}: found {value:g}; expected {least:g} or more")
-
-
-def _up(roll: float, pitch: float) -> FloatArray:
-    """The world's vertical in the trunk's frame."""
-    return np.array([-np.sin(pitch), np.sin(roll) * np.cos(pitch), np.cos(roll) * np.cos(pitch)])
-
-
-def _cross(r: FloatArray) -> FloatArray:
-    x, y, z = r.tolist()
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 # --- files --------------------------------------------------------------------------------------

@@ -22,14 +22,8 @@ from .body import Body, Stance, Statics, statics
 from .temperatures import StandingTemperatures
 
 How = Literal["coolest", "equal", "least_torque"]
-_ROUNDS, _GAIN = 25, 1e-4  # of the search, and the relative gain below which it ends
-_MARGIN_GAIN = 1e-3  # K, the same where no limit is reached
 _NOW = 60.0  # s, the horizon where a limit is passed already
-
-
 _FORCE = 50.0  # N, a size that makes the program's numbers about one
-_ROUND = 1e-8  # rounds off the tip of the friction cone, whose slope has no value there
-_TIDY = 1e-6  # K/(N·m)², of two sharings equally good the one with less torque is meant
 _OPTIONS: dict[str, Any] = {
     "print_time": False,
     "ipopt": {"print_level": 0, "sb": "yes", "tol": 1e-9, "max_iter": 200},
@@ -110,7 +104,7 @@ class LoadSharing:
             model, body.joints, ambient=ambient, inputs=inputs, torque_constant=torque_constant
         )
 
-    def share(self, stance: Stance, temperatures: float | Mapping[str, float]) -> Sharing:
+    def share(self, stance: Stance, temperatures: float | Mapping[str, float], *, rounds: int = 25) -> Sharing:
         """The forces with which the first joint to get hot lasts longest.
 
         At a horizon that the best sharing so far just reaches, the convex program finds a cooler one; that one lasts
@@ -120,6 +114,7 @@ class LoadSharing:
         Args:
             stance: posture and load.
             temperatures: now [degC], one for all nodes or one for each.
+            rounds: at most; it ends where one gains less than 1e-4 of the time, or 1 mK where no limit is reached.
 
         Raises:
             StanceError: no forces within friction cones and torque limits hold the robot.
@@ -128,15 +123,20 @@ class LoadSharing:
         equations, start = statics(self.body, stance), self._temperatures.start(temperatures)
         program = _ForceProgram(equations, stance)
         forces = program.least_torque(equations.equal())
-        best, rounds = self._judged("coolest", equations, stance, start, forces, 0), 0
-        for rounds in range(1, _ROUNDS + 1):
+        best = self._judged("coolest", equations, stance, start, forces, 0)
+        for number in range(1, rounds + 1):
             horizon = min(best.time, self.horizon) if best.time > 0 else _NOW
-            warm, gains = self._linear(start, best.torques, horizon)
-            forces = program.coolest(warm, gains, self._limits, best.forces)
-            candidate = self._judged("coolest", equations, stance, start, forces, rounds)
-            done = not _better(candidate, best)
+            there, gains = self._temperatures.at(start, best.torques, horizon)
+            gains = gains.clip(min=0.0)
+            unloaded = there - gains @ best.torques**2
+            forces = program.coolest(unloaded, gains, self._limits, best.forces)
+            candidate = self._judged("coolest", equations, stance, start, forces, number)
+            if np.isfinite(candidate.time) and candidate.time > 0:
+                gained = candidate.time > best.time * (1 + 1e-4)
+            else:
+                gained = candidate.time > best.time or candidate.margin > best.margin + 1e-3
             best = candidate if (candidate.time, candidate.margin) > (best.time, best.margin) else best
-            if done:
+            if not gained:
                 break
         return best
 
@@ -154,12 +154,6 @@ class LoadSharing:
         equations, start = statics(self.body, stance), self._temperatures.start(temperatures)
         forces = _ForceProgram(equations, stance).least_torque(equations.equal())
         return self._judged("least_torque", equations, stance, start, forces, 1)
-
-    def _linear(self, start: FloatArray, torques: FloatArray, horizon: float) -> tuple[FloatArray, FloatArray]:
-        """Temperatures at the horizon without torque, and what each squared torque adds, as seen from these torques."""
-        there, gains = self._temperatures.at(start, torques, horizon)
-        gains = gains.clip(min=0.0)
-        return there - gains @ torques**2, gains
 
     def _judged(
         self, how: How, equations: Statics, stance: Stance, start: FloatArray, forces: FloatArray, rounds: int
@@ -183,13 +177,6 @@ class LoadSharing:
             float(np.max(np.abs(torques) / equations.most)),
             rounds,
         )
-
-
-def _better(candidate: Sharing, best: Sharing) -> bool:
-    """Whether another round is worth it."""
-    if np.isfinite(candidate.time) and candidate.time > 0:
-        return candidate.time > best.time * (1 + _GAIN)
-    return candidate.time > best.time or candidate.margin > best.margin + _MARGIN_GAIN
 
 
 # --- the convex program ---------------------------------------------------------------------------
@@ -225,11 +212,12 @@ class _ForceProgram:
     def _contacts(self, stance: Stance) -> tuple[Any, Any]:
         """The friction cone of each foot, at most zero, and its normal force."""
         up, cones, normals = ca.DM(self._statics.up), [], []
+        rounded = 1e-8  # the tip of the cone, whose slope has no value there
         for k, stands in enumerate(self._statics.standing):
             force = self._scaled[3 * k : 3 * k + 3]
             normal = ca.dot(up, force)
             along = force - normal * up
-            cones.append(ca.sqrt(ca.sumsqr(along) + _ROUND) - stance.friction * normal if stands else ca.SX(-1))
+            cones.append(ca.sqrt(ca.sumsqr(along) + rounded) - stance.friction * normal if stands else ca.SX(-1))
             normals.append(normal)
         return ca.vertcat(*cones), ca.vertcat(*normals)
 
@@ -262,7 +250,8 @@ class _ForceProgram:
         if nodes not in self._solvers:
             above, gains = ca.SX.sym("above", nodes), ca.SX.sym("gains", nodes, self._joints)
             squares = ca.sumsqr(self._torques)
-            cost = self._worst + _TIDY * squares if nodes else 1e-2 * squares + self._worst**2
+            # Of two sharings equally good the one with less torque is meant: 1e-6 K/(N·m)².
+            cost = self._worst + 1e-6 * squares if nodes else 1e-2 * squares + self._worst**2
             hot = above + ca.mtimes(gains, self._torques**2) - self._worst
             free = ca.vertcat(self._rows, self._torques, self._normals * _FORCE, hot)
             problem = {"x": self._w, "p": ca.vertcat(above, ca.vec(gains)), "f": cost, "g": free}

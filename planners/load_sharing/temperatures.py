@@ -12,8 +12,6 @@ from lptn.model.model import Model
 from lptn.simulate.dynamics import RATE_OF_A_STEP, fastest_rate
 
 _STEPS = 256  # that one call takes
-_FINE = 1.0  # s
-_NUDGE = 1.0  # (N·m)², by which a squared torque is moved to see what it adds
 
 
 class StandingTemperatures:
@@ -98,9 +96,10 @@ class StandingTemperatures:
         nodes, x, time = limits.size, start, 0.0
         if (x[:nodes] >= limits).any():
             return 0.0, int((x[:nodes] - limits).argmax())
-        h = self._step(x, torques, _FINE)
+        h = self._step(x, torques, longest=1.0)
         while time < horizon:
-            path = np.hstack([x[:, None], self._run(x, torques[:, None], h)])
+            u = np.repeat(self._inputs(torques[:, None]), _STEPS, axis=1)
+            path = np.hstack([x[:, None], self.model.run(_STEPS)(x, u, self._values, h).full()])
             passed = (path[:nodes] >= limits[:, None]).any(axis=0)
             if passed.any():
                 k = int(passed.argmax())
@@ -113,14 +112,16 @@ class StandingTemperatures:
             x, time = path[:, -1], time + _STEPS * h
         return np.inf, -1
 
-    def at(self, start: FloatArray, torques: FloatArray, horizon: float) -> tuple[FloatArray, FloatArray]:
-        """Temperatures at the horizon, and what each squared torque adds to them.
+    def at(
+        self, start: FloatArray, torques: FloatArray, horizon: float, nudge: float = 1.0
+    ) -> tuple[FloatArray, FloatArray]:
+        """Temperatures at the horizon, and what each squared torque adds to them, moved by a nudge [(N·m)²].
 
         Returns:
             Shapes (nodes,) [degC] and (nodes, joints) [K/(N·m)²].
         """
         squared = np.repeat((torques**2)[:, None], torques.size + 1, axis=1)
-        squared[np.arange(torques.size), np.arange(1, torques.size + 1)] += _NUDGE
+        squared[np.arange(torques.size), np.arange(1, torques.size + 1)] += nudge
         x = np.repeat(start[:, None], torques.size + 1, axis=1)
         h = self._step(start, torques, np.inf, horizon)
         blocks = max(1, round(horizon / (h * _STEPS)))
@@ -133,15 +134,11 @@ class StandingTemperatures:
             path = run(x, u, p, np.full((1, torques.size + 1), h)).full()
             x = path[:, _STEPS - 1 :: _STEPS]
         nodes = len(self.model.nodes)
-        return x[:nodes, 0], (x[:nodes, 1:] - x[:nodes, :1]) / _NUDGE
+        return x[:nodes, 0], (x[:nodes, 1:] - x[:nodes, :1]) / nudge
 
     def _inputs(self, torques: FloatArray) -> FloatArray:
         """The model's inputs for magnitudes of the torques, shapes (inputs, n) and (joints, n)."""
         return np.asarray(self._constant[:, None] + self._weights @ np.abs(torques))
-
-    def _run(self, x: FloatArray, torques: FloatArray, h: float) -> FloatArray:
-        u = np.repeat(self._inputs(torques), _STEPS, axis=1)
-        return np.asarray(self.model.run(_STEPS)(x, u, self._values, h).full())
 
     def _step(self, x: FloatArray, torques: FloatArray, longest: float, horizon: float | None = None) -> float:
         """A step that is short for the fastest rate; where there is a horizon, a whole number of blocks of it."""
