@@ -48,7 +48,7 @@ study.add(diagnosis.best)
 print(study.history)
 study.compare().plot("FR_thigh")
 
-# %% Anything else? `improve` adds all of it by itself
+# %% Anything else? `improve` finds and adds effects automatically
 study.undo().improve()
 print("nothing is missing any more" if study.selection().remaining == "adequate" else "something is left")
 for sentence in study.advise().sentences:

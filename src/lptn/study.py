@@ -1,6 +1,6 @@
-"""A study: a model, the runs it is fitted to and judged by, and the history of the effects that were added.
+"""A study: a model, the runs it is fitted to and tested on, and the history of the effects that were added.
 
-The object that a person holds in a notebook; the commands and the report stand on it.
+The object to use in a notebook; the commands, the workbench and the report wrap it.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ class StudyComparison(Comparison):
 
 
 class Study:
-    """A model, its data, and what was tried on them, step by step.
+    """A model, its data, and the history of steps.
 
     Example:
         >>> import lptn, pandas

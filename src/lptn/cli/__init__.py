@@ -1,1 +1,1 @@
-"""The command `lptn`: one file a command, thin faces on the library."""
+"""The command `lptn`: one file a command, each a thin wrapper of the library."""

@@ -36,7 +36,7 @@ def check(
     map: Map = None,  # noqa: A002 - the option's name
     rate: Rate = None,
 ) -> None:
-    """Say what a model file and logs hold, what is wrong with them, and which effects they could reveal.
+    """Summarise a model file and logs, report what is wrong with them, and list the identifiable effects.
 
     Two logs of one run with clocks of their own are one: temperatures.csv+currents.csv
 
@@ -221,7 +221,7 @@ def _show_model(model: Model) -> None:
     print(f"Model {model.network.name}: nodes {', '.join(model.nodes)}; {len(model.free)} free parameters.")
     print(f"Inputs: {_some(model.inputs)}.")
     for column in model.started:
-        print(f"{column} is no column of the log: it is taken from each run's first readings.")
+        print(f"{column} is no column of the log: it is estimated from each run's first readings.")
 
 
 def _show_logs(contents: Sequence[LogContent], guessing: bool) -> None:
@@ -251,7 +251,7 @@ def _lines(content: LogContent, guessing: bool) -> Iterator[str]:
         yield f"  Some columns may be {use}. If so, put into the model file, under [columns]:"
         yield from (f"    {guess.line}   # {guess.why}" for guess in content.guesses)
         yield f"  or write behind the command: {' '.join(guess.option for guess in content.guesses)}"
-        yield "  or --map guess, which takes them all and says so."
+        yield "  or --map guess, which uses all of them."
     if content.refused is not None:
         yield from _missing_lines(content, () if guessing else tuple(guess.key for guess in content.guesses))
 
@@ -261,10 +261,10 @@ def _missing_lines(content: LogContent, proposed: Sequence[str]) -> Iterator[str
     left = [key for key in content.missing if key not in proposed]
     if not left:
         return
-    yield f"  The model needs, and no column's name points to: {_some(left)}."
+    yield f"  The model needs these quantities, and no column's name matches: {_some(left)}."
     if "time" in left:
         yield "    Rows without times, at one rate? --rate 50, for 50 a second."
-    yield f'    Say which column holds it, and its unit: --map "{left[0]}=COLUMN[UNIT]"'
+    yield f'    Name its column and unit: --map "{left[0]}=COLUMN[UNIT]"'
     if "temperature.ambient" in left:
         yield (
             '    Never logged? In the model file, under [model]: ambient = "start" (the log begins at rest) or '
@@ -355,7 +355,7 @@ def _show_excitation(excited: Excitation) -> None:
 def _show_identifiability(effects: Sequence[Identifiability]) -> None:
     """Which effects could show, and which not and why."""
     could = [assessment.effect for assessment in effects if assessment.identifiable]
-    print(f"Could show, if it is there: {', '.join(could) or 'nothing'}.")
+    print(f"Could show, if present: {', '.join(could) or 'nothing'}.")
     reasons: dict[str, list[str]] = {}
     for assessment in effects:
         if not assessment.identifiable:
@@ -364,7 +364,7 @@ def _show_identifiability(effects: Sequence[Identifiability]) -> None:
         print("Could not:")
     for why, names in reasons.items():
         print(f"  {', '.join(names)}: {why}")
-    print("By rules of thumb on what was logged and what happened; `lptn diagnose` works out what the data can show.")
+    print("These are rules of thumb; `lptn diagnose` computes what the data can show.")
 
 
 def _show_steps(model: Model, bound: BoundRun) -> None:

@@ -110,7 +110,7 @@ def _show_comparison(comparison: Comparison) -> None:
     largest = worst_condition(comparison)
     if largest is not None:
         is_far = largest[1]
-        print("It fails worst where:" if is_far else "It errs nowhere by much more than noise; most where:")
+        print("It fails worst where:" if is_far else "It is nowhere wrong by much more than noise; most where:")
     for condition in worst:
         errors = condition.errors
         where = f"{condition.node}, {bin_text(condition.quantity, condition.lower, condition.upper)}"

@@ -41,7 +41,7 @@ def diagnose(
     map: Map = None,  # noqa: A002 - the option's name
     rate: Rate = None,
 ) -> None:
-    """Say which effect is missing, where, how sure, and what else would look the same.
+    """Name the missing effects with place, size and probability, and what the data cannot distinguish from them.
 
     Example: lptn diagnose leg.toml monday.parquet --holdout friday.parquet --json found.json
     """

@@ -118,7 +118,7 @@ def _fit_one(
     def checkpoint(penalty: float) -> Checkpoint:
         kept = Checkpoint(fingerprint_of(text, digests, options | {"mirror_weight": penalty}))
         if kept.load(given, len(segments)) is not None:
-            print("This fit was stopped before: it goes on from the best point that was kept.")
+            print("This fit was stopped before; it continues from the best saved point.")
         return kept
 
     with progress("fitting"):

@@ -42,7 +42,7 @@ def forecast(
     ],
     window: Annotated[
         str,
-        Option(help="What is taken to go on: steady (as long as nothing has changed), cycles, or a number of seconds."),
+        Option(help="The load assumed to continue: steady (since the last change), cycles, or a number of seconds."),
     ] = "steady",
     cycles: Annotated[int, Option(help="Gait cycles of --window cycles.", validator=validators.Number(gte=1))] = 10,
     coverage: Annotated[float, Option(help="Of the intervals.", validator=validators.Number(gt=0, lt=1))] = 0.9,
@@ -151,14 +151,12 @@ def _show(ahead: Forecast) -> None:
     show_table(heads, rows)
     window = ahead.window
     cycles = f" ({window.cycles} gait cycles of {window.period:.3g} s)" if window.cycles and window.period else ""
-    print(f"Taken to go on: {window.why}{cycles}.")
+    print(f"Load assumed to continue: {window.why}{cycles}.")
     if ahead.late >= _LATE:
-        print(
-            f"Now is {_duration(ahead.late)} before the end of the log: what drives the robot is not known behind it."
-        )
+        print(f"Now is {_duration(ahead.late)} before the end of the log: the inputs after it are unknown.")
     print(f"Uncertainty of the model: {ahead.trust}.")
     for doubt in ahead.doubts:
-        print(f"Not believed: {doubt}. Since then the forecast goes on from the model and the other sensors.")
+        print(f"Sensor ignored: {doubt}. Since then the forecast uses the model and the other sensors.")
 
 
 def _time(one: NodeForecast) -> str:

@@ -61,7 +61,7 @@ def improve(
     map: Map = None,  # noqa: A002 - the option's name
     rate: Rate = None,
 ) -> None:
-    """Find what the model lacks, add it, refit; say what was found, the errors before and after, what to do next.
+    """Find the missing effects, add them and refit; print verdict, findings, errors and the next step.
 
     Example: lptn improve leg.toml monday.parquet --holdout friday.parquet -o better.toml --report story.html
     """

@@ -62,7 +62,7 @@ def monitor(
     map: Map = None,  # noqa: A002 - the option's name
     rate: Rate = None,
 ) -> None:
-    """Find faults of temperature sensors, and inputs that died.
+    """Find faulty temperature sensors and dead inputs.
 
     A sensor is called stuck, dead, clamped, noisy, spiky or silent (dropout), off (offset), drifting, lagging,
     disconnected (it reads the air) or swapped with another; a torque, current, speed or air that the readings
@@ -134,7 +134,7 @@ def _show_monitoring(result: Monitoring) -> None:
             print(f"{watched.run.name}: no alarm; largest error {watched.largest_error[node]:.3g} K, {node}.")
     hours = result.calibration.hours
     learnt = f"come from {hours:.3g} h of healthy logs"
-    guessed = "are guesses: give the logs that the model was fitted on as --healthy"
+    guessed = "are guesses: give the logs of the fit as --healthy"
     print(f"The statistical detector's limits {learnt if hours else guessed}.")
 
 

@@ -97,7 +97,7 @@ def open(  # noqa: A001 - the command's name
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # and take away what lies about for the browser
     with suppress(KeyboardInterrupt):
         serve(session, port, ready)
-    print("Ended; the same command goes on from here.")
+    print("Ended; the same command continues from here.")
 
 
 def _show(page: Path) -> None:

@@ -53,7 +53,12 @@ HoldoutAfter = Annotated[
 ]
 Test = Annotated[
     list[Path] | None,
-    Option(name=["--test", "--proof"], help="Logs looked at once, at the end.", negative="", consume_multiple=True),
+    Option(
+        name="--test",
+        help="Logs that choose nothing: the final model predicts them once.",
+        negative="",
+        consume_multiple=True,
+    ),
 ]
 Map = Annotated[
     list[str] | None,
@@ -105,7 +110,7 @@ def _not_negative(_type: object, value: float | str) -> None:
 SymmetryPenalty = Annotated[
     float | Literal["auto"],
     Option(
-        name=["--symmetry-penalty", "--mirror-weight"],
+        name="--symmetry-penalty",
         help="Pull of left and right parameters towards each other; auto: the one best on held-out runs.",
         validator=_not_negative,
     ),

@@ -107,7 +107,7 @@ class Advice:
         """What a person wants to read, most urgent first; `heat` has every stretch, not the surest alone."""
         sentences = [*([self.rows] if self.rows else []), *(difference.text() for difference in self.differing)]
         if self.heat:
-            sentences.append(f"Where heat is most clearly unexplained: {self.heat[0].text()}.")
+            sentences.append(f"Unexplained heat, most significant {self.heat[0].text()}.")
         if self.learned is not None:
             sentences.append(self.learned.text())
         if self.experiment is not None:

@@ -122,13 +122,13 @@ class LearnedCurve:
         beside = [f"{100 * other.share:.0f} % with {other.column} alone" for other in others[:2]]
         text += f" ({', '.join(beside)})" if beside else ""
         if self.step is None:
-            return f"{text}. That suggests a cause and proves none."
+            return f"{text}. That suggests a cause but does not prove it."
         unit = column_unit(first.column) or "as logged"
         points = [
             f"{short_size(self.heat[k])} ± {short_size(self.band[k])} W at {short_size(self.values[k])} {unit}"
             for k in (_POINTS // 3, 2 * _POINTS // 3, -1)
         ]
-        text += f", {listed(points)}. That suggests a cause and proves none."
+        text += f", {listed(points)}. That suggests a cause but does not prove it."
         if self.offered and self.without and self.held_out:
             before, after = short_size(self.without), short_size(self.held_out)
             to_what = "with all that was found" if self.beside else "as given"

@@ -54,7 +54,7 @@ def without_held_rows(column: str, values: dict[str, FloatArray]) -> tuple[dict[
         return values, []
     start, stop = float(time[rows][0]), float(time[rows][-1])
     problem = f"all columns stand {len(held)} time{'s' * (len(held) > 1)}, {sum(held):.4g} s in all, "
-    problem += f"from {start:.6g} to {stop:.6g} s"
+    problem += f"from {start:.10g} to {stop:.10g} s"
     issue = Issue("time", column, problem, "these rows are left out", certain=False, kind="held", stretch=(start, stop))
     return {key: x if key == "time" else np.where(rows, np.nan, x) for key, x in values.items()}, [issue]
 

@@ -129,7 +129,7 @@ _MANY = 4  # stretches of one kind that are said one by one
 def _what(key: str, silence: Silence) -> str:
     """What a channel does in a silence."""
     number, unit, count = f"{silence.value + 0.0:.6g}", column_unit(key), int(silence.rows.sum())  # no zero with a sign
-    when, length = f"from {silence.start:.6g} to {silence.stop:.6g} s", f"{silence.stop - silence.start:.4g} s"
+    when, length = f"from {silence.start:.10g} to {silence.stop:.10g} s", f"{silence.stop - silence.start:.4g} s"
     if silence.whole:
         others = "the joint" if key.partition(".")[0] in INPUTS else "another one"
         return f"reads {number} {unit} throughout, {length}, while {others} moves"

@@ -251,7 +251,7 @@ class Layout:
     def places_held(self, declared: EffectDeclaration) -> list[Place]:
         """Where it acts beside the declared ones.
 
-        Of two declarations of an effect that cover a place the one of fewer places holds there: `"*"` beside
+        Where two declarations of an effect cover a place, the one that covers fewer places applies: `"*"` beside
         `"FR_calf"` is everywhere else.
         """
         places = self.places_for(declared)

@@ -123,7 +123,7 @@ def heat_map_picture(story: HeatStory) -> Picture | None:
     text = "Heat that the model lacks (red) or has too much of (blue, hatched); blank where zero lies within the 95 % "
     text += f"band over all nodes and times. With the model as given {story.where}"
     text += f"; with the best one {story.left or 'none stands out'}." if story.best else "."
-    text += " Trust where and when more than the watts: the fitted parameters absorb part."
+    text += " Place and time are more reliable than the watts: the fitted parameters absorb part."
     if len(story.given) > MOST_RUNS:
         text += f" Shown are the {MOST_RUNS} of {len(story.given)} runs that lack most."
     return picture(text, *drawings)
@@ -153,4 +153,4 @@ def _inputs(links: Sequence[InputLink]) -> str:
     if not close:
         return f"It follows no input closely: the closest, {links[0].what}, correlates by {links[0].correlation:+.2f}."
     inputs = listed([f"{link.what} ({link.correlation:+.2f})" for link in close])
-    return for_people(f"It goes with {inputs}, which suggests a cause and proves none.")
+    return for_people(f"It goes with {inputs}, which suggests a cause but does not prove it.")

@@ -1,7 +1,7 @@
 """A model's rates of change: linearised, held exactly over a step, and stepped by Runge-Kutta with exact derivatives.
 
 Everything that linearises a model stands on this file: the fit and its sensitivities, the state-space form, the filter
-behind forecasts and monitoring, and the search for heat that nothing explains. `kernel.py` takes the same steps in
+behind forecasts and monitoring, and the search for unexplained heat. `kernel.py` takes the same steps in
 machine code.
 """
 

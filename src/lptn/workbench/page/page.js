@@ -52,7 +52,7 @@ async function ask() {
       wait = page.state.busy ? BUSY : IDLE;
     } else if (answer.status !== 204) gone(await answer.text());
     else if (page.away) { page.away = ""; draw(); }
-  } catch { gone("The server has ended. `lptn open` with the same files goes on from here."); }
+  } catch { gone("The server has ended. `lptn open` with the same files continues from here."); }
   asking = false;
   timer = setTimeout(ask, wait);
 }

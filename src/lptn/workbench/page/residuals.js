@@ -6,7 +6,7 @@ import { digits, h } from "/sections.js";
 export class Residuals {
   constructor(section, page) {
     Object.assign(this, { page, key: "", charts: h("div", { className: "two" }), words: h("p"), pairs: h("div") });
-    this.details = h("details", { id: "residual details", ontoggle: () => this.draw() }, h("summary", null, "Residuals, and how parameters go together"), this.words, this.charts, this.pairs);
+    this.details = h("details", { id: "residual details", ontoggle: () => this.draw() }, h("summary", null, "Residuals, and correlated parameters"), this.words, this.charts, this.pairs);
     section.append(this.details);
   }
 
@@ -22,12 +22,12 @@ export class Residuals {
     const run = state.segments.find(each => each.key === at.segment);
     this.charts.replaceChildren();
     this.words.textContent = answer.ok ? `${at.node} in ${run.run} (${run.job}), ${found.lag.length ? found.memory == null
-      ? "errors that remember all along: something is missing, or drifts" : found.memory <= found.lag[1] ? "errors without memory, as noise has" : `errors that remember for ${Number(found.memory.toPrecision(2))} s` : ""}.` : found.error;
+      ? "errors that remember all along: something is missing, or drifts" : found.memory <= found.lag[1] ? "errors without memory, as noise has" : `residual correlation time ${Number(found.memory.toPrecision(2))} s` : ""}.` : found.error;
     if (answer.ok) {
       chartOf(this.charts, { title: "Autocorrelation; grey: white noise at 19 of 20 lags", x: found.lag, xLabel: "lag [s]", band: found.band, lines: [{ label: "correlation", values: found.correlation }] });
       chartOf(this.charts, { title: "Quantiles of the errors against normal ones", x: found.normal, xLabel: "normal [K]", lines: [{ label: "errors [K]", values: found.quantiles }, { label: "normal", values: found.normal, dash: [5, 4] }] });
     }
     const rows = state.correlations.map(each => h("tr", null, h("td", null, each.one), h("td", null, each.other), h("td", { className: "n" }, digits(each.correlation, 2))));
-    this.pairs.replaceChildren(h("p", null, h("small", null, rows.length ? "Parameters whose estimates go together most: with a correlation near 1 or −1 the data hold only one combination of the two." : "There are no two fitted parameters.")), h("table", { className: "parameters" }, h("tbody", null, rows)));
+    this.pairs.replaceChildren(h("p", null, h("small", null, rows.length ? "The most correlated parameters: with a correlation near 1 or −1 the data determine only one combination of the two." : "There are fewer than two fitted parameters.")), h("table", { className: "parameters" }, h("tbody", null, rows)));
   }
 }

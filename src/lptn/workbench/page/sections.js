@@ -169,7 +169,7 @@ export function missing(page) {
   const other = addAnother(page);
   if (!answers) return [title,
     h("p", null, "What every part may have is fitted at once; then what sets one place, sensor or run apart is sought, and each gets a probability."),
-    h("div", { className: "row" }, ask("diagnose", "Find what is missing", true), ask("improve", "Add what is missing by itself")), other];
+    h("div", { className: "row" }, ask("diagnose", "Find what is missing", true), ask("improve", "Find and add automatically")), other];
   const change = each => each.fit == null ? "" : ` · alone: ${each.holdout != null ? "held out" : "fitted"} ${digits(each.holdout != null ? answers.before : answers.fitted)} → ${kelvin(each.holdout ?? each.fit)}`;
   const tryable = (each, ...more) => h("li", {
     onmouseenter: () => each.tried && !page.pinned && page.attemptTo(each.key),
@@ -186,28 +186,28 @@ export function missing(page) {
   const weighed = each => tryable(each, h("span", { className: "soft" }, `${each.holdout != null ? "held out" : "fitted"} ${digits(each.holdout != null ? answers.before : answers.fitted)} → about ${kelvin(each.holdout ?? each.fit)}`));
   const answer = each => tryable(each,
     h("div", null, [each.size, `${each.probable} probable`].filter(text => text).join(", "), h("span", { className: "soft" }, change(each))),
-    each.same.length ? h("div", { className: "soft" }, `or ${each.same.join(" or ")}: these data can’t tell`) : null,
+    each.same.length ? h("div", { className: "soft" }, `or ${each.same.join(" or ")}: these data cannot distinguish them`) : null,
     h("details", { id: `more ${each.key}` }, h("summary", null, "Equation, signs, experiment"),
       each.equations.map(equation => h("div", { className: "equation" }, equation)),
       each.details && h("p", null, `${capital(each.details)}.`),
       h("p", null, `Without it: ${each.looks_like}.`),
-      h("p", null, `What would tell it from others: ${each.separate_by}.`)));
+      h("p", null, `An experiment that separates it from others: ${each.separate_by}.`)));
   return [title,
-    h("p", null, { adequate: "Nothing that these data show is missing.", missing: "", unexplained: "The catalogue does not explain what is left." }[answers.verdict],
+    h("p", null, { adequate: "Nothing that these data show is missing.", missing: "", unexplained: "The catalogue does not explain the remaining error." }[answers.verdict],
       answers.answers.length ? "" : " No effect of the catalogue helps."),
-    ...[["finding", "Wrong: what sets a place, a sensor or a run apart"], ["structure", "Structure: what all parts have in common"]].map(([kind, label]) => {
+    ...[["finding", "Findings: what sets a place, a sensor or a run apart"], ["structure", "Structure: what all parts have in common"]].map(([kind, label]) => {
       const own = answers.answers.filter(each => each.kind === kind);
       return own.length ? [h("h3", null, label), h("ol", { className: "answers" }, own.map(answer))] : null;
     }),
     answers.answers.some(each => each.linearised) && h("p", null, h("small", null, "Try shows the linearised model until the fits are drawn.")),
-    answers.refused.length ? h("details", { id: "refused" }, h("summary", null, "Fitted beside that, and refused"),
+    answers.refused.length ? h("details", { id: "refused" }, h("summary", null, "Fitted as well, and less probable than not"),
       h("ul", { className: "plain" }, answers.refused.map(each => h("li", null, `${placed(each)}: ${each.size ? `${each.size}, ` : ""}${each.probable} probable`)))) : null,
     answers.weighed.length ? h("details", { id: "weighed" }, h("summary", null, "Weighed to first order: the next best"),
       h("p", null, h("small", null, "Not fitted: Try shows what the linearised model would do; Add fits it.")),
       h("ol", { className: "answers" }, answers.weighed.map(weighed))) : null,
-    answers.answers.length ? h("p", null, h("small", null, `Sizes and probabilities are beside all other answers; errors are of each added alone, on means over ${digits(answers.step, 2)} s, in which answers are sought. What is added is fitted to all readings.`)) : null,
+    answers.answers.length ? h("p", null, h("small", null, `Sizes and probabilities are given all other answers; errors are those of each added alone, on means over ${digits(answers.step, 2)} s, in which answers are sought. What is added is fitted to all readings.`)) : null,
     state.advice.length ? h("details", { id: "advice", open: true }, h("summary", null, "What to do next"), state.advice.map(text => h("p", null, h("small", null, text)))) : null,
-    h("div", { className: "row" }, ask("improve", "Add what is missing by itself")), other];
+    h("div", { className: "row" }, ask("improve", "Find and add automatically")), other];
 }
 
 // What was chosen here stays chosen while the section is made anew, as it is when an answer comes in the meantime.
@@ -283,5 +283,5 @@ export function out(page) {
       made("report", "story.html", "story.html", "Write the report"), made("fmu", "model.fmu", "model.fmu", "Build the FMU")),
     h("details", { id: "commands" }, h("summary", null, "The same as commands"), h("pre", { tabIndex: 0 }, commands.join("\n"))),
     h("details", { id: "python" }, h("summary", null, "The same in Python"), h("pre", { tabIndex: 0 }, python)),
-    h("p", null, h("small", null, `What is done here is kept in ${folder}; the same command goes on from it.`))];
+    h("p", null, h("small", null, `This session is saved in ${folder}; the same command continues it.`))];
 }

@@ -7,12 +7,12 @@ const FALLEN = 0.5;  // of the error as given: nobody misses that on the bars
 
 const STEPS = [
   { at: ".tiles button", words: "Each tile is a joint in a run, orange where the model is too hot, blue where it is too cold. Click the strongest one.", done: page => page.clicked },
-  { at: ".stack", words: "Its plots: what was measured, what the model says, and the error between them. Drag over a stretch to look closer.", done: (page, plots) => Object.keys(plots.windows).length },
+  { at: ".stack", words: "Its plots: what was measured, what the model says, and the error between them. Drag to zoom in.", done: (page, plots) => Object.keys(plots.windows).length },
   { at: "[id='whole']", words: "Hover to read values. Back to the whole run with this button, or with the key 0.", done: (page, plots) => !Object.keys(plots.windows).length },
-  { at: "#diagnose", words: "Now ask what the model lacks: what all parts have, and what sets one apart.", done: page => page.state.answers },
+  { at: "#diagnose", words: "Now find the missing effects: those of all parts, and those that set one apart.", done: page => page.state.answers },
   { at: ".answers li", words: "What is wrong at one place stands first, then what all parts have. Put the mouse on an answer, or press Try: the plots and the dashed bar show what it alone would change.", done: page => page.attempt },
-  { at: ".answers button.first", words: "Convinced? Add it. The model is fitted again, and the error falls.", done: page => page.state.steps.length > 1 },
-  { at: "#improve", words: "A step down, and not the last. Undo it, and press “Add what is missing by itself”: all answers are added, one after the other, and the errors fall.", done: page => page.state.head.now <= FALLEN * page.state.head.given },
+  { at: ".answers button.first", words: "Add it. The model is fitted again, and the error falls.", done: page => page.state.steps.length > 1 },
+  { at: "#improve", words: "The error fell. Undo it, and press “Find and add automatically”: all answers are added, one after the other, and the errors fall.", done: page => page.state.head.now <= FALLEN * page.state.head.given },
 ];
 
 export function tour(page, plots) {
