@@ -3,8 +3,9 @@
 from .answer import FrontPoint, StudyResult, solve_study
 from .designs import Design, IsoMap, LimitCurve, Obstacle, Refusal, iso_map, limit_curves
 from .problem import Problem
-from .study import Gear, Option, Study
+from .study import Option, Study
 from .study_file import load_study, parse_study
+from .tables import Gear
 from .torque_speed import TorqueSpeed, torque_speed
 from .uncertainty import Interval
 

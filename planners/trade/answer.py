@@ -12,7 +12,8 @@ from lptn.basics.errors import InputError
 
 from .designs import BUDGETS, Design, IsoMap, LimitCurve, Refusal, design_of, iso_map, limit_curves, refusal_of
 from .problem import Problem, Solution
-from .study import GOALS, SWEPT, Option, Study, Sweep
+from .study import Option, Study
+from .tables import GOALS, SWEPT, Sweep
 from .torque_speed import TorqueSpeed, torque_speed
 from .uncertainty import Interval, intervals
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from .answer import StudyResult
 from .designs import Design, IsoMap
-from .study import GOALS
+from .tables import GOALS
 from .torque_speed import TorqueSpeed
 from .uncertainty import Interval
 

@@ -18,7 +18,8 @@ from .answer import StudyResult
 from .designs import Design
 from .export import strongest
 from .sink import fin_mass, sink_volume
-from .study import GOALS, Option, Study
+from .study import Option, Study
+from .tables import GOALS
 from .torque_speed import TorqueSpeed
 
 LIMIT = "#D55E00"

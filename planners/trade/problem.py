@@ -20,7 +20,8 @@ import numpy as np
 from lptn.basics.arrays import BoolArray, FloatArray
 
 from .plant import CAPACITY, RESISTANCE, Load, Parameters, Plant
-from .study import LIMITS, Option
+from .study import Option
+from .tables import LIMITS
 
 _WORST_SCALE = 100.0  # K
 _OPTIONS: dict[str, Any] = {

@@ -14,7 +14,8 @@ from lptn.model.network import Network
 from lptn.robots.presets import presets
 
 from .catalogue import MotorTable, data_sheet_network, known_motors, read_catalogue
-from .study import SWEPT, MotorChoice, Study, StudyTables, Sweep, Task, attachable, pipe_places
+from .study import MotorChoice, Study, StudyTables, attachable, pipe_places
+from .tables import SWEPT, Sweep, Task
 
 _NEEDED = {"mass": "kg", "volume": "m^3", "torque_constant": "N*m/A at 25 degC"}
 _MOST_FACTOR = 1e6  # kg of body on a motor without gear

@@ -15,7 +15,8 @@ from lptn.basics.places import matching
 from .designs import BUDGETS, Design
 from .plant import CAPACITY, RESISTANCE
 from .problem import Problem
-from .study import GOALS, StandardError, Study
+from .study import Study
+from .tables import GOALS, StandardError
 
 _SEED = 1  # any; the same draws each time, so that an answer can be had again
 _TEMPERATURE = "degC"
