@@ -18,8 +18,6 @@ from ..heating import Heating
 
 SOLVER = ("lptn_mpc.h", "lptn_mpc.c", "linear.inc", "living.inc", "observe.inc", "bounds.inc", "newton.inc",
           "interior.inc", "lptn_loop.h", "lptn_loop.c")  # fmt: skip
-_NUMBERS_IN_A_LINE = 8
-_REPEAT = 4  # iterations between linearisations, where only the temperatures make the problem not linear
 _D, _I = ctypes.c_double, ctypes.c_int
 _LIVING = ("STANDS", "SHORTEST", "LEAST_CHANCE", "COARSEST", "ERROR", "BELOW", "BELOW_IF_LOST", "MISLEADS", "ABOVE",
            "NOISE", "LEAST", "FEWEST")  # fmt: skip
@@ -54,7 +52,8 @@ def sources(heating: Heating, limits: int, stages: int) -> dict[str, str]:
         "NP": heating.p.numel(),
         "NL": limits,
         "N": stages,
-        "REPEAT": _REPEAT if heating.in_squares else 1,
+        # Iterations between linearisations: more where only the temperatures make the problem not linear.
+        "REPEAT": 4 if heating.in_squares else 1,
         "W": _padded(states + joints),
         "NXP": _padded(states),
         "NA": slope.nnz(),
@@ -66,12 +65,17 @@ def sources(heating: Heating, limits: int, stages: int) -> dict[str, str]:
         "HEAT_W": function.sz_w(),
     }
     solver = {name: files("lptn.planners.mpc").joinpath("c", name).read_text(encoding="utf-8") for name in SOLVER}
+    defined = [f"#define LPTN_{name} {value}" for name, value in sizes.items()]
+    living = [f"#define LIVING_{name} {getattr(living_sensors, name)!r}" for name in _LIVING]
+    hidden = "#define CASADI_SYMBOL_EXPORT static __attribute__((unused))"
     return {
-        "sizes.h": _header(sizes),
+        "sizes.h": "\n".join(["/* Sizes of one model's controller. */", *defined, ""]),
         "pattern.h": _pattern(slope, heated),
-        "living.h": _living(),
+        "living.h": "\n".join(
+            ["/* When a sensor is alive: the constants of lptn.online.living_sensors. */", *living, ""]
+        ),
         "conditions.h": _kinds(heating.conditions),
-        "heat.inc": _heat(c_code(function, "heat.inc")),
+        "heat.inc": f"/* The model: made by CasADi from its equations. */\n{hidden}\n{c_code(function, 'heat.inc')}",
         **solver,
     }
 
@@ -91,11 +95,6 @@ def _padded(width: int) -> int:
     return -(-width // 4) * 4
 
 
-def _header(sizes: Mapping[str, int]) -> str:
-    lines = [f"#define LPTN_{name} {value}" for name, value in sizes.items()]
-    return "\n".join(["/* Sizes of one model's controller. */", *lines, ""])
-
-
 def _pattern(slope: ca.Sparsity, heated: ca.Sparsity) -> str:
     lines = ["/* Where a state's rate depends on another state, and which joint heats which state. */"]
     for name, transposed in (("slope", slope), ("heated", heated)):
@@ -103,11 +102,6 @@ def _pattern(slope: ca.Sparsity, heated: ca.Sparsity) -> str:
         lines += [f"static const int {name}_row[] = {_list([*rows, 0])};",
                   f"static const int {name}_column[] = {_list([*columns, 0])};"]  # fmt: skip
     return "\n".join([*lines, ""])
-
-
-def _living() -> str:
-    lines = [f"#define LIVING_{name} {getattr(living_sensors, name)!r}" for name in _LIVING]
-    return "\n".join(["/* When a sensor is alive: the constants of lptn.online.living_sensors. */", *lines, ""])
 
 
 def _kinds(conditions: Sequence[str]) -> str:
@@ -125,11 +119,6 @@ def _kinds(conditions: Sequence[str]) -> str:
          "enum { LPTN_MEAN, LPTN_ABSOLUTE, LPTN_RMS, LPTN_TEMPERATURE }; /* of the last the mean, too */",
          "static const int lptn_condition_kind[] = {", *lines, "    LPTN_MEAN};", "#endif", ""]
     )  # fmt: skip
-
-
-def _heat(code: str) -> str:
-    hidden = "#define CASADI_SYMBOL_EXPORT static __attribute__((unused))"
-    return f"/* The model: made by CasADi from its equations. */\n{hidden}\n{code}"
 
 
 # --- structs ------------------------------------------------------------------------------------
@@ -231,5 +220,5 @@ def _number(value: float) -> str:
 
 def _list(values: list[float]) -> str:
     words = [_number(value) for value in values]
-    rows = [", ".join(words[k : k + _NUMBERS_IN_A_LINE]) for k in range(0, len(words), _NUMBERS_IN_A_LINE)]
+    rows = [", ".join(words[k : k + 8]) for k in range(0, len(words), 8)]
     return "{" + ",\n        ".join(rows) + "}"

@@ -36,7 +36,6 @@ _INSTEAD = {
     "derate": "its joint gets what holds the limit",
     "stop": "its joint gets no more than its floor",
 }
-_PROGRAMS = ("main.c", "loop.c")  # that run the emitted step, and the loop of short ticks about it
 _MISSING, _STANDS, _CONTRADICTS = 1, 2, 3  # of a sensor, as in `c/lptn_mpc.h`
 _NO_SLACK = 1e-3  # K; less is the solver's own
 _NO_CUT = 5e-4  # of a request; a smaller cut is none to a person
@@ -239,13 +238,11 @@ class TorqueMPC:
         count, limited = len(self.settings.stages), len(self.settings.limits)
         self.sources = sources(self.heating, limited, count)
         self._library: Any = python_library(self.sources)
-        loaded = self._library
-        self._step: Any = loaded.lptn_mpc_step
-        self._step.restype = None
-        loaded.lptn_mpc_sizes.restype = ctypes.c_longlong
+        self._library.lptn_mpc_step.restype = None
+        self._library.lptn_mpc_sizes.restype = ctypes.c_longlong
         kinds = structs(self.heating, limited, count)
         sizes = [ctypes.sizeof(kind) for kind in kinds]
-        expected = [loaded.lptn_mpc_sizes(number) for number in range(4)]
+        expected = [self._library.lptn_mpc_sizes(number) for number in range(4)]
         if sizes != expected[:3]:
             raise RuntimeError(f"structs of {sizes} bytes in Python, {expected[:3]} in C")
         self._settings = kinds.settings()
@@ -253,9 +250,7 @@ class TorqueMPC:
         self._state, self._result = kinds.state(), kinds.result()
         self._work = ctypes.create_string_buffer(int(expected[3]) + 64)
         self._measured, self._request = np.empty(len(model.nodes)), np.empty((count, len(self.joints)))
-        self._conditions, self._applied = np.empty((count, max(1, len(self.conditions)))), np.empty(len(self.joints))
-        if not self.conditions:
-            self._conditions = np.empty((count, 0))
+        self._conditions, self._applied = np.empty((count, len(self.conditions))), np.empty(len(self.joints))
 
     def step(
         self,
@@ -288,14 +283,14 @@ class TorqueMPC:
             # Only a mechanical power among them means another speed in each stage.
             stages = self._request[: 1 if conditions.keys().isdisjoint(self.heating.decided) else None]
             rows = [self.heating.conditions_from(conditions, asked) for asked in stages]
-            self._conditions[:, : len(self.conditions)] = rows
+            self._conditions[:] = rows
         else:
             _fill(self._conditions, conditions, self.conditions, "conditions")
         given = None
         if applied is not None:
             self._applied[:] = in_order(applied, self.joints, "applied", np.nan)
             given = self._applied.ctypes.data
-        self._step(
+        self._library.lptn_mpc_step(
             ctypes.byref(self._settings),
             ctypes.byref(self._state),
             self._work,
@@ -346,8 +341,9 @@ class TorqueMPC:
         names += [f"{self.heating.request}.{joint} [{self.heating.unit}]" for joint in self.joints]
         names += list(self.conditions)
         rows = [[*start[: len(model.nodes)], *row, *around] for row, around in zip(asked, conditions, strict=True)]
+        programs = ("main.c", "loop.c")  # that run the emitted step, and the loop of short ticks about it
         content = {
-            **{name: files("lptn.planners.mpc").joinpath("c", name).read_text(encoding="utf-8") for name in _PROGRAMS},
+            **{name: files("lptn.planners.mpc").joinpath("c", name).read_text(encoding="utf-8") for name in programs},
             "settings.h": settings_header(self._settings),
             "names.txt": "\n".join([*names, ""]),
             "example.txt": "\n".join([*(" ".join(f"{value:.10g}" for value in row) for row in rows), ""]),
@@ -397,11 +393,8 @@ class TorqueMPC:
         to.limit[:] = settings.planned_limits.tolist()
         to.node[:] = [model.places.index(node) for node in settings.limits]
         to.owner[:] = list(model.owners)
-        to.weight[:], to.most[:], to.rate[:] = (
-            settings.weights.tolist(),
-            settings.currents.tolist(),
-            settings.rates.tolist(),
-        )
+        for field, values in (("weight", settings.weights), ("most", settings.currents), ("rate", settings.rates)):
+            getattr(to, field)[:] = values.tolist()
         to.p[:] = [*model.values.tolist(), 0.0]
         to.floor[:], to.recovery[:] = settings.floors.tolist(), settings.recovery.tolist()
         to.smoothing, (to.linear, to.quadratic) = settings.smoothing, settings.prices

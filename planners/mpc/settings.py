@@ -21,12 +21,7 @@ from ..values import Each, checked_by_place
 LostSensor = Literal["model", "derate", "stop"]
 """What a joint gets whose node has lost its sensor; the order is that of `c/lptn_mpc.h`."""
 
-_POSITIVE = 1e-12  # the least positive number that is taken for one
-_ROOM, _DAY = 25.0, 86400.0  # degC; s
-_LEAST_COOLING = 0.1  # of the fastest state's; a state that hardly cools may lack heat all the same
 BAND = 10.0  # K above its limit at which a node, by default, is to cool as fast as it does without any load
-_LEVEL, _MOST_LEVELS = 100.0, 2  # of weights: a joint gives way by a hundredth of the share of one a level below
-_SLACK_LINEAR, _SLACK_QUADRATIC = 10.0, 10.0  # per K and K² at one stage; admitting nothing at all costs 1
 
 
 @dataclass(frozen=True)
@@ -101,8 +96,8 @@ class Settings:
 
     @property
     def prices(self) -> tuple[float, float]:
-        """Of slack, linear [1/K] and quadratic [1/K²]."""
-        return _SLACK_LINEAR, _SLACK_QUADRATIC
+        """Of slack, linear [1/K] and quadratic [1/K²] at one stage; admitting nothing at all costs 1."""
+        return 10.0, 10.0
 
 
 def settle(
@@ -137,15 +132,11 @@ def settle(
     bounds = checked_by_place(limits, model.places, "limits")
     if not bounds:
         raise InputError(model.network.origin, "limits", "none", f"a limit for one of {', '.join(model.places)}")
-    for place, value, least in (
-        ("margin", margin, 0.0),
-        ("recovery", 0.0 if recovery is None else recovery, 0.0),
-        ("smoothing", smoothing, 0.0),
-        ("noise", noise, 0.0),
-        ("resolution", resolution, 0.0),
-        ("model_error", model_error, 0.0),
-    ):
-        if not (math.isfinite(value) and value >= least):
+    for place, value in (
+        ("margin", margin), ("recovery", recovery or 0.0), ("smoothing", smoothing), ("noise", noise),
+        ("resolution", resolution), ("model_error", model_error),
+    ):  # fmt: skip
+        if not (math.isfinite(value) and value >= 0.0):
             raise InputError(model.network.origin, place, f"{value:g}", "a number from 0 up")
     if lost_sensor not in get_args(LostSensor):
         expected = " or ".join(get_args(LostSensor))
@@ -156,14 +147,18 @@ def settle(
     joints = heating.joints
     cooling = _cooling(heating, bounds)
     slow = BAND / cooling[[model.places.index(node) for node in bounds]]
-    levels = _by_joint(priorities, joints, "priorities", 0.0, least=-_MOST_LEVELS)
-    if np.any(levels > _MOST_LEVELS):
-        raise InputError(model.network.origin, "priorities", f"{levels.max():g}", f"at most {_MOST_LEVELS}")
+    most = 2  # levels either way; a joint gives way by a hundredth of the share of one a level below
+    levels = _by_joint(priorities, joints, "priorities", 0.0, least=-most)
+    if np.any(levels > most):
+        raise InputError(model.network.origin, "priorities", f"{levels.max():g}", f"at most {most}")
+    # Mean time in which each node forgets how warm all began [s], at most a day: of one mass its time constant.
+    nodes, day = len(model.nodes), 86400.0
+    forgets = np.linalg.lstsq(-_at_limits(heating, bounds).slope[:nodes, :nodes], np.ones(nodes))[0]
     return Settings(
         lengths,
         bounds,
         margin,
-        _by_joint(weights, joints, "weights", 1.0) * _LEVEL ** (levels - levels.max()),
+        _by_joint(weights, joints, "weights", 1.0) * 100.0 ** (levels - levels.max()),
         _by_joint(current_limits, joints, "current_limits", math.inf, infinite=True),
         _by_joint(rates, joints, "rates", 0.0, least=0.0),
         _by_joint(floors, joints, "floors", 0.0, least=0.0),
@@ -174,7 +169,7 @@ def settle(
         level,
         model_error,
         *_doubts(heating, bounds, model_error, standard_errors),
-        _settling(heating, bounds),
+        np.where((forgets > 0) & (forgets < day), forgets, day),
         lost_sensor,
     )
 
@@ -193,7 +188,7 @@ def _at_limits(heating: Heating, limits: Mapping[str, float]) -> _Balance:
     the linearisation at the limits."""
     model = heating.model
     x = np.array([limits.get(node, max(limits.values())) for node in model.nodes])[np.array(model.owners)]
-    room = np.array([_ROOM if name.startswith("temperature") else 0.0 for name in heating.conditions])
+    room = np.array([25.0 if name.startswith("temperature") else 0.0 for name in heating.conditions])
 
     def unloaded() -> ca.Function:
         rates = ca.substitute(heating.rates, heating.amount, ca.SX.zeros(heating.amount.shape))
@@ -242,22 +237,15 @@ def _doubts(
             np.sqrt(relative**2 + (share**2) @ errors**2))  # fmt: skip
 
 
-def _settling(heating: Heating, limits: dict[str, float]) -> FloatArray:
-    """Mean time in which each node forgets how warm all began [s], at most a day: of one mass its time constant."""
-    nodes = len(heating.model.nodes)
-    a = _at_limits(heating, limits).slope[:nodes, :nodes]
-    times = np.linalg.lstsq(-a, np.ones(nodes))[0]
-    return np.asarray(np.where((times > 0) & (times < _DAY), times, _DAY))
-
-
 def _cooling(heating: Heating, limits: dict[str, float]) -> FloatArray:
     """How fast each state would cool at its limit, in a room and without load [K/s]: the scale of the heat that may be
-    missing. A node without a limit is taken to be as hot as the hottest limit."""
+    missing. A node without a limit is taken to be as hot as the hottest limit; a state that hardly cools may lack heat
+    all the same, a tenth of the fastest state's."""
     model, hottest = heating.model, max(limits.values())
     cooling = np.abs(_at_limits(heating, dict.fromkeys(model.nodes, hottest) | limits).rates)
     limited = [model.places.index(place) for place in limits]
     cooling[limited] = np.abs(_at_limits(heating, limits).rates)[limited]
-    return np.asarray(np.maximum(cooling, _LEAST_COOLING * cooling.max()))
+    return np.asarray(np.maximum(cooling, 0.1 * cooling.max()))
 
 
 def _by_joint(
@@ -266,7 +254,7 @@ def _by_joint(
     table: str,
     default: float,
     *,
-    least: float = _POSITIVE,
+    least: float = 1e-12,
     infinite: bool = False,
 ) -> FloatArray:
     values = checked_by_place(given, joints, table, least=least, infinite=infinite)
