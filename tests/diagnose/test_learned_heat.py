@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from lptn.diagnose.advice import Advice
+from lptn.diagnose.answers import Step
 from lptn.diagnose.diagnosis import Diagnosis, for_search
 from lptn.diagnose.learned_heat import LearnedCurve, input_shares, learned_curve
 from lptn.effects.learned_heat import LearnedHeat
@@ -15,6 +16,7 @@ from lptn.identify.data import DataSplit, split_data
 from lptn.identify.validation import fit_segments
 from lptn.logs.run import Run
 from lptn.report.heat_story import learned_picture
+from lptn.report.narrative import narrative
 from tests.benchmarks.learned_heat import HIDDEN, Hidden, curve_against_truth, model, split, truth_run
 from tests.builders import LEG
 
@@ -154,5 +156,7 @@ def test_a_model_with_it_says_that_this_heat_stays_unexplained() -> None:
     assert curve.step is not None
     (learned,) = Diagnosis("adequate", "adequate", curve.step.fit, None, {}).learned
     assert learned.effect.key == LearnedHeat.key
+    (verdict, *_) = narrative([Step(curve.step.fit)], Diagnosis("adequate", "adequate", curve.step.fit, None, {}))
+    assert "Heat at FR_thigh is unexplained, but goes with velocity.FR_thigh" in verdict.text
     told = Diagnosis("adequate", "adequate", curve.step.fit, None, {}).as_json()["learned"]
     assert told == [{"at": "FR_thigh", "verdict": "unexplained, but goes with velocity.FR_thigh"}]

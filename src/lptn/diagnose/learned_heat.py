@@ -131,10 +131,14 @@ class LearnedCurve:
         text += f", {listed(points)}. That suggests a cause but does not prove it."
         if self.offered and self.without and self.held_out:
             before, after = short_size(self.without), short_size(self.held_out)
-            to_what = "with all that was found" if self.beside else "as given"
-            text += f" As a learned heat without a name it lowers the held-out error from {before} to {after} K; "
-            text += f"to add it to the model {to_what}: `{self.command}`"
+            text += f" As a learned heat without a name it lowers the held-out error from {before} to {after} K. "
+            text += self.offer
         return text
+
+    @property
+    def offer(self) -> str:
+        """How to add it, in a sentence."""
+        return f"To add it to the model {'with all that was found' if self.beside else 'as given'}: `{self.command}`"
 
     @property
     def command(self) -> str:
@@ -160,7 +164,7 @@ class LearnedCurve:
 
 
 def learned_curve(first: Diagnosis, last: Diagnosis, data: DataSplit) -> LearnedCurve | None:
-    """The likeliest curve over one input in the model as given, and in that with all that was found; the better one.
+    """The likeliest curve over one input in the model as given, or, where none is offered there, beside all found.
 
     What the catalogue offers where it does not explain may imitate a heat without a name, and hide what that goes with.
 
@@ -178,15 +182,12 @@ def learned_curve(first: Diagnosis, last: Diagnosis, data: DataSplit) -> Learned
     bases = [Step(fit).predicting(data) for fit in (first.fit, found) if fit is not None]
     curves = [_likeliest(base, data, beside=number > 0) for number, base in enumerate(bases)]
     told = [curve for curve in curves if curve is not None]
-    fitted = [(curve.held_out, curve) for curve in told if curve.held_out is not None]
-    if not fitted:
-        return next(iter(told), None)
-    (error, best), (other, beside) = fitted[0], fitted[-1]
-    if other < _BETTER * error:
-        error, best = other, beside
-    without = min(base.holdout.rmse for base in bases if base.holdout)
-    far = bool(np.any(np.abs(best.heat) > _FAR_BEYOND * best.band))
-    return replace(best, without=without, offered=far and error < _BETTER * without)
+    without = min((base.holdout.rmse for base in bases if base.holdout), default=0.0)  # none held out: none offered
+    for curve in told:
+        far = bool(np.any(np.abs(curve.heat) > _FAR_BEYOND * curve.band))
+        if far and curve.held_out is not None and curve.held_out < _BETTER * without:
+            return replace(curve, without=without, offered=True)
+    return replace(told[0], without=without or None) if told else None
 
 
 def _likeliest(base: Step, data: DataSplit, *, beside: bool) -> LearnedCurve | None:

@@ -138,6 +138,10 @@ def narrative(steps: Sequence[Step], last: Diagnosis | None, advice: Advice | No
     hopeless = unexplained and (single or not explains(MOST, steps[0].fit, steps[-1].fit))
     answers = Kinds.of([steps[0], *last.steps]) if last and single else kinds
     said = [Sentence("Verdict", _verdict(steps, last, kinds))] if last else []
+    for one in last.learned if last else ():
+        column = goes_with(one.effect, one.driven_by or one.at)
+        text = f"{said[0].text} Heat at {one.where} is {UNNAMED}{column}: learned, without a name."
+        said[0] = Sentence("Verdict", text)
     groups: tuple[tuple[Label, list[Step]], ...] = (
         ("Best candidates" if hopeless else "Findings", answers.findings),
         ("Structure", answers.structure),
@@ -150,9 +154,6 @@ def narrative(steps: Sequence[Step], last: Diagnosis | None, advice: Advice | No
         said.append(Sentence("Added by hand", f"{capitalised(_chosen(kinds))}."))
     said.append(Sentence("Error", errors_in_words(steps)))
     heat = [f"Most significant {for_people(advice.heat[0].text())}."] if advice and advice.heat and unexplained else []
-    for declared in (declared for step in kinds.learned for declared in step.declarations):
-        column = goes_with(declared.effect, declared.driven_by or declared.at)
-        heat.append(f"At {declared.at} {UNNAMED}{column}: learned, without a name.")
     if advice and advice.learned:
         heat.append(_first_sentence(for_people(advice.learned.text())))
     if heat:
@@ -250,6 +251,8 @@ def _next(steps: Sequence[Step], last: Diagnosis, kinds: Kinds, advice: Advice |
     if last.verdict == "missing":
         answer = _short_and_sure(last.steps[0])
         return f"Add {answer if len(steps) > 1 else 'the effects above'}, and see whether the held-out error falls."
+    if advice and advice.learned and advice.learned.offered:
+        return f"That heat has no name, and can be learned as a curve. {advice.learned.offer}"
     if advice and advice.differing:
         return advice.differing[0].sentence or advice.differing[0].text()
     if advice and advice.experiment:
