@@ -328,7 +328,7 @@ def python_lines(study: Study, opening: Opening) -> str:
     lines = ["import lptn", "", f"study = lptn.Study({', '.join(words)})"]
     for stretch in study.stretches:
         call = "hold_out" if stretch.held_out else "leave_out"
-        lines.append(f"study.{call}({stretch.run!r}, {stretch.start:.6g}, {stretch.stop:.6g})")
+        lines.append(f"study.{call}({stretch.run!r}, {stretch.start:.12g}, {stretch.stop:.12g})")
     lines.append("study.fit()")
     lines += [f"study.add({step.effect!r}, at={step.at!r})" for step in study.steps[1:]]
     for setting in study.settings:

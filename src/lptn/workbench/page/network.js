@@ -38,7 +38,7 @@ export class Network {
 
   fill({ drawing, time }, { segment }) {
     const run = this.page.state.segments.find(each => each.key === segment), focused = this.drawing.contains(document.activeElement) ? document.activeElement.dataset.parameter : "";
-    this.words.textContent = `${run.run} at ${Number(time.toFixed(1))} s, as the model predicts it: move the mouse over a plot. Boxes are coloured by temperature, lines are as wide as the heat that flows. A click on a part shows its parameters.`;
+    this.words.textContent = `${run.run} at ${Number((time - run.origin).toFixed(1))} s, as the model predicts it: move the mouse over a plot. Boxes are coloured by temperature, lines are as wide as the heat that flows. A click on a part shows its parameters.`;
     // The page's policy forbids styles in what is written, not those that a script sets.
     const [whole, style] = drawing.match(/<style>(.*?)<\/style>/s);
     this.drawing.innerHTML = drawing.replace(whole, "").replaceAll(' style="', ' data-style="');

@@ -95,7 +95,7 @@ export class Plots {
       h("button", { id: "whole", disabled: !window, onclick: () => this.zoom(segment.key, null) }, "Whole run"),
       h("button", { id: "special", disabled: !window, onclick: () => this.special(at, window) }, "What is special here?"),
       segment.job === "fitted" && cut("fit_on", "Fit on this"), segment.job === "fitted" && cut("hold_out", "Hold this out"), cut("leave_out", "Leave this out"),
-      h("small", null, window ? `${clock(window[0])} to ${clock(window[1])} s` : "Drag to zoom; keys: + − ← →, with Shift the cursor.")].filter(Boolean));
+      h("small", null, window ? span(window, segment.origin) : "Drag to zoom; keys: + − ← →, with Shift the cursor.")].filter(Boolean));
     if (focused) document.getElementById(focused)?.focus();
   }
 
@@ -107,8 +107,8 @@ export class Plots {
     const row = each => h("tr", { className: each.score > found.chance ? "" : "soft" }, h("td", null, each.words), h("td", { className: "n" }, each.score.toFixed(1)), h("td", { className: "n" }, number(each.inside)), h("td", { className: "n" }, number(each.outside)));
     this.told.replaceChildren(...!answer.ok ? [h("p", null, found.error)] : [
       h("p", null, beyond.length ? "" : found.companions.length ? "No input correlates with the error here more than by chance. " : "No input of this run changes. ",
-        `${node}, ${clock(window[0])} to ${clock(window[1])} s. The score says how much more an input goes with the error here than in other stretches of this length; by chance the best input reaches ${found.chance.toFixed(1)} in one of twenty.`),
-      found.companions.length ? h("table", { id: "companions" }, h("thead", null, h("tr", null, ["goes with the error", "score", "mean here", "elsewhere"].map((each, k) => h("th", { className: k ? "n" : "" }, each)))),
+        `${node}, ${span(window, this.page.state.segments.find(each => each.key === segment).origin)}. The score says how much more an input correlates with the error here than in other intervals of this length; by chance the best input reaches ${found.chance.toFixed(1)} in one of twenty.`),
+      found.companions.length ? h("table", { id: "companions" }, h("thead", null, h("tr", null, ["correlates with the error", "score", "mean here", "elsewhere"].map((each, k) => h("th", { className: k ? "n" : "" }, each)))),
         h("tbody", null, found.companions.slice(0, MOST_COMPANIONS).map(row))) : "",
       h("button", { id: "close special", onclick: () => this.told.replaceChildren() }, "Close")]);
   }
@@ -121,7 +121,7 @@ export class Plots {
   }
 }
 
-const clock = value => Number(value.toPrecision(5)).toString();
+const span = (window, origin) => `${window.map(each => Number((each - origin).toPrecision(5))).join(" to ")} s`;
 
 // Lines by node: a line of JSON says which they are, and how long; then come their values, 8 bytes each.
 function unpacked(bytes) {
