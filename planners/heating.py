@@ -24,10 +24,8 @@ Request = Literal["current", "torque"]
 _SAME: dict[str, Request] = {"current": "current", "current_abs": "current", "torque": "torque", "torque_abs": "torque"}
 """What each of a joint's inputs is: of a constant current RMS and mean magnitude are one, else the mean is less."""
 _POWER = "mechanical_power"
-_LEAST = 1e-6  # A or N*m, below what any drive resolves: no root has a slope at 0
-_ROOM = 25.0  # degC
 _TYPICAL = 40.0  # degC, and any condition
-_RANDOM_POINTS, _TOLERANCE = 5, 1e-7  # of the check that joints heat independently; the tolerance is relative
+_TOLERANCE = 1e-7  # relative, of rates that are the same
 
 
 @dataclass(frozen=True)
@@ -89,7 +87,7 @@ class Heating:
             if unsaid := [joint for joint in powers if f"velocity.{joint}" not in kept]:
                 make = lambda: ca.Function("torque", [self.x, self.p], [self.torque])  # noqa: E731
                 per_unit = self.model.made_once(("torque per unit", self.request), make)
-                at_room = np.asarray(per_unit(np.full(self.x.numel(), _ROOM), self.model.values)).ravel()
+                at_room = np.asarray(per_unit(np.full(self.x.numel(), 25.0), self.model.values)).ravel()
                 torques = dict(zip(self.joints, np.abs(asked) * at_room, strict=True))
                 for joint in unsaid:
                     power = abs(given[f"{_POWER}.{joint}"])
@@ -215,8 +213,8 @@ def _torque_constant(model: Model, joint: str, x: Any, p: Any) -> Any:
 
 
 def _root_of(heat: Any) -> Any:
-    """Amounts from their squares."""
-    return ca.sqrt(heat + _LEAST**2)
+    """Amounts from their squares; a root has a slope at 0, too, for 1e-6 A or N*m are below what any drive resolves."""
+    return ca.sqrt(heat + 1e-6**2)
 
 
 def _added(rates: Any, amount: Any) -> tuple[Any, Any]:
@@ -240,7 +238,7 @@ def _refuse_joints_that_depend(model: Model, rates: Any, amount: Any, others: li
     none, added = _added(rates, amount)
     check = ca.Function("check", [amount, *others], [rates - none - ca.sum2(added), rates])
     random = np.random.default_rng(0)
-    for _ in range(_RANDOM_POINTS):
+    for _ in range(5):
         point = [random.uniform(0.1, 3, amount.numel())]
         point += [random.uniform(20.0, 60.0, other.numel()) for other in others[:-1]] + [model.values]
         difference, size = (np.asarray(value.full()).ravel() for value in check(*point))

@@ -19,9 +19,6 @@ from .plan import Plan, plan_mission
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_COARSE = 0.5  # K between the program's few steps and the simulation above which a warning is printed
-_PRINTED = 4  # prices
-
 
 @dataclass(frozen=True)
 class MissionAnswer:
@@ -160,7 +157,7 @@ def _prices(plan: Plan) -> list[str]:
     if plan.bottleneck is None:
         return ["no temperature limit holds it up"]
     more = "work" if plan.verdict == "cut" else "time saved"
-    classes = list(plan.class_prices.items())[:_PRINTED]
+    classes = list(plan.class_prices.items())[:4]
     lines = []
     for name, price in classes:
         tied = [node for node in plan.limit_prices if name in (node, class_of(node))]
@@ -176,7 +173,7 @@ def _check(plan: Plan) -> list[str]:
     node = max(over, key=lambda name: over[name])
     lines = [f"replayed in fine steps: {node} is nearest to its limit, {plan.peaks[node]:.2f} of "
              f"{plan.mission.limits[node]:g} degC; program and replay differ by {plan.coarseness:.2f} K"]  # fmt: skip
-    if plan.coarseness > _COARSE:
+    if plan.coarseness > 0.5:  # K between the program's few steps and the simulation
         lines.append("that is a large difference: divide the activities into more pieces")
     if plan.lowered > 0:
         lines.append(f"found with limits {plan.lowered:.2f} K lower, so that the replay keeps them")

@@ -12,7 +12,6 @@ from lptn.basics.style import FAINT, INK, LIMIT, SMALL, TEXT, dress, new_figure,
 from .plan import Plan
 
 _COLOURS = ("#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8C6D31")
-_BARS = 8
 _VERDICTS = {
     "met": "all done",
     "late": "all done, after the deadline",
@@ -78,7 +77,7 @@ def _doings(ax: Axes, plan: Plan) -> None:
 
 
 def _prices(ax: Axes, plan: Plan) -> None:
-    shown = list(plan.class_prices.items())[:_BARS][::-1]
+    shown = list(plan.class_prices.items())[:8][::-1]
     ax.barh(range(len(shown)), [price for _, price in shown], 0.6, color=_COLOURS[0])
     ax.set_yticks(range(len(shown)), [plain(name) for name, _ in shown])
     what = "work gained" if plan.verdict == "cut" else "time saved"

@@ -22,24 +22,18 @@ from .simulation import simulate_plan
 
 Goal = Literal["time", "work"]
 """Least time; or the most work within the deadline."""
-_NO_DEADLINE = 1e6  # s
-_STARTS = (0.8, 0.2)  # eager and cautious: how far between the least and the greatest of each choice
 _IPOPT = {
     "print_level": 0, "sb": "yes", "tol": 1e-9, "max_iter": 250, "max_cpu_time": 60.0, "bound_relax_factor": 0,
     "mu_strategy": "adaptive",  # half the iterations of the monotone one, to the same optimum
     # The program is scaled as it stands; with the scaling of the linear solver the factors fill in: 25 times slower.
     "mumps_permuting_scaling": 0, "mumps_scaling": 0,
 }  # fmt: skip
-_OPTIONS: dict[str, Any] = {"print_time": False, "ipopt": _IPOPT}
 _NO_PRICE = 1e8
 """Multiplier of a bound, in `TIME` per unit, that none has: 3000 years for a kelvin. On the way to an optimum they
 stayed below 1e5; where no plan keeps the limits they grow without end, and a step of IPOPT then takes a minute."""
-_HOPELESS = "Multipliers_Without_Bound"
 ELEMENTS, DEGREE, _GRADING = 4, 3, 1.5  # the temperatures change fastest when a piece begins
 TIME, LOAD = 1000.0, 10.0  # s, kg: sizes that make the program's numbers about one
-_TIDY = 1e-7  # of plans equally fast the one with the smaller loads' squares and middling postures is meant
 _HASTE = 1e-4  # of plans that do equally much the faster is meant; too little to show in a price
-_COLD, _HOT = 10.0, 1000.0  # K below and above what is given: beyond runaway the formulas have other roots
 PARAMETERS = ("ambient", "carry", "deadline")
 
 
@@ -86,9 +80,9 @@ class Transcription:
 
     @property
     def range(self) -> tuple[float, float]:
-        """Temperatures [degC] beyond which no solution is sought."""
+        """Temperatures [degC] beyond which no solution is sought: beyond runaway the formulas have other roots."""
         given = [self.mission.ambient, *self.mission.start.tolist()]
-        return min(given) - _COLD, max(given) + _HOT
+        return min(given) - 10.0, max(given) + 1000.0
 
     def ceilings(self, limits: dict[str, float]) -> FloatArray:
         """Greatest temperature of each state at each stage [degC], shape (states, stages).
@@ -170,8 +164,9 @@ class Transcription:
         # Rests that were asked for are no work, but kept where they cost nothing.
         counts = [activity.work or 2 * _HASTE * activity.least_time for activity in self.mission.activities]
         work = ca.dot(self._shares, ca.DM(counts)) / TIME
-        tidy = ca.sumsqr(self._loads) + ca.sumsqr(self._posture - 0.5)
-        cost = self._for_work * (_HASTE * total - work) + (1 - self._for_work) * total + _TIDY * tidy
+        # Of plans equally fast the one with the smaller loads' squares and middling postures is meant.
+        tidy = 1e-7 * (ca.sumsqr(self._loads) + ca.sumsqr(self._posture - 0.5))
+        cost = self._for_work * (_HASTE * total - work) + (1 - self._for_work) * total + tidy
         self.w = ca.vertcat(ca.vec(stages), self._pace, self._loads, self._shares, self._posture)
         self.p = ca.vertcat(self._ambient, self._carry, self._deadline, self._start, self._for_work)
         self.f = cost
@@ -267,7 +262,8 @@ class Program:
         self.segments = written.segments
         problem = {"x": written.w, "p": written.p, "f": written.f, "g": written.g}
         self._watch = _Watch(problem)
-        self._solver = ca.nlpsol("mission", "ipopt", problem, _OPTIONS | {"iteration_callback": self._watch})
+        options: dict[str, Any] = {"print_time": False, "ipopt": _IPOPT, "iteration_callback": self._watch}
+        self._solver = ca.nlpsol("mission", "ipopt", problem, options)
 
     def solve(
         self,
@@ -288,13 +284,14 @@ class Program:
             changed: `ambient` [degC] or `carry` [kg], where they differ from the mission's.
         """
         mission, written = self.mission, self._written
-        given = {"ambient": mission.ambient, "carry": mission.carry, "deadline": deadline or _NO_DEADLINE} | changed
+        given = {"ambient": mission.ambient, "carry": mission.carry, "deadline": deadline or 1e6} | changed
         p = np.array([*(given[name] for name in PARAMETERS), *mission.start, float(goal == "work")])
         ceilings = written.ceilings(mission.limits | dict(limits or {}))
         lower, upper = self._bounds(goal, ceilings)
         if near is not None:
             return self._solve(near.raw, p, lower, upper, goal)
-        solutions = [self._solve(self._guess(eagerness, ceilings), p, lower, upper, goal) for eagerness in _STARTS]
+        # An eager and a cautious start: how far between the least and the greatest of each choice.
+        solutions = [self._solve(self._guess(eagerness, ceilings), p, lower, upper, goal) for eagerness in (0.8, 0.2)]
         return max(
             solutions,
             key=lambda solution: (solution.success, solution.work(mission) if goal == "work" else -solution.total),
@@ -336,10 +333,11 @@ class Program:
         least = np.concatenate([np.zeros(rows - 2), np.full(2, -np.inf)])
         done = self._solver(x0=start, p=p, lbx=lower, ubx=upper, lbg=least, ubg=np.zeros(rows))
         stats = self._solver.stats()
+        status = str(stats["return_status"])
         time, speed, load, share, posture = self._choices(done["x"])
         return Solution(
             bool(stats["success"]),
-            _HOPELESS if stats["return_status"] == "User_Requested_Stop" else str(stats["return_status"]),
+            "Multipliers_Without_Bound" if status == "User_Requested_Stop" else status,
             time,
             speed,
             load,

@@ -10,9 +10,6 @@ from __future__ import annotations
 from .mission import Mission
 from .program import Goal, Program, Solution
 
-_SHORTEST = 0.05  # s; shorter rests are solver dust
-_HASTE = 1e-4  # of plans that do equally much the faster is meant
-
 
 def solved(mission: Mission, goal: Goal, deadline: float | None = None) -> tuple[Program, Solution]:
     """The program of a mission with the rests that are worth their transitions, and its solution.
@@ -29,7 +26,8 @@ def solved(mission: Mission, goal: Goal, deadline: float | None = None) -> tuple
     if not mission.transitions or not solution.success:  # what can't be done without transitions can't with them
         return program, solution
     every = [segment.before for segment in program.segments if segment.before >= 0]
-    for rests in (_longest_first(program, solution, _SHORTEST), every, []):
+    # Rests of less than 0.05 s are solver dust.
+    for rests in (_longest_first(program, solution, above=0.05), every, []):
         program = Program(mission, rests)
         solution = program.solve(goal, deadline=deadline)
         if solution.success:
@@ -58,5 +56,5 @@ def _longest_first(program: Program, solution: Solution, above: float = -1.0) ->
 
 
 def _worth(mission: Mission, solution: Solution, goal: Goal) -> float:
-    """Seconds of work done, or of time not needed."""
-    return solution.work(mission) - _HASTE * solution.total if goal == "work" else -solution.total
+    """Seconds of work done, or of time not needed. Of plans that do equally much the faster is meant."""
+    return solution.work(mission) - 1e-4 * solution.total if goal == "work" else -solution.total

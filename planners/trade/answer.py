@@ -12,16 +12,11 @@ from lptn.basics.errors import InputError
 
 from .designs import BUDGETS, Design, IsoMap, LimitCurve, Refusal, design_of, iso_map, limit_curves, refusal_of
 from .problem import Problem, Solution
-from .study import Option, Study
+from .study import Study
 from .tables import GOALS, SWEPT, Sweep
 from .torque_speed import TorqueSpeed, torque_speed
 from .uncertainty import Interval, intervals
 
-_CURRENT = 40.0  # A; how far curves go where nothing limits the current
-_POINTS = 45  # of a curve
-_DIAGRAMS = 6  # torque over speed; each takes seconds
-_DRAWN = 6  # choices that a reader tells apart in one diagram
-_BETTER = 1e-4  # relative; a point that is better by less adds nothing to a front
 Report = Callable[[str], None]
 
 
@@ -81,16 +76,22 @@ class StudyResult:
 
     @cached_property
     def curves(self) -> tuple[LimitCurve, ...]:
-        """Time to the limit over constant current for each design, best first, up to a third above the most current."""
-        most = max(design.option.limits.get("current", _CURRENT) for design in self.designs)
-        currents = np.linspace(most / 12, 1.3 * most, _POINTS)
+        """Time to the limit over constant current for each design, best first, up to a third above the most current.
+
+        That is 40 A where nothing limits the current.
+        """
+        most = max(design.option.limits.get("current", 40.0) for design in self.designs)
+        currents = np.linspace(most / 12, 1.3 * most, 45)
         return tuple(limit_curves(design, currents) for design in self.designs)
 
     @cached_property
     def torque_speed(self) -> tuple[TorqueSpeed, ...]:
-        """How long the best designs hold each torque at each speed; empty without a limit of voltage or speed."""
+        """How long the six best designs hold each torque at each speed, in some seconds for each.
+
+        Empty without a limit of voltage or speed.
+        """
         drawn = [design for design in self.designs if {"voltage", "speed"} & {*design.option.limits}]
-        return tuple(torque_speed(design) for design in drawn[:_DIAGRAMS])
+        return tuple(torque_speed(design) for design in drawn[:6])
 
     @cached_property
     def iso_map(self) -> IsoMap | None:
@@ -100,10 +101,13 @@ class StudyResult:
 
     @cached_property
     def drawn(self) -> tuple[str, ...]:
-        """Names of the choices in figures: the best one, the best one with a sink, the front's, the next best."""
+        """Names of the choices in figures: the best one, the best one with a sink, the front's, the next best.
+
+        Six at most, which a reader tells apart in one diagram.
+        """
         best = [design.option.name for design in self.designs]
         sunk = [] if self.with_sink is None else [self.with_sink.option.name]
-        return tuple(dict.fromkeys([*best[:1], *sunk, *(point.option for point in self.front), *best]))[:_DRAWN]
+        return tuple(dict.fromkeys([*best[:1], *sunk, *(point.option for point in self.front), *best]))[:6]
 
     @property
     def with_sink(self) -> Design | None:
@@ -145,30 +149,28 @@ def solve_study(study: Study, report: Report = lambda _: None) -> StudyResult:
     by_name = {problem.option.name: problem for problem, _ in problems}
     solved = [(by_name[design.option.name], design) for design in designs]
     result = StudyResult(study, tuple(designs), tuple(refusals), intervals=intervals(study, solved, report))
-    return result if study.sweep is None else _swept(result, problems, report)
-
-
-def _swept(result: StudyResult, problems: list[tuple[Problem, Solution | None]], report: Report) -> StudyResult:
-    sweep = result.study.sweep
-    assert sweep is not None
+    if study.sweep is None:
+        return result
     by_option: dict[str, tuple[FrontPoint, ...]] = {}
-    for problem, solved in problems:
-        report(f"sweeping {sweep.against} for {problem.option.name}")
-        by_option[problem.option.name] = _sweep_points(problem, solved, sweep)
-    return replace(result, front=_front_of(by_option, result.study, sweep), by_option=by_option)
-
-
-def _front_of(by_option: dict[str, tuple[FrontPoint, ...]], study: Study, sweep: Sweep) -> tuple[FrontPoint, ...]:
-    """The points that no other beats in both the amount and the goal; the best of each amount that costs nothing."""
-    sign = 1.0 if GOALS[study.question.goal][2] else -1.0
-    cheap_first = SWEPT[sweep.against].eases
+    for problem, near in problems:
+        report(f"sweeping {study.sweep.against} for {problem.option.name}")
+        by_option[problem.option.name] = _sweep_points(problem, near, study.sweep)
     points = [point for points in by_option.values() for point in points]
+    return replace(result, front=_front_of(points, better, SWEPT[study.sweep.against].eases), by_option=by_option)
+
+
+def _front_of(points: list[FrontPoint], more_is_better: bool, cheap_first: int) -> tuple[FrontPoint, ...]:
+    """The points that no other beats in both the amount and the goal; the best of each amount that costs nothing.
+
+    A point that is better by less than 1e-4 adds nothing.
+    """
+    sign = 1.0 if more_is_better else -1.0
     if not cheap_first:
         best = {point.amount: point for point in sorted(points, key=lambda point: sign * point.value)}
         return tuple(best[amount] for amount in sorted(best))
     front: list[FrontPoint] = []
     for point in sorted(points, key=lambda point: (cheap_first * point.amount, -sign * point.value)):
-        if not front or sign * (point.value - front[-1].value) > _BETTER * abs(front[-1].value):
+        if not front or sign * (point.value - front[-1].value) > 1e-4 * abs(front[-1].value):
             front.append(point)
     return tuple(sorted(front, key=lambda point: point.amount))
 
@@ -188,7 +190,11 @@ def _sweep_points(problem: Problem, near: Solution | None, sweep: Sweep) -> tupl
                 break
             continue
         near = solution
-        points.append(_point(problem.option, sweep.against, amount, solution))
+        values, option = solution.variables, problem.option
+        amount = values[sweep.against] if sweep.against in BUDGETS else amount  # a design need not use up its budget
+        capacity, resistance = (values[name] if option.has_sink else None for name in ("capacity", "resistance"))
+        others = (values[name] for name in ("ratio", "mass", "volume", "price"))
+        points.append(FrontPoint(amount, solution.objective, option.name, capacity, resistance, *others))
     by_amount = {round(point.amount, 6 if sweep.against == "mass" else 9): point for point in points}
     return tuple(sorted(by_amount.values(), key=lambda point: point.amount))
 
@@ -203,11 +209,3 @@ def _swept_parameter(problem: Problem, against: str) -> str | None:
         expected = f"limits.{against} = …, to be swept"
         raise InputError(study.origin, "pareto.against", f'"{against}" without a limit', expected)
     return None
-
-
-def _point(option: Option, against: str, amount: float, solution: Solution) -> FrontPoint:
-    values = solution.variables
-    amount = values[against] if against in BUDGETS else amount  # a design need not use up its budget
-    capacity, resistance = (values[name] if option.has_sink else None for name in ("capacity", "resistance"))
-    others = (values[name] for name in ("ratio", "mass", "volume", "price"))
-    return FrontPoint(amount, solution.objective, option.name, capacity, resistance, *others)

@@ -89,14 +89,9 @@ def _design(design: Design, intervals: Mapping[str, Interval]) -> dict[str, obje
         "degenerate": design.degenerate,
         "sensitivities": design.sensitivities,
         "of_sink": design.sink_sensitivities,
-        "interval": None if interval is None else _interval(interval),
+        # Its ends are null where limits can't be kept.
+        "interval": interval and {key: end if np.isfinite(end) else None for key, end in asdict(interval).items()},
     }
-
-
-def _interval(interval: Interval) -> dict[str, float | None]:
-    """Its ends, null where limits can't be kept; shares of the draws that are feasible, and in which it is the best."""
-    low, high = (end if np.isfinite(end) else None for end in (interval.low, interval.high))
-    return {"low": low, "high": high, "feasible": interval.feasible, "best": interval.best}
 
 
 def lines(result: StudyResult) -> Iterable[str]:

@@ -10,7 +10,6 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.basics.style import INK, SMALL, TEXT, dress, new_figure, plain
 
@@ -141,15 +140,8 @@ def _front(ax: Axes, result: StudyResult) -> None:
     for name, points in result.by_option.items():
         if points and name in result.drawn:
             amounts, values = ([getattr(point, key) for point in points] for key in ("amount", "value"))
-            ax.plot(
-                factor * np.array(amounts),
-                scale * np.array(values),
-                lw=1.2,
-                marker=".",
-                ms=3,
-                label=plain(name),
-                **_look(result, name),
-            )
+            look = _look(result, name) | {"marker": ".", "ms": 3, "lw": 1.2}
+            ax.plot(factor * np.array(amounts), scale * np.array(values), label=plain(name), **look)
     amounts, values = ([getattr(point, key) for point in result.front] for key in ("amount", "value"))
     ax.plot(factor * np.array(amounts), scale * np.array(values), "o", ms=4, color=INK, label="Pareto front", zorder=5)
     ax.set(xlabel=label, ylabel=goal, title="Pareto front: the best choice at each amount")
@@ -166,18 +158,14 @@ def _map(ax: Axes, result: StudyResult) -> None:
     ax.set(xscale="log", yscale="log", xlabel="sink capacity C [J/K]", ylabel="sink resistance R_h [K/W]")
     ax.set(xlim=option.study.sink.capacity, ylim=option.study.sink.resistance)
     lines = ax.contour(grid.capacity, grid.resistance, grid.winding, levels=8, colors="0.35", linewidths=1.0)
-    ax.clabel(lines, fontsize=SMALL, fmt=_decimals(grid.winding))
+    spread = float(np.ptp(grid.winding[np.isfinite(grid.winding)]))
+    decimals = max(0, int(np.ceil(1 - np.log10(max(spread, 1e-6)))))  # that tell the contours apart
+    ax.clabel(lines, fontsize=SMALL, fmt=f"%.{decimals}f")
     _bounds(ax, design, here)
     ax.plot(*here, "o", ms=7, color=_look(result, option.name)["color"], zorder=6, clip_on=False)
     ax.annotate("design", here, (7, 7), textcoords="offset points", fontsize=SMALL)
     peak = "Mean" if option.study.task.repeats is None else "Hottest"
     ax.set_title(f"{peak} winding [degC] at {design.torque:.3g} N·m\n{plain(option.name)}; shaded: can't be built")
-
-
-def _decimals(values: FloatArray) -> str:
-    """A format that tells the contours apart."""
-    spread = float(np.ptp(values[np.isfinite(values)]))
-    return f"%.{max(0, int(np.ceil(1 - np.log10(max(spread, 1e-6)))))}f"
 
 
 def _bounds(ax: Axes, design: Design, here: tuple[float, float]) -> None:

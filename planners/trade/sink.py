@@ -16,7 +16,6 @@ from ..values import Conductivity, Density, NotNegative, SpecificHeat
 
 AIR_CONDUCTIVITY, AIR_VISCOSITY, AIR_DIFFUSIVITY = 0.0267, 1.67e-5, 2.36e-5
 """Of air at 37 degC (W/(m K), m²/s, m²/s): [IncroperaDeWitt, table A.4]."""
-_GRAVITY, _AIR_TEMPERATURE = 9.81, 310.0
 
 
 class Material(Strict):
@@ -58,7 +57,7 @@ def still_air(excess: float, height: float) -> Air:
 
     Source: [BarCohenRohsenow1984], isothermal plates.
     """
-    driving = _GRAVITY * excess / _AIR_TEMPERATURE / (AIR_VISCOSITY * AIR_DIFFUSIVITY)
+    driving = 9.81 * excess / 310.0 / (AIR_VISCOSITY * AIR_DIFFUSIVITY)  # m/s² of gravity, air of 310 K
     spacing = 2.714 * (height / driving) ** 0.25
     return Air(1.307 * AIR_CONDUCTIVITY / spacing, spacing)
 

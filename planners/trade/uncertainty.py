@@ -18,7 +18,6 @@ from .problem import Problem
 from .study import Study
 from .tables import GOALS, StandardError
 
-_SEED = 1  # any; the same draws each time, so that an answer can be had again
 _TEMPERATURE = "degC"
 Key = tuple[str, str]
 """A parameter that is drawn: of which motor (empty for what all choices share), and its name."""
@@ -65,7 +64,8 @@ def intervals(
     keys = sorted({key for parameters in errors for key in parameters})
     draws = np.zeros((uncertainty.draws, 0))
     if keys:
-        draws = ndtri(qmc.Sobol(len(keys), seed=_SEED).random(uncertainty.draws))
+        # The same draws each time, so that an answer can be had again.
+        draws = ndtri(qmc.Sobol(len(keys), seed=1).random(uncertainty.draws))
     worst = -np.inf if GOALS[study.question.goal][2] else np.inf
     values = np.full((len(solved), uncertainty.draws), worst)
     for row, ((problem, design), error) in enumerate(zip(solved, errors, strict=True)):
