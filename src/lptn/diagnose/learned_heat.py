@@ -24,6 +24,7 @@ from lptn.diagnose.diagnosis import Diagnosis
 from lptn.diagnose.priors import OCCAM
 from lptn.diagnose.refits import refit
 from lptn.diagnose.unexplained_heat import (
+    WIDE,
     Blocks,
     against_known,
     blocks,
@@ -44,10 +45,7 @@ from lptn.logs.run import Run
 from lptn.model.heat_balance import input_column
 from lptn.model.network import EffectDeclaration
 
-_WIDE = 1.96  # standard deviations on either side of a 95 % band
-_FAR_BEYOND = (
-    2.0  # bands that a curve must be from none: four standard errors, of many curves the best is not by chance
-)
+_FAR_BEYOND = 2.0  # bands that a curve must be from none: four standard errors, beyond the best of many by chance
 _BETTER = 0.95
 """Share of the held-out error that must be left at most: an RMSE of some 200 independent residuals, an hour or two of a
 few nodes, is itself known to 1/√400."""
@@ -240,7 +238,7 @@ def curve_of(fit: Fit, declared: EffectDeclaration) -> tuple[FloatArray, FloatAr
     variance = np.einsum("kn,kl,ln->n", of_pieces, covariance, of_pieces)
     within = np.abs(of_pieces) / given["scale"]
     variance += 0.5 * ((rises * given["scale"]) ** 2) @ np.clip(within * (1.0 - within), 0.0, None)
-    return values, rises @ of_pieces, _WIDE * np.sqrt(np.maximum(variance, 0.0))
+    return values, rises @ of_pieces, WIDE * np.sqrt(np.maximum(variance, 0.0))
 
 
 @one_blas_thread

@@ -67,7 +67,7 @@ class UnexplainedHeat:
         comparisons = len(self.nodes) * max(
             1.0, self.time.size * self.seconds / BLOCK
         )  # what lies closer counts as one
-        return np.asarray(-NormalDist().inv_cdf(0.025 / comparisons) / _WIDE * self.band)
+        return np.asarray(-NormalDist().inv_cdf(0.025 / comparisons) / WIDE * self.band)
 
     @property
     def clear(self) -> FloatArray:
@@ -127,7 +127,7 @@ _BIASED = 3.0
 `tests/diagnose/hidden_heat.py` the bands hold zero in 80 to 86 % of the quiet time with 1, above 93 % with 3, 5."""
 _FARTHEST = 1.5
 """Of a logarithm, a factor of five: how far off parameters may be of which together the readings tell nothing."""
-_WIDE = 1.96  # standard deviations on either side of a 95 % band
+WIDE = 1.96  # standard deviations on either side of a 95 % band
 _HALF = 0.5  # a peak reaches as far as the heat stays above so much of its largest value; so deep is a valley
 
 
@@ -148,7 +148,7 @@ def unexplained_heat(fit: Fit) -> list[UnexplainedHeat]:
     for run, bound in zip(runs, fit.problem.bound_runs, strict=True):
         heat, spread = smoothed(run, prior_of(fit, run, scale, walk))
         nodes = tuple(fit.model.nodes[row] for row in run.rows)
-        about = _WIDE * spread, run.seconds, bound.run.origin
+        about = WIDE * spread, run.seconds, bound.run.origin
         unexplained.append(UnexplainedHeat(bound.run.name, run.time, nodes, heat, *about))
     return unexplained
 
