@@ -55,10 +55,7 @@ def _stator(name: str, seed: int, conductance: float) -> Run:
     return make_run(columns | dict(zip(("temperature.winding", "temperature.body"), readings, strict=True)), name=name)
 
 
-UNUSUAL = pytest.mark.xfail(reason="beside it heat scaled by 0.1, or a second mass for the body, is told")
-
-
-@pytest.mark.parametrize("conductance", [0.7, pytest.param(7.0, marks=UNUSUAL), pytest.param(20.0, marks=UNUSUAL)])
+@pytest.mark.parametrize("conductance", [0.7, 7.0, 20.0])
 def test_what_conducts_a_hundred_times_as_well_as_is_usual_is_named_with_its_size(conductance: float) -> None:
     data = split_data([_stator("one", 1, conductance)], [_stator("two", 2, conductance)])
     model = Model(parse_model(STATOR, Path("stator.toml")).network)

@@ -320,7 +320,7 @@ class _Search:
         """The model as it is now, fitted to the end."""
         self.report("fitting what was found to the end")
         self.fit = unless_interrupted(tolerant(self.fit, None))
-        self._take_out_none()
+        self._take_out()
         fit = unless_interrupted(finished(self.fit))
         evidence = self._evidence(fit)
         structure = []

@@ -26,6 +26,7 @@ _REPEATED = 5.0
 """s; so long at least what a model gets wrong stays the same, while a sensor's noise differs with each reading. Of
 readings closer than that several say once what the log was wrong by, and priors count as often: a log of 1 Hz and
 its means over 5 s, which effects are sought on, find the same errors of the log."""
+_CLOSE = 1e-4  # deviations from where an effect is none, up to which Cauchy's density is a normal one
 _AT_BOUND = 1e-4  # distance to a bound, in the search's coordinates
 _NEAR = 1.5  # K; a node starts no further from its first readings, unless an effect of its sensor is modelled
 
@@ -121,7 +122,12 @@ class Problem:
         priors = np.array(
             [parameter.prior for parameter in declared if parameter.prior is not None], dtype=float
         ).reshape(-1, 2)
-        self._means, self._deviations = priors[:, 0], priors[:, 1] / self.weight_of_priors
+        self._means, self._deviations = priors[:, 0], priors[:, 1]
+        off = [parameter.off for parameter in declared if parameter.prior is not None]
+        self._about_none = np.array(
+            [none is not None and none == mean for none, mean in zip(off, priors[:, 0], strict=True)], bool
+        )
+        """Which priors say that an effect is mostly none: what isn't may be of any size, so these have long tails."""
         self.readings = sum(int(bound.counted.sum()) for bound in self.bound_runs)
         """Number of readings that count."""
 
@@ -399,8 +405,18 @@ class Problem:
 
     def off_priors(self, z: FloatArray) -> FloatArray:
         """The residuals of what is known of parameters: of left-right pairs, then of priors."""
-        values = self.point(z).values[self.free][self._with_prior]
-        return np.concatenate([self._penalties @ z[: len(self.free)], (values - self._means) / self._deviations])
+        residuals = self.weight_of_priors * self._from_priors(self.point(z).values)[0]
+        return np.concatenate([self._penalties @ z[: len(self.free)], residuals])
+
+    def _from_priors(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Half of its square is minus the logarithm of a prior's density, a normal or Cauchy's; and its slope by how
+        many deviations the value is off. Shapes (priors,).
+        """
+        off = (values[self.free][self._with_prior] - self._means) / self._deviations
+        long = np.sign(off) * np.sqrt(2.0 * np.log1p(off**2))
+        slope = np.full(off.shape, np.sqrt(2.0))
+        np.divide(2.0 * off / (1.0 + off**2), long, out=slope, where=np.abs(off) > _CLOSE)
+        return np.where(self._about_none, long, off), np.where(self._about_none, slope, 1.0)
 
     def _prior_residuals(self, z: FloatArray, point: Point) -> FloatArray:
         return np.concatenate([self.starts_off(point.starts)[0].ravel(), self.off_priors(z)])
@@ -417,6 +433,7 @@ class Problem:
         """Derivatives of the priors' residuals by the free parameters' coordinates, shape (priors, free)."""
         slopes = np.zeros((len(self._with_prior), len(self.free)))
         own = self.slope(values)[self._with_prior] / self._deviations
+        own *= self.weight_of_priors * self._from_priors(values)[1]
         slopes[np.arange(len(own)), self._with_prior] = own
         return slopes
 
