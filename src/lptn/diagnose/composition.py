@@ -157,9 +157,7 @@ class _Search:
             self.structure = []
             return
         try:
-            self.fit = fit
-            self._take_out_none()  # first, since what is none costs as much time as what is something
-            self.fit = self._tolerant(self.fit)
+            self.fit = self._tolerant(fit)
             self._take_out()
         except SimulationError:  # with all of it the model is too stiff for a held-out run
             self.structure, self.fit = [], self.given
