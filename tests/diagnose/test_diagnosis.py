@@ -38,7 +38,7 @@ def _found(diagnosis: Diagnosis) -> tuple[tuple[str, str], float, float]:
     assert diagnosis.holdout is not None
     assert step.holdout is not None
     assert step.holdout.rmse < NOISE < diagnosis.holdout.rmse
-    told = step.told_by
+    told = step.size_parameter
     assert told is not None
     return step.key, told.value, step.fit.standard_errors[told.name]
 

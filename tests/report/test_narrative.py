@@ -31,11 +31,11 @@ from lptn.model.network import EffectDeclaration
 from lptn.report.captions import of_conditions
 from lptn.report.narrative import details, narrative, removed_in_words, short_name, size_in_words
 from lptn.report.shown import heat_fields
-from lptn.report.text import certainty, kelvin, significant, size_told
+from lptn.report.text import certainty, kelvin, significant, size_text
 from lptn.workbench.bench import Bench
 from lptn.workbench.content import content_of
 from lptn.workbench.opening import Opening
-from tests.report.two_joints import NODES, NOISE, Told
+from tests.report.two_joints import NODES, NOISE, Told, robot
 
 ROOT = Path(__file__).parents[2]
 
@@ -64,7 +64,7 @@ def test_a_solved_history_gives_verdict_finding_errors_and_next_step(missing: To
     assert said["Verdict"] == (
         "The model with the effects below is adequate; what remains is no more than the sensors' noise."
     )
-    size = size_told(history.best, history.best.fit)
+    size = size_text(history.best, history.best.fit)
     assert re.fullmatch(r"3 ± \S+ W", size)
     assert said["Findings"] == f"Constant heat at {NODES[0]} ({size}, very likely, 98 %)."
     before, after = history.steps[0].test, history.best.test
@@ -74,6 +74,15 @@ def test_a_solved_history_gives_verdict_finding_errors_and_next_step(missing: To
     floor = float(said["Error"].removesuffix(" K.").rpartition(" ")[2])
     assert floor == pytest.approx(NOISE, rel=0.1)
     assert said["Next"].startswith("Use the model")
+
+
+def test_the_model_as_given_has_the_effects_and_free_parameters_of_the_file(missing: Told, adequate: Told) -> None:
+    for history, _ in (missing, adequate):
+        given, file = history.steps[0], robot()
+        assert [(one.effect.key, one.where) for one in given.fit.model.network.effects] == [
+            (one.effect.key, one.where) for one in file.network.effects
+        ]
+        assert given.parameters == len(file.free)
 
 
 def test_an_adequate_model_is_called_so_and_lacks_nothing(adequate: Told) -> None:
@@ -252,7 +261,7 @@ def test_the_table_of_the_terminal_has_the_same_numbers(missing: Told, capsys: p
     show_history(missing[0])
     out = capsys.readouterr().out
     best = missing[0].best
-    assert size_told(best, best.fit) in out
+    assert size_text(best, best.fit) in out
     assert kelvin(best.fit.rmse) in out
 
 

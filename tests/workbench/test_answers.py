@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from lptn.report.text import size_told
+from lptn.report.text import size_text
 from lptn.workbench.bench import Bench, name_of
 from lptn.workbench.content import content_of
 from tests.workbench.conftest import OPENING
@@ -47,7 +47,7 @@ def test_an_answer_has_its_kind_size_and_probability(asked: Bench) -> None:
     assert [each["key"] for each in shown["answers"]] == [name_of(step) for step in diagnosis.steps]
     for each, step in zip(shown["answers"], diagnosis.steps, strict=True):
         assert each["kind"] == ("structure" if step.is_structure else "finding")
-        assert each["size"] == size_told(step, step.fit)
+        assert each["size"] == size_text(step, step.fit)
         assert "±" in each["size"]
         assert each["probable"].endswith("%")
     assert [each["effect"] for each in shown["refused"]] == [step.effect for step in diagnosis.refused]

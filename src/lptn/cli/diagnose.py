@@ -84,7 +84,7 @@ def show_answers(diagnosis: Diagnosis) -> None:
     """A table of what is missing, by the names that `lptn add` takes; of nothing, how probable that is."""
     from lptn.cli.terminal import show_table
     from lptn.diagnose.answers import NOTHING
-    from lptn.report.text import few, kelvin, named, percent, size_told
+    from lptn.report.text import few, kelvin, named, percent, size_text
 
     ratios = ", ".join(f"{node} {value:.2g}×" for node, value in diagnosis.lack_of_fit.items())
     print(f"Misfit / noise, of one-minute means: {ratios}.")
@@ -97,7 +97,7 @@ def show_answers(diagnosis: Diagnosis) -> None:
     rows = []
     for missing in diagnosis.steps:
         same = ", ".join(named(*key) for key in missing.indistinguishable)
-        rows.append((*missing.key, size_told(missing, missing.fit), percent(missing.probability), same))
+        rows.append((*missing.key, size_text(missing, missing.fit), percent(missing.probability), same))
     show_table(("effect", "at", "size", ">probability", "or"), rows)
     one_run = any("@" in (step.at or "") for step in diagnosis.steps)
     print(f"at: * is everywhere.{' NODE@RUN is in that run alone.' if one_run else ''}")

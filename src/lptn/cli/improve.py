@@ -119,7 +119,7 @@ def show_details(history: History, data: DataSplit, advice: Advice) -> None:
 def show_history(history: History) -> None:
     """The steps, from the model as given to the best, each with its size, probability and errors."""
     from lptn.cli.terminal import show_table
-    from lptn.report.text import kelvin, percent, size_told
+    from lptn.report.text import kelvin, percent, size_text
 
     tested = any(step.test for step in history.steps)
     rows = []
@@ -128,6 +128,6 @@ def show_history(history: History) -> None:
         probable = percent(step.probability) if step.probability else ""
         errors = [step.fit.rmse, step.holdout.rmse if step.holdout else None]
         errors += [step.test.rmse if step.test else None] if tested else []
-        rows.append((str(number), *what, size_told(step, history.best.fit), probable, *map(kelvin, errors)))
+        rows.append((str(number), *what, size_text(step, history.best.fit), probable, *map(kelvin, errors)))
     heads = ("step", "effect", "at", "size", ">probable", ">fit", ">held out")
     show_table((*heads, ">test") if tested else heads, rows)

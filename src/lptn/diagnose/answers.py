@@ -92,8 +92,8 @@ class Step(Tabular):
         return self._fitted(self.declaration.effect.amplitude() if self.declaration else None)
 
     @property
-    def told_by(self) -> ParameterInstance | None:
-        """The fitted parameter that tells how large the effect is: its amplitude, or, where that only says whether the
+    def size_parameter(self) -> ParameterInstance | None:
+        """The fitted parameter that states the size of the effect: its amplitude, or, where that only says whether the
         effect is there, its time constant or other shape; `None` as for `amplitude`.
         """
         effect = self.declaration.effect if self.declaration else None

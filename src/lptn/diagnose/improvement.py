@@ -119,7 +119,7 @@ class History(Tabular):
 
 def _size(step: Step, fit: Fit) -> dict[str, object]:
     """The size of an effect in a fit, its standard error, and the unit of both."""
-    size = replace(step, fit=fit).told_by
+    size = replace(step, fit=fit).size_parameter
     if size is None:
         return {"size": None, "standard_error": None, "unit": None}
     error = fit.standard_errors.get(size.name)

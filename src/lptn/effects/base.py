@@ -169,7 +169,7 @@ class Effect(ABC):
     measurement_error: ClassVar[bool] = False
     """Whether it is an error of what was logged, of a sensor, a clock or the air, and nothing in the robot.
 
-    Such errors are told as findings, the same one at all sensors, too, and never as what a machine is made of.
+    Such errors are findings, also the same one at all sensors, and never structure.
     """
     common: ClassVar[bool] = False
     """Whether it follows from how a machine is built, so that every part may have it: of the structure of a model."""
@@ -460,7 +460,7 @@ class ContactEffect(Effect):
     @classmethod
     def places_in_words(cls, layout: Layout) -> str:
         names = ", ".join(place for place, _ in cls.places(EVERYWHERE, layout))
-        return f"one of {names}" if names else "a link between two nodes, which this model lacks"
+        return f"one of {names}" if names else "a link between two nodes; this model has none"
 
     @classmethod
     def like_places(cls, place: str, nodes: Sequence[str]) -> str:
@@ -619,7 +619,7 @@ class BoundaryEffect(Effect):
     @classmethod
     def places_in_words(cls, layout: Layout) -> str:
         names = ", ".join(layout.prescribed)
-        return f"one of {names}" if names else "a prescribed temperature, which this model lacks"
+        return f"one of {names}" if names else "a prescribed temperature; this model has none"
 
     def prescribed_error(self, here: Conditions) -> Symbol:
         return self.error(here.given, here.state, here.p)

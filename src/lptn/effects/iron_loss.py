@@ -16,7 +16,7 @@ class IronLoss(NodeEffect):
 
     .. math:: Q = k \, |\omega|^n
 
-    The exponent lies between 1 (hysteresis) and 2 (eddy currents); at the ends it can't be told from
+    The exponent lies between 1 (hysteresis) and 2 (eddy currents); at the ends it is collinear with
     Coulomb and viscous friction, so a fit keeps away from them.
 
     Source: Steinmetz's law at constant flux ([Steinmetz1892]); eddy part 0.004 W s²/rad² in `lptn.virtual`.

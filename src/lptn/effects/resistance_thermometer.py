@@ -16,7 +16,7 @@ class ResistanceThermometer(SensorEffect):
               = T + g \left( T - T_0 + \frac{1}{\alpha} \right), \qquad R(T) = (1 + g) R_0 (1 + \alpha (T - T_0))
 
     Cables and contacts within the measured voltage count as g: 1 % are 2.6 K for copper, and a little more when hot. It
-    is declared by whoever measures so, and not searched for: it can hardly be told from a sensor's offset.
+    is declared by whoever measures so, and not searched for: it is nearly collinear with a sensor's offset.
 
     Source: definition; [QuadrupedLPTN, eq. 6], [Chen2017, eq. 2.5] solved for the temperature.
     """

@@ -21,7 +21,7 @@ class SensorDrift(ExcessEffect):
     The time is kept as a state, :math:`T_t = T + t \cdot 1000\,\mathrm{K/h}`.
 
     A search does not look for it where the model takes all heat to be constant: that heat seldom is, and a slow change
-    of it, for which the catalogue has no name, would be told as a drift.
+    of it, for which the catalogue has no name, would be named a drift.
 
     Source: definition; [QuadrupedLPTN, application 2] (a sensor that drifts is the fault that its monitor looks for).
     """
@@ -51,7 +51,7 @@ class SensorDrift(ExcessEffect):
 
     @classmethod
     def makes_a_difference(cls, place: str, layout: Layout, driving: Sequence[Sequence[str]]) -> bool:
-        """Where all heat is taken to be constant, heat that is not would be told as a drift."""
+        """Where all heat is taken to be constant, heat that is not would be named a drift."""
         return place not in layout.nodes_of_constant_heat
 
     def error(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:

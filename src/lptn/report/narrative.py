@@ -37,7 +37,7 @@ from lptn.report.text import (
     percent,
     place_of,
     significant,
-    size_told,
+    size_text,
     unit_text,
     value_in_words,
     window_text,
@@ -225,7 +225,7 @@ def sure(step: Step) -> str:
 
 def _in_full(step: Step, steps: Sequence[Step]) -> str:
     """An effect with size, certainty and rivals, such as `fan at knee (0.3 ± 0.02 W/K, very likely, 98 %)`."""
-    size = size_told(step, step.fit if len(steps) == 1 else steps[-1].fit)
+    size = size_text(step, step.fit if len(steps) == 1 else steps[-1].fit)
     text = ", ".join(filter(None, (size, sure(step))))
     if step.indistinguishable:
         more = len(step.indistinguishable) - 1

@@ -18,7 +18,7 @@ from lptn.report.heat_story import HeatStory, heat_line_picture, heat_map_pictur
 from lptn.report.narrative import details, narrative
 from lptn.report.page_diagnosis import detectability_figure, history_figure, probability_figure
 from lptn.report.page_figures import NAMES, conditions, fields, predictions, versus_bars
-from lptn.report.shown import effects_told, error_fields, weighed_effects
+from lptn.report.shown import effects_shown, error_fields, weighed_effects
 from lptn.report.story_charts import CHARTS, network_picture, shown_runs, tiles, time_charts
 from lptn.report.tables import (
     condition_table,
@@ -160,7 +160,7 @@ def _effects_named(history: History) -> list[type[Effect]]:
     """The effects of the given and of the best model, what was refused, and what would have shown, each once."""
     networks = (step.fit.model.network for step in (history.steps[0], history.best))
     effects = [type(declared.effect) for network in networks for declared in network.effects]
-    answers = [*effects_told(history), *history.last.refused]
+    answers = [*effects_shown(history), *history.last.refused]
     named = [step.key[0] for step in answers] + [one.candidate.effect.key for one in history.last.weighed]
     return list(dict.fromkeys([*effects, *(catalogue()[key] for key in named)]))
 

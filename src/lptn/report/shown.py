@@ -144,14 +144,14 @@ def noise_alone(fit: Fit) -> float:
     return sqrt(float(np.mean(fit.noise.floor[fit.problem.measured] ** 2)))
 
 
-def effects_told(history: History) -> tuple[Step, ...]:
+def effects_shown(history: History) -> tuple[Step, ...]:
     """What was added, or is the answer where nothing was yet."""
     return history.steps[1:] or history.first.steps
 
 
 def weighed_effects(history: History) -> list[Step]:
     """What was found, or is the answer where nothing was added yet, then what was refused; not what somebody chose."""
-    return [step for step in (*effects_told(history), *history.last.refused) if step.probability]
+    return [step for step in (*effects_shown(history), *history.last.refused) if step.probability]
 
 
 @dataclass(frozen=True)

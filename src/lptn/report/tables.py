@@ -16,7 +16,7 @@ from lptn.identify.comparison import Comparison, Condition, Pair
 from lptn.identify.data import Segment
 from lptn.identify.fitting import Fit
 from lptn.references import cite, works_cited
-from lptn.report.shown import effects_told
+from lptn.report.shown import effects_shown
 from lptn.report.text import (
     NOTHING,
     experiment_for,
@@ -26,7 +26,7 @@ from lptn.report.text import (
     percent,
     place_of,
     signed_kelvin,
-    size_told,
+    size_text,
     time_span,
     title_of,
     unit_text,
@@ -180,14 +180,14 @@ def history_table(history: History) -> Table:
 
 def effects_table(history: History) -> Table:
     """One row for each effect that was added, or is the answer where nothing was yet."""
-    added = effects_told(history)
+    added = effects_shown(history)
     rows = []
     for place, step in enumerate(added, start=1):
         key, at = step.key
         kind = "chosen" if not step.probability else "structure" if step.is_structure else "finding"
         same = ", ".join(named(*other) for other in step.indistinguishable) or NOTHING
         sure = percent(step.probability) if step.probability else NOTHING
-        about = title_of(key), place_of(at), kind, size_told(step, added[-1].fit) or NOTHING, sure
+        about = title_of(key), place_of(at), kind, size_text(step, added[-1].fit) or NOTHING, sure
         rows.append((str(place), *about, same, experiment_for(catalogue()[key])))
     heads = ("no.", "effect", "place", "kind", ">size", ">probability", "can't be told from")
     return Table((*heads, "experiment that separates"), tuple(rows))
@@ -196,7 +196,7 @@ def effects_table(history: History) -> Table:
 def refused_table(history: History) -> Table:
     """One row for each effect that was fitted beside all that was added, and is less probable than not."""
     rows = (
-        (title_of(step.key[0]), place_of(step.key[1]), size_told(step, step.fit), percent(step.probability))
+        (title_of(step.key[0]), place_of(step.key[1]), size_text(step, step.fit), percent(step.probability))
         for step in history.last.refused
     )
     return Table(("effect", "place", ">size", ">probability"), tuple(rows))

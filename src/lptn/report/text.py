@@ -128,7 +128,7 @@ def experiment_for(effect: type[Effect]) -> str:
 # --- sizes of effects ---------------------------------------------------------------------------------
 
 
-def size_told(step: Step, last: Fit) -> str:
+def size_text(step: Step, last: Fit) -> str:
     """The size of an effect with its standard error, such as `0.11 ± 0.014 W`; empty where it has none.
 
     A difference of one place to what all have in common has its sign.
@@ -137,7 +137,7 @@ def size_told(step: Step, last: Fit) -> str:
         step: the effect.
         last: a fit of a model that has it.
     """
-    size = replace(step, fit=last).told_by
+    size = replace(step, fit=last).size_parameter
     if size is None or step.declaration is None:
         return ""
     sign = "+" if step.declaration.difference and size.value > 0 else ""

@@ -17,7 +17,7 @@ from lptn.identify.comparison import Errors
 from lptn.identify.data import Segment, Stretch
 from lptn.report.narrative import narrative, size_in_words
 from lptn.report.shown import noise_alone
-from lptn.report.text import experiment_for, for_people, kelvin, named, percent, place_of, size_told, title_of
+from lptn.report.text import experiment_for, for_people, kelvin, named, percent, place_of, size_text, title_of
 from lptn.study import Study
 from lptn.workbench.bench import Bench, key_of, name_of, names_of, segments
 from lptn.workbench.conditions import by_condition
@@ -245,7 +245,7 @@ def _place(step: Step) -> dict[str, Any]:
         "at": step.at,
         "title": title_of(step.effect or ""),
         "place": place_of(step.at or ""),
-        "size": size_told(step, step.fit),
+        "size": size_text(step, step.fit),
         "probable": percent(step.probability),
     }
 
