@@ -191,7 +191,7 @@ def _make(model: Model, request: Request) -> Heating:
     driven_by = ca.vertcat(*inputs)
     seen = ca.substitute(rates, u, driven_by)
     gain = [one if k is None else value for k, value in zip(constants, per_unit["current"], strict=True)]
-    _refuse_joints_that_depend(model, seen, amount, [x, d, p])
+    _check_joints_independent(model, seen, amount, [x, d, p])
     return Heating(
         model, request, joints, conditions, tuple(decided), x, amount, d, p, driven_by, seen, ca.vertcat(*gain),
         ca.vertcat(*per_unit["torque"]),
@@ -229,7 +229,7 @@ def _added(rates: Any, amount: Any) -> tuple[Any, Any]:
     return none, ca.project(ca.horzcat(*columns), ca.jacobian(rates, amount).sparsity())
 
 
-def _refuse_joints_that_depend(model: Model, rates: Any, amount: Any, others: list[Any]) -> None:
+def _check_joints_independent(model: Model, rates: Any, amount: Any, others: list[Any]) -> None:
     """The last of `others` are the parameters.
 
     Raises:

@@ -12,7 +12,7 @@ from lptn.basics.errors import InputError
 from lptn.model.model import Model
 
 
-def refuse_what_no_rest_can_keep(
+def check_limits_at_rest(
     model: Model,
     origin: str,
     limits: Mapping[str, float],

@@ -29,7 +29,7 @@ _CONDITIONS: Mapping[str, Range] = {
 }
 
 
-class Course(NamedTuple):
+class Episode(NamedTuple):
     """One episode: torques (or currents) that are asked, shape (steps, joints); conditions, (steps, conditions)."""
 
     asked: FloatArray
@@ -92,7 +92,7 @@ class Task:
 
     def draw(
         self, rng: np.random.Generator, heating: Heating, rated: FloatArray, ranges: FloatArray, period: float
-    ) -> Course:
+    ) -> Episode:
         """One episode.
 
         Args:
@@ -115,7 +115,7 @@ class Task:
             asked[begin:end] = works * shares * rated
             conditions[begin:end] = _as_sines(drawn, heating.conditions, works)
             begin = end
-        return Course(asked, conditions)
+        return Episode(asked, conditions)
 
 
 def _as_sines(drawn: FloatArray, columns: tuple[str, ...], works: bool) -> FloatArray:

@@ -34,15 +34,15 @@ _HEIGHT, _WIDE, _TALLEST = (
 )  # of figure [inch], of a joint's bars, of the axis over the largest value
 
 
-class TaskTable(Strict):
+class LimitTable(Strict):
     kind: Literal["limit"]
     name: str = "admissible torque"
     request: Request | None = None
     horizons: list[Positive] = Field(default=[10.0, 60.0, 300.0], min_length=1, max_length=12)
 
 
-class File(Strict):
-    task: TaskTable
+class LimitFile(Strict):
+    task: LimitTable
     limits: dict[str, Celsius] = Field(min_length=1)
     start: dict[str, Celsius] = Field(min_length=1)
     load: ByPlace = Field(default_factory=dict)
@@ -51,7 +51,7 @@ class File(Strict):
 
 
 @dataclass(frozen=True)
-class Task:
+class LimitTask:
     """A limiter and the present.
 
     Args:
@@ -79,7 +79,7 @@ class LimitAnswer:
         scales: of the present load of all joints, by horizon; infinite without a load.
     """
 
-    task: Task
+    task: LimitTask
     admissible: FloatArray
     scales: FloatArray
 
@@ -163,14 +163,14 @@ class LimitAnswer:
 class LimitKind:
     """`kind = "limit"`."""
 
-    def read(self, table: Mapping[str, Any], origin: str, model: Model) -> Task:
+    def read(self, table: Mapping[str, Any], origin: str, model: Model) -> LimitTask:
         """A task from the whole parsed task file.
 
         Raises:
             InputError: something in it can't be used.
         """
         with mistakes_with_line(origin):
-            file = File.model_validate(dict(table))
+            file = LimitFile.model_validate(dict(table))
             by_place(file.limits, model.places, origin, "limits")
             request = file.task.request or requested_by(model)
             limiter = Limiter(model, file.limits, request=request, horizons=(*sorted(set(file.task.horizons)), inf),
@@ -178,15 +178,15 @@ class LimitKind:
             levels = by_place(file.load, limiter.joints, origin, "load")
             load = np.array([levels.get(joint, 0.0) for joint in limiter.joints])
             around = conditions_of(file.conditions, limiter.heating, load, origin)
-            return Task(limiter, file.task.name, start_of(file.start, model, origin), load, around)
+            return LimitTask(limiter, file.task.name, start_of(file.start, model, origin), load, around)
 
-    def run(self, task: Task) -> LimitAnswer:
+    def run(self, task: LimitTask) -> LimitAnswer:
         """The admissible values now."""
         limiter = task.limiter
         scales = [limiter.largest_scale(task.x, task.load, seconds, task.conditions) for seconds in limiter.horizons]
         return LimitAnswer(task, limiter.admissible(task.x, task.load, task.conditions), np.array(scales))
 
-    def emit_c(self, task: Task, folder: Path) -> list[Path]:
+    def emit_c(self, task: LimitTask, folder: Path) -> list[Path]:
         """The limiter as C."""
         return emit(task.limiter, folder, task.x, task.load, task.conditions)
 

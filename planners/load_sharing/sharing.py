@@ -123,14 +123,14 @@ class LoadSharing:
         equations, start = statics(self.body, stance), self._temperatures.start(temperatures)
         program = _ForceProgram(equations, stance)
         forces = program.least_torque(equations.equal())
-        best = self._judged("coolest", equations, stance, start, forces, 0)
+        best = self._sharing_of("coolest", equations, stance, start, forces, 0)
         for number in range(1, rounds + 1):
             horizon = min(best.time, self.horizon) if best.time > 0 else _NOW
             there, gains = self._temperatures.at(start, best.torques, horizon)
             gains = gains.clip(min=0.0)
             unloaded = there - gains @ best.torques**2
             forces = program.coolest(unloaded, gains, self._limits, best.forces)
-            candidate = self._judged("coolest", equations, stance, start, forces, number)
+            candidate = self._sharing_of("coolest", equations, stance, start, forces, number)
             if np.isfinite(candidate.time) and candidate.time > 0:
                 gained = candidate.time > best.time * (1 + 1e-4)
             else:
@@ -143,7 +143,7 @@ class LoadSharing:
     def equal(self, stance: Stance, temperatures: float | Mapping[str, float]) -> Sharing:
         """The peer: vertical forces as equal as equilibrium lets them be; cones and torque limits are not looked at."""
         equations, start = statics(self.body, stance), self._temperatures.start(temperatures)
-        return self._judged("equal", equations, stance, start, equations.equal(), 0)
+        return self._sharing_of("equal", equations, stance, start, equations.equal(), 0)
 
     def least_torque(self, stance: Stance, temperatures: float | Mapping[str, float]) -> Sharing:
         """The stronger peer: the least sum of squared torques, blind to temperatures.
@@ -153,9 +153,9 @@ class LoadSharing:
         """
         equations, start = statics(self.body, stance), self._temperatures.start(temperatures)
         forces = _ForceProgram(equations, stance).least_torque(equations.equal())
-        return self._judged("least_torque", equations, stance, start, forces, 1)
+        return self._sharing_of("least_torque", equations, stance, start, forces, 1)
 
-    def _judged(
+    def _sharing_of(
         self, how: How, equations: Statics, stance: Stance, start: FloatArray, forces: FloatArray, rounds: int
     ) -> Sharing:
         torques = equations.torques(forces)

@@ -60,7 +60,7 @@ class MissionAnswer:
     def as_json(self) -> dict[str, object]:
         """The whole answer, SI and degC; `seconds_per_kelvin` counts what one kelvin more of a limit gains."""
         plan, mission, first = self.plan, self.plan.mission, self.plan.obstacle
-        rows = _doings(self.table()).rename(columns=lambda name: name.partition(" ")[0]).to_dict("records")
+        rows = _activity_rows(self.table()).rename(columns=lambda name: name.partition(" ")[0]).to_dict("records")
         return {
             "mission": mission.name, "verdict": plan.verdict, "total": plan.total, "deadline": mission.deadline,
             "late": plan.late if mission.deadline is not None else None, "plan": rows,
@@ -84,7 +84,7 @@ class MissionAnswer:
         return "\n".join([*lines, "", *self._rows(), "", *_check(plan)])
 
     def _rows(self) -> list[str]:
-        table = _doings(self.table())
+        table = _activity_rows(self.table())
         if table.empty:
             return ["nothing to do"]
         ends = self.plan.course.states[: len(self.plan.mission.model.places), self.plan.course.ends].max(axis=0)
@@ -99,7 +99,7 @@ class MissionAnswer:
         ).splitlines()
 
 
-def _doings(table: pd.DataFrame) -> pd.DataFrame:
+def _activity_rows(table: pd.DataFrame) -> pd.DataFrame:
     """What is done, without the temperature of every node."""
     return table[[column for column in table.columns if not column.startswith("temperature.")]]
 
@@ -111,17 +111,17 @@ def _verdict(plan: Plan) -> list[str]:
         spare = "" if mission.deadline is None else f", {_time(-plan.late)} to spare"
         return [f"{mission.name}: done in {total}{until}{spare}"]
     if plan.verdict == "none":
-        return [f"{mission.name}: given up: all of it; the plan is to rest", _why_none(plan), *_obstacle(plan)]
+        return [f"{mission.name}: given up: all of it; the plan is to rest", _reason_for_rest(plan), *_obstacle(plan)]
     if plan.verdict == "late":
         missed = f"the deadline, missed by {_time(plan.late)}"
-        return [f"{mission.name}: given up: {missed} ({total}{until})", *_obstacle(plan), *_wanted(plan)]
+        return [f"{mission.name}: given up: {missed} ({total}{until})", *_obstacle(plan), *_needed_rise(plan)]
     parts = [
         f"{activity.do} {1 + sum(earlier.do == activity.do for earlier in mission.activities[:k])} {100 * share:.1f} %"
         for k, (activity, share) in enumerate(zip(mission.activities, plan.share.tolist(), strict=True))
         if share < 1 - 1e-4
     ]
     return [f"{mission.name}: given up: part of the work; done of {', '.join(parts)} ({total}{until})",
-            *_obstacle(plan), *_wanted(plan)]  # fmt: skip
+            *_obstacle(plan), *_needed_rise(plan)]  # fmt: skip
 
 
 def _obstacle(plan: Plan) -> list[str]:
@@ -134,7 +134,7 @@ def _obstacle(plan: Plan) -> list[str]:
     ]
 
 
-def _why_none(plan: Plan) -> str:
+def _reason_for_rest(plan: Plan) -> str:
     over = {node: peak for node, peak in plan.peaks.items() if peak > plan.mission.limits[node]}
     if over:
         node = max(over, key=lambda name: over[name] - plan.mission.limits[name])
@@ -142,7 +142,7 @@ def _why_none(plan: Plan) -> str:
     return f"no plan was found that does a part of it within the limits (solver: {plan.status})"
 
 
-def _wanted(plan: Plan) -> list[str]:
+def _needed_rise(plan: Plan) -> list[str]:
     mission = plan.mission
     if mission.deadline is not None and mission.fastest > mission.deadline:
         return [f"no rise of the limits would suffice: at its fastest it takes {_time(mission.fastest)}"]

@@ -26,7 +26,7 @@ def mission_figure(plan: Plan) -> Figure:
     upper, lower = np.asarray(figure.subfigures(2, 1, height_ratios=[3.2, 1]))
     top = upper.subplots(2, 1, sharex=True, height_ratios=[2.6, 1])
     _temperatures(top[0], plan)
-    _doings(top[1], plan)
+    _speed_and_load(top[1], plan)
     _prices(lower.subplots(), plan)
     figure.suptitle(plain(f"{plan.mission.name}: {_VERDICTS[plan.verdict]}"), fontsize=TEXT + 1)
     return figure
@@ -55,7 +55,7 @@ def _temperatures(ax: Axes, plan: Plan) -> None:
     dress(ax)
 
 
-def _doings(ax: Axes, plan: Plan) -> None:
+def _speed_and_load(ax: Axes, plan: Plan) -> None:
     edges = np.concatenate([[0.0], np.cumsum(plan.time)])
     scale = 1 / 60 if time_axis(plan.course.time)[1].endswith("[min]") else 1.0
     for segment, begin, end in zip(plan.segments, edges[:-1] * scale, edges[1:] * scale, strict=True):

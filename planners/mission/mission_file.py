@@ -24,7 +24,7 @@ from lptn.basics.toml import Number, Strict
 from lptn.logs.columns import parse_columns
 from lptn.model.model import Model
 
-from ..reach import refuse_what_no_rest_can_keep
+from ..reach import check_limits_at_rest
 from ..tasks import mistakes_with_line
 from ..values import LONGEST, Celsius, ExtraMass, Length, NotNegative, Positive, Seconds, Speed, by_place
 from .gait import REST, Gait, LogPart, gait_from_logs, gait_from_tables
@@ -45,7 +45,7 @@ OneOrTwo = Annotated[Of | Annotated[list[Of], Field(min_length=2, max_length=2)]
 # --- tables and keys ----------------------------------------------------------------------------
 
 
-class TaskTable(Strict):
+class MissionTable(Strict):
     kind: Literal["mission"] = "mission"
     name: str = "mission"
     ambient: Celsius = 25.0
@@ -98,8 +98,8 @@ class TransitionTable(BaseModel):
     loads: Annotated[list[ExtraMass], Field(min_length=1, max_length=12)] = [0.0]
 
 
-class File(Strict):
-    task: TaskTable
+class MissionFile(Strict):
+    task: MissionTable
     limits: Annotated[dict[str, Celsius], Field(min_length=1)]
     activities: Annotated[list[ActivityTable], Field(min_length=1, max_length=24)]
     gaits: dict[str, GaitTable]
@@ -122,10 +122,10 @@ def read_mission(table: Mapping[str, Any], origin: str, model: Model) -> Mission
         InputError: something in it can't be used; with its line where the file is there.
     """
     with mistakes_with_line(origin):
-        return _mission(File.model_validate(dict(table)), origin, model)
+        return _mission(MissionFile.model_validate(dict(table)), origin, model)
 
 
-def _mission(tables: File, origin: str, model: Model) -> Mission:
+def _mission(tables: MissionFile, origin: str, model: Model) -> Mission:
     task = tables.task
     gaits = {name: _gait(name, gait, tables, model, origin) for name, gait in tables.gaits.items()}
     activities = tuple(
@@ -154,11 +154,11 @@ def _mission(tables: File, origin: str, model: Model) -> Mission:
         task.deadline, task.carry, task.gives_up, task.name, origin,
         transitions=_transitions(tables.transitions, gaits, activities, model, origin), begins=task.begins,
     )  # fmt: skip
-    _refuse_what_can_not_be(mission)
+    _check_limits_at_rest(mission)
     return mission
 
 
-def _refuse_what_can_not_be(mission: Mission) -> None:
+def _check_limits_at_rest(mission: Mission) -> None:
     """Refuse a limit that a node passes though everything is switched off all the time.
 
     Raises:
@@ -172,10 +172,10 @@ def _refuse_what_can_not_be(mission: Mission) -> None:
 
     ends = np.array([mission.deadline or mission.fastest])
     air = {"task.ambient": mission.ambient}
-    refuse_what_no_rest_can_keep(model, mission.origin, mission.limits, mission.start, idle, ends, air)
+    check_limits_at_rest(model, mission.origin, mission.limits, mission.start, idle, ends, air)
 
 
-def _start(task: TaskTable, model: Model, origin: str) -> FloatArray:
+def _start(task: MissionTable, model: Model, origin: str) -> FloatArray:
     """Temperatures at the start by state; what no pattern names has the ambient's."""
     nodes = np.full(len(model.nodes), task.ambient)
     single = not isinstance(task.start, Mapping) or set(task.start) == {"value", "unit"}
@@ -195,7 +195,7 @@ def _start(task: TaskTable, model: Model, origin: str) -> FloatArray:
 # --- gaits and activities -----------------------------------------------------------------------
 
 
-def _gait(name: str, table: GaitTable, tables: File, model: Model, origin: str) -> Gait:
+def _gait(name: str, table: GaitTable, tables: MissionFile, model: Model, origin: str) -> Gait:
     speeds = [0.0] if table.speeds is None else table.speeds
     named = {f"postures.{key}": values for key, values in table.postures.items()}
     for key, values in {"speeds": speeds, "loads": table.loads, **named}.items():

@@ -22,7 +22,7 @@ _COUNTS = 1e-3  # s/K; smaller multipliers are solver dust
 
 
 @dataclass(frozen=True)
-class Obstacle:
+class PassedLimit:
     """The first limit that a mission passes.
 
     Args:
@@ -120,7 +120,7 @@ class Plan:
         return peaks_of(self.mission, self.course)
 
     @property
-    def obstacle(self) -> Obstacle | None:
+    def obstacle(self) -> PassedLimit | None:
         """Where the mission fails if it is done straight on, as fast as it goes, without rests but those asked for.
 
         `None` where no limit is passed so.
@@ -140,12 +140,12 @@ class Plan:
         ])  # fmt: skip
         middle = [tuple((low + high) / 2 for low, high in segment.posture) for segment in segments]
         course = simulate_plan(mission, segments, time, speed, load, middle)
-        first: Obstacle | None = None
+        first: PassedLimit | None = None
         for node, limit in mission.limits.items():
             over = np.flatnonzero(course.states[mission.model.places.index(node)] > limit + _EXACT)
             if over.size and (first is None or course.time[over[0]] < first.time):
                 at = int(np.searchsorted(course.ends, over[0]))
-                first = Obstacle(node, float(course.time[over[0]]), segments[at].name)
+                first = PassedLimit(node, float(course.time[over[0]]), segments[at].name)
         return first
 
     @property

@@ -19,7 +19,7 @@ from ..heating import heating
 from .controller import TorqueMPC
 from .reference import Reference
 from .settings import settle
-from .task import Task, read_task
+from .task import TrackTask, read_task
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -42,7 +42,7 @@ class TrackAnswer:
         given_up: in words.
     """
 
-    task: Task
+    task: TrackTask
     admitted: FloatArray
     temperatures: FloatArray
     limits: dict[str, float]
@@ -126,7 +126,7 @@ class TrackAnswer:
 class TrackKind:
     """`kind = "track"`."""
 
-    def read(self, table: Mapping[str, Any], origin: str, model: Model) -> Task:
+    def read(self, table: Mapping[str, Any], origin: str, model: Model) -> TrackTask:
         """A task from the whole parsed task file.
 
         Raises:
@@ -134,7 +134,7 @@ class TrackKind:
         """
         return read_task(table, origin, model)
 
-    def run(self, task: Task) -> TrackAnswer:
+    def run(self, task: TrackTask) -> TrackAnswer:
         """The optimum over the whole task, a stage for each period; by IPOPT where the C solver can't be had."""
         settings = task.settings | {"horizon": task.duration, "stages": len(task.asked)}
         try:
@@ -147,7 +147,7 @@ class TrackKind:
         solver = "the full request stays cool" if plan.full else f"interior point in C, {plan.iterations} iterations"
         return _answer(task, plan.currents, plan.temperatures, mpc.settings.limits, plan.cost, solver, plan.given_up)
 
-    def emit_c(self, task: Task, folder: Path) -> list[Path]:
+    def emit_c(self, task: TrackTask, folder: Path) -> list[Path]:
         """The controller of the table `[controller]` as C, with a `main.c` that runs it."""
         table = task.file.controller
         mpc = TorqueMPC(task.model, task.file.limits, **task.settings, horizon=table.horizon, stages=table.stages,
@@ -156,7 +156,7 @@ class TrackKind:
         return mpc.emit(folder, task.start, task.asked, task.conditions)
 
 
-def _by_ipopt(task: Task, settings: dict[str, Any], why: str) -> TrackAnswer:
+def _by_ipopt(task: TrackTask, settings: dict[str, Any], why: str) -> TrackAnswer:
     heat = heating(task.model, task.request)
     given = {key: value for key, value in settings.items() if key != "request"}
     spread = settle(
@@ -173,7 +173,7 @@ def _by_ipopt(task: Task, settings: dict[str, Any], why: str) -> TrackAnswer:
 
 
 def _answer(
-    task: Task,
+    task: TrackTask,
     admitted: FloatArray,
     temperatures: FloatArray,
     limits: dict[str, float],

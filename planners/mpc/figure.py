@@ -13,14 +13,14 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.style import BEST, GIVEN, INK, LIMIT, MEASURED, SMALL, TEXT, dress, new_figure, plain, time_axis
 
 from ..heating import heating
-from .task import Task
+from .task import TrackTask
 
 _COLUMNS, _MOST = 3, 12
 _ROW, _EXTRA = 1.75, 0.5  # inch
 
 
 def track_figure(
-    task: Task,
+    task: TrackTask,
     joints: Sequence[str],
     admitted: FloatArray,
     temperatures: FloatArray,

@@ -24,7 +24,7 @@ _OPTIONS: dict[str, Any] = {
 
 
 @dataclass(frozen=True)
-class Solution:
+class ReferenceSolution:
     """What IPOPT found.
 
     Args:
@@ -60,7 +60,7 @@ class Reference:
         request: FloatArray,
         conditions: FloatArray,
         bias: FloatArray | None = None,
-    ) -> Solution:
+    ) -> ReferenceSolution:
         """Solve it.
 
         Args:
@@ -90,7 +90,7 @@ class Reference:
         flat = np.asarray(solution["x"]).ravel()
         scale, states, slack = np.split(flat, [n * joints, n * (joints + len(start))])
         scale = np.clip(scale.reshape(n, joints), 0, most)
-        return Solution(
+        return ReferenceSolution(
             scale,
             np.vstack([start, states.reshape(n, len(start))]).T,
             slack.reshape(n, len(nodes)),

@@ -15,7 +15,7 @@ from lptn.basics.toml import Strict
 from lptn.model.model import Model
 
 from ..heating import Request, heating, requested_by
-from ..reach import refuse_what_no_rest_can_keep
+from ..reach import check_limits_at_rest
 from ..tasks import conditions_of, mistakes_with_line, start_of
 from ..values import ByPlace, Celsius, NotNegative, Positive, by_place
 from .settings import LostSensor
@@ -23,7 +23,7 @@ from .settings import LostSensor
 _MOST_STEPS = 400
 
 
-class TaskTable(Strict):
+class TrackTable(Strict):
     kind: Literal["track"]
     name: str = "torque within temperature limits"
     period: Positive = 5.0
@@ -51,8 +51,8 @@ class ControllerTable(Strict):
     lost_sensor: LostSensor = "model"
 
 
-class File(Strict):
-    task: TaskTable
+class TrackFile(Strict):
+    task: TrackTable
     limits: dict[str, Celsius] = Field(min_length=1)
     start: dict[str, Celsius] = Field(min_length=1)
     phases: list[PhaseTable] = Field(min_length=1)
@@ -66,7 +66,7 @@ class File(Strict):
 
 
 @dataclass(frozen=True)
-class Task:
+class TrackTask:
     """What is asked, in steps of one period.
 
     Args:
@@ -87,7 +87,7 @@ class Task:
     asked: FloatArray
     conditions: FloatArray
     start: FloatArray
-    file: File
+    file: TrackFile
 
     @property
     def duration(self) -> float:
@@ -111,14 +111,14 @@ class Task:
         }
 
 
-def read_task(table: Mapping[str, Any], origin: str, model: Model) -> Task:
+def read_task(table: Mapping[str, Any], origin: str, model: Model) -> TrackTask:
     """A task from the parsed task file.
 
     Raises:
         InputError: something in it can't be used.
     """
     with mistakes_with_line(origin):
-        file = File.model_validate(dict(table))
+        file = TrackFile.model_validate(dict(table))
         request = _request(file, model, origin)
         heat = heating(model, request)
         period = file.task.period
@@ -140,13 +140,14 @@ def read_task(table: Mapping[str, Any], origin: str, model: Model) -> Task:
             by_place(getattr(file, name), heat.joints, origin, name)
         repeated = file.task.repeat
         _refuse_many(len(asked) * repeated, period, origin)
-        task = Task(model, file.task.name, request, period, np.array(asked * repeated), np.array(around * repeated),
-                    start_of(file.start, model, origin), file)  # fmt: skip
-    _refuse_what_can_not_be(task, origin)
+        start = start_of(file.start, model, origin)
+        rows, others = np.array(asked * repeated), np.array(around * repeated)
+        task = TrackTask(model, file.task.name, request, period, rows, others, start, file)
+    _check_limits_at_rest(task, origin)
     return task
 
 
-def _refuse_what_can_not_be(task: Task, origin: str) -> None:
+def _check_limits_at_rest(task: TrackTask, origin: str) -> None:
     """Refuse a limit that a node passes though no torque at all is given.
 
     Raises:
@@ -163,7 +164,7 @@ def _refuse_what_can_not_be(task: Task, origin: str) -> None:
     air = {name: float(task.conditions[:, number].max()) for number, name in columns}
     limits = by_place(task.file.limits, task.model.places, origin, "limits")
     ends = np.asarray(task.period * np.arange(1, len(task.asked) + 1), dtype=np.float64)
-    refuse_what_no_rest_can_keep(task.model, origin, limits, task.start, idle, ends, air)
+    check_limits_at_rest(task.model, origin, limits, task.start, idle, ends, air)
 
 
 def _refuse_many(steps: int, period: float, origin: str) -> None:
@@ -172,7 +173,7 @@ def _refuse_many(steps: int, period: float, origin: str) -> None:
         raise InputError(origin, "task.period", problem, f"at most {_MOST_STEPS}: a longer period, or a shorter task")
 
 
-def _request(file: File, model: Model, origin: str) -> Request:
+def _request(file: TrackFile, model: Model, origin: str) -> Request:
     """Torque or current, whichever the phases name."""
     torque, current = (any(getattr(phase, what) for phase in file.phases) for what in ("torque", "current"))
     if torque and current:

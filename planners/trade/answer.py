@@ -11,7 +11,7 @@ import numpy as np
 from lptn.basics.errors import InputError
 
 from .designs import BUDGETS, Design, IsoMap, LimitCurve, Refusal, design_of, iso_map, limit_curves, refusal_of
-from .problem import Problem, Solution
+from .problem import DesignSolution, Problem
 from .study import Study
 from .tables import GOALS, SWEPT, Sweep
 from .torque_speed import TorqueSpeed, torque_speed
@@ -133,7 +133,7 @@ def solve_study(study: Study, report: Report = lambda _: None) -> StudyResult:
     """
     designs: list[Design] = []
     refusals: list[Refusal] = []
-    problems: list[tuple[Problem, Solution | None]] = []
+    problems: list[tuple[Problem, DesignSolution | None]] = []
     for option in study.options():
         report(f"solving {option.name}")
         problem = Problem(option)
@@ -175,7 +175,7 @@ def _front_of(points: list[FrontPoint], more_is_better: bool, cheap_first: int) 
     return tuple(sorted(front, key=lambda point: point.amount))
 
 
-def _sweep_points(problem: Problem, near: Solution | None, sweep: Sweep) -> tuple[FrontPoint, ...]:
+def _sweep_points(problem: Problem, near: DesignSolution | None, sweep: Sweep) -> tuple[FrontPoint, ...]:
     """One option's answers; where more is harder, or less is, up to the first amount that is too hard."""
     parameter = _swept_parameter(problem, sweep.against)
     if parameter is None:

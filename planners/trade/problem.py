@@ -32,7 +32,7 @@ Relaxed = Literal["winding", "magnet", "current", "voltage", "speed", "pipe_powe
 
 
 @dataclass
-class Program:
+class NonlinearProgram:
     """A nonlinear program as it is gathered by name: variables, and expressions that must be zero or at most zero."""
 
     names: list[str] = field(default_factory=list)
@@ -93,7 +93,7 @@ class Program:
 
 
 @dataclass(frozen=True)
-class Solution:
+class DesignSolution:
     """What IPOPT found.
 
     Args:
@@ -122,7 +122,7 @@ class Solution:
 
 
 @dataclass(frozen=True)
-class Course:
+class Trajectory:
     """States at the ends of the elements, load in each, and the ends' times as shares of the duration."""
 
     states: list[Any]
@@ -140,7 +140,7 @@ class Course:
         return [*zip(self.states[:-1], self.loads, strict=True), *self.ends]
 
 
-def transcribe(program: Program, plant: Plant, torque: Any, duration: Any) -> Course:
+def transcribe(program: NonlinearProgram, plant: Plant, torque: Any, duration: Any) -> Trajectory:
     """Add a task's states and heat balance to a program.
 
     Args:
@@ -175,7 +175,7 @@ def transcribe(program: Program, plant: Plant, torque: Any, duration: Any) -> Co
         path.append(stages[-1])
     if task.repeats is None:
         program.constrain(path[-1] - path[0], "heat balance", equal=True)
-    return Course(path, loads, share)
+    return Trajectory(path, loads, share)
 
 
 class Problem:
@@ -191,7 +191,7 @@ class Problem:
 
     def __init__(self, option: Option, given_design: tuple[float, float] | None = None) -> None:
         self.option = option
-        self.parameters, self._program = Parameters(), Program()
+        self.parameters, self._program = Parameters(), NonlinearProgram()
         self._slack: dict[str, Any] = {}
         self._given = given_design is not None and option.has_sink
         capacity, resistance = self._design(given_design)
@@ -322,8 +322,8 @@ class Problem:
         self,
         changed: Mapping[str, float] | None = None,
         relax: Sequence[Relaxed] = (),
-        near: Solution | None = None,
-    ) -> Solution:
+        near: DesignSolution | None = None,
+    ) -> DesignSolution:
         """Solve it.
 
         Args:
@@ -364,7 +364,7 @@ class Problem:
             start[index] = best.get(name, start[index])
         return start
 
-    def _read(self, done: Mapping[str, Any], p: FloatArray) -> Solution:
+    def _read(self, done: Mapping[str, Any], p: FloatArray) -> DesignSolution:
         stats = self._solver.stats()
         shown, path, g = self._look(done["x"], p)
         values = dict(zip(self._shown, shown.full().ravel().tolist(), strict=True))
@@ -374,7 +374,7 @@ class Problem:
         slope = -done["lam_p"].full().ravel() * self._unit
         gradient = dict(zip(self.parameters.symbols, slope.tolist(), strict=True)) if success else {}
         active = self._program.active(g.full().ravel())
-        return Solution(
+        return DesignSolution(
             success,
             str(stats["return_status"]),
             values.pop("objective"),
@@ -392,7 +392,7 @@ class Problem:
         given = "torque" in self.parameters.symbols
         return [cast(Relaxed, name) for name in self._slack if given or name != "torque"]
 
-    def limit(self, name: Relaxed, moved: Solution) -> float:
+    def limit(self, name: Relaxed, moved: DesignSolution) -> float:
         """What a limit, or the torque, would have to be."""
         if name == "torque":
             return self.parameters.defaults["torque"] - moved.slack["torque"]

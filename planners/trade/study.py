@@ -19,7 +19,7 @@ from lptn.model.network import LinkDeclaration, Network, NodeDeclaration
 from ..values import Mass, TorqueConstant, Volume
 from .catalogue import MotorTable
 from .sink import MATERIALS, Air, Material, blown_air, fin_efficiency, fin_mass, sink_volume, still_air
-from .tables import GOALS, NO_GEAR, Cooling, Fan, Gear, Limits, Pipes, Question, Sink, Sweep, Task, Uncertainty
+from .tables import GOALS, NO_GEAR, Cooling, DutyTask, Fan, Gear, Limits, Pipes, Question, Sink, Sweep, Uncertainty
 
 
 class MotorChoice(MotorTable):
@@ -65,7 +65,7 @@ class StudyTables(Strict, Generic[Motor]):
     """All tables of a study file, with motors as the file has them or as they were found."""
 
     question: Question = Field(alias="study")
-    task: Task = Task()
+    task: DutyTask = DutyTask()
     limits: Limits = Limits()
     motors: Annotated[list[Motor], Field(min_length=1)]
     sink: Sink = Sink()

@@ -15,7 +15,7 @@ from lptn.robots.presets import presets
 
 from .catalogue import MotorTable, data_sheet_network, known_motors, read_catalogue
 from .study import MotorChoice, Study, StudyTables, attachable, pipe_places
-from .tables import SWEPT, Sweep, Task
+from .tables import SWEPT, DutyTask, Sweep
 
 _NEEDED = {"mass": "kg", "volume": "m^3", "torque_constant": "N*m/A at 25 degC"}
 _MOST_FACTOR = 1e6  # kg of body on a motor without gear
@@ -220,7 +220,7 @@ def _check_winding(study: Study, path: Path) -> None:
             raise InputError(path, where, f"{limit:g} degC", f"more than the {hottest:g} degC of the start and the air")
 
 
-def _check_hold(task: Task, goal: str, path: Path) -> None:
+def _check_hold(task: DutyTask, goal: str, path: Path) -> None:
     for name, value, sought in (("torque", task.torque, "held_torque"), ("duration", task.duration, "time_to_limit")):
         if value is None and goal != sought:
             raise InputError(path, "task", f"no {name}", f"{name} = … for the goal {goal}")
@@ -231,7 +231,7 @@ def _check_hold(task: Task, goal: str, path: Path) -> None:
             raise InputError(path, f"task.{name}", "a key of a duty cycle", 'kind = "cycle" with it')
 
 
-def _check_cycle(task: Task, goal: str, path: Path) -> None:
+def _check_cycle(task: DutyTask, goal: str, path: Path) -> None:
     if goal == "time_to_limit":
         raise InputError(path, "task.kind", f'"{task.kind}"', 'kind = "hold" for the goal time_to_limit')
     if task.duration is not None:

@@ -141,7 +141,7 @@ class Question(Strict):
     currency: Annotated[str, Field(pattern=r"^\S{1,8}$")] = "EUR"  # of all prices
 
 
-class Task(Strict):
+class DutyTask(Strict):
     """Table `[task]`: what torque must be given behind the gear, at which speed, and for how long."""
 
     kind: Literal["hold", "cycle", "level_walking", "jump"] = "hold"

@@ -70,17 +70,17 @@ def _held(
     design: Design, limits: dict[str, float], speed: FloatArray, durations: FloatArray, most: float
 ) -> FloatArray:
     """The torque [N·m] that each speed bears for its duration [s], by halving; NaN where not even none."""
-    bears = _Bears(design, limits, speed, durations)
+    holds = _Endurance(design, limits, speed, durations)
     low, high = np.zeros(speed.size), np.full(speed.size, most)
-    bears_none = bears(low)
+    is_held_idle = holds(low)
     for _ in range(14):  # to 1e-4 of the largest torque
         middle = (low + high) / 2
-        good = bears(middle)
+        good = holds(middle)
         low, high = np.where(good, middle, low), np.where(good, high, middle)
-    return np.where(bears_none, low, np.nan)
+    return np.where(is_held_idle, low, np.nan)
 
 
-class _Bears:
+class _Endurance:
     """Whether points of torque and speed keep the limits for so long, looked at after each step."""
 
     def __init__(self, design: Design, limits: dict[str, float], speed: FloatArray, durations: FloatArray) -> None:
