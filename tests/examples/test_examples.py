@@ -163,4 +163,4 @@ def test_the_steps_of_the_notebook_are_those_of_the_search(capsys: pytest.Captur
     for step in history.steps:
         assert step.holdout is not None
         assert f"{step.effect or 'as given'} {step.at or ''} {step.holdout.rmse:.2f} K held out" in said
-    assert "Where heat is most clearly unexplained" in said
+    assert "most significant at heater" in said

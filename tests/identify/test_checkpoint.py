@@ -154,11 +154,11 @@ def test_kill_9_loses_no_more_than_the_last_seconds(
     assert len(list(cache.glob("lptn/fits/*.json"))) == 1
 
     _lptn("fit", model, log, "--holdout-after", 2500)  # another fit, which starts from nothing
-    assert "goes on" not in capsys.readouterr().out
+    assert "continues from" not in capsys.readouterr().out
     _lptn(*words)
-    assert capsys.readouterr().out.count("goes on from the best point") == 1
+    assert capsys.readouterr().out.count("continues from the best saved point") == 1
     _lptn(*words)
-    assert "goes on" not in capsys.readouterr().out
+    assert "continues from" not in capsys.readouterr().out
     assert not list(cache.glob("lptn/fits/*"))
     values = {parameter.name: parameter.value for parameter in read_model_file(fitted).network.parameters}
     assert values["capacity.a"] == pytest.approx(120.0, rel=0.02)
