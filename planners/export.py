@@ -20,9 +20,6 @@ from lptn.model.model import Model, rk4
 from .heating import Request, heating, requested_by
 from .values import Each, checked_by_place
 
-_SUBSTEP = 5.0  # s; RK4 is exact to 1e-4 K at that length on joints of a minute's time constant
-_NONE_BELOW = -1e8  # of an inequality without a lower bound, as acados wants it said
-
 
 @dataclass(frozen=True)
 class ThermalConstraint:
@@ -69,7 +66,7 @@ class ThermalConstraint:
         if not 0 < seconds < float("inf"):
             raise ValueError(f"found a step of {seconds:g} s; expected a positive one")
         rate, x = self.rate(), self.x
-        parts = int(np.ceil(seconds / _SUBSTEP))
+        parts = int(np.ceil(seconds / 5.0))  # RK4 is exact to 1e-4 K so on joints of a minute's time constant
         h = seconds / parts
         for _ in range(parts):
             x = rk4(lambda state: rate(state, self.u, self.d), x, h)
@@ -125,9 +122,9 @@ def to_acados(constraint: ThermalConstraint, ocp: Any, conditions: FloatArray, n
     model.f_expl_expr, model.f_impl_expr = constraint.rates, moved - constraint.rates
     model.con_h_expr = model.con_h_expr_e = constraint.over
     ocp.parameter_values = np.asarray(conditions, dtype=float)
-    bounds = ocp.constraints
-    bounds.lh, bounds.uh, bounds.idxsh = np.full(count, _NONE_BELOW), np.zeros(count), np.arange(count)
-    bounds.lh_e, bounds.uh_e, bounds.idxsh_e = np.full(count, _NONE_BELOW), np.zeros(count), np.arange(count)
+    bounds, unbounded = ocp.constraints, np.full(count, -1e8)  # which acados takes for no lower bound
+    bounds.lh, bounds.uh, bounds.idxsh = unbounded, np.zeros(count), np.arange(count)
+    bounds.lh_e, bounds.uh_e, bounds.idxsh_e = unbounded, np.zeros(count), np.arange(count)
 
 
 def to_do_mpc(constraint: ThermalConstraint, model: Any) -> tuple[str, ...]:

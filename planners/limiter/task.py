@@ -27,11 +27,6 @@ if TYPE_CHECKING:
 
 
 _NO_LIMIT = 1e6  # N*m or A; more is no limit
-_HEIGHT, _WIDE, _TALLEST = (
-    3.2,
-    0.84,
-    1.15,
-)  # of figure [inch], of a joint's bars, of the axis over the largest value
 
 
 class LimitTable(Strict):
@@ -105,22 +100,17 @@ class LimitAnswer:
         from lptn.basics.style import INK, SMALL, dress, new_figure, plain
 
         limiter = self.task.limiter
-        figure = new_figure(_HEIGHT)
+        figure, width = new_figure(3.2), 0.84  # inch; of a joint's bars
         ax = figure.subplots()
         count, places = len(limiter.horizons), np.arange(len(limiter.joints))
         limited = self.admissible[self.admissible < _NO_LIMIT]
-        top = _TALLEST * max(float(limited.max(initial=0.0)), float(np.abs(self.task.load).max(initial=0.0)), 1e-9)
+        top = 1.15 * max(float(limited.max(initial=0.0)), float(np.abs(self.task.load).max(initial=0.0)), 1e-9)
         shades = colormaps["cividis"](np.linspace(0.1, 0.9, count))
         for number, seconds in enumerate(limiter.horizons):
-            at = places + _WIDE * ((number + 0.5) / count - 0.5)
-            ax.bar(
-                at,
-                np.minimum(self.admissible[:, number], top),
-                _WIDE / count,
-                color=shades[number],
-                label=_named(seconds),
-            )
-        ax.hlines(np.abs(self.task.load), places - _WIDE / 2, places + _WIDE / 2, color=INK, linewidth=1.4)
+            at = places + width * ((number + 0.5) / count - 0.5)
+            shown = np.minimum(self.admissible[:, number], top)
+            ax.bar(at, shown, width / count, color=shades[number], label=_named(seconds))
+        ax.hlines(np.abs(self.task.load), places - width / 2, places + width / 2, color=INK, linewidth=1.4)
         ax.set_xticks(places, [plain(joint) for joint in limiter.joints], size=SMALL, rotation=30, ha="right")
         ax.set_ylim(0, top)
         ax.set_ylabel(f"admissible {limiter.heating.request} [{limiter.heating.unit.replace('*', '·')}]", size=SMALL)

@@ -24,8 +24,6 @@ from .task import TrackTask, read_task
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_COUNTS = 1e-3  # K; slack below it is the solver's own
-
 
 @dataclass(frozen=True)
 class TrackAnswer:
@@ -164,7 +162,8 @@ def _by_ipopt(task: TrackTask, settings: dict[str, Any], why: str) -> TrackAnswe
     )
     solution = Reference(heat, spread).solve(task.start, task.asked, task.conditions)
     given_up = () if solution.converged else ("IPOPT did not converge either; this plan is not proven best",)
-    worst = {node: over for node, over in zip(spread.limits, solution.slack.max(axis=0), strict=True) if over > _COUNTS}
+    slack = zip(spread.limits, solution.slack.max(axis=0), strict=True)
+    worst = {node: over for node, over in slack if over > 1e-3}  # K; less is the solver's own
     if worst:
         where = ", ".join(f"{node} by {over:.2g} K" for node, over in worst.items())
         given_up = (f"a limit less its margin can't be met: {where}", *given_up)

@@ -15,9 +15,6 @@ from lptn.basics.style import BEST, GIVEN, INK, LIMIT, MEASURED, SMALL, TEXT, dr
 from ..heating import heating
 from .task import TrackTask
 
-_COLUMNS, _MOST = 3, 12
-_ROW, _EXTRA = 1.75, 0.5  # inch
-
 
 def track_figure(
     task: TrackTask,
@@ -37,10 +34,10 @@ def track_figure(
     """
     asked = np.abs(task.asked).sum(axis=0)
     shares = np.where(asked > 0, np.abs(admitted).sum(axis=0) / np.where(asked > 0, asked, 1.0), 1.0)
-    chosen = sorted(int(number) for number in np.argsort(-(1 - shares), kind="stable")[:_MOST])
-    rows = -(-len(chosen) // _COLUMNS)
-    columns = min(_COLUMNS, len(chosen))
-    figure = new_figure(2 * rows * _ROW * 0.8 + _EXTRA)
+    chosen = sorted(int(number) for number in np.argsort(-(1 - shares), kind="stable")[:12])
+    columns = min(3, len(chosen))
+    rows = -(-len(chosen) // 3)
+    figure = new_figure(2.8 * rows + 0.5)
     axes = figure.subplots(2 * rows, columns, squeeze=False, sharex=True, sharey=False)
     unit = heating(task.model, task.request).unit.replace("*", "·")
     ends, label = time_axis(np.arange(len(task.asked) + 1, dtype=float) * task.period)

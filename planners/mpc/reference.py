@@ -14,8 +14,6 @@ from lptn.model.model import rk4
 from ..heating import Heating
 from .settings import Settings
 
-_FLOOR = 1e-3  # of the heat scale, as in `c/linear.inc`
-_SUBSTEP = 5.0  # s; RK4 is exact to 1e-4 K at that length on joints of a minute's time constant
 _OPTIONS: dict[str, Any] = {
     "print_time": False,
     "error_on_fail": False,
@@ -52,7 +50,7 @@ class Reference:
 
     def __init__(self, heating: Heating, settings: Settings) -> None:
         self.heating, self.settings = heating, settings
-        self._solver, self._sizes = self._build()
+        self._solver = self._build()
 
     def solve(
         self,
@@ -75,8 +73,8 @@ class Reference:
         weight = np.maximum(weight / weight.sum(), 1e-9) if weight.sum() > 0 else np.full_like(weight, 1 / weight.size)
         most = self._most(start, request, conditions, p)
         nodes = [self.heating.model.places.index(node) for node in settings.limits]
-        asked = np.maximum(np.abs(request), 1e-12)
-        least = np.maximum(_FLOOR * most, np.minimum((settings.floors / asked) ** 2, most))
+        asked, floor = np.maximum(np.abs(request), 1e-12), 1e-3  # of the heat scale, as in `c/linear.inc`
+        least = np.maximum(floor * most, np.minimum((settings.floors / asked) ** 2, most))
         lower = np.concatenate([np.ravel(least), np.full(n * len(start), -ca.inf), np.zeros(n * len(nodes))])
         upper = np.concatenate([np.ravel(most), np.full(n * (len(start) + len(nodes)), ca.inf)])
         guess = np.concatenate([np.ravel(0.5 * most), np.tile(start, n), np.full(n * len(nodes), 0.1)])
@@ -107,7 +105,7 @@ class Reference:
         current = np.abs(request) * gain
         return np.where(current > settings.currents, (settings.currents / np.maximum(current, 1e-12)) ** 2, 1.0)
 
-    def _build(self) -> tuple[Any, tuple[int, int]]:
+    def _build(self) -> Any:
         heating, settings = self.heating, self.settings
         states, joints, others = heating.x.numel(), len(heating.joints), len(heating.conditions)
         nodes, n = [heating.model.places.index(node) for node in settings.limits], len(settings.stages)
@@ -132,13 +130,14 @@ class Reference:
             "f": cost,
             "g": ca.vertcat(*following, ca.vec(over)),
         }
-        return ca.nlpsol("reference", "ipopt", program, {**_OPTIONS, "expand": True}), (states, n)
+        return ca.nlpsol("reference", "ipopt", program, {**_OPTIONS, "expand": True})
 
     def _step(self, h: float) -> ca.Function:
         """(x, heat, d, bias, p) -> x after h seconds, by RK4."""
         heating = self.heating
         bias = ca.SX.sym("bias", heating.x.numel())
-        parts = max(1, round(h / _SUBSTEP))
+        # In parts of some 5 s RK4 is exact to 1e-4 K on joints of a minute's time constant.
+        parts = max(1, round(h / 5.0))
         rate, part, x, heat = heating.rate_function(), h / parts, heating.x, ca.SX.sym("heat", len(heating.joints))
         for _ in range(parts):
             x = rk4(lambda state: rate(state, heat, heating.d, heating.p) + bias, x, part)
