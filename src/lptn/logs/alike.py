@@ -154,7 +154,7 @@ def _is_copy(one: FloatArray, other: FloatArray, moved: float = _MOVED, levels: 
 _BLOCKS = 100  # parts of a log
 _WARMED, _SAME = 5.0, 0.02  # K, by which both move; of it, by which they may differ
 _APART, _LEAST_APART = 5.0, 0.1  # times what they differ by, K: so far apart would other heats bring them
-_ROUNDED, _LAG = 0.1, 0.1  # of the noise, which blocks may differ by beside; of the log, in which a slow part warms
+_ROUNDED, _LAG = 0.1, 0.3  # of the noise, which blocks may differ by beside; of the log, in which a slow part warms
 
 
 def _is_as_warm(
@@ -186,6 +186,6 @@ def _means(values: FloatArray) -> FloatArray:
 
 
 def _lagged(heat: FloatArray) -> FloatArray:
-    """A heat as a part follows it that warms within a tenth of the log."""
+    """A heat as a part follows it that warms within a third of the log: what differs from stride to stride is gone."""
     weights = np.exp(-np.arange(heat.size) / (_LAG * heat.size))
     return np.convolve(np.nan_to_num(heat), weights)[: heat.size]

@@ -248,6 +248,7 @@ def _is_contradicted(
     off = warming.off(told)
     moved = warming.rate * warming.apart
     usual = max(float(np.mean(np.abs(off[told]))), _OF_MOVES * float(np.mean(np.abs(moved[told]))))
+    usual = max(usual, float(np.finfo(float).tiny))  # of a robot at rest without any noise
     few = min(np.count_nonzero(asked), np.count_nonzero(told))
     worse = float(np.abs(with_all[known | asked]).sum() - np.abs(off[told]).sum()) / few / usual
     total, elsewhere = (np.concatenate(([0.0], np.cumsum(x))) for x in (off, np.where(told, off, 0.0)))
