@@ -15,10 +15,12 @@ from lptn.effects.learned_heat import LearnedHeat
 from lptn.identify.data import DataSplit, split_data
 from lptn.identify.validation import fit_segments
 from lptn.logs.run import Run
+from lptn.model.model import Model
+from lptn.model.network import Network
 from lptn.report.heat_story import learned_picture
 from lptn.report.narrative import narrative
 from tests.benchmarks.learned_heat import HIDDEN, Hidden, curve_against_truth, model, split, truth_run
-from tests.builders import LEG
+from tests.builders import AMBIENT, LEG, effect, link, make_run, node
 
 
 def _unexplained(data: DataSplit) -> Diagnosis:
@@ -160,3 +162,31 @@ def test_a_model_with_it_says_that_this_heat_stays_unexplained() -> None:
     assert "Heat at FR_thigh is unexplained, but goes with velocity.FR_thigh" in verdict.text
     told = Diagnosis("adequate", "adequate", curve.step.fit, None, {}).as_json()["learned"]
     assert told == [{"at": "FR_thigh", "verdict": "unexplained, but goes with velocity.FR_thigh"}]
+
+
+def _housed(seed: int) -> Run:
+    """A winding whose joint rubs in its housing above 3 rad/s; the log names the speed after the winding."""
+    rng = np.random.default_rng(seed)
+    torque, speed = (rng.uniform(0.0, most, 40).repeat(90) for most in (5.0, 6.0))
+    t, path = np.full(2, 20.0), np.empty((2, 3600))
+    for k in range(3600):
+        path[:, k] = t
+        passed = (t[0] - t[1]) / 1.5
+        rubbing = 3.0 * max(speed[k] - 3.0, 0.0)
+        t = t + np.array([0.4 * torque[k] ** 2 - passed, passed + rubbing - (t[1] - 20.0) / 4.0]) / (80.0, 250.0)
+    columns = {"temperature.ambient": np.full(3600, 20.0), "torque.a": torque, "velocity.a": speed}
+    readings = path + 0.1 * rng.standard_normal(path.shape)
+    return make_run(columns | {"temperature.a": readings[0], "temperature.a_case": readings[1]}, name=f"run{seed}")
+
+
+def test_heat_in_a_housing_goes_with_the_speed_of_its_winding() -> None:
+    links = (link("a", "a_case", 1.5), link("a_case", "ambient", 4.0))
+    copper = effect("copper_loss", "a", resistance=0.4, torque_constant=1.0)
+    motor = Model(Network("motor", (node("a", 80.0), node("a_case", 250.0), AMBIENT), links, (copper,)))
+    data = for_search(split_data([_housed(1), _housed(2)], [_housed(3)]))
+    last = Diagnosis("unexplained", "unexplained", fit_segments(motor, data.fit), None, {})
+    curve = learned_curve(last, last, data)
+    assert curve is not None
+    assert (curve.inputs[0].node, curve.inputs[0].column) == ("a_case", "velocity.a")
+    assert curve.offered
+    assert "driven_by=a " in curve.command
