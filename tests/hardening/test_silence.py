@@ -220,7 +220,7 @@ def test_a_given_temperature_that_stands_still_is_taken_and_one_that_is_dead_cut
     (run,) = _read_as_a_model_does(still)
     (issue,) = run.issues
     assert issue.kind == "frozen"
-    assert issue.remedy.startswith("it is taken as it stands")
+    assert issue.remedy.startswith("it is used as it is")
     assert (run.columns["temperature.ambient"][400:1100] == 22.0625).all()
     log.loc[_between(log, 300, 1200), "temperature.ambient"] = 0.0
     before, after = _read_as_a_model_does(log)

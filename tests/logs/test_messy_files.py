@@ -101,7 +101,7 @@ def test_rows_within_a_whole_second_all_count() -> None:
     (coarse,) = read_log(log.assign(time=np.floor(log["time"])))
     assert coarse.columns["torque.a"] == pytest.approx(fine.columns["torque.a"])
     assert coarse.columns["temperature.a"] == pytest.approx(fine.columns["temperature.a"])
-    assert any("evenly apart" in note for note in coarse.notes)
+    assert any("spread evenly" in note for note in coarse.notes)
 
 
 def test_rows_that_are_there_twice_count_once() -> None:

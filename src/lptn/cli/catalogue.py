@@ -251,7 +251,7 @@ def _row(effect: type[Effect], parameter: Parameter) -> str:
 
 
 def _options(effect: type[Effect]) -> list[str]:
-    return [f"- Option: `{option}`; the first is taken unless said." for option in options_text(effect)]
+    return [f"- Option: `{option}`; the first is the default." for option in options_text(effect)]
 
 
 def _linked(text: str) -> str:

@@ -132,7 +132,7 @@ def _fit_one(
         study.save(output)
     tried = [{"weight": trial.symmetry_penalty, "rmse_holdout": trial.holdout.rmse} for trial in study.symmetry_trials]
     more = {"rmse_holdout": held_out.rmse if held_out else None, "symmetry_trials": tried}
-    write_json(json, done.as_json() | more | {"mirror_weights": tried})  # the last by its former name
+    write_json(json, done.as_json() | more)
 
 
 def _show_symmetry_trials(trials: Sequence[SymmetryTrial]) -> None:

@@ -164,7 +164,7 @@ def within_stamps(
         raise InputError(table.path, place, problem, expected)
     lasts = np.minimum(np.append(apart, usual), usual)
     spread = time + (np.arange(time.size) - np.repeat(first, counts)) * np.repeat(lasts / counts, counts)
-    return spread, f"time: stamps {usual:.3g} s apart for {count} each, which are taken to be evenly apart."
+    return spread, f"time: stamps {usual:.3g} s apart for {count} each, which are spread evenly."
 
 
 _IN_NAMES = ("ms", "us", "ns", "min")  # units that nothing else at a name's end means; "s" may

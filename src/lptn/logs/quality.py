@@ -154,7 +154,7 @@ def _done(key: str, source: ColumnSource, silence: Silence, numbers: Mapping[str
         if silence.whole and key in roles.predicted:
             return "it is the only sensor, and counts all the same; if it was stuck, nothing can be concluded from it"
         gap = replace(source, invalid=(*source.invalid, _in_file(source, silence, numbers)))
-        return f"it is taken as it stands; to have a gap there, write {as_line_or_option(key, gap)}"
+        return f"it is used as it is; to have a gap there, write {as_line_or_option(key, gap)}"
     if not silence.lasts or key in roles.predicted:
         return f"it is left out; {right}" if silence.whole else "these readings are left out"
     what = f"the heat of {place}" if quantity in INPUTS else "what it gives to the model"

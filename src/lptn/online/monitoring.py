@@ -284,7 +284,6 @@ class Monitoring:
                 "threshold": {
                     "alarms": [alarm.as_json() for alarm in watched.threshold_alarms],
                     "largest_error": watched.largest_error,
-                    "largest_residual": watched.largest_error,  # the former name, for programs that read it
                 },
                 "statistical": {"alarms": [alarm.as_json() for alarm in watched.statistical_alarms]},
             }
