@@ -196,7 +196,7 @@ def improve(
         >>> data = lptn.split_data(loaded.runs(["examples/tclab/log.csv"]), holdout_after=300)
         >>> history = lptn.improve(loaded.model, data)
         >>> [(step.effect, step.at) for step in history.steps]
-        [(None, None), ('constant_heat', '*'), ('natural_convection', '*'), ('sensor_lag', '*')]
+        [(None, None), ('sensor_lag', '*'), ('constant_heat', '*'), ('natural_convection', '*')]
     """
     coarse = for_search(data)
     report("fitting the model as it stands")
