@@ -17,7 +17,7 @@ from lptn.model.model import Model
 from ..heating import Request, heating, requested_by
 from ..reach import check_limits_at_rest
 from ..tasks import conditions_of, mistakes_with_line, start_of
-from ..values import ByPlace, Celsius, NotNegative, Positive, by_place
+from ..values import ByPlace, Celsius, NotNegative, Positive, Seconds, by_place
 from .settings import LostSensor
 
 _MOST_STEPS = 400
@@ -26,7 +26,7 @@ _MOST_STEPS = 400
 class TrackTable(Strict):
     kind: Literal["track"]
     name: str = "torque within temperature limits"
-    period: Positive = 5.0
+    period: Seconds = 5.0
     repeat: Annotated[int, Field(ge=1, le=1000, strict=True)] = 1
     margin: NotNegative = 0.15
     recovery: NotNegative | None = None
