@@ -34,7 +34,7 @@ def test_every_parameter_equals_central_differences(case: tuple[Model, BoundRun,
     exact = sensitivities(model, bound, p, range(len(p)), start).by_parameter
     for column, parameter in enumerate(model.parameters):
         e = np.zeros_like(p)
-        e[column] = 1e-4 * abs(p[column])
+        e[column] = 1e-4 * (abs(p[column]) or 1.0)
         slope = (simulate(model, bound, p + e, start).readings - simulate(model, bound, p - e, start).readings) / (
             2 * e[column]
         )
