@@ -138,6 +138,9 @@ CLEARLY = 2.0
 MOST = 0.8
 """Share of the squared misfit beyond noise that what was found must explain to be what is missing: errors fall by more
 than half."""
+WORTH = 0.05
+"""Share by which held-out errors must differ to speak for an effect that no evidence chose: the RMSE of some 200
+independent residuals, an hour or two of a few nodes, is itself known to 1/√400."""
 HALF = 0.5
 """Share of the squared error beyond noise of held-out runs that must go with it: they differ in themselves, too."""
 _LOGS, _TOGETHER = 200, 20

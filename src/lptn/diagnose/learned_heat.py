@@ -21,6 +21,7 @@ from lptn.basics.processes import one_blas_thread
 from lptn.basics.words import listed, short_size
 from lptn.diagnose.answers import Step
 from lptn.diagnose.diagnosis import Diagnosis
+from lptn.diagnose.fit_statistics import WORTH
 from lptn.diagnose.priors import OCCAM
 from lptn.diagnose.refits import refit
 from lptn.diagnose.unexplained_heat import (
@@ -35,6 +36,7 @@ from lptn.diagnose.unexplained_heat import (
     stretches,
     unexplained_heat,
 )
+from lptn.effects.excitation import CHANGE
 from lptn.effects.learned_heat import OWN_TEMPERATURE, PIECES, UNNAMED, LearnedHeat
 from lptn.identify.bounded_minimum import bounded_minimum
 from lptn.identify.data import DataSplit
@@ -46,15 +48,11 @@ from lptn.model.heat_balance import input_column
 from lptn.model.network import EffectDeclaration
 
 _FAR_BEYOND = 2.0  # bands that a curve must be from none: four standard errors, beyond the best of many by chance
-_BETTER = 0.95
-"""Share of the held-out error that must be left at most: an RMSE of some 200 independent residuals, an hour or two of a
-few nodes, is itself known to 1/√400."""
 _MOST_NODES = 3  # those whose heat is surest: time grows with them, and a heat without a name spreads from its place
 _WALKS = 3  # the likeliest and two slower ones: beside a curve that stands for heat the rest wanders less
 _WORTH_A_WORD = 0.1  # share of the heat that an input must explain to be named
 _POINTS = 41  # of a curve that is drawn
 _DAY, TIME_OF_DAY = 86400.0, "time of day"  # s; asked of logs of a day and more, whose clock is taken for the day's
-_VARIES = 0.1  # of the largest value: less counts as constant, as in `lptn.effects.excitation`
 _Smoothed = tuple[Blocks, FloatArray, FloatArray]  # a run, its heat, and what each rise takes off it
 
 
@@ -183,7 +181,7 @@ def learned_curve(first: Diagnosis, last: Diagnosis, data: DataSplit) -> Learned
     without = min((base.holdout.rmse for base in bases if base.holdout), default=0.0)  # none held out: none offered
     for curve in told:
         far = bool(np.any(np.abs(curve.heat) > _FAR_BEYOND * curve.band))
-        if far and curve.held_out is not None and curve.held_out < _BETTER * without:
+        if far and curve.held_out is not None and curve.held_out < (1 - WORTH) * without:
             return replace(curve, without=without, offered=True)
     return replace(told[0], without=without or None) if told else None
 
@@ -367,7 +365,7 @@ def _inputs_of(fit: Fit, node: str, runs: Sequence[Run]) -> list[_Input]:
         values = np.concatenate([_values(run, column) for run in runs])
         start = 0.0 if key not in ("", OWN_TEMPERATURE) else float(values.min())
         span = float(np.abs(values).max() if start == 0.0 else np.ptp(values))
-        if np.ptp(values) > _VARIES * span:
+        if np.ptp(values) > CHANGE * span:
             inputs.append(_Input(node, column, key, driven_by, start, span))
     return inputs
 

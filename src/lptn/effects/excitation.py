@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 
-_CHANGE = 0.1  # of an input's largest one-minute mean: less counts as constant
+CHANGE = 0.1  # of an input's largest one-minute mean: less counts as constant
 ZERO = 1e-9  # in any SI unit: below it an input is 0 but for rounding
 _AT_REST = 0.02  # share of the time: some minutes of standstill in an hour are enough to see what rest looks like
 _RISE = 10.0  # K; the usual laws bend the loss of heat by 5 % or so over it, more than the scatter of a fit
@@ -54,7 +54,7 @@ class Excitation:
     def varies(self, column: str) -> bool:
         """Whether an input's one-minute means differ by a tenth of the largest."""
         low, high = self.ranges.get(column, (0.0, 0.0))
-        return high - low > _CHANGE * max(abs(low), abs(high)) and high - low > ZERO
+        return high - low > CHANGE * max(abs(low), abs(high)) and high - low > ZERO
 
     def as_json(self) -> dict[str, object]:
         """For other programs."""

@@ -19,7 +19,7 @@ from lptn.basics.words import listed, short_size
 from lptn.diagnose.advice import Advice
 from lptn.diagnose.answers import LIKELY, Step
 from lptn.diagnose.diagnosis import Diagnosis, is_met
-from lptn.diagnose.fit_statistics import MOST, Removed, criterion_difference, explains
+from lptn.diagnose.fit_statistics import MOST, WORTH, Removed, criterion_difference, explains
 from lptn.diagnose.improvement import History
 from lptn.effects.learned_heat import UNNAMED, LearnedHeat, goes_with
 from lptn.identify.data import DataSplit, Segment
@@ -47,9 +47,6 @@ Label = Literal[
     "Verdict", "Findings", "Best candidates", "Structure", "Added by hand", "Error", "Unexplained heat", "Next"
 ]
 
-WORTH = 0.05
-"""Share by which held-out errors must differ to speak for a step that somebody chose: the RMSE of some 200 independent
-residuals, an hour or two of a few nodes, is itself known to 1/√400."""
 HELPED = 0.99
 """The share of the error below which an error is called smaller."""
 FEW = 3
