@@ -11,6 +11,7 @@ import pandas as pd
 import pytest
 
 from lptn.logs.alike import duplicates
+from lptn.logs.channels import Channels, Silence
 from lptn.logs.columns import ColumnSource
 from lptn.logs.issue import Issue
 from lptn.logs.reading import read_log
@@ -26,6 +27,14 @@ def _issues(log: pd.DataFrame) -> list[Issue]:
     issues = issues_in(log)
     assert issues is not None
     return issues
+
+
+def _silences(values: dict[str, npt.NDArray[np.float64]]) -> dict[str, list[Silence]]:
+    return silences_of(Channels(values))
+
+
+def _channels(one: npt.NDArray[np.float64], other: npt.NDArray[np.float64]) -> Channels:
+    return Channels({"time": np.arange(float(one.size)), "temperature.a": one, "temperature.b": other})
 
 
 def _between(log: pd.DataFrame, start: float, stop: float) -> npt.NDArray[np.bool_]:
@@ -87,10 +96,10 @@ def test_rows_that_come_in_bursts_are_no_gaps(apart: npt.NDArray[np.float64]) ->
 def test_a_torque_of_nothing_but_zero_is_frozen_only_if_it_was_logged_for_long() -> None:
     time = np.concatenate([np.arange(30.0), np.arange(1000.0, 1030.0)])
     zero = {"time": time, "torque.knee": np.zeros(time.size), "velocity.knee": np.full(time.size, 1.0)}
-    assert "torque.knee" not in silences_of(zero)
+    assert "torque.knee" not in _silences(zero)
     time = np.arange(300.0)
     zero = {"time": time, "torque.knee": np.zeros(time.size), "velocity.knee": np.sin(time)}
-    assert [silence.kind for silence in silences_of(zero)["torque.knee"]] == ["frozen"]
+    assert [silence.kind for silence in _silences(zero)["torque.knee"]] == ["frozen"]
 
 
 def test_two_joints_at_rest_that_read_alike_are_no_copies() -> None:
@@ -102,8 +111,8 @@ def test_two_joints_at_rest_that_read_alike_are_no_copies() -> None:
         readings[rng.choice(np.arange(1201, 2399, 3), 11, replace=False)] = 31.0
     assert np.count_nonzero(np.diff(one)) >= 20
     assert np.mean(one == other) > 0.99
-    assert not duplicates({"a": one, "b": other}, {})
-    assert duplicates({"a": one, "b": one.copy()}, {}) == {"b": "a"}
+    assert not duplicates(_channels(one, other))
+    assert duplicates(_channels(one, one.copy())) == {"temperature.b": "temperature.a"}
 
 
 def test_two_channels_with_the_same_readings() -> None:
@@ -133,12 +142,12 @@ def test_a_speed_that_stands_at_its_encoders_noise_is_that_of_a_joint_at_rest() 
     walking, stands = rng.normal(1.0, 0.3, time.size), (time > 900) & (time < 1500)
     for value, found in ((0.002, 0), (-0.009, 0), (0.011, 1), (0.7, 1)):
         speed = np.where(stands, value, walking)
-        assert len(silences_of({"time": time, "velocity.knee": speed}).get("velocity.knee", [])) == found
+        assert len(_silences({"time": time, "velocity.knee": speed}).get("velocity.knee", [])) == found
     # So does the load that it holds all the while.
     torque = np.where(stands, 3.2, rng.normal(0.0, 4.0, time.size))
     for value, found in ((0.0, 0), (0.002, 0), (0.02, 1)):
         speed = np.where(stands, value + 1e-4 * rng.standard_normal(time.size) * (value > 0), walking)
-        assert len(silences_of({"time": time, "velocity.knee": speed, "torque.knee": torque})) == found
+        assert len(_silences({"time": time, "velocity.knee": speed, "torque.knee": torque})) == found
 
 
 def test_torques_that_are_asked_for_hold_still_and_one_that_froze_is_found() -> None:
@@ -148,16 +157,16 @@ def test_torques_that_are_asked_for_hold_still_and_one_that_froze_is_found() -> 
     torque = np.where(walking, 9 * np.sin(time), np.where(time <= 1200, 5.2, 6.1))
     speed = np.where(walking, np.cos(time), 0.0)
     logged = {"time": time, "torque.knee": torque, "velocity.knee": speed}
-    assert not silences_of(logged)
-    assert not silences_of({key: logged[key] for key in ("time", "torque.knee")})
+    assert not _silences(logged)
+    assert not _silences({key: logged[key] for key in ("time", "torque.knee")})
     moving = rng.normal(0, 1, time.size)
-    assert len(silences_of(logged | {"velocity.knee": moving})["torque.knee"]) == 2
+    assert len(_silences(logged | {"velocity.knee": moving})["torque.knee"]) == 2
     once = logged | {"torque.knee": np.where(time > 2400, 9 * np.sin(time), torque)}
-    assert not silences_of(once)  # from the row in which the knee comes to rest to the row in which it moves again
+    assert not _silences(once)  # from the row in which the knee comes to rest to the row in which it moves again
     rising = logged | {"torque.knee": np.where(time < 600, 0, np.where(time > 2400, 9 * np.sin(time), torque))}
-    assert not silences_of(rising | {"velocity.knee": np.where(time < 600, 0, speed)})  # it lay before it stood
+    assert not _silences(rising | {"velocity.knee": np.where(time < 600, 0, speed)})  # it lay before it stood
     froze = np.where((time > 650) & (time < 1150), 5.2, 9 * np.sin(time))
-    assert len(silences_of(logged | {"torque.knee": froze})["torque.knee"]) == 1
+    assert len(_silences(logged | {"torque.knee": froze})["torque.knee"]) == 1
 
 
 def test_a_torque_that_no_joint_bears_is_refused() -> None:
@@ -316,7 +325,7 @@ def _heated(load: npt.NDArray[np.float64], constant: float = 600.0) -> npt.NDArr
 
 def _said(time: npt.NDArray[np.float64], readings: npt.NDArray[np.float64], load: npt.NDArray[np.float64]) -> list[str]:
     log = {"time": time, "temperature.a": readings, "torque.a": load, "temperature.ambient": np.full(time.size, 20.0)}
-    return [one.kind for one in silences_of(log).get("temperature.a", [])]
+    return [one.kind for one in _silences(log).get("temperature.a", [])]
 
 
 def test_a_coarse_sensor_at_a_limit_is_clamped_while_the_load_goes_on() -> None:

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from lptn.cli.main import main
+from lptn.logs.channels import quantisation_step
 from lptn.logs.columns import ColumnSource, parse_columns, parse_map_option
 from lptn.logs.reading import read_log
 from lptn.logs.run import Run
-from lptn.logs.silence import quantisation_step
 from lptn.robots.presets import presets
 
 Write = Callable[..., Path]

@@ -35,10 +35,10 @@ def test_another_day_is_another(robot: str, steps: float) -> None:
 def test_a_part_an_average_and_a_rounded_copy_are_found(steps: float) -> None:
     log = healthy("quadruped", 1, steps)
     run, part = _run(log), log[600:1500].reset_index(drop=True)
-    assert repeated_stretch(run, _run(part)) == (600.0, 824.0)
+    assert repeated_stretch(run, _run(part)) == (600.0, 1499.0)
     assert repeated_stretch(_run(part), run) is not None
     later = part.assign(time=part["time"] - 5000.0)
-    assert repeated_stretch(run, _run(later)) == (-4400.0, -4176.0)
+    assert repeated_stretch(run, _run(later)) == (-4400.0, -3501.0)
     assert repeated_stretch(run, _run(log.round(3))) is not None
     assert repeated_stretch(run, _run(log, step=10.0)) is not None
 
@@ -107,10 +107,10 @@ def test_two_gaps_are_not_the_same_readings() -> None:
 @pytest.mark.parametrize("lost", [2, 10, 25])
 def test_a_copy_that_lost_readings_is_found(lost: int) -> None:
     """So many of each minute, of a temperature without noise that would give it away."""
-    time = np.arange(250.0)
+    time = np.arange(500.0)
     log = pd.DataFrame({"time": time, "temperature.knee": 22.0 + 20.0 * np.sin(time / 90.0) + 0.01 * time})
     copy, rng = log.copy(), np.random.default_rng(3)
-    for first in range(0, 240, 60):
+    for first in range(0, 480, 60):
         copy.loc[first + rng.choice(60, lost, replace=False), "temperature.knee"] = np.nan
     assert repeated_stretch(_run(log), _run(copy)) is not None
 

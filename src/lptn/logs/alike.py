@@ -11,11 +11,10 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from lptn.basics.arrays import FloatArray
-from lptn.logs.columns import AMBIENT, HEATS, ColumnSource
+from lptn.logs.channels import Channels, spans
+from lptn.logs.columns import AMBIENT, HEATS, place_of
 from lptn.logs.issue import Issue
 from lptn.logs.resampling import means_of_blocks
-from lptn.logs.silence import loads_of
-from lptn.logs.units import believed
 
 _HELD, _HELD_ROWS, _AROUND = 2.0, 3, 50  # s, and rows in turn, that stand; rows on both sides that tell what is usual
 _NEW = 0.5  # share of rows in which a column that tells has another number, back and forth
@@ -23,24 +22,19 @@ _SEVERAL = 2  # columns that hardly ever stand: one alone is a sensor that froze
 _SURE = 1e-9  # chance that temperatures and speeds of a robot that was logged all the while would stand so long
 
 
-def without_held_rows(column: str, values: dict[str, FloatArray]) -> tuple[dict[str, FloatArray], list[Issue]]:
-    """Quantities without what stands in rows that the logger did not write, but repeated; and what is said of these.
+def without_held_rows(log: Channels) -> tuple[Channels, list[Issue]]:
+    """A log without what stands in rows that the logger did not write, but repeated; and what is said of these.
 
     Torques may stand, as they were asked for, and so may what is zero.
-
-    Args:
-        column: of the times.
-        values: time [s] and the quantities, (n,) each.
     """
-    time, channels = values["time"], {key: channel for key, channel in values.items() if key != "time"}
+    time, channels = log.time, {key: channel for key, channel in log.values.items() if key != "time"}
     alike = np.ones(max(time.size - 1, 0), dtype=bool)
     for channel in channels.values():
         alike &= channel[1:] == channel[:-1]
-    edges = np.flatnonzero(np.diff(alike, prepend=False, append=False))
-    measured = [channel for key, channel in channels.items() if key.startswith(("temperature.", "velocity."))]
-    lively = [x for x in measured if alike.any() and _back_and_forth(np.diff(x)) > _NEW * alike.size]
+    measured = [*log.of("temperature").values(), *log.of("velocity").values()] if alike.any() else []
+    lively = [x for x in measured if _back_and_forth(np.diff(x)) > _NEW * alike.size]
     held, rows = [], np.zeros(time.size, dtype=bool)
-    for first, last in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+    for first, last in spans(alike):
         if last - first < _HELD_ROWS or time[last] - time[first] < _HELD:
             continue
         beside = np.r_[max(first - _AROUND, 0) : first, last : min(last + _AROUND, alike.size)]
@@ -51,12 +45,13 @@ def without_held_rows(column: str, values: dict[str, FloatArray]) -> tuple[dict[
             held.append(time[last] - time[first])
             rows[first + 1 : last + 1] = True
     if not held:
-        return values, []
+        return log, []
     start, stop = float(time[rows][0]), float(time[rows][-1])
     problem = f"all columns stand {len(held)} time{'s' * (len(held) > 1)}, {sum(held):.4g} s in all, "
     problem += f"from {start:.10g} to {stop:.10g} s"
-    issue = Issue("time", column, problem, "these rows are left out", certain=False, kind="held", stretch=(start, stop))
-    return {key: x if key == "time" else np.where(rows, np.nan, x) for key, x in values.items()}, [issue]
+    column, remedy = log.sources["time"].columns[0], "these rows are left out"
+    issue = Issue("time", column, problem, remedy, certain=False, kind="held", stretch=(start, stop))
+    return log.with_channels({key: np.where(rows, np.nan, x) for key, x in channels.items()}), [issue]
 
 
 def _back_and_forth(moves: FloatArray) -> int:
@@ -74,66 +69,53 @@ _TOGETHER = 0.5
 """Share of its changes that a copy makes in the same row. Two joints at rest, as warm as each other and read in steps
 of 1 K, give the same number in 99 of 100 rows, but cross a step at different ones."""
 _MEASURED = 50  # numbers that a measured torque takes; fewer are what was asked for
+_WHOSE = "one of the two is not where it is said to be"
 
 
-def copies_in(
-    sources: Mapping[str, ColumnSource], numbers: Mapping[str, FloatArray], values: Mapping[str, FloatArray]
-) -> list[Issue]:
-    """Temperatures that are another column's; torques and currents that are another joint's."""
-    issues, whose = [], "one of the two is not where it is said to be"
-    for key, other in duplicates_of(sources, values).items():
-        remedy = f"{whose}, and beside others neither is used; map its own column"
-        problem = f"the same readings as {other}"
-        issues.append(Issue(key, sources[key].columns[0], problem, remedy, False, kind="duplicate"))
+def duplicates(log: Channels) -> dict[str, str]:
+    """Of temperatures that say the same, number by number or to their noise, the later ones, each with the first."""
+    slow = {f"temperature.{place}": load for place, load in log.loads.items() if f"temperature.{place}" in log.values}
+    means = {key: _means(log.values[key]) for key in slow}
+
+    def is_one(key: str, earlier: str) -> bool:
+        if _is_copy(log.values[key], log.values[earlier]):
+            return True
+        return key in slow and earlier in slow and _is_as_warm(log, means, slow, key, earlier)
+
+    return _pairs(log, [key for key in log.of("temperature") if key != AMBIENT], is_one)
+
+
+def copies_in(log: Channels, twice: Mapping[str, str]) -> list[Issue]:
+    """Temperatures that are another column's, by `duplicates`; torques and currents that are another joint's."""
+    issues = []
+    for key, other in twice.items():
+        remedy = f"{_WHOSE}, and beside others neither is used; map its own column"
+        column = log.sources[key].columns[0]
+        issues.append(Issue(key, column, f"the same readings as {other}", remedy, False, kind="duplicate"))
 
     def is_one(key: str, other: str) -> bool:
         # Two joints that are made alike, and commanded alike, have one speed as well.
-        speeds = [values.get(f"velocity.{one.partition('.')[2]}") for one in (key, other)]
+        speeds = [log.values.get(f"velocity.{place_of(one)}") for one in (key, other)]
         together = speeds[0] is not None and speeds[1] is not None and _is_copy(speeds[0], speeds[1], moved=0.0)
-        return not together and _is_copy(values[key], values[other], moved=0.0, levels=_MEASURED)
+        return not together and _is_copy(log.values[key], log.values[other], moved=0.0, levels=_MEASURED)
 
     for quantity in HEATS:
-        loads = [key for key in sources if key.startswith(f"{quantity}.")]
-        for key, other in _pairs(loads, is_one).items():
-            if sources[key].columns != sources[other].columns and not np.isfinite(sources[key].valid).any():
-                remedy = f"{whose}: map its own column; if both are right, write {believed(key, sources[key], numbers)}"
-                problem = f"the same numbers as {other}"
-                issues.append(Issue(key, sources[key].columns[0], problem, remedy, False, kind="duplicate"))
+        for key, other in _pairs(log, list(log.of(quantity)), is_one).items():
+            if not log.is_believed(key):
+                remedy = f"{_WHOSE}: map its own column; if both are right, write {log.believed(key)}"
+                column = log.sources[key].columns[0]
+                issues.append(Issue(key, column, f"the same numbers as {other}", remedy, False, kind="duplicate"))
     return issues
 
 
-def duplicates_of(sources: Mapping[str, ColumnSource], values: Mapping[str, FloatArray]) -> dict[str, str]:
-    """Temperatures that say number by number what another column says, by quantity, each with that other."""
-    read = {key: values[key] for key in sources if key.startswith("temperature.") and key != AMBIENT}
-    pairs = duplicates(read, {f"temperature.{place}": load for place, load in loads_of(values).items()})
-    return {key: other for key, other in pairs.items() if sources[key].columns != sources[other].columns}
-
-
-def duplicates(values: Mapping[str, FloatArray], loads: Mapping[str, FloatArray]) -> dict[str, str]:
-    """Of temperatures that say the same the later ones, each with the first.
-
-    Args:
-        values: by channel, (n,) degC each.
-        loads: by channel what goes with the square root of the heat put in there, (n,) each: two parts with other
-            heats have other temperatures, though their noise is not the same.
-    """
-    slow = {name: _means(values[name]) for name in loads.keys() & values.keys()}
-
-    def is_one(name: str, earlier: str) -> bool:
-        return _is_copy(values[name], values[earlier]) or (
-            name in slow and earlier in slow and _is_as_warm(values, slow, loads, name, earlier)
-        )
-
-    return _pairs(list(values), is_one)
-
-
-def _pairs(names: Sequence[str], is_one: Callable[[str, str], bool]) -> dict[str, str]:
-    """Of channels that are one the later ones, each with the first."""
+def _pairs(log: Channels, keys: Sequence[str], is_one: Callable[[str, str], bool]) -> dict[str, str]:
+    """Of channels that are one the later ones, each with the first; but those that somebody mapped to one column."""
     pairs: dict[str, str] = {}
-    for number, name in enumerate(names):
-        first = next((other for other in names[:number] if other not in pairs and is_one(name, other)), None)
-        pairs |= {name: first} if first else {}
-    return pairs
+    for number, key in enumerate(keys):
+        first = next((other for other in keys[:number] if other not in pairs and is_one(key, other)), None)
+        pairs |= {key: first} if first else {}
+    of = {key: log.sources[key].columns if key in log.sources else (key,) for key in keys}
+    return {key: other for key, other in pairs.items() if of[key] != of[other]}
 
 
 def _is_copy(one: FloatArray, other: FloatArray, moved: float = _MOVED, levels: int = 0) -> bool:
@@ -158,23 +140,22 @@ _ROUNDED, _LAG = 0.1, 0.3  # of the noise, which blocks may differ by beside; of
 
 
 def _is_as_warm(
-    values: Mapping[str, FloatArray],
-    slow: Mapping[str, FloatArray],
-    loads: Mapping[str, FloatArray],
-    one: str,
-    other: str,
+    log: Channels, means: dict[str, FloatArray], loads: dict[str, FloatArray], one: str, other: str
 ) -> bool:
     """Whether two parts are as warm as each other to their noise, though the heat that is put in is not the same."""
-    apart = slow[one] - slow[other]
+    apart = means[one] - means[other]
     if not np.isfinite(apart).all():
         return False
-    moved, differ = float(min(np.ptp(slow[one]), np.ptp(slow[other]))), float(np.sqrt(np.mean(apart**2)))
+    moved, differ = float(min(np.ptp(means[one]), np.ptp(means[other]))), float(np.sqrt(np.mean(apart**2)))
     if moved < _WARMED or differ > _SAME * moved:
         return False
-    noise = float(np.nanstd(np.diff(values[one] - values[other]))) / np.sqrt(2)
-    # What would make their temperatures differ: the heats, as a slow part means them, scaled to be as alike as can be.
-    a, b = (_lagged(_means(np.square(loads[name]))) for name in (one, other))
-    of_means = 2 / np.sqrt(max(values[one].size // _BLOCKS, 1)) + _ROUNDED
+    noise = float(np.nanstd(np.diff(log.values[one] - log.values[other]))) / np.sqrt(2)
+    # What would make their temperatures differ: the heats, as a part means them that warms within a third of the log,
+    # scaled to be as alike as can be.
+    heats = [np.nan_to_num(_means(np.square(loads[key]))) for key in (one, other)]
+    weights = np.exp(-np.arange(apart.size) / (_LAG * apart.size))
+    a, b = (np.convolve(heat, weights)[: apart.size] for heat in heats)
+    of_means = 2 / np.sqrt(max(log.time.size // _BLOCKS, 1)) + _ROUNDED
     if differ > of_means * noise or not a @ a > 0 or not b @ b > 0:
         return False
     left = a - b * float(a @ b / (b @ b))
@@ -183,9 +164,3 @@ def _is_as_warm(
 
 def _means(values: FloatArray) -> FloatArray:
     return means_of_blocks(values, max(values.size // _BLOCKS, 1))
-
-
-def _lagged(heat: FloatArray) -> FloatArray:
-    """A heat as a part follows it that warms within a third of the log: what differs from stride to stride is gone."""
-    weights = np.exp(-np.arange(heat.size) / (_LAG * heat.size))
-    return np.convolve(np.nan_to_num(heat), weights)[: heat.size]

@@ -1,9 +1,4 @@
-"""What is wrong with a log's time: refused where no run can be made of it, else spread over its rows, or an issue.
-
-`check_time` refuses time that is missing or runs backwards; where it does so by a few rows, `in_order` sorts them.
-`within_stamps` tells rows apart that share a stamp.
-`suspect_unit_of_time` looks for times that are in another unit than seconds.
-"""
+"""What is wrong with a log's time: refused where no run can be made of it, else spread over its rows, or an issue."""
 
 from __future__ import annotations
 
@@ -12,10 +7,9 @@ from dataclasses import replace
 from typing import NoReturn
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
-from lptn.basics.arrays import FloatArray
+from lptn.basics.arrays import FloatArray, IntArray
 from lptn.basics.errors import InputError
 from lptn.logs.columns import ColumnName, ColumnSource, as_line_or_option, is_number, to_si
 from lptn.logs.issue import Issue, in_unit
@@ -23,31 +17,21 @@ from lptn.logs.tables import Table
 
 FEWEST_ROWS = 10
 """Rows at different times, of which something can be said."""
-_DAY = 86400.0  # s
+_DAY, _SUMMER_TIME = 86400.0, 3600.0  # s
 _LATEST = 1e20  # s, or in whatever unit was meant: times since 1970 in ns are below 2e18
-
-
 _FEW = 5.0  # usual steps, by which a row may lie before one above it: loggers of several threads write so
 
 
-def in_order(time: FloatArray) -> npt.NDArray[np.intp] | None:
-    """The order in which times run forwards, (n,); `None` where they do, or go back by more than a few steps.
-
-    Args:
-        time: (n,) in any unit.
-    """
-    if not (np.abs(time) < _LATEST).all():  # which `check_time` refuses
-        return None
+def in_order(time: FloatArray) -> IntArray | None:
+    """The order in which times (n,) run forwards, (n,); `None` where they do, or go back by more than a few steps."""
     steps = np.diff(time)
-    if not (steps < 0).any():
+    if not (np.abs(time) < _LATEST).all() or not (steps < 0).any():  # the first is refused by `check_time`
         return None
     ahead = np.maximum.accumulate(time) - time
     return np.argsort(time, kind="stable") if ahead.max() <= _FEW * np.median(np.abs(steps)) else None
 
 
-def check_time(
-    table: Table, key: str, source: ColumnSource, time: FloatArray
-) -> tuple[npt.NDArray[np.intp], tuple[str, ...]]:
+def check_time(table: Table, key: str, source: ColumnSource, time: FloatArray) -> tuple[IntArray, tuple[str, ...]]:
     """The rows to keep, (m,), and notes: of rows with the same time stamp the first is kept.
 
     Args:
@@ -59,17 +43,18 @@ def check_time(
     Raises:
         InputError: time is missing somewhere, runs backwards, or is too short or too coarse to be in s.
     """
-    _require_rows(table, time.size, time.size)
-    usable = np.abs(time) < _LATEST
-    if not usable.all():
+    usable, steps = np.abs(time) < _LATEST, np.diff(time)
+    if time.size >= FEWEST_ROWS and not usable.all():
         row = int(np.argmin(usable))
-        problem = "no time" if np.isnan(time[row]) else f"{time[row]}"
-        table.refuse(row, source.columns[0], problem, "a time in every row")
-    steps = np.diff(time)
-    if (steps < 0).any():
+        table.refuse(
+            row, source.columns[0], "no time" if np.isnan(time[row]) else f"{time[row]}", "a time in every row"
+        )
+    if time.size >= FEWEST_ROWS and (steps < 0).any():
         _refuse_backwards(table, key, source, time, int((steps < 0).argmax()) + 1)
-    keep = np.flatnonzero(np.concatenate(([True], steps > 0)))
-    _require_rows(table, time.size, keep.size)
+    keep = np.flatnonzero(np.append(True, steps > 0)[: time.size])
+    if keep.size < FEWEST_ROWS:
+        problem = f"{time.size} rows" + f" at {keep.size} different times" * (time.size >= FEWEST_ROWS)
+        raise InputError(table.path, "log", problem, f"at least {FEWEST_ROWS} at different times")
     period = float(np.median(np.diff(time[keep])))
     if period > _DAY:  # nothing thermal is logged once a day
         line = as_line_or_option(key, replace(source, unit=_unit_of_rows(period)))
@@ -81,14 +66,10 @@ def check_time(
     return keep, (note,) if dropped else ()
 
 
-_SUMMER_TIME = 3600.0  # s
-
-
 def _refuse_backwards(table: Table, key: str, source: ColumnSource, time: FloatArray, row: int) -> NoReturn:
     """Refuse a clock that goes back in a row, with both times as they are written, and what would mend it."""
     name, before, now = source.columns[0], float(time[row - 1]), float(time[row])
     found, expected = f"{now:.12g} s after {before:.12g} s", "time that runs forwards"
-    seconds = float(to_si(np.array([source.scale]), "time", source.unit)[0])  # of one in the file
     cells = table.read([name])[name].iloc[[row - 1, row]].astype("str").tolist()
     as_text = len(table.numbers([name])[name]) == time.size and not all(map(is_number, cells))
     if as_text:
@@ -97,6 +78,7 @@ def _refuse_backwards(table: Table, key: str, source: ColumnSource, time: FloatA
         expected += "; this is the hour that clocks repeat where summer time ends: write UTC, or each time with its"
         expected += " offset (+02:00)"
     elif 0.9 * _DAY < before < _DAY and 0 <= now < 0.1 * _DAY:
+        seconds = float(to_si(np.array([source.scale]), "time", source.unit)[0])  # of one in the file
         midnight = as_line_or_option(key, replace(source, wrap=float(f"{_DAY / seconds:.12g}")))
         expected += f"; for a clock of the day that passes midnight write {midnight}"
     elif abs(now) <= 0.1 * abs(before):  # the clock starts again from about 0
@@ -105,16 +87,9 @@ def _refuse_backwards(table: Table, key: str, source: ColumnSource, time: FloatA
     table.refuse(row, name, found, expected)
 
 
-def _require_rows(table: Table, rows: int, different: int) -> None:
-    if different < FEWEST_ROWS:
-        problem = f"{rows} rows" + f" at {different} different times" * (different < rows)
-        raise InputError(table.path, "log", problem, f"at least {FEWEST_ROWS} at different times")
-
-
 _MOSTLY_TWICE = 0.5  # share of the rows of one stamp that say something else than the one before; else it is a copy
-_COARSEST_CLOCK = (
-    10.0  # s between the times of a log: rows that are spread may come as late, and move temperatures little
-)
+_COARSEST_CLOCK = 10.0
+"""s between the times of a log: rows that are spread may come as late, and move temperatures little."""
 _OF_DEVICES = 3.0
 """Times by which temperatures differ more within a time stamp than from one to the next, where rows of several devices
 follow each other; of one sensor's rows they differ less."""
@@ -137,15 +112,13 @@ def within_stamps(
     Raises:
         InputError: the rows of a stamp seem to be of several devices, or its clock has lost its digits.
     """
-    if time.size < FEWEST_ROWS or not (np.abs(time) < _LATEST).all():  # which `check_time` refuses
-        return time, ""
     first = np.flatnonzero(np.diff(time, prepend=-np.inf))
     counts = np.diff(first, append=time.size)
-    if first.size < FEWEST_ROWS or np.median(counts) < 2:
+    usable = first.size >= FEWEST_ROWS and bool((np.abs(time) < _LATEST).all())  # else `check_time` refuses it
+    if not usable or np.median(counts) < 2:
         return time, ""
-    inside = np.setdiff1d(np.arange(1, time.size), first)
-    table_of_values = pd.DataFrame(values)
-    copies = table_of_values.eq(table_of_values.shift()) | (table_of_values.isna() & table_of_values.shift().isna())
+    inside, rows = np.setdiff1d(np.arange(1, time.size), first), pd.DataFrame(values)
+    copies = rows.eq(rows.shift()) | (rows.isna() & rows.shift().isna())
     if 1 - copies.all(axis=1).to_numpy()[inside].mean() < _MOSTLY_TWICE:
         return time, ""
     apart, count = np.diff(time[first]), f"{np.median(counts):.0f} rows"
@@ -181,15 +154,13 @@ def suspect_unit_of_time(source: ColumnSource, time: FloatArray) -> list[Issue]:
     """
     if source.scale != 1.0 or time.size < 2 or not np.isfinite(time).all():
         return []
-    first, period = float(abs(time[0])), float(np.median(np.abs(np.diff(time))))
+    first, period, span = float(abs(time[0])), float(np.median(np.abs(np.diff(time)))), float(abs(time[-1] - time[0]))
     for unit, low, high in _SINCE_1970:
         if low < first < high:
             return [in_unit("time", source, unit, f"times around {first:.4g}, which look like {unit} since 1970")]
     named = ColumnName.of(source.columns[0]).unit("time")
     if named in _IN_NAMES:
-        problem = f"no unit is given for '{source.columns[0]}', whose name says {named}"
-        return [in_unit("time", source, named, problem)]
-    span = float(abs(time[-1] - time[0]))
+        return [in_unit("time", source, named, f"no unit is given for '{source.columns[0]}', whose name says {named}")]
     of_minutes = period % 60 == 0  # buildings are logged so; nobody logs every 60 ms
     if period >= _LONG_PERIOD and not of_minutes and span > _DAY / 2 and bool((np.round(time) == time).all()):
         unit = _unit_of_rows(period)
@@ -200,5 +171,4 @@ def suspect_unit_of_time(source: ColumnSource, time: FloatArray) -> list[Issue]:
 
 def _unit_of_rows(period: float) -> str:
     """The longest unit of time in which rows that are so many units apart are as close as those of a log."""
-    per_second = {"ms": 1e3, "us": 1e6}
-    return next((name for name, n in per_second.items() if period / n <= _COARSEST_CLOCK), "ns")
+    return next((name for name, n in {"ms": 1e3, "us": 1e6}.items() if period / n <= _COARSEST_CLOCK), "ns")

@@ -77,6 +77,16 @@ def is_key(name: str) -> bool:
     return _KEY.fullmatch(name) is not None
 
 
+def quantity_of(key: str) -> str:
+    """What is measured, of `<quantity>.<place>`."""
+    return key.partition(".")[0]
+
+
+def place_of(key: str) -> str:
+    """Where it is measured, of `<quantity>.<place>`."""
+    return key.partition(".")[2]
+
+
 Combined = Literal["norm", "product", "mean", "ratio"]
 _COMBINED: Mapping[Combined, Callable[[Sequence[FloatArray]], FloatArray]] = {
     "norm": lambda columns: np.sqrt(np.sum(np.square(columns), axis=0)),

@@ -1,4 +1,7 @@
-"""Tables written as text: CSV and its kin, opened as a log. Comma, semicolon, tab or blanks separate, quoted or not."""
+"""Tables written as text: CSV and its kin, opened as a log. Comma, semicolon, tab or blanks separate, quoted or not.
+
+A file whose rows are all alike is read at once by pyarrow, which admits no other. Any other is read row by row.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +28,7 @@ from lptn.basics.errors import InputError
 from lptn.basics.files import fingerprint
 from lptn.logs import tables
 from lptn.logs.columns import is_number
-from lptn.logs.layout import LOOKED_AT, Layout, RowsBelow, find_layout, is_value, names_of
+from lptn.logs.layout import LOOKED_AT, RowsBelow, find_layout, is_value, names_of
 from lptn.logs.tables import TIMES_PACKED, Bounded, Table, most_unpacked, one_line_if_broken, too_large
 
 ENDINGS = (".csv", ".tsv", ".txt", ".csv.gz", ".tsv.gz", ".txt.gz")
@@ -67,7 +70,16 @@ def open_csv(path: Path) -> Table:
     Raises:
         InputError: it can't be read, or begins no table.
     """
-    return table_of_text(Content(path, partial(_unpacked, path)))
+
+    def unpacked() -> BinaryIO:
+        if path.suffix != ".gz":
+            return path.open("rb")
+        found = f"a file that unfolds to more than {TIMES_PACKED} times its size"
+        error = InputError(path, "log", found, "a compressed table of readings")
+        packed = gzip.open(path)  # noqa: SIM115 - closed with what is returned
+        return io.BufferedReader(Bounded(packed, most_unpacked(path), error), _BLOCK)
+
+    return table_of_text(Content(path, unpacked))
 
 
 def table_of_text(content: Content, kind: str = "CSV", notes: Iterable[str] = ()) -> Table:
@@ -76,7 +88,7 @@ def table_of_text(content: Content, kind: str = "CSV", notes: Iterable[str] = ()
     Raises:
         InputError: see `open_csv`.
     """
-    text = _Text.of(content)
+    text = _Text(content)
     layout, path, row = text.layout, content.path, content.row
     notes = [*notes]
     if text.cut:
@@ -101,7 +113,7 @@ def table_of_text(content: Content, kind: str = "CSV", notes: Iterable[str] = ()
     def where(number: int) -> str:
         if lines:
             return f"{row} {lines[number]}"
-        line, _ = next(islice(_lines(content, text.encoding), layout.first + number, None), (0, ""))
+        line, _ = next(islice(text.data_lines(), layout.first + number, None), (0, ""))
         return f"{row} {line}" if line else f"row {number + 1}"  # of a file that pyarrow cuts into lines another way
 
     units, digest = dict(zip(text.names, layout.units, strict=False)), partial(fingerprint, path)
@@ -109,88 +121,126 @@ def table_of_text(content: Content, kind: str = "CSV", notes: Iterable[str] = ()
     return table
 
 
-@dataclass(frozen=True)
 class _Text:
-    """What is known of a table of text before it is read as a whole.
+    """What is known of a table of text before it is read as a whole: what its first lines say.
 
-    Args:
-        content: its bytes.
+    Attributes:
         encoding: of its characters.
         cut: its last line has no end: its writer was stopped, or the copy.
         separator: of its cells; `_BLANK` and `_WIDE` stand for more.
         decimal: the sign in its numbers.
         layout: where the table begins, among lines that are neither blank nor comments.
         lines: the numbers of those lines in the file, from 1.
+        first_line: the number of the first row's line; of the one below the names where none was found.
         names: of its columns.
         first: cells of the first row.
         said_of_names: where names come from that no line of their own has.
+
+    Raises:
+        InputError: it can't be read, or its lines begin no table.
     """
 
-    content: Content
-    encoding: str
-    cut: bool
-    separator: str
-    decimal: str
-    layout: Layout
-    lines: tuple[int, ...]
-    names: tuple[str, ...]
-    first: tuple[str, ...]
-    said_of_names: str = ""
+    def __init__(self, content: Content) -> None:
+        self.content, path = content, content.path
+        texts, comments = self._begin()
 
-    @property
-    def first_line(self) -> int:
-        """The number of the first row's line; of the one below the names where none was found."""
-        return (*self.lines, self.lines[-1] + 1)[self.layout.first]
-
-    @classmethod
-    def of(cls, content: Content) -> _Text:
-        """What a file's first lines say.
-
-        Raises:
-            InputError: it can't be read, or they begin no table.
-        """
-        path, (encoding, cut, head, comments) = content.path, _begin(content)
-        lines, texts = tuple(number for number, _ in head), [text for _, text in head]
-
-        def tried(separator: str) -> tuple[int, int, Layout, list[list[str]], str]:
+        def tried(separator: str) -> tuple[int, int, str]:
             rows = [_cells(text, separator) for text in texts]
             layout = find_layout(rows)
-            return layout.rows, len(rows[max(layout.header, 0)]), layout, rows, separator
+            return layout.rows, len(rows[max(layout.header, 0)]), separator
 
         best = max(map(tried, _SEPARATORS), key=lambda one: one[:2])
         if best[0] == 0 or best[1] == 1:  # blanks stand in names and dates, too
-            blanks = tried(_BLANK)
-            _, width, layout, rows, _ = wide = tried(_WIDE)
-            as_wide = layout.first < len(rows) and len(rows[layout.first]) == width > 1
-            best = max(best, wide if as_wide else blanks, key=lambda one: one[:2])
-        _, width, layout, rows, separator = best
-        tables.COLUMNS.check(width, path, "header")
-        first = rows[layout.first] if layout.first < len(rows) else []
-        said, above = "", rows[max(layout.header, 0)]
-        names = names_of(above)
-        other_count = InputError(
-            path,
-            "header",
-            f"{len(first)} values in the first row under {len(above)} names",
-            "a name for each column, and numbers with a decimal point",
-        )
+            rows = [_cells(text, _WIDE) for text in texts]
+            layout, wide = find_layout(rows), tried(_WIDE)
+            as_wide = layout.first < len(rows) and len(rows[layout.first]) == wide[1] > 1
+            best = max(best, wide if as_wide else tried(_BLANK), key=lambda one: one[:2])
+        self.separator = best[2]
+        rows = [_cells(text, self.separator) for text in texts]
+        self.layout = layout = find_layout(rows)
+        tables.COLUMNS.check(best[1], path, "header")
+        self.first_line = (*self.lines, self.lines[-1] + 1)[layout.first]
+        self.first = first = rows[layout.first] if layout.first < len(rows) else []
+        above, self.said_of_names = rows[max(layout.header, 0)], ""
+        self.names = names_of(above)
+        said = f"{len(first)} values in the first row under {len(above)} names"
+        expected = "a name for each column, and numbers with a decimal point"
+        other_count = InputError(path, "header", said, expected)
         if not layout.named and len(rows) > layout.first:
-            names = names_of([""] * len(first))
-            said = f"its columns are called {', '.join(names[:_MOST_SHOWN])}{' …' * (len(names) > _MOST_SHOWN)}"
-            comment = _cells(
-                max(((k, c) for k, c in comments if k < lines[layout.first]), default=(0, ""))[1], separator
-            )
-            if len(comment) == len(names) and not all(map(is_value, comment)):
-                names, said = names_of(comment), "those of the comment above are taken"
-            elif layout.header >= 0 and separator.strip(" ") and len(list(filter(None, above))) > 1:
+            last = max((one for one in comments if one[0] < self.first_line), default=(0, ""))[1]
+            comment = _cells(last, self.separator)
+            self.names = names_of([""] * len(first))
+            listed = ", ".join(self.names[:_MOST_SHOWN]) + " …" * (len(self.names) > _MOST_SHOWN)
+            self.said_of_names = f"its columns are called {listed}"
+            if len(comment) == len(self.names) and not all(map(is_value, comment)):
+                self.names, self.said_of_names = names_of(comment), "those of the comment above are taken"
+            elif layout.header >= 0 and self.separator.strip(" ") and len(list(filter(None, above))) > 1:
                 raise other_count
-        if layout.rows == 0 and all(map(is_number, names)):
-            raise InputError(path, "header", f"numbers ({', '.join(names[:3])})", "a line of column names, and rows")
-        if len(first) > len(names) + 1 or any(first[len(names) :]):
+        if layout.rows == 0 and all(map(is_number, self.names)):
+            found = f"numbers ({', '.join(self.names[:3])})"
+            raise InputError(path, "header", found, "a line of column names, and rows")
+        if len(first) > len(self.names) + 1 or any(first[len(self.names) :]):
             raise other_count
         cells = (cell.strip() for row in rows[layout.first :] for cell in row)
-        decimal = "," if separator != "," and any(map(_DECIMAL_COMMA.fullmatch, cells)) else "."
-        return cls(content, encoding, cut, separator, decimal, layout, lines, names, tuple(first), said)
+        self.decimal = "," if self.separator != "," and any(map(_DECIMAL_COMMA.fullmatch, cells)) else "."
+
+    def _begin(self) -> tuple[list[str], list[tuple[int, str]]]:
+        """The first lines of data, and those of comment with their numbers; encoding, and whether the end is cut.
+
+        UTF-16 says so by its first bytes; what is not UTF-8 is as Windows had it. A packed file is not asked for its
+        end.
+        """
+        self.lines, path = list[int](), self.content.path
+        texts, comments, characters = list[str](), list[tuple[int, str]](), 0
+        try:
+            with self.content.open() as file:
+                head, self.cut = file.read(_HEAD), False
+                if file.seekable():
+                    file.seek(-min(2, file.seek(0, os.SEEK_END)), os.SEEK_END)
+                    self.cut = (
+                        not file.read().strip(b"\0").endswith((b"\n", b"\r"))
+                    )  # in UTF-16 it has a zero beside it
+            self.encoding = _encoding_of(head)
+            for number, text in self.data_lines(all_kinds=True):
+                characters += len(text) + 1
+                if text.startswith("#"):
+                    comments.append((number, text.lstrip("# ")))
+                elif text.strip():
+                    self.lines.append(number)
+                    texts.append(text)
+                if len(texts) == LOOKED_AT or (characters > _HEAD and len(texts) >= _FEWEST_LINES):
+                    break
+                if characters > _LONGEST:
+                    found = f"no table within its first {characters:,} characters"
+                    raise InputError(path, "log", found, "a line of column names, and rows")
+        except (OSError, EOFError, zlib.error, UnicodeError) as error:
+            raise InputError(path, "log", f"a file that can't be read ({error})", "CSV text in UTF-8") from error
+        if not texts:
+            raise InputError(path, "log", "an empty file", "a header line and at least 10 rows")
+        return texts, comments
+
+    def data_lines(self, *, all_kinds: bool = False) -> Iterator[tuple[int, str]]:
+        """The lines that hold data, each with its number from 1: neither blank nor comment, unless all are asked for.
+
+        A comment is a line that begins with #: in a name, or within a row, it is a character like any other.
+
+        Raises:
+            InputError: a line, or their number, is beyond all bounds.
+        """
+        path = self.content.path
+        with self.content.open() as file:
+            marked = "utf-8-sig" if self.encoding == _ENCODING else self.encoding  # Excel writes a byte order mark
+            text_stream = io.TextIOWrapper(file, encoding=marked, errors="replace", newline="")
+            for number, line in enumerate(iter(partial(text_stream.readline, _LONGEST), ""), start=1):
+                if number > _MOST_LINES:
+                    found = f"more than {_MOST_LINES:,} lines, not all of them rows of a plain table"
+                    raise InputError(path, "log", found, "Parquet, rows alone, or a log cut into pieces")
+                if len(line) == _LONGEST:
+                    place = f"{self.content.row} {number}"
+                    raise InputError(path, place, "a line of 16 million characters", "a table of readings")
+                text = line.strip("\r\n ")
+                if all_kinds or (text.strip() and not text.startswith("#")):
+                    yield number, text
 
     def read_regular(self, positions: Sequence[int]) -> pd.DataFrame | None:
         """The columns at `positions` of a file whose rows are all as long as the header, and hold what the first does.
@@ -205,23 +255,16 @@ class _Text:
         cells = {key: self.first[int(key)].strip().replace(self.decimal, ".") for key in wanted}
         kinds = {key: pa.float64() if not cell or is_number(cell) else pa.string() for key, cell in cells.items()}
         most, batches = tables.MOST_NUMBERS // max(len(positions), 1), list[pa.RecordBatch]()
-        longest = max(map(len, self.first), default=0) * len(self.names)
+        size = max(_BLOCK, _LINES_IN_A_BLOCK * max(map(len, self.first), default=0) * len(self.names))
         reading = pa_csv.ReadOptions(
-            use_threads=False,
-            skip_rows=self.first_line - 1,
-            column_names=keys,
-            block_size=max(_BLOCK, _LINES_IN_A_BLOCK * longest),
-            encoding=self.encoding,
+            use_threads=False, skip_rows=self.first_line - 1, column_names=keys, block_size=size, encoding=self.encoding
         )
         conversion = pa_csv.ConvertOptions(
             include_columns=wanted, column_types=kinds, decimal_point=self.decimal, strings_can_be_null=True
         )
         parsing = pa_csv.ParseOptions(delimiter=self.separator)
         try:
-            with (
-                self.content.open() as file,
-                pa_csv.open_csv(file, reading, parsing, conversion) as reader,
-            ):
+            with self.content.open() as file, pa_csv.open_csv(file, reading, parsing, conversion) as reader:
                 for batch in reader:
                     batches.append(batch)
                     if sum(batch.num_rows for batch in batches) >= most:
@@ -275,9 +318,9 @@ class _Text:
     def _rows(self, below: RowsBelow, lines: list[int]) -> Iterator[str]:
         """Rows as lines of text whose cells stand in the order of the names; the lines' numbers go into `lines`."""
         in_order = below.order
-        below_names = ((k, line) for k, line in _lines(self.content, self.encoding) if k >= self.first_line)
-        last = next(below_names, None) if self.cut else None
-        for number, line in below_names:
+        numbered = ((k, line) for k, line in self.data_lines() if k >= self.first_line)
+        last = next(numbered, None) if self.cut else None
+        for number, line in numbered:
             if last is not None:  # each but the last one, which is cut
                 (number, line), last = last, (number, line)
             # Most begin with a number, and their cells need no look.
@@ -300,42 +343,6 @@ class _Text:
         return "\t" if self.separator in (_BLANK, _WIDE) else self.separator
 
 
-def _begin(content: Content) -> tuple[str, bool, list[tuple[int, str]], list[tuple[int, str]]]:
-    """How a file's characters are written, whether its end is cut, its first lines of data and those of comment.
-
-    UTF-16 says so by its first bytes; what is not UTF-8 is as Windows had it. A packed file is not asked for its end.
-
-    Raises:
-        InputError: it can't be read, or is no table of text.
-    """
-    data: list[tuple[int, str]] = []
-    comments: list[tuple[int, str]] = []
-    try:
-        with content.open() as file:
-            head, cut = file.read(_HEAD), False
-            if file.seekable():
-                file.seek(-min(2, file.seek(0, os.SEEK_END)), os.SEEK_END)
-                cut = not file.read().strip(b"\0").endswith((b"\n", b"\r"))  # in UTF-16 it has a zero beside it
-        encoding = _encoding_of(head)
-        characters = 0
-        for number, text in _lines(content, encoding, all_kinds=True):
-            characters += len(text) + 1
-            if text.startswith("#"):
-                comments.append((number, text.lstrip("# ")))
-            elif text.strip():
-                data.append((number, text))
-            if len(data) == LOOKED_AT or (characters > _HEAD and len(data) >= _FEWEST_LINES):
-                break
-            if characters > _LONGEST:
-                found = f"no table within its first {characters:,} characters"
-                raise InputError(content.path, "log", found, "a line of column names, and rows")
-    except (OSError, EOFError, zlib.error, UnicodeError) as error:
-        raise InputError(content.path, "log", f"a file that can't be read ({error})", "CSV text in UTF-8") from error
-    if not data:
-        raise InputError(content.path, "log", "an empty file", "a header line and at least 10 rows")
-    return encoding, cut, data, comments
-
-
 def _encoding_of(head: bytes) -> str:
     """How characters are written; a UnicodeError where it is no text."""
     try:
@@ -349,16 +356,6 @@ def _encoding_of(head: bytes) -> str:
     return _ENCODING
 
 
-def _unpacked(path: Path) -> BinaryIO:
-    """A file's bytes, to be read, unpacked where it is compressed."""
-    if path.suffix != ".gz":
-        return path.open("rb")
-    found = f"a file that unfolds to more than {TIMES_PACKED} times its size"
-    error = InputError(path, "log", found, "a compressed table of readings")
-    packed = gzip.open(path)  # noqa: SIM115 - closed with what is returned
-    return io.BufferedReader(Bounded(packed, most_unpacked(path), error), _BLOCK)
-
-
 def _cells(text: str, separator: str) -> list[str]:
     if separator == _BLANK:
         return text.split()
@@ -369,27 +366,3 @@ def _cells(text: str, separator: str) -> list[str]:
     with suppress(csv.Error):  # a cell of a hundred thousand characters
         return next(csv.reader([text], delimiter=separator, skipinitialspace=True), [])
     return [text]
-
-
-def _lines(content: Content, encoding: str, *, all_kinds: bool = False) -> Iterator[tuple[int, str]]:
-    """The lines that hold data, each with its number from 1: neither blank nor comment, unless all are asked for.
-
-    A comment is a line that begins with #: in a name, or within a row, it is a character like any other.
-
-    Raises:
-        InputError: a line, or their number, is beyond all bounds.
-    """
-    with content.open() as file:
-        marked = "utf-8-sig" if encoding == _ENCODING else encoding  # Excel writes a byte order mark
-        text_stream = io.TextIOWrapper(file, encoding=marked, errors="replace", newline="")
-        for number, line in enumerate(iter(partial(text_stream.readline, _LONGEST), ""), start=1):
-            if number > _MOST_LINES:
-                found = f"more than {_MOST_LINES:,} lines, not all of them rows of a plain table"
-                raise InputError(content.path, "log", found, "Parquet, rows alone, or a log cut into pieces")
-            if len(line) == _LONGEST:
-                raise InputError(
-                    content.path, f"{content.row} {number}", "a line of 16 million characters", "a table of readings"
-                )
-            text = line.strip("\r\n ")
-            if all_kinds or (text.strip() and not text.startswith("#")):
-                yield number, text

@@ -7,15 +7,15 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
+from lptn.logs.channels import Channels
 from lptn.logs.clock import FEWEST_ROWS, check_time, in_order
-from lptn.logs.columns import AMBIENT, ColumnSource
+from lptn.logs.columns import AMBIENT, ColumnSource, place_of, quantity_of
 from lptn.logs.scatter import off_their_neighbours, white_noise
 from lptn.logs.tables import Source, Table, column_sources, table_of_sources
 from lptn.logs.units import suspect_unit
@@ -57,7 +57,7 @@ def join(
         seconds, note = _aligned(path, one, other, rest)
     taken = set(first.names)
     renamed = {name: f"{name}:2" if name in taken else name for name in second.names if name != other.column}
-    names = ("time", *(name for name in first.names if name not in {one.column, "time"}), *renamed.values())
+    kept = [name for name in first.names if name not in {one.column, "time"}]
     notes = [note, *first.notes, *second.notes]
     doubled = [name for name, new in renamed.items() if new != name]
     if doubled:
@@ -68,14 +68,13 @@ def join(
         others = {name: new for name, new in renamed.items() if new in wanted}
         return [one.columns(mine, 0.0), other.columns(others, seconds)]
 
-    units = {name: unit for name, unit in first.units.items() if name not in {one.column, "time"}}
-    units |= {renamed[name]: unit for name, unit in second.units.items() if name in renamed}
     table = table_of_sources(
         path,
-        names,
+        ("time", *kept, *renamed.values()),
         sources,
         f"{first.kind} joined with {second.kind}",
-        units=units,
+        units={name: first.units[name] for name in kept if name in first.units}
+        | {new: second.units[name] for name, new in renamed.items() if name in second.units},
         defaults=dict(second.defaults) | dict(first.defaults),
         notes=notes,
         digest=lambda: hashlib.sha256(f"{first.digest()} {second.digest()}".encode()).hexdigest(),
@@ -94,7 +93,7 @@ class _Timed:
         self.column = source.columns[0]
         numbers = table.numbers(source.columns)
         time = source.values("time", numbers)
-        for issue in suspect_unit("time", source, numbers, time, table.units.get(self.column, "")):
+        for issue in suspect_unit(Channels({"time": time}, {"time": source}, numbers, table.units), "time"):
             if issue.certain:
                 remedy = issue.remedy.replace('"time=', f'"{key}=').replace("write time =", f'write "{key}" =')
                 raise InputError(table.path, f"column '{issue.column}'", issue.problem, remedy)
@@ -113,7 +112,7 @@ class _Timed:
         found = {
             key: source.values(key, self.table.numbers(source.columns))[self.rows]
             for key, source in column_sources(self.table, columns).items()
-            if key.partition(".")[0] in quantities and key != AMBIENT and set(source.columns) <= set(self.table.names)
+            if quantity_of(key) in quantities and key != AMBIENT and set(source.columns) <= set(self.table.names)
         }
         return {key: values for key, values in found.items() if np.isfinite(values).sum() > FEWEST_ROWS}
 
@@ -127,33 +126,28 @@ def _aligned(path: Path, one: _Timed, other: _Timed, columns: Mapping[str, Colum
     else:
         problem = "no temperature in one of the logs, or no torque, current or power in the other"
         raise InputError(path, "join", problem, f"lines in [columns] for them, or the shift: {path}@SECONDS")
-    heats = {key: np.abs(values) ** _HEAT[key.partition(".")[0]] for key, values in inputs.items()}
+    heats = {key: np.abs(values) ** _HEAT[quantity_of(key)] for key, values in inputs.items()}
     kind = next(quantity for quantity in _HEAT if any(key.startswith(f"{quantity}.") for key in heats))
     total = np.sum([np.nan_to_num(values) for key, values in heats.items() if key.startswith(f"{kind}.")], axis=0)
-    shifts: dict[str, Shift] = {}
-    reasons = []
+    shifts, reasons = dict[str, tuple[float, float]](), list[str]()
     for key, readings in temperatures.items():
-        place = key.partition(".")[2]
-        own = next((f"{quantity}.{place}" for quantity in _HEAT if f"{quantity}.{place}" in heats), "")
+        own = next((name for quantity in _HEAT if (name := f"{quantity}.{place_of(key)}") in heats), "")
         heat = heats.get(own, total)
         read, fed = np.isfinite(readings), np.isfinite(heat)
         try:
-            shift = shift_of(warm.time[read], readings[read], hot.time[fed], heat[fed])
-            shifts[f"{key} against {own or f'all {kind}s'}"] = Shift(
-                shift.seconds if warm is one else -shift.seconds, shift.error
-            )
+            shift, error = shift_of(warm.time[read], readings[read], hot.time[fed], heat[fed])
+            shifts[f"{key} against {own or f'all {kind}s'}"] = shift if warm is one else -shift, error
         except NoOnsetError as reason:
             reasons.append(str(reason))
     if not shifts:
         expected = f"logs that begin before the heating does, or the shift: {path}@SECONDS"
         raise InputError(path, "join", f"no onset of heating to align on ({reasons[0]})", expected)
-    best = min(shifts, key=lambda name: shifts[name].error)
-    seconds, error = shifts[best].seconds, shifts[best].error
+    best = min(shifts, key=lambda name: shifts[name][1])
+    seconds, error = shifts[best]
     note = f"{other.table.path.name}: its clock set forward by {seconds:.2f} ± {error:.2g} s, so that the onset of "
     note += f"heating fits ({best}); a sensor's own lag is in it."
-    apart = {name: shift.seconds for name, shift in shifts.items() if abs(shift.seconds - seconds) > _APART}
-    listed = ", ".join(f"{name} {shift:.1f} s" for name, shift in apart.items())
-    return seconds, note + f" Others say otherwise: {listed}." * bool(apart)
+    apart = [f"{name} {shift:.1f} s" for name, (shift, _) in shifts.items() if abs(shift - seconds) > _APART]
+    return seconds, note + f" Others say otherwise: {', '.join(apart)}." * bool(apart)
 
 
 # --- The shift between two clocks, from the onset of heating: heat in one log, what it warms in the other ---
@@ -185,24 +179,10 @@ class NoOnsetError(ValueError):
     """There is no onset of heating to align on; its text says why."""
 
 
-@dataclass(frozen=True)
-class Shift:
-    """What to add to the heat's clock to have the temperature's, with its standard error, s.
-
-    Raises:
-        NoOnsetError: its error leaves it open.
-    """
-
-    seconds: float
-    error: float
-
-    def __post_init__(self) -> None:
-        if self.error > _LARGEST_ERROR:
-            raise NoOnsetError(f"the rise is too gradual: the shift is known to ± {self.error:.2g} s only")
-
-
-def shift_of(warm_time: FloatArray, temperature: FloatArray, heat_time: FloatArray, heat: FloatArray) -> Shift:
-    """The shift at which the first kelvins of a rise follow from the heat that was put in by then.
+def shift_of(
+    warm_time: FloatArray, temperature: FloatArray, heat_time: FloatArray, heat: FloatArray
+) -> tuple[float, float]:
+    """The shift at which the first kelvins of a rise follow from the heat that was put in by then, and its error [s].
 
     .. math:: T(t) = T_0 + k E(t - s) - m \\int E(t - s)
 
@@ -218,20 +198,25 @@ def shift_of(warm_time: FloatArray, temperature: FloatArray, heat_time: FloatArr
     Raises:
         NoOnsetError: heating begins before one of the logs does, or nothing warms, or the shift is left open.
     """
+    from scipy.optimize import nnls  # here, since most logs are one
+
     on = _begun(heat_time, heat)
     energy = np.concatenate(([0.0], np.cumsum(heat[:-1] * np.diff(heat_time))))
     lost = np.concatenate(([0.0], np.cumsum(0.5 * (energy[1:] + energy[:-1]) * np.diff(heat_time))))
 
-    def fitted(share: float) -> Shift:
-        """The shift of least cost from a share of the first rise."""
+    def fitted(share: float) -> tuple[float, float]:
+        """The same from a share of the first rise."""
         window = _first_rise(temperature, share)
-        time, readings = warm_time[:window], temperature[:window]
+        time, readings = warm_time[:window], temperature[:window] - temperature[:window].mean()
 
         def cost(shift: float) -> float:
             own = time - shift
             # Behind the log's last row the energy stays.
             gone = np.interp(own, heat_time, lost) + energy[-1] * np.maximum(0.0, own - heat_time[-1])
-            return _sum_of_squares(readings, np.interp(own, heat_time, energy), gone)
+            basis = np.column_stack([np.interp(own, heat_time, energy), -gone])  # what warms, and what cools
+            basis -= basis.mean(axis=0)
+            basis /= np.maximum(np.abs(basis).max(axis=0), np.finfo(float).tiny)
+            return float(nnls(basis, readings)[1] ** 2)
 
         tried = np.linspace(time[0] - on, time[-1] - on, _COARSE)
         costs = np.array([cost(shift) for shift in tried])
@@ -241,7 +226,7 @@ def shift_of(warm_time: FloatArray, temperature: FloatArray, heat_time: FloatArr
             order = np.argsort(np.concatenate([tried, more]))
             costs = np.concatenate([costs, [cost(shift) for shift in more]])[order]
             tried = np.concatenate([tried, more])[order]
-        best, flat = int(costs.argmin()), float(np.sum((readings - readings.mean()) ** 2))
+        best, flat = int(costs.argmin()), float(np.sum(readings**2))
         if costs[best] > _MISFIT * flat:
             raise NoOnsetError("the temperature does not rise as the heat would have it")
         # What the equation leaves out correlates neighbouring errors; one a second, at most, counts as its own. Three
@@ -253,25 +238,19 @@ def shift_of(warm_time: FloatArray, temperature: FloatArray, heat_time: FloatArr
         spread = (inside[-1] - inside[0]) / 6  # from three standard errors below to three above
         # A stamp is uniform in its period.
         stamps = sum(float(np.median(np.diff(clock))) ** 2 / 12 for clock in (time, heat_time))
-        return Shift(float(tried[best]), float(np.sqrt(spread**2 + stamps)))
+        if (error := float(np.sqrt(spread**2 + stamps))) > _LARGEST_ERROR:
+            raise NoOnsetError(f"the rise is too gradual: the shift is known to ± {error:.2g} s only")
+        return float(tried[best]), error
 
-    whole = fitted(1.0)
+    seconds, error = fitted(1.0)
     try:
         # What the equation leaves out shows in how far half the rise says otherwise.
-        error = float(np.hypot(whole.error, fitted(0.5).seconds - whole.seconds))
+        error = float(np.hypot(error, fitted(0.5)[0] - seconds))
     except NoOnsetError:  # too noisy for half the rise
-        error = 2 * whole.error
-    return Shift(whole.seconds, error)
-
-
-def _sum_of_squares(readings: FloatArray, put_in: FloatArray, gone: FloatArray) -> float:
-    """Sum of squares that a level, the heat put in and what is lost of it leave; the first warms, the second cools."""
-    from scipy.optimize import nnls  # here, since most logs are one
-
-    basis = np.column_stack([put_in, -gone])
-    basis -= basis.mean(axis=0)
-    basis /= np.maximum(np.abs(basis).max(axis=0), np.finfo(float).tiny)
-    return float(nnls(basis, readings - readings.mean())[1] ** 2)
+        error = 2 * error
+    if error > _LARGEST_ERROR:
+        raise NoOnsetError(f"the rise is too gradual: the shift is known to ± {error:.2g} s only")
+    return seconds, error
 
 
 def _begun(time: FloatArray, heat: FloatArray) -> float:

@@ -7,88 +7,29 @@ By block means a part with a heat capacity follows
 with its load q, what surrounds it and the speed of its joint, by least squares. A reading that stands, or that is the
 air's, is right where the part would have stayed so; it is none where what the law adds up to over that stretch is far
 beyond what the law is off elsewhere in as long a time. A load that from some row on makes another heat for its square
-is in another unit from there on.
+is in another unit from there on. A temperature whose law is better with another joint's load is that joint's. And a
+part at rest would settle where its law says, or its sensor has an offset.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from copy import copy
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from lptn.basics.arrays import BoolArray, FloatArray, IntArray
-from lptn.logs.columns import AMBIENT, HEATS
-from lptn.logs.resampling import means_of_blocks
+from lptn.logs.channels import Channels, spans, standing
+from lptn.logs.columns import AMBIENT, place_of
 
-_PARTS, _BLOCK, _MOST = 120, 30.0, 500
-"""Blocks of a log at least, in whose means a part's warming stands out of its sensor's noise; s of one in a longer log,
-so that a stretch of three minutes has six; and so many at the most."""
-_THIN, _BEYOND = 10_000, 100.0  # readings that tell a load's usual square; times what 99 of 100 are, that none has
 _FEWEST = 30  # blocks that tell a law
-
-
-class Blocks:
-    """Block means of a log's channels: times, temperatures, the squares of loads, the sizes of speeds.
-
-    Args:
-        values: time [s] and the quantities, (n,) each, in SI and degC.
-    """
-
-    def __init__(self, values: Mapping[str, FloatArray]) -> None:
-        self.values, self._means = values, dict[str, FloatArray]()
-        time = values["time"]
-        forwards = time.size > 0 and bool((np.diff(time) > 0).all())  # else nothing is told
-        self.size = int(time.size // np.clip((time[-1] - time[0]) / _BLOCK, _PARTS, _MOST)) if forwards else 0
-
-    def with_channel(self, key: str, values: FloatArray) -> Blocks:
-        """The same with another course of one channel, (n,)."""
-        other = copy(self)
-        other.values = {**self.values, key: values}
-        other._means = {name: means for name, means in self._means.items() if name != key}
-        return other
-
-    def means(self, key: str) -> FloatArray:
-        """Of one channel, (blocks,)."""
-        if key not in self._means:
-            values, quantity = self.values[key], key.partition(".")[0]
-            if quantity in HEATS:
-                values = np.square(values)
-                few = values[:: max(1, values.size // _THIN)]
-                usual = float(np.quantile(few[np.isfinite(few)], 0.99)) if np.isfinite(few).any() else 0.0
-                values = np.where(values > _BEYOND * usual, np.nan, values) if usual > 0 else values
-            values = np.abs(values) if quantity == "velocity" else values
-            self._means[key] = means_of_blocks(values, self.size)
-        return self._means[key]
-
-    def warming(self, key: str, load: str) -> Warming | None:
-        """How a part warms beside what makes it; `None` where the log is too short to tell.
-
-        Args:
-            key: its temperature.
-            load: the quantity that heats it.
-        """
-        if self.size == 0 or not np.isfinite(self.means(key)).any():
-            return None
-        warm, speed = self.means(key), f"velocity.{load.partition('.')[2]}"
-        around = [other for other in self.values if other.startswith("temperature.") and other != key]
-        around = [other for other in around if np.isfinite(self.means(other)).mean() > _THERE]
-        around.sort(key=lambda other: other != AMBIENT)
-        known = [np.ones(warm.size - 1), *(_between(self.means(other) - warm) for other in around)]
-        if AMBIENT not in around:
-            known.insert(1, _between(-warm))
-        if speed in self.values:
-            known.append(_between(self.means(speed)))
-        apart = np.diff(self.means("time"))
-        columns = np.column_stack([np.diff(warm) / apart, _between(self.means(load)), *known])
-        rows = np.flatnonzero(np.isfinite(columns).all(axis=1))
-        if rows.size < _FEWEST:
-            return None
-        return Warming(rows, columns[rows, 0], apart[rows], columns[rows, 1:], speed in self.values)
-
-
 _THERE = 0.9  # share of the blocks in which a neighbour has readings
+_CONDUCTANCE, _HEATS = 1 / 500, 0.1
+"""1/s, of a conductance to a capacity, and K/s of heat, as they are likely: where a log does not tell two of them
+apart, neither is large."""
+_NOISE, _LEAST = 0.1, 1e-4  # K, of a step, with which the first fit is made; that a log without any has
+_MAD, _FAR = 1.48, 2.0  # standard deviation of noise over its median size; times that, what counts by its size alone
+_REWEIGHTED = 6  # least squares whose weights make them least absolute errors: a fall is far off, and rare
 
 
 class Warming(NamedTuple):
@@ -108,46 +49,109 @@ class Warming(NamedTuple):
     design: FloatArray
     speed: bool
 
-    def off(self, used: BoolArray) -> FloatArray:
-        """By how much a part warms otherwise than its law in each step [K], (m,).
+    @property
+    def moved(self) -> FloatArray:
+        """K from block to block, (m,)."""
+        return self.rate * self.apart
+
+    def fitted(self, used: BoolArray | None = None) -> tuple[FloatArray, FloatArray]:
+        """The law's coefficients, (columns,), and what a part moves otherwise than by it in each step [K], (m,).
 
         Args:
-            used: steps of which the law is taken, (m,); as most of them say, whatever a few that are far off say.
+            used: steps of which the law is taken, (m,), None for all; as most of them say, whatever a few that are far
+                off say.
         """
+        used = np.ones(self.rate.size, dtype=bool) if used is None else used
         sizes = np.sqrt(np.square(self.design[used]).mean(axis=0)) + np.finfo(float).tiny
         likely = np.full(sizes.size, _CONDUCTANCE)  # of the air and other parts
         likely[:2] = _HEATS / np.array([sizes[0], 1.0])
         if self.speed:
             likely[-1] = _HEATS / sizes[-1]
         columns = self.design * self.apart[:, None] * likely
-        moved, weights, noise = self.rate * self.apart, np.ones(used.sum()), _NOISE
+        weights, noise = np.ones(used.sum()), _NOISE
         for _ in range(_REWEIGHTED):
             kept = np.arange(sizes.size)
             while True:
                 part = columns[used][:, kept]
                 normal = (part.T * weights) @ part + noise**2 * np.eye(kept.size)
-                fitted = np.linalg.solve(normal, part.T @ (weights * moved[used]))
-                below = np.where(kept == 1, 0.0, fitted)
+                found = np.linalg.solve(normal, part.T @ (weights * self.moved[used]))
+                below = np.where(kept == 1, 0.0, found)
                 if below.min() >= 0:
                     break
                 kept = np.delete(kept, below.argmin())
-            off = moved - columns[:, kept] @ fitted
+            off = self.moved - columns[:, kept] @ found
             noise = max(_MAD * float(np.median(np.abs(off[used]))), _LEAST)
             weights = 1 / np.maximum(np.abs(off[used]) / (_FAR * noise), 1.0)
-        return off
+        coefficients = np.zeros(sizes.size)
+        coefficients[kept] = found * likely[kept]
+        return coefficients, off
 
 
-_CONDUCTANCE, _HEATS = 1 / 500, 0.1
-"""1/s, of a conductance to a capacity, and K/s of heat, as they are likely: where a log does not tell two of them
-apart, neither is large."""
-_NOISE, _LEAST = 0.1, 1e-4  # K, of a step, with which the first fit is made; that a log without any has
-_MAD, _FAR = 1.48, 2.0  # standard deviation of noise over its median size; times that, what counts by its size alone
-_REWEIGHTED = 6  # least squares whose weights make them least absolute errors: a fall is far off, and rare
+def warming(log: Channels, key: str, load: str) -> Warming | None:
+    """How a part warms beside what makes it; `None` where the log is too short to tell.
+
+    Args:
+        log: its channels.
+        key: the part's temperature.
+        load: the quantity that heats it.
+    """
+    if log.block == 0 or not np.isfinite(log.means(key)).any():
+        return None
+    warm, speed = log.means(key), f"velocity.{place_of(load)}"
+    around = [other for other in log.of("temperature") if other != key]
+    around = [other for other in around if np.isfinite(log.means(other)).mean() > _THERE]
+    around.sort(key=lambda other: other != AMBIENT)
+    columns = [log.means(load), np.ones(warm.size), *(log.means(other) - warm for other in around)]
+    if AMBIENT not in around:
+        columns.insert(2, -warm)
+    if speed in log.values:
+        columns.append(log.means(speed))
+    table, apart = np.column_stack(columns), np.diff(log.means("time"))
+    table = np.column_stack([np.diff(warm) / apart, 0.5 * (table[:-1] + table[1:])])
+    rows = np.flatnonzero(np.isfinite(table).all(axis=1))
+    if rows.size < _FEWEST:
+        return None
+    return Warming(rows, table[rows, 0], apart[rows], table[rows, 1:], speed in log.values)
 
 
-def _between(values: FloatArray) -> FloatArray:
-    """Means of neighbours, shape (n - 1,)."""
-    return np.asarray(0.5 * (values[:-1] + values[1:]))
+def settles(log: Channels, key: str) -> float:
+    """By how much a part would stay warmer than the air without its load [K]; NaN where the log does not tell."""
+    part = {name: log.values[name] for name in ("time", key, AMBIENT, log.load_of(place_of(key))) if name}
+    law = warming(Channels(part), key, log.load_of(place_of(key))) if len(part) == 4 else None
+    heat, drift, leaves = law.fitted()[0] if law else (0.0, 0.0, 0.0)
+    return float(drift / leaves) if heat > 0 and leaves > 0 else np.nan
+
+
+# --- Whose heat a temperature follows ---------------------------------------------------------------
+
+
+_FLOOR = 1e-3  # K: what no sensor's means over a block are better than
+
+
+def better_order(log: Channels, places: Sequence[str], quantity: str) -> tuple[list[int], float]:
+    r"""For each temperature the load that it follows, all assigned once, and the statistic; 0 for the given order.
+
+    With the mean error :math:`e_{ij}` that the law of joint i's temperature leaves where joint j's load heats it, the
+    assignment with the least sum of :math:`\log e_{ij}^2` is compared with the given one: the statistic is the mean of
+    :math:`\log (e_{ii}^2 / e_{i \pi(i)}^2)` over the joints that change. Joints that work alike give next to 0,
+    whatever their order, and heat from a neighbour does not matter, since it would have to fit both ways.
+
+    Args:
+        log: its channels.
+        places: of the joints.
+        quantity: torque or current.
+    """
+    from scipy.optimize import linear_sum_assignment  # here, since it takes a while to import
+
+    own = list(range(len(places)))
+    laws = [[warming(log, f"temperature.{part}", f"{quantity}.{of}") for of in places] for part in places]
+    if any(law is None for row in laws for law in row):
+        return own, 0.0
+    errors = np.array([[np.mean(np.abs(law.fitted()[1])) for law in row if law] for row in laws])
+    costs = 2 * np.log(errors + _FLOOR)
+    order = linear_sum_assignment(costs)[1]
+    moved = np.flatnonzero(order != own)
+    return order.tolist(), float(np.mean(costs[moved, moved] - costs[moved, order[moved]])) if moved.size else 0.0
 
 
 # --- Stretches in which a part would not have stayed where its sensor says that it was --------------
@@ -171,82 +175,67 @@ SHORTEST, STILL = 60.0, 180.0
 for two minutes."""
 
 
-def against_heat(blocks: Blocks, key: str, load: str, resolution: float) -> list[tuple[int, int]]:
+def against_heat(log: Channels, key: str, load: str, resolution: float) -> list[tuple[int, int]]:
     """First and last rows of stretches in which a temperature stands, or is the air's, and the part is elsewhere.
 
     Args:
-        blocks: of the log.
+        log: its channels.
         key: the temperature.
         load: what heats its part.
         resolution: the sensor's steps [K], 0 for none.
     """
-    time, values, size = blocks.values["time"], blocks.values[key], blocks.size
-    there = np.flatnonzero(np.isfinite(values))
-    found: list[tuple[int, int]] = []
-    if not there.size or (warming := blocks.warming(key, load)) is None:
-        return found
-    readings, groups = values[there], [[stretch] for stretch in _at_the_air(blocks, key, resolution)]
+    there, size = np.flatnonzero(np.isfinite(log.values[key])), log.block
+    law = warming(log, key, load) if there.size else None
+    if law is None:
+        return []
+    readings, groups = log.values[key][there], [[stretch] for stretch in _at_the_air(log, key, resolution)]
     for limit in (float(readings.max()), float(readings.min()), None):
         first, last = (there[rows] for rows in standing(readings if limit is None else readings == limit))
-        stands = time[last] - time[first] >= (STILL if limit is None else SHORTEST)
-        stands &= True if limit is None else values[first] == limit
+        stands = log.time[last] - log.time[first] >= (STILL if limit is None else SHORTEST)
+        stands &= True if limit is None else log.values[key][first] == limit
         stretches = list(zip(first[stands].tolist(), last[stands].tolist(), strict=True))
         # A limit that holds once holds whenever it is reached.
         groups += [[stretch] for stretch in stretches] if limit is None or not stretches else [stretches]
-    known = np.ones(warming.rate.size, dtype=bool)
-    with_all = warming.off(known) if groups else known
+    found: list[tuple[int, int]] = []
+    known = np.ones(law.rate.size, dtype=bool)
+    with_all = law.fitted()[1] if groups else law.rate
     for group in sorted(groups, key=lambda group: -sum(last - first for first, last in group))[:_ASKED]:
-        new = [
-            tuple(np.searchsorted(warming.rows, np.array(stretch) // size)) for stretch in group if stretch not in found
-        ]
-        if new and _is_contradicted(warming, new, known, with_all, resolution):
+        new = [tuple(np.searchsorted(law.rows, np.array(one) // size)) for one in group if one not in found]
+        if new and _is_contradicted(law, new, known, with_all, resolution):
             found += [stretch for stretch in group if stretch not in found]
             for begin, end in new:
                 known[max(begin - 1, 0) : end + 1] = False
-            with_all = warming.off(known)
+            with_all = law.fitted(known)[1]
     return found
 
 
-def standing(readings: FloatArray | BoolArray) -> tuple[IntArray, IntArray]:
-    """First and last of each stretch of readings (n,) in which all are the same, (stretches,) each."""
-    changes = np.flatnonzero(readings[1:] != readings[:-1])
-    return np.append(0, changes + 1), np.append(changes, readings.size - 1)
-
-
-def _at_the_air(blocks: Blocks, key: str, resolution: float) -> list[tuple[int, int]]:
+def _at_the_air(log: Channels, key: str, resolution: float) -> list[tuple[int, int]]:
     """Stretches in which a temperature is that of the air after it was warmer, and before in which it falls to it."""
-    if AMBIENT not in blocks.values or key == AMBIENT:
+    if AMBIENT not in log.values or key == AMBIENT:
         return []
-    warmth = blocks.means(key) - blocks.means(AMBIENT)
+    warmth, rises = log.means(key) - log.means(AMBIENT), np.diff(log.means(key))
     cold = (np.abs(warmth) < _AT_AIR) & np.logical_or.accumulate(warmth > _WARM)
-    edges, rises = np.flatnonzero(np.diff(cold, prepend=False, append=False)), np.diff(blocks.means(key))
     stretches = []
-    for begin, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+    for begin, end in spans(cold):
         before = np.flatnonzero(rises[:begin] > max(_RISES, 0.5 * resolution))
-        stretches.append(((int(before[-1]) + 1 if before.size else 0) * blocks.size, end * blocks.size - 1))
+        stretches.append(((int(before[-1]) + 1 if before.size else 0) * log.block, end * log.block - 1))
     return stretches
 
 
 def _is_contradicted(
-    warming: Warming, stretches: Sequence[tuple[int, int]], known: BoolArray, with_all: FloatArray, resolution: float
+    law: Warming, stretches: Sequence[tuple[int, ...]], known: BoolArray, with_all: FloatArray, resolution: float
 ) -> bool:
-    """Whether in one of some stretches the part would have moved otherwise.
+    """Whether in one of some stretches, from a step to the one behind the last, the part would have moved otherwise.
 
-    Args:
-        warming: of the part.
-        stretches: first step of each, and the one behind its last.
-        known: steps that are no others', (m,).
-        with_all: what the law is off that these stretches are a part of [K], (m,).
-        resolution: the sensor's steps [K], 0 for none.
+    Those steps are `known`, (m,), that are no others'; `with_all` is what the law is off that these are a part of [K].
     """
-    asked = np.zeros(warming.rate.size, dtype=bool)
+    asked = np.zeros(law.rate.size, dtype=bool)
     for begin, end in stretches:
         asked[max(begin - 1, 0) : end + 1] = True
     told = known & ~asked
-    if np.count_nonzero(told) < _SPARE + warming.design.shape[1]:
+    if np.count_nonzero(told) < _SPARE + law.design.shape[1]:
         return False
-    off = warming.off(told)
-    moved = warming.rate * warming.apart
+    off, moved = law.fitted(told)[1], law.moved
     usual = max(float(np.mean(np.abs(off[told]))), _OF_MOVES * float(np.mean(np.abs(moved[told]))))
     usual = max(usual, float(np.finfo(float).tiny))  # of a robot at rest without any noise
     few = min(np.count_nonzero(asked), np.count_nonzero(told))
@@ -265,7 +254,7 @@ def _is_contradicted(
 # --- A load that from some row on makes another heat --------------------------------------------------
 
 
-_ROWS = 10  # of a block: in fewer the mean square of a load that swings is not known
+_ROWS, _STEPS_AT_LEAST = 10, 60  # of a block: in fewer the mean square of a load that swings is not known; of a log
 _CHANGES, _LEAST_PARTS = 100, 15  # places at which it may change; steps on each side, that tell six numbers
 _RATIO = 3.0
 """By which heats differ: friction, iron and a winding that warms change them by less, a unit by the square of more."""
@@ -275,31 +264,19 @@ _OF_ONE_GAIN = 0.5
 _RIDGE = 1e-9  # of the squares of a column, so that two temperatures that are one leave the rest to be told
 
 
-class GainChange(NamedTuple):
-    """A change of a load's heat.
+def gain_change(log: Channels, key: str, load: str) -> tuple[int, float] | None:
+    """The row from which a load makes another heat in a part, and its ratio to that before; `None` if there is none.
 
     Args:
-        start: row from which it is another.
-        ratio: of the heat that as large a load makes from there on to that before.
-    """
-
-    start: int
-    ratio: float
-
-
-def gain_change(blocks: Blocks, key: str, load: str) -> GainChange | None:
-    """The change of the heat that a load makes in a part; `None` where there is none beyond doubt.
-
-    Args:
-        blocks: of the log.
+        log: its channels.
         key: the part's temperature.
         load: torque or current.
     """
-    warming = blocks.warming(key, load) if blocks.size >= _ROWS else None
-    if warming is None or warming.rows.size < _PARTS // 2:
+    law = warming(log, key, load) if log.block >= _ROWS else None
+    if law is None or law.rows.size < _STEPS_AT_LEAST:
         return None
-    rate, square, count = warming.rate, warming.design[:, 0], warming.rows.size
-    design = warming.design / (np.sqrt(np.square(warming.design).sum(axis=0)) + np.finfo(float).tiny)
+    square, count = law.design[:, 0], law.rows.size
+    design = law.design / (np.sqrt(np.square(law.design).sum(axis=0)) + np.finfo(float).tiny)
     changes = np.arange(_LEAST_PARTS, count - _LEAST_PARTS, max(1, count // _CHANGES))
     of_late = np.cumsum(square[::-1])[::-1][changes]
     means = of_late / (count - changes), (square.sum() - of_late) / changes
@@ -309,20 +286,19 @@ def gain_change(blocks: Blocks, key: str, load: str) -> GainChange | None:
     # From each row on the load's heat changes, other heat, and what leaves to the air.
     late = np.where(np.arange(count) >= changes[:, None], 1.0, 0.0)[:, :, None] * design[:, :3]
     designs = np.concatenate([late, np.broadcast_to(design, (changes.size, *design.shape))], axis=2)
-    fitted, squares = _least_squares(designs, rate)
+
+    def least_squares(designs: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Of each design (n, columns) the coefficients, and the squares that are left."""
+        turned = np.swapaxes(designs, 1, 2)
+        normal = turned @ designs + _RIDGE * np.eye(designs.shape[2])
+        fitted = np.linalg.solve(normal, (turned @ law.rate)[:, :, None])[:, :, 0]
+        squares: FloatArray = np.square(law.rate - (designs @ fitted[:, :, None])[:, :, 0]).sum(axis=1)
+        return np.asarray(fitted, dtype=float), squares
+
+    fitted, squares = least_squares(designs)
     best = int(squares.argmin())
-    if squares[best] > _OF_ONE_GAIN * _least_squares(designs[:, :, 1:], rate)[1].min():
+    before, after = float(fitted[best, 3]), float(fitted[best, 3] + fitted[best, 0])
+    one_gain = squares[best] > _OF_ONE_GAIN * least_squares(designs[:, :, 1:])[1].min()
+    if one_gain or max(before, after) <= _RATIO * max(min(before, after), 0.0):
         return None
-    before = float(fitted[best, late.shape[2]])
-    gains = before, before + float(fitted[best, 0])
-    if max(gains) <= _RATIO * max(min(gains), 0.0):
-        return None
-    return GainChange(int((warming.rows[changes[best]] + 1) * blocks.size), gains[1] / gains[0])
-
-
-def _least_squares(designs: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Of each design (n, columns) the coefficients, and the squares that are left."""
-    turned = np.swapaxes(designs, 1, 2)
-    fitted = np.linalg.solve(turned @ designs + _RIDGE * np.eye(designs.shape[2]), (turned @ values)[:, :, None])
-    squares: FloatArray = np.square(values - (designs @ fitted)[:, :, 0]).sum(axis=1)
-    return np.asarray(fitted[:, :, 0], dtype=float), squares
+    return int((law.rows[changes[best]] + 1) * log.block), after / before

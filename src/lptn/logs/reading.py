@@ -15,8 +15,9 @@ import pandas as pd
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import LOG_FILE, InputError
-from lptn.logs.alike import duplicates_of, without_held_rows
+from lptn.logs.alike import duplicates, without_held_rows
 from lptn.logs.bags import open_bag
+from lptn.logs.channels import Channels, quantisation_step
 from lptn.logs.clock import FEWEST_ROWS, check_time, in_order, within_stamps
 from lptn.logs.columns import (
     MEANS,
@@ -29,11 +30,10 @@ from lptn.logs.columns import (
 )
 from lptn.logs.csv_files import ENDINGS as CSV_ENDINGS
 from lptn.logs.csv_files import open_csv
-from lptn.logs.followed import refuse_exchanged
-from lptn.logs.guess import format_note, guess
+from lptn.logs.guess import format_note, guess, refuse_exchanged
 from lptn.logs.issue import Issue
 from lptn.logs.joining import SECOND_TIME, join
-from lptn.logs.quality import Roles, check_values, issues_of
+from lptn.logs.quality import check_values, issues_of, silent_channels
 from lptn.logs.resampling import (
     ROUNDING,
     SEVERAL,
@@ -51,7 +51,6 @@ from lptn.logs.resampling import (
 )
 from lptn.logs.run import LATEST_FIRST, Run
 from lptn.logs.scatter import scatter_of
-from lptn.logs.silence import of_sensor, quantisation_step, silences_of, without_silent
 from lptn.logs.spreadsheets import open_spreadsheet
 from lptn.logs.streams import ANOTHER_SOURCE, rows_of_zeros
 from lptn.logs.tables import Table, column_sources, open_parquet, table_of, with_times
@@ -345,7 +344,7 @@ def read_log(
     columns |= {guessed.key: guessed.source for guessed in guesses}
     choice = choose_columns(table, columns, inputs, outputs, optional)
     samples, of_values, issues = _checked_samples(table, choice, strict)
-    refuse_exchanged(path, guesses, choice.sources, samples.time, samples.raw)
+    refuse_exchanged(path, guesses, choice.sources, Channels({"time": samples.time, **samples.raw}))
     # Inputs that nobody needs and that would cut the log into pieces.
     needed = {*inputs, *outputs} or set(choice.inputs)
     kept = {key for column in needed for key in raw_keys(column, samples.raw)}.difference(choice.outputs)
@@ -378,26 +377,17 @@ def _checked_samples(table: Table, choice: ColumnChoice, strict: bool) -> tuple[
     """The log's samples in SI and degC, notes, and what looks wrong."""
     _refuse_other_quantities(table, choice.sources)
     numbers, raw, notes = _values(table, choice.sources)
-    raw, held = (raw, []) if table.mixed else without_held_rows(choice.sources["time"].columns[0], raw)
-    predicted = frozenset(choice.outputs) - frozenset(choice.inputs)
+    log, predicted = Channels(raw, choice.sources, numbers, table.units), set(choice.outputs) - set(choice.inputs)
+    log, held = (log, []) if table.mixed else without_held_rows(log)
     with np.errstate(over="ignore", invalid="ignore"):  # what overflows here is refused as a time below
-        silent = silences_of(raw)
-        for key, source in choice.sources.items():
-            if source.how == "mean" and key.startswith("temperature."):  # half a dead sensor looks alive
-                parts = {part.columns[0]: part.values(key, numbers) for part in source.parts()}
-                own = {name: of_sensor(raw["time"], part) for name, part in parts.items()}
-                silent[key] = [replace(one, column=name) for name, stretches in own.items() for one in stretches]
-        speaking = [key for key in predicted if not any(stretch.whole for stretch in silent.get(key, []))]
-        roles = Roles(predicted, bool(speaking))
-        issues = issues_of(choice.sources, numbers, raw, silent, roles, table.units)
-        issues = (*issues, *held)
+        silent = silent_channels(log, predicted)
+        clean = log.without({key: [one for one in some if one.left_out] for key, some in silent.items()})
+        twice = duplicates(log)
+        issues = (*issues_of(log, silent, twice, predicted), *held)
     for issue in issues:
         if strict and issue.certain:
             raise InputError(table.path, *issue.error)
-    for key, stretches in silent.items():
-        left_out = [stretch for stretch in stretches if roles.left_out(key, choice.sources[key], stretch)]
-        raw[key] = without_silent(raw[key], left_out)
-    alike = {key for pair in duplicates_of(choice.sources, raw).items() for key in pair}
+    raw, alike = dict(clean.values), {key for pair in twice.items() for key in pair}
     if not alike.issuperset(choice.outputs):  # of the only two sensors one is right
         raw |= {key: np.full(raw[key].size, np.nan) for key in alike}
     time = raw.pop("time")

@@ -1,31 +1,38 @@
 """Whether two runs hold the same readings, in another format, in part, or resampled: then one can't test the other.
 
-Two sensors, or two days, never repeat each other's noise. So one run is laid over the other where it lies closest, and
-they are the same if there the noise of the one goes with that of the other, and they are as warm. A copy at a lower
-rate has rows picked out of the other's, or read between them, or the means of several: it keeps a part of its noise.
-Where a temperature has no noise, or its sensor's steps hide it, the two may differ by what a format rounds off.
+Two sensors, or two days, never repeat each other's noise, which second differences leave alone where a temperature
+moves little from row to row. So these are correlated at every shift of one run over the other. The runs are the same
+where the noise of some columns together goes with that of the other's, and they are as warm. A copy at a lower rate has
+rows picked out of the other's, or read between them, or the means of several: it keeps a part of its noise. Where a
+temperature has no noise, or its sensor's steps hide it, the two may differ by what a format rounds off.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import numpy as np
 
-from lptn.basics.arrays import FloatArray, IntArray
+from lptn.basics.arrays import FloatArray
+from lptn.logs.channels import quantisation_step
 from lptn.logs.resampling import means_of_blocks
 from lptn.logs.run import Run
-from lptn.logs.silence import quantisation_step
 
-_LEAST = 60  # changes of readings that are compared at least; fewer, as of robots that cool, may be alike by accident
-_PARTS = 4  # of the shorter run, each of which is sought in the longer one
-_FEWEST = 10  # steps of a part
 _MOST_FACTOR = 60  # times that one run's steps may be the other's
 _MEANS = 1.5  # times, from which on a copy may hold means of several readings
-_AROUND, _BETWEEN = 2.0, 10
-"""Steps of the coarser run by which the place where it lies closest may be wrong; places that are tried in the finer
-run's steps beside it: clocks may be set by less than one."""
+_BETWEEN = 10  # places that are tried within a step of the finer run: clocks may be set by less than one
+_MOST_COLUMNS, _MOST_SHIFTS = 4, 5  # that are compared; the likeliest, that are looked at
+_OF_NOISE, _ROUNDED = 0.1, 0.96
+"""Correlation of the noise of one row that is picked from a hundred that the other averages; and of two columns that
+differ by a fifth of their noise, as by digits that a format rounds off."""
+_CHANCE = 6.0  # standard deviations of it, which other readings reach once in 500 million
+_SPREAD = np.sqrt(35 / 18)  # of a correlation of N second differences of white noise, times √N
+_LEAST = 30  # changes of readings that are the same at least; fewer, as of robots that cool, may be by accident
+_NEXT_TO_NONE = 1e-9  # of the largest power of a shift: what a sum by Fourier transforms is wrong by
+_TOGETHER, _OFF = 20, 0.5
+"""Rows whose mean difference is looked at, and how many times the noise of the noisier run it may be: it is 0.2 to 0.3
+where both are the same, while two days differ by what the room, the start or the load did."""
 
 
 def repeated_stretch(one: Run, other: Run) -> tuple[float, float] | None:
@@ -40,169 +47,119 @@ def repeated_stretch(one: Run, other: Run) -> tuple[float, float] | None:
     ratio = coarse.step / fine.step
     if not names or ratio > _MOST_FACTOR:
         return None
-    readings = {name: coarse.columns[name] for name in names}
+    names.sort(key=lambda name: -_changes(coarse.columns[name]))
+    readings = {name: coarse.columns[name] for name in names[:_MOST_COLUMNS]}
+    needed = {name: _OF_NOISE if _shows_noise(values) else _ROUNDED for name, values in readings.items()}
     for means in (False, True) if ratio > _MEANS else (False,):
-        copies = {name: _Copy(fine.columns[name], ratio, means) for name in names}
-        for stretch in _stretches(readings, copies):
-            match = _same(readings, copies, stretch) or _same(readings, copies, _longer(stretch, coarse, fine))
-            if match is not None:
-                start = other.time[0] + (match.first * coarse.step if other is coarse else match.position * fine.step)
-                return float(start), float(start + (match.size - 1) * coarse.step)
+        copies = {name: _lower_rate(fine.columns[name], ratio, means) for name in readings}
+        # The copy's first row lies anywhere within a step of its own.
+        matches = [_best(readings, copies, needed, phase) for phase in range(int(np.ceil(ratio)))]
+        near = max(matches, key=lambda match: match.weight).phase
+        between = near + np.delete(np.arange(-_BETWEEN, _BETWEEN + 1) / _BETWEEN, _BETWEEN)
+        matches += [_best(readings, copies, needed, phase) for phase in between]
+        best = max(matches, key=lambda match: match.weight)
+        if best.weight > _CHANCE:
+            begin, start = (best.first * coarse.step, other.time[0])
+            if other is fine:
+                begin = (best.phase + (best.first - best.shift) * ratio) * fine.step
+            return float(start + begin), float(start + begin + (best.size - 1) * coarse.step)
     return None
 
 
-class _Copy:
-    """What a copy at a lower rate would hold.
+def _lower_rate(readings: FloatArray, ratio: float, means: bool) -> Callable[[float], FloatArray]:
+    """What a copy holds whose steps are so many of a run's: its readings, or their means over its steps; by its first.
 
-    Args:
-        readings: of the run that it is of, (n,) degC, NaN where missing.
-        ratio: of the copy's steps to the run's.
-        means: whether it holds means over its steps, not readings at their beginning.
+    NaN where it has none.
+    """
+    sums = np.concatenate(([0.0], np.cumsum(np.nan_to_num(readings))))
+    counts = np.concatenate(([0.0], np.cumsum(np.isfinite(readings))))
+    steps, rows = np.arange(readings.size + 1.0), np.arange(int(readings.size / ratio))
+
+    def copy(phase: float) -> FloatArray:
+        at = phase + rows * ratio
+        if not means:
+            return np.asarray(np.interp(at, steps[:-1], readings, left=np.nan, right=np.nan))
+        ends = [np.clip(edge, 0, readings.size) for edge in (at, at + ratio)]
+        total, count = (np.diff([np.interp(end, steps, x) for end in ends], axis=0)[0] for x in (sums, counts))
+        return np.where(count > ratio - 1e-6, total / ratio, np.nan)
+
+    return copy
+
+
+class _Match(NamedTuple):
+    """Where two runs may be one: of a copy with that phase row i at row i + shift of the coarser run.
+
+    The weight is in standard deviations of chance, 0 for none; so many rows are shared, from a first one on.
     """
 
-    def __init__(self, readings: FloatArray, ratio: float, means: bool) -> None:
-        self.length, self.ratio, self._means, self._readings = readings.size, ratio, means, readings
-        self._sums = np.concatenate(([0.0], np.cumsum(np.nan_to_num(readings))))
-        self._steps = np.arange(readings.size + 1.0)
-        self._counts = np.concatenate(([0.0], np.cumsum(np.isfinite(readings))))
-
-    def at(self, position: float, size: int) -> FloatArray:
-        """Readings of the copy, (size,), the first at a position in steps of the run; NaN where it has none."""
-        return self._at(np.asarray(position + np.arange(size) * self.ratio))
-
-    def everywhere(self) -> FloatArray:
-        """What the copy would read at each step of the run, (n,)."""
-        return self._at(self._steps[:-1])
-
-    def _at(self, positions: FloatArray) -> FloatArray:
-        if not self._means:
-            return np.asarray(np.interp(positions, self._steps[:-1], self._readings, left=np.nan, right=np.nan))
-        ends = [np.clip(edge, 0, self.length) for edge in (positions, positions + self.ratio)]
-        total, count = (
-            np.diff([np.interp(end, self._steps, sums) for end in ends], axis=0)[0]
-            for sums in (self._sums, self._counts)
-        )
-        return np.where(count > self.ratio - 1e-6, total / self.ratio, np.nan)
+    weight: float
+    phase: float
+    shift: int = 0
+    first: int = 0
+    size: int = 0
 
 
-class _Stretch(NamedTuple):
-    """Where two runs may be one: the first of so many steps of the coarser one, and its position in the finer one's."""
+def _best(
+    readings: Mapping[str, FloatArray],
+    copies: Mapping[str, Callable[[float], FloatArray]],
+    needed: Mapping[str, float],
+    phase: float,
+) -> _Match:
+    """The shift of most weight at which some columns together share their noise, and all are as warm."""
+    from scipy.signal import correlate  # here, since it takes a while to import
 
-    first: int
-    size: int
-    position: float
+    others = {name: copy(phase) for name, copy in copies.items()}
+    length, other = len(next(iter(readings.values()))), len(next(iter(others.values())))
+    if min(length, other) < _LEAST:
+        return _Match(0.0, phase)
+    score = np.zeros(length + other - 5)
+    rows = np.zeros(length + other - 5)
+    for name, values in readings.items():
+        a, b = np.diff(values, n=2), np.diff(others[name], n=2)
+        there, there_too = np.isfinite(a) * 1.0, np.isfinite(b) * 1.0
+        a, b = np.nan_to_num(a), np.nan_to_num(b)
+        shared, count = correlate(a, b, method="fft"), np.round(correlate(there, there_too, method="fft"))
+        powers = [correlate(a**2, there_too, method="fft"), correlate(there, b**2, method="fft")]
+        known = np.min([power > _NEXT_TO_NONE * power.max(initial=0.0) for power in powers], axis=0)
+        shared = np.divide(shared, np.sqrt(np.prod(powers, axis=0).clip(0)), out=np.zeros(count.size), where=known)
+        together = shared > needed[name]
+        score += np.where(together, shared * count, 0.0)
+        rows += np.where(together, count, 0.0)
+    weight = score / (_SPREAD * np.sqrt(np.maximum(rows, 1)))
+    for k in np.argsort(weight)[: -_MOST_SHIFTS - 1 : -1]:
+        shift = int(k) - (other - 3)
+        first, last = max(0, shift), min(length, other + shift)
+        parts = {
+            name: (values[first:last], others[name][first - shift : last - shift]) for name, values in readings.items()
+        }
+        if weight[k] > _CHANCE and _are_one(parts, needed):
+            return _Match(float(weight[k]), phase, shift, first, last - first)
+    return _Match(0.0, phase)
 
 
-def _stretches(coarse: Mapping[str, FloatArray], copies: Mapping[str, _Copy]) -> Iterator[_Stretch]:
-    """For each part of the shorter run where in the longer one it lies closest."""
-    any_copy = next(iter(copies.values()))
-    ratio, length = any_copy.ratio, len(next(iter(coarse.values())))
-    other = int(any_copy.length / ratio)
-    shorter = min(length, other)
-    size = min(max(shorter // _PARTS, _LEAST), shorter)
-    if size < _FEWEST:
-        return
-    for begin in range(0, shorter - size + 1, size):
-        if length <= other:
-            parts = {name: values[begin : begin + size] for name, values in coarse.items()}
-        else:
-            parts = {name: copy.at(begin * ratio, size) for name, copy in copies.items()}
-        changes = {name: _changes(part) for name, part in parts.items()}
-        if sum(changes.values()) < _LEAST:
-            continue
-        name = max(changes, key=changes.__getitem__)
-        if length <= other:
-            where = np.round(np.arange(size) * ratio).astype(int)
-            yield _Stretch(begin, size, _closest(copies[name].everywhere(), parts[name], where)[1])
-            continue
-        # The copy's first row lies anywhere within a step of its own.
-        phases = np.arange(np.ceil(ratio)) + begin * ratio
-        tried = [_closest(coarse[name], copies[name].at(phase, size), np.arange(size)) for phase in phases]
-        best = int(np.argmin([left for left, _ in tried]))
-        yield _Stretch(tried[best][1], size, float(phases[best]))
-
-
-def _closest(longer: FloatArray, part: FloatArray, where: IntArray) -> tuple[float, int]:
-    """The least sum of squared differences of a part, whose readings are `where` steps apart, and the step it is at."""
-    middle = float(np.nanmean(part)) if np.isfinite(part).any() else 0.0
-    a = np.where(np.isfinite(longer), longer - middle, 0.0)
-    comb, teeth = np.zeros(where[-1] + 1), np.zeros(where[-1] + 1)
-    comb[where], teeth[where] = np.where(np.isfinite(part), part - middle, 0.0), np.isfinite(part)
-    if a.size < comb.size:
-        return np.inf, 0
-    size = 1 << int(np.ceil(np.log2(a.size + comb.size)))
-
-    def product(x: FloatArray, y: FloatArray) -> FloatArray:
-        return np.fft.irfft(np.fft.rfft(x, size) * np.conj(np.fft.rfft(y, size)), size)[: a.size - comb.size + 1]
-
-    left = product(a**2, teeth) - 2 * product(a, comb) + float(comb @ comb)
-    return float(left.min()), int(np.argmin(left))
+def _are_one(parts: Mapping[str, tuple[FloatArray, FloatArray]], needed: Mapping[str, float]) -> bool:
+    """Whether columns that may be one, (n,) each, are as warm, and change often enough where they share their noise."""
+    changes = 0
+    for name, pair in parts.items():
+        both = np.isfinite(pair[0]) & np.isfinite(pair[1])
+        own, other = (values[both] for values in pair)
+        a, b = np.diff(own, n=2), np.diff(other, n=2)
+        power = float(max(a @ a, b @ b))
+        if power == 0:
+            continue  # a sensor that says nothing says nothing against it
+        apart = means_of_blocks(own - other, _TOGETHER)
+        if not apart.size or np.mean(apart**2) > _OFF**2 * power / a.size / 6:
+            return False
+        if min(a @ a, b @ b) > 0 and float(a @ b) > needed[name] * float(np.sqrt((a @ a) * (b @ b))):
+            changes += _changes(own)
+    return changes >= _LEAST
 
 
 def _changes(readings: FloatArray) -> int:
     return int(np.count_nonzero(np.diff(readings[np.isfinite(readings)])))
 
 
-# --- Whether what lies there is the same ----------------------------------------------------------
-
-
-_OF_NOISE, _ROUNDED = 0.1, 0.96
-"""Correlation of the noise of one row that is picked from a hundred that the other averages; and of two columns that
-differ by a fifth of their noise, as by digits that a format rounds off."""
-_CHANCE = 6.0  # standard deviations of it, which other readings reach once in 500 million
-_SPREAD = np.sqrt(35 / 18)  # of a correlation of N second differences of white noise, times √N
-_MOST_COLUMNS, _MOST_ROWS = 4, 5000  # that are compared at each of the places, of which there may be hundreds
 _NOISY = -0.5  # correlation of a second difference with the next one, below which it is noise: -2/3 where it is white
-_TOGETHER, _OFF = 20, 0.5
-"""Rows whose mean difference is looked at, and how many times the noise of the noisier run it may be: it is 0.2 to 0.3
-where both are the same, while two days differ by what the room, the start or the load did."""
-
-
-def _longer(stretch: _Stretch, coarse: Run, fine: Run) -> _Stretch:
-    """All that two runs share if they are one there, up to so many rows: little noise that is shared shows in many."""
-    ratio = coarse.step / fine.step
-    first = max(0, stretch.first - min(int(stretch.position / ratio), _MOST_ROWS // 2))
-    position = stretch.position - (stretch.first - first) * ratio
-    return _Stretch(first, min(len(coarse) - first, int((len(fine) - position) / ratio), _MOST_ROWS), position)
-
-
-def _same(coarse: Mapping[str, FloatArray], copies: Mapping[str, _Copy], stretch: _Stretch) -> _Stretch | None:
-    """The stretch, set right by a few steps, if there the noise of some columns together goes with that of the other's.
-
-    Second differences leave noise alone where a temperature moves little from row to row. Days of one motion have one
-    ripple, but hardly one level.
-    """
-    first, size, position = stretch
-    ratio = next(iter(copies.values())).ratio
-    parts = {name: values[first : first + size] for name, values in coarse.items()}
-    names = sorted(parts, key=lambda name: -_changes(parts[name]))[:_MOST_COLUMNS]
-    needed = {name: _OF_NOISE if _shows_noise(parts[name]) else _ROUNDED for name in names}
-    steps = np.arange(-np.ceil(_AROUND * ratio), np.ceil(_AROUND * ratio) + 1)
-    best, match = _CHANCE, None
-    for at in position + np.union1d(steps, np.arange(-_BETWEEN, _BETWEEN + 1) / _BETWEEN):
-        score, rows, changes = 0.0, 0, 0
-        for name in names:
-            there = copies[name].at(float(at), size)
-            both = np.isfinite(parts[name]) & np.isfinite(there)
-            own, other = parts[name][both], there[both]
-            a, b = np.diff(own, n=2), np.diff(other, n=2)
-            power = float(max(a @ a, b @ b))
-            if power == 0:
-                continue  # a sensor that says nothing says nothing against it
-            apart = means_of_blocks(own - other, _TOGETHER)
-            if not apart.size or np.mean(apart**2) > _OFF**2 * power / a.size / 6:
-                score = -np.inf
-                break
-            shared = float(a @ b) / float(np.sqrt((a @ a) * (b @ b))) if min(a @ a, b @ b) > 0 else 0.0
-            if shared > needed[name]:
-                score, rows = score + shared * a.size, rows + a.size
-                changes += _changes(own)
-        weight = score / (_SPREAD * np.sqrt(max(rows, 1)))
-        if weight > best and changes >= _LEAST / 2:
-            best, match = weight, _Stretch(first, size, float(at))
-    return match
-
-
 _OF_STEP, _OVER, _DITHERED = 0.1, 10, 0.5
 """Of a sensor's steps, by which a temperature may move from row to row, on average over so many rows, where its noise
 is less than half of them: one that moves further is rounded now up, now down, and on two days of one motion alike."""

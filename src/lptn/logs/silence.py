@@ -15,16 +15,17 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 
 from lptn.basics.arrays import FloatArray
-from lptn.logs.columns import AMBIENT, HEATS
-from lptn.logs.law import SHORTEST, STILL, Blocks, against_heat, standing
-from lptn.logs.passive import CODES, FEWEST, Kind, Silence, Surroundings, off, silence_at
+from lptn.logs.channels import Channels, Kind, Silence, quantisation_step, standing, without_silent
+from lptn.logs.columns import AMBIENT, HEATS, place_of
+from lptn.logs.law import SHORTEST, STILL, against_heat
+from lptn.logs.passive import CODES, FEWEST, off
 from lptn.logs.scatter import off_their_neighbours, white_noise
 
 CHANCE = 1e-6  # that a live sensor would ever give the same number for so long
 _REPEATS = 0.02  # share of readings like the one before, below which a sensor shows all of its noise
+_LEAST_STAYS = 0.01  # share of repeats that any channel may have
 _REVERSALS = 0.2  # share of changes that turn back: above it, what changes is noise; of a smooth rise there are none
 _BY_TWO = 0.02
 """Of a sensor's moves, by two steps at once, where its noise is 0.35 of a step. With less it may give the number in the
@@ -77,24 +78,19 @@ def silences(
         if spans[k] < STILL and before.size and np.median(before) < _RESTS * np.median(sizes):
             continue
         one = _no_reading(time, values, int(there[first[k]]), int(there[last[k]]))
-        if one.kind == "dead" and spans[k] < SHORTEST:
-            continue
         if one.kind == "clamped" and temperature:
             limits.add(one.value)
-        else:
+        elif one.kind != "dead" or spans[k] >= SHORTEST:
             stretches.append(one if temperature else replace(one, kind="frozen"))
+    rows = np.arange(values.size)
     for limit in limits:
         # Where noise only touches the limit, what is left of it is too high on average, or too low.
         touches = np.flatnonzero(readings == limit)
         for some in np.split(touches, np.flatnonzero(np.diff(touches) > _CLEAR) + 1):
             beside = _CLEAR if np.ptp(some) >= some.size else 0  # of a number that stands no noise is cut off
-            ends = there[np.clip([some[0] - beside, some[-1] + beside], 0, there.size - 1)]
-            rows = np.arange(values.size)
-            stretches.append(silence_at(time, "clamped", limit, (rows >= ends[0]) & (rows <= ends[1])))
+            begin, end = there[np.clip([some[0] - beside, some[-1] + beside], 0, there.size - 1)]
+            stretches.append(Silence.at(time, "clamped", limit, (rows >= begin) & (rows <= end)))
     return sorted(stretches, key=lambda stretch: stretch.start)
-
-
-_LEAST_STAYS = 0.01  # share of repeats that any channel may have
 
 
 def _no_reading(time: FloatArray, values: FloatArray, first: int, last: int) -> Silence:
@@ -103,12 +99,12 @@ def _no_reading(time: FloatArray, values: FloatArray, first: int, last: int) -> 
     rows[first : last + 1] = np.isfinite(values[first : last + 1])
     value, others = float(np.median(values[rows])), np.flatnonzero(np.isfinite(values) & ~rows)
     if np.ptp(values[rows]) > 0:
-        return silence_at(time, "disconnected", value, rows)
+        return Silence.at(time, "disconnected", value, rows)
     nearest = values[others[np.unique(np.clip(np.searchsorted(others, first) + np.array([-1, 0]), 0, others.size - 1))]]
     if (np.abs(nearest - value) > _FAR).all():
-        return silence_at(time, "dead", value, rows)
+        return Silence.at(time, "dead", value, rows)
     inside = values[others].min() < value < values[others].max()
-    return silence_at(time, "frozen" if inside else "clamped", value, rows)
+    return Silence.at(time, "frozen" if inside else "clamped", value, rows)
 
 
 def _logged(stamps: FloatArray) -> FloatArray:
@@ -118,80 +114,59 @@ def _logged(stamps: FloatArray) -> FloatArray:
     return np.concatenate(([0.0], np.cumsum(np.where(in_gap, 0.0, apart))))
 
 
-# --- A sensor's steps -----------------------------------------------------------------------------
-
-
-_FINEST, _COARSEST = 0.02, 5.0  # K; finer is the file's rounding, coarser is a fault code such as 85 or 0
-_RETURNS = 3  # times that each level returns on average, before a grid is believed
-_OFF_GRID = 0.02  # of the step, by which a level may lie beside the grid
-
-
-def quantisation_step(values: FloatArray) -> float:
-    """The step, K, of the regular grid on which raw readings sit; 0.0 if there is none.
-
-    A grid is believed when each level returns three times on average, and all levels fit it within 2 %.
-
-    Args:
-        values: (n,) raw readings, K or degC; NaN is left out.
-    """
-    readings = values[np.isfinite(values)]
-    # float32 and unit conversion blur the last digits; pandas needs no sorting of millions of rows
-    levels = np.sort(pd.unique(np.round(readings, 4)))
-    if levels.size < 2 or readings.size < _RETURNS * levels.size:
-        return 0.0
-    gaps = np.diff(levels)
-    step = float(np.median(gaps[gaps < 1.5 * gaps.min()]))
-    counts = np.round(gaps / step)
-    step = float(gaps.sum() / counts.sum())
-    regular = np.abs(gaps - counts * step).max() <= _OFF_GRID * step
-    return float(f"{step:.4g}") if regular and _FINEST <= step <= _COARSEST else 0.0
-
-
 # --- A whole log ----------------------------------------------------------------------------------
 
 
-def silences_of(values: Mapping[str, FloatArray]) -> dict[str, list[Silence]]:
-    """Stretches in which sensors, torques, currents or speeds say nothing, spikes, and codes, by quantity.
+_MOVING = 0.05  # rad/s, mean of |speed|: a joint that moves
+_AT_REST = 0.01  # rad/s: an encoder's noise, and so little that friction of 10 N·m makes 0.1 W of it
 
-    Args:
-        values: time [s] and the quantities, (n,) each, in SI and degC.
-    """
-    time, still, around = values["time"], _still_throughout(values), _surroundings(values)
-    silent: dict[str, list[Silence]] = {}
-    speeds = {key: np.abs(channel) for key, channel in values.items() if key.startswith("velocity.")}
-    resting = np.zeros(time.size)
+
+def silences_of(log: Channels) -> dict[str, list[Silence]]:
+    """Stretches in which sensors, torques, currents or speeds say nothing, spikes, and codes, by quantity."""
+    time, resting, sensors = log.time, np.zeros(log.time.size), log.sensors
+    speeds = {key: np.abs(channel) for key, channel in log.of("velocity").items()}
     of_all = np.max(list(speeds.values()), axis=0) if speeds else resting  # a motor's may stand at its housing
     # Speeds first: a joint of which nobody knows whether it moves may have no torque.
-    for key in sorted(values, key=lambda key: key not in speeds):
-        quantity, _, place = key.partition(".")
-        if quantity == "temperature":
-            silent[key] = still.get(key) or silences(time, values[key], resolution=quantisation_step(values[key]))
-        elif key in speeds:
-            silent[key] = _of_input(time, values[key], speeds[key], resting, _AT_REST)
-        elif quantity in HEATS:
-            speed = f"velocity.{place}"
-            moving = without_silent(speeds.get(speed, resting), silent.get(speed, []))
-            silent[key] = _of_input(time, values[key], speeds.get(speed, of_all), moving)
-    steps = {key: quantisation_step(values[key]) for key in around.keys() - still.keys()}
+    silent = {key: _of_input(time, log.values[key], speed, resting, _AT_REST) for key, speed in speeds.items()}
+    for key, effort in ((key, x) for quantity in HEATS for key, x in log.of(quantity).items()):
+        speed = f"velocity.{place_of(key)}"
+        moving = without_silent(speeds.get(speed, resting), silent.get(speed, []))
+        silent[key] = _of_input(time, effort, speeds.get(speed, of_all), moving)
+    still = _still_throughout(log)
+    for key in log.of("temperature"):
+        step = sensors[key].step if key in sensors else 0.0
+        silent[key] = still.get(key) or silences(time, log.values[key], resolution=step)
 
     def off_beside(key: str) -> list[Silence]:
-        return off(time, without_silent(values[key], silent[key]), steps[key], around[key])
+        others = [sensor for other, sensor in sensors.items() if other != key]
+        return off(
+            time,
+            without_silent(log.values[key], silent[key]),
+            sensors[key].step,
+            start=float(np.median([sensor.first for sensor in others])) if others else np.nan,
+            coldest=min((sensor.low for sensor in others), default=-np.inf),
+            load=log.loads.get(place_of(key)),
+            heated=key != AMBIENT,
+        )
 
-    outside = {key: off_beside(key) for key in steps}
-    said = {key: [*stretches, *outside.get(key, [])] for key, stretches in silent.items()}
-    blocks = Blocks({key: without_silent(channel, said.get(key, [])) for key, channel in values.items()})
-    for key, step in steps.items():
-        load = next((load for quantity in HEATS if (load := f"{quantity}.{key.partition('.')[2]}") in values), "")
-        channel = without_silent(values[key], [*silent[key], *(one for one in outside[key] if not one.lasts)])
-        if load and (stretches := against_heat(blocks.with_channel(key, channel), key, load, step)):
+    outside = {key: off_beside(key) for key in sensors if key not in still}
+    cleaned = log.without({key: [*stretches, *outside.get(key, [])] for key, stretches in silent.items()})
+    for key in outside:
+        load = log.load_of(place_of(key))
+        channel = without_silent(log.values[key], [*silent[key], *(one for one in outside[key] if not one.lasts)])
+        one_off = cleaned.with_channels({key: channel})
+        if load and (stretches := against_heat(one_off, key, load, sensors[key].step)):
             silent[key] += [_no_reading(time, channel, *stretch) for stretch in stretches]
             outside[key] = off_beside(key)
         silent[key] += outside[key]
     return {key: stretches for key, stretches in silent.items() if stretches}
 
 
-_MOVING = 0.05  # rad/s, mean of |speed|: a joint that moves
-_AT_REST = 0.01  # rad/s: an encoder's noise, and so little that friction of 10 N·m makes 0.1 W of it
+def of_sensor(time: FloatArray, values: FloatArray) -> list[Silence]:
+    """What a temperature sensor says that is no reading, for all that is known of it alone; (n,) s and degC."""
+    resolution = quantisation_step(values)
+    stands = silences(time, values, resolution=resolution)
+    return [*stands, *off(time, without_silent(values, stands), resolution)]
 
 
 def _of_input(
@@ -212,7 +187,7 @@ def _of_input(
     stands, rows = silences(time, channel, temperature=False), np.isfinite(channel)
     if not stands and rows.sum() >= FEWEST and not channel[rows].any() and _logged(time[rows])[-1] >= STILL:
         # Nothing but zero, as of drives that don't measure what they are asked for.
-        stands = [silence_at(time, "frozen", 0.0, rows, whole=True)]
+        stands = [Silence.at(time, "frozen", 0.0, rows, whole=True)]
     loaded = {one.value for one in stands if abs(one.value) > at_rest}
     said = []
     for one in stands:
@@ -221,73 +196,6 @@ def _of_input(
         if moves or (loaded == {one.value} and not _only_while_it_rests(time, channel, speed, one)):
             said.append(one)
     return said
-
-
-def of_sensor(time: FloatArray, values: FloatArray) -> list[Silence]:
-    """What a temperature sensor says that is no reading, for all that is known of it alone; (n,) s and degC."""
-    resolution = quantisation_step(values)
-    stands = silences(time, values, resolution=resolution)
-    return [*stands, *off(time, without_silent(values, stands), resolution)]
-
-
-_OF_MOST = 0.05  # of what goes with the heat of the joint that has most: with less a part is warmed by its neighbours
-_LOW, _THIN = 0.05, 10_000  # share of readings, below which a channel seldom is; readings that tell it
-
-
-def loads_of(values: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
-    """Torque or current of each place of which a part's own heat goes with the square, (n,) each; as logged."""
-    loads: dict[str, FloatArray] = {}
-    for quantity in reversed(HEATS):
-        own = {key.partition(".")[2]: channel for key, channel in values.items() if key.startswith(f"{quantity}.")}
-        thin = {place: channel[:: max(1, channel.size // _THIN)] for place, channel in own.items()}
-        power = {place: float(np.nanmean(np.square(x))) for place, x in thin.items() if np.isfinite(x).any()}
-        most = max(power.values(), default=0.0)
-        loads |= {place: own[place] for place, mean in power.items() if mean > _OF_MOST * most}
-    return loads
-
-
-def _surroundings(values: Mapping[str, FloatArray]) -> dict[str, Surroundings]:
-    """What the channels of a log say of each temperature."""
-    read = {key: channel[np.isfinite(channel)] for key, channel in values.items() if key.startswith("temperature.")}
-    read = {key: readings for key, readings in read.items() if readings.size}
-    starts = {key: float(readings[0]) for key, readings in read.items()}
-    lows = {key: float(np.quantile(x[:: max(1, x.size // _THIN)], _LOW)) for key, x in read.items()}
-    loads = loads_of(values)
-    around = {}
-    for key in read:
-        place = key.partition(".")[2]
-        others = [other for other in read if other != key]
-        start = float(np.median([starts[other] for other in others])) if others else np.nan
-        coldest = min((lows[other] for other in others), default=-np.inf)
-        around[key] = Surroundings(start, coldest, loads.get(place), heated=key != AMBIENT)
-    return around
-
-
-_STUCK = 600.0  # s
-_MOVED_APART, _MOVED_STEPS = 3.0, 5.0
-"""K, and steps of the coarsest of the others, by which another temperature moves while this one gives one number: a
-motor that idles beside one that works warms by a part of that."""
-
-
-def _still_throughout(values: Mapping[str, FloatArray]) -> dict[str, list[Silence]]:
-    """Temperatures that are one number throughout while another one moves.
-
-    People write one number for the room: that is dead where it is a fault code, and the robot begins elsewhere.
-    """
-    read = {key: readings[np.isfinite(readings)] for key, readings in values.items() if key.startswith("temperature.")}
-    ranges = {key: float(np.ptp(readings)) for key, readings in read.items() if readings.size}
-    if all(ranges.values()):
-        return {}
-    moving = [read[key] for key, extent in ranges.items() if extent]
-    least = max(_MOVED_APART, *(_MOVED_STEPS * quantisation_step(readings) for readings in moving), 0.0)
-    still: dict[str, list[Silence]] = {}
-    for key in (key for key, extent in ranges.items() if not extent and max(ranges.values()) > least):
-        rows, value = np.isfinite(values[key]), float(read[key][0])
-        a_code = value in CODES and all(abs(readings[0] - value) > _FAR for readings in moving)
-        if rows.sum() > 2 and _logged(values["time"][rows])[-1] >= _STUCK and (key != AMBIENT or a_code):
-            kind: Kind = "dead" if key == AMBIENT else "frozen"
-            still[key] = [silence_at(values["time"], kind, value, rows, whole=True)]
-    return still
 
 
 def _only_while_it_rests(time: FloatArray, values: FloatArray, speed: FloatArray, silence: Silence) -> bool:
@@ -303,6 +211,25 @@ def _only_while_it_rests(time: FloatArray, values: FloatArray, speed: FloatArray
     return bool(beside) and all(changes) and bool((speed[silence.rows] < _AT_REST).all())
 
 
-def without_silent(values: FloatArray, silent: list[Silence]) -> FloatArray:
-    """A channel's values, NaN where it is silent."""
-    return np.where(np.any([stretch.rows for stretch in silent], axis=0), np.nan, values) if silent else values
+_STUCK = 600.0  # s
+_MOVED_APART, _MOVED_STEPS = 3.0, 5.0
+"""K, and steps of the coarsest of the others, by which another temperature moves while this one gives one number: a
+motor that idles beside one that works warms by a part of that."""
+
+
+def _still_throughout(log: Channels) -> Mapping[str, list[Silence]]:
+    """Temperatures that are one number throughout while another one moves.
+
+    People write one number for the room: that is dead where it is a fault code, and the robot begins elsewhere.
+    """
+    stuck = {key: sensor.first for key, sensor in log.sensors.items() if sensor.least == sensor.most}
+    moving = [sensor for key, sensor in log.sensors.items() if key not in stuck]
+    least = max(_MOVED_APART, *(_MOVED_STEPS * sensor.step for sensor in moving), 0.0)
+    still: dict[str, list[Silence]] = {}
+    for key, value in stuck.items() if any(sensor.most - sensor.least > least for sensor in moving) else ():
+        rows = np.isfinite(log.values[key])
+        a_code = value in CODES and all(abs(sensor.first - value) > _FAR for sensor in moving)
+        if rows.sum() > 2 and _logged(log.time[rows])[-1] >= _STUCK and (key != AMBIENT or a_code):
+            kind: Kind = "dead" if key == AMBIENT else "frozen"
+            still[key] = [Silence.at(log.time, kind, value, rows, whole=True)]
+    return still

@@ -42,16 +42,14 @@ def open_spreadsheet(path: Path) -> Table:
         with closing(load_workbook(path, read_only=True, data_only=True, keep_links=False)) as book:
             heads = {sheet.title: list(islice(filter(any, _rows(sheet)), LOOKED_AT)) for sheet in book.worksheets}
             layouts = {name: find_layout(rows) for name, rows in heads.items()}
-            tables = [name for name, layout in layouts.items() if layout.rows]
-            if not tables:
+            found = [name for name, layout in layouts.items() if layout.rows]
+            if not found:
                 expected = "a row of column names, and rows of numbers below it"
                 raise InputError(path, "log", "no table in any sheet", expected)
-            name = max(tables, key=lambda name: layouts[name].rows)
-            layout = layouts[name]
-            width = width_of(heads[name][layout.header if layout.named else layout.first])
-            text = io.StringIO(newline="")
+            name = max(found, key=lambda name: layouts[name].rows)
+            width = width_of(heads[name][layouts[name].header if layouts[name].named else layouts[name].first])
+            text, count = io.StringIO(newline=""), 0
             write = csv.writer(text, quoting=csv.QUOTE_ALL, lineterminator="\n").writerow
-            count = 0
             for cells in _rows(book[name]):
                 filled = width_of(cells)
                 count += max(filled, width)
@@ -61,10 +59,8 @@ def open_spreadsheet(path: Path) -> Table:
                     write([*cells[: max(filled, width)], *[""] * (width - len(cells))])
                 else:
                     text.write("\n")
-    notes = []
-    if len(tables) > 1:
-        others = ", ".join(f"'{other}'" for other in tables if other != name)
-        notes.append(f"log: sheet '{name}' is read; {others} not (another sheet: save it as CSV).")
+    others = ", ".join(f"'{other}'" for other in found if other != name)
+    notes = [f"log: sheet '{name}' is read; {others} not (another sheet: save it as CSV)."] if others else []
     content = text.getvalue().encode()
     return table_of_text(Content(path, lambda: io.BytesIO(content), f"sheet '{name}', row"), "spreadsheet", notes)
 
@@ -79,9 +75,6 @@ def _rows(sheet: Any) -> Iterator[list[str]]:
 
 
 def _plain(value: Any) -> Any:
-    """Times of the day and durations in s; all else as it is."""
-    if isinstance(value, datetime.timedelta):
-        return value.total_seconds()
     if isinstance(value, datetime.time):
-        return 3600.0 * value.hour + 60.0 * value.minute + value.second + 1e-6 * value.microsecond
-    return value
+        value = datetime.datetime.combine(datetime.date.min, value) - datetime.datetime.min
+    return value.total_seconds() if isinstance(value, datetime.timedelta) else value

@@ -17,6 +17,7 @@ from typing import Any, NoReturn
 import numpy as np
 import pandas as pd
 import pyarrow as pa
+from pandas.api import types as kinds
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.bounds import Bound
@@ -31,8 +32,8 @@ MOST_NUMBERS = 500_000_000  # 4 GB; a day of twelve joints at 100 Hz has 400 mil
 _NUMBERS_AT_ONCE = 10_000_000  # read from a file before they are copied into their columns, so that few stand twice
 UNPACKED = 100_000_000  # bytes that any packed file may have …
 TIMES_PACKED = 50  # … and times its own size
-_MOST_WORDS = 5  # that a note gives as examples
-_MOST_LISTED = 30  # names of columns in a message
+_SMALL = 10_000_000  # bytes of a file that fits any memory: one that asks for more has a false length in it
+_MOST_WORDS, _MOST_LISTED = 5, 30  # words that a note gives as examples, names of columns in a message
 _LONGEST_CELL = 100  # characters of a cell that go into a message
 _NO_NUMBER = re.compile(r"[-+]?1\.#(?:INF|IND|QNAN|SNAN)\d*", re.IGNORECASE)  # as Windows prints what is no number
 _YES_OR_NO = {"true": 1.0, "false": 0.0, "yes": 1.0, "no": 0.0, "on": 1.0, "off": 0.0}
@@ -74,9 +75,7 @@ class Table:
     def numbers(self, names: Iterable[str], worded: Collection[str] = ()) -> dict[str, FloatArray]:
         """The columns `names` as floats, (n,) each, NaN where empty; dates in s since 1970, durations in s.
 
-        Args:
-            names: of columns.
-            worded: those in which a word among the numbers says that there is none.
+        Of the columns `worded` a word among the numbers says that there is none.
 
         Raises:
             InputError: a name stands twice in the file, the file is broken, or a cell holds text.
@@ -95,7 +94,6 @@ class Table:
         raise InputError(self.path, f"{self.where(row)}, column '{name}'", found, expected)
 
     def _floats(self, name: str, series: pd.Series, *, worded: bool) -> FloatArray:
-        kinds = pd.api.types
         if not (kinds.is_numeric_dtype(series) or _is_time(series)):
             series = self._of_text(name, series, worded=worded)
         if kinds.is_datetime64_any_dtype(series):
@@ -107,9 +105,8 @@ class Table:
             series = pd.to_datetime(series, utc=True) - pd.Timestamp(0, tz="UTC")
         if kinds.is_timedelta64_dtype(series):
             return np.asarray(series.dt.total_seconds(), dtype=np.float64)
-        if series.dtype == np.float64:
-            return series.to_numpy()
-        return series.to_numpy(dtype=np.float64, na_value=np.nan)
+        # A copy of millions of rows only where it is needed.
+        return series.to_numpy() if series.dtype == np.float64 else series.to_numpy(dtype=np.float64, na_value=np.nan)
 
     def _of_text(self, name: str, series: pd.Series, *, worded: bool) -> pd.Series:
         """Cells of text as numbers, dates or durations; NaN for words by which a sensor says that it has no reading.
@@ -135,11 +132,8 @@ class Table:
             row = int(refused.argmax())
             cell, expected = cells.iloc[row][:_LONGEST_CELL], "a number or an empty cell"
             if ":" in cell or _DATE.match(cell):
-                expected = (
-                    "a number; of times also 2026-11-23T14:05:03.5, 23.11.2026 14:05:03, or 0:12:30 since the start"
-                )
-                if _DATE.match(cell):
-                    expected += f", in years from {_YEARS[0]} to {_YEARS[1]}"
+                expected = "a number; of times also 2026-11-23T14:05:03.5, 23.11.2026 14:05:03, or 0:12:30 since the "
+                expected += "start" + f", in years from {_YEARS[0]} to {_YEARS[1]}" * bool(_DATE.match(cell))
             elif _THOUSANDS.fullmatch(cell):
                 expected += ", without a sign between thousands"
             self.refuse(row, name, repr(cell), expected)
@@ -161,13 +155,39 @@ class Table:
 
 def _is_time(values: pd.Series | pd.Index) -> bool:
     """Whether these are dates or durations."""
-    return pd.api.types.is_datetime64_any_dtype(values) or pd.api.types.is_timedelta64_dtype(values)
+    return kinds.is_datetime64_any_dtype(values) or kinds.is_timedelta64_dtype(values)
 
 
 def column_sources(table: Table, columns: Mapping[str, ColumnSource]) -> dict[str, ColumnSource]:
     """Where each quantity stands: by its own name, by the format's own rules, or, above both, by the mapping."""
     own = {name: ColumnSource((name,)) for name in table.names if is_key(name)}
     return own | dict(table.defaults) | dict(columns)
+
+
+def with_times(
+    table: Table, columns: Mapping[str, ColumnSource], key: str = "time"
+) -> tuple[Table, dict[str, ColumnSource]]:
+    """A log whose rows are its clock, by a rate of `key` in the mapping, with a column of times, and the mapping to it.
+
+    Any other as it is.
+    """
+    source = columns.get(key)
+    if source is None or not (rate := source.rate):
+        return table, dict(columns)
+
+    def read(wanted: Sequence[str]) -> pd.DataFrame:
+        frame = table.read([name for name in wanted if name != "time"] or table.names[:1])
+        return frame.assign(time=np.arange(len(frame)) / rate)[list(wanted)]
+
+    names = ("time", *(name for name in table.names if name != "time"))
+    units = {name: unit for name, unit in table.units.items() if name != "time"}
+    notes = [*table.notes, f"time: counted from its rows, {rate:g} a second, as given."]
+    # Who counts rows has said when they are; of means he says so, too.
+    counted = ColumnSource(("time",), rows=source.rows or SAMPLES)
+    return replace(table, names=names, read=read, units=units, notes=notes), {**columns, key: counted}
+
+
+# --- Files that are larger than they look, broken, or of a format without its package ---------------------
 
 
 def too_large(path: Path, size: str) -> InputError:
@@ -181,13 +201,7 @@ def most_unpacked(path: Path) -> int:
 
 
 class Bounded(io.RawIOBase):
-    """A file that is unpacked as it is read, of which so many bytes may come.
-
-    Args:
-        file: gives what is unpacked.
-        most: bytes.
-        error: what to raise where there are more.
-    """
+    """A file that is unpacked as it is read, of which at most so many bytes may come, else an error is raised."""
 
     def __init__(self, file: io.BufferedIOBase, most: int, error: Exception) -> None:
         self._file, self._left, self._error = file, most, error
@@ -218,10 +232,6 @@ def require_package(path: Path, package: str, log: str, instead: str) -> None:
         raise InputError(path, "log", f"{log}, and no package to read it", instead)
 
 
-_SMALL = 10_000_000
-"""bytes of a file that needs no more memory than any machine has: one that asks for more has a false length in it."""
-
-
 @contextmanager
 def one_line_if_broken(path: Path, expected: str) -> Iterator[None]:
     """Make one line of whatever a library raises of broken bytes, which are errors of many kinds.
@@ -241,50 +251,21 @@ def one_line_if_broken(path: Path, expected: str) -> Iterator[None]:
         raise InputError(path, "log", f"a broken file ({str(error) or type(error).__name__})", expected) from error
 
 
-def with_times(
-    table: Table, columns: Mapping[str, ColumnSource], key: str = "time"
-) -> tuple[Table, dict[str, ColumnSource]]:
-    """A log whose rows are its clock with a column of times, and the mapping to it; any other as it is.
-
-    Args:
-        table: the log.
-        columns: where the quantities stand; of `key`, perhaps a rate.
-        key: what the log's time is mapped as.
-    """
-    source = columns.get(key)
-    if source is None or not (rate := source.rate):
-        return table, dict(columns)
-
-    def read(wanted: Sequence[str]) -> pd.DataFrame:
-        frame = table.read([name for name in wanted if name != "time"] or table.names[:1])
-        return frame.assign(time=np.arange(len(frame)) / rate)[list(wanted)]
-
-    names = ("time", *(name for name in table.names if name != "time"))
-    units = {name: unit for name, unit in table.units.items() if name != "time"}
-    notes = [*table.notes, f"time: counted from its rows, {rate:g} a second, as given."]
-    # Who counts rows has said when they are; of means he says so, too.
-    counted = ColumnSource(("time",), rows=source.rows or SAMPLES)
-    return replace(table, names=names, read=read, units=units, notes=notes), {**columns, key: counted}
-
-
 # --- Data frames and Parquet files ---------------------------------------------------------------------
 
 
 def table_of(frame: pd.DataFrame, name: str) -> Table:
     """A data frame as a table; an index of dates, durations, or called `time` stands for a missing column `time`.
 
-    Args:
-        frame: a row for each sample.
-        name: what the log is called, in messages and as its run's name.
+    It is called `name` in messages and as its run's name.
 
     Raises:
         InputError: it has no rows, or its columns have names of several levels.
     """
-    path = Path(name)
     if frame.columns.nlevels > 1:
-        raise InputError(path, "columns", "names of several levels", "one name for each column")
+        raise InputError(name, "columns", "names of several levels", "one name for each column")
     if frame.empty:
-        raise InputError(path, "log", "an empty data frame", "a column of times and at least 10 rows")
+        raise InputError(name, "log", "an empty data frame", "a column of times and at least 10 rows")
     labelled = frame.set_axis([str(column) for column in frame.columns], axis="columns").reset_index(drop=True)
     if "time" not in labelled and (_is_time(frame.index) or frame.index.name == "time"):
         labelled.insert(0, "time", frame.index.to_series().reset_index(drop=True))
@@ -296,7 +277,7 @@ def table_of(frame: pd.DataFrame, name: str) -> Table:
     def read(wanted: Sequence[str]) -> pd.DataFrame:
         return labelled[list(wanted)]
 
-    return Table(path, tuple(labelled.columns), read, lambda row: f"row {row + 1}", "DataFrame", digest=digest)
+    return Table(Path(name), tuple(labelled.columns), read, lambda row: f"row {row + 1}", "DataFrame", digest=digest)
 
 
 def open_parquet(path: Path) -> Table:
@@ -305,7 +286,8 @@ def open_parquet(path: Path) -> Table:
     Raises:
         InputError: it can't be read.
     """
-    import pyarrow.parquet as pq  # here, since most logs are CSV
+    import pyarrow.compute as pc  # here, since most logs are CSV
+    import pyarrow.parquet as pq
 
     expected = "a whole Parquet file"
     with one_line_if_broken(path, expected), pq.ParquetFile(path) as file:
@@ -313,38 +295,31 @@ def open_parquet(path: Path) -> Table:
         texts = [field.name for field in file.schema_arrow if field.type in _TEXTS]
     COLUMNS.check(len(names), path, "columns")
 
+    def with_texts_in_full(table: Any) -> Any:
+        """Texts, which the file holds once each, stand in every row: 64 kB hold a megabyte that stands in 3,000."""
+        left = most_unpacked(path)
+        for number, (name, column) in enumerate(zip(table.column_names, table.columns, strict=True)):
+            if pa.types.is_dictionary(column.type) and column.type.value_type in _TEXTS:
+                for chunk in column.chunks:
+                    left -= pc.sum(pc.take(pc.binary_length(chunk.dictionary), chunk.indices)).as_py() or 0
+                if left < 0:
+                    found = f"texts that unfold to more than {TIMES_PACKED} times the file's size"
+                    raise InputError(path, f"column '{name}'", found, "numbers and times")
+                table = table.set_column(number, name, column.cast(column.type.value_type))
+        return table
+
     def read(wanted: Sequence[str]) -> pd.DataFrame:
         if rows * len(wanted) > MOST_NUMBERS:  # such a number of rows takes few bytes to write
             raise too_large(path, f"{rows} rows of {len(wanted)} columns")
         at_once = max(1, _NUMBERS_AT_ONCE // max(rows, 1))
         some = [list(wanted[k : k + at_once]) for k in range(0, len(wanted), at_once)]
         with one_line_if_broken(path, expected), pq.ParquetFile(path, read_dictionary=texts) as file:
-            tables = [_with_texts_in_full(file.read(names), path) for names in some]
-            frames = [table.to_pandas(ignore_metadata=True, split_blocks=True) for table in tables]
+            read = (with_texts_in_full(file.read(names)) for names in some)
+            frames = [table.to_pandas(ignore_metadata=True, split_blocks=True) for table in read]
             frame: pd.DataFrame = pd.concat(frames, axis="columns")
         return frame
 
     return Table(path, names, read, lambda row: f"row {row + 1}", "Parquet", digest=partial(fingerprint, path))
-
-
-def _with_texts_in_full(table: Any, path: Path) -> Any:
-    """A table of `pyarrow` whose texts, which the file holds once each, stand in every row that has them.
-
-    Raises:
-        InputError: that would be too much: 64 kB hold a megabyte that stands in 3,000 rows.
-    """
-    import pyarrow.compute as pc
-
-    left = most_unpacked(path)
-    for number, (name, column) in enumerate(zip(table.column_names, table.columns, strict=True)):
-        if pa.types.is_dictionary(column.type) and column.type.value_type in _TEXTS:
-            for chunk in column.chunks:
-                left -= pc.sum(pc.take(pc.binary_length(chunk.dictionary), chunk.indices)).as_py() or 0
-            if left < 0:
-                found = f"texts that unfold to more than {TIMES_PACKED} times the file's size"
-                raise InputError(path, f"column '{name}'", found, "numbers and times")
-            table = table.set_column(number, name, column.cast(column.type.value_type))
-    return table
 
 
 # --- Columns with times of their own, put on the union of their times -----------------------------------
@@ -361,14 +336,9 @@ def table_of_sources(
     kind: str,
     **known: Any,
 ) -> Table:
-    """Columns of several rates as one table, on the union of their times.
+    """Columns of several rates as one table, on the union of their times, with attributes of it that are `known`.
 
-    Args:
-        path: of the log.
-        names: of its columns, `time` among them.
-        read_sources: gives those that hold the wanted columns; at least one, for its times.
-        kind: its format, in words.
-        known: other attributes of the table.
+    `read_sources` gives those that hold the wanted ones of the columns `names`, `time` among them; at least one.
     """
     stamps = [np.zeros(0)]  # of the rows that were read last, by which a row is named in messages
 

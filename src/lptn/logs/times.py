@@ -19,45 +19,33 @@ def times_of(series: pd.Series) -> pd.Series | None:
     """Text in which every cell is a time, as durations in s or as dates; `None` for other text.
 
     Either a date as ISO 8601 writes it, in UTC if it names no zone; a date with the year last; or a time such as
-    0:12:30 or 12:30.5.
+    0:12:30 or 12:30.5. Of a date with the year last nothing may tell the day from the month. With points the day comes
+    first. With strokes it is what makes the log the shorter: there is no 23rd month, from one midnight to the next no
+    month passes, and while the date stays both are the same.
     """
     if not len(series):
         return None
     text = series.astype("str")
     clock = text.str.extract(f"^{_CLOCK}$").apply(_numbers)
-    seconds = (3600 * clock["hours"] + 60 * clock["of_hour"] + clock["seconds"]).fillna(
-        60 * clock["minutes"] + clock["rest"]
-    )
+    seconds = 3600 * clock["hours"] + 60 * clock["of_hour"] + clock["seconds"]
+    seconds = seconds.fillna(60 * clock["minutes"] + clock["rest"])
     if not seconds.isna().any():
         return seconds
     dates = pd.to_datetime(series, errors="coerce", utc=True, format="ISO8601")
-    return dates if not dates.isna().any() else _with_the_year_last(text)
-
-
-def _with_the_year_last(text: pd.Series) -> pd.Series | None:
-    """Dates with the year last; `None` for other text, or where nothing tells the day from the month.
-
-    With points the day comes first. With strokes it is what makes the log the shorter: there is no 23rd month, from one
-    midnight to the next no month passes, and while the date stays both are the same.
-    """
+    if not dates.isna().any():
+        return dates
     parts = text.str.extract(f"^{_YEAR_LAST}$")
     numbers = parts[["one", "two", "year", "hour", "minute"]].apply(_numbers)
     if numbers.isna().to_numpy().any():
         return None
-    noon = parts["half"].str.lower()
-    hours = numbers["hour"].where(noon.isna(), numbers["hour"] % 12) + 12 * (noon == "p")
+    half = parts["half"].str.lower()
+    hours = numbers["hour"].where(half.isna(), numbers["hour"] % 12) + 12 * (half == "p")
     of_day = pd.to_timedelta(3600 * hours + 60 * numbers["minute"] + _numbers(parts["second"]).fillna(0.0), unit="s")
-
-    def read(day: str, month: str) -> pd.Series | None:
-        days = pd.DataFrame({"year": numbers["year"], "month": numbers[month], "day": numbers[day]})
-        dates = pd.to_datetime(days, errors="coerce", utc=True)
-        return None if dates.isna().any() else dates + of_day
-
-    by_point = bool((parts["sign"] == ".").all())
-    readings = [read("one", "two"), *([] if by_point else [read("two", "one")])]
-    return min(
-        (dates for dates in readings if dates is not None), key=lambda dates: dates.max() - dates.min(), default=None
-    )
+    orders = [("one", "two")] if (parts["sign"] == ".").all() else [("one", "two"), ("two", "one")]
+    days = [numbers.rename(columns={day: "day", month: "month"})[["year", "month", "day"]] for day, month in orders]
+    readings = [pd.to_datetime(parts, errors="coerce", utc=True) + of_day for parts in days]
+    whole = (dates for dates in readings if not dates.isna().any())
+    return min(whole, key=lambda dates: dates.max() - dates.min(), default=None)
 
 
 def _numbers(column: pd.Series) -> pd.Series:

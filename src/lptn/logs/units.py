@@ -14,11 +14,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lptn.basics.arrays import FloatArray
+from lptn.logs.channels import Channels, quantisation_step
 from lptn.logs.clock import suspect_unit_of_time
-from lptn.logs.columns import AMBIENT, ColumnName, ColumnSource, as_line_or_option, column_unit
+from lptn.logs.columns import AMBIENT, ColumnName, ColumnSource, as_line_or_option, column_unit, place_of, quantity_of
 from lptn.logs.issue import Issue, correctable, in_unit
-from lptn.logs.resampling import means_of_blocks
-from lptn.logs.silence import loads_of, quantisation_step
+from lptn.logs.law import settles
 
 
 @dataclass(frozen=True)
@@ -54,71 +54,52 @@ _MELTS = 300.0  # degC, the middle reading: it is refused; 200 to 300 is asked f
 _EXAMPLE_POLE_PAIRS = 14  # in the line that is proposed: a common number for robots' outrunners
 
 
-def suspect_unit(
-    key: str,
-    source: ColumnSource,
-    numbers: Mapping[str, FloatArray],
-    values: FloatArray,
-    stated: str = "",
-    room: float | None = None,
-) -> list[Issue]:
-    """Another unit than the entry's, or SI, by the column's name or its values.
+def suspect_unit(log: Channels, key: str) -> list[Issue]:
+    """Another unit than the entry's, or SI, by a row of units, the column's name or its values.
 
     Args:
+        log: its channels, read as their entries say.
         key: `time` or `<quantity>.<place>`.
-        source: where the values come from.
-        numbers: the file's columns, (n,) each.
-        values: (n,) as read, in SI or degC if `source` says nothing else; NaN where missing.
-        stated: what a row of units in the file says.
-        room: degC, of the air or the coldest sensor where the log begins, as `room_of` finds it.
     """
-    readings, quantity, name = values[np.isfinite(values)], key.partition(".")[0], source.columns[0]
+    source, quantity = log.sources[key], quantity_of(key)
+    readings = log.values[key][np.isfinite(log.values[key])]
     if not readings.size or (len(source.columns) > 1 and source.how != "mean"):
         return []
-    if source.unit is None:
-        unit = ColumnName.of(name, stated).unit(quantity) if stated else ""
-        if unit and unit != column_unit(key) and source.scale == 1:
-            return [in_unit(key, source, unit, f"the row of units below the names says {unit}")]
-        if key == "time":
-            return suspect_unit_of_time(source, values)
-        unit = ColumnName.of(name).unit(quantity)
-        if source.scale == 1 and _is_named(key, source, unit, numbers):
-            return [in_unit(key, source, unit, f"no unit is given for '{name}', whose name says {unit}")]
-        if quantity == "velocity" and ColumnName.of(name).electrical:
-            meant = replace(source, unit="rpm", scale=1 / _EXAMPLE_POLE_PAIRS)
-            remedy = f"for {_EXAMPLE_POLE_PAIRS} pole pairs, say, write {as_line_or_option(key, meant)}"
-            # No log says how many there are, so that nobody is to take this line unseen.
-            return [Issue(key, name, "electrical turns, by the column's name", remedy, True)]
-    if np.isfinite(source.valid).any():  # who says what is valid knows the machine
-        return []
-    match quantity:
-        case "temperature":
-            return _suspect_temperature(key, source, numbers, readings, room)
-        case "torque" | "current" | "velocity":
-            return _suspect_counts(key, source, readings) or _suspect_size(key, source, numbers, readings)
+    if source.unit is None and (named := _suspect_name(log, key)):
+        return named
+    if key == "time":
+        return suspect_unit_of_time(source, log.time) if source.unit is None else []
+    if not log.is_believed(key):
+        if quantity == "temperature":
+            return _suspect_temperature(log, key, readings)
+        if quantity in ("torque", "current", "velocity"):
+            return _suspect_counts(key, source, readings) or _suspect_size(log, key, readings)
     return []
 
 
-def _is_named(key: str, source: ColumnSource, unit: str, numbers: Mapping[str, FloatArray]) -> bool:
-    """Whether a column's name says a unit beyond doubt; a column T_K that was converted to degC keeps its name."""
-    quantity = key.partition(".")[0]
-    if quantity not in PLAUSIBLE or unit not in PLAUSIBLE[quantity].named:
-        return False
-    return quantity != "temperature" or _can_be(_middle(replace(source, unit=unit).values(key, numbers)))
+def _suspect_name(log: Channels, key: str) -> list[Issue]:
+    """Another unit than SI, by a row of units or, beyond doubt, the column's name."""
+    source, quantity, name = log.sources[key], quantity_of(key), log.sources[key].columns[0]
+    stated = ColumnName.of(name, log.units[name]).unit(quantity) if log.units.get(name) else ""
+    if stated and stated != column_unit(key) and source.scale == 1:
+        return [in_unit(key, source, stated, f"the row of units below the names says {stated}")]
+    unit = ColumnName.of(name).unit(quantity)
+    named = source.scale == 1 and quantity in PLAUSIBLE and unit in PLAUSIBLE[quantity].named
+    if named and quantity == "temperature":  # a column T_K that was converted to degC keeps its name
+        named = _can_be(_middle(replace(source, unit=unit).values(key, log.numbers)))
+    if named:
+        return [in_unit(key, source, unit, f"no unit is given for '{name}', whose name says {unit}")]
+    if quantity == "velocity" and ColumnName.of(name).electrical:
+        meant = replace(source, unit="rpm", scale=1 / _EXAMPLE_POLE_PAIRS)
+        remedy = f"for {_EXAMPLE_POLE_PAIRS} pole pairs, say, write {as_line_or_option(key, meant)}"
+        # No log says how many there are, so that nobody is to take this line unseen.
+        return [Issue(key, name, "electrical turns, by the column's name", remedy, True)]
+    return []
 
 
-def believed(key: str, source: ColumnSource, numbers: Mapping[str, FloatArray]) -> str:
-    """The entry by which all that a channel says is valid: a range with some room around all its numbers."""
-    raw = np.concatenate([numbers[name][np.isfinite(numbers[name])] for name in source.columns])
-    far = float(f"{max(2 * np.abs(raw).max(initial=0.0), 1.0):.0e}")
-    return as_line_or_option(key, replace(source, valid=(-far, far)))
-
-
-def _suspect_size(
-    key: str, source: ColumnSource, numbers: Mapping[str, FloatArray], readings: FloatArray
-) -> list[Issue]:
+def _suspect_size(log: Channels, key: str, readings: FloatArray) -> list[Issue]:
     """Values larger than any joint's; fewer than one reading in a hundred are outliers, and no other unit."""
-    can, size = PLAUSIBLE[key.partition(".")[0]], np.abs(readings)
+    source, can, size = log.sources[key], PLAUSIBLE[quantity_of(key)], np.abs(readings)
     high, beyond = float(np.percentile(size, 99)), int(np.count_nonzero(size > can.most))
     if beyond and high <= can.most:
         problem = f"{beyond} value{'s' * (beyond > 1)} up to {size.max():.4g} {column_unit(key)}, "
@@ -128,14 +109,12 @@ def _suspect_size(
             return [correctable(key, problem, meant, True, "to leave them out, write {}", kind="size")]
         remedy = "write another unit, or in its entry of [columns] a range, valid = [LEAST, MOST], without these"
         return [Issue(key, source.columns[0], problem, remedy, True, kind="size")]
-    if not beyond and not (
-        high > can.most_whole and source.unit is None and bool((np.round(readings) == readings).all())
-    ):
+    if not beyond and (high <= can.most_whole or source.unit is not None or not _are_whole(readings)):
         return []
     problem = f"values up to {high:.4g}, which look like {can.unit}"
     if source.unit is None:
         return [in_unit(key, source, can.unit, problem, certain=beyond > 0)]
-    remedy = f"write another unit; if it is right, write {believed(key, source, numbers)}"
+    remedy = f"write another unit; if it is right, write {log.believed(key)}"
     return [Issue(key, source.columns[0], problem, remedy, True, kind="size")]
 
 
@@ -147,27 +126,25 @@ _MOST_AWAY, _AT_REST = 0.125, 0.01  # of it, from the middle: usually, and now a
 def _bits_of(readings: FloatArray) -> int:
     """How many bits a converter has whose counts, from 0 up, these may be; 0 where they can't."""
     high = float(readings.max())
-    if readings.min() < 0 or not (np.round(readings) == readings).all():
+    if readings.min() < 0 or not _are_whole(readings):
         return 0
     return next((bits for bits in _CONVERTERS if _LEAST_COUNTS * 2**bits < high < 2**bits), 0)
 
 
 def _suspect_counts(key: str, source: ColumnSource, readings: FloatArray) -> list[Issue]:
     """Whole numbers about the middle of a converter's range, which stand for none; or of torques large ones about 0."""
-    quantity, bits, high = key.partition(".")[0], _bits_of(readings), float(np.percentile(np.abs(readings), 99))
-    can, zero = PLAUSIBLE[quantity], 2.0 ** (bits - 1)
+    can, bits, high = PLAUSIBLE[quantity_of(key)], _bits_of(readings), float(np.percentile(np.abs(readings), 99))
+    zero, full = 2.0 ** (bits - 1), can.full_scale
     away = np.abs(readings - zero) / (2 * zero)
-    full, whole = can.full_scale, bool((np.round(readings) == readings).all())
     if source.unit is not None or not full:
         return []
-    if bits and readings.min() > 0 and np.median(away) < _MOST_AWAY and away.min() < _AT_REST:
-        meant = replace(source, scale=full / zero, offset=-full)
+    certain = bool(bits and readings.min() > 0 and np.median(away) < _MOST_AWAY and away.min() < _AT_REST)
+    if certain:
+        what, meant = "one", replace(source, scale=full / zero, offset=-full)
         problem = f"whole numbers from {readings.min():.6g} to {readings.max():.6g}, as a converter of {bits} bit gives"
-        what, certain = "one", True
-    elif quantity == "torque" and whole and can.most_whole < high <= can.most:
-        meant = replace(source, scale=full / 2**11)
-        problem, what = f"whole numbers up to {high:.4g}, which look like the counts of a converter", "12 bit"
-        certain = False
+    elif key.startswith("torque.") and can.most_whole < high <= can.most and _are_whole(readings):
+        what, meant = "12 bit", replace(source, scale=full / 2**11)
+        problem = f"whole numbers up to {high:.4g}, which look like the counts of a converter"
     else:
         return []
     # No number tells its full scale, so that nobody is to take this line unseen.
@@ -188,26 +165,14 @@ _KELVIN = 273.15  # K, of 0 degC
 _USUAL = 22.0  # degC, of a room: which of two readings is named first if both are possible
 
 
-def room_of(values: Mapping[str, FloatArray]) -> float | None:
-    """Where a log begins [degC]: the air's first reading, else that of the coldest sensor; None where there is none.
-
-    Sensors that read what no part of a robot has are not asked.
-    """
-    read = {key: x[np.isfinite(x)] for key, x in values.items() if key.startswith("temperature.")}
-    starts = {key: float(x[0]) for key, x in read.items() if x.size and _can_be(x[0]) and _can_be(_middle(x))}
-    return starts.get(AMBIENT, min(starts.values(), default=None))
-
-
-def _suspect_temperature(
-    key: str, source: ColumnSource, numbers: Mapping[str, FloatArray], readings: FloatArray, room: float | None
-) -> list[Issue]:
+def _suspect_temperature(log: Channels, key: str, readings: FloatArray) -> list[Issue]:
     """A temperature that as it is read can be no robot's, and the other entries by which it could be read."""
-    middle, can = _middle(readings), PLAUSIBLE["temperature"]
+    source, middle, can = log.sources[key], _middle(readings), PLAUSIBLE["temperature"]
     if middle < can.most and (middle > _COLDEST or source.unit is None):  # who fails at -127 is no other unit's
         return []
-    raw = numbers[source.columns[0]]
+    raw = log.numbers[source.columns[0]]
     raw = raw[np.isfinite(raw)]
-    counted, whole = _middle(raw) * source.scale, bool((np.round(raw) == raw).all())
+    counted, whole = _middle(raw) * source.scale, _are_whole(raw)
     turns = [source.wrap] if source.wrap else [turn for turn in _TURNS if turn / 2 <= raw.min() <= raw.max() < turn]
     if source.unit is None:
         ways = {"kelvin": replace(source, unit="K")}
@@ -217,36 +182,31 @@ def _suspect_temperature(
     else:
         ways = {words: replace(source, unit=unit) for words, unit in _UNITS.items() if unit != source.unit}
     if whole and turns:
-        ways["a number that began below 0"] = below_zero(source, turns[0])
-    problem = f"values around {middle:.4g}"
+        ways["a number that began below 0"] = _below_zero(source, turns[0])
+    problem, stays = f"values around {middle:.4g}", "if it is degC all the same, say so as its unit"
     if source.unit is not None:
         problem += f" degC, in the unit that is stated, {source.unit}: no part of a robot has that"
+        stays = f"if it is right, write {log.believed(key)}"
     low, high = np.percentile(readings, [10, 90])
     # What begins, or cools, where robots are may be an oven whose unit somebody stated.
     certain = bool(low > can.most or high < _COLDEST or (source.unit is None and middle > _MELTS))
-    stays = "if it is degC all the same, say so as its unit"
-    if source.unit is not None:
-        stays = f"if it is right, write {believed(key, source, numbers)}"
     if middle > _MELTS + _KELVIN and (bits := _bits_of(readings)):
-        scale = float(f"{can.full_scale / (2**bits - 1):.6g}")
-        stays = f"for counts of a converter, with {can.full_scale:g} degC at full scale, say, write " + (
-            f"{as_line_or_option(key, replace(source, scale=scale))}; {stays}"
-        )
-    return [proposed(key, source, numbers, problem, ways, room, certain=certain, stays=stays)]
+        counts = replace(source, scale=float(f"{can.full_scale / (2**bits - 1):.6g}"))
+        of_counts = f"for counts of a converter, with {can.full_scale:g} degC at full scale, say, write "
+        stays = f"{of_counts}{as_line_or_option(key, counts)}; {stays}"
+    return [_proposed(log, key, problem, ways, certain=certain, stays=stays)]
 
 
-def below_zero(source: ColumnSource, turn: float) -> ColumnSource:
+def _below_zero(source: ColumnSource, turn: float) -> ColumnSource:
     """A counter of a temperature that begins below 0, and is written from 0 up."""
     return replace(source, wrap=turn, offset=source.offset - turn * source.scale)
 
 
-def proposed(
+def _proposed(
+    log: Channels,
     key: str,
-    source: ColumnSource,
-    numbers: Mapping[str, FloatArray],
     problem: str,
     ways: Mapping[str, ColumnSource],
-    room: float | None,
     *,
     certain: bool,
     stays: str = "",
@@ -254,21 +214,15 @@ def proposed(
 ) -> Issue:
     """The issue that a temperature is rather read in other ways, those first by which it can be a robot's.
 
-    Args:
-        key: the quantity.
-        source: where it stands.
-        numbers: the file's columns, (n,) each.
-        problem: what is odd; of a unit it is said what it looks like.
-        ways: entries, each with its words.
-        room: degC, where the log begins.
-        certain: it can't be right as it is read.
-        stays: what to do where it is.
-        kind: of issue.
+    The entries `ways` are named by their words; `stays` says what to do where the channel is right. Where the log
+    begins is the air's first reading, else that of the coldest sensor that reads what a part of a robot has.
     """
-    usual = _USUAL if room is None else room
+    told = {name: x for name, x in log.sensors.items() if _can_be(x.first) and _can_be(x.middle)}
+    room = told[AMBIENT].first if AMBIENT in told else min((x.first for x in told.values()), default=None)
+    usual, source = _USUAL if room is None else room, log.sources[key]
     near: list[tuple[bool, float, str, ColumnSource, float]] = []  # unlikely, by how much, words, entry, start
     for words, way in ways.items():
-        readings = way.values(key, numbers)
+        readings = way.values(key, log.numbers)
         readings = readings[np.isfinite(readings)]
         if readings.size and _can_be(_middle(readings)):  # else no part of a robot would be so warm, or cold
             start = float(readings[0])
@@ -282,11 +236,10 @@ def proposed(
     lines = [f"for {words} write {as_line_or_option(key, way)}" for _, _, words, way, _ in fitting]
     for _, _, words, way, start in near[len(fitting) :]:
         where = f"{'below' if start < usual else 'above'} {'any room' if room is None else 'its surroundings'}"
-        lines.append(f"less likely for {words}, by which it begins at {start:.3g} degC, {where}: ")
-        lines[-1] += as_line_or_option(key, way)
+        less_likely = f"less likely for {words}, by which it begins at {start:.3g} degC, {where}: "
+        lines.append(less_likely + as_line_or_option(key, way))
     remedy = "; ".join([*lines, *[stays] * bool(stays)]) if lines else f"write its unit; {stays}"
-    only = fitting[0][3] if len(fitting) == 1 else None
-    return Issue(key, source.columns[0], problem, remedy, certain, only, kind)
+    return Issue(key, source.columns[0], problem, remedy, certain, fitting[0][3] if len(fitting) == 1 else None, kind)
 
 
 def _can_be(reading: float) -> bool:
@@ -297,6 +250,10 @@ def _middle(values: FloatArray) -> float:
     return float(np.median(values[np.isfinite(values)]))
 
 
+def _are_whole(readings: FloatArray) -> bool:
+    return bool((np.round(readings) == readings).all())
+
+
 # --- Counters that jump from one end of their range to the other ------------------------------------
 
 
@@ -304,20 +261,12 @@ _JUMP, _SHORT = 0.75, 0.1  # of the range: a jump from end to end; the usual ste
 _FEWEST_COUNTS = 5  # different numbers in each half of the range, through which a counter passes
 
 
-def suspect_wrap(key: str, source: ColumnSource, numbers: Mapping[str, FloatArray], room: float | None) -> list[Issue]:
-    """A counter of 8, 16 or 32 bit that wraps.
-
-    Args:
-        key: the quantity.
-        source: where it stands.
-        numbers: the file's columns, (n,) each.
-        room: degC, where the log begins.
-    """
-    raw = numbers[source.columns[0]]
+def suspect_wrap(log: Channels, key: str) -> list[Issue]:
+    """A counter of 8, 16 or 32 bit that wraps."""
+    source, temperature = log.sources[key], key.startswith("temperature.")
+    raw = log.numbers[source.columns[0]]
     raw = raw[np.isfinite(raw)]
-    temperature = key.startswith("temperature.")
-    whole = bool((np.round(raw) == raw).all())
-    unit = 1.0 if whole else quantisation_step(raw) if temperature else 0.0
+    unit = 1.0 if _are_whole(raw) else quantisation_step(raw) if temperature else 0.0
     if source.wrap or len(source.columns) > 1 or raw.size < 2 or unit == 0:
         return []
     counts = raw / unit
@@ -338,10 +287,10 @@ def suspect_wrap(key: str, source: ColumnSource, numbers: Mapping[str, FloatArra
         turn *= unit
         problem = f"{wraps} jumps of some {turn:.6g}: a counter of {bits} bit that wraps"
         meant = replace(source, wrap=turn)
-        ways = {"a counter from 0 up": meant, "a counter that began below 0": below_zero(source, turn)}
-        if temperature:
-            return [proposed(key, source, numbers, problem, ways, room, certain=True, kind="wrap")]
-        return [correctable(key, problem, meant, True, kind="wrap")]
+        if not temperature:
+            return [correctable(key, problem, meant, True, kind="wrap")]
+        ways = {"a counter from 0 up": meant, "a counter that began below 0": _below_zero(source, turn)}
+        return [_proposed(log, key, problem, ways, certain=True, kind="wrap")]
     return []
 
 
@@ -358,26 +307,18 @@ _OF_WARMTH = (0.35, 0.4)  # of it, by which a part may settle off it; where othe
 _OVER_ROOM = 30.0  # K over the room at the first reading: hardly any log begins so warm
 
 
-def suspect_starts(
-    sources: Mapping[str, ColumnSource], numbers: Mapping[str, FloatArray], values: Mapping[str, FloatArray]
-) -> list[Issue]:
-    """Fahrenheit and bytes with an offset, by how warm a log begins and where its parts would settle without a load.
-
-    Args:
-        sources: where the quantities stand.
-        numbers: the file's columns, (n,) each.
-        values: the quantities, (n,) each.
-    """
-    keys = [key for key in sources if key.startswith("temperature.") and np.isfinite(values[key]).any()]
-    free = [key for key in keys if sources[key].unit is None and not np.isfinite(sources[key].valid).any()]
-    starts = {key: float(values[key][np.isfinite(values[key])][0]) for key in keys}
-    in_kelvin = any(sources[key].unit not in (None, "degF") for key in keys)
-    warm_air = _middle(values[AMBIENT]) if AMBIENT in free else -np.inf
-    coldest, begun = min((float(np.nanmin(values[key])) for key in free), default=np.nan), [starts[key] for key in free]
+def suspect_starts(log: Channels) -> list[Issue]:
+    """Fahrenheit and bytes with an offset, by how warm a log begins and where its parts would settle without a load."""
+    sources, sensors = log.sources, log.sensors
+    free = {key: x for key, x in sensors.items() if sources[key].unit is None and not log.is_believed(key)}
+    starts = {key: sensor.first for key, sensor in sensors.items()}
+    in_kelvin = any(sources[key].unit not in (None, "degF") for key in sensors)
+    warm_air = sensors[AMBIENT].middle if AMBIENT in free else -np.inf
+    coldest, begun = min((x.least for x in free.values()), default=np.nan), [x.first for x in free.values()]
     # Sensors that begin apart are those of a robot that was warm.
     if not in_kelvin and _FAHRENHEIT[0] < coldest < _FAHRENHEIT[1] and np.ptp(begun) < 2 * _ALIKE:
         problem = f"no temperature of the whole log is below {coldest:.4g} degC, which looks like degF"
-        certain = len(keys) > 1 and coldest > max(_NO_ROOM, min(begun) - _ALIKE)
+        certain = len(sensors) > 1 and coldest > max(_NO_ROOM, min(begun) - _ALIKE)
         if certain:
             problem = "begins at {:.4g} degC, as all sensors do, and none of them ever cools: which looks like degF"
         certain |= warm_air > _NO_ROOM
@@ -388,67 +329,32 @@ def suspect_starts(
     robot = float(np.median(list(starts.values()))) if starts else np.nan
     around = room - robot > _OVER_ROBOT and abs((room - 32) / 1.8 - robot) < _ALIKE and not in_kelvin
     if AMBIENT in free and _FAHRENHEIT[0] < room < _FAHRENHEIT[1] and (around or warm_air > _WARM_ROOM):
-        problem = (
-            f"surroundings of {room:.4g} degC around a robot that begins at {robot:.4g} degC, which look like degF"
-        )
+        problem = f"surroundings of {room:.4g} degC around a robot that begins at {robot:.4g} degC, "
+        problem += "which look like degF"
         return [in_unit(AMBIENT, sources[AMBIENT], "degF", problem, certain=around or warm_air > _NO_ROOM)]
-    return _warm_without_load(sources, numbers, values, {key: start - room for key, start in starts.items()})
-
-
-def _warm_without_load(
-    sources: Mapping[str, ColumnSource],
-    numbers: Mapping[str, FloatArray],
-    values: Mapping[str, FloatArray],
-    starts: Mapping[str, float],
-) -> list[Issue]:
-    """Joints that begin warmer than the air, all by the same, by `starts` [K]: so warm they would stay without a load.
-
-    A robot that was at work begins with joints that are each as warm as their work made them, and that cool.
-    """
-    air, loads = values[AMBIENT], loads_of(values)
-    warm = {key: start for key, start in starts.items() if start > 2 * _ALIKE}
-    warm = {key: x for key, x in warm.items() if np.nanmin(values[key] - air) > x - _COOLS}
-    others = [start for key, start in starts.items() if key not in warm]
+    # Joints that begin warmer than the air, all by the same: so warm they would stay without a load. A robot that was
+    # at work begins with joints that are each as warm as their work made them, and that cool.
+    above = {key: start - room for key, start in starts.items()}
+    warm = {key: start for key, start in above.items() if start > 2 * _ALIKE}
+    warm = {k: x for k, x in warm.items() if np.nanmin(log.values[k] - log.values[AMBIENT]) > x - _COOLS}
+    others = [start for key, start in above.items() if key not in warm]
     if not warm or np.ptp(list(warm.values())) > 2 * _ALIKE or (others and float(np.median(others)) > 2 * _ALIKE):
         return []
-    most, room = max(warm.values()), float(air[np.isfinite(air)][0])
-    places = {key: loads[place] for key in warm if (place := key.partition(".")[2]) in loads}
-    known = [x for key, load in places.items() if np.isfinite(x := _settles(values[key] - air, load))]
-    settles = float(np.median(known)) if known else np.nan
-    near = _OF_WARMTH[bool(others)]
+    known = [x for key in warm if place_of(key) in log.loads and np.isfinite(x := settles(log, key))]
+    settled, near = float(np.median(known)) if known else np.nan, _OF_WARMTH[bool(others)]
+    as_fahrenheit, offset = 0.8 * room + 32, min(_OFFSETS, key=lambda one: abs(one - max(warm.values())))
+    stays = not known or abs(settled - as_fahrenheit) < near * as_fahrenheit
     issues = []
-    for key, start in warm.items():
-        source, readings = sources[key], values[key][np.isfinite(values[key])]
-        if source.unit or source.offset or np.isfinite(source.valid).any():
-            continue
-        as_fahrenheit, offset = 0.8 * room + 32, min(_OFFSETS, key=lambda one: abs(one - most))
-        stays = not known or abs(settles - as_fahrenheit) < near * as_fahrenheit
+    for key, start in ((k, x) for k, x in warm.items() if k in free and not sources[k].offset):
         if stays and start > _OVER_ROOM and abs(start - as_fahrenheit) < 2 * _ALIKE:
             problem = f"begins at {start + room:.4g} degC where the surroundings have {room:.4g} degC, "
             problem += "which looks like degF"
-            issues.append(in_unit(key, source, "degF", problem, certain=False))
-        whole = bool((np.round(readings) == readings).all())
-        if whole and abs(settles - offset) < near * offset and -1.0 <= start - offset <= _ALIKE:
+            issues.append(in_unit(key, sources[key], "degF", problem, certain=False))
+        whole = _are_whole(log.values[key][np.isfinite(log.values[key])])
+        if whole and abs(settled - offset) < near * offset and -1.0 <= start - offset <= _ALIKE:
             problem = f"begins {start:.3g} K above the surroundings, in whole numbers, and at rest it would stay warm: "
             problem += f"a byte with an offset of {offset:g}?"
-            remedy = f"if so, write {{}}; if the joint is as warm, write {believed(key, source, numbers)}"
-            issues.append(correctable(key, problem, replace(source, offset=-offset), False, remedy, kind="offset"))
+            remedy = f"if so, write {{}}; if the joint is as warm, write {log.believed(key)}"
+            meant = replace(sources[key], offset=-offset)
+            issues.append(correctable(key, problem, meant, False, remedy, kind="offset"))
     return issues
-
-
-_PIECES = 60  # of a log, whose means tell how a part warms and cools
-
-
-def _settles(warmth: FloatArray, load: FloatArray) -> float:
-    """By how much a part would stay warmer than the air without its load [K], as it warms and cools in a log.
-
-    NaN where the log does not tell.
-    """
-    size = max(warmth.size // _PIECES, 1)
-    warm, heat = means_of_blocks(warmth, size), means_of_blocks(np.square(load), size)
-    known = np.isfinite(warm[:-1]) & np.isfinite(warm[1:]) & np.isfinite(heat[:-1]) & np.isfinite(heat[1:])
-    if np.count_nonzero(known) < _PIECES // 2 or not np.ptp(heat[np.isfinite(heat)]) > 0:
-        return np.nan
-    middle = [0.5 * (x[:-1] + x[1:])[known] for x in (heat / np.nanmax(heat), warm)]
-    rates = np.linalg.lstsq(np.column_stack([*middle, np.ones(known.sum())]), np.diff(warm)[known], rcond=None)[0]
-    return float(-rates[2] / rates[1]) if rates[0] > 0 > rates[1] else np.nan

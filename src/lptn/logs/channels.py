@@ -1,0 +1,230 @@
+"""A log's channels: what the file has and what it says in SI, and what all checks ask of them, worked out once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Literal, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from lptn.basics.arrays import BoolArray, FloatArray, IntArray
+from lptn.logs.columns import HEATS, ColumnSource, as_line_or_option, place_of, quantity_of
+from lptn.logs.resampling import means_of_blocks
+
+# --- Stretches of rows ----------------------------------------------------------------------------
+
+
+Kind = Literal["frozen", "clamped", "dead", "disconnected", "wrap", "spike", "code"]
+
+
+@dataclass(frozen=True)
+class Silence:
+    """A stretch in which what a channel says is no reading; or all its spikes, or all readings of one code, together.
+
+    Args:
+        kind: "spike" for single readings, "code" for a number that stands again and again, "wrap" where all leaps are
+            alike, "dead" for one far number that stands for a minute, "frozen" for one that it had, "clamped" for the
+            end of its range, "disconnected" for all else.
+        value: what the channel gives, or the middle of it, in SI or degC; of spikes and counters that wrap how far they
+            leap.
+        start: s, of the first of these readings.
+        stop: s, of the last.
+        rows: which rows of the log it covers, shape (n,).
+        column: of several that are averaged the one; '' for a quantity of one column.
+        whole: the channel never says anything else.
+        left_out: a model does not read it.
+    """
+
+    kind: Kind
+    value: float
+    start: float
+    stop: float
+    rows: BoolArray
+    column: str = ""
+    whole: bool = False
+    left_out: bool = True
+
+    @classmethod
+    def at(cls, time: FloatArray, kind: Kind, value: float, rows: BoolArray, *, whole: bool = False) -> Silence:
+        """That of some rows, (n,) like the times [s]."""
+        stamps = time[rows]
+        return cls(kind, value, float(stamps[0]), float(stamps[-1]), rows, whole=whole)
+
+    @property
+    def lasts(self) -> bool:
+        """Whether it is a stretch, and not single readings here and there."""
+        return self.kind not in ("spike", "code", "wrap")
+
+
+def without_silent(values: FloatArray, silent: Sequence[Silence]) -> FloatArray:
+    """A channel's values, (n,), NaN where it is silent."""
+    return np.where(np.any([one.rows for one in silent], axis=0), np.nan, values) if silent else values
+
+
+def spans(rows: BoolArray) -> list[tuple[int, int]]:
+    """The first of each stretch of rows (n,) that are true, and the one behind its last."""
+    edges = np.flatnonzero(np.diff(rows, prepend=False, append=False)).tolist()
+    return list(zip(edges[::2], edges[1::2], strict=True))
+
+
+def standing(readings: FloatArray) -> tuple[IntArray, IntArray]:
+    """First and last of each stretch of readings (n,) in which all are the same, (stretches,) each."""
+    changes = np.flatnonzero(readings[1:] != readings[:-1])
+    return np.append(0, changes + 1), np.append(changes, readings.size - 1)
+
+
+# --- A sensor, by all its readings -----------------------------------------------------------------
+
+
+_FINEST, _COARSEST = 0.02, 5.0  # K; finer is the file's rounding, coarser is a fault code such as 85 or 0
+_RETURNS = 3  # times that each level returns on average, before a grid is believed
+_OFF_GRID = 0.02  # of the step, by which a level may lie beside the grid
+
+
+def quantisation_step(values: FloatArray) -> float:
+    """The step, K, of the regular grid on which raw readings sit; 0.0 if there is none.
+
+    A grid is believed when each level returns three times on average, and all levels fit it within 2 %.
+
+    Args:
+        values: (n,) raw readings, K or degC; NaN is left out.
+    """
+    readings = values[np.isfinite(values)]
+    # float32 and unit conversion blur the last digits; pandas needs no sorting of millions of rows
+    levels = np.sort(pd.unique(np.round(readings, 4)))
+    if levels.size < 2 or readings.size < _RETURNS * levels.size:
+        return 0.0
+    gaps = np.diff(levels)
+    step = float(np.median(gaps[gaps < 1.5 * gaps.min()]))
+    counts = np.round(gaps / step)
+    step = float(gaps.sum() / counts.sum())
+    regular = np.abs(gaps - counts * step).max() <= _OFF_GRID * step
+    return float(f"{step:.4g}") if regular and _FINEST <= step <= _COARSEST else 0.0
+
+
+class Sensor(NamedTuple):
+    """What all readings of a temperature say: its first, least, largest, middle one, what hardly any is below; steps.
+
+    All in degC, the step in K, 0 for none.
+    """
+
+    first: float
+    least: float
+    most: float
+    middle: float
+    low: float
+    step: float
+
+
+# --- All channels of a log ---------------------------------------------------------------------------
+
+
+_THIN = 10_000  # readings that tell what is usual
+_LOW = 0.05  # share of readings, below which a channel seldom is
+_OF_MOST = 0.05  # of what goes with the heat of the joint that has most: with less a part is warmed by its neighbours
+_PARTS, _BLOCK, _MOST_PARTS = 120, 30.0, 500
+"""Blocks of a log at least, in whose means a part's warming stands out of its sensor's noise; s of one in a longer log,
+so that a stretch of three minutes has six; and so many at the most."""
+_BEYOND = 100.0  # times what 99 of 100 squares of a load are, that none has
+
+
+class Channels:
+    """Quantities of a log, and where they stand in its file.
+
+    Args:
+        values: `time` [s] and the quantities, (n,) each, in SI and degC, NaN where missing.
+        sources: where they stand.
+        numbers: the file's columns, (n,) each, as they stand there.
+        units: what a row of units in the file says of a column.
+    """
+
+    def __init__(
+        self,
+        values: Mapping[str, FloatArray],
+        sources: Mapping[str, ColumnSource] | None = None,
+        numbers: Mapping[str, FloatArray] | None = None,
+        units: Mapping[str, str] | None = None,
+    ) -> None:
+        self.values, self.time = values, values["time"]
+        self.sources, self.numbers, self.units = sources or {}, numbers or {}, units or {}
+        self._means: dict[str, FloatArray] = {}
+
+    def of(self, quantity: str) -> dict[str, FloatArray]:
+        """Its channels, (n,) each, by their keys."""
+        return {key: x for key, x in self.values.items() if quantity_of(key) == quantity}
+
+    def with_channels(self, values: Mapping[str, FloatArray]) -> Channels:
+        """The same with another course of some channels, (n,) each."""
+        other = copy(self)
+        other.values = {**self.values, **values}
+        other._means = {key: means for key, means in self._means.items() if key not in values}
+        for name in ("sensors", "loads"):
+            vars(other).pop(name, None)
+        return other
+
+    def without(self, silent: Mapping[str, Sequence[Silence]]) -> Channels:
+        """The same with NaN where channels are silent."""
+        return self.with_channels({key: without_silent(self.values[key], some) for key, some in silent.items() if some})
+
+    @cached_property
+    def sensors(self) -> dict[str, Sensor]:
+        """What the readings of each temperature say that has some, by its key."""
+        found = {}
+        for key, values in self.of("temperature").items():
+            if (x := values[np.isfinite(values)]).size:
+                low = np.quantile(x[:: max(1, x.size // _THIN)], _LOW)
+                told = (x[0], x.min(), x.max(), np.median(x), low, quantisation_step(x))
+                found[key] = Sensor(*map(float, told))
+        return found
+
+    @cached_property
+    def loads(self) -> dict[str, FloatArray]:
+        """Torque or current of each place of which a part's own heat goes with the square, (n,) each, by place."""
+        loads: dict[str, FloatArray] = {}
+        for quantity in reversed(HEATS):
+            own = {place_of(key): x for key, x in self.of(quantity).items()}
+            thin = {place: x[:: max(1, x.size // _THIN)] for place, x in own.items()}
+            power = {place: float(np.nanmean(np.square(x))) for place, x in thin.items() if np.isfinite(x).any()}
+            most = max(power.values(), default=0.0)
+            loads |= {place: own[place] for place, mean in power.items() if mean > _OF_MOST * most}
+        return loads
+
+    def load_of(self, place: str) -> str:
+        """The key of what heats a place, '' where nothing of it is logged."""
+        return next((key for quantity in HEATS if (key := f"{quantity}.{place}") in self.values), "")
+
+    def is_believed(self, key: str) -> bool:
+        """Whether somebody said which readings of a channel are valid, who knows the machine."""
+        return bool(np.isfinite(self.sources[key].valid).any())
+
+    def believed(self, key: str) -> str:
+        """The entry by which all that a channel says is valid: a range with some room around all its numbers."""
+        raw = np.concatenate([x[np.isfinite(x)] for x in map(self.numbers.__getitem__, self.sources[key].columns)])
+        far = float(f"{max(2 * np.abs(raw).max(initial=0.0), 1.0):.0e}")
+        return as_line_or_option(key, replace(self.sources[key], valid=(-far, far)))
+
+    # Means over some hundred blocks: times, temperatures, the squares of loads, the sizes of speeds.
+
+    @cached_property
+    def block(self) -> int:
+        """Rows of a block; 0 where time does not run forwards, so that nothing is told."""
+        forwards = self.time.size > 0 and bool((np.diff(self.time) > 0).all())
+        parts = np.clip((self.time[-1] - self.time[0]) / _BLOCK, _PARTS, _MOST_PARTS) if forwards else np.inf
+        return int(self.time.size // parts)
+
+    def means(self, key: str) -> FloatArray:
+        """Of one channel, (blocks,)."""
+        if key not in self._means:
+            values, quantity = self.values[key], quantity_of(key)
+            if quantity in HEATS:
+                values = np.square(values)
+                few = values[:: max(1, values.size // _THIN)]
+                usual = float(np.quantile(few[np.isfinite(few)], 0.99)) if np.isfinite(few).any() else 0.0
+                values = np.where(values > _BEYOND * usual, np.nan, values) if usual > 0 else values
+            values = np.abs(values) if quantity == "velocity" else values
+            self._means[key] = means_of_blocks(values, self.block)
+        return self._means[key]
