@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -39,10 +38,7 @@ def numbers_of(store: Any, message: Any) -> dict[str, float]:
 def _entries(types: Mapping[str, Any], message: Any, prefix: str | None) -> Iterator[tuple[str, str, Any]]:
     """All that a message holds, in the order of its bytes: name, type and value; the name is '' where nobody asks.
 
-    Args:
-        types: the members of each type.
-        message: read by rosbags.
-        prefix: how the names of its members begin; of `None` they have none.
+    With the prefix `None` its members have no names.
     """
     joints = _joints(message)
     for member, described in types[message.__msgtype__][1]:
@@ -97,73 +93,52 @@ def label_of(message: Any) -> Hashable:
 
 _JOINT_STATE = {"velocity": "velocity", "effort": "torque", "position": "position"}
 _INTERFACES = {
-    "temperature": "temperature",
-    "motor_temperature": "temperature",
-    "winding_temperature": "temperature",
-    "effort": "torque",
-    "torque": "torque",
-    "current": "current",
-    "motor_current": "current",
-    "velocity": "velocity",
-    "powered": "powered",
-    "power": "power",
-    "torque_abs": "torque_abs",
-    "mechanical_power": "mechanical_power",
+    **dict.fromkeys(("temperature", "motor_temperature", "winding_temperature"), "temperature"),
+    **dict.fromkeys(("effort", "torque"), "torque"),
+    **dict.fromkeys(("current", "motor_current"), "current"),
+    **{name: name for name in ("velocity", "powered", "power", "torque_abs", "mechanical_power")},
 }
 # Words of topics that say what was wanted, and not what was.
 _COMMANDED = {"cmd", "command", "commands", "desired", "target", "ref", "reference", "setpoint"}
+_TYPES = ("JointState", "DynamicJointState", "Temperature", "Odometry", "TwistStamped")
 
 
 def quantities(topics: Mapping[str, tuple[str, Sequence[str]]]) -> dict[str, ColumnSource]:
     """Where quantities stand in messages of well-known types; of two topics that give one, the first by type.
 
-    Args:
-        topics: for each topic its messages' type, and the names of its numbers.
+    Of each topic it wants its messages' type, and the names of its numbers.
     """
     sources: dict[str, ColumnSource] = {}
-    for kind, rule in _RULES.items():
+    for kind in _TYPES:
         for topic, (own, names) in topics.items():
             if own.endswith(f"/{kind}") and not _COMMANDED.intersection(words_of(topic)):
-                for key, columns in rule(topic, names):
+                for key, *columns in _known(kind, topic, names):
                     if is_key(key):
                         sources.setdefault(key, ColumnSource(tuple(f"{topic}.{name}" for name in columns)))
     return sources
 
 
-def _joint_state(_: str, names: Sequence[str]) -> Iterator[tuple[str, tuple[str, ...]]]:
-    for name in names:
-        field, _, joint = name.removesuffix("]").partition("[")
-        if field in _JOINT_STATE and joint:
-            yield f"{_JOINT_STATE[field]}.{joint}", (name,)
-
-
-def _dynamic(_: str, names: Sequence[str]) -> Iterator[tuple[str, tuple[str, ...]]]:
-    for name in names:
-        joint, _, what = name.rpartition(".")
-        if what in _INTERFACES:
-            yield f"{_INTERFACES[what]}.{joint}", (name,)
-
-
-def _temperature(topic: str, names: Sequence[str]) -> Iterator[tuple[str, tuple[str, ...]]]:
-    words = [word for word in topic.split("/") if word and word not in {"temperature", "temp"}]
-    place = "_".join(words).removesuffix("_temperature").removesuffix("_temp").removeprefix("temperature_")
-    if "temperature" in names and place:
-        yield f"temperature.{place}", ("temperature",)
-
-
-def _base(_: str, names: Sequence[str]) -> Iterator[tuple[str, tuple[str, ...]]]:
-    columns = tuple(name for name in names if name.endswith(("twist.linear.x", "twist.linear.y", "twist.linear.z")))
-    if len(columns) == 3:
-        yield "speed.base", columns
-
-
-_RULES = {
-    "JointState": _joint_state,
-    "DynamicJointState": _dynamic,
-    "Temperature": _temperature,
-    "Odometry": _base,
-    "TwistStamped": _base,
-}
+def _known(kind: str, topic: str, names: Sequence[str]) -> Iterator[tuple[str, ...]]:
+    """The quantities among the numbers of a topic, each with the numbers that it is made of."""
+    if kind == "JointState":
+        for name in names:
+            member, _, joint = name.removesuffix("]").partition("[")
+            if member in _JOINT_STATE and joint:
+                yield f"{_JOINT_STATE[member]}.{joint}", name
+    elif kind == "DynamicJointState":
+        for name in names:
+            joint, _, what = name.rpartition(".")
+            if what in _INTERFACES:
+                yield f"{_INTERFACES[what]}.{joint}", name
+    elif kind == "Temperature":
+        words = [word for word in topic.split("/") if word and word not in {"temperature", "temp"}]
+        place = "_".join(words).removesuffix("_temperature").removesuffix("_temp").removeprefix("temperature_")
+        if "temperature" in names and place:
+            yield f"temperature.{place}", "temperature"
+    else:
+        of_base = [name for name in names if name.endswith(("twist.linear.x", "twist.linear.y", "twist.linear.z"))]
+        if len(of_base) == 3:
+            yield "speed.base", *of_base
 
 
 # --- Many messages read at once --------------------------------------------------------------------
@@ -172,6 +147,7 @@ _RULES = {
 _LAYOUTS = 8  # of a type that are read by their bytes
 _LITTLE_ENDIAN = 1  # the second byte of a message
 _PADDED = 4  # bytes, to a multiple of which a message may be filled up
+_STAMP = ("header.stamp.sec", "header.stamp.nanosec")
 
 
 class Decoder:
@@ -196,15 +172,13 @@ class Decoder:
 
         And what each message says of who sent it.
         """
-        stamps = np.zeros(len(raws), np.int64)
-        labels: list[Hashable] = [None] * len(raws)
-        values = np.full((len(raws), len(self._wanted)), np.nan)
-        rest = np.arange(len(raws))
+        stamps, labels = np.zeros(len(raws), np.int64), list[Hashable]([None] * len(raws))
+        values, rest = np.full((len(raws), len(self._wanted)), np.nan), np.arange(len(raws))
         for number in range(_LAYOUTS):
             if number == len(self.templates) and self._learns and rest.size:
-                template = _Template.of(self._store, self._kind, raws[int(rest[0])], self._wanted)
-                self.templates += [template] if template is not None else []
-                self._learns = template is not None
+                template = _Template(self._store, self._kind, raws[int(rest[0])], self._wanted)
+                self.templates += [template] * template.usable
+                self._learns = template.usable
             if number == len(self.templates) or not rest.size:
                 break
             rows, like = self.templates[number].like([raws[row] for row in rest.tolist()])
@@ -215,33 +189,26 @@ class Decoder:
         for row in rest.tolist():
             message = self._store.deserialize_cdr(raws[row], self._kind)
             numbers = numbers_of(self._store, message)
-            values[row] = [numbers.get(name, np.nan) for name in self._wanted]
-            labels[row] = label_of(message)
+            values[row], labels[row] = [numbers.get(name, np.nan) for name in self._wanted], label_of(message)
             if (header := getattr(message, "header", None)) is not None:
                 stamps[row] = header.stamp.sec * 10**9 + header.stamp.nanosec
         return stamps, values, labels
 
 
-@dataclass(frozen=True)
 class _Template:
-    """A message's bytes, those that show its layout, where its stamp and the wanted numbers stand, and its sender."""
+    """A message whose bytes show where those of others like it have their stamps and the wanted numbers; its sender.
 
-    raw: NDArray[np.uint8]
-    fixed: IntArray
-    at: tuple[tuple[int, str], ...]
-    stamp: tuple[tuple[int, str], ...]
-    label: Hashable
+    It is not `usable` where it is laid out in another way than its type says.
+    """
 
-    @classmethod
-    def of(cls, store: Any, kind: str, raw: bytes, wanted: Sequence[str]) -> _Template | None:
-        """`None` where the message is laid out in another way than its type says."""
+    def __init__(self, store: Any, kind: str, raw: bytes, wanted: Sequence[str]) -> None:
         message = store.deserialize_cdr(raw, kind)
+        self.label, self._wanted, self.usable = label_of(message), wanted, False
         places: dict[str, tuple[int, str]] = {}
-        fixed: list[int] = []
-        end = _HEAD
+        fixed, end = [0, 1], _HEAD  # bytes that are the same in all messages of this layout
         for name, base, value in _entries(store.fielddefs, message, ""):
             if base not in _NUMPY_TYPES and base not in (_COUNT, _TEXT):
-                return None
+                return
             size = int(_NUMPY_TYPES.get(base, "4")[-1])
             begin = end + -(end - _HEAD) % size
             end = begin + size * np.size(value)
@@ -251,35 +218,31 @@ class _Template:
                 end += len(value.encode()) + 1 if base == _TEXT else 0
                 fixed += range(begin, end)
         if raw[1] != _LITTLE_ENDIAN or not 0 <= len(raw) - end < _PADDED:
-            return None
-        at = tuple(places.get(name, (0, "")) for name in wanted)
-        stamp = tuple(places[f"header.stamp.{part}"] for part in ("sec", "nanosec") if f"header.stamp.{part}" in places)
-        template = cls(np.frombuffer(raw, np.uint8), np.array(fixed, np.int64), at, stamp, label_of(message))
+            return
+        there = {name: places[name] for name in (*wanted, *_STAMP) if name in places}
+        offsets, formats = zip(*there.values(), strict=True) if there else ((), ())
+        self._numbers = np.dtype({"names": list(there), "formats": formats, "offsets": offsets, "itemsize": len(raw)})
+        self._raw, self._fixed = np.frombuffer(raw, np.uint8), np.array(fixed, np.int64)
         numbers = numbers_of(store, message)
         expected = [numbers.get(name, np.nan) for name in wanted]
-        return template if np.array_equal(template.read(template.raw[None])[1][0], expected, equal_nan=True) else None
+        self.usable = np.array_equal(self.read(self._raw[None])[1][0], expected, equal_nan=True)
 
     def like(self, raws: Sequence[bytes]) -> tuple[NDArray[np.uint8], BoolArray]:
         """The messages laid out like this one as rows of bytes, and which they are, (n,)."""
-        like = np.array([len(raw) == self.raw.size for raw in raws])
-        joined = b"".join(raw for raw in raws if len(raw) == self.raw.size)
-        rows = np.frombuffer(joined, np.uint8).reshape(-1, self.raw.size)
-        same = (rows[:, self.fixed] == self.raw[self.fixed]).all(axis=1) & (rows[:, :2] == self.raw[:2]).all(axis=1)
-        like[like] = same
+        like = np.array([len(raw) == self._raw.size for raw in raws])
+        joined = b"".join(raw for raw in raws if len(raw) == self._raw.size)
+        rows = np.frombuffer(joined, np.uint8).reshape(-1, self._raw.size)
+        like[like] = same = (rows[:, self._fixed] == self._raw[self._fixed]).all(axis=1)
         return rows[same], like
 
     def read(self, rows: NDArray[np.uint8]) -> tuple[IntArray, FloatArray]:
         """Stamps, (n,) ns and 0 without one, and values, (n, wanted), of rows of bytes."""
+        numbers = np.ascontiguousarray(rows).view(self._numbers)[:, 0]
+        known, values = self._numbers.names or (), np.full((len(rows), len(self._wanted)), np.nan)
+        for k, name in enumerate(self._wanted):
+            if name in known:
+                values[:, k] = numbers[name]
         stamps = np.zeros(len(rows), np.int64)
-        for place, factor in zip(self.stamp, (10**9, 1), strict=False):
-            stamps += factor * _column(rows, place).astype(np.int64)
-        columns = [_column(rows, place).astype(np.float64) for place in self.at]
-        return stamps, np.column_stack(columns) if columns else np.empty((len(rows), 0))
-
-
-def _column(rows: NDArray[np.uint8], place: tuple[int, str]) -> NDArray[Any]:
-    """The numbers that stand at one place of each row, (n,), in their own type; NaN for no place."""
-    start, kind = place
-    if not kind:
-        return np.full(len(rows), np.nan)
-    return np.ascontiguousarray(rows[:, start : start + int(kind[-1])]).view(kind)[:, 0]
+        for name, factor in zip(_STAMP, (10**9, 1), strict=True):
+            stamps += factor * numbers[name].astype(np.int64) if name in known else 0
+        return stamps, values

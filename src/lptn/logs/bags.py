@@ -7,12 +7,11 @@ import os
 import re
 import shutil
 import tempfile
-from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
 from itertools import islice
-from operator import eq
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -41,6 +40,7 @@ from lptn.logs.tables import (
 _FIRST = 20  # messages of a topic that are looked at for names: joints may come in several messages
 _WIDEST = 4000  # columns of one topic
 _BATCH = 4096  # messages that are held at a time
+_MOST_SOURCES = 20  # of a topic: what changes more often names no source
 _KIND = re.compile(r"[A-Za-z]\w*(/[A-Za-z]\w*)+", re.ASCII)
 _MEMBER = re.compile(r"[A-Za-z]\w*", re.ASCII)
 
@@ -81,21 +81,52 @@ def open_bag(path: Path) -> Table:
         streams, of_sources = [], []
         for part, numbers in asked.items():
             topic, source = parts[part]
+            stream = every[topic.name]
             if source is None:
-                stream, said = _of_one_source(path, every[topic.name], numbers, topic.sources)
+                dumb, said = _dumb(path, stream, numbers, topic.sources)
                 of_sources += said
             else:
-                stream = every[topic.name].only(partial(eq, source), numbers, part)
-            streams.append(stream)
+                dumb = set(stream.sources) - {source}
+            streams.append(stream.without(dumb, numbers, part))
         stamps, of_clock = one_clock(streams)
         notes[:] = [*of_opening, *of_sources, *of_clock]
-        return [(own / 1e9, stream.columns()) for stream, own in zip(streams, stamps, strict=True)]
+        return [
+            (own / 1e9, {f"{stream.topic}.{name}": stream.values[:, k] for k, name in enumerate(stream.names)})
+            for stream, own in zip(streams, stamps, strict=True)
+        ]
 
-    defaults, digest = (
-        quantities({name: (topic.kind, topic.names) for name, topic in topics.items()}),
-        partial(_digest, path),
-    )
+    defaults = quantities({name: (topic.kind, topic.names) for name, topic in topics.items()})
+    digest = partial(_digest, path)
     return table_of_sources(path, names, sources, "ROS 2 bag", defaults=defaults, notes=notes, digest=digest)
+
+
+@dataclass(frozen=True)
+class _Topic:
+    """Its messages' type, and of the first of them the names of numbers, the sources, whether two have one number."""
+
+    name: str
+    kind: str
+    names: list[str]
+    sources: list[Hashable]
+    shared: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Stream:
+    """A topic's messages: header stamps and times of reception, (n,) ns, values, (n, names), and who sent each."""
+
+    topic: str
+    names: Sequence[str]
+    stamps: IntArray
+    received: IntArray
+    values: FloatArray
+    sources: Sequence[Hashable] = ()
+
+    def without(self, dumb: set[Hashable], names: Sequence[str], topic: str) -> Stream:
+        """Some of the numbers of the messages that are not of certain sources, under another name."""
+        rows = np.array([source not in dumb for source in self.sources], dtype=bool)
+        columns = [self.names.index(name) for name in names]
+        return Stream(topic, names, self.stamps[rows], self.received[rows], self.values[rows][:, columns])
 
 
 def _stream(reader: Any, store: Any, topic: _Topic, wanted: list[str]) -> Stream:
@@ -113,19 +144,14 @@ def _stream(reader: Any, store: Any, topic: _Topic, wanted: list[str]) -> Stream
     return Stream(topic.name, wanted, np.concatenate(stamps), np.concatenate(received), np.concatenate(values), sources)
 
 
-_MOST_SOURCES = 20  # of a topic: what changes more often names no source
-
-
-def _of_one_source(
-    path: Path, stream: Stream, wanted: list[str], first: Sequence[Hashable]
-) -> tuple[Stream, list[str]]:
-    """A topic's messages without those of sources that say zero throughout where another speaks; and notes.
+def _dumb(path: Path, stream: Stream, wanted: list[str], first: Sequence[Hashable]) -> tuple[set[Hashable], list[str]]:
+    """Sources of a topic that say zero throughout where another speaks; and notes.
 
     Raises:
         InputError: two sources say different things of one number.
     """
     if len(set(stream.sources)) > _MOST_SOURCES:
-        return stream, []
+        return set(), []
     places = [stream.names.index(name) for name in wanted]
     found = conflicts(wanted, stream.values[:, places], stream.sources)
     for pair, name, silent in found:
@@ -138,27 +164,14 @@ def _of_one_source(
             said = f"messages of 2 sources in turn, {words}, which say different things of {name}"
             columns = " or ".join(f'"{stream.topic}:{number}.{name}"' for number in numbers)
             expected = f"one of them, in [columns] as {columns} (behind --map with [] at its end), and so for others"
-            expected = expected if all(numbers) else "a bag of one of them"
-            raise InputError(path, stream.topic, said, expected)
+            raise InputError(path, stream.topic, said, expected if all(numbers) else "a bag of one of them")
     dumb = {source for _, _, silent in found for source in silent}
     left_out = sum(source in dumb for source in stream.sources)
-    notes = [f"{stream.topic}: {left_out} messages {ANOTHER_SOURCE} hold zeros alone; left out."] if dumb else []
-    return stream.only(lambda source: source not in dumb, wanted, stream.topic), notes
+    return dumb, [f"{stream.topic}: {left_out} messages {ANOTHER_SOURCE} hold zeros alone; left out."] if dumb else []
 
 
 def _connections(reader: Any, topic: str, kind: str) -> list[Any]:
     return [channel for channel in reader.connections if channel.topic == topic and channel.msgtype == kind]
-
-
-@dataclass(frozen=True)
-class _Topic:
-    """Its messages' type, and of the first of them the names of numbers, the sources, whether two have one number."""
-
-    name: str
-    kind: str
-    names: list[str]
-    sources: list[Hashable]
-    shared: bool
 
 
 def _topics(reader: Any, store: Any) -> tuple[dict[str, _Topic], list[str]]:
@@ -257,28 +270,6 @@ def _digest(path: Path) -> str:
 # --- One clock for the topics of a bag: header stamps where there are any, times of reception else ---
 
 
-@dataclass(frozen=True, eq=False)
-class Stream:
-    """A topic's messages: header stamps and times of reception, (n,) ns, values, (n, names), and who sent each."""
-
-    topic: str
-    names: Sequence[str]
-    stamps: IntArray
-    received: IntArray
-    values: FloatArray
-    sources: Sequence[Hashable] = ()
-
-    def only(self, of_source: Callable[[Hashable], bool], names: Sequence[str], topic: str) -> Stream:
-        """The messages of some sources, and some of their numbers, under another name."""
-        rows = np.fromiter(map(of_source, self.sources), dtype=bool, count=len(self.sources))
-        columns = [self.names.index(name) for name in names]
-        return Stream(topic, names, self.stamps[rows], self.received[rows], self.values[rows][:, columns])
-
-    def columns(self) -> dict[str, FloatArray]:
-        """Its numbers as columns of the bag, (n,) each."""
-        return {f"{self.topic}.{name}": self.values[:, number] for number, name in enumerate(self.names)}
-
-
 _APART = 1_000_000_000  # ns; no message is under way for so long
 _BACK = 1_000_000_000  # ns by which a stamp may lie before the one before it: messages overtake each other
 
@@ -289,6 +280,10 @@ def one_clock(streams: Sequence[Stream]) -> tuple[list[IntArray], list[str]]:
     Topics without usable header stamps are put on the others' clock by the median difference between stamps and
     reception there.
     """
+
+    def listed(streams: Sequence[Stream]) -> str:
+        return ", ".join(stream.topic for stream in streams)
+
     written = [stream for stream in streams if stream.stamps.size and stream.stamps.max() > 0]
     stamped = [stream for stream in written if (np.diff(stream.stamps) > -_BACK).all()]
     rest = [stream for stream in streams if stream not in stamped]
@@ -296,7 +291,7 @@ def one_clock(streams: Sequence[Stream]) -> tuple[list[IntArray], list[str]]:
     if stamped:
         shift = int(np.median(np.concatenate([stream.stamps - stream.received for stream in stamped])))
         moved = f", moved by {shift / 1e9:.6g} s onto the header stamps' clock"
-        notes.append(f"time: from the header stamps of {_listed(stamped)}.")
+        notes.append(f"time: from the header stamps of {listed(stamped)}.")
         ahead = [int(np.median(stream.stamps - stream.received)) for stream in stamped]
         notes += [  # nobody knows which is right
             f"time: the header stamps of {stream.topic} lie {(own - ahead[0]) / 1e9:+.4g} s from those of "
@@ -305,12 +300,8 @@ def one_clock(streams: Sequence[Stream]) -> tuple[list[IntArray], list[str]]:
             if abs(own - ahead[0]) > _APART
         ]
     if rest:
-        notes.append(f"time: of {_listed(rest)} the time of reception{moved}; no usable header stamps.")
+        notes.append(f"time: of {listed(rest)} the time of reception{moved}; no usable header stamps.")
     return [stream.stamps if stream in stamped else stream.received + shift for stream in streams], notes
-
-
-def _listed(streams: Sequence[Stream]) -> str:
-    return ", ".join(stream.topic for stream in streams)
 
 
 # --- Compressed bags decompressed within bounds: a few kilobytes must not fill the memory or the disk ---

@@ -8,7 +8,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal, NoReturn
+from typing import Any, Literal, NoReturn, cast
 
 import numpy as np
 
@@ -88,13 +88,12 @@ def place_of(key: str) -> str:
 
 
 Combined = Literal["norm", "product", "mean", "ratio"]
-_COMBINED: Mapping[Combined, Callable[[Sequence[FloatArray]], FloatArray]] = {
+_COMBINED: Mapping[str, Callable[[Sequence[FloatArray]], FloatArray]] = {
     "norm": lambda columns: np.sqrt(np.sum(np.square(columns), axis=0)),
     "product": lambda columns: np.prod(columns, axis=0),
     "mean": lambda columns: np.mean(columns, axis=0),  # where one is missing, the others' mean would be another one's
     "ratio": lambda columns: _ratio(*columns),
 }
-_HOW: Mapping[str, Combined] = {how: how for how in _COMBINED}
 _LEAST_SHARE = 0.1
 """Of the largest current of a log: below it a measured resistance has over ten times the error that it has there."""
 
@@ -193,12 +192,10 @@ def _is_finite(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
 
 
-def _are_finite(value: object) -> bool:
-    return isinstance(value, Sequence) and not isinstance(value, str) and len(value) > 0 and all(map(_is_finite, value))
-
-
-def _floats(value: Any) -> tuple[float, ...]:
-    return tuple(map(float, value if isinstance(value, Sequence) else [value]))
+def _numbers(value: object) -> tuple[float, ...]:
+    """A finite number, or those of a list of such numbers; of all else none."""
+    listed = value if isinstance(value, Sequence) and not isinstance(value, str) else [value]
+    return tuple(map(float, listed)) if all(map(_is_finite, listed)) else ()
 
 
 def _are_names(value: object) -> bool:
@@ -212,40 +209,31 @@ def _is_thermometer(value: object) -> bool:
     return known and numbers["resistance"] > 0 and numbers["alpha"] > 0
 
 
-_Rule = tuple[Callable[[Any], bool], str]
-_PLACES: Mapping[str, _Rule] = {
-    "column": (lambda x: isinstance(x, str) and x != "", "the name of a column"),
-    "norm": (_are_names, 'two or more column names, such as ["i_d", "i_q"]'),
-    "product": (_are_names, 'two or more column names, such as ["u_dc", "i_dc"]'),
-    "mean": (_are_names, 'two or more column names, such as ["T1", "T2"]'),
-    "ratio": (lambda x: _are_names(x) and len(x) == 2, 'two column names, such as ["u_dc", "i_dc"]'),
-    "rate": (lambda x: _is_finite(x) and x > 0, "the rows of the log a second, such as 50"),
-}
-"""How an entry says where its values stand, of which it has one: whether its value can be used, and what can."""
-_SETTINGS: Mapping[str, tuple[Callable[[Any], bool], str, Callable[[Any], Any]]] = {
+_PLACES = ("column", *_COMBINED, "rate")
+"""How an entry says where its values stand, of which it has one."""
+_ENTRIES: Mapping[str, tuple[Callable[[Any], bool], str, Callable[[Any], Any]]] = {
+    "column": (lambda x: isinstance(x, str) and x != "", "the name of a column", lambda x: (x,)),
+    "norm": (_are_names, 'two or more column names, such as ["i_d", "i_q"]', tuple),
+    "product": (_are_names, 'two or more column names, such as ["u_dc", "i_dc"]', tuple),
+    "mean": (_are_names, 'two or more column names, such as ["T1", "T2"]', tuple),
+    "ratio": (lambda x: _are_names(x) and len(x) == 2, 'two column names, such as ["u_dc", "i_dc"]', tuple),
+    "rate": (lambda x: _is_finite(x) and x > 0, "the rows of the log a second, such as 50", float),
     "unit": (lambda x: isinstance(x, str) and x.strip() != "", 'the name of a unit, such as "degC"', str.strip),
     "scale": (lambda x: _is_finite(x) and x != 0, "a finite number but 0", float),
     "offset": (_is_finite, "a finite number", float),
     "wrap": (lambda x: _is_finite(x) and x > 0, "a finite number above 0", float),
-    "invalid": (lambda x: _is_finite(x) or _are_finite(x), "numbers, such as [850, -127]", _floats),
-    "valid": (
-        lambda x: _are_finite(x) and len(x) == 2 and x[0] < x[1],
-        "least and greatest, such as [-40, 200]",
-        _floats,
-    ),
+    "invalid": (lambda x: _numbers(x) != (), "numbers, such as [850, -127]", _numbers),
+    "valid": (lambda x: len(n := _numbers(x)) == 2 and n[0] < n[1], "least and greatest, such as [-40, 200]", _numbers),
     "afterwards": (_is_finite, "a finite number", float),
-    "thermometer": (
-        _is_thermometer,
-        "{ resistance = 0.186, at = 25, alpha = 0.0039 }, above 0: ohm, degC, 1/K",
-        lambda x: {**_COPPER, **x},
-    ),
-    "rows": (
-        lambda x: x in (*MEANS, SAMPLES),
-        f"of time: one of {', '.join(map(shown, (*MEANS, SAMPLES)))}",
-        str,
-    ),
+    "thermometer": (_is_thermometer, "{ resistance = 0.186, at = 25, alpha = 0.0039 }, above 0: ohm, degC, 1/K", dict),
+    "rows": (lambda x: x in (*MEANS, SAMPLES), f"of time: one of {', '.join(map(shown, (*MEANS, SAMPLES)))}", str),
 }
-"""The same of what an entry may say besides, and how that is kept."""
+"""What an entry may say: whether its value can be used, what can, and how it is kept."""
+_OF_KEYS = {  # settings of some quantities alone, and those that can't stand beside them
+    "rate": (re.compile(r"time(\.2)?"), "time alone: time = { rate = 50 }", set(_ENTRIES) - {"rate", "rows"}),
+    "rows": (re.compile("time"), _ENTRIES["rows"][1], set[str]()),
+    "thermometer": (re.compile(r"temperature\..*"), "a temperature alone", {"unit", "scale", "offset"}),
+}
 
 
 def parse_columns(table: Mapping[str, object], file: str | Path, place: str) -> dict[str, ColumnSource]:
@@ -288,14 +276,13 @@ def parse_map_option(text: str, option: str = "--map") -> tuple[str, ColumnSourc
         numbers = [float(word) if is_number(word) else word for word in words]
         if number == 0 and name and not equals:
             entry["unit"] = name
-        elif name in {"norm", "product", "mean", "ratio"}:
+        elif name in _COMBINED:
             entry[name] = words
         elif setting:
             entry[name] = numbers if name in {"invalid", "valid"} else numbers[0] if len(numbers) == 1 else value
-    column = match["column"].strip()
-    if column or not entry.keys() & _PLACES.keys():
+    column, key = match["column"].strip(), match["key"].strip()
+    if column or entry.keys().isdisjoint(_PLACES):
         entry["column"] = column
-    key = match["key"].strip()
     return key, _source(key, entry, option, key)
 
 
@@ -308,11 +295,28 @@ def is_number(text: str) -> bool:
     return True
 
 
-_OF_KEYS = {  # settings of some quantities alone, and those that can't stand beside them
-    "rate": (re.compile(r"time(\.2)?"), "time alone: time = { rate = 50 }", {*_PLACES, *_SETTINGS} - {"rate", "rows"}),
-    "rows": (re.compile("time"), _SETTINGS["rows"][1], frozenset[str]()),
-    "thermometer": (re.compile(r"temperature\..*"), "a temperature alone", {"unit", "scale", "offset"}),
-}
+def _source(key: str, entry: object, file: str | Path, place: str) -> ColumnSource:
+    """What an entry of `[columns]` says: a name, or a table."""
+    if not is_key(key):
+        raise InputError(file, place, f"key '{key}'", "time or <quantity>.<place>, such as torque.FR_calf")
+    said: Any = {"column": entry} if isinstance(entry, str) else entry
+    if not isinstance(said, Mapping):
+        raise InputError(file, place, shown(entry), 'a column\'s name or a table such as { column = "T1" }')
+    how = _check(key, said, file, place)
+    settings = {name: _ENTRIES[name][2](value) for name, value in said.items()}
+    if winding := settings.pop("thermometer", None):  # R = R_0 (1 + α (T - T_0)), solved for T
+        winding = {**_COPPER, **winding}
+        settings["scale"] = 1 / (winding["alpha"] * winding["resistance"])
+        settings["offset"] = winding["at"] - 1 / winding["alpha"]
+    quantity, wanted = quantity_of(key), "its quantity, such as V"
+    if quantity in _SI:
+        wanted = f"{quantity.partition('_')[0]}, such as {_SI[quantity]}"
+    try:
+        to_si(np.zeros(1), quantity, settings.get("unit"))
+    except Exception as error:  # pint raises a dozen kinds of its own and Python's for a text that is no unit
+        raise InputError(file, place, f"unit '{settings['unit']}'", f"a unit of {wanted}") from error
+    columns = () if how == "rate" else settings.pop(how)
+    return ColumnSource(columns, how=cast(Combined, how) if how in _COMBINED else "norm", **settings)
 
 
 def _check(key: str, said: Mapping[str, Any], file: str | Path, place: str) -> str:
@@ -321,13 +325,11 @@ def _check(key: str, said: Mapping[str, Any], file: str | Path, place: str) -> s
     def refuse(problem: str, expected: str, name: str = "") -> NoReturn:
         raise InputError(file, f"{place} {name}".rstrip(), problem, expected)
 
-    known: dict[str, _Rule] = {**_PLACES, **{name: rule[:2] for name, rule in _SETTINGS.items()}}
     for name, value in said.items():
-        if name not in known:
-            refuse(f"key '{name}'", f"one of {', '.join(known)}")
-        usable, expected = known[name]
-        if not usable(value):
-            refuse(shown(value), expected, name)
+        if name not in _ENTRIES:
+            refuse(f"key '{name}'", f"one of {', '.join(_ENTRIES)}")
+        if not _ENTRIES[name][0](value):
+            refuse(shown(value), _ENTRIES[name][1], name)
     places = [name for name in _PLACES if name in said]
     if len(places) != 1:
         problem = f"both {places[0]} and {places[1]}" if places else "neither column nor norm, product, mean or ratio"
@@ -339,31 +341,6 @@ def _check(key: str, said: Mapping[str, Any], file: str | Path, place: str) -> s
         if beside := sorted(others & said.keys()):
             refuse(f"{beside[0]} beside {name}", "one of the two")
     return places[0]
-
-
-def _source(key: str, entry: object, file: str | Path, place: str) -> ColumnSource:
-    """What an entry of `[columns]` says: a name, or a table."""
-    if not is_key(key):
-        raise InputError(file, place, f"key '{key}'", "time or <quantity>.<place>, such as torque.FR_calf")
-    said: Any = {"column": entry} if isinstance(entry, str) else entry
-    if not isinstance(said, Mapping):
-        raise InputError(file, place, shown(entry), 'a column\'s name or a table such as { column = "T1" }')
-    how = _check(key, said, file, place)
-    settings = {name: convert(said[name]) for name, (_, _, convert) in _SETTINGS.items() if name in said}
-    if thermometer := settings.pop("thermometer", None):
-        # R = R_0 (1 + α (T - T_0)), solved for T.
-        settings["scale"] = 1 / (thermometer["alpha"] * thermometer["resistance"])
-        settings["offset"] = thermometer["at"] - 1 / thermometer["alpha"]
-    quantity, wanted = key.partition(".")[0], "its quantity, such as V"
-    if quantity in _SI:
-        wanted = f"{quantity.partition('_')[0]}, such as {_SI[quantity]}"
-    try:
-        to_si(np.zeros(1), quantity, settings.get("unit"))
-    except Exception as error:  # pint raises a dozen kinds of its own and Python's for a text that is no unit
-        raise InputError(file, place, f"unit '{settings['unit']}'", f"a unit of {wanted}") from error
-    if how == "rate":
-        return ColumnSource((), rate=float(said["rate"]), **settings)
-    return ColumnSource((said[how],) if how == "column" else tuple(said[how]), how=_HOW.get(how, "norm"), **settings)
 
 
 # --- Where it stands, written: the line that a user pastes into `[columns]`, or an option `--map` ---
@@ -412,9 +389,9 @@ def _as_entry(source: ColumnSource) -> dict[str, Any]:
     if source.columns:
         place = ("column", source.columns[0]) if len(source.columns) == 1 else (source.how, source.columns)
     names = ("unit", "rows", "scale", "offset", "wrap", "invalid", "valid", "afterwards")
-    settings = {name: getattr(source, name) for name in names}
-    default = ColumnSource(())
-    return dict([place]) | {name: said for name, said in settings.items() if said not in ("", getattr(default, name))}
+    return dict([place]) | {
+        name: said for name in names if (said := getattr(source, name)) not in ("", getattr(ColumnSource(()), name))
+    }
 
 
 # --- What a column's name says: its words, and the unit that it ends in ----------------------------

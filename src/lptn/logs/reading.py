@@ -425,7 +425,7 @@ def _values(
         raw, numbers = ({key: values[order] for key, values in columns.items()} for columns in (raw, numbers))
         late = int((np.diff(order) < 0).sum())
         notes.append(f"time: {late} row{'s' * (late > 1)} out of order, by a few steps; sorted.")
-    zeros, of_zeros = rows_of_zeros({key: values for key, values in raw.items() if key != "time"}, sources)
+    zeros, of_zeros = rows_of_zeros(Channels(raw, sources))
     if of_zeros:
         raw |= {key: np.where(zeros, np.nan, raw[key]) for key in of_zeros}
         said = f"zero in {zeros.sum()} rows between rows of other values, as if {ANOTHER_SOURCE}; these are left out."

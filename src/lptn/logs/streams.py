@@ -8,13 +8,14 @@ at twice its rate goes back and forth as well.
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Hashable, Sequence
 from itertools import combinations
 
 import numpy as np
 
 from lptn.basics.arrays import BoolArray, FloatArray
-from lptn.logs.columns import ColumnSource
+from lptn.logs.channels import Channels
+from lptn.logs.columns import INPUTS
 
 ANOTHER_SOURCE = "of another source"
 """What notes on messages and rows say that are left out, and every command says."""
@@ -40,11 +41,10 @@ def conflicts(names: Sequence[str], values: FloatArray, sources: Sequence[Hashab
         values: (n, names), in order of time; NaN where a message lacks one.
         sources: (n,), whose message each is.
     """
-    order = list(dict.fromkeys(sources))
-    number = {source: k for k, source in enumerate(order)}
+    number = {source: k for k, source in enumerate(dict.fromkeys(sources))}
     label = np.array([number[source] for source in sources])
     found: list[Conflict] = []
-    for pair in combinations(order, 2):
+    for pair in combinations(number, 2):
         one, other = (label == number[source] for source in pair)
         second = other[one | other]
         rarer, turns = min(int(second.sum()), int((~second).sum())), int(np.count_nonzero(second[1:] != second[:-1]))
@@ -63,21 +63,17 @@ def _differ(x: FloatArray, one: BoolArray, other: BoolArray) -> bool:
     a, b = x[one & there], x[other & there]
     if min(a.size, b.size) < _FEWEST:
         return False
-    row, is_other = x[there], other[there]
-    across = np.abs(np.diff(row))[np.diff(is_other.astype(int)) != 0]
+    across = np.abs(np.diff(x[there]))[np.diff(other[there].astype(int)) != 0]
     within = max(float(np.median(np.abs(np.diff(own)))) for own in (a, b))
-    small = 1e-9 * float(np.abs(row).max())  # rounding
-    sizes = sorted((float(np.mean(a**2)), float(np.mean(b**2))))
-    return (
-        bool(across.size and np.median(across) > _APART * within + small)
-        or sizes[1] > _OTHER_SIZE * sizes[0] + small**2
-    )
+    small = 1e-9 * float(np.abs(x[there]).max())  # rounding
+    less, more = sorted((float(np.mean(a**2)), float(np.mean(b**2))))
+    apart = bool(across.size and np.median(across) > _APART * within + small)
+    return apart or more > _OTHER_SIZE * less + small**2
 
 
 # --- A source that says zero of all joints, where nothing names it ---------------------------------------
 
 
-_QUANTITIES = ("torque", "current", "velocity")
 _OFTEN = 20  # stretches of zeros
 _SAME, _MOSTLY = 0.25, 0.7  # of its size, by which a course differs at most across another's row, and how often
 _LOUD = 0.1  # of the size of all: steps of a coarse sensor at rest are none
@@ -85,32 +81,26 @@ _FEWEST_SIZES = 3  # that a course has, and none that turns between two steps of
 _FINE = 10.0  # steps of its sensor, that a speed has around zeros that are another's
 
 
-def rows_of_zeros(values: Mapping[str, FloatArray], sources: Mapping[str, ColumnSource]) -> tuple[BoolArray, list[str]]:
+def rows_of_zeros(log: Channels) -> tuple[BoolArray, list[str]]:
     """Rows, (n,), of a second source that says zero of all joints between those of one that does not, and of what.
 
     A joint that is driven now and then rests longer than a row, or comes back with another torque; one that turns
     round goes through zero; and several joints do not stop all at once for a row. Who says in an entry of [columns]
     what is valid is believed.
-
-    Args:
-        values: (n,) each, in order of time.
-        sources: where they stand.
     """
-    none = np.zeros(next((x.size for x in values.values()), 0), dtype=bool)
-    said = [key for key in values if key.partition(".")[0] in _QUANTITIES]
-    said = [key for key in said if not np.isfinite(sources[key].valid).any()]
-    for quantity in _QUANTITIES:
-        keys = [key for key in said if key.partition(".")[0] == quantity]
-        if not keys or (quantity == "velocity" and len(keys) == 1):
+    none = np.zeros(log.time.size, dtype=bool)
+    said = [key for quantity in INPUTS for key in log.of(quantity) if not log.is_believed(key)]
+    for quantity in INPUTS:
+        keys, speeds = [key for key in said if key in log.of(quantity)], quantity == "velocity"
+        if len(keys) <= speeds:  # of speeds one alone says nothing
             continue
-        table = np.column_stack([values[key] for key in keys])
+        table = np.column_stack([log.values[key] for key in keys])
         rows = np.flatnonzero(np.isfinite(table).all(axis=1))
-        zero = _between_others(table[rows], stopped=quantity == "velocity")
+        zero = _between_others(table[rows], stopped=speeds)
         if zero.any():
             none[rows[zero]] = True
             # What does not know the joints' speeds is no drive; what knows no torque may know speeds.
-            whole = quantity == "velocity"
-            return none, [key for key in said if key in keys or whole or not np.nan_to_num(values[key][none]).any()]
+            return none, [k for k in said if k in keys or speeds or not np.nan_to_num(log.values[k][none]).any()]
     return none, []
 
 
@@ -121,7 +111,7 @@ def _between_others(drives: FloatArray, *, stopped: bool) -> BoolArray:
     edges = np.flatnonzero(np.diff(zero.astype(int))) + 1
     if edges.size < _OFTEN:
         return nowhere
-    starts, stops = np.concatenate(([0], edges)), np.concatenate((edges, [zero.size]))
+    starts, stops = np.append(0, edges), np.append(edges, zero.size)
     lengths, of_zeros = stops - starts, zero[starts]
     inner = of_zeros & (starts > 0) & (stops < zero.size)
     if inner.sum() < _OFTEN or min(np.median(lengths[inner]), np.median(lengths[~of_zeros])) > 1:
