@@ -62,7 +62,6 @@ def _back_and_forth(moves: FloatArray) -> int:
 
 # --- Channels that say the same -------------------------------------------------------------------
 
-
 _FEWEST, _ALIKE = 20, 0.99  # changes that a copy makes; share of rows in which two channels give the same number
 _MOVED = 0.5  # K; of two that stand still nothing is known
 _TOGETHER = 0.5

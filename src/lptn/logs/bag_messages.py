@@ -13,7 +13,6 @@ from lptn.logs.columns import ColumnSource, is_key, words_of
 
 # --- The numbers of a message: their names, and where they stand among its bytes (CDR, little-endian) ---
 
-
 COMMON_TYPES = {  # that do not come with ROS 2 itself: ros-controls/control_msgs, Apache-2.0
     "control_msgs/msg/InterfaceValue": "string[] interface_names\nfloat64[] values\n",
     "control_msgs/msg/DynamicJointState": (
@@ -90,7 +89,6 @@ def label_of(message: Any) -> Hashable:
 
 # --- The quantities that messages of well-known types hold -----------------------------------------
 
-
 _JOINT_STATE = {"velocity": "velocity", "effort": "torque", "position": "position"}
 _INTERFACES = {
     **dict.fromkeys(("temperature", "motor_temperature", "winding_temperature"), "temperature"),
@@ -142,7 +140,6 @@ def _known(kind: str, topic: str, names: Sequence[str]) -> Iterator[tuple[str, .
 
 
 # --- Many messages read at once --------------------------------------------------------------------
-
 
 _LAYOUTS = 8  # of a type that are read by their bytes
 _LITTLE_ENDIAN = 1  # the second byte of a message

@@ -36,7 +36,6 @@ from lptn.logs.tables import (
 
 # --- A bag opened ----------------------------------------------------------------------------------
 
-
 _FIRST = 20  # messages of a topic that are looked at for names: joints may come in several messages
 _WIDEST = 4000  # columns of one topic
 _BATCH = 4096  # messages that are held at a time
@@ -269,7 +268,6 @@ def _digest(path: Path) -> str:
 
 # --- One clock for the topics of a bag: header stamps where there are any, times of reception else ---
 
-
 _APART = 1_000_000_000  # ns; no message is under way for so long
 _BACK = 1_000_000_000  # ns by which a stamp may lie before the one before it: messages overtake each other
 
@@ -305,7 +303,6 @@ def one_clock(streams: Sequence[Stream]) -> tuple[list[IntArray], list[str]]:
 
 
 # --- Compressed bags decompressed within bounds: a few kilobytes must not fill the memory or the disk ---
-
 
 _MOST = 1 << 30  # bytes of a chunk, or of a message; recorders make chunks of some megabytes
 _SHARE = 0.5  # of the disk's free space that a bag may take while it is read

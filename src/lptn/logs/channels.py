@@ -17,7 +17,6 @@ from lptn.logs.resampling import means_of_blocks
 
 # --- Stretches of rows ----------------------------------------------------------------------------
 
-
 Kind = Literal["frozen", "clamped", "dead", "disconnected", "wrap", "spike", "code"]
 
 
@@ -79,7 +78,6 @@ def standing(readings: FloatArray) -> tuple[IntArray, IntArray]:
 
 # --- A sensor, by all its readings -----------------------------------------------------------------
 
-
 _FINEST, _COARSEST = 0.02, 5.0  # K; finer is the file's rounding, coarser is a fault code such as 85 or 0
 _RETURNS = 3  # times that each level returns on average, before a grid is believed
 _OFF_GRID = 0.02  # of the step, by which a level may lie beside the grid
@@ -121,7 +119,6 @@ class Sensor(NamedTuple):
 
 
 # --- All channels of a log ---------------------------------------------------------------------------
-
 
 _THIN = 10_000  # readings that tell what is usual
 _LOW = 0.05  # share of readings, below which a channel seldom is

@@ -18,7 +18,6 @@ from lptn.basics.units import registry
 
 # --- Units that people write, turned into SI (temperatures into degC) -----------------------------
 
-
 AMBIENT = "temperature.ambient"
 HEATS = ("torque", "current")
 INPUTS = (*HEATS, "velocity")
@@ -67,7 +66,6 @@ def to_si(values: FloatArray, quantity: str, unit: str | None) -> FloatArray:
 
 
 # --- Where a quantity stands in a log --------------------------------------------------------------
-
 
 _KEY = re.compile(r"time|[A-Za-z_]\w*\.[^\s.]+")
 
@@ -179,7 +177,6 @@ class ColumnSource:
 
 
 # --- Where it stands, read: the `[columns]` table and the option `--map` ---------------------------
-
 
 _OPTION = re.compile(r"(?P<key>[^=]+)=(?P<column>.*?)(?:\[(?P<unit>[^\[\]]*)\])?")
 MEANS = {"means after": 0.0, "means around": 0.5, "means before": 1.0}
@@ -395,7 +392,6 @@ def _as_entry(source: ColumnSource) -> dict[str, Any]:
 
 
 # --- What a column's name says: its words, and the unit that it ends in ----------------------------
-
 
 _UNITS: Mapping[str, Mapping[str, str]] = {
     "time": {

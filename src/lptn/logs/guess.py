@@ -21,13 +21,23 @@ import numpy as np
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.logs.channels import Channels
-from lptn.logs.columns import ColumnName, ColumnSource, map_option, place_of, toml_line, words_of
+from lptn.logs.columns import (
+    HEATS,
+    ColumnName,
+    ColumnSource,
+    map_option,
+    place_of,
+    quantity_of,
+    toml_line,
+    words_of,
+)
 from lptn.logs.law import better_order
 from lptn.logs.resampling import raw_keys
 from lptn.logs.tables import Table, column_sources
 from lptn.logs.units import suspect_unit
 
 _NUMBERED = "number "  # how it begins what speaks for a column that is one of a row
+_MOVES = ("velocity", "speed")
 Names = Mapping[str, ColumnName]  # the columns that are left to propose, by their names
 Choice = dict[str, tuple[str, str]]  # by quantity the column that may hold it, and what speaks for it
 
@@ -66,18 +76,14 @@ def missing_keys(
     table: Table, columns: Mapping[str, ColumnSource], inputs: Collection[str], outputs: Collection[str]
 ) -> list[str]:
     """The raw columns that a model needs, or predicts, and that the log does not seem to hold, in order."""
-    sources = column_sources(table, columns)
-    there = _logged(table, sources)
+    there = _logged(table, column_sources(table, columns))
     wanted = ["time", *(key for column in (*inputs, *outputs) for key in raw_keys(column, there))]
     return [key for key in dict.fromkeys(wanted) if key not in there and key not in columns]
 
 
-def _logged(table: Table, sources: Mapping[str, ColumnSource]) -> set[str]:
-    """The quantities of which the log has every column."""
-    return {key for key, source in sources.items() if set(source.columns) <= set(table.names)}
-
-
-_DRIVES, _MOVES = ("torque", "current"), ("velocity", "speed")
+def _logged(table: Table, sources: Mapping[str, ColumnSource]) -> dict[str, ColumnSource]:
+    """The quantities of which the log has every column, and where."""
+    return {key: source for key, source in sources.items() if set(source.columns) <= set(table.names)}
 
 
 def guess(
@@ -96,74 +102,41 @@ def guess(
         outputs: temperature columns that the model predicts.
         optional: `<feature>.<place>` columns that effects could use; of these the speeds of joints and base count.
     """
-    missing = missing_keys(table, columns, inputs, outputs)
-    sources = column_sources(table, columns)
+    missing, sources = missing_keys(table, columns, inputs, outputs), column_sources(table, columns)
     wanted = {"time", *(key for column in (*inputs, *outputs) for key in raw_keys(column, sources)), *columns}
     taken = {name for key, source in sources.items() if key in wanted for name in source.columns}
-    free = [name for name, times in Counter(table.names).items() if name not in taken and times == 1]
-    names = {name: ColumnName.of(name) for name in free}
-    places = [key.partition(".")[2] for key in (*outputs, *inputs) if key.startswith("temperature.")]
+    names = {n: ColumnName.of(n) for n, times in Counter(table.names).items() if n not in taken and times == 1}
+    places = [place_of(key) for key in (*outputs, *inputs) if key.startswith("temperature.")]
     places = [place for place in dict.fromkeys(places) if place != "ambient"]
-    drives = {key for column in inputs for key in raw_keys(column) if key.partition(".")[0] in _DRIVES}
-    driven = [place for place in places if any(f"{quantity}.{place}" in drives for quantity in _DRIVES)]
+    drives = {key for column in inputs for key in raw_keys(column)}
+    driven = [place for place in places if any(f"{quantity}.{place}" in drives for quantity in HEATS)]
     moves = {f"{quantity}.{place}" for quantity in _MOVES for place in (*driven, "base")}
     missing += [key for key in missing_keys(table, columns, optional, ()) if key in moves.difference(missing)]
-    choice: Choice = {}
+    choice = _time(names) if "time" in missing else {}
     for method, among in (
-        (_time, places),
         (_by_place, places),
         (_by_last_word, places),
         (_by_number, places),
         (_by_number, driven),
         (_by_being_alone, places),
     ):
-        rest = [key for key in missing if key not in choice and (key != "time" or method is _time)]
-        chosen = {column for column, _ in choice.values()}
+        rest, chosen = [key for key in missing if key not in {*choice, "time"}], {name for name, _ in choice.values()}
         choice |= method(rest, {name: parts for name, parts in names.items() if name not in chosen}, among)
     there = _logged(table, sources)
-    beside = {key: sources[key] for key in there if key.startswith("temperature.")}
-    columns_beside = [name for source in beside.values() for name in source.columns]
-    numbers = _numbers(table, [*(column for column, _ in choice.values()), *columns_beside])
-    guesses = [_with_unit(table, key, *choice[key], numbers, beside) for key in missing if key in choice]
-    guesses += [
-        Guess(key, sources[of_joint], f"that of {of_joint.partition('.')[2]}")
-        for key in missing
-        if key not in choice and (of_joint := _of_its_joint(key, places)) in there
-    ]
-    return [guess for guess in guesses if guess is not None]
-
-
-def _numbers(table: Table, columns: Sequence[str]) -> dict[str, FloatArray]:
-    """Those of the columns that hold numbers, (n,) each: read together, or where one of them holds text one by one."""
+    beside = {key: source for key, source in there.items() if key.startswith("temperature.")}
+    asked = [*(column for column, _ in choice.values()), *(name for x in beside.values() for name in x.columns)]
+    numbers = dict[str, FloatArray]()
     try:
-        return table.numbers(columns, columns)
-    except InputError:
-        numbers: dict[str, FloatArray] = {}
-        for column in columns:
+        numbers = table.numbers(asked, asked)
+    except InputError:  # where one of them holds text, those that hold numbers
+        for column in asked:
             with suppress(InputError):
                 numbers |= table.numbers([column], [column])
-        return numbers
-
-
-# --- Logs of opensourceleg, by the columns that its examples log -----------------------------------
-
-
-_OPENSOURCELEG = ({"case", "temperature"}, {"motor", "current"})  # words of two columns' names
-
-
-def format_note(table: Table) -> str:
-    """What the columns' names say of the program that wrote a log, a sentence; '' where they say nothing."""
-    if not _of_opensourceleg(table):
-        return ""
-    text = "log: columns as opensourceleg logs them: motor current in mA, temperatures in degC"
-    if any({"winding", "temperature"} <= set(words_of(name)) for name in table.names):
-        text += "; its winding temperature is its own estimate from the current, not a measurement"
-    return f"{text}."
-
-
-def _of_opensourceleg(table: Table) -> bool:
-    words = [set(words_of(name)) for name in table.names]
-    return all(any(wanted <= of_column for of_column in words) for wanted in _OPENSOURCELEG)
+    found = (_with_unit(table, key, *choice[key], numbers, beside) for key in missing if key in choice)
+    guesses = [guessed for guessed in found if guessed]
+    of_joints = {key: _of_its_joint(key, places) for key in missing if key not in choice}
+    guesses += [Guess(k, sources[of], f"that of {place_of(of)}") for k, of in of_joints.items() if of in there]
+    return guesses
 
 
 def _with_unit(
@@ -178,19 +151,33 @@ def _with_unit(
 
     The `numbers` are the file's, (n,) each; `beside` are temperatures that the log has without a guess.
     """
-    quantity, source, stated = key.partition(".")[0], ColumnSource((column,)), table.units.get(column, "")
-    values = numbers.get(column, np.empty(0))
+    source, values = ColumnSource((column,)), numbers.get(column, np.empty(0))
     if not np.isfinite(values).any():
         return None
-    if unit := ColumnName.of(column, stated).unit(quantity):
+    if unit := ColumnName.of(column, table.units.get(column, "")).unit(quantity_of(key)):
         return Guess(key, replace(source, unit=unit), f"{why}, unit and all")
-    if quantity == "current" and _of_opensourceleg(table):
+    if key.startswith("current.") and _of_opensourceleg(table):
         return Guess(key, replace(source, unit="mA"), f"{why}; opensourceleg logs mA")
-    others = {name: there for name, there in beside.items() if set(there.columns) <= numbers.keys()}
-    told = {name: there.values(name, numbers) for name, there in others.items()} | {"time": values, key: values}
+    told = {name: x.values(name, numbers) for name, x in beside.items() if set(x.columns) <= numbers.keys()}
+    told |= {"time": values, key: values}
     for issue in suspect_unit(Channels(told, {key: source}, numbers, table.units), key):
         return Guess(key, issue.corrected or source, f"{why}; {issue.problem}")
     return Guess(key, source, why)
+
+
+def format_note(table: Table) -> str:
+    """What the columns' names say of the program that wrote a log, a sentence; '' where they say nothing."""
+    if not _of_opensourceleg(table):
+        return ""
+    text = "log: columns as opensourceleg logs them: motor current in mA, temperatures in degC"
+    if any({"winding", "temperature"} <= set(words_of(name)) for name in table.names):
+        text += "; its winding temperature is its own estimate from the current, not a measurement"
+    return f"{text}."
+
+
+def _of_opensourceleg(table: Table) -> bool:
+    words = [set(words_of(name)) for name in table.names]
+    return all(any(both <= own for own in words) for both in ({"case", "temperature"}, {"motor", "current"}))
 
 
 # --- What words in a column's name say -------------------------------------------------------------
@@ -213,7 +200,6 @@ _QUANTITIES: Mapping[str, frozenset[str]] = {
     "irradiance": _set("irradiance sun solar"),
 }
 """Words that say which quantity a column holds."""
-
 _PLACES: Mapping[str, frozenset[str]] = {
     "ambient": _set("ambient amb room air env environment lab surroundings"),
     "base": _set("base body trunk robot com"),
@@ -224,37 +210,26 @@ _PLACES: Mapping[str, frozenset[str]] = {
     "calf": _set("calf knee shank"),
 }
 """Words that say which place, where it is not called by its own name."""
-
 _PARTS = _PLACES["winding"] | _PLACES["housing"] | _set("stator rotor gearbox gear gears driver board")
 """Words that say which part of a joint."""
-
 _NOT_MEASURED = _set(
     "cmd command commanded des desired target ref reference goal limit max min set setpoint error err status flag "
     "count fault warning id mode"
 )
 """Words of columns that hold what was wanted, or something about a quantity, and not the quantity."""
-
 _NEUTRAL = _set("joint joints motor actuator leg sensor measured state states q est deg")
 """Words that say nothing of place or quantity."""
-
 _DEVICES = _set(
     "lowstate status data value values msg esc drive drives axis servo vesc odrive moteus actpack bldc output"
 )
 """Words for a robot's motors and their messages, which say nothing more."""
-
 _ELSEWHERE = _set(
     "baro barometer imu gyro accel accelerometer mag magnetometer cpu gpu soc core mcu fpga ssd disk camera lidar gps "
     "radio airspeed charger"
 )
 """Words for what is no joint and no battery, and has a thermometer of its own."""
-
 _MOST_WORDS = 24  # of a name; a line of a million characters is none
 _SHORT = 2  # letters: a word such as t, i or vx may stand for anything
-
-
-def _spellings(place: str) -> set[str]:
-    """A place's name without its separators, and other words for it."""
-    return {"".join(words_of(place)), *_PLACES.get(place, ())}
 
 
 def _words_besides(name: ColumnName, quantity: str, spellings: set[str]) -> int | None:
@@ -266,11 +241,12 @@ def _words_besides(name: ColumnName, quantity: str, spellings: set[str]) -> int 
     if not any(spelling in joined for spelling in spellings):  # most of many thousand names
         return None
     ends = [(i, j) for i in range(len(words)) for j in range(i + 1, len(words) + 1)]
-    spans = [(i, j) for i, j in ends if "".join(words[i:j]) in spellings]
-    if not spans:
-        return None
-    i, j = max(spans, key=lambda span: span[1] - span[0])
+    i, j = max(
+        ((i, j) for i, j in ends if "".join(words[i:j]) in spellings), key=lambda at: at[1] - at[0], default=(0, 0)
+    )
     rest = words[:i] + words[j:]
+    if i == j:
+        return None
     if quantity == "temperature" and spellings >= _PLACES["ambient"] and set(rest) <= _NEUTRAL:
         return len(rest)  # a room has nothing else that is logged
     own = _QUANTITIES.get(quantity, frozenset())
@@ -283,36 +259,42 @@ def _words_besides(name: ColumnName, quantity: str, spellings: set[str]) -> int 
     return sum(word not in _NEUTRAL and word not in own for word in rest)
 
 
+def _measures(quantity: str, words: Sequence[str]) -> bool:
+    """Whether words of a name are of the quantity, and of a reading of it."""
+    return not _QUANTITIES.get(quantity, frozenset()).isdisjoint(words) and _NOT_MEASURED.isdisjoint(words)
+
+
 # --- The ways in which a column may be meant -------------------------------------------------------
 
 
-def _time(missing: Sequence[str], names: Names, _: Sequence[str]) -> Choice:
+def _time(names: Names) -> Choice:
     """The column whose name begins or ends with a word for time, and has no more than a unit besides."""
     ranked: list[tuple[int, int, str]] = []
     for column, name in names.items():
         words = [word for word in name.words if word not in _NOT_MEASURED]
-        for_time = [word for word in words if word in _QUANTITIES["time"]]
-        unit = bool(name.unit("time"))
+        for_time, unit = [word for word in words if word in _QUANTITIES["time"]], bool(name.unit("time"))
         if for_time and (words[0] in for_time or words[-1] in for_time or unit):
             # A t alone may be a temperature's.
             ranked.append((len(words) - len(for_time) - unit + (for_time == ["t"]), len(ranked), column))
-    return {"time": (min(ranked)[2], "its name")} if ranked and "time" in missing else {}
+    return {"time": (min(ranked)[2], "its name")} if ranked else {}
 
 
 def _by_place(missing: Sequence[str], names: Names, places: Sequence[str]) -> Choice:
     """The column that names the place and the quantity with the fewest words besides, if no other has as few."""
+    spelled = {
+        place: {"".join(words_of(place)), *_PLACES.get(place, ())} for place in (*map(place_of, missing), *places)
+    }
     choice: Choice = {}
     for key in missing:
-        quantity, _, place = key.partition(".")
-        mine = _spellings(place)
+        quantity, mine = quantity_of(key), spelled[place_of(key)]
         # `FR_calf_upper` is another place where the model has one of that name.
-        longer = [other for other in map(_spellings, places) if other != mine and len(min(other)) > len(min(mine))]
-        ranked: list[tuple[int, str]] = []
-        for column, name in names.items():
-            besides = _words_besides(name, quantity, mine)
-            if besides is not None and all(_words_besides(name, quantity, other) is None for other in longer):
-                ranked.append((besides, column))
-        ranked.sort()
+        longer = [own for own in map(spelled.__getitem__, places) if own != mine and len(min(own)) > len(min(mine))]
+        ranked = sorted(
+            (besides, column)
+            for column, name in names.items()
+            if (besides := _words_besides(name, quantity, mine)) is not None
+            and all(_words_besides(name, quantity, other) is None for other in longer)
+        )
         if ranked and (len(ranked) == 1 or ranked[0][0] < ranked[1][0]):
             choice[key] = ranked[0][1], "its name"
     return choice
@@ -320,28 +302,25 @@ def _by_place(missing: Sequence[str], names: Names, places: Sequence[str]) -> Ch
 
 def _of_its_joint(key: str, places: Sequence[str]) -> str:
     """For `velocity.L_hip_case` that of `L_hip`, where both are nodes: a joint turns as one, and bears one load."""
-    quantity, _, place = key.partition(".")
-    words = words_of(place)
-    for joint in places if quantity in (*_DRIVES, *_MOVES) else ():
-        count = len(words_of(joint))
+    words = words_of(place_of(key))
+    for joint in places if quantity_of(key) in (*HEATS, *_MOVES) else ():
+        own = words_of(joint)
         # Its name is the joint's and that of one of its parts; `L_hip_pitch` is another joint.
-        if words[:count] == words_of(joint) and " ".join(words[count:]) in _PARTS:
-            return f"{quantity}.{joint}"
+        if words[: len(own)] == own and " ".join(words[len(own) :]) in _PARTS:
+            return f"{quantity_of(key)}.{joint}"
     return ""
 
 
 def _by_last_word(missing: Sequence[str], names: Names, places: Sequence[str]) -> Choice:
     """`hip temp` for FR_hip, in a model of one leg: names of a last word alone, if there is one for each node."""
     last = {place: words_of(place)[-1] for place in places if len(words_of(place)) > 1}
-    if len(places) < 2 or len(set(last.values())) < len(places):
-        return {}
     choice: Choice = {}
-    for quantity in dict.fromkeys(key.partition(".")[0] for key in missing):
+    for quantity in dict.fromkeys(map(quantity_of, missing)) if 1 < len(places) == len(set(last.values())) else ():
         fitting = {}
         for place, word in last.items():
-            spellings = {word, *_PLACES.get(word, ())}
+            own = {word, *_PLACES.get(word, ())}
             fitting[f"{quantity}.{place}"] = [
-                column for column, name in names.items() if _words_besides(name, quantity, spellings) == 0
+                c for c, name in names.items() if _words_besides(name, quantity, own) == 0
             ]
         if all(len(columns) == 1 for columns in fitting.values()) and fitting.keys() <= set(missing):
             choice |= {key: (columns[0], "the end of its name: check that") for key, columns in fitting.items()}
@@ -352,7 +331,7 @@ def _by_number(missing: Sequence[str], names: Names, places: Sequence[str]) -> C
     """Numbered columns, `motor_temperature[3]`, taken in the order of the model's nodes if there are as many."""
     choice: Choice = {}
     spelled = {"".join(words_of(place)) for place in places}
-    for quantity in dict.fromkeys(key.partition(".")[0] for key in missing):
+    for quantity in dict.fromkeys(map(quantity_of, missing)):
         wanted = [f"{quantity}.{place}" for place in places]
         rows: dict[tuple[str, ...], dict[int, str]] = {}  # columns that differ in their number alone
         for column, name in names.items():
@@ -369,43 +348,26 @@ def _by_number(missing: Sequence[str], names: Names, places: Sequence[str]) -> C
 
 
 def _by_being_alone(missing: Sequence[str], names: Names, places: Sequence[str]) -> Choice:
-    """For a model of one node the one column of a quantity that names no other place."""
-    if len(places) != 1:
-        return {}
+    """For a model of one node the one column of a quantity that names no other place, and nothing that nobody knows."""
     elsewhere = frozenset[str]().union(*(_PLACES[place] for place in ("ambient", "battery", "pc", "base")))
     choice: Choice = {}
-    for key in missing:
-        quantity, _, place = key.partition(".")
-        if place != places[0]:
-            continue
-        fitting = [
-            column
-            for column, name in names.items()
-            if _measures(quantity, name.words) and _known(quantity, name) and not elsewhere.intersection(name.words)
-        ]
+    for key in missing if len(places) == 1 else ():
+        quantity = quantity_of(key)
+        known = {*_QUANTITIES.get(quantity, ()), *_NEUTRAL, *_DEVICES, *_PARTS} - elsewhere
+        fitting = []
+        for column, name in names.items():
+            units = (k for k in (1, 2, 3) if ColumnName(("", *name.words[-k:]), "").unit(quantity))
+            words = name.words[: -next(units)] if name.unit(quantity) and not name.bracket else name.words
+            if _measures(quantity, name.words) and all(word.isdigit() or word in known for word in words):
+                fitting.append(column)
         if len(fitting) > 1:  # of opensourceleg's two temperatures the case's is measured
             fitting = [column for column in fitting if "winding" not in words_of(column)]
-        if len(fitting) == 1:
+        if len(fitting) == 1 and place_of(key) == places[0]:
             choice[key] = fitting[0], "the only one of its kind"
     return choice
 
 
-def _known(quantity: str, name: ColumnName) -> bool:
-    """Whether all words of a name are of a joint and the quantity; with one that nobody knows it may be anything's."""
-    words = {*_QUANTITIES.get(quantity, ()), *_NEUTRAL, *_DEVICES, *_PARTS}
-    units = (k for k in (1, 2, 3) if ColumnName(("", *name.words[-k:]), "").unit(quantity))
-    without_unit = name.words[: -next(units)] if name.unit(quantity) and not name.bracket else name.words
-    return all(word.isdigit() or word in words for word in without_unit)
-
-
-def _measures(quantity: str, words: Sequence[str]) -> bool:
-    """Whether words of a name are of the quantity, and of a reading of it."""
-    own = _QUANTITIES.get(quantity, frozenset())
-    return not own.isdisjoint(words) and _NOT_MEASURED.isdisjoint(words)
-
-
 # --- Whether the data contradict an order that was guessed ---------------------------------------------
-
 
 _BOUND = 0.3
 """Of `better_order`: the other order leaves a quarter less of the squared error. On virtual quadrupeds and legs it is 0
@@ -421,7 +383,7 @@ def refuse_exchanged(
         InputError: they do; it has the lines by which each would follow its own.
     """
     numbered = {guess.key for guess in guesses if guess.numbered}
-    for quantity in _DRIVES:
+    for quantity in HEATS:
         places = [place_of(key) for key in log.of("temperature") if f"{quantity}.{place_of(key)}" in log.values]
         keys = {f"{name}.{place}" for place in places for name in (quantity, "temperature")}
         if len(places) < 2 or numbered.isdisjoint(keys):

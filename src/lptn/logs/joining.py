@@ -22,7 +22,6 @@ from lptn.logs.units import suspect_unit
 
 # --- Two logs made one table -----------------------------------------------------------------------
 
-
 SECOND_TIME = "time.2"
 """What the second log's time column is mapped as."""
 _HEAT = {"power": 1, "current": 2, "current_abs": 2, "torque": 2, "torque_abs": 2}  # exponent that makes it a heat
@@ -151,7 +150,6 @@ def _aligned(path: Path, one: _Timed, other: _Timed, columns: Mapping[str, Colum
 
 
 # --- The shift between two clocks, from the onset of heating: heat in one log, what it warms in the other ---
-
 
 # When the heat begins, in shares of its high level, its 95th percentile.
 _EARLY = 2.0  # s, of the heat's log

@@ -124,7 +124,6 @@ def settles(log: Channels, key: str) -> float:
 
 # --- Whose heat a temperature follows ---------------------------------------------------------------
 
-
 _FLOOR = 1e-3  # K: what no sensor's means over a block are better than
 
 
@@ -155,7 +154,6 @@ def better_order(log: Channels, places: Sequence[str], quantity: str) -> tuple[l
 
 
 # --- Stretches in which a part would not have stayed where its sensor says that it was --------------
-
 
 _APART, _STEPS, _TIMES, _USUAL = 3.0, 3.0, 3.0, 0.95
 """K, and steps of the sensor, and times what so many of the stretches as long are off by, at the most: what a part does
@@ -252,7 +250,6 @@ def _is_contradicted(
 
 
 # --- A load that from some row on makes another heat --------------------------------------------------
-
 
 _ROWS, _STEPS_AT_LEAST = 10, 60  # of a block: in fewer the mean square of a load that swings is not known; of a log
 _CHANGES, _LEAST_PARTS = 100, 15  # places at which it may change; steps on each side, that tell six numbers

@@ -34,7 +34,6 @@ from lptn.logs.units import PLAUSIBLE, suspect_starts, suspect_unit, suspect_wra
 
 # --- What can't be used at all, refused with the line that it stands on ---------------------------
 
-
 _LARGEST = 1e12  # of any quantity in SI, so that the sum of its squares is still a number
 _ABSOLUTE_ZERO = -273.15  # degC
 
@@ -169,7 +168,6 @@ def _in_file(log: Channels, key: str, silence: Silence) -> float:
 
 # --- Channels that contradict each other ------------------------------------------------------------
 
-
 _BRAKES = 0.98  # of the work of a joint, that is taken up: legs and wheels that are driven brake in a part of it
 _LEAST_POWER = 1.0  # W, on average: of less the sign is the noise's
 
@@ -244,7 +242,6 @@ def _suspect_ambient(log: Channels) -> list[Issue]:
 
 
 # --- All that looks wrong in a log -----------------------------------------------------------------
-
 
 _STILL = ("frozen", "clamped", "dead")
 

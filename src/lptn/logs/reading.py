@@ -26,6 +26,8 @@ from lptn.logs.columns import (
     as_line_or_option,
     column_unit,
     could_be_in,
+    place_of,
+    quantity_of,
     words_of,
 )
 from lptn.logs.csv_files import ENDINGS as CSV_ENDINGS
@@ -39,6 +41,7 @@ from lptn.logs.resampling import (
     SEVERAL,
     STEADY_GAP,
     Samples,
+    Span,
     features_of,
     find_stretches,
     gaps_in_words,
@@ -47,7 +50,6 @@ from lptn.logs.resampling import (
     inputs_on_grid,
     raw_keys,
     temperatures_on_grid,
-    would_cut,
 )
 from lptn.logs.run import LATEST_FIRST, Run
 from lptn.logs.scatter import scatter_of
@@ -57,7 +59,6 @@ from lptn.logs.tables import Table, column_sources, open_parquet, table_of, with
 from lptn.logs.ulog import open_ulog
 
 # --- A log opened by its path: one file or folder, or two logs of one run that are joined ---------
-
 
 _PAIR = re.compile(r"(?P<first>.+?)\+(?P<second>[^+]+?)(?:@(?P<shift>[-+]?\d+(?:\.\d+)?))?")
 _OPENERS: Mapping[tuple[str, ...], Callable[[Path], Table]] = {
@@ -162,6 +163,17 @@ class ColumnChoice:
     notes: tuple[str, ...] = ()
     everything: bool = False
 
+    def raw(self, columns: Collection[str]) -> set[str]:
+        """The raw quantities that some of its columns are formed from."""
+        return {key for column in columns for key in raw_keys(column, self.sources)}
+
+    def without(self, lost: Collection[str]) -> ColumnChoice:
+        """That without some columns, and without the raw ones that nothing else is formed from."""
+        inputs, outputs = (tuple(c for c in columns if c not in lost) for columns in (self.inputs, self.outputs))
+        kept = {"time", *self.raw((*inputs, *outputs)).difference(lost)}
+        sources = {key: source for key, source in self.sources.items() if key in kept}
+        return replace(self, inputs=inputs, outputs=outputs, sources=sources)
+
 
 def choose_columns(
     table: Table,
@@ -185,8 +197,18 @@ def choose_columns(
     sources = column_sources(table, columns)
     everything = not inputs and not outputs
     notes: tuple[str, ...] = ()
+
+    def require(keys: Collection[str], purpose: str = "") -> None:
+        """Refuse a log that lacks one of the raw columns, which are for the feature `purpose`."""
+        for key in keys:
+            for name in _absent(table, sources, key):
+                place = f"column '{name}'" if key in sources else f"column {key}"
+                because = f" (for {purpose})" if purpose and purpose != key else ""
+                problem = f"no such column; the log has: {table.listing}"
+                raise InputError(table.path, place + because, problem, _instead(table, sources, key, purpose))
+
     if everything:
-        _require(table, sources, sources, "")
+        require(sources)
         features = features_of(key for key in sources if key != "time")
         outputs = tuple(column for column in features if column.startswith("temperature."))
         inputs = tuple(column for column in features if column not in outputs)
@@ -195,57 +217,36 @@ def choose_columns(
             raise InputError(table.path, "columns", f"none that is known in: {table.listing}", expected)
     else:
         for column in inputs:
-            _require(table, sources, raw_keys(column, sources), column)
+            require(raw_keys(column, sources), column)
         # What the model needs as an input has to be whole, measured node or not.
         predicted = tuple(column for column in outputs if column not in inputs)
         outputs = tuple(column for column in predicted if not _absent(table, sources, column))
-        if predicted and not outputs:
-            _require(table, sources, predicted[:1], "")
+        if not outputs:
+            require(predicted[:1])
         notes = tuple(f"{column}: not in the log, so not measured." for column in predicted if column not in outputs)
-        there = [
-            column
-            for column in optional
-            if column not in predicted and not any(_absent(table, sources, key) for key in raw_keys(column, sources))
-        ]
+        there = [column for column in optional if column not in predicted]
+        there = [c for c in there if not any(_absent(table, sources, key) for key in raw_keys(c, sources))]
         inputs = (*inputs, *there)
-    _require(table, sources, ("time",), "")
+    require(("time",))
+    inputs, outputs = tuple(dict.fromkeys(inputs)), tuple(dict.fromkeys(outputs))
     raw = dict.fromkeys(key for column in (*inputs, *outputs) for key in raw_keys(column, sources))
-    return ColumnChoice(
-        tuple(dict.fromkeys(inputs)),
-        tuple(dict.fromkeys(outputs)),
-        {key: sources[key] for key in ("time", *raw)},
-        notes,
-        everything,
-    )
+    return ColumnChoice(inputs, outputs, {key: sources[key] for key in ("time", *raw)}, notes, everything)
 
 
 def _absent(table: Table, sources: Mapping[str, ColumnSource], key: str) -> tuple[str, ...]:
     """The names wanted for `key` that are not in the file; the key itself where nothing is mapped to it."""
-    if key not in sources:
-        return (key,)
-    return tuple(name for name in sources[key].columns if name not in table.names)
-
-
-def _require(table: Table, sources: Mapping[str, ColumnSource], keys: Collection[str], purpose: str) -> None:
-    """Refuse a log that lacks one of the raw columns; `purpose` is the feature that they are for."""
-    for key in keys:
-        for name in _absent(table, sources, key):
-            place = f"column '{name}'" if key in sources else f"column {key}"
-            because = f" (for {purpose})" if purpose and purpose != key else ""
-            problem = f"no such column; the log has: {table.listing}"
-            raise InputError(table.path, place + because, problem, _instead(table, sources, key, purpose))
+    return tuple(name for name in sources[key].columns if name not in table.names) if key in sources else (key,)
 
 
 def _instead(table: Table, sources: Mapping[str, ColumnSource], key: str, purpose: str) -> str:
     """What would have been right in place of a missing column: the line to write, with a column that may be meant."""
     own = column_sources(table, {})
-    mapped = {name: source for name, source in sources.items() if own.get(name) != source}
-    mapped = {name: source for name, source in mapped.items() if set(source.columns) <= set(table.names)}
+    mapped = {k: x for k, x in sources.items() if own.get(k) != x and set(x.columns) <= set(table.names)}
     wanted = [purpose] if purpose and not purpose.startswith("temperature.") else []
     guesses = guess(table, mapped, wanted, [key] if key.startswith("temperature.") else [])
     guessed = next((candidate for candidate in guesses if candidate.key == key), None)
     proposal = guessed.option.removeprefix("--map ") if guessed else ""
-    if proposal and " " not in proposal:
+    if " " not in proposal:
         proposal = proposal.strip('"')
     expected = f"a column of that name, or a line in [columns] / --map {proposal or f'{key}=YOURNAME'}"
     if guessed and proposal:
@@ -253,22 +254,21 @@ def _instead(table: Table, sources: Mapping[str, ColumnSource], key: str, purpos
     if key == "time":
         expected += "; where rows have no times but come at one rate, --rate 50 for 50 a second"
     if key.startswith("temperature.") and purpose == key:
-        expected += without_column(key)
+        expected += _without_column(key)
     return expected
 
 
-def without_column(key: str) -> str:
-    """What a model file can say instead of a prescribed temperature's column."""
-    place = key.partition(".")[2]
+def _without_column(key: str, value: float = 22.0) -> str:
+    """What a model file can say instead of a prescribed temperature's column, which may be about a value [degC]."""
+    place = place_of(key)
     table, name = ("[model]", "ambient") if place == "ambient" else (f"[nodes.{place}]", "temperature")
     return (
-        f'; or in the model file under {table} {name} = "start" for a log that begins at rest, {name} = 22 for a '
-        f"constant [degC], or {name} = {{ value = 22, fixed = false }} for one that the fit finds"
+        f'; or in the model file under {table} {name} = "start" for a log that begins at rest, {name} = {value:.4g} for'
+        f" a constant [degC], or {name} = {{ value = 22, fixed = false }} for one that the fit finds"
     )
 
 
 # --- A log read into runs: mapped, checked, split at its gaps and resampled -----------------------
-
 
 _SHORTEST_STEP = 1.0  # s, unless the user asks for less: bodies of a robot's size warm over minutes
 _BRIDGED, _BRIDGED_STEPS = 10.0, 5.0  # s, and steps: the gap that is bridged unless the user says another
@@ -329,10 +329,10 @@ def read_log(
         <Run monday: 60 steps of 1 s, 3 columns>
     """
     path = Path(name) if isinstance(log, pd.DataFrame) else Path(log)
-    rows = columns["time"].rows if columns and "time" in columns else ""
     for setting, value in (("step", step), ("max_gap", max_gap)):
         if value is not None and not (math.isfinite(value) and value > 0):
             raise InputError(path, setting, f"{value:g} s", "a time above 0 s")
+    rows = columns["time"].rows if columns and "time" in columns else ""
     if isinstance(log, pd.DataFrame):
         table, columns = with_times(table_of(log, name), columns or {})
     else:
@@ -345,39 +345,46 @@ def read_log(
     choice = choose_columns(table, columns, inputs, outputs, optional)
     samples, of_values, issues = _checked_samples(table, choice, strict)
     refuse_exchanged(path, guesses, choice.sources, Channels({"time": samples.time, **samples.raw}))
-    # Inputs that nobody needs and that would cut the log into pieces.
-    needed = {*inputs, *outputs} or set(choice.inputs)
-    kept = {key for column in needed for key in raw_keys(column, samples.raw)}.difference(choice.outputs)
-    cut = would_cut(samples.time, samples.period, samples.raw, kept, table.mixed) - kept
-    gappy = [column for column in choice.inputs if column not in needed and cut & set(raw_keys(column, samples.raw))]
-    choice, samples = _without(choice, samples, gappy)
-    empty = _empty(table, choice, samples, issues)
-    of_columns = [f"{column}: has gaps, and the model does not need it; left out." for column in gappy]
-    of_columns += [f"{key}: no value in any row; left out." for key in samples.raw if key in empty]
-    choice, samples = _without(choice, samples, empty)
-    own = float(f"{samples.period:.3g}")
+    period = float(f"{samples.period:.3g}")
     of_step = []
-    if step is not None and step < own:
-        of_step.append(f"time: sampled every {own:g} s, so steps of {own:g} s are used in place of {step:g} s.")
-    step = max(own, _SHORTEST_STEP if step is None else step)
+    if step is not None and step < period:
+        of_step.append(f"time: sampled every {period:g} s, so steps of {period:g} s are used in place of {step:g} s.")
+    step = max(period, _SHORTEST_STEP if step is None else step)
     steady_gap = STEADY_GAP if max_gap is None else 0.0
     max_gap = max_gap if max_gap is not None else max(_BRIDGED, _BRIDGED_STEPS * step)
     if max_gap < SEVERAL * samples.period:
         expected = f"more than {SEVERAL} sampling periods of {samples.period:.3g} s"
         raise InputError(path, "max_gap", f"{max_gap:g} s", expected)
+    stretches = partial(find_stretches, samples.time, samples.period, max_gap=max_gap, steady_gap=steady_gap)
+    # Inputs that nobody needs, and that hold nothing or would cut the log into pieces.
+    needed, void = {*inputs, *outputs} or set(choice.inputs), {k for k, x in samples.raw.items() if np.isnan(x).all()}
+    kept = {
+        key: samples.raw[key] for key in choice.raw(needed & {*choice.inputs, *choice.outputs}) - void - set(outputs)
+    }
+    whole, gappy = stretches(kept)[0], list[str]()
+    for column in (column for column in choice.inputs if column not in needed):
+        own = {key: samples.raw[key] for key in choice.raw([column])}
+        with_it = stretches(kept | own)[0] if void.isdisjoint(own) else []
+        lost = sum(stop - start for start, stop in whole) - sum(stop - start for start, stop in with_it)
+        gappy += [column] if len(with_it) != len(whole) or lost > max_gap else []
+    choice = choice.without(gappy)
+    of_columns = [f"{column}: has gaps, and the model does not need it; left out." for column in gappy]
+    empty = _empty(table, choice, void & choice.sources.keys(), issues)
+    of_columns += [f"{key}: no value in any row; left out." for key in samples.raw if key in empty]
+    choice = choice.without(empty)
+    samples = replace(samples, raw={key: x for key, x in samples.raw.items() if key in choice.sources})
     notes = [f"{GUESSED}{guessed.line} ({guessed.why})." for guessed in guesses]
     notes += [*filter(None, [format_note(table)]), *table.notes, *choice.notes]
     notes += [*of_values, *of_columns, *of_step]
-    runs = _runs(table, choice, samples, step, max_gap, steady_gap, notes)
+    runs = _runs(table, choice, samples, step, max_gap, stretches, notes)
     begun = runs if choice.everything else _beginning_with_readings(runs, choice.outputs)
     return [replace(run, issues=issues) for run in begun]
 
 
 def _checked_samples(table: Table, choice: ColumnChoice, strict: bool) -> tuple[Samples, list[str], tuple[Issue, ...]]:
     """The log's samples in SI and degC, notes, and what looks wrong."""
-    _refuse_other_quantities(table, choice.sources)
-    numbers, raw, notes = _values(table, choice.sources)
-    log, predicted = Channels(raw, choice.sources, numbers, table.units), set(choice.outputs) - set(choice.inputs)
+    log, notes = _channels(table, choice.sources)
+    predicted = set(choice.outputs) - set(choice.inputs)
     log, held = (log, []) if table.mixed else without_held_rows(log)
     with np.errstate(over="ignore", invalid="ignore"):  # what overflows here is refused as a time below
         silent = silent_channels(log, predicted)
@@ -390,11 +397,11 @@ def _checked_samples(table: Table, choice: ColumnChoice, strict: bool) -> tuple[
     raw, alike = dict(clean.values), {key for pair in twice.items() for key in pair}
     if not alike.issuperset(choice.outputs):  # of the only two sensors one is right
         raw |= {key: np.full(raw[key].size, np.nan) for key in alike}
-    time = raw.pop("time")
-    keep, repeated = check_time(table, "time", choice.sources["time"], time)
+    time, source = raw.pop("time"), choice.sources["time"]
+    keep, repeated = check_time(table, "time", source, time)
     if keep.size < time.size:
         time, raw = time[keep], {key: values[keep] for key, values in raw.items()}
-    samples, source, of_rows = Samples(time, raw), choice.sources["time"], []
+    samples, of_rows = Samples(time, raw), []
     if source.rows in MEANS:  # from the beginning of what each row is about
         samples = replace(samples, time=time - MEANS[source.rows] * samples.period, means=True)
     elif samples.period >= _SLOW and not source.rows and source.columns and not table.mixed:
@@ -407,14 +414,19 @@ def _checked_samples(table: Table, choice: ColumnChoice, strict: bool) -> tuple[
     return samples, notes, issues
 
 
-def _values(
-    table: Table, sources: Mapping[str, ColumnSource]
-) -> tuple[dict[str, FloatArray], dict[str, FloatArray], list[str]]:
-    """The file's columns as they stand there, the quantities in SI and degC, (n,) each, in order of time; and notes."""
+def _channels(table: Table, sources: Mapping[str, ColumnSource]) -> tuple[Channels, list[str]]:
+    """The file's columns as they stand there, and the quantities in SI and degC, in order of time; and notes."""
+    for key, source in sources.items():  # under whose names a row of units says one that their quantity hasn't
+        alone = source.unit is None and (len(source.columns) == 1 or source.how == "mean")
+        for name in source.columns if alone else ():
+            stated = table.units.get(name, "")
+            if stated and words_of(stated) and not could_be_in(key, stated):
+                meant = as_line_or_option(key, replace(source, unit=column_unit(key)))
+                expected = f"a unit of {quantity_of(key)}; if it is one all the same, write {meant}"
+                raise InputError(table.path, f"column '{name}'", f"a row of units that says {stated}", expected)
     sensors = {name for key, source in sources.items() if key.startswith("temperature.") for name in source.columns}
     numbers = table.numbers((name for source in sources.values() for name in source.columns), sensors)
-    raw: dict[str, FloatArray] = {}
-    notes: list[str] = []
+    raw, notes = dict[str, FloatArray](), list[str]()
     for key, source in sources.items():
         raw[key] = source.values(key, numbers)
         if key != "time":
@@ -434,20 +446,7 @@ def _values(
         others = {key: values for key, values in raw.items() if key != "time"}
         raw["time"], spread = within_stamps(table, sources["time"], raw["time"], others)
         notes += [spread] * bool(spread)
-    return numbers, raw, notes
-
-
-def _refuse_other_quantities(table: Table, sources: Mapping[str, ColumnSource]) -> None:
-    """Refuse columns under whose names a row of units says one that their quantity hasn't, and nobody another."""
-    for key, source in sources.items():
-        if source.unit is not None or (len(source.columns) > 1 and source.how != "mean"):
-            continue
-        for name in source.columns:
-            stated = table.units.get(name, "")
-            if stated and words_of(stated) and not could_be_in(key, stated):
-                meant = as_line_or_option(key, replace(source, unit=column_unit(key)))
-                expected = f"a unit of {key.partition('.')[0]}; if it is one all the same, write {meant}"
-                raise InputError(table.path, f"column '{name}'", f"a row of units that says {stated}", expected)
+    return Channels(raw, sources, numbers, table.units), notes
 
 
 def _temperature_notes(samples: Samples, mixed: bool) -> list[str]:
@@ -468,29 +467,18 @@ def _temperature_notes(samples: Samples, mixed: bool) -> list[str]:
     return notes
 
 
-def _without(choice: ColumnChoice, samples: Samples, lost: Collection[str]) -> tuple[ColumnChoice, Samples]:
-    """Both without some columns, and without the raw ones that nothing else is formed from."""
-    inputs, outputs = (tuple(c for c in columns if c not in lost) for columns in (choice.inputs, choice.outputs))
-    kept = {key for column in (*inputs, *outputs) for key in raw_keys(column, samples.raw)}.difference(lost)
-    raw = {key: values for key, values in samples.raw.items() if key in kept}
-    return replace(choice, inputs=inputs, outputs=outputs), replace(samples, raw=raw)
-
-
-def _empty(table: Table, choice: ColumnChoice, samples: Samples, issues: Collection[Issue]) -> list[str]:
-    """Columns that hold no number at all, and inputs formed from them; refused where the model can't do without."""
-    empty = [key for key, values in samples.raw.items() if np.isnan(values).all()]
-    rest = samples.raw.keys() - set(empty)
-    lost = [column for column in choice.inputs if not rest.issuperset(raw_keys(column, rest))]
-    outputs = [column for column in choice.outputs if column in rest]
-    none_left = not outputs and (choice.outputs or len(lost) == len(choice.inputs))
-    if empty and ((lost and not choice.everything) or none_left):
-        needed = {key for column in lost for key in raw_keys(column, samples.raw)}
-        key = next((key for key in empty if key in needed), empty[0])
+def _empty(table: Table, choice: ColumnChoice, empty: Collection[str], issues: Collection[Issue]) -> list[str]:
+    """Raw columns that hold no number, and inputs formed from them; refused where the model can't do without."""
+    lost = [column for column in choice.inputs if not choice.raw([column]).isdisjoint(empty)]
+    none_left = choice.outputs or len(lost) == len(choice.inputs)
+    if empty and ((lost and not choice.everything) or (none_left and set(choice.outputs).issubset(empty))):
+        needed, in_order = choice.raw(lost), [key for key in choice.sources if key in empty]
+        key = next((key for key in in_order if key in needed), in_order[0])
         for issue in (issue for issue in issues if issue.key == key):
             raise InputError(table.path, *issue.error)  # which is why nothing of it is left
         place = f"column '{choice.sources[key].columns[0]}'"
         raise InputError(table.path, place, "no value in any row", f"numbers for {key}")
-    return list(dict.fromkeys([*empty, *lost]))
+    return [*empty, *lost]
 
 
 def _runs(
@@ -499,12 +487,11 @@ def _runs(
     samples: Samples,
     step: float,
     max_gap: float,
-    steady_gap: float,
+    without_gaps: Callable[[Mapping[str, FloatArray]], tuple[list[Span], list[str]]],
     notes: list[str],
 ) -> list[Run]:
     """One run for each stretch of the log that is long enough; refused where none is."""
     needed = {key: values for key, values in samples.raw.items() if key not in choice.outputs}
-    without_gaps = partial(find_stretches, samples.time, samples.period, max_gap=max_gap, steady_gap=steady_gap)
     stretches, gaps = without_gaps(needed)
     if table.mixed:  # rows of several clocks follow each other at any distance
         gaps = [note for note in gaps if not (note.startswith("time: ") and "bridged" in note)]
@@ -522,8 +509,7 @@ def _runs(
             values = needed[key][np.isfinite(needed[key])]
             problem = f"{values.size} value{'s' * (values.size != 1)} of {key} in {samples.time.size} rows"
             expected = f"values no more than {max_gap:g} s apart"
-            if key.startswith("temperature."):
-                expected += without_column(key).replace("= 22 ", f"= {np.median(values):.4g} ", 1)
+            expected += _without_column(key, np.median(values)) if key.startswith("temperature.") else ""
             raise InputError(table.path, f"column '{choice.sources[key].columns[0]}'", problem, expected)
         problem = f"at most {max(counts, default=0)} steps of {step:g} s in one stretch"
         expected = f"a stretch of at least {FEWEST_ROWS} steps without a gap over {max_gap:g} s"
@@ -532,14 +518,14 @@ def _runs(
         dropped = f"{len(stretches) - len(kept)} of {len(stretches)} stretches"
         gaps.append(f"log: {dropped} hold fewer than {FEWEST_ROWS} steps of {step:g} s; dropped.")
     stem, sensors = run_name(table.path), {k: x for k, x in samples.raw.items() if k.startswith("temperature.")}
-    steps = {key: quantisation_step(values) for key, values in sensors.items()}
-    resolution = {key: apart for key, apart in steps.items() if apart > 0}
-    of_steps = [f"{key}: sensor steps of {apart:g} K." for key, apart in resolution.items()]
+    resolution = {key: apart for key, values in sensors.items() if (apart := quantisation_step(values)) > 0}
+    notes = [*notes, *(f"{key}: sensor steps of {apart:g} K." for key, apart in resolution.items()), *gaps]
     early = samples.time < samples.time[0] + max(_BEGINNING, samples.period)
     first = {key: values[early][np.isfinite(values[early])] for key, values in sensors.items()}
     subjects: dict[str, list[str]] = {}  # of notes that say the same of several columns
-    for subject, _, text in (note.partition(": ") for note in (*notes, *of_steps, *gaps)):
+    for subject, _, text in (note.partition(": ") for note in notes):
         subjects.setdefault(text, []).append(subject)
+    scatter = {key: scatter_of(samples.time, x, resolution.get(key, 0.0)) for key, x in sensors.items()}
     whole = Run(
         name=stem,
         step=step,
@@ -550,11 +536,7 @@ def _runs(
         fingerprint=table.digest(),
         notes=tuple(f"{', '.join(names)}: {text}" for text, names in subjects.items()),
         resolution=resolution,
-        scatter={
-            key: scatter_of(samples.time, values, resolution.get(key, 0.0))
-            for key, values in sensors.items()
-            if not samples.means
-        },
+        scatter={} if samples.means else scatter,
         beginning={key: float(readings.mean()) for key, readings in first.items() if readings.size},
         log_start=float(samples.time[0]),
         log_end=float(samples.time[-1]) + samples.period * samples.means,

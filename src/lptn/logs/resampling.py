@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from lptn.basics.arrays import FloatArray
+from lptn.logs.columns import place_of, quantity_of
 
 SEVERAL = 1.5  # sampling periods: two samples this far apart are no neighbours, and a step this long holds several
 _HELD = 2.5  # of its own periods, for which an input that is logged more seldom than the rest holds: one may be lost
@@ -17,8 +19,7 @@ ROUNDING = 1e-6  # of a step: what the rounding of a time stamp may make, and mu
 # --- Features: what a model is driven by, formed from raw quantities and reduced with no integral lost ---
 
 
-@dataclass(frozen=True)
-class Reduction:
+class Reduction(NamedTuple):
     """A generalised mean: `after(mean(before(x)))`. The mean of `before(x)` is what a block preserves."""
 
     before: Callable[[FloatArray], FloatArray]
@@ -30,8 +31,7 @@ MEAN_ABS = Reduction(np.abs, np.positive)
 RMS = Reduction(np.square, np.sqrt)
 
 
-@dataclass(frozen=True)
-class Feature:
+class Feature(NamedTuple):
     """A model's input: the raw quantities whose product it is, and how a block of samples is reduced to one value."""
 
     needs: tuple[str, ...]
@@ -59,7 +59,7 @@ _ON_REQUEST: Mapping[str, Feature] = {"signed_velocity": Feature(("velocity",), 
 
 def feature(column: str) -> Feature:
     """The rule for a column `<feature>.<place>`."""
-    quantity = column.partition(".")[0]
+    quantity = quantity_of(column)
     return FEATURES.get(quantity) or _ON_REQUEST.get(quantity) or Feature((quantity,), MEAN)
 
 
@@ -70,18 +70,14 @@ def raw_keys(column: str, available: Iterable[str] = ()) -> tuple[str, ...]:
     """
     if column in available:
         return (column,)
-    place = column.partition(".")[2]
-    return tuple(f"{quantity}.{place}" for quantity in feature(column).needs)
+    return tuple(f"{quantity}.{place_of(column)}" for quantity in feature(column).needs)
 
 
 def features_of(raw: Iterable[str]) -> tuple[str, ...]:
     """Every feature that a log with the raw columns `raw` gives, raw ones first."""
     present = dict.fromkeys(raw)
-    places = dict.fromkeys(key.partition(".")[2] for key in present)
-    derived = (f"{quantity}.{place}" for place in places for quantity in FEATURES)
-    return tuple(present) + tuple(
-        column for column in derived if column not in present and all(k in present for k in raw_keys(column))
-    )
+    derived = (f"{quantity}.{place}" for place in dict.fromkeys(map(place_of, present)) for quantity in FEATURES)
+    return *present, *(key for key in derived if key not in present and all(k in present for k in raw_keys(key)))
 
 
 def sample_values(column: str, raw: Mapping[str, FloatArray]) -> FloatArray:
@@ -93,17 +89,9 @@ def sample_values(column: str, raw: Mapping[str, FloatArray]) -> FloatArray:
 
 
 def reduce_blocks(column: str, values: FloatArray, factor: int) -> FloatArray:
-    """Reduce each full block of `factor` equally long samples to one; a rest at the end is dropped.
+    """Samples (n,) of `<feature>.<place>` by its rule reduced to full blocks of `factor`, (n // factor,).
 
-    NaN is left out of a block; a block of nothing but NaN gives NaN.
-
-    Args:
-        column: `<feature>.<place>`, which names the rule.
-        values: (n,) samples.
-        factor: samples a block, at least 1.
-
-    Returns:
-        (n // factor,) block values.
+    NaN is left out of a block; a block of nothing but NaN gives NaN. A rest at the end is dropped.
     """
     rule = feature(column).reduction
     return rule.after(means_of_blocks(rule.before(values), factor))
@@ -116,19 +104,15 @@ def means_of_blocks(values: FloatArray, size: int) -> FloatArray:
     """
     count = values.shape[-1] // size
     blocks = values[..., : count * size].reshape(*values.shape[:-1], count, size)
-    return ratio(np.nansum(blocks, axis=-1), np.sum(~np.isnan(blocks), axis=-1))
+    return _ratio(np.nansum(blocks, axis=-1), np.sum(~np.isnan(blocks), axis=-1))
 
 
-def ratio(total: FloatArray, count: npt.NDArray[np.integer]) -> FloatArray:
-    """`total / count`, NaN where the count is 0."""
-    # Written out because numpy's own nanmean warns about an empty block.
-    result: FloatArray = np.full(total.shape, np.nan)
-    np.divide(total, count, out=result, where=count > 0)
-    return result
+def _ratio(total: FloatArray, count: npt.NDArray[np.integer]) -> FloatArray:
+    """`total / count`, NaN where the count is 0; numpy's own nanmean warns about an empty block."""
+    return np.asarray(np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0))
 
 
 # --- Where a log can be used without a break: short gaps are bridged, long ones split it ----------
-
 
 Span = tuple[float, float]  # start and stop, s
 
@@ -171,9 +155,8 @@ def _gaps(
 ) -> tuple[list[Span], list[str]]:
     """Where an input has no value and is not bridged, s, the log's two ends among them; and notes."""
     rows = np.flatnonzero(~np.isnan(values))
-    stamps = time[rows]
+    stamps, notes = time[rows], list[str]()
     apart = np.diff(stamps)
-    notes = []
     usual = float(np.median(apart)) if apart.size else period
     slow = usual > SEVERAL * period
     if slow:
@@ -184,9 +167,8 @@ def _gaps(
     long = (apart > max_gap) & ((apart > steady_gap) | (np.abs(np.diff(values[rows])) > _STEADY))
     # In a column only its own gaps are counted: those where rows stand without a value.
     own = (np.diff(rows) > 1) & (apart > SEVERAL * usual) if name != "time" else apart > SEVERAL * period
-    short = own & ~long
-    if short.any():
-        notes.append(f"{name}: {gaps_in_words(apart[short])}, bridged by holding the last value.")
+    if (own & ~long).any():
+        notes.append(f"{name}: {gaps_in_words(apart[own & ~long])}, bridged by holding the last value.")
     if (own & long).any():
         longest = f"over {max_gap:.4g} s, the longest {apart[long].max():.4g} s"
         notes.append(f"{name}: {_count(apart[own & long])} {longest}; the log is split there.")
@@ -206,31 +188,6 @@ def gaps_in_words(gaps: FloatArray) -> str:
 
 def _count(gaps: FloatArray) -> str:
     return f"{gaps.size} gap{'s' * (gaps.size > 1)}"
-
-
-def would_cut(
-    time: FloatArray, period: float, inputs: Mapping[str, FloatArray], needed: Collection[str], mixed: bool
-) -> set[str]:
-    """The inputs that have gaps, of those logged more seldom than the rest only what is longer than their own period.
-
-    Args:
-        time: (n,) s, strictly increasing.
-        period: s, the usual time between samples.
-        inputs: raw inputs by name, (n,) each, NaN where missing.
-        needed: those that the log is cut to in any case.
-        mixed: rows come from several sources, so that a row without a value is no gap.
-    """
-    stamps = {name: time[~np.isnan(values)] for name, values in inputs.items() if np.isnan(values).any()}
-    limits = [(own[0], own[-1]) for name, own in stamps.items() if name in needed and own.size]
-    first, last = max([time[0], *(low for low, _ in limits)]), min([time[-1], *(high for _, high in limits)])
-    gappy = set()
-    for name, own in stamps.items():
-        usual = float(np.median(np.diff(own))) if own.size > 1 else 0.0
-        bridged = _HELD * usual
-        whole = own.size > 1 and own[0] <= first + bridged and own[-1] >= last - bridged
-        if (usual <= SEVERAL * period and not mixed) or not whole or np.diff(own).max() > bridged:
-            gappy.add(name)
-    return gappy
 
 
 # --- Raw samples put on a uniform grid: held inputs, mean or interpolated temperatures ------------
@@ -267,8 +224,7 @@ def grid(start: float, step: float, n: int) -> FloatArray:
 
 def inputs_on_grid(held: Samples, columns: Collection[str], start: float, step: float, n: int) -> dict[str, FloatArray]:
     """Features on `n` bins of `step` s from `start`, (n,) each, from samples without NaN there."""
-    bins = Bins(held.time, start, step, n)
-    averaged = held.averaged(step)
+    bins, averaged = Bins(held.time, start, step, n), held.averaged(step)
     return {
         # A prescribed temperature is read off as the measured ones are where steps and samples are about as long.
         column: interpolate(held.time, held.raw[column], grid(start, step, n), np.inf)
@@ -281,28 +237,33 @@ def inputs_on_grid(held: Samples, columns: Collection[str], start: float, step: 
 def temperatures_on_grid(
     samples: Samples, columns: Collection[str], start: float, step: float, n: int, max_gap: float
 ) -> dict[str, FloatArray]:
-    """Temperatures at each bin's start or, of several samples, their mean, (n,) each, NaN where missing."""
-    if not samples.averaged(step):
-        return {name: _readings(samples.time, samples.raw[name], start, step, n, max_gap) for name in columns}
+    """Temperatures at each bin's start or, of several samples, their mean, (n,) each, NaN where missing.
+
+    The mean of one reading early in a bin would come half a step too soon: where a sensor gives about one reading a
+    bin, its readings' straight line is read off, in bins with a reading. So it is at a bin's start, about which a bin
+    may lie; there between rows that follow each other, too, where both have a reading.
+    """
     if samples.means:
         return _means_of_means(samples, columns, start, step, n, max_gap)
-    return {name: _averages(samples.time, samples.raw[name], start, step, n, max_gap) for name in columns}
+    if samples.averaged(step):
+        return {name: _averages(samples.time, samples.raw[name], start, step, n, max_gap) for name in columns}
+    found = {}
+    for name in columns:
+        about = _averages(samples.time, samples.raw[name], start - 0.5 * step, step, n, np.inf)
+        between = interpolate(samples.time, samples.raw[name], grid(start, step, n), max_gap)
+        found[name] = np.where(np.isnan(between), about, between)
+    return found
 
 
-def _readings(time: FloatArray, values: FloatArray, start: float, step: float, n: int, max_gap: float) -> FloatArray:
-    """Readings between rows that follow each other, where both have one; else each at the step that is nearest to it.
-
-    Where rows of another clock lie between a sensor's own, it is read off the straight line of its own readings there.
-    """
-    at, there = grid(start, step, n), ~np.isnan(values)
-    readings = interpolate(time, values, at, max_gap)
-    if there.sum() < 2 or there.all():
-        return readings
-    nearest = np.rint((time[there] - start) / step).astype(np.int64)
-    nearest = nearest[(nearest >= 0) & (nearest < n)]
-    nearest = nearest[np.isnan(readings[nearest])]
-    readings[nearest] = interpolate(time[there], values[there], at[nearest], np.inf)
-    return readings
+def _averages(time: FloatArray, values: FloatArray, begin: float, step: float, n: int, max_gap: float) -> FloatArray:
+    """Means over bins, or where they hold about one reading what a straight line has in their middles."""
+    there = ~np.isnan(values)
+    own, readings, means = time[there], values[there], mean_in_bins(time, values, begin, step, n)
+    if own.size < 2 or np.median(np.diff(own)) < step / SEVERAL:
+        return means
+    middles = grid(begin, step, n) + 0.5 * step
+    joined = interpolate(own, readings, middles, max(max_gap, SEVERAL * step))
+    return np.where(np.isnan(means) | np.isnan(joined), means, joined)
 
 
 def _means_of_means(
@@ -311,8 +272,7 @@ def _means_of_means(
     """Each row's mean counts for the seconds that it has in a bin; a bin of which half or less is known stays empty."""
     ends = samples.time + samples.period
     lost = np.flatnonzero(samples.time[1:] > ends[:-1] + 0.5 * samples.period)  # rows that the log lacks
-    time = np.insert(samples.time, lost + 1, ends[lost])
-    bins, means = Bins(time, start, step, n), {}
+    bins, means = Bins(np.insert(samples.time, lost + 1, ends[lost]), start, step, n), {}
     for name in columns:
         own = samples.time[np.isfinite(samples.raw[name])]
         if own.size > 1 and np.median(np.diff(own)) >= SEVERAL * samples.period:  # read more seldom than there are rows
@@ -320,25 +280,9 @@ def _means_of_means(
             means[name] = _averages(middles, samples.raw[name], start, step, n, max_gap)
             continue
         values = np.insert(samples.raw[name], lost + 1, np.nan)
-        there = np.isfinite(values)
-        share = bins.reduce(name, there.astype(np.float64))
-        total = bins.reduce(name, np.where(there, values, 0.0))
+        share, total = (bins.reduce(name, x) for x in (np.isfinite(values) * 1.0, np.nan_to_num(values)))
         means[name] = np.divide(total, share, out=np.full(n, np.nan), where=share > 0.5)
     return means
-
-
-def _averages(time: FloatArray, values: FloatArray, start: float, step: float, n: int, max_gap: float) -> FloatArray:
-    """Means over bins; of a sensor that gives about one reading a bin, its readings' straight line at the middles.
-
-    The mean of one reading early in a bin would come half a step too soon. Bins without a reading stay empty.
-    """
-    means = mean_in_bins(time, values, start, step, n)
-    there = ~np.isnan(values)
-    if there.sum() < 2 or np.median(np.diff(time[there])) < step / SEVERAL:
-        return means
-    middles = grid(start, step, n) + 0.5 * step
-    joined = interpolate(time[there], values[there], middles, max(max_gap, SEVERAL * step))
-    return np.where(np.isnan(means) | np.isnan(joined), means, joined)
 
 
 class Bins:
@@ -373,7 +317,7 @@ def mean_in_bins(time: FloatArray, values: FloatArray, start: float, step: float
     index = np.floor((time - start) / step + ROUNDING).astype(np.int64)
     inside = (index >= 0) & (index < n) & ~np.isnan(values)
     total = np.bincount(index[inside], weights=values[inside], minlength=n).astype(np.float64)
-    return ratio(total, np.bincount(index[inside], minlength=n))
+    return _ratio(total, np.bincount(index[inside], minlength=n))
 
 
 def interpolate(time: FloatArray, values: FloatArray, at: FloatArray, max_gap: float) -> FloatArray:
@@ -397,5 +341,4 @@ def hold(values: FloatArray) -> FloatArray:
     missing = np.isnan(values)
     if not missing.any():  # no copy of millions of rows
         return values
-    last = np.maximum.accumulate(np.where(missing, 0, np.arange(values.size)))
-    return values[last]
+    return values[np.maximum.accumulate(np.where(missing, 0, np.arange(values.size)))]

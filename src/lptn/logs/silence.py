@@ -116,7 +116,6 @@ def _logged(stamps: FloatArray) -> FloatArray:
 
 # --- A whole log ----------------------------------------------------------------------------------
 
-
 _MOVING = 0.05  # rad/s, mean of |speed|: a joint that moves
 _AT_REST = 0.01  # rad/s: an encoder's noise, and so little that friction of 10 N·m makes 0.1 W of it
 

@@ -22,7 +22,6 @@ ANOTHER_SOURCE = "of another source"
 
 # --- Sources that a topic's messages name -----------------------------------------------------------
 
-
 _TAKE_TURNS = 0.5  # share of the messages of the rarer source that lie between those of the other
 _FEWEST = 10  # messages of a source
 _APART = 3.0  # times the usual step of one source, by which another's readings lie from the reading before
@@ -72,7 +71,6 @@ def _differ(x: FloatArray, one: BoolArray, other: BoolArray) -> bool:
 
 
 # --- A source that says zero of all joints, where nothing names it ---------------------------------------
-
 
 _OFTEN = 20  # stretches of zeros
 _SAME, _MOSTLY = 0.25, 0.7  # of its size, by which a course differs at most across another's row, and how often

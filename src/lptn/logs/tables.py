@@ -324,7 +324,6 @@ def open_parquet(path: Path) -> Table:
 
 # --- Columns with times of their own, put on the union of their times -----------------------------------
 
-
 Source = tuple[FloatArray, Mapping[str, FloatArray]]
 """Times, (n,) s, and columns by name, (n,) each."""
 

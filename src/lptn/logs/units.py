@@ -154,7 +154,6 @@ def _suspect_counts(key: str, source: ColumnSource, readings: FloatArray) -> lis
 
 # --- Temperatures, read in all ways in which they are written ---------------------------------------
 
-
 _PARTS = {"tenths of a degree": 0.1, "hundredths of a degree": 0.01, "thousandths of a degree": 0.001}
 _UNITS = {"kelvin": "K", "degC": "degC", "degF": "degF"}
 _NOT_FROZEN = 5.0  # degC, that the middle of a column in parts of a degree has: of less any number would be one
@@ -256,7 +255,6 @@ def _are_whole(readings: FloatArray) -> bool:
 
 # --- Counters that jump from one end of their range to the other ------------------------------------
 
-
 _JUMP, _SHORT = 0.75, 0.1  # of the range: a jump from end to end; the usual step, taken the shorter way round
 _FEWEST_COUNTS = 5  # different numbers in each half of the range, through which a counter passes
 
@@ -295,7 +293,6 @@ def suspect_wrap(log: Channels, key: str) -> list[Issue]:
 
 
 # --- Temperatures beside each other, and beside the heat that is put in -----------------------------
-
 
 _FAHRENHEIT = (48.0, 120.0)  # degF, 9 … 49 degC: surroundings, and the coldest reading of a log in a room
 _WARM_ROOM, _NO_ROOM = 55.0, 60.0  # degC: surroundings that are doubted; in which no robot works, or begins at rest
