@@ -173,6 +173,8 @@ def structs(heating: Heating, limits: int, stages: int) -> Structs:
         *((name, _struct("Reference", reference)) for name in ("model", "recent")),
         ("renewed", _D),
         ("woken", _D * nodes),
+        ("hotter", _D * x),
+        ("returns", _D * nodes),
         *((name, _I * nodes) for name in ("read", "guessed", "once_trusted", "used")),
         ("applied", _D * u),
         ("conditions", _D * (d + 1)),

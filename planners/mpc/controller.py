@@ -385,6 +385,8 @@ class TorqueMPC:
                 untrusted[node] = f"has read {sensors.last[number]:.6g} degC, bit for bit, for {lasting:.0f} s"
             elif self._result.sensor[number] == _CONTRADICTS:
                 untrusted[node] = f"reads {sensors.last[number]:.6g} degC, which the heat put in contradicts"
+            if node in untrusted and (hotter := self._result.doubt[number]) >= LEAST:
+                untrusted[node] += f", and may be {hotter:.2g} K hotter than expected"
         return untrusted
 
     def _fill(self, to: Any) -> None:

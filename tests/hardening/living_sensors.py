@@ -12,7 +12,7 @@ C, compiled apart.
 Printed for each fault and robot, over starts, plants and seeds: by how much the hottest node passed its limit, the same
 less the margin that the plan told then, in how many of the cases the controller said that something is wrong with a
 sensor and after what time of fault at the latest, and the torque: mean share of the request, over that of a controller
-that has the true model and true temperatures.
+that has the true model and true temperatures; of all joints, and of those whose own sensors are healthy.
 """
 
 from __future__ import annotations
@@ -319,6 +319,8 @@ class Result:
         share: of the steps of fault in which it was said.
         torque: mean current over that of the request.
         ideal: the same of a controller that knows all.
+        healthy: mean current of the joints whose own sensors are healthy over that of a controller that knows all; None
+            where there are none.
     """
 
     above: float
@@ -327,6 +329,7 @@ class Result:
     share: float
     torque: float
     ideal: float
+    healthy: float | None
 
 
 def plant_of(robot: Robot, off: Off, seed: int) -> Robot:
@@ -340,30 +343,35 @@ def run(case: Case) -> Result:
     mpc = controller(case.robot, fault.resolution)
     face = FACES[case.face](robot, mpc)
     plant = Plant(plant_of(robot, case.off, case.seed), STARTS[case.start], TICK if case.face == "loop" else PERIOD)
-    sensors = Sensors(robot, case.fault, sensors_at_fault(robot, case.fault, case.which, case.seed), case.seed)
-    above, beyond, said, spoken, given = -np.inf, -np.inf, None, 0, 0.0
+    faulty = sensors_at_fault(robot, case.fault, case.which, case.seed)
+    sensors = Sensors(robot, case.fault, faulty, case.seed)
+    above, beyond, said, spoken, given = -np.inf, -np.inf, None, 0, np.zeros(len(robot.driven))
     limited = [robot.nodes.index(node) for node in mpc.settings.limits]
     for k in range(STEPS):
         answer = face.step(sensors.read(k * PERIOD, plant.temperature), plant)
         over = plant.temperature[limited] - LIMIT
         above, beyond = max(above, float(over.max())), max(beyond, float((over - answer.margin).max()))
-        given += float(answer.currents.mean())
+        given += answer.currents / STEPS / robot.asked
         if answer.said and k * PERIOD >= fault.begin:
             spoken += 1
             said = k * PERIOD - fault.begin if said is None else said
     steps = STEPS - round(fault.begin / PERIOD)
-    return Result(above, beyond, said, spoken / steps, given / STEPS / robot.asked,
-                  ideal(case.robot, case.start, case.off, case.seed))  # fmt: skip
+    best = ideal(case.robot, case.start, case.off, case.seed)
+    fine = [case.fault in HEALTHY or node not in faulty for node in robot.driven]
+    healthy = float(given[fine].mean() / best[fine].mean()) if any(fine) else None
+    return Result(above, beyond, said, spoken / steps, float(given.mean()), float(best.mean()), healthy)
 
 
 @cache
-def ideal(name: str, start: str, off: Off, seed: int) -> float:
-    """Mean share of the request that a controller gives which has the true model and true temperatures."""
+def ideal(name: str, start: str, off: Off, seed: int) -> FloatArray:
+    """Mean share of the request that a controller of the true model and temperatures gives each driven node."""
     true = plant_of(ROBOTS[name](), off, seed)
     mpc = TorqueMPC(model_of(true), {"*": LIMIT}, request="current", current_limits=1.5 * true.asked, period=PERIOD,
                     level=0.5, noise=0.0, model_error=0.0)  # fmt: skip
     face, plant = InPython(true, mpc), Plant(true, STARTS[start], PERIOD)
-    return float(np.mean([face.step(plant.temperature, plant).currents.mean() for _ in range(STEPS)])) / true.asked
+    return np.asarray(
+        np.mean([face.step(plant.temperature, plant).currents for _ in range(STEPS)], axis=0) / true.asked
+    )
 
 
 def cases(chosen: argparse.Namespace) -> Iterator[Case]:
@@ -385,7 +393,7 @@ def cases(chosen: argparse.Namespace) -> Iterator[Case]:
 def table(results: dict[Case, Result]) -> str:
     """A line for each robot and fault, the worst of all faces; then one for each face."""
     heads = ("robot", "fault", "sensors", "cases", "above the limit, K", "less the margin, K", "said", "after, s",
-             "of the time", "torque")  # fmt: skip
+             "of the time", "torque", "where sensors are healthy")  # fmt: skip
     lines = [f"| {' | '.join(heads)} |", "|" + " --- |" * len(heads)]
     for key in dict.fromkeys((case.robot, case.fault, case.which) for case in results):
         some = [result for case, result in results.items() if (case.robot, case.fault, case.which) == key]
@@ -394,9 +402,11 @@ def table(results: dict[Case, Result]) -> str:
         latest = f"{max(said):.0f}" if said else "–"
         share = np.mean([result.share for result in some])
         torque = np.mean([result.torque / result.ideal for result in some])
+        fine = [result.healthy for result in some if result.healthy is not None]
+        healthy = f"{np.mean(fine):.1%}" if fine else "–"
         lines.append(f"| {robot} | {fault} | {'–' if fault in HEALTHY else which} | {len(some)} | "
                      f"{max(r.above for r in some):+.2f} | {max(r.beyond for r in some):+.2f} | {len(said)} | "
-                     f"{latest} | {share:.0%} | {torque:.1%} |")  # fmt: skip
+                     f"{latest} | {share:.0%} | {torque:.1%} | {healthy} |")  # fmt: skip
     lines.append("")
     for face in dict.fromkeys(case.face for case in results):
         of_face = {case: result for case, result in results.items() if case.face == face}

@@ -86,7 +86,9 @@ typedef struct {
     lptn_mpc_reference model, recent;    /* the estimate without any sensor: since the start, and of late */
     double renewed;                      /* s of the clock: the recent reference began with the estimate */
     double woken[LPTN_NN];               /* of a sensor that was never trusted: by how much it began above the model alone [K] */
-    int read[LPTN_NN], guessed[LPTN_NN]; /* how often its sensor began, 0 for never read; is taken to be as hot as allowed */
+    double hotter[LPTN_NX];              /* by how much each is hotter if nodes that no sensor tells began as hot as allowed [K] */
+    double returns[LPTN_NN];             /* of a sensor that came back: error without it, by the time that it has to agree [K/s] */
+    int read[LPTN_NN], guessed[LPTN_NN]; /* how often its sensor began, 0 for never read; no sensor tells its node */
     int once_trusted[LPTN_NN], used[LPTN_NN]; /* its sensor was trusted once; was used since its reference was set */
     double applied[LPTN_NU], conditions[LPTN_ND + 1];
     double scale[LPTN_N][LPTN_NU];    /* of the heat, as solved last */

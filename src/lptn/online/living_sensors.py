@@ -4,11 +4,11 @@ Each reading is compared with its *reference*, one prediction that takes in no r
 of a sensor that was never trusted, from what it read when it last contradicted. A node follows the heat that is put in:
 so a sensor is trusted once it has moved as its reference did, and as long as it agrees with it. Until then limits are
 planned by the hotter of the two. A sensor that contradicts its reference is lost. It is trusted again when it has
-agreed for as long as it contradicted or, where that was over a minute, for as long as its node takes to settle, and has
-moved as the model does; as much time again has to pass until that is forgotten. A sensor that repeats its last reading
-bit for bit for longer than noise, steps and the model's movement explain is lost, too. The C code of
-`lptn.planners.mpc` judges each reading alike, with the constants of this file; what a filter does with the verdict is
-its own.
+agreed for as long as it contradicted or, where that was over a minute or not the first time that it contradicted
+without having moved, for as long as its node takes to settle, and has moved as the model does; as much time again has
+to pass until that is forgotten. A sensor that repeats its last reading bit for bit for longer than noise, steps and the
+model's movement explain is lost, too. The C code of `lptn.planners.mpc` judges each reading alike, with the constants
+of this file; what a filter does with the verdict is its own.
 """
 
 from __future__ import annotations
@@ -103,7 +103,7 @@ class LivingSensors:
             near = away >= -np.maximum(below * deviation + NOISE * noise, LEAST)
             near &= away <= np.maximum(ABOVE * deviation + NOISE * noise, LEAST)
             near &= np.abs(readings - predicted) <= LEAST + NOISE * np.sqrt(np.maximum(variance, 0) + noise**2)
-            misleads = self.trusted & ((learned < -MISLEADS) | (learned > ABOVE))
+            misleads = ~self.lost & ((learned < -np.where(self.proven, MISLEADS, BELOW)) | (learned > ABOVE))
             self._watch_repeats(seen, readings, predicted, variance, near)
             agrees = seen & near & ~misleads & ~self.stands
             begins = agrees & ~self.agrees
@@ -112,7 +112,7 @@ class LivingSensors:
             self.proven |= self._follow_reference(agrees, readings, reference, noise, below)
         contradicts = seen & ~agrees
         contradicted_for = self.contradicted_for + seconds
-        gone = misleads | (contradicted_for > SHORTEST)
+        gone = misleads | (contradicted_for > SHORTEST) | (self.lost & ~self.proven)
         contradicted_for = np.where(gone, np.maximum(settles, SHORTEST), contradicted_for)
         contradicted_for = np.where(self.stands, np.minimum(self.clock - self.since, settles), contradicted_for)
         self.contradicted_for = np.where(contradicts, contradicted_for, self.contradicted_for)
