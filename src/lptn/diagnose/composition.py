@@ -36,8 +36,6 @@ from lptn.diagnose.priors import in_occams_window, log_priors
 from lptn.diagnose.refits import RANKING, continued, unless_interrupted
 from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit, finished, tolerant
-from lptn.identify.validation import fit_segments
-from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration, Network
 from lptn.simulate.simulation import SimulationError
 
@@ -124,7 +122,7 @@ class _Search:
         executor: Executor | None,
         report: Report,
     ) -> None:
-        self.given, self.fit, self.errors, self.report = given, given, errors, report
+        self.given, self.errors, self.report = given, errors, report
         self.map = executor.map if executor else map
         self.data = data
         self.columns = set.intersection(*(set(segment.run.columns) for segment in data.fit))
@@ -134,7 +132,8 @@ class _Search:
         self.refused: tuple[Step, ...] = ()
         self.needed: dict[Key, float] = {}  # log odds, by exact fits, of what was tried to be left out
         self.fitted = 1
-        self.before = self._evidence(self._tolerant(given))
+        self.fit = self._tolerant(given)
+        self.before = self._evidence(self.fit)
 
     @property
     def added(self) -> list[EffectDeclaration]:
@@ -149,18 +148,16 @@ class _Search:
         if not self.structure:
             return
         self.report(f"fitting {len(self.structure)} effects that every part may have, all at once")
-        model = Model(network.with_effects(self.structure))
-        # Far from the given one: by a search of its own.
-        fit = unless_interrupted(fit_segments(model, self.data.fit, precision=RANKING))
+        base, fit = self.fit, _continued(self.fit, network.with_effects(self.structure))
         self.fitted += 1
-        if not fit.cost < self.given.cost:
+        if fit is None or not fit.cost < base.cost:
             self.structure = []
             return
         try:
             self.fit = self._tolerant(fit)
             self._take_out()
         except SimulationError:  # with all of it the model is too stiff for a held-out run
-            self.structure, self.fit = [], self.given
+            self.structure, self.fit = [], base
 
     def _common(self, network: Network) -> list[Candidate]:
         """Of each common effect the candidate at the most places; of those between two nodes each class of pairs."""

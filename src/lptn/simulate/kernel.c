@@ -18,12 +18,12 @@
 typedef long long integer;
 
 /* Values are numbered: states, inputs, parameters, constants, then the result of each operation. What depends on
- * parameters alone is worked out once a run, what depends on inputs beside them once a step, the rest in each stage.
- * Operations of one kind that do not need each other stand together, as a group. */
+ * parameters alone is worked out once a run, what depends on inputs beside them once a step, the rest in each stage;
+ * what dx/dt does not need stands last. Operations of one kind that do not need each other stand together, as a group. */
 typedef struct {
     integer states, inputs, parameters, values, results;
-    integer groups[4]; /* of parameters: from groups[0] to groups[1]; of inputs; of states */
-    integer first[3];  /* number of the first value that each of these three works out */
+    integer groups[5]; /* of parameters: from groups[0] to groups[1]; of inputs; of states; of derivatives */
+    integer first[4];  /* number of the first value that each of these four works out */
     const integer *group; /* kind of operation, and how many of them, for each group */
     const int *left, *right; /* operands of each value; those of one operand have it twice */
     const int *result; /* values that are dx/dt, then the nonzeros of A, then those of B */
@@ -33,7 +33,7 @@ typedef struct {
     const integer *pattern; /* rows of A, columns of A, rows of B, columns of B */
 } model;
 
-enum { PARAMETERS, INPUTS, STATES };
+enum { PARAMETERS, INPUTS, STATES, DERIVATIVES };
 
 static void evaluate(const model *m, int part, double *v) {
     const int *left = m->left, *right = m->right;
@@ -54,10 +54,12 @@ static void evaluate(const model *m, int part, double *v) {
     }
 }
 
-/* The first `count` results. */
-static inline void results_at(const model *m, const double *x, double *v, integer count, double *out) {
+/* dx/dt and, if they are asked for, its derivatives. */
+static inline void results_at(const model *m, const double *x, double *v, int derivatives, double *out) {
+    const integer count = derivatives ? m->results : m->states;
     memcpy(v, x, (size_t)m->states * sizeof(double));
     evaluate(m, STATES, v);
+    if (derivatives) evaluate(m, DERIVATIVES, v);
     for (integer k = 0; k < count; k++) out[k] = v[m->result[k]];
 }
 
@@ -95,7 +97,7 @@ WIDE void at_points(const model *m, integer n, const double *x, const double *u,
     for (integer k = 0; k < n; k++, x += m->states, u += m->inputs, out += m->results) {
         memcpy(work + m->states, u, (size_t)m->inputs * sizeof(double));
         evaluate(m, INPUTS, work);
-        results_at(m, x, work, m->results, out);
+        results_at(m, x, work, 1, out);
     }
 }
 
@@ -127,7 +129,7 @@ WIDE void run(const model *m, integer n, integer parts, double h, const double *
                 else memcpy(point, x, (size_t)states * sizeof(double));
                 if (block && stage) combine(block, moved, d, share[stage], change);
                 else if (block) memcpy(moved, d, (size_t)block * sizeof(double));
-                results_at(m, point, v, block ? m->results : states, slope);
+                results_at(m, point, v, block > 0, slope);
                 combine(states, sum, sum, weight[stage], slope);
                 if (block) {
                     derive(m, slope + states, moved, change);

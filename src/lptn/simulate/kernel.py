@@ -77,7 +77,7 @@ _OPERATIONS = {
     "FMAX": "fmax(a, b)",
 }
 _NUMBERS = {getattr(ca, f"OP_{name}"): name for name in _OPERATIONS if hasattr(ca, f"OP_{name}")}
-_PARAMETERS, _INPUTS, _STATES = range(3)  # the parts of the work: once a run, once a step, in each stage
+_PARAMETERS, _INPUTS, _STATES, _DERIVATIVES = range(4)  # parts of the work: once a run, once a step, in each stage
 
 
 class UnknownOperationError(ValueError):
@@ -87,11 +87,15 @@ class UnknownOperationError(ValueError):
 class _Operations:
     """A function (x, u, p) -> dense column, sorted for `kernel.c`; the same operation on the same values once.
 
+    Args:
+        function: the function.
+        rates: how many results come first, and are worked out without the others; all by default.
+
     Raises:
         UnknownOperationError: the function has an operation that is not in the table above.
     """
 
-    def __init__(self, function: ca.Function) -> None:
+    def __init__(self, function: ca.Function, rates: int | None = None) -> None:
         self.sizes: list[int] = [function.numel_in(k) for k in range(3)]
         offsets = [0, *accumulate(self.sizes)]
         # Of each value: its part of the work, its depth there, and how it is made; arguments and constants aren't.
@@ -129,7 +133,12 @@ class _Operations:
             held[made[0]] = numbers[key]
 
         # Numbered anew: arguments and constants, then operations by part, depth and kind.
+        needed = np.zeros(len(part), dtype=bool)
+        needed[results[:rates]] = True
+        for value in range(len(part) - 1, sum(self.sizes) - 1, -1):
+            needed[[left[value], right[value]]] |= needed[value]
         work = np.array([part, depth, made_by])
+        work[0, (work[0] == _STATES) & ~needed] = _DERIVATIVES
         work[:, work[2] < 0] = -1
         order = np.lexsort(work[::-1])
         number = np.empty(len(order), dtype=np.int32)
@@ -144,8 +153,8 @@ class _Operations:
         starts = np.flatnonzero(np.append(True, ~same)[: sorted_work.shape[1]])
         lengths = np.diff(np.append(starts, sorted_work.shape[1]))
         self.groups = np.column_stack([sorted_work[2, starts], lengths]).astype(np.int64)
-        self.first = (given + np.searchsorted(sorted_work[0], range(3))).tolist()
-        self.bounds = np.searchsorted(sorted_work[0, starts], range(4)).tolist()
+        self.first = (given + np.searchsorted(sorted_work[0], range(4))).tolist()
+        self.bounds = np.searchsorted(sorted_work[0, starts], range(5)).tolist()
 
 
 # --- Machine code that evaluates and steps any model ----------------------------------------------
@@ -159,8 +168,8 @@ class _CModel(ctypes.Structure):
 
     _fields_ = [
         *((name, ctypes.c_longlong) for name in ("states", "inputs", "parameters", "values", "results")),
-        ("bounds", ctypes.c_longlong * 4),
-        ("first", ctypes.c_longlong * 3),
+        ("bounds", ctypes.c_longlong * 5),
+        ("first", ctypes.c_longlong * 4),
         *((name, ctypes.c_void_p) for name in ("group", "left", "right", "result", "initial")),
         *((name, ctypes.c_longlong) for name in ("core", "chosen", "nonzeros_a", "nonzeros_b")),
         ("pattern", ctypes.c_void_p),
@@ -201,8 +210,8 @@ class _Program:
             *operations.sizes,
             len(operations.initial),
             len(self._results),
-            (ctypes.c_longlong * 4)(*operations.bounds),
-            (ctypes.c_longlong * 3)(*operations.first),
+            (ctypes.c_longlong * 5)(*operations.bounds),
+            (ctypes.c_longlong * 4)(*operations.first),
             *_addresses(operations.groups, operations.left, operations.right, self._results, operations.initial),
             core,
             chosen,
@@ -241,7 +250,7 @@ class Rates:
         nonzeros = ca.vertcat(ca.densify(rates), *by_state.nonzeros(), *by_parameter.nonzeros())  # type: ignore[call-overload]
         self.states, self.core, self.parameters = rates.numel(), core, list(parameters)
         self.of_state, self.of_parameter = _places(by_state), _places(by_parameter)
-        self.operations = _Operations(ca.Function("rates", [x, u, p], [nonzeros]))
+        self.operations = _Operations(ca.Function("rates", [x, u, p], [nonzeros]), self.states)
 
 
 def _places(matrix: ca.SX) -> IntArray:
@@ -355,12 +364,13 @@ def _kernel(model: Model, core: int, chosen: Sequence[int]) -> Kernel | None:
 
 
 def differentiated_with(model: Model, chosen: Sequence[int]) -> list[int]:
-    """The parameters that derivatives are made by where some are asked for: all that a fit or a prediction may ask for.
+    """The parameters that derivatives are made by: all that a fit or a prediction may ask for.
 
-    Making derivatives takes as long as some fits do; those of a fit are made once.
+    Making derivatives takes as long as some fits do; those of a fit are made once. Steps without them skip their
+    operations.
     """
     likely = [k for k, parameter in enumerate(model.parameters) if parameter.free]
-    return likely if chosen and set(chosen).issubset(likely) else list(chosen)
+    return likely if set(chosen).issubset(likely) else list(chosen)
 
 
 class AtPoints:
