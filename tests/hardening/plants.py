@@ -11,6 +11,7 @@ from typing import Literal
 
 import numpy as np
 from scipy.linalg import expm
+from scipy.optimize import least_squares
 
 from lptn.basics.arrays import FloatArray
 
@@ -61,10 +62,15 @@ class Robot:
                 return np.asarray(1 + share * random.uniform(-1, 1, count))
             return np.asarray(1 + share * np.clip(random.standard_normal(count), -2.5, 2.5))
 
-        count, off = len(self.nodes), factors(len(self.links))
-        links = tuple((i, j, r * float(by)) for (i, j, r), by in zip(self.links, off, strict=True))
-        return replace(self, capacity=self.capacity * factors(count), to_air=self.to_air / factors(count),
-                       links=links, loss=self.loss * factors(count))  # fmt: skip
+        counts = (len(self.links), *3 * (len(self.nodes),))
+        return self.scaled(np.concatenate([factors(count) for count in counts]))
+
+    def scaled(self, factors: FloatArray) -> Robot:
+        """The same robot with every value times a factor: links, capacities, air, losses, in this order."""
+        links, capacity, to_air, loss = np.split(factors, np.cumsum([len(self.links), *2 * (len(self.nodes),)]))
+        pairs = tuple((i, j, r * float(by)) for (i, j, r), by in zip(self.links, links, strict=True))
+        return replace(self, capacity=self.capacity * capacity, to_air=self.to_air / to_air, links=pairs,
+                       loss=self.loss * loss)  # fmt: skip
 
     def toml(self) -> str:
         """The model file at these values."""
@@ -116,6 +122,50 @@ class Plant:
         """Hold the currents of the driven nodes [A] for a step."""
         self._heat[self._driven] = self._loss * currents**2
         self._above = self._keep @ self._above + self._gain @ self._heat
+
+
+SURE = float(np.log(1e4))  # odds at which a fault is certain that one robot in some hundreds has
+
+
+def told_at(robot: Robot, share: float, start: float, step: float, noise: float, readings: FloatArray,
+            currents: FloatArray) -> int:  # fmt: skip
+    """The first reading at which it can be told that a sensor is false, by whoever knows all but the robot's values.
+
+    That is where the sound robot that explains the readings best, every value off by no more than the share, is less
+    probable by `SURE` than a fault that explains them whole. Before, they are as well those of a sound robot, and who
+    gives that its torque gives it to this one.
+
+    Args:
+        robot: as the model has it.
+        share: by which every value may be off.
+        start: degC of all nodes.
+        step: s between readings, over which currents are held.
+        noise: standard deviation of a reading [K].
+        readings: without their noise [degC], shape (n, nodes); of nodes without a sensor NaN.
+        currents: after each reading [A], shape (n, driven nodes).
+
+    Returns:
+        Its number; n for none.
+    """
+    values = np.concatenate([np.ones(len(robot.links) + len(robot.nodes)), robot.to_air > 0, robot.loss > 0]) > 0
+
+    def off(factors: FloatArray, count: int) -> FloatArray:
+        every = np.ones(values.size)
+        every[values] = factors
+        plant, residuals = Plant(robot.scaled(every), start, step), []
+        for row in range(count):
+            residuals.append((plant.temperature - readings[row])[list(robot.measured)])
+            plant.step(currents[row])
+        return np.concatenate(residuals) / noise
+
+    sound, told = 0, len(readings) + 1
+    while told - sound > 1:
+        count = (sound + told) // 2
+        best = least_squares(
+            off, np.ones(values.sum()), bounds=(1 - share, 1 + share), args=(count,), xtol=1e-4, ftol=1e-4
+        )
+        sound, told = (count, told) if best.cost < SURE else (sound, count)
+    return told - 1
 
 
 # --- Robots ---------------------------------------------------------------------------------------
