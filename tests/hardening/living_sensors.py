@@ -431,7 +431,7 @@ def table(results: dict[Case, Result]) -> str:
         over = [result for result in of_face.values() if result.beyond > PASSED]
         untold = sum(result.untold is not None and result.above <= result.untold + PASSED for result in over)
         lines.append(f"{face}: {len(over)} of {len(of_face)} cases pass limit and margin by more than {PASSED:g} K, "
-                     f"at worst by {of_face[worst].beyond:.1f} K: {worst}; {untold} before it could be told")  # fmt: skip
+                     f"at worst {of_face[worst].beyond:.1f} K: {worst}; {untold} before it could be told")  # fmt: skip
     return "\n".join(lines)
 
 
