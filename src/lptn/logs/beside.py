@@ -17,10 +17,7 @@ _LIKE = 15.0  # K, by which they may
 
 
 def refuse_other_units(runs: Sequence[Run]) -> None:
-    """Refuse a run whose surroundings, doubted to be in degF, are in degF what they are in another run in degC.
-
-    Args:
-        runs: of one robot, with their issues.
+    """Refuse one of a robot's runs whose surroundings, doubted to be in degF, are so what they are in another in degC.
 
     Raises:
         InputError: there is such a run.
@@ -47,9 +44,6 @@ leaves losses as they are: it is said, and conclusions are drawn."""
 
 def refuse_doubtful(runs: Sequence[Run]) -> None:
     """Refuse to conclude from runs of which a whole channel may be something else than it is read as.
-
-    Args:
-        runs: of which physics would be concluded.
 
     Raises:
         InputError: there is one; its remedies are the entry that corrects it, and the one that says it is right.

@@ -84,12 +84,9 @@ _OFF_GRID = 0.02  # of the step, by which a level may lie beside the grid
 
 
 def quantisation_step(values: FloatArray) -> float:
-    """The step, K, of the regular grid on which raw readings sit; 0.0 if there is none.
+    """The step, K, of the regular grid on which raw readings (n,) sit, NaN where missing; 0.0 if there is none.
 
     A grid is believed when each level returns three times on average, and all levels fit it within 2 %.
-
-    Args:
-        values: (n,) raw readings, K or degC; NaN is left out.
     """
     readings = values[np.isfinite(values)]
     # float32 and unit conversion blur the last digits; pandas needs no sorting of millions of rows

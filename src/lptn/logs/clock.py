@@ -32,13 +32,7 @@ def in_order(time: FloatArray) -> IntArray | None:
 
 
 def check_time(table: Table, key: str, source: ColumnSource, time: FloatArray) -> tuple[IntArray, tuple[str, ...]]:
-    """The rows to keep, (m,), and notes: of rows with the same time stamp the first is kept.
-
-    Args:
-        table: the log, for the line numbers.
-        key: `time`, or what else the column is mapped as.
-        source: where the time stands.
-        time: (n,) s.
+    """The rows to keep, (m,), and notes: of rows with the same time (n,) s the first is kept. It is mapped as `key`.
 
     Raises:
         InputError: time is missing somewhere, runs backwards, or is too short or too coarse to be in s.
@@ -98,16 +92,10 @@ follow each other; of one sensor's rows they differ less."""
 def within_stamps(
     table: Table, source: ColumnSource, time: FloatArray, values: Mapping[str, FloatArray]
 ) -> tuple[FloatArray, str]:
-    """Times in which rows of one time stamp are evenly apart, where the clock is coarser than the rows; and a note.
+    """Times (n,) s in which rows of one stamp are evenly apart, where the clock is coarser than the rows; and a note.
 
     Whole seconds under fifty rows a second would leave one torque of fifty, whose square says little of the heat. Rows
-    that are there twice, number by number, are not spread.
-
-    Args:
-        table: the log.
-        source: where the time stands.
-        time: (n,) s.
-        values: the quantities, (n,) each.
+    whose values, (n,) each, are there twice, number by number, are not spread.
 
     Raises:
         InputError: the rows of a stamp seem to be of several devices, or its clock has lost its digits.
@@ -146,11 +134,9 @@ _LONG_PERIOD = 20.0  # s: a log of whole numbers this far apart, over half a day
 
 
 def suspect_unit_of_time(source: ColumnSource, time: FloatArray) -> list[Issue]:
-    """Milliseconds and less, or minutes: by the column's name, a time since 1970, or rows that are far apart.
+    """Milliseconds and less, or minutes, of a time (n,) that is read as s.
 
-    Args:
-        source: where the time stands.
-        time: (n,) in s, if `source` says nothing else.
+    By the column's name, a time since 1970, or rows that are far apart.
     """
     if source.scale != 1.0 or time.size < 2 or not np.isfinite(time).all():
         return []

@@ -51,13 +51,7 @@ _CELLS_IN_A_CHUNK = 4_000_000  # the same where any row is admitted
 
 @dataclass(frozen=True)
 class Content:
-    """A table of text that may be read again and again.
-
-    Attributes:
-        path: the file that it is from.
-        open: gives its bytes.
-        row: what a line is called, such as "line".
-    """
+    """A table of text that may be read again and again: the file that it is from, its bytes, what a line is called."""
 
     path: Path
     open: Callable[[], BinaryIO]
@@ -125,14 +119,10 @@ class _Text:
     """What is known of a table of text before it is read as a whole: what its first lines say.
 
     Attributes:
-        encoding: of its characters.
         cut: its last line has no end: its writer was stopped, or the copy.
-        separator: of its cells; `_BLANK` and `_WIDE` stand for more.
-        decimal: the sign in its numbers.
         layout: where the table begins, among lines that are neither blank nor comments.
         lines: the numbers of those lines in the file, from 1.
         first_line: the number of the first row's line; of the one below the names where none was found.
-        names: of its columns.
         first: cells of the first row.
         said_of_names: where names come from that no line of their own has.
 

@@ -44,13 +44,7 @@ Choice = dict[str, tuple[str, str]]  # by quantity the column that may hold it, 
 
 @dataclass(frozen=True)
 class Guess:
-    """A column that may hold a quantity.
-
-    Attributes:
-        key: the quantity, `temperature.FR_calf`.
-        source: the column, and its unit.
-        why: what speaks for it.
-    """
+    """A column that may hold a quantity, its unit, and why: what speaks for it."""
 
     key: str
     source: ColumnSource

@@ -57,9 +57,7 @@ class Warming(NamedTuple):
     def fitted(self, used: BoolArray | None = None) -> tuple[FloatArray, FloatArray]:
         """The law's coefficients, (columns,), and what a part moves otherwise than by it in each step [K], (m,).
 
-        Args:
-            used: steps of which the law is taken, (m,), None for all; as most of them say, whatever a few that are far
-                off say.
+        The law is that of the steps `used`, (m,), as most of them say, whatever a few that are far off say.
         """
         used = np.ones(self.rate.size, dtype=bool) if used is None else used
         sizes = np.sqrt(np.square(self.design[used]).mean(axis=0)) + np.finfo(float).tiny
@@ -88,13 +86,7 @@ class Warming(NamedTuple):
 
 
 def warming(log: Channels, key: str, load: str) -> Warming | None:
-    """How a part warms beside what makes it; `None` where the log is too short to tell.
-
-    Args:
-        log: its channels.
-        key: the part's temperature.
-        load: the quantity that heats it.
-    """
+    """How a part of temperature `key` warms beside its load; `None` where the log is too short to tell."""
     if log.block == 0 or not np.isfinite(log.means(key)).any():
         return None
     warm, speed = log.means(key), f"velocity.{place_of(load)}"
@@ -128,17 +120,13 @@ _FLOOR = 1e-3  # K: what no sensor's means over a block are better than
 
 
 def better_order(log: Channels, places: Sequence[str], quantity: str) -> tuple[list[int], float]:
-    r"""For each temperature the load that it follows, all assigned once, and the statistic; 0 for the given order.
+    r"""For each place's temperature the load, torque or current, that it follows, all assigned once; and the statistic.
 
     With the mean error :math:`e_{ij}` that the law of joint i's temperature leaves where joint j's load heats it, the
     assignment with the least sum of :math:`\log e_{ij}^2` is compared with the given one: the statistic is the mean of
-    :math:`\log (e_{ii}^2 / e_{i \pi(i)}^2)` over the joints that change. Joints that work alike give next to 0,
-    whatever their order, and heat from a neighbour does not matter, since it would have to fit both ways.
-
-    Args:
-        log: its channels.
-        places: of the joints.
-        quantity: torque or current.
+    :math:`\log (e_{ii}^2 / e_{i \pi(i)}^2)` over the joints that change, 0 for the given order. Joints that work alike
+    give next to 0, whatever their order, and heat from a neighbour does not matter, since it would have to fit both
+    ways.
     """
     from scipy.optimize import linear_sum_assignment  # here, since it takes a while to import
 
@@ -176,11 +164,7 @@ for two minutes."""
 def against_heat(log: Channels, key: str, load: str, resolution: float) -> list[tuple[int, int]]:
     """First and last rows of stretches in which a temperature stands, or is the air's, and the part is elsewhere.
 
-    Args:
-        log: its channels.
-        key: the temperature.
-        load: what heats its part.
-        resolution: the sensor's steps [K], 0 for none.
+    It reads in steps of `resolution` [K], 0 for none, and `load` heats its part.
     """
     there, size = np.flatnonzero(np.isfinite(log.values[key])), log.block
     law = warming(log, key, load) if there.size else None
@@ -262,12 +246,9 @@ _RIDGE = 1e-9  # of the squares of a column, so that two temperatures that are o
 
 
 def gain_change(log: Channels, key: str, load: str) -> tuple[int, float] | None:
-    """The row from which a load makes another heat in a part, and its ratio to that before; `None` if there is none.
+    """The row from which a load makes another heat in the part of temperature `key`, and its ratio to that before.
 
-    Args:
-        log: its channels.
-        key: the part's temperature.
-        load: torque or current.
+    `None` where it always makes the same.
     """
     law = warming(log, key, load) if log.block >= _ROWS else None
     if law is None or law.rows.size < _STEPS_AT_LEAST:

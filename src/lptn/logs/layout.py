@@ -75,10 +75,9 @@ class Layout:
 
 
 def find_layout(rows: Sequence[Cells]) -> Layout:
-    """The layout of a file's first rows; where nothing looks like a table, that of one that begins with its names.
+    """The layout of a file's first rows of cells, neither blank ones nor comments among them.
 
-    Args:
-        rows: cells as text, neither blank rows nor comments among them.
+    Where nothing looks like a table, that of one that begins with its names.
     """
     widths, of_values = list(map(width_of, rows)), [any(map(is_value, row)) for row in rows]
     best = Layout(0)
@@ -106,12 +105,7 @@ def find_layout(rows: Sequence[Cells]) -> Layout:
 
 
 class RowsBelow:
-    """The rows below the names: which of them hold values, and under which names their cells stand.
-
-    Args:
-        path: the file.
-        names: of its columns.
-        units: what the row of units says of them.
+    """The rows below the names and their units: which of them hold values, and under which names their cells stand.
 
     Attributes:
         order: for each name the place of its cell in a row; another one behind names that stand again.
@@ -126,12 +120,9 @@ class RowsBelow:
     def holds_values(self, place: str, cells: Cells) -> bool:
         """Whether a row is one of the table's; one of words is left out, names that stand again are heeded.
 
-        Args:
-            place: where the row stands, in words.
-            cells: of the row; those behind the last name are empty, or the row is refused.
-
         Raises:
-            InputError: the row has more cells than there are names, or fewer; other names; or other units.
+            InputError: the row, `place` in words, has more or fewer cells than there are names; other names; or other
+            units.
         """
         filled, count = [cell.strip() for cell in cells if cell.strip()], width_of(cells)
         width = count if count > len(self.names) else min(len(cells), len(self.names))

@@ -39,16 +39,10 @@ _ABSOLUTE_ZERO = -273.15  # degC
 
 
 def check_values(table: Table, key: str, source: ColumnSource, values: FloatArray) -> None:
-    """Refuse infinite values, those that nothing can have, and temperatures below absolute zero.
-
-    Args:
-        table: the log, for the line numbers.
-        key: `<quantity>.<place>`.
-        source: where the values come from.
-        values: (n,) in SI or degC, NaN where missing.
+    """Refuse infinite values, those that nothing can have, and temperatures below absolute zero, of (n,) in SI or degC.
 
     Raises:
-        InputError: as said.
+        InputError: as said, with the line of the table.
     """
 
     def refuse(which: BoolArray, found: str, expected: str) -> None:
@@ -70,13 +64,10 @@ def check_values(table: Table, key: str, source: ColumnSource, values: FloatArra
 def silent_channels(log: Channels, predicted: Collection[str]) -> dict[str, list[Silence]]:
     """When each channel is silent, and whether what it says is left out: a hole in a sensor's, a gap in an input's.
 
-    Single readings are, and all that a predicted temperature says, but for one number throughout where no other says
-    more. Of a torque, current or speed, and of a given temperature that is dead, the log is cut, for what they bring in
-    is not known; a given temperature that stands still may well do so. Who says what is valid knows the machine.
-
-    Args:
-        log: its channels.
-        predicted: temperatures that a model predicts, and that are not given to it.
+    Single readings are, and all that a temperature says that a model predicts, but for one number throughout where no
+    other says more. Of a torque, current or speed, and of a given temperature that is dead, the log is cut, for what
+    they bring in is not known; a given temperature that stands still may well do so. Who says what is valid knows the
+    machine.
     """
     silent = silences_of(log)
     for key in log.of("temperature"):
@@ -252,13 +243,7 @@ def issues_of(
     """What looks wrong in a log's columns: another unit, a counter that wraps, a sensor that is dead.
 
     Of a column the first check that finds something speaks: a counter that wraps has values in no unit, and readings in
-    another unit look like fault codes.
-
-    Args:
-        log: its channels, time first.
-        silent: their silences, by `silent_channels`.
-        twice: temperatures that say what another does, by `duplicates`.
-        predicted: temperatures that a model predicts, and that are not given to it.
+    another unit look like fault codes. `silent` is of `silent_channels`, `twice` of `duplicates`.
     """
     issues: list[Issue] = []
     for key in log.sources:

@@ -74,10 +74,8 @@ _OPENERS: Mapping[tuple[str, ...], Callable[[Path], Table]] = {
 def open_log(path: Path, columns: Mapping[str, ColumnSource]) -> tuple[Table, dict[str, ColumnSource]]:
     """Open what a path names, and give the mapping that is left for it.
 
-    Args:
-        path: a log; or two logs of one run, `a.csv+b.csv`, joined on the onset of heating, or with the second's clock
-            set forward by so many seconds, `a.csv+b.csv@12.5`.
-        columns: where the quantities stand.
+    That is a log; or two logs of one run, `a.csv+b.csv`, joined on the onset of heating, or with the second's clock set
+    forward by so many seconds, `a.csv+b.csv@12.5`.
 
     Raises:
         InputError: a log can't be opened, or the two can't be joined.

@@ -38,9 +38,7 @@ where both are the same, while two days differ by what the room, the start or th
 def repeated_stretch(one: Run, other: Run) -> tuple[float, float] | None:
     """When in `other`, in s of its clock, its readings are those of `one`; `None` where they are its own.
 
-    Args:
-        one: a run.
-        other: another; either may be a part of the other, or its readings at a lower rate, as they are or as means.
+    Either may be a part of the other, or its readings at a lower rate, as they are or as means.
     """
     names = [name for name in one.columns if name.startswith("temperature.") and other.has(name)]
     coarse, fine = (one, other) if one.step >= other.step else (other, one)

@@ -195,13 +195,7 @@ def _count(gaps: FloatArray) -> str:
 
 @dataclass(frozen=True)
 class Samples:
-    """Raw samples of a log, or means over the intervals that its rows begin.
-
-    Args:
-        time: (n,) s, strictly increasing.
-        raw: quantities, (n,) each, SI and degC.
-        means: whether each row is a mean until the next.
-    """
+    """Samples of a log, (n,) s and quantities (n,) each in SI and degC, or means over the intervals that rows begin."""
 
     time: FloatArray
     raw: Mapping[str, FloatArray]

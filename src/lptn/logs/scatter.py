@@ -17,13 +17,7 @@ _HALVINGS = 40  # of the stretch in which the median is: to 1e-12 of it
 
 
 class Scatter(NamedTuple):
-    """White noise of a sensor's readings.
-
-    Args:
-        noise: standard deviation of one reading [K].
-        every: s, the usual time between readings.
-        readings: how many there are.
-    """
+    """White noise of a sensor: standard deviation of one reading [K], s between readings, and how many there are."""
 
     noise: float
     every: float
@@ -41,10 +35,6 @@ class Scatter(NamedTuple):
         rest of the rounding is noise from reading to reading. A temperature that passes through steps within a mean
         leaves less, but it comes to rest, too.
 
-        Args:
-            step: s, of a mean.
-            resolution: K, of the sensor's steps, 0 for none.
-
         Returns:
             the standard deviation, and the steps that would round as much, in the sense of a step over √12.
         """
@@ -58,12 +48,9 @@ class Scatter(NamedTuple):
 
 
 def scatter_of(time: FloatArray, values: FloatArray, step: float = 0.0) -> Scatter:
-    """Of a sensor's readings as they were logged, however irregular, NaN where none is; 0 of fewer than three.
+    """Of a sensor's readings (n,) at times (n,) s, however irregular, NaN where none is; 0 of fewer than three.
 
-    Args:
-        time: s, shape (n,).
-        values: readings, shape (n,).
-        step: K, of a sensor that reads in steps, 0 for a fine one.
+    It reads in steps of `step` K, 0 for a fine one.
     """
     stamps = time[~np.isnan(values)]
     every = 0.5 * float(np.median(stamps[2:] - stamps[:-2])) if stamps.size > 2 else 0.0
@@ -80,11 +67,8 @@ def usual(scatters: Collection[Scatter], step: float) -> float:
 def off_their_neighbours(time: FloatArray, values: FloatArray) -> FloatArray:
     """How far readings are off the line between their neighbours, over what white noise of 1 K makes: K, (m,).
 
-    A slow temperature hardly enters. Of neighbours farther apart than usual, across a gap, it might: left out.
-
-    Args:
-        time: s, shape (n,), increasing, at any distance.
-        values: readings, shape (n,), NaN where none is.
+    Times and readings are (n,), NaN where none is. A slow temperature hardly enters. Of neighbours farther apart than
+    usual, across a gap, it might: left out.
     """
     there = ~np.isnan(values)
     stamps, readings = time[there], values[there]
@@ -99,15 +83,12 @@ def off_their_neighbours(time: FloatArray, values: FloatArray) -> FloatArray:
 
 
 def white_noise(off: FloatArray, step: float = 0.0) -> float:
-    """Standard deviation by the median absolute value, which rare jumps hardly enter [K]; 0 of nothing.
+    """Standard deviation by the median absolute value of what `off_their_neighbours` gives [K]; 0 of nothing.
 
-    Of readings in steps that median would be one of a few numbers. Blurred by as much as rounding blurs, it grows with
-    the noise; what the blur and the rounding add to it is taken off again. Noise below a third of a step hardly moves
-    such readings and is told as less than it is, down to none: beside the rounding it counts for little.
-
-    Args:
-        off: as `off_their_neighbours` gives them, finite.
-        step: K, of readings that are rounded to it; 0 for others, and for means of rounded ones.
+    Rare jumps hardly enter. Of readings in steps [K] that median would be one of a few numbers. Blurred by as much as
+    rounding blurs, it grows with the noise; what the blur and the rounding add to it is taken off again. Noise below a
+    third of a step hardly moves such readings and is told as less than it is, down to none: beside the rounding it
+    counts for little. Of means of rounded readings the step is 0.
     """
     if not off.size:
         return 0.0

@@ -43,11 +43,8 @@ def silences(
 ) -> list[Silence]:
     """Stretches in which a channel gives one number for longer than chance allows by its noise, in order of time.
 
-    Args:
-        time: (n,) s.
-        values: (n,) in SI or degC, NaN where missing.
-        resolution: the sensor's steps, 0 for none.
-        temperature: whether it can be clamped, or dead at a number far from those around it; else it can be frozen.
+    Times are (n,) s, values (n,) in SI or degC, NaN where missing, in steps of `resolution`, 0 for none. A temperature
+    can be clamped, or dead at a number far from those around it; any other channel can be frozen.
     """
     there = np.flatnonzero(np.isfinite(values))
     # A topic that repeats itself until the next reading comes is read once a reading.
@@ -176,12 +173,8 @@ def _of_input(
     Once is a fault, again and again at other numbers is a column's way: it gives what was asked for, as commanded and
     simulated torques do. A fault that comes twice looks the same, unless the joint moves.
 
-    Args:
-        time: s, (n,).
-        channel: in SI, (n,).
-        speed: size of its joint's speed, or of that of all, (n,).
-        moving: size of its joint's speed where that is known, (n,).
-        at_rest: what it gives at rest at the most: a speed fails at what it said last, which is seldom so little.
+    The size of its joint's speed, or of that of all, and where it is known that of its joint, are (n,) as the channel.
+    At rest it gives `at_rest` at the most: a speed fails at what it said last, which is seldom so little.
     """
     stands, rows = silences(time, channel, temperature=False), np.isfinite(channel)
     if not stands and rows.sum() >= FEWEST and not channel[rows].any() and _logged(time[rows])[-1] >= STILL:

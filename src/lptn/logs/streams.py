@@ -35,10 +35,7 @@ Conflict = tuple[tuple[Hashable, Hashable], str, tuple[Hashable, ...]]
 def conflicts(names: Sequence[str], values: FloatArray, sources: Sequence[Hashable]) -> list[Conflict]:
     """Pairs of sources that take turns and differ, each with the first number in which they do.
 
-    Args:
-        names: of the numbers.
-        values: (n, names), in order of time; NaN where a message lacks one.
-        sources: (n,), whose message each is.
+    Values are (n, names), in order of time, NaN where a message lacks one; `sources`, (n,), says whose each is.
     """
     number = {source: k for k, source in enumerate(dict.fromkeys(sources))}
     label = np.array([number[source] for source in sources])

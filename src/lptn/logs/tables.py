@@ -49,9 +49,7 @@ class Table:
     """An open log.
 
     Attributes:
-        path: its file or folder.
-        names: of its columns.
-        read: gives some of them.
+        read: gives some of its columns.
         where: a row's place in the file, in words; rows count from 0.
         kind: its format, in words.
         mixed: its rows come from several sources, each at a rate of its own.

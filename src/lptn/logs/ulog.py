@@ -8,7 +8,8 @@ from collections.abc import Mapping, Sequence
 from contextlib import redirect_stdout
 from functools import partial
 from pathlib import Path
-from typing import Any, BinaryIO
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
@@ -25,8 +26,7 @@ _ESC_FIELDS = {
     "esc_current": ("current", "A"),
     "esc_rpm": ("velocity", "rpm"),
 }
-_MOST_FIELDS = 20_000  # of one topic: a definition that unfolds to more is no log's
-_DEEPEST = 16  # types within types
+_MOST_FIELDS, _DEEPEST = 20_000, 16  # of one topic, and types within types: more is no log's definition
 _HEADER = 3  # bytes of a message's head: with nothing more the file ends well
 
 
@@ -40,7 +40,13 @@ def open_ulog(path: Path) -> Table:
         InputError: the package pyulog is not installed, or the file can't be read.
     """
     require_package(path, "pyulog", "a PX4 ULog", "pip install 'lptn[ulog]'")
-    topics = _topics(path)
+    topics: dict[str, Mapping[str, Any]] = {}  # the fields of each, (n,); the time of a message, us, is `timestamp`
+    noise = io.StringIO()  # the library prints what it finds odd
+    with one_line_if_broken(path, "a whole PX4 ULog"), path.open("rb") as stream, redirect_stdout(noise):
+        for data in _bounded_reader()(stream).data_list:
+            if np.size(data.data.get("timestamp", ())):
+                fields = {name: values for name, values in data.data.items() if "_padding" not in name}
+                topics[data.name + (f":{data.multi_id}" if data.multi_id else "")] = fields
     columns = (f"{topic}.{field}" for topic, fields in topics.items() for field in fields if field != "timestamp")
     names = ("time", *columns)
     if len(names) == 1:
@@ -49,15 +55,13 @@ def open_ulog(path: Path) -> Table:
     notes = [f"{', '.join(defaults)}: known by PX4's names; the units are PX4's."] if defaults else []
 
     def sources(wanted: Sequence[str]) -> list[Source]:
-        found: list[Source] = []
-        of_all = set(wanted)
+        found, of_all = list[Source](), set(wanted)
         for topic, fields in topics.items():
             asked = [field for field in fields if f"{topic}.{field}" in of_all]
-            if not asked and of_all != {"time"}:
-                continue
-            time, rows, said = _in_time(path, topic, fields)
-            table.note(said)
-            found.append((time, {f"{topic}.{name}": np.asarray(fields[name], np.float64)[rows] for name in asked}))
+            if asked or of_all == {"time"}:
+                time, rows, said = _in_time(path, topic, fields)
+                table.note(said)
+                found.append((time, {f"{topic}.{name}": np.asarray(fields[name], np.float64)[rows] for name in asked}))
         return found
 
     digest = partial(fingerprint, path)
@@ -65,31 +69,17 @@ def open_ulog(path: Path) -> Table:
     return table
 
 
-def _topics(path: Path) -> dict[str, Mapping[str, Any]]:
-    """Each topic's fields, (n,) each; the time of the message, us, is `timestamp`."""
-    noise = io.StringIO()  # the library prints what it finds odd
-    with one_line_if_broken(path, "a whole PX4 ULog"), path.open("rb") as stream, redirect_stdout(noise):
-        log = _bounded_reader()(stream)
-    topics: dict[str, Mapping[str, Any]] = {}
-    for data in log.data_list:
-        stamps = data.data.get("timestamp")
-        if stamps is not None and np.asarray(stamps).size:
-            fields = {name: values for name, values in data.data.items() if "_padding" not in name}
-            topics[data.name + (f":{data.multi_id}" if data.multi_id else "")] = fields
-    return topics
-
-
 def _bounded_reader() -> Any:
-    """The library's reader, with a bound on what one definition may unfold to: a broken one would fill the memory."""
+    """The library's reader, with bounds: of what a definition may unfold to, and on files that end among definitions.
+
+    A broken definition would fill the memory, and at such an end the library would go back for ever.
+    """
     from pyulog import ULog
 
     class BoundedMessage(ULog._MessageAddLogged):  # type: ignore[misc]
         def _parse_nested_type(self, prefix: str, name: str, formats: Any) -> None:
-            sizes = [size for _, size, _ in formats[name].fields]
-            if (
-                len(self.field_data) + sum(max(size, 1) for size in sizes) > _MOST_FIELDS
-                or prefix.count(".") > _DEEPEST
-            ):
+            more = sum(max(size, 1) for _, size, _ in formats[name].fields)
+            if len(self.field_data) + more > _MOST_FIELDS or prefix.count(".") > _DEEPEST:
                 raise ValueError("a definition that unfolds to too many fields")
             super()._parse_nested_type(prefix, name, formats)
 
@@ -98,24 +88,18 @@ def _bounded_reader() -> Any:
 
         def _read_file_definitions(self) -> None:
             whole: Any = self._file_handle
-            self._file_handle: Any = _Definitions(whole)
+
+            def read(size: int) -> bytes:
+                content: bytes = whole.read(size)
+                if len(content) < size and (content or size != _HEADER):
+                    raise EOFError("it ends among its definitions")
+                return content
+
+            self._file_handle: Any = SimpleNamespace(read=read, tell=whole.tell, seek=whole.seek)
             super()._read_file_definitions()
             self._file_handle = whole
 
     return Bounded
-
-
-class _Definitions:
-    """The file while its definitions are read: in one that ends among them the library would go back for ever."""
-
-    def __init__(self, stream: BinaryIO) -> None:
-        self.tell, self.seek, self._stream = stream.tell, stream.seek, stream
-
-    def read(self, size: int) -> bytes:
-        content = self._stream.read(size)
-        if len(content) < size and (content or size != _HEADER):
-            raise EOFError("it ends among its definitions")
-        return content
 
 
 def _defaults(names: Sequence[str], topics: Mapping[str, Mapping[str, Any]]) -> dict[str, ColumnSource]:
@@ -152,8 +136,7 @@ def _in_time(path: Path, topic: str, fields: Mapping[str, Any]) -> tuple[FloatAr
         if order is None:
             before, now = rows[back.argmax() : back.argmax() + 2]
             found = f"{stamps[now]:.10g} s after {stamps[before]:.10g} s"
-            expected = "time that runs forwards; cut the log there"
-            raise InputError(path, f"{topic}, message {now + 1}", found, expected)
+            raise InputError(path, f"{topic}, message {now + 1}", found, "time that runs forwards; cut the log there")
         rows = rows[order]
         notes.append(f"{topic}: messages out of order, by a few; sorted.")
     return stamps[rows], rows, notes

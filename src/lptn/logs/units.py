@@ -55,12 +55,7 @@ _EXAMPLE_POLE_PAIRS = 14  # in the line that is proposed: a common number for ro
 
 
 def suspect_unit(log: Channels, key: str) -> list[Issue]:
-    """Another unit than the entry's, or SI, by a row of units, the column's name or its values.
-
-    Args:
-        log: its channels, read as their entries say.
-        key: `time` or `<quantity>.<place>`.
-    """
+    """Another unit than the entry's, or SI, by a row of units, the column's name or its values."""
     source, quantity = log.sources[key], quantity_of(key)
     readings = log.values[key][np.isfinite(log.values[key])]
     if not readings.size or (len(source.columns) > 1 and source.how != "mean"):
