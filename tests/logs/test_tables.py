@@ -280,7 +280,7 @@ def test_what_is_looked_through_is_bounded(
     """Packed, each takes next to nothing: 2 GB of blank lines, comments, words, rows without commas, or one line."""
     monkeypatch.setattr("lptn.logs.csv_files._LONGEST", 2_500)
     monkeypatch.setattr("lptn.logs.csv_files._MOST_LINES", 4_000)
-    monkeypatch.setattr("lptn.logs.layout._WORDS", Bound(500, "lines of words without a number"))
+    monkeypatch.setattr("lptn.logs.csv_files._WORDS", Bound(500, "lines of words without a number"))
     for path, bytes_of in ((tmp_path / name, content), (tmp_path / f"{name}.gz", gzip.compress(content))):
         path.write_bytes(bytes_of)
         assert said in refuse(path, read_log, path)

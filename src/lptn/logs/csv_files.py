@@ -1,4 +1,4 @@
-"""Tables written as text: CSV and its kin, opened as a log. Comma, semicolon, tab or blanks separate, quoted or not.
+"""Tables of text and spreadsheets opened as logs. Comma, semicolon, tab or blanks separate, quoted or not.
 
 A file whose rows are all alike is read at once by pyarrow, which admits no other. Any other is read row by row.
 """
@@ -7,29 +7,32 @@ from __future__ import annotations
 
 import codecs
 import csv
+import datetime
 import gzip
 import io
 import os
 import re
+import zipfile
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import suppress
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from functools import partial
 from itertools import islice
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import pandas as pd
 import pyarrow as pa
 import pyarrow.csv as pa_csv
 
+from lptn.basics.bounds import Bound
 from lptn.basics.errors import InputError
 from lptn.basics.files import fingerprint
 from lptn.logs import tables
 from lptn.logs.columns import is_number
-from lptn.logs.layout import LOOKED_AT, RowsBelow, find_layout, is_value, names_of
-from lptn.logs.tables import TIMES_PACKED, Bounded, Table, most_unpacked, one_line_if_broken, too_large
+from lptn.logs.layout import LOOKED_AT, find_layout, holds_values, is_value, names_of, width_of
+from lptn.logs.tables import TIMES_PACKED, Bounded, Table, most_unpacked, one_line_if_broken, require_package, too_large
 
 ENDINGS = (".csv", ".tsv", ".txt", ".csv.gz", ".tsv.gz", ".txt.gz")
 
@@ -39,6 +42,8 @@ _LONGEST = 1 << 24
 binary files may have no line end at all."""
 _MOST_LINES = 10_000_000
 """Of a file that is read line by line, at some µs each: a day at 100 Hz. Blank ones pack into nothing."""
+_WORDS = Bound(200_000, "lines of words without a number")
+"""Of a table of numbers, which a logger's messages may stand among; a look at each takes 0.1 ms."""
 _HEAD, _FEWEST_LINES = 1 << 19, 4  # characters that are looked at for the layout, and lines that are in any case
 _SEPARATORS = ",;\t"
 _BLANK, _WIDE = " ", "  "  # any number of blanks and tabs; two or more, where names have blanks of their own
@@ -278,9 +283,9 @@ class _Text:
         Raises:
             InputError: a row has more or fewer cells than there are names, or the file is broken.
         """
-        below, lines = RowsBelow(self.content.path, self.names, self.layout.units), list[int]()
+        lines, words = list[int](), list[int]()
         most, at_once = tables.MOST_NUMBERS // max(len(positions), 1), max(_CELLS_IN_A_CHUNK // len(self.names), 1)
-        frames, rows = [pd.DataFrame({position: [] for position in positions})], self._rows(below, lines)
+        frames, rows = [pd.DataFrame({position: [] for position in positions})], self._rows(lines, words)
         with one_line_if_broken(self.content.path, "a whole table"):
             while some := "\n".join(islice(rows, at_once)):
                 if len(lines) >= most:
@@ -303,29 +308,29 @@ class _Text:
                 cells = whole[name].astype("str")
                 numbers = cells.str.fullmatch(_DECIMAL_COMMA.pattern)
                 whole[name] = whole[name].mask(numbers, cells.str.replace(",", "."))
-        return whole, lines, below.said()
+        left_out = f"log: {len(words)} lines below its names hold words and no number; left out."
+        return whole, lines, [left_out] * bool(words)
 
-    def _rows(self, below: RowsBelow, lines: list[int]) -> Iterator[str]:
-        """Rows as lines of text whose cells stand in the order of the names; the lines' numbers go into `lines`."""
-        in_order = below.order
+    def _rows(self, lines: list[int], words: list[int]) -> Iterator[str]:
+        """The rows, whose lines' numbers go into `lines`, those of words into `words`."""
         numbered = ((k, line) for k, line in self.data_lines() if k >= self.first_line)
         last = next(numbered, None) if self.cut else None
         for number, line in numbered:
             if last is not None:  # each but the last one, which is cut
                 (number, line), last = last, (number, line)
+            blank = self.separator in (_BLANK, _WIDE)
+            row = self._between.join(_cells(line, self.separator)) if blank else line
             # Most begin with a number, and their cells need no look.
-            if line[0] in _BEGINS_A_NUMBER and '"' not in line and below.order == in_order and self.separator != _WIDE:
-                plain = "\t".join(line.split()) if self.separator == _BLANK else line
-                if plain.count(self._between) + 1 == len(self.names):
-                    lines.append(number)
-                    yield plain
-                    continue
-            cells = _cells(line, self.separator)
-            if below.holds_values(f"{self.content.row} {number}", cells):
+            regular = (
+                line[0] in _BEGINS_A_NUMBER and '"' not in line and row.count(self._between) + 1 == len(self.names)
+            )
+            place, cells = f"{self.content.row} {number}", () if regular else _cells(line, self.separator)
+            if regular or holds_values(self.content.path, place, self.names, self.layout.units, cells):
                 lines.append(number)
-                text = io.StringIO()
-                csv.writer(text, delimiter=self._between, lineterminator="").writerow(cells[k] for k in below.order)
-                yield text.getvalue()
+                yield row
+            else:
+                words.append(number)
+                _WORDS.check(len(words), self.content.path, place)
 
     @property
     def _between(self) -> str:
@@ -356,3 +361,66 @@ def _cells(text: str, separator: str) -> list[str]:
     with suppress(csv.Error):  # a cell of a hundred thousand characters
         return next(csv.reader([text], delimiter=separator, skipinitialspace=True), [])
     return [text]
+
+
+# --- Spreadsheets, as the text that a program would save of the sheet that holds a table ------------------
+
+# Values are those that the program which saved the file had worked out; formulas are not evaluated.
+_MOST_CELLS = 10_000_000  # a sheet has a million rows at most; so many cells take half a minute and 1 GB
+_MOST_BYTES = 1_000_000_000  # of what is packed in the file: as many cells, at a hundred bytes each
+_MOST_ROWS = 1 << 20  # of a sheet, by its format
+
+
+def open_spreadsheet(path: Path) -> Table:
+    """Open a spreadsheet, and find the sheet with the longest table among the first rows of each.
+
+    Raises:
+        InputError: `openpyxl` is not installed, the file is broken or too large, or no sheet holds a table.
+    """
+    require_package(path, "openpyxl", "a spreadsheet", "pip install 'lptn[excel]', or the sheet saved as CSV")
+    from openpyxl import load_workbook
+
+    with one_line_if_broken(path, "a whole .xlsx file"):
+        with zipfile.ZipFile(path) as archive:
+            unpacked = sum(part.file_size for part in archive.infolist())
+        if unpacked > min(_MOST_BYTES, most_unpacked(path)):
+            raise InputError(path, "log", f"{unpacked / 1e9:.2g} GB unpacked", "a spreadsheet of readings, or CSV")
+        with closing(load_workbook(path, read_only=True, data_only=True, keep_links=False)) as book:
+            heads = {sheet.title: list(islice(filter(any, _rows(sheet)), LOOKED_AT)) for sheet in book.worksheets}
+            layouts = {name: find_layout(rows) for name, rows in heads.items()}
+            found = [name for name, layout in layouts.items() if layout.rows]
+            if not found:
+                expected = "a row of column names, and rows of numbers below it"
+                raise InputError(path, "log", "no table in any sheet", expected)
+            name = max(found, key=lambda name: layouts[name].rows)
+            width = width_of(heads[name][layouts[name].header if layouts[name].named else layouts[name].first])
+            text, count = io.StringIO(newline=""), 0
+            write = csv.writer(text, quoting=csv.QUOTE_ALL, lineterminator="\n").writerow
+            for cells in _rows(book[name]):
+                filled = width_of(cells)
+                count += max(filled, width)
+                if count > _MOST_CELLS:
+                    raise too_large(path, f"a spreadsheet of more than {_MOST_CELLS:.0e} cells")
+                if filled:
+                    write([*cells[: max(filled, width)], *[""] * (width - len(cells))])
+                else:
+                    text.write("\n")
+    others = ", ".join(f"'{other}'" for other in found if other != name)
+    notes = [f"log: sheet '{name}' is read; {others} not (another sheet: save it as CSV)."] if others else []
+    content = text.getvalue().encode()
+    return table_of_text(Content(path, lambda: io.BytesIO(content), f"sheet '{name}', row"), "spreadsheet", notes)
+
+
+def _rows(sheet: Any) -> Iterator[list[str]]:
+    """The rows as text, from the first of the sheet on; times of the day and durations in s."""
+    sheet.reset_dimensions()  # what a file says of its own size may be wrong
+    for number, values in enumerate(sheet.iter_rows(values_only=True), start=1):
+        if number > _MOST_ROWS:  # the library fills up to whatever number a row has
+            raise ValueError(f"a row beyond {_MOST_ROWS}")
+        yield ["" if value is None else str(_plain(value)).replace("\n", " ").strip() for value in values]
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, datetime.time):
+        value = datetime.datetime.combine(datetime.date.min, value) - datetime.datetime.min
+    return value.total_seconds() if isinstance(value, datetime.timedelta) else value

@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from lptn.basics.bounds import Bound
 from lptn.basics.errors import InputError
 from lptn.logs.columns import is_unit
 
@@ -20,8 +19,6 @@ Cells = Sequence[str]
 
 LOOKED_AT = 200  # rows at most, from the first: nobody writes more above a table
 _FEWEST_ALIKE = 5  # rows of numbers alone, and of one length, that begin a table without names
-_WORDS = Bound(200_000, "lines of words without a number")
-"""Of a table of numbers, which a logger's messages may stand among; a look at each takes 0.1 ms."""
 
 # A number with either decimal sign, a date or a time of the day, or what people write where there is none.
 _NUMBER = r"[-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:e[-+]?\d+)?"
@@ -104,56 +101,30 @@ def find_layout(rows: Sequence[Cells]) -> Layout:
     return best
 
 
-class RowsBelow:
-    """The rows below the names and their units: which of them hold values, and under which names their cells stand.
+def holds_values(path: Path, place: str, names: tuple[str, ...], units: tuple[str, ...], cells: Cells) -> bool:
+    """Whether a row below a table's names and units is one of the table's, or one of words, which is left out.
 
-    Attributes:
-        order: for each name the place of its cell in a row; another one behind names that stand again.
-        notes: what was noticed, a sentence each.
-        words: how many rows of words are left out.
+    Names may stand again, and units.
+
+    Raises:
+        InputError: the row, `place` in words, has more or fewer cells than there are names; other names, or units.
     """
-
-    def __init__(self, path: Path, names: tuple[str, ...], units: tuple[str, ...] = ()) -> None:
-        self.path, self.names, self.units = path, names, units
-        self.order, self.notes, self.words = list(range(len(names))), list[str](), 0
-
-    def holds_values(self, place: str, cells: Cells) -> bool:
-        """Whether a row is one of the table's; one of words is left out, names that stand again are heeded.
-
-        Raises:
-            InputError: the row, `place` in words, has more or fewer cells than there are names; other names; or other
-            units.
-        """
-        filled, count = [cell.strip() for cell in cells if cell.strip()], width_of(cells)
-        width = count if count > len(self.names) else min(len(cells), len(self.names))
-        if any(map(is_value, filled)):
-            if width != len(self.names):
-                said = f"{width} cell{'s' * (width != 1)} under {len(self.names)} names"
-                raise InputError(self.path, place, said, "as many cells in each row as there are names")
-            return True
-        if not filled and width == len(self.names):
-            return True
-        other, names, units = "", names_of(cells[:width]), _units_of(cells[: len(self.names)])
-        if width == len(self.names) and all(map(is_unit, filled)):
-            if units != self.units:
-                other = f"units ({', '.join(units)}) that the table does not begin with"
-        elif not set(self.names).isdisjoint(filled) or (width > 1 and len(set(filled)) == width == len(self.names)):
-            if sorted(names) != sorted(self.names) or (names != self.names and len(set(names)) < len(names)):
-                other = f"other names ({', '.join(names)}) than the table begins with"
-            else:
-                order = [names.index(name) for name in self.names] if names != self.names else list(range(width))
-                if order != self.order:
-                    said = f"log: its names stand again, in another order, in {place}; what follows is read by them."
-                    self.notes.append(said)
-                self.order = order
-        if other:
-            expected = "a table of one kind of rows; what follows, in a file of its own"
-            raise InputError(self.path, place, other, expected)
-        self.words += 1
-        _WORDS.check(self.words, self.path, place)
-        return False
-
-    def said(self) -> list[str]:
-        """Notes on what was left out, or read by other names."""
-        left_out = f"log: {self.words} lines below its names hold words and no number; left out."
-        return [*self.notes, *[left_out] * bool(self.words)]
+    filled, count = [cell.strip() for cell in cells if cell.strip()], width_of(cells)
+    width = count if count > len(names) else min(len(cells), len(names))
+    if any(map(is_value, filled)):
+        if width != len(names):
+            said = f"{width} cell{'s' * (width != 1)} under {len(names)} names"
+            raise InputError(path, place, said, "as many cells in each row as there are names")
+        return True
+    if not filled and width == len(names):
+        return True
+    other, again, units_again = "", names_of(cells[:width]), _units_of(cells[:width])
+    as_names = not set(names).isdisjoint(filled) or (width > 1 and len(set(filled)) == width == len(names))
+    if width == len(names) and all(map(is_unit, filled)):
+        if units_again != units:
+            other = f"units ({', '.join(units_again)}) that the table does not begin with"
+    elif as_names and again != names:
+        other = f"other names, or another order of them ({', '.join(again)}), than the table begins with"
+    if other:
+        raise InputError(path, place, other, "a table of one kind of rows; what follows, in a file of its own")
+    return False

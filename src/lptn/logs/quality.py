@@ -89,49 +89,42 @@ def silent_channels(log: Channels, predicted: Collection[str]) -> dict[str, list
 
 
 _MANY = 4  # stretches of one kind that are said one by one
+_SAID = {
+    "spike": "{count} spike{s} of up to {number} K in single readings {when}",
+    "disconnected": "no reading of a heated part, around {number} {unit}, in {count} rows {when}",
+    "wrap": "leaps by {number} K, up and down, {when}: a counter that wraps, or a reference that changes",
+}
+"""What a channel does in a silence of a kind; of all others it stands at a number."""
 
 
 def _suspect_silence(log: Channels, key: str, silent: list[Silence], predicted: Collection[str]) -> list[Issue]:
     """What a channel's silences mean, and what is done with them."""
-    issues, source, of_kind = list[Issue](), log.sources[key], dict[str, list[Silence]]()
-    for silence in silent:
-        of_kind.setdefault(silence.kind, []).append(silence)
-    codes, off = of_kind.pop("code", []), of_kind.pop("disconnected", [])
+    issues, source, unit = list[Issue](), log.sources[key], column_unit(key)
+    codes, off = ([one for one in silent if one.kind == kind] for kind in ("code", "disconnected"))
     if codes and (len(source.columns) == 1 or source.how == "mean"):
-        count = int(sum(code.rows.sum() for code in codes))
-        listed = " and ".join(f"{code.value:.6g}" for code in codes)
+        count, listed = int(sum(code.rows.sum() for code in codes)), " and ".join(f"{code.value:.6g}" for code in codes)
         problem = f"{count} reading{'s' * (count > 1)} of exactly {listed} degC, far from those around: a fault code"
-        in_file = [_in_file(log, key, code) for code in codes]
-        corrected = replace(source, invalid=tuple(dict.fromkeys((*source.invalid, *in_file))))
+        in_file = (*source.invalid, *(_in_file(log, key, code) for code in codes))
+        corrected = replace(source, invalid=tuple(dict.fromkeys(in_file)))
         remedy = "these readings are left out; to have it in the model file, write {}"
         issues.append(correctable(key, problem, corrected, False, remedy, kind="code"))
     if len(off) > _MANY:  # a sensor that is off again and again: all in one
         rows, middle = np.any([silence.rows for silence in off], axis=0), float(np.median([one.value for one in off]))
         off = [replace(off[0], value=middle, stop=off[-1].stop, rows=rows)]
-    for silence in (*(one for one in silent if one.kind in of_kind), *off):
-        problem, remedy = _what(key, silence), _done(log, key, silence, predicted)
+    for silence in (*(one for one in silent if one.kind not in ("code", "disconnected")), *off):
+        number, count = f"{silence.value + 0.0:.{3 if silence.kind == 'spike' else 6}g}", int(silence.rows.sum())
+        when = f"from {silence.start:.10g} to {silence.stop:.10g} s"
+        text = _SAID.get(silence.kind, f"{silence.kind} at {{number}} {{unit}} {{when}}")
+        if silence.whole:
+            moves = "the joint" if quantity_of(key) in INPUTS else "another one"
+            text = f"reads {{number}} {{unit}} throughout, {silence.stop - silence.start:.4g} s, while {moves} moves"
+        problem = text.format(number=number, unit=unit, when=when, count=count, s="s" * (count > 1))
         if silence.column:
             problem = f"its column '{silence.column}' {'is ' * (not silence.whole)}{problem}"
         stretch, column = (silence.start, silence.stop), silence.column or source.columns[0]
+        remedy = _done(log, key, silence, predicted)
         issues.append(Issue(key, column, problem, remedy, False, kind=silence.kind, stretch=stretch))
     return issues
-
-
-def _what(key: str, silence: Silence) -> str:
-    """What a channel does in a silence."""
-    number, unit, count = f"{silence.value + 0.0:.6g}", column_unit(key), int(silence.rows.sum())  # no zero with a sign
-    when = f"from {silence.start:.10g} to {silence.stop:.10g} s"
-    if silence.whole:
-        others = "the joint" if quantity_of(key) in INPUTS else "another one"
-        return f"reads {number} {unit} throughout, {silence.stop - silence.start:.4g} s, while {others} moves"
-    match silence.kind:
-        case "spike":
-            return f"{count} spike{'s' * (count > 1)} of up to {silence.value:.3g} K in single readings {when}"
-        case "disconnected":
-            return f"no reading of a heated part, around {number} {unit}, in {count} rows {when}"
-        case "wrap":
-            return f"leaps by {number} K, up and down, {when}: a counter that wraps, or a reference that changes"
-    return f"{silence.kind} at {number} {unit} {when}"
 
 
 def _done(log: Channels, key: str, silence: Silence, predicted: Collection[str]) -> str:

@@ -31,7 +31,7 @@ from lptn.logs.columns import (
     words_of,
 )
 from lptn.logs.csv_files import ENDINGS as CSV_ENDINGS
-from lptn.logs.csv_files import open_csv
+from lptn.logs.csv_files import open_csv, open_spreadsheet
 from lptn.logs.guess import format_note, guess, refuse_exchanged
 from lptn.logs.issue import Issue
 from lptn.logs.joining import SECOND_TIME, join
@@ -53,7 +53,6 @@ from lptn.logs.resampling import (
 )
 from lptn.logs.run import LATEST_FIRST, Run
 from lptn.logs.scatter import scatter_of
-from lptn.logs.spreadsheets import open_spreadsheet
 from lptn.logs.streams import ANOTHER_SOURCE, rows_of_zeros
 from lptn.logs.tables import Table, column_sources, open_parquet, table_of, with_times
 from lptn.logs.ulog import open_ulog
@@ -355,14 +354,17 @@ def read_log(
         raise InputError(path, "max_gap", f"{max_gap:g} s", expected)
     stretches = partial(find_stretches, samples.time, samples.period, max_gap=max_gap, steady_gap=steady_gap)
     # Inputs that nobody needs, and that hold nothing or would cut the log into pieces.
-    needed, void = {*inputs, *outputs} or set(choice.inputs), {k for k, x in samples.raw.items() if np.isnan(x).all()}
-    kept = {
-        key: samples.raw[key] for key in choice.raw(needed & {*choice.inputs, *choice.outputs}) - void - set(outputs)
-    }
-    whole, gappy = stretches(kept)[0], list[str]()
-    for column in (column for column in choice.inputs if column not in needed):
-        own = {key: samples.raw[key] for key in choice.raw([column])}
-        with_it = stretches(kept | own)[0] if void.isdisjoint(own) else []
+    needed, gaps = (
+        {*inputs, *outputs} or set(choice.inputs),
+        {k: x for k, x in samples.raw.items() if np.isnan(x).any()},
+    )
+    void, asked = {key for key, x in gaps.items() if np.isnan(x).all()}, needed & {*choice.inputs, *choice.outputs}
+    kept = {key: x for key, x in gaps.items() if key in choice.raw(asked) - void - set(outputs)}
+    spare = {column: gaps.keys() & choice.raw([column]) for column in choice.inputs if column not in needed}
+    whole, gappy = list[Span](), list[str]()
+    for column, own in ((column, own) for column, own in spare.items() if own):
+        whole = whole or stretches(kept)[0]
+        with_it = stretches(kept | {key: gaps[key] for key in own})[0] if void.isdisjoint(own) else []
         lost = sum(stop - start for start, stop in whole) - sum(stop - start for start, stop in with_it)
         gappy += [column] if len(with_it) != len(whole) or lost > max_gap else []
     choice = choice.without(gappy)
