@@ -14,7 +14,7 @@ import pytest
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.cli.main import main
-from lptn.identify.noise import Noise
+from lptn.identify.data import load_model
 from lptn.logs.run import Run
 from lptn.model.model import Model
 from lptn.model.network import Network, NodeDeclaration
@@ -23,7 +23,10 @@ from lptn.online.augmented_model import ModelError
 from lptn.online.estimator import Estimator, run_filter
 from lptn.online.forecasting import ModelUncertainty, forecast, present
 from lptn.online.operating_point import find_gait, operating_point, steady_seconds
+from lptn.robots.presets import preset_text
 from lptn.simulate.bound_run import bind
+from lptn.virtual import Run as VirtualRun
+from lptn.virtual import Segment, quadruped_logs
 from tests.builders import AMBIENT, capacity, effect, link, make_run, node
 from tests.model import slot
 
@@ -137,8 +140,7 @@ def test_a_model_that_lacks_something_is_not_bent_to_the_log(motor: Model) -> No
     assert (poor.learns, good.learns) == (False, True)
     assert "lptn diagnose" in poor.source
     run = warming(np.full(600, 10.0), extra=8.0)
-    noise = Noise(np.array([0.05]), np.array([0.0]))
-    kept, learnt = (present(motor, run, noise, uncertainty) for uncertainty in (poor, good))
+    kept, learnt = (present(motor, run, uncertainty)[0] for uncertainty in (poor, good))
     np.testing.assert_allclose(kept.values, motor.values, rtol=1e-14)
     assert kept.state()["mean"][kept.augmented.layout.air] == 0
     assert np.abs(learnt.values / motor.values - 1).max() > 1e-6
@@ -152,7 +154,7 @@ def test_no_parameter_is_bent_beyond_its_standard_error_by_heat_that_the_model_l
     seen = warming(true, noise=0.15)
     run = replace(seen, columns={**seen.columns, "torque.m": logged})
     doubt = ModelUncertainty(np.eye(len(motor.free)) * 0.02**2, np.full(1, 0.1), "test")
-    filtered = present(motor, run, Noise(np.array([0.15]), np.zeros(1)), doubt)
+    filtered, _ = present(motor, run, doubt)
     moved = np.log(filtered.values / motor.values)[motor.free] / 0.02
     assert np.abs(moved).max() < 3.0
     heat = float(filtered.state()["mean"][filtered.augmented.layout.heat][0])
@@ -216,6 +218,21 @@ def test_doubt_about_parameters_widens_the_interval(motor: Model) -> None:
     assert unsure.high - unsure.low > 1.5 * (sure.high - sure.low)
     wider = forecast(motor, run, 60.0, fit=doubt, coverage=0.99).nodes["m"]
     assert wider.low < unsure.low < unsure.high < wider.high
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("seed", "speed", "load"), [(96, 1.0, 4.0), (97, 0.5, 2.0), (98, 0.8, 0.0), (99, 1.0, 2.0)])
+def test_healthy_sensors_are_believed_though_nobody_fitted_the_model(
+    seed: int, speed: float, load: float, tmp_path: Path
+) -> None:
+    """A preset misses what a trot adds by as much as a sensor's fault would: all calves were off, or drifted."""
+    trot = VirtualRun((Segment("stand", 300), Segment("trot", 900, speed, load)), 20.0)
+    quadruped_logs(seed=seed, runs={"now": trot})["now"].to_csv(tmp_path / "now.csv", index=False)
+    (tmp_path / "robot.toml").write_text(preset_text("quadruped"))
+    loaded = load_model(tmp_path / "robot.toml")
+    ahead = forecast(loaded.model, loaded.runs([tmp_path / "now.csv"])[-1], 200.0)
+    assert "30% of each parameter" in ahead.trust
+    assert ahead.doubts == ()
 
 
 def test_a_model_that_runs_away_settles_nowhere() -> None:

@@ -1,12 +1,7 @@
-"""Which readings of a run are to be believed, by the model and its own errors: those of sensors that are alive.
-
-Reading by reading a filter leaves out sensors that are not alive (`living_sensors`); of the others, offsets, drifts and
-lags that the model's errors don't explain are found by their likelihood ratio (`fault_bank`).
-"""
+"""Which readings of a run are to be believed: those of sensors that are alive (`living_sensors`), one by one."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,7 +10,6 @@ from lptn.basics.arrays import BoolArray, FloatArray
 from lptn.basics.errors import InputError
 from lptn.logs.run import Run
 from lptn.online.estimator import Estimate, Estimator, run_filter
-from lptn.online.fault_bank import Alarm, first_alarm
 from lptn.simulate.bound_run import BoundRun
 
 
@@ -76,39 +70,6 @@ def _since(rows: BoolArray, time: FloatArray) -> float:
     """Since when all readings have been left out [s]."""
     kept = np.flatnonzero(~rows)
     return float(time[min(kept[-1] + 1, time.size - 1)] if kept.size else time[0])
-
-
-def wandering(make: Callable[[], Estimator], bound: BoundRun, limits: FloatArray) -> list[Doubt]:
-    """Sensors that are off, drift or lag by more than the model's errors explain.
-
-    None is called unless most of the sensors agree with the model: of one sensor and one model nothing says which is
-    wrong.
-
-    Args:
-        make: gives a fresh estimator that takes all readings in.
-        bound: the run, in steps of some 10 s.
-        limits: weight that calls an offset, a drift, a lag [standard deviations], shape (3, nodes).
-    """
-    measured, doubts = bound.measured.copy(), list[Doubt]()
-    seen, step = int(np.isfinite(measured).any(axis=1).sum()), bound.run.step
-    while 2 * len(doubts) < seen:
-        estimator = make()
-        alarm = first_alarm(estimator, bound, measured, limits)
-        if alarm is None:
-            return doubts
-        measured[estimator.model.nodes.index(alarm.node), bound.run.time >= alarm.onset - step] = np.nan
-        doubts.append(Doubt(alarm.node, alarm.onset - step, _why(alarm, float(bound.run.time[-1]) + step)))
-    return []
-
-
-def _why(alarm: Alarm, end: float) -> str:
-    size = 0.0 if alarm.size is None else alarm.size
-    what = {
-        "offset": f"is off by {size:+.2g} K",
-        "drift": f"drifts by {3600 * size:+.2g} K/h",
-        "lag": f"lags behind by {size:.0f} s",
-    }
-    return f"{what[alarm.kind]}, as it seems, for {end - alarm.onset:.0f} s"
 
 
 def refuse_none(run: Run, nodes: tuple[str, ...], doubts: list[Doubt]) -> None:

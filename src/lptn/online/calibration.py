@@ -27,7 +27,6 @@ from lptn.identify.noise import Noise, estimate_noise
 from lptn.logs.run import Run
 from lptn.model.model import Model
 from lptn.online.augmented_model import BIAS_TIME, ModelError
-from lptn.online.estimator import run_filter
 from lptn.online.fault_bank import (
     KINDS,
     LAG,
@@ -35,6 +34,7 @@ from lptn.online.fault_bank import (
     STEP,
     coarsely_bound,
     fault_statistics,
+    filtered,
     gaussian_estimator,
     warming_by_loads,
 )
@@ -112,10 +112,11 @@ def calibrate(
     hours = sum(len(run) * run.step for run in runs) / 3600
     share = false_alarms * hours / len(weights) / (len(KINDS) * len(model.nodes))
     maxima = np.array(weights)
-    limits = [_rare_by_class(maxima[:, kind], model.nodes, share) for kind in range(LAG)]
     # A lag's course is known, so chance alone passes no limit (Ville's inequality): only a model that is wrong does.
-    limits.append(np.full(len(model.nodes), _MARGIN * maxima[:, LAG].max()))
-    return Calibration(noise, error, np.maximum(limits, _LEAST_LIMIT), hours)
+    usual = [*(rare(maxima[:, kind].ravel(), share) for kind in range(LAG)), maxima[:, LAG].max()]
+    return Calibration(
+        noise, error, np.tile(np.maximum(_MARGIN * np.array(usual), _LEAST_LIMIT)[:, None], len(model.nodes)), hours
+    )
 
 
 def uncalibrated(model: Model, runs: Sequence[Run], rmse: float | None) -> Calibration:
@@ -148,21 +149,6 @@ _TAIL, _LEAST_TAIL = 0.1, 20  # share, and number, of the largest maxima that th
 _MARGIN = 1.1  # on the limits: healthy logs to come hold what those before did not
 
 
-def _rare_by_class(maxima: FloatArray, nodes: Sequence[str], share: float) -> FloatArray:
-    """What a healthy sensor of each node passes so rarely, shape (nodes,), by its class and by all, with a margin.
-
-    Args:
-        maxima: of each block at each node, shape (blocks, nodes).
-        nodes: their names.
-        share: of the maxima that may pass.
-    """
-    classes = [class_of(node) for node in nodes]
-    columns = {name: [column for column, other in enumerate(classes) if other == name] for name in classes}
-    # A class that is modelled worse than the others is hidden in the tail of all; one of few logs has little tail.
-    of_all = rare(maxima.ravel(), share)
-    return np.array([_MARGIN * max(of_all, rare(maxima[:, columns[name]].ravel(), share)) for name in classes])
-
-
 def rare(maxima: FloatArray, share: float) -> float:
     """The value that only this share of maxima passes, by an exponential tail fitted to the largest tenth of them.
 
@@ -192,6 +178,7 @@ def likeliest(
     Nodes of a class (all calves) share their sizes: a model is as wrong about one as about the other.
     """
     classes = {node: class_of(node) for node in model.nodes}
+    readings = sum(int(np.isfinite(bound.measured).sum()) for bound in bound_runs)
     air = [column for column in model.inputs if column.startswith("temperature.")]
 
     def error(sizes: dict[str, float]) -> ModelError:
@@ -208,7 +195,9 @@ def likeliest(
     @cache
     def value(sizes: tuple[tuple[str, float], ...]) -> float:
         report(f"learning what is healthy: sizes of the model's errors, trial {value.cache_info().misses}")
-        return mean_log_likelihood(model, noise, error(dict(sizes)), bound_runs)
+        estimators = [gaussian_estimator(model, noise, error(dict(sizes))) for _ in bound_runs]
+        pairs = zip(estimators, bound_runs, strict=True)
+        return sum(float(filtered(made, bound, bound.measured)[0].sum()) for made, bound in pairs) / max(readings, 1)
 
     def times(name: str, factor: float) -> dict[str, float]:
         size = best[name] * factor
@@ -221,18 +210,6 @@ def likeliest(
             while value(tuple((trial := times(name, factor)).items())) > value(tuple(best.items())) + _GAIN:
                 best = trial
     return error(best)
-
-
-def mean_log_likelihood(model: Model, noise: Noise, error: ModelError, bound_runs: Sequence[BoundRun]) -> float:
-    """Logarithm of the innovations' likelihood, per reading, up to a constant."""
-    total, count = 0.0, 0
-    for bound in bound_runs:
-        estimator = gaussian_estimator(model, noise, error)
-        for _ in run_filter(estimator, bound):
-            if estimator.last is not None:
-                total += estimator.last.log_likelihood
-                count += len(estimator.last.innovation)
-    return total / max(count, 1)
 
 
 # --- The file -------------------------------------------------------------------------------------

@@ -98,7 +98,7 @@ Rounding = Literal["cell", "white", "ignored"]
 _UNMEASURED = 5.0  # K; standard deviation at the start of a node without a reading: robots start near one temperature
 _UNREAD = 15.0  # K; of all nodes where nothing is read at the start: about the ambient, a robot may come from work
 _HIDDEN = 2.0  # K; of a hidden state about its node
-_UNKNOWN = 0.3  # standard deviation of a learnt parameter's coordinate: some 30 %, as far as data sheets are off
+UNKNOWN = 0.3  # standard deviation of a learnt parameter's coordinate: some 30 %, as far as data sheets are off
 _WALK = 0.05  # how far a learnt parameter's coordinate walks in an hour
 _HOUR, _DAY = 3600.0, 86400.0  # s; what was known a day ago is worth no more than a new start
 _LEAST_NOISE = 0.02  # K; no sensor of a robot is quieter
@@ -420,7 +420,7 @@ class Estimator:
         parameters = [model.parameters[index] for index in self.doubtful]
         self._transform = Transform(parameters)
         self._given = self._transform.forward(model.values[self.doubtful])
-        self._prior = np.diag(np.full(len(parameters), _UNKNOWN**2))
+        self._prior = np.diag(np.full(len(parameters), UNKNOWN**2))
         if covariance is not None:
             self._prior[: len(free), : len(free)] = covariance
         hourly = np.array([walks.get(parameter.name, 0.0) for parameter in parameters])

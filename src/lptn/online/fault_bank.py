@@ -12,19 +12,20 @@ be off belongs to all of these, so a model that is a little wrong never has to b
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from typing import Literal, NamedTuple
 
 import numpy as np
 
 from lptn.basics.arrays import BoolArray, FloatArray, IntArray
+from lptn.basics.parameters import Transform
 from lptn.identify.noise import Noise
 from lptn.logs.columns import INPUTS
 from lptn.logs.run import Run
 from lptn.model.model import Model
-from lptn.online.augmented_model import ModelError, by_node
+from lptn.online.augmented_model import ModelError, Sizes, by_node
 from lptn.online.estimator import Correction, Estimator, run_filter
 from lptn.simulate.bound_run import BoundRun, bind, default_start
 from lptn.simulate.simulation import simulate
@@ -64,6 +65,12 @@ class Alarm:
     detail: str = ""
     channel: str = ""
 
+    @property
+    def words(self) -> str:
+        """What is wrong, to stand behind the sensor's name."""
+        size = {"offset": "{:+.2g} K", "drift": "{:+.2g} K/s", "lag": "{:.0f} s"}.get(self.kind, "").format(self.size)
+        return " ".join(word for word in (self.kind, size, self.detail) if word)
+
     def as_json(self) -> dict[str, object]:
         """The alarm as other tools read it."""
         return asdict(self) | {"channel": self.channel or f"temperature.{self.node}"}
@@ -77,9 +84,11 @@ off. Readings learn more of them within minutes."""
 DECIDES = 10.0
 """nats by which readings must be likelier: odds of 20,000, for a thermal model is wrong for minutes on end, and its
 readings say less than if each stood for itself."""
+_SUSPECT = 2.0  # nats for a load, of which its hypothesis is worth a filter
 FREE = 10.0
 """K; so far off a wrong sensor may be at the onset, and the air all the while."""
 _LIFTS = np.geomspace(1 / 600, 1 / 6, 5)  # K/s; so fast unknown heat warms its node: a motor's peak at most
+_SHARES = (1.0, 1 / 4, 1 / 16)  # of a guess how wrong a model is
 _SCALES = (0.5, 0.7, 1.4, 2.0)  # of a load; its heat is half to twice as much between two of them
 
 # --- A run in the detector's steps ----------------------------------------------------------------
@@ -89,6 +98,7 @@ STEP = 10.0
 LEAST_NOISE = 0.05
 """K; of a mean over so long: a sensor's own errors don't average out, nor does what a model loses by such steps."""
 _FEWEST_STEPS = 20  # that a short run keeps
+_SAMPLED = 50  # steps of a run at which it is asked what a parameter does
 
 
 def coarsely_bound(model: Model, run: Run, step: float) -> BoundRun:
@@ -103,6 +113,23 @@ def warming_by_loads(model: Model, bound: BoundRun) -> FloatArray:
     temperatures = np.array([column.startswith("temperature.") for column in model.inputs], dtype=float)
     rates = [model.rhs(start, u, model.values).full() for u in (loaded, loaded * temperatures[:, None])]
     return np.asarray((rates[0] - rates[1])[: len(model.nodes)])
+
+
+def heat_of_doubt(model: Model, bound: BoundRun, covariance: FloatArray) -> FloatArray:
+    """Heat that is missing where the model's free parameters are off, root mean square over a run [W], (nodes,).
+
+    Args:
+        model: the model.
+        bound: the run.
+        covariance: of these parameters in the fit's coordinates, shape (free, free).
+    """
+    some = np.unique(np.linspace(0, len(bound) - 1, min(len(bound), _SAMPLED)).astype(int))
+    states, inputs = simulate(model, bound).held[:, some], np.nan_to_num(bound.inputs[:, some])
+    rates = model.parameter_jacobian(states, inputs, model.values).full().reshape(len(states), len(some), -1)
+    slope = np.abs(Transform([model.parameters[index] for index in model.free]).slope(model.values[model.free]))
+    by_coordinate = rates[: len(model.nodes), :, model.free] * slope
+    variance = np.einsum("nkp,pq,nkq->n", by_coordinate, covariance, by_coordinate) / len(some)
+    return np.asarray(np.sqrt(variance) * model.values[[model.network.capacities[node] for node in model.nodes]])
 
 
 def gaussian_estimator(model: Model, noise: Noise, error: ModelError, off: float = 0.0) -> Estimator:
@@ -120,6 +147,16 @@ def gaussian_estimator(model: Model, noise: Noise, error: ModelError, off: float
     return Estimator(
         model, noise=white, error=error, learn=dict.fromkeys(free, 0.0), covariance=covariance, watch=False
     )
+
+
+def filtered(estimator: Estimator, bound: BoundRun, measured: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Logarithms of the likelihood of each step's innovations, (n,); temperatures [degC], shape (nodes, n)."""
+    log_likelihoods, temperatures = np.zeros(len(bound)), []
+    for k, estimate in enumerate(run_filter(estimator, bound, measured)):
+        temperatures.append(estimate.temperatures)
+        if estimator.last is not None:
+            log_likelihoods[k] = estimator.last.log_likelihood
+    return log_likelihoods, np.array(temperatures).T
 
 
 # --- What each fault does to the innovations, for all onsets at once ------------------------------
@@ -294,6 +331,9 @@ def first_alarm(
         begin, kind = map(int, np.unravel_index(int(excess(settled)[:end, :, row].argmax()), (end, len(KINDS))))
         onset, size = float(bound.run.time[begin]), float(settled.size[begin, kind, row])
         return Alarm(model.nodes[row], KINDS[kind], float(time[end - 1]), onset, size)
+    if suspected.max() > _SUSPECT:
+        node = model.nodes[row]
+        return Alarm(node, "input", float(time[-1]), float(bound.run.time[begin]), channel=driving[node])
     for column, evidence in zip(estimator.error.inputs, whole.air.tolist(), strict=True):
         if column in inputs and evidence > 0:
             # The readings that tell most of the air are of the node that it cools most.
@@ -343,6 +383,8 @@ class Suspicion:
         measured: those that are believed, NaN elsewhere.
         noise: of the sensors.
         error: what the model and the log's inputs may be wrong by.
+        share: of what the model may be wrong by, where all its parameters are free.
+        unknown: heat [W] at joints that their loads don't tell.
     """
 
     model: Model
@@ -351,26 +393,28 @@ class Suspicion:
     measured: FloatArray
     noise: Noise
     error: ModelError
+    share: float = 1.0
+    unknown: Mapping[str, float] = field(default_factory=dict)
+
+    def _estimator(self, share: float, off: float = 0.0) -> Estimator:
+        def part(sizes: Sizes) -> dict[str, float]:
+            return dict(zip(self.model.nodes, (share * by_node(sizes, self.model.nodes)).tolist(), strict=True))
+
+        heat, change, air = {**part(self.error.heat), **self.unknown}, part(self.error.change), share * self.error.air
+        bias = 0.0 if off else self.error.bias  # what lasts for a run is a parameter that is off
+        error = replace(self.error, heat=heat, change=change, air=air, bias=bias)
+        return gaussian_estimator(self.model, self.noise, error, off)
 
     @cached_property
     def filtered(self) -> tuple[FloatArray, FloatArray]:
         """Logarithms of the likelihood of each step's innovations, (n,); temperatures [degC], shape (nodes, n)."""
-        # What lasts for a run is a parameter that is off.
-        estimator = gaussian_estimator(self.model, self.noise, replace(self.error, bias=0.0), MODEL_OFF)
-        log_likelihoods, temperatures = np.zeros(len(self.run)), []
-        for k, estimate in enumerate(run_filter(estimator, self.run, self.measured)):
-            temperatures.append(estimate.temperatures)
-            if estimator.last is not None:
-                log_likelihoods[k] = estimator.last.log_likelihood
-        return log_likelihoods, np.array(temperatures).T
+        return filtered(self._estimator(self.share, MODEL_OFF), self.run, self.measured)
 
     def alarm(self, limits: FloatArray, inputs: Collection[str]) -> Alarm | None:
         """The first one among the sensors that are believed, and such inputs."""
         if not np.isfinite(self.measured).any():
             return None
-        return first_alarm(
-            gaussian_estimator(self.model, self.noise, self.error), self.run, self.measured, limits, inputs
-        )
+        return first_alarm(self._estimator(1.0), self.run, self.measured, limits, inputs)
 
     def behind(self, onset: float) -> BoolArray:
         """Steps that end behind a time [s], shape (n,)."""
@@ -404,8 +448,7 @@ class Suspicion:
             return replace(self, error=replace(self.error, inputs={**self.error.inputs, column: FREE}))
         place = column.partition(".")[2]
         capacity = float(self.model.values[self.model.network.capacities[place]])
-        heat = dict(zip(self.model.nodes, by_node(self.error.heat, self.model.nodes).tolist(), strict=True))
-        return replace(self, error=replace(self.error, heat=heat | {place: capacity * lift}))
+        return replace(self, unknown={**self.unknown, place: capacity * lift})
 
 
 # --- What a sensor that is wrong reads ------------------------------------------------------------
@@ -554,6 +597,8 @@ def attributed(
         The alarms, none where the model's own errors explain as much; and the run with what was found, or without the
         sensor's readings.
     """
+    # Where readings say that the model errs by less than was to be feared, they tell more.
+    given = given if taught else max((replace(given, share=share) for share in _SHARES), key=Suspicion.nats)
     row = given.model.nodes.index(alarm.node)
     without = given.without([row], alarm.onset)
     if not np.isnan(without.measured[row]).sum() > np.isnan(given.measured[row]).sum():
@@ -573,16 +618,43 @@ def attributed(
     if len(likely) > 1:
         # The sensor is not believed, and the rest is as the likeliest of the others says.
         after = (others[0] if best is sensor else best).after.without([row], alarm.onset)
-        return [undecided(alarm, f"{best.what} or {likely[1].what}")], after
+        return [replace(undecided(alarm, f"{best.what} or {likely[1].what}"), channel="")], after
     if not taught and best.alarms[0].kind == "input" and len(best.alarms) == 1:
         # Without healthy logs nobody knows how wrong the model is about a node's heat.
         return [undecided(best.alarms[0], f"{best.what} or the model")], best.after
     return best.alarms, best.after
 
 
+def faults(
+    given: Suspicion, limits: FloatArray, inputs: Collection[str], *, taught: bool
+) -> tuple[list[Alarm], Suspicion]:
+    """All faults, and the run with what was found.
+
+    Once a sensor is called faulty, the filter does without it from the fault's onset on, and the search for others
+    starts again: else its error would spread over its neighbours.
+
+    Args:
+        given: the run, with what is known of it.
+        limits: weight that calls an offset, a drift, a lag [standard deviations], shape (3, nodes).
+        inputs: columns that may be wrong.
+        taught: whether healthy logs told how wrong the model is.
+    """
+    found, inputs = list[Alarm](), set(inputs)
+    while (first := given.alarm(limits, inputs)) is not None:
+        called = {name for alarm in found for name in (alarm.node, alarm.channel)}
+        told, after = attributed(given, first, called, taught=taught)
+        # A sensor can't be judged by a load that is wrong; and no channel is told twice.
+        twice = any((alarm.channel or alarm.node) in called for alarm in told)
+        if twice or (not first.channel and first.node in called):
+            told, after = [], given.without([given.model.nodes.index(first.node)], -np.inf)  # what that leaves
+        given, inputs = after, inputs - {first.channel, *(alarm.channel for alarm in told)}
+        found += told
+    return found, given
+
+
 def undecided(alarm: Alarm, what: str) -> Alarm:
     """An alarm of one or the other."""
-    return Alarm(alarm.node, "undecided", alarm.time, alarm.onset, detail=f"{what} is wrong: not decided which")
+    return replace(alarm, kind="undecided", size=None, detail=f"{what} is wrong: not decided which")
 
 
 def _inputs(given: Suspicion, alarm: Alarm) -> Iterator[_Answer]:

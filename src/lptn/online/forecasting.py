@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import partial
 from math import inf, isfinite, log
 
 import numpy as np
@@ -20,14 +19,15 @@ from lptn.basics.parameters import ParameterInstance, Transform
 from lptn.basics.places import matching
 from lptn.basics.processes import one_blas_thread
 from lptn.identify.fitting import Fit
-from lptn.identify.noise import PLAIN, Noise, estimate_noise
+from lptn.identify.noise import PLAIN, estimate_noise
 from lptn.logs.run import Run
 from lptn.model.model import Model
 from lptn.model.tables import FitTable
-from lptn.online.augmented_model import AugmentedModel, ModelError, by_node
-from lptn.online.believed import Doubt, not_alive, refuse_none, wandering, without
-from lptn.online.estimator import Estimator, run_filter
-from lptn.online.fault_bank import KINDS, LEAST_NOISE, STEP
+from lptn.online.augmented_model import AugmentedModel, ModelError
+from lptn.online.believed import Doubt, not_alive, refuse_none, without
+from lptn.online.calibration import uncalibrated
+from lptn.online.estimator import UNKNOWN, Estimator, run_filter
+from lptn.online.fault_bank import LEAST_NOISE, STEP, Suspicion, coarsely_bound, faults, heat_of_doubt
 from lptn.online.operating_point import Gait, OperatingPoint, WindowChoice, find_gait, present_operating_point
 from lptn.online.quantisation import coarse_noise
 from lptn.simulate.bound_run import BoundRun, bind, default_start
@@ -159,7 +159,8 @@ class ModelUncertainty:
             the typical size), shape (free, free).
         error: how far a free-running simulation strays from noise-free readings, root mean square [K], shape (nodes,).
         source: where this is from, in words.
-        learns: whether the log may move its parameters: not those of a fit that misses its readings plainly.
+        learns: whether the log may move its parameters: not those of a fit that misses its readings plainly, and not
+            those that nobody fitted. What their errors do is heat that the model lacks.
     """
 
     covariance: FloatArray
@@ -206,10 +207,10 @@ class ModelUncertainty:
 
     @classmethod
     def nothing(cls, model: Model) -> ModelUncertainty:
-        """Of a model that nobody fitted: its parameters are taken for exact, and its error for 1 K."""
-        free = len(model.free)
+        """Of a model that nobody fitted: so far off are data sheets and presets, and 1 K besides."""
+        source = f"no fit is known; errors of {UNKNOWN:.0%} of each parameter and of {_UNKNOWN_ERROR:g} K are assumed"
         error = np.full(len(model.nodes), _UNKNOWN_ERROR)
-        return cls(np.zeros((free, free)), error, f"no fit is known; a model error of {_UNKNOWN_ERROR:g} K is assumed")
+        return cls(UNKNOWN**2 * np.eye(len(model.free)), error, source, learns=False)
 
 
 def _at_bound(free: Sequence[ParameterInstance]) -> BoolArray:
@@ -229,12 +230,12 @@ _HEAT_TIME = 1800.0  # s over which the heat that a model lacks stays alike
 _AIR = 0.1  # relative error of all conductances to the air in one run: a draught, a load on the back
 _SCALES = 2.0 ** np.arange(-1, 12)  # of missing heat that are tried, times the size that the fit's errors suggest
 _CONSISTENT = 2.0  # mean square of innovations in standard deviations: 1 of a consistent filter, by chance never 2
-_USUAL_SCALE = 1.5  # on a run that it never saw a model is that much worse than where it was fitted
 _WORST_SCALE = 4.0  # up to which missing heat is not told by a log whose sensors may be at fault
+_USUAL_SCALE = 1.5  # on a run that it never saw a model is that much worse than where it was fitted
 
 
-def present(model: Model, run: Run, noise: Noise, uncertainty: ModelUncertainty) -> Estimator:
-    """An estimator at the end of a log.
+def present(model: Model, run: Run, uncertainty: ModelUncertainty) -> tuple[Estimator, float]:
+    """An estimator at the end of a log, and the size of the heat that the model lacks, as a multiple of the expected.
 
     The parameters and the draught are estimated along, from what the fit leaves open: a trot says more of its own
     friction than an identification with few trots. Not so for a model that lacks something, such as a second mass: it
@@ -248,11 +249,12 @@ def present(model: Model, run: Run, noise: Noise, uncertainty: ModelUncertainty)
         InputError: the log lacks an input, or measures none of the model's nodes.
     """
     blocks = _blocks(run)
-    bound = bind(model, blocks)
+    bound, noise = bind(model, blocks), estimate_noise([bind(model, run)], model.nodes)
+    white = np.maximum(noise.white / np.sqrt(max(1.0, blocks.step / run.step)), LEAST_NOISE)
     size = _missing_heat(model, bound, uncertainty)
-    best, highest = None, -inf
-    for scale in _SCALES:
-        estimator = _of_blocks(model, blocks.step / run.step, noise, uncertainty, _error(scale * size))
+    best, chosen, highest = None, 0.0, -inf
+    for scale in _SCALES.tolist():
+        estimator = _estimator(model, white, noise.step, uncertainty, _error(model, scale * size), watch=False)
         # A factor of two from the usual scale is one standard deviation.
         posterior, square, readings = -0.5 * (log(scale / _USUAL_SCALE) / log(2.0)) ** 2, 0.0, 0
         for _ in run_filter(estimator, bound):
@@ -261,52 +263,49 @@ def present(model: Model, run: Run, noise: Noise, uncertainty: ModelUncertainty)
                 square += estimator.last.normalised_square
                 readings += estimator.last.innovation.size
         if posterior > highest:
-            best, highest = estimator, posterior
+            best, chosen, highest = estimator, scale, posterior
         elif square < _CONSISTENT * readings:
             break
     if best is None:
         raise RuntimeError("no scale of missing heat gave a likelihood")
     last = dict(zip(model.inputs, bound.inputs[:, -1].tolist(), strict=True))
     best.advance(last, blocks.step / 2 if blocks.averaged else blocks.step)
-    return best
+    return best, chosen
 
 
-def _missing_heat(model: Model, bound: BoundRun, uncertainty: ModelUncertainty) -> float:
-    """The size that the fit's errors suggest [W]: at each node, for as long as it stays alike."""
+def _missing_heat(model: Model, bound: BoundRun, uncertainty: ModelUncertainty) -> FloatArray:
+    """The size that the model's uncertainty suggests [W], for as long as it stays alike, shape (nodes,)."""
     a = model.state_jacobian(default_start(model, bound), bound.inputs.mean(axis=1), model.values).full()
     nodes, (_, integral) = len(model.nodes), zero_order_hold(a, _HEAT_TIME)
     capacities = model.values[[model.network.capacities[node] for node in model.nodes]]
     warming = np.linalg.norm(integral[:nodes, :nodes] / capacities, axis=1)  # K/W
-    return float(np.sqrt(np.mean((uncertainty.error / warming) ** 2)))
+    of_fit = np.sqrt(np.mean((uncertainty.error / warming) ** 2))
+    left_open = np.zeros(nodes) if uncertainty.learns else heat_of_doubt(model, bound, uncertainty.covariance)
+    return np.asarray(np.hypot(of_fit, left_open))
 
 
-def _error(heat: float) -> ModelError:
-    return ModelError(heat=heat, heat_time=_HEAT_TIME, air=_AIR)
+def _error(model: Model, heat: FloatArray) -> ModelError:
+    return ModelError(heat=dict(zip(model.nodes, heat.tolist(), strict=True)), heat_time=_HEAT_TIME, air=_AIR)
 
 
 def _estimator(
     model: Model, white: FloatArray, step: FloatArray, uncertainty: ModelUncertainty, error: ModelError, *, watch: bool
 ) -> Estimator:
     """An estimator with what the fit leaves open; readings are means, or are taken one by one and watched."""
-    doubted = bool(uncertainty.covariance.any())  # what is exact would make each step slower as a state
-    learn = [model.parameters[index].name for index in model.free] if doubted and uncertainty.learns else []
+    # What is exact would make each step slower as a state.
+    learns = uncertainty.learns and bool(uncertainty.covariance.any())
+    learn = [model.parameters[index].name for index in model.free] if learns else []
     return Estimator(
         model,
         noise=dict(zip(model.nodes, white.tolist(), strict=True)),
         step=dict(zip(model.nodes, step.tolist(), strict=True)),
         error=error,
         learn=dict.fromkeys(learn, 0.0),
-        covariance=uncertainty.covariance if doubted else None,
+        covariance=uncertainty.covariance if learns else None,
         learn_air=uncertainty.learns,
         rounding="cell" if watch else "white",  # means over blocks lie between a sensor's steps
         watch=watch,
     )
-
-
-def _of_blocks(model: Model, count: float, noise: Noise, uncertainty: ModelUncertainty, error: ModelError) -> Estimator:
-    """An estimator for means over so many readings."""
-    white = np.maximum(noise.white / np.sqrt(max(1.0, count)), LEAST_NOISE)
-    return _estimator(model, white, noise.step, uncertainty, error, watch=False)
 
 
 # --- Sensors that are alive -----------------------------------------------------------------------
@@ -330,39 +329,45 @@ def present_by_live_sensors(model: Model, run: Run, uncertainty: ModelUncertaint
     coarse = [coarse_noise([bound], row, step) if step > 0 else 0.0 for row, step in enumerate(noise.step)]
     # A sensor that stands for most of the log shows no noise of its own.
     white = np.maximum(np.maximum(noise.white, coarse), max(LEAST_NOISE, float(np.median(noise.white))))
-
-    def believed(left_out: BoolArray, doubts: list[Doubt]) -> tuple[Run, Noise, Estimator]:
-        """The log without some readings, its noise, and an estimator at its end."""
-        rest = without(run, nodes, left_out)
-        refuse_none(rest, nodes, doubts)
-        left = estimate_noise([bind(model, rest)], nodes)
-        return rest, left, present(model, rest, left, uncertainty)
-
     # Sensors are judged by a model as good as usual. Where those that nobody doubts then say that it is worse, all are
     # judged again: else the healthy sensor of a joint of which the model knows little would be left out.
-    heat = _USUAL_SCALE * size
+    scale = _USUAL_SCALE
     for _ in range(2):
-        watching = _estimator(model, white, noise.step, uncertainty, _error(heat), watch=True)
+        watching = _estimator(model, white, noise.step, uncertainty, _error(model, scale * size), watch=True)
         left_out, doubts = not_alive(watching, bound)
-        rest, left, estimator = believed(left_out, doubts)
-        blocks = _blocks(rest)
-        error = _error(min(_largest_heat(estimator), max(heat, _WORST_SCALE * size)))
-        make = partial(_of_blocks, model, blocks.step / run.step, left, uncertainty, error)
-        wander = wandering(make, bind(model, blocks), np.full((len(KINDS), len(nodes)), _FAULT))
-        if wander:
-            since = {doubt.node: doubt.since for doubt in wander}
-            doubts += [doubt for doubt in wander if doubt.node not in {earlier.node for earlier in doubts}]
-            gone = np.array([run.time >= since.get(node, inf) for node in nodes])
-            *_, estimator = believed(left_out | gone, doubts)
-        if not doubts or _largest_heat(estimator) <= heat:
+        rest = without(run, nodes, left_out)
+        refuse_none(rest, nodes, doubts)
+        estimator, needed = present(model, rest, uncertainty)
+        if not doubts or needed <= scale:
             break
-        heat = _largest_heat(estimator)
+        scale = needed
+    faulty = _faulty(model, rest, uncertainty, _error(model, min(needed, max(scale, _WORST_SCALE)) * size))
+    for doubt in faulty:
+        left_out[nodes.index(doubt.node)] |= run.time >= doubt.since
+    if faulty:
+        doubts += [doubt for doubt in faulty if doubt.node not in {earlier.node for earlier in doubts}]
+        estimator, _ = present(model, without(run, nodes, left_out), uncertainty)
     return estimator, doubts
 
 
-def _largest_heat(estimator: Estimator) -> float:
-    """The largest missing heat that is allowed for [W]."""
-    return float(by_node(estimator.error.heat, estimator.model.nodes).max())
+def _faulty(model: Model, run: Run, uncertainty: ModelUncertainty, error: ModelError) -> list[Doubt]:
+    """Sensors whose faults explain the readings better than the model's errors do, and better than a wrong input.
+
+    None is called unless most of the sensors agree with the model: of one sensor and one model nothing says which is
+    wrong. A model that lacks something, or that nobody fitted, is taken for as wrong as `lptn.monitor` guesses.
+    """
+    bound, guess = coarsely_bound(model, run, STEP), uncalibrated(model, [run], float(uncertainty.error.max()))
+    if uncertainty.learns:
+        guess = replace(guess, error=error, limits=np.full_like(guess.limits, _FAULT))
+    given = Suspicion(model, bound, bound.measured, bound.measured, guess.noise, guess.error)
+    alarms, _ = faults(given, guess.limits, model.inputs, taught=False)
+    end, doubts = float(run.time[-1]) + run.step, dict[str, Doubt]()
+    for alarm in alarms:
+        if not alarm.channel and alarm.node not in doubts:
+            why = f"{alarm.words}, as it seems, for {end - alarm.onset:.0f} s"
+            doubts[alarm.node] = Doubt(alarm.node, alarm.onset - STEP, why)
+    seen = np.isfinite(bound.measured).any(axis=1).sum()
+    return list(doubts.values()) if 2 * len(doubts) <= seen else []
 
 
 def _without_readings(bound: BoundRun, model: Model, doubts: Sequence[Doubt]) -> list[Doubt]:
@@ -424,8 +429,7 @@ def forecast(
         limits: degC; one for all joints that the log measures, or by node or pattern (`"*_calf"`).
         cycles: gait cycles to average, where `window` is `"cycles"`.
         coverage: of the intervals, between 0 and 1.
-        fit: what is known of the model's errors; without it a model error of 1 K is assumed and parameters are taken
-            for exact.
+        fit: what is known of the model's errors; without it each parameter is taken for 30 % off, and 1 K besides.
         window: `"steady"`, as long as the operating point has been unchanged; `"cycles"`, the last few gait cycles, as
             [QuadrupedLPTN, application 3] does; or seconds.
         gait: of the log, where the run is too coarse to show it.

@@ -20,13 +20,12 @@ from lptn.logs.run import Run
 from lptn.model.model import Model
 from lptn.online.calibration import Calibration, uncalibrated
 from lptn.online.fault_bank import (
-    KINDS,
     STEP,
     Alarm,
     Kind,
     Suspicion,
-    attributed,
     coarsely_bound,
+    faults,
     suspects,
     undecided,
 )
@@ -120,12 +119,10 @@ def believable(measured: FloatArray) -> FloatArray:
         return np.where((measured > _COLDEST) & (measured < _HOTTEST), measured, np.nan)
 
 
-# --- Dropouts, and the kind of a fault, by the shape of the error ---------------------------------
+# --- Dropouts -------------------------------------------------------------------------------------
 
-_NAMING = 300.0  # s behind an alarm that help to name it
 _SILENT = 10.0  # s without a reading
 _SILENT_STEPS = 5
-_ONSETS = 100  # tried for a step or a line: one in 1 % of the time until the alarm
 
 
 def dropouts(watched: MonitoredRun, explained: BoolArray) -> list[Alarm]:
@@ -144,30 +141,6 @@ def dropouts(watched: MonitoredRun, explained: BoolArray) -> list[Alarm]:
             begin = int(silent[0]) - need + 1
             alarms.append(Alarm(node, "dropout", float(watched.run.time[silent[0]]), float(watched.run.time[begin])))
     return alarms
-
-
-def offset_or_drift(watched: MonitoredRun, row: int, at: int) -> Alarm:
-    """An alarm named by the shape of the error: a step or a straight line that begins at a time of its own.
-
-    Args:
-        watched: the run.
-        row: of the sensor.
-        at: index of the alarm.
-    """
-    end = watched.index_at(watched.run.time[at] + _NAMING) + 1
-    added = -watched.error[row, :end]  # what the fault adds to the reading
-    time, added = watched.run.time[:end][np.isfinite(added)], added[np.isfinite(added)]
-    added -= added.mean()
-    best = Alarm(watched.nodes[row], "offset", float(watched.run.time[at]), float(time[0]), 0.0)
-    explained = 0.0  # sum of squares
-    for onset in np.linspace(time[0], watched.run.time[at], _ONSETS).tolist():
-        shapes: dict[Kind, FloatArray] = {"offset": (time >= onset) * 1.0, "drift": np.maximum(time - onset, 0.0)}
-        for kind, shape in shapes.items():
-            shape -= shape.mean()
-            along, power = float(shape @ added), float(shape @ shape)
-            if power > 0 and along**2 / power > explained:
-                best, explained = replace(best, kind=kind, onset=onset, size=along / power), along**2 / power
-    return best
 
 
 # --- What the log's own quality pass says ---------------------------------------------------------
@@ -336,7 +309,7 @@ def monitor(
         report(f"watching log {number} of {len(runs)}")
         one, said = MonitoredRun.of(model, run), faults[number - 1]
         by_statistics = alarms_by_statistics(model, one, calibration, said)
-        by_threshold = _unless_explained(model, alarms_by_threshold(one, threshold), by_statistics)
+        by_threshold = _explained(model, alarms_by_threshold(one, threshold), by_statistics)
         watched.append(replace(one, threshold_alarms=by_threshold, statistical_alarms=by_statistics))
     return Monitoring(threshold, calibration, tuple(watched))
 
@@ -347,29 +320,35 @@ def monitor(
 def alarms_by_threshold(watched: MonitoredRun, threshold: float) -> tuple[Alarm, ...]:
     """The first time at each sensor that its absolute error is over a threshold [K], or that readings are missing.
 
+    It can't tell a sensor from an input or the model.
+
     Source: [QuadrupedLPTN, application 2].
     """
     alarms = dropouts(watched, silent_rows(watched.run, watched.nodes))
-    for row, error in enumerate(watched.error):
+    for node, error in zip(watched.nodes, watched.error, strict=True):
         over = np.flatnonzero(np.abs(np.nan_to_num(error)) > threshold)
         if over.size:
-            alarms.append(offset_or_drift(watched, row, int(over[0])))
+            time = float(watched.run.time[over[0]])
+            alarms.append(Alarm(node, "undecided", time, time))
     return first_at_each_sensor(alarms)
 
 
-def _unless_explained(model: Model, alarms: tuple[Alarm, ...], found: tuple[Alarm, ...]) -> tuple[Alarm, ...]:
-    """Alarms of the plain detector but for those that others explain.
+def _explained(model: Model, alarms: tuple[Alarm, ...], found: tuple[Alarm, ...]) -> tuple[Alarm, ...]:
+    """Alarms of the plain detector as the statistical one names them.
 
-    It can't tell a sensor from an input, and a wrong one of either leads the free-running model astray at other nodes.
+    A wrong sensor or input leads the free-running model astray at other nodes, too. So of what the statistical detector
+    doesn't explain the first alarm counts, where it explains none.
     """
-    if found:
-        nodes = {alarm.node for alarm in found if alarm.kind != "input"}
-        return tuple(alarm for alarm in alarms if alarm.node in nodes)
-    others = [alarm for alarm in alarms if alarm.kind not in KINDS]
-    for alarm in [alarm for alarm in alarms if alarm.kind in KINDS][:1]:
-        channels = ", ".join([f"temperature.{alarm.node}", *suspects(model, alarm.node)])
-        others.append(undecided(alarm, f"{channels} or the model"))
-    return first_at_each_sensor(others)
+    by_node = {alarm.node: alarm for alarm in found if alarm.kind != "input"}
+    kept = [replace(by_node[alarm.node], time=alarm.time) if alarm.kind == "undecided" else alarm
+            for alarm in alarms if alarm.node in by_node]  # fmt: skip
+    for alarm in alarms if not found else ():
+        if alarm.kind != "undecided":
+            kept.append(alarm)
+        elif not any(other.kind == "undecided" for other in kept):
+            channels = ", ".join([f"temperature.{alarm.node}", *suspects(model, alarm.node)])
+            kept.append(undecided(alarm, f"{channels} or the model"))
+    return first_at_each_sensor(kept)
 
 
 # --- The statistical detector: the bank of hypotheses ---------------------------------------------
@@ -379,9 +358,6 @@ def alarms_by_statistics(
     model: Model, watched: MonitoredRun, calibration: Calibration, known: Sequence[Alarm] = ()
 ) -> tuple[Alarm, ...]:
     """The first alarm at each sensor.
-
-    Once a sensor is called faulty, the filter does without it from the fault's onset on, and the search for others
-    starts again: else its error would spread over its neighbours.
 
     Args:
         model: the model.
@@ -404,16 +380,7 @@ def alarms_by_statistics(
             given, inputs = given.with_unknown_input(alarm.channel), inputs - {alarm.channel}
     for alarm in noise:
         given = given.without([model.nodes.index(alarm.node)], alarm.onset)
-    faulty: list[Alarm] = []
-    while (first := given.alarm(calibration.limits, inputs)) is not None:
-        called = {name for alarm in faulty for name in (alarm.node, alarm.channel)}
-        told, after = attributed(given, first, called, taught=calibration.hours > 0)
-        # A sensor can't be judged by a load that is wrong; and no channel is told twice.
-        twice = any((alarm.channel or alarm.node) in called for alarm in told)
-        if twice or (not first.channel and first.node in called):
-            told, after = [], given.without([model.nodes.index(first.node)], -inf)  # what that leaves
-        given, inputs = after, inputs - {first.channel, *(alarm.channel for alarm in told)}
-        faulty += told
+    faulty, _ = faults(given, calibration.limits, inputs, taught=calibration.hours > 0)
     for alarm in faulty:
         size = inf if alarm.size is None or alarm.kind == "lag" else abs(alarm.size)
         if alarm.kind == "drift":
