@@ -21,9 +21,13 @@ def derivatives(fit: Fit, places: Sequence[Site]) -> FloatArray:
     All sites are switched off in one model, which equals the fitted one to the last bit: one pass of sensitivities
     gives the whole catalogue.
     """
-    problem, network = fit.problem, fit.model.network
-    full = Model(network.with_effects(site.declaration() for site in places))
-    index = {parameter.name: number for number, parameter in enumerate(full.parameters)}
+    problem = fit.problem
+    full = fit.model.made_once(
+        ("sites", tuple(places)),
+        lambda: Model(fit.model.network.with_effects(site.declaration() for site in places)),
+    )
+    values, index = full.values, {parameter.name: number for number, parameter in enumerate(full.parameters)}
+    values[[index[parameter.name] for parameter in fit.model.parameters]] = fit.model.values
     amplitudes = [index[site.amplitude_name] for site in places]
     core = len(fit.model.states)  # effects are added behind the network's own, and so are their states
     # By columns, as candidates sum them up; the penalties' rows stay zero, for no site enters them.
@@ -33,7 +37,7 @@ def derivatives(fit: Fit, places: Sequence[Site]) -> FloatArray:
         wide = bind(full, bound.run)
         states = start_from(full, wide, dict(zip(fit.model.states, start.tolist(), strict=True)))
         row_of = rows_of_readings(bound) + first
-        for window, moved in sensitivity_windows(full, wide, full.values, amplitudes, states, core):
+        for window, moved in sensitivity_windows(full, wide, values, amplitudes, states, core):
             counted = bound.counted[:, window]
             scale = 1.0 / np.repeat(problem.sigma, counted.sum(axis=1))[:, None]
             by_site[row_of[:, window][counted]] = moved.by_parameter[counted] * scale
