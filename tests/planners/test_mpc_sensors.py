@@ -408,6 +408,7 @@ def test_a_sensor_that_was_lost_is_believed_against_the_model_when_that_is_paid_
     assert any(plan.untrusted for plan in plans)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("start", ["cold", "hot"])
 @pytest.mark.parametrize(
     "value", ["dead at -40", "dead at -1", "dead at 25", "dead at 40", "stuck at 25 with dither", "missing"]
@@ -422,6 +423,7 @@ def test_a_sensor_that_was_never_alive_costs_its_neighbours_nothing(value: str, 
         assert result.beyond < 0.5
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("robot", "which"), [("knee", "all"), ("motor", "one"), ("motor", "all"), ("leg", "all")])
 @pytest.mark.parametrize("fault", ["dead at -40", "dead at 25", "dead at 40", "missing"])
 def test_with_sensors_that_were_never_alive_no_limit_is_passed(fault: str, robot: str, which: str) -> None:
