@@ -14,7 +14,6 @@ from lptn.basics.arrays import FloatArray
 from lptn.logs.channels import Channels, spans
 from lptn.logs.columns import AMBIENT, HEATS, place_of
 from lptn.logs.issue import Issue
-from lptn.logs.resampling import means_of_blocks
 
 _HELD, _HELD_ROWS, _AROUND = 2.0, 3, 50  # s, and rows in turn, that stand; rows on both sides that tell what is usual
 _NEW = 0.5  # share of rows in which a column that tells has another number, back and forth
@@ -73,13 +72,13 @@ _WHOSE = "one of the two is not where it is said to be"
 
 def duplicates(log: Channels) -> dict[str, str]:
     """Of temperatures that say the same, number by number or to their noise, the later ones, each with the first."""
-    slow = {f"temperature.{place}": load for place, load in log.loads.items() if f"temperature.{place}" in log.values}
-    means = {key: _means(log.values[key]) for key in slow}
 
     def is_one(key: str, earlier: str) -> bool:
         if _is_copy(log.values[key], log.values[earlier]):
             return True
-        return key in slow and earlier in slow and _is_as_warm(log, means, slow, key, earlier)
+        return (
+            log.block > 0 and {place_of(key), place_of(earlier)} <= log.loads.keys() and _is_as_warm(log, key, earlier)
+        )
 
     return _pairs(log, [key for key in log.of("temperature") if key != AMBIENT], is_one)
 
@@ -132,34 +131,26 @@ def _is_copy(one: FloatArray, other: FloatArray, moved: float = _MOVED, levels: 
     return bool(np.count_nonzero((moves == others) & (moves != 0)) >= _TOGETHER * changes)
 
 
-_BLOCKS = 100  # parts of a log
 _WARMED, _SAME = 5.0, 0.02  # K, by which both move; of it, by which they may differ
 _APART, _LEAST_APART = 5.0, 0.1  # times what they differ by, K: so far apart would other heats bring them
 _ROUNDED, _LAG = 0.1, 0.3  # of the noise, which blocks may differ by beside; of the log, in which a slow part warms
 
 
-def _is_as_warm(
-    log: Channels, means: dict[str, FloatArray], loads: dict[str, FloatArray], one: str, other: str
-) -> bool:
+def _is_as_warm(log: Channels, one: str, other: str) -> bool:
     """Whether two parts are as warm as each other to their noise, though the heat that is put in is not the same."""
-    apart = means[one] - means[other]
+    apart = log.means(one) - log.means(other)
     if not np.isfinite(apart).all():
         return False
-    moved, differ = float(min(np.ptp(means[one]), np.ptp(means[other]))), float(np.sqrt(np.mean(apart**2)))
+    moved, differ = min(np.ptp(log.means(one)), np.ptp(log.means(other))), float(np.sqrt(np.mean(apart**2)))
     if moved < _WARMED or differ > _SAME * moved:
         return False
     noise = float(np.nanstd(np.diff(log.values[one] - log.values[other]))) / np.sqrt(2)
     # What would make their temperatures differ: the heats, as a part means them that warms within a third of the log,
     # scaled to be as alike as can be.
-    heats = [np.nan_to_num(_means(np.square(loads[key]))) for key in (one, other)]
+    heats = [np.nan_to_num(log.means(log.load_of(place_of(key)))) for key in (one, other)]
     weights = np.exp(-np.arange(apart.size) / (_LAG * apart.size))
     a, b = (np.convolve(heat, weights)[: apart.size] for heat in heats)
-    of_means = 2 / np.sqrt(max(log.time.size // _BLOCKS, 1)) + _ROUNDED
-    if differ > of_means * noise or not a @ a > 0 or not b @ b > 0:
+    if differ > (2 / np.sqrt(log.block) + _ROUNDED) * noise or not a @ a > 0 or not b @ b > 0:
         return False
     left = a - b * float(a @ b / (b @ b))
-    return float(np.ptp(left) / np.ptp(a)) * moved > _APART * max(differ, _LEAST_APART)
-
-
-def _means(values: FloatArray) -> FloatArray:
-    return means_of_blocks(values, max(values.size // _BLOCKS, 1))
+    return float(np.ptp(left) / np.ptp(a) * moved) > _APART * max(differ, _LEAST_APART)
