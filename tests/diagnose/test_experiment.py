@@ -24,8 +24,7 @@ from lptn.diagnose.experiment import (
     CLEAR,
     Experiment,
     Move,
-    Separation,
-    difference,
+    Rivals,
     noise_density,
     possible_moves,
     propose,
@@ -39,6 +38,7 @@ from lptn.logs.run import Run
 from lptn.model.file import parse_model
 from lptn.model.model import Model
 from lptn.simulate.bound_run import bind
+from lptn.simulate.simulation import Sensitivities
 
 JOINTS = ("L_knee", "R_knee")
 CAPACITY, TO_AIR, LINK, COPPER = 300.0, 6.0, 3.0, 0.15 / 0.84**2
@@ -310,9 +310,23 @@ def test_the_stated_deviations_are_what_an_exact_refit_shows() -> None:
     assert np.sqrt(min(rises)) == pytest.approx(experiment.weakest.deviations, rel=0.2)
 
 
-def test_a_difference_is_told_where_there_is_a_sensor_to_see_it() -> None:
-    left = np.repeat([[5.0], [-1.0]], 12, axis=1)
-    pair = (("constant_heat", "knee"), ("sensor_offset", "knee"))
-    result = difference(pair, Separation(9.0, left), 2 * left, ("trunk", "knee"), np.array([False, True]))
-    assert (result.node, result.kelvin, result.as_fitted) == ("knee", 1.0, 2.0)
-    assert result.pair == pair[::-1]  # the warmer one first: heat less offset is -1 K there
+@pytest.mark.parametrize(("seen", "size"), [("L_knee", 1.0), ("R_knee", 2.0)])
+def test_a_difference_is_told_where_there_is_a_sensor_to_see_it(seen: str, size: float) -> None:
+    log, _ = SENSOR.before()
+    blind = {
+        name: values
+        for name, values in log.columns.items()
+        if name not in {f"temperature.{joint}" for joint in JOINTS} - {f"temperature.{seen}"}
+    }
+    rivals = Rivals(_refits((replace(log, columns=blind),), (("constant_heat", seen), ("sensor_offset", seen))))
+    sizes = np.where(np.array(JOINTS) == seen, -size, 5.0)
+    one, other = (
+        Sensitivities(
+            share * np.repeat(sizes[:, None], 12, axis=1), np.zeros((2, 12, len(own.free) + 2)), len(own.free)
+        )
+        for share, own in zip((1.0, 0.0), rivals.fits, strict=True)
+    )
+    (told,) = rivals.apart([one, other], replace(log, time=log.time[:12]))
+    assert told.node == seen
+    assert (told.kelvin, told.kelvin_as_fitted) == pytest.approx((size, size))
+    assert told.pair == (rivals.keys[1], rivals.keys[0])  # the warmer one first: the first is colder there

@@ -12,7 +12,7 @@ Source: [AtkinsonFedorov1975] (T-optimal design for discrimination), with a prio
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from itertools import combinations, permutations, product
 from math import sqrt
 from typing import NamedTuple
@@ -27,19 +27,18 @@ from lptn.diagnose.answers import Key, Step, named
 from lptn.diagnose.fit_statistics import POWER, TIE, fitted_errors, independent_readings
 from lptn.identify.fitting import Fit
 from lptn.identify.problem import AT_REST, Problem
+from lptn.logs.columns import place_of, quantity_of
+from lptn.logs.resampling import means_of_blocks
 from lptn.logs.run import Run
-from lptn.model.model import Model
 from lptn.simulate.bound_run import bind
-from lptn.simulate.simulation import SimulationError, sensitivities
+from lptn.simulate.simulation import Sensitivities, SimulationError, sensitivities
 
 STEP = 10.0
 """s, of a proposed run; short against the time constants of a joint."""
 CLEAR = POWER + sqrt(POWER**2 + TIE)
 """Standard deviations of a difference from which on a refit decides in four cases of five: the information
 criterion's lead, its expected square with a scatter of twice its root, must exceed what counts as a tie."""
-_BEYOND = (
-    10.0  # K above the hottest reading that a proposed run may reach: what the logs show is safe, a little more is
-)
+_BEYOND = 10.0  # K above the hottest reading that a proposed run may reach: a little more than the logs show is safe
 _OTHER_AIR = (-12.0, 12.0)  # K: a cold room, a warm one
 
 
@@ -84,19 +83,16 @@ class Phase(NamedTuple):
     seconds: float
 
 
-@dataclass(frozen=True)
-class Program:
+class Program(NamedTuple):
     """Moves one after the other.
 
     Args:
         phases: the moves.
         ambient: temperature of the air, and of the whole robot at the beginning [degC].
-        moved_air: whether that is another than the log's.
     """
 
     phases: tuple[Phase, ...]
     ambient: float
-    moved_air: bool = field(default=False, compare=False)
 
     @property
     def seconds(self) -> float:
@@ -113,26 +109,34 @@ class Stage:
     """What the logs show of each input, and programs as runs: high ordinary values, and what is usual at work or rest.
 
     Args:
-        models: the rivals' models.
-        runs: the fitted runs.
+        rivals: refitted candidates of one baseline.
     """
 
-    def __init__(self, models: Sequence[Model], runs: Sequence[Run]) -> None:
+    def __init__(self, rivals: Sequence[Step]) -> None:
+        models = [rival.fit.model for rival in rivals]
+        runs = [bound.run for bound in rivals[0].fit.problem.bound_runs]
+        acts = [
+            (rival.key, one)
+            for rival, model in zip(rivals, models, strict=True)
+            for one in model.network.effect_instances
+        ]
+        places = [one.place for key, one in acts if (one.effect.key, one.declaration.where) == key]
+        self._asked = dict.fromkeys(end for place in places for end in place.split("~"))
         columns = dict.fromkeys(name for model in models for name in model.inputs if name not in model.started)
-        self.nodes = list(models[0].nodes)
+        self.nodes = tuple(models[0].nodes)
         self.given = [name for name in columns if name.startswith("temperature.")]
         self.inputs = [name for name in columns if name not in self.given]
         # Loads and speeds that no model asks for say in words what a move is.
-        told = (name for name in runs[0].columns if _quantity(name) in (*_LOADS, *_SPEEDS))
+        told = (name for name in runs[0].columns if quantity_of(name) in (*_LOADS, *_SPEEDS))
         self.columns = dict.fromkeys([*self.inputs, *(name for name in told if all(run.has(name) for run in runs))])
         names = (*self.columns, *self.given)
         self._values = {name: np.concatenate([run.columns[name] for run in runs]) for name in names}
-        quantities = dict.fromkeys(map(_quantity, self.inputs))
-        heats = [name for name in quantities if name not in (*_SPEEDS, *_PRODUCTS, _quantity(_BASE))]
+        quantities = dict.fromkeys(map(quantity_of, self.inputs))
+        heats = [name for name in quantities if name not in (*_SPEEDS, *_PRODUCTS, quantity_of(_BASE))]
         self._heating = [load for load in _LOADS if load in quantities] or heats  # as the heat of a heater
-        self.joints = list(dict.fromkeys(_place(name) for name in self.inputs if _quantity(name) in self._heating))
+        self.joints = list(dict.fromkeys(place_of(name) for name in self.inputs if quantity_of(name) in self._heating))
         """Places whose load, or heat where no load is logged, can be chosen."""
-        self.moving = any(_quantity(name) in (*_SPEEDS, *_PRODUCTS) for name in self.inputs)
+        self.moving = any(quantity_of(name) in (*_SPEEDS, *_PRODUCTS) for name in self.inputs)
         """Whether any model asks for the joints' speeds, or for their power."""
         self.high = {}
         self._works: BoolArray = np.zeros(sum(len(run) for run in runs), dtype=bool)
@@ -140,7 +144,7 @@ class Stage:
             sizes = np.abs(self._values[name])
             in_use = sizes[sizes > _IN_USE * sizes.max(initial=0.0)]
             self.high[name] = float(np.quantile(in_use, _ORDINARY)) if in_use.size else 0.0
-            if _quantity(name) in (*self._heating, *_SPEEDS) and self.high[name] > 0:
+            if quantity_of(name) in (*self._heating, *_SPEEDS) and self.high[name] > 0:
                 self._works |= sizes > _IN_USE * self.high[name]
         prescribed = {name: source for name, source in models[0].network.prescribed.items() if source in self.given}
         air = prescribed.get("ambient", next(iter(prescribed.values())) if len(prescribed) == 1 else None)
@@ -152,14 +156,9 @@ class Stage:
         self.ambient = float(np.median(self._values[self._air] if self._air else np.concatenate(firsts)))
         """The usual temperature of the air in the logs [degC]; without its column, of the nodes at the start."""
 
-    def moves(self, places: Iterable[str]) -> list[Move]:
-        """Every move to be considered: the joints in question, their classes, all; loaded, moving, or both.
-
-        Args:
-            places: what the question is about: nodes, or edges of two.
-        """
-        ends = dict.fromkeys(end for place in places for end in place.split("~"))
-        asked = [end for end in ends if end in self.joints]
+    def moves(self) -> list[Move]:
+        """Every move to be considered: the joints where rivals act, their classes, all; loaded, moving, or both."""
+        asked = [end for end in self._asked if end in self.joints]
         singles = list({class_of(joint): joint for joint in reversed(asked)}.values()) if len(asked) > 2 else asked
         scopes: dict[tuple[str, ...], str] = {}
         for pattern in dict.fromkeys([*singles, *map(class_of, asked or self.joints), EVERYWHERE]):
@@ -178,7 +177,7 @@ class Stage:
 
     def value(self, column: str, move: Move) -> float:
         """An input's value during a move, in its own unit."""
-        quantity, place = _quantity(column), _place(column)
+        quantity, place = quantity_of(column), place_of(column)
         high, chosen = self.high[column], place in move.joints
         if quantity in (*self._heating, *_LOADS):
             return move.load * high * chosen
@@ -224,7 +223,7 @@ class Stage:
     def text(self, wanted: Program) -> str:
         """What to do, a sentence or two that a technician can follow."""
         air = f"With the robot at rest and as warm as the air, {wanted.ambient:.0f} degC"
-        air += ", which is not the temperature of the logs" if wanted.moved_air else ""
+        air += ", which is not the temperature of the logs" if wanted.ambient != self.ambient else ""
         phases = [f"{self._doing(phase.move)} for {phase.seconds / 60:.3g} min" for phase in wanted.phases]
         return f"{air}: {', then '.join(phases)}."
 
@@ -238,7 +237,7 @@ class Stage:
             return f"walk at {self.high.get(_BASE, 0.0) * move.speed:.2g} m/s with {load} at {where}"
         if move.speed == 0.0:
             return f"hold {load} at {where}{' standing' if self.moving else ''}"
-        speed = next((speed for speed in _SPEEDS if any(_quantity(name) == speed for name in self.columns)), "")
+        speed = next((speed for speed in _SPEEDS if any(quantity_of(name) == speed for name in self.columns)), "")
         columns = [f"{speed}.{joint}" for joint in move.joints if f"{speed}.{joint}" in self.high]
         pace = f"{_range([self.value(name, move) for name in columns], 'rad/s')} on average"
         return f"move {where} at {pace} with {load}" if move.load else f"swing {where} without load at {pace}"
@@ -262,14 +261,6 @@ def _range(values: Sequence[float], unit: str) -> str:
     return f"{min(values):.2g} to {max(values):.2g} {unit}"
 
 
-def _quantity(column: str) -> str:
-    return column.partition(".")[0]
-
-
-def _place(column: str) -> str:
-    return column.partition(".")[2]
-
-
 # --- How far rivals' predictions of a run lie apart after each has done what it can to agree ------
 
 
@@ -279,45 +270,51 @@ effect none."""
 _MODEL_ERROR = 0.03**2 * 600.0  # K²s: 0.03 K for ten minutes; no model of a real robot is better, however many readings
 
 
-class Separation(NamedTuple):
-    """How one rival's prediction differs from another's after the other has adapted.
+class Difference(NamedTuple):
+    """How two rivals' predictions of a run differ after the one that is wrong has done what it can to agree.
 
     Args:
-        deviations: square root of the expected rise of the sum of squared weighted residuals.
-        left: what is left of the difference [K], shape (nodes, n).
+        pair: the rivals, effect and place each; where they differ most the first is the warmer one.
+        kelvin: the largest difference that no change of parameters takes away, mean of a minute [K].
+        kelvin_as_fitted: the largest difference of the predictions as the old data leave them [K].
+        deviations: of all readings together, square root of the expected rise of the sum of squared weighted residuals.
+        node: where it is largest, of those that have a sensor.
+        minute: when.
     """
 
+    pair: tuple[Key, Key]
+    kelvin: float
+    kelvin_as_fitted: float
     deviations: float
-    left: FloatArray
+    node: str
+    minute: float
 
+    @property
+    def clear(self) -> bool:
+        """Whether the run decides between the two in four cases of five."""
+        return self.deviations >= CLEAR
 
-class RivalPrediction(NamedTuple):
-    """A rival's prediction of one run.
-
-    Args:
-        readings: degC, shape (nodes, n).
-        moved: their derivatives by the rival's parameters and initial states, shape (nodes, n, unknowns).
-    """
-
-    readings: FloatArray
-    moved: FloatArray
+    def as_json(self) -> dict[str, object]:
+        """The difference as other tools read it."""
+        return self._asdict() | {"clear": self.clear}
 
 
 class Rivals:
     """Fits that the old data can't tell apart.
 
     Args:
-        fits: the rivals, all of the same nodes and runs.
+        steps: the rivals, all of the same nodes and runs.
     """
 
-    def __init__(self, fits: Sequence[Fit]) -> None:
-        self.fits = list(fits)
-        self.pairs = list(combinations(range(len(fits)), 2))
+    def __init__(self, steps: Sequence[Step]) -> None:
+        self.keys, self.fits = [step.key for step in steps], [step.fit for step in steps]
         self._density = noise_density(min(self.fits, key=lambda fit: fit.cost))
         self._priors = [self._prior(fit) for fit in self.fits]
+        bound_runs = self.fits[0].problem.bound_runs
+        self._measured = np.any([bound.counted.any(axis=1) for bound in bound_runs], axis=0)
 
-    def predict(self, run: Run) -> list[RivalPrediction]:
-        """All predictions of a run.
+    def predict(self, run: Run) -> list[Sensitivities]:
+        """Each rival's prediction of a run, with its derivatives by the search's coordinates and the states at rest.
 
         Raises:
             SimulationError: a model runs away.
@@ -331,30 +328,41 @@ class Rivals:
             moved[:, :, : len(free)] *= fit.problem.slope(model.values)
             nodes, starts = len(model.nodes), moved[:, :, len(free) :]
             starts[:, :, :nodes] += starts[:, :, nodes:] @ model.resting_shares
-            predicted.append(RivalPrediction(simulated.readings, moved))
+            predicted.append(replace(simulated, derivatives=moved))
         return predicted
 
-    def apart(self, predictions: Sequence[RivalPrediction], run: Run) -> dict[tuple[int, int], Separation]:
+    def apart(self, predictions: Sequence[Sensitivities], run: Run) -> list[Difference]:
         """For each pair the smaller of both ways round: whichever of the two is true, so much is to be seen.
 
         Args:
             predictions: of one run.
             run: that run.
         """
-        weight = np.sqrt(run.step / self._density)[:, None]
-        separations: dict[tuple[int, int], Separation] = {}
-        for pair in self.pairs:
-            weighted = (predictions[pair[0]].readings - predictions[pair[1]].readings) * weight
-            both = []
+        weight, differences = np.sqrt(run.step / self._density)[:, None], []
+        for pair in combinations(range(len(self.fits)), 2):
+            fitted = predictions[pair[0]].readings - predictions[pair[1]].readings
+            weighted, both = fitted * weight, list[tuple[float, FloatArray]]()
             for wrong in pair:
-                rows = (predictions[wrong].moved * weight[:, :, None]).reshape(weighted.size, -1)
+                rows = (predictions[wrong].derivatives * weight[:, :, None]).reshape(weighted.size, -1)
                 pull = rows.T @ weighted.ravel()
                 change = np.linalg.solve(self._priors[wrong] + rows.T @ rows, pull)
-                rise = float(np.sum(weighted**2) - pull @ change)
-                left = (weighted - (rows @ change).reshape(weighted.shape)) / weight
-                both.append(Separation(sqrt(max(rise, 0.0)), left))
-            separations[pair] = min(both, key=lambda separation: separation.deviations)
-        return separations
+                rise = max(float(np.sum(weighted**2) - pull @ change), 0.0)
+                both.append((sqrt(rise), (weighted - (rows @ change).reshape(weighted.shape)) / weight))
+            deviations, left = min(both, key=lambda way: way[0])
+            minutes = means_of_blocks(left, round(60 / STEP)) * self._measured[:, None]
+            row, column = np.unravel_index(int(np.argmax(np.abs(minutes))), minutes.shape)
+            keys, most = (self.keys[pair[0]], self.keys[pair[1]]), float(minutes[row, column])
+            differences.append(
+                Difference(
+                    keys if most >= 0 else keys[::-1],
+                    abs(most),
+                    float(np.abs(fitted[self._measured]).max()),
+                    deviations,
+                    self.fits[0].model.nodes[int(row)],
+                    float(column + 1),
+                )
+            )
+        return differences
 
     def _prior(self, fit: Fit) -> FloatArray:
         """Information on parameters from the old data, on initial states from the robot's being at rest."""
@@ -394,167 +402,82 @@ def _mean_step(fit: Fit) -> float:
 # --- The search among runs: single moves first, then pairs and threes, then other air ----------------------
 
 
-_SHARES = (0.2, 0.4, 0.6, 0.8, 1.0)  # of the time for a single move; rest is left at the end
-_BUSY = 0.8  # share of the time for two or three moves together
+_SHARES = (0.2, 0.4, 0.6, 0.8, 1.0)  # of the time for a single move; rest is left at the end. Several take four fifths
 _KEPT = 6  # moves, pairs, programs that are followed further: some 200 programs in all, a second or two
 _NEARLY = 0.85  # share of the best that a simpler run must reach: that is a third more time of the same run
 
 
-@dataclass(frozen=True)
-class ProgramTrial:
-    """A program, and how far it sets each pair of rivals apart [standard deviations]."""
-
-    program: Program
-    deviations: tuple[float, ...]
-
-    @property
-    def effort(self) -> int:
-        """What it asks of the people who do it: other air is the most trouble, then a rig that loads a moving joint."""
-        moves = [phase.move for phase in self.program.working]
-        rigs = sum(move.load > 0 and move.speed > 0 and move.at != EVERYWHERE for move in moves)
-        return 2 * self.program.moved_air + max(len(moves) - 1, 0) + rigs
-
-
-class ProgramSearch:
-    """All programs tried so far.
+def best_program(
+    stage: Stage, rivals: Rivals, moves: Sequence[Move], ambients: Iterable[float], seconds: float, limit: float
+) -> tuple[Program | None, int]:
+    """The simplest program that is nearly as good as the best, `None` if all run too hot; and how many were tried.
 
     Args:
         stage: turns programs into runs.
         rivals: the fits.
+        moves: what can be done.
+        ambients: temperatures of the air beside the logs' own [degC].
         seconds: how long a run may last.
         limit: highest temperature that a prediction may reach [degC].
     """
+    tried: dict[Program, list[float]] = {}  # deviations of each pair; none for what gets too hot, or runs away
 
-    def __init__(self, stage: Stage, rivals: Rivals, seconds: float, limit: float) -> None:
-        self.stage, self.rivals, self.seconds, self.limit = stage, rivals, seconds, limit
-        self.trials: dict[Program, ProgramTrial | None] = {}
-
-    def best(self, moves: Sequence[Move], ambients: Sequence[float]) -> ProgramTrial | None:
-        """The simplest program of these moves that is nearly as good as the best; `None` if all run too hot.
-
-        Args:
-            moves: what can be done.
-            ambients: temperatures of the air beside the logs' own [degC].
-        """
-        air = self.stage.ambient
-        self._try([[], *([(move, share)] for move, share in product(moves, _SHARES[2::2]))], air)
-        working = (trial.program.working for trial in self._ranked())
-        good = list(dict.fromkeys(phases[0].move for phases in working if phases))[:_KEPT]
-        self._try([[(move, share)] for move, share in product(good, _SHARES)], air)
-        self._try([[(move, _BUSY / 2) for move in pair] for pair in permutations(good, 2)], air)
-        working = (trial.program.working for trial in self._ranked())
-        pairs = [[phase.move for phase in phases] for phases in working if len(phases) == 2][:_KEPT]
-        threes = ([*pair, third] for pair, third in product(pairs, good) if third != pair[1])
-        self._try([[(move, _BUSY / 3) for move in three] for three in threes], air)
-        kept = [[(phase.move, phase.seconds / self.seconds) for phase in p.program.phases] for p in self._ranked()]
-        alone = [[(move, share)] for move, share in product(good, _SHARES[1:])]
-        for elsewhere in ambients:
-            self._try([[], *kept[:_KEPT], *alone], elsewhere)
-        ranked = self._ranked()
-        if not ranked:
-            return None
-        worth = np.minimum(_worth(ranked), 3.0 * CLEAR)  # a run that is clearer is not worth more effort
-        near = [index for index in range(len(ranked)) if worth[index] >= _NEARLY * worth[0]]
-        return ranked[min(near, key=lambda index: (ranked[index].effort, -worth[index]))]
-
-    def _try(self, programs: Iterable[Sequence[tuple[Move, float]]], ambient: float) -> None:
+    def attempt(programs: Iterable[Sequence[tuple[Move, float]]], ambient: float) -> None:
         """Programs of moves that take shares of the time, and rest for what is left."""
         for shares in programs:
-            phases = [Phase(move, round(share * self.seconds / STEP) * STEP) for move, share in shares]
-            left = round(self.seconds / STEP) * STEP - sum(phase.seconds for phase in phases)
+            phases = [Phase(move, round(share * seconds / STEP) * STEP) for move, share in shares]
+            left = round(seconds / STEP) * STEP - sum(phase.seconds for phase in phases)
             phases += [Phase(Move(), left)] if left >= STEP else []
-            wanted = Program(tuple(one for one in phases if one.seconds > 0), ambient, ambient != self.stage.ambient)
-            if wanted not in self.trials:
-                self.trials[wanted] = self._trial(wanted)
+            program = Program(tuple(one for one in phases if one.seconds > 0), ambient)
+            if program in tried:
+                continue
+            run, tried[program] = stage.run(program), []
+            try:
+                predictions = rivals.predict(run)
+            except SimulationError:
+                continue
+            if max(float(prediction.readings.max()) for prediction in predictions) <= limit:
+                tried[program] = [difference.deviations for difference in rivals.apart(predictions, run)]
 
-    def _trial(self, wanted: Program) -> ProgramTrial | None:
-        """`None` for what gets too hot, or runs away."""
-        run = self.stage.run(wanted)
-        try:
-            predictions = self.rivals.predict(run)
-        except SimulationError:
-            return None
-        if max(float(prediction.readings.max()) for prediction in predictions) > self.limit:
-            return None
-        apart = self.rivals.apart(predictions, run)
-        return ProgramTrial(wanted, tuple(separation.deviations for separation in apart.values()))
+    def ranked() -> list[tuple[Program, float]]:
+        """Those that stay cool, the best first, with the deviations of its weakest pair.
 
-    def _ranked(self) -> list[ProgramTrial]:
-        """Those that stay cool enough, the best first."""
-        done = [trial for trial in self.trials.values() if trial is not None]
-        return [done[index] for index in np.argsort(-_worth(done), kind="stable")] if done else []
+        A pair that no program sets apart has no say, unless there is no other.
+        """
+        cool = [program for program, deviations in tried.items() if deviations]
+        if not cool:
+            return []
+        deviations = np.array([tried[program] for program in cool])
+        possible = deviations.max(axis=0) >= CLEAR
+        worth = (deviations[:, possible] if possible.any() else deviations).min(axis=1)
+        return [(cool[k], float(worth[k])) for k in np.argsort(-worth, kind="stable")]
 
+    def effort(program: Program) -> int:
+        """What it asks of people: other air is the most trouble, then a rig that loads a moving joint."""
+        work = [phase.move for phase in program.working]
+        rigs = sum(move.load > 0 and move.speed > 0 and move.at != EVERYWHERE for move in work)
+        return 2 * (program.ambient != stage.ambient) + max(len(work) - 1, 0) + rigs
 
-def _worth(trials: Sequence[ProgramTrial]) -> FloatArray:
-    """For each program the deviations of its weakest pair, shape (programs,).
-
-    A pair that no program sets apart has no say, unless there is no other.
-    """
-    deviations = np.array([trial.deviations for trial in trials])
-    possible = deviations.max(axis=0) >= CLEAR
-    return np.asarray((deviations[:, possible] if possible.any() else deviations).min(axis=1))
-
-
-# --- The proposal: how two rivals differ in it, by how much, where and when --------------------------------
-
-
-class Difference(NamedTuple):
-    """How two rivals differ in the proposed run.
-
-    Args:
-        pair: the rivals, effect and place each; where they differ most the first is the warmer one.
-        kelvin: the largest difference that no change of parameters takes away, mean of a minute [K].
-        as_fitted: the largest difference of the predictions as the old data leave them [K].
-        deviations: of all readings together, in standard deviations.
-        node: where it is largest.
-        minute: when.
-    """
-
-    pair: tuple[Key, Key]
-    kelvin: float
-    as_fitted: float
-    deviations: float
-    node: str
-    minute: float
-
-    @property
-    def clear(self) -> bool:
-        """Whether the run decides between the two in four cases of five."""
-        return self.deviations >= CLEAR
-
-    def as_json(self) -> dict[str, object]:
-        """The difference as other tools read it."""
-        return {
-            "pair": [list(key) for key in self.pair],
-            "kelvin": self.kelvin,
-            "kelvin_as_fitted": self.as_fitted,
-            "deviations": self.deviations,
-            "node": self.node,
-            "minute": self.minute,
-            "clear": self.clear,
-        }
+    attempt([[], *([(move, share)] for move, share in product(moves, _SHARES[2::2]))], stage.ambient)
+    working = (program.working for program, _ in ranked())
+    good = list(dict.fromkeys(phases[0].move for phases in working if phases))[:_KEPT]
+    attempt([[(move, share)] for move, share in product(good, _SHARES)], stage.ambient)
+    attempt([[(move, _SHARES[-2] / 2) for move in pair] for pair in permutations(good, 2)], stage.ambient)
+    working = (program.working for program, _ in ranked())
+    pairs = [[phase.move for phase in phases] for phases in working if len(phases) == 2][:_KEPT]
+    threes = ([*pair, third] for pair, third in product(pairs, good) if third != pair[1])
+    attempt([[(move, _SHARES[-2] / 3) for move in three] for three in threes], stage.ambient)
+    kept = [[(phase.move, phase.seconds / seconds) for phase in program.phases] for program, _ in ranked()[:_KEPT]]
+    alone = [[(move, share)] for move, share in product(good, _SHARES[1:])]
+    for elsewhere in ambients:
+        attempt([[], *kept, *alone], elsewhere)
+    # A run that is clearer is not worth more effort.
+    worth = {program: min(deviations, 3.0 * CLEAR) for program, deviations in ranked()}
+    near = [program for program in worth if worth[program] >= _NEARLY * max(worth.values())]
+    return min(near, key=lambda program: (effort(program), -worth[program]), default=None), len(tried)
 
 
-def difference(
-    pair: tuple[Key, Key], apart: Separation, fitted: FloatArray, nodes: Sequence[str], measured: BoolArray
-) -> Difference:
-    """Where and when the two differ most, of what can be seen.
-
-    Args:
-        pair: the rivals.
-        apart: how far their predictions lie apart.
-        fitted: difference of the predictions as the old data leave them [K], shape (nodes, n).
-        nodes: names of its rows.
-        measured: which of them have a sensor, shape (nodes,).
-    """
-    per_minute = round(60 / STEP)
-    minutes = apart.left.shape[1] // per_minute
-    means = apart.left[:, : minutes * per_minute].reshape(len(nodes), minutes, per_minute).mean(axis=2)
-    means[~measured] = 0.0
-    row, column = np.unravel_index(int(np.argmax(np.abs(means))), means.shape)
-    largest, as_fitted = float(means[row, column]), float(np.abs(fitted[measured]).max())
-    warmer = pair if largest >= 0 else pair[::-1]
-    return Difference(warmer, abs(largest), as_fitted, apart.deviations, nodes[int(row)], float(column + 1))
+# --- The proposal: how rivals differ in it, by how much, where and when ----------------------------------------
 
 
 @dataclass(frozen=True)
@@ -675,52 +598,31 @@ def propose(
     """
     if len(rivals) < 2:
         return None
-    fits, stage, keys = [rival.fit for rival in rivals], _stage(rivals), tuple(rival.key for rival in rivals)
-    bound_runs = fits[0].problem.bound_runs
-    hottest = max(float(np.nanmax(bound.measured)) for bound in bound_runs)
-    search = ProgramSearch(stage, Rivals(fits), 60.0 * minutes, hottest + _BEYOND if limit is None else limit)
-    others = [round(stage.ambient) + shift for shift in _OTHER_AIR] if ambients is None else list(ambients)
-    moves = possible_moves(rivals) if allowed is None else list(allowed)
-    best = search.best(moves, others if stage.air_can_change else ())
+    stage, fitted = Stage(rivals), Rivals(rivals)
+    if limit is None:
+        limit = _BEYOND + max(float(np.nanmax(bound.measured)) for bound in rivals[0].fit.problem.bound_runs)
+    others = [round(stage.ambient) + shift for shift in _OTHER_AIR] if ambients is None else ambients
+    moves = stage.moves() if allowed is None else allowed
+    best, tried = best_program(stage, fitted, moves, others if stage.air_can_change else (), 60.0 * minutes, limit)
     if best is None:
         return None
-    run, nodes = stage.run(best.program), tuple(stage.nodes)
-    predictions = search.rivals.predict(run)
-    measured = np.any([bound.counted.any(axis=1) for bound in bound_runs], axis=0)
-    differences = [
-        difference(
-            (keys[one], keys[other]), apart, predictions[one].readings - predictions[other].readings, nodes, measured
-        )
-        for (one, other), apart in search.rivals.apart(predictions, run).items()
-    ]
+    run = stage.run(best)
+    predictions = fitted.predict(run)
+    differences = sorted(fitted.apart(predictions, run), key=lambda contrast: -contrast.deviations)
     return Experiment(
-        keys,
-        best.program,
+        tuple(fitted.keys),
+        best,
         run,
-        tuple(sorted(differences, key=lambda contrast: -contrast.deviations)),
-        {key: prediction.readings for key, prediction in zip(keys, predictions, strict=True)},
-        nodes,
-        search.limit,
-        len(search.trials),
-        tuple(stage.as_json(best.program)),
-        stage.text(best.program),
+        tuple(differences),
+        {key: prediction.readings for key, prediction in zip(fitted.keys, predictions, strict=True)},
+        stage.nodes,
+        limit,
+        tried,
+        tuple(stage.as_json(best)),
+        stage.text(best),
     )
 
 
 def possible_moves(rivals: Sequence[Step]) -> list[Move]:
-    """The moves that a proposal is made of: joints in question, their classes, all; loaded, moving, or both.
-
-    Args:
-        rivals: refitted candidates of one baseline.
-    """
-    places = [
-        instance.place
-        for rival in rivals
-        for instance in rival.fit.model.network.effect_instances
-        if (instance.effect.key, instance.declaration.where) == rival.key
-    ]
-    return _stage(rivals).moves(places)
-
-
-def _stage(rivals: Sequence[Step]) -> Stage:
-    return Stage([rival.fit.model for rival in rivals], [bound.run for bound in rivals[0].fit.problem.bound_runs])
+    """The moves that a proposal is made of, for two and more refitted candidates of one baseline; see `propose`."""
+    return Stage(rivals).moves()
