@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import atexit
+import os
 import re
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
+from traceback import walk_tb
 
 import cyclopts
 
@@ -73,9 +77,25 @@ def main(words: Sequence[str] | None = None) -> None:
     """Run the command line; a user's mistake is one line and exit status 2.
 
     Args:
-        words: what stands behind `lptn`; by default what the shell gave.
+        words: what stands behind `lptn`; by default what the shell gave, and the process ends with the command.
     """
-    words = sys.argv[1:] if words is None else words
+    if words is not None:
+        _obey(words)
+        return
+    status: object = 0
+    try:
+        _obey(sys.argv[1:])
+    except SystemExit as stop:
+        status = stop.code
+    # Threads of Arrow may still let go of what they read, and abort an interpreter that is being taken down.
+    atexit._run_exitfuncs()
+    for stream in filter(None, (sys.stdout, sys.stderr)):
+        with suppress(OSError, ValueError):
+            stream.flush()
+    os._exit(status if isinstance(status, int) else int(status is not None))
+
+
+def _obey(words: Sequence[str]) -> None:
     try:
         with spared_closed_pipes(), heard_interrupts(), library_log_shown():
             _refuse_too_little_memory()
@@ -110,8 +130,9 @@ def _of_the_machine(error: Exception) -> str | None:
         # Of what is gone the system names all but the folder in which the command runs.
         nameless = "the current folder" if isinstance(error, FileNotFoundError) else "system"
         return f"{error.filename or nameless}: {error.strerror or error}"
-    if isinstance(error, ImportError):
-        return f"a library can't be loaded: {str(error).strip().splitlines()[-1]}"
+    importing = any(frame.f_code.co_name == "<module>" for frame, _ in walk_tb(error.__traceback__))
+    if isinstance(error, ImportError) or importing:
+        return f"a library can't be loaded: {(str(error).strip().splitlines() or [type(error).__name__])[-1]}"
     return None
 
 

@@ -151,7 +151,8 @@ class ColumnSource:
         if len(columns) > 1:
             x = _COMBINED[self.how](columns)
         if self.scale != 1 or self.offset:  # a copy of millions of rows only where it says something else
-            x = self.scale * x + self.offset
+            with np.errstate(over="ignore", invalid="ignore"):  # what it gives is refused
+                x = self.scale * x + self.offset
         if self.afterwards is not None and (there := np.flatnonzero(np.isfinite(x))).size:
             x = np.where(np.arange(x.size) > there[-1], self.afterwards, x)
         return to_si(x, quantity, self.unit)
