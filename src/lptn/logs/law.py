@@ -23,6 +23,7 @@ from lptn.logs.channels import Channels, spans, standing
 from lptn.logs.columns import AMBIENT, place_of
 
 _FEWEST = 30  # blocks that tell a law
+_GAP = 10.0  # times the usual step from block to block: over one so long the law is not straight
 _THERE = 0.9  # share of the blocks in which a neighbour has readings
 _CONDUCTANCE, _HEATS = 1 / 500, 0.1
 """1/s, of a conductance to a capacity, and K/s of heat, as they are likely: where a log does not tell two of them
@@ -100,7 +101,7 @@ def warming(log: Channels, key: str, load: str) -> Warming | None:
         columns.append(log.means(speed))
     table, apart = np.column_stack(columns), np.diff(log.means("time"))
     table = np.column_stack([np.diff(warm) / apart, 0.5 * (table[:-1] + table[1:])])
-    rows = np.flatnonzero(np.isfinite(table).all(axis=1))
+    rows = np.flatnonzero(np.isfinite(table).all(axis=1) & (apart < _GAP * np.median(apart)))
     if rows.size < _FEWEST:
         return None
     return Warming(rows, table[rows, 0], apart[rows], table[rows, 1:], speed in log.values)
