@@ -14,6 +14,7 @@ import lz4.frame  # type: ignore[import-untyped]
 import numpy as np
 import pytest
 
+from lptn.logs import bags
 from lptn.logs.columns import ColumnSource
 from lptn.logs.reading import read_log
 
@@ -418,7 +419,18 @@ def test_many_chunks_that_are_what_they_say(
     monkeypatch.setattr("lptn.logs.bags.UNPACKED", 1_000_000)
     path, size = tmp_path / "bomb.mcap", 9 * 44_500  # empty records of 9 bytes
     write_chunk(path, compression, _COMPRESSED[compression](bytes(size)), size, times=1000)
-    assert "pieces that unfold to more than 50 times their size" in refuse(path, read_log, path)
+    assert "pieces that unfold to more than 0.001 GB and 50 times their size" in refuse(path, read_log, path)
+
+
+@pytest.mark.parametrize("compression", ["zstd", "lz4"])
+@pytest.mark.parametrize(("content", "count"), [(999_991, 1), (9_991, 100), (591, 1000)])
+def test_what_packs_to_nothing_since_nothing_moves_is_no_bomb(compression: str, content: int, count: int) -> None:
+    """A simulated camera, a scan without an obstacle, joints at rest: chunks of a robot that stands, 400 MB of them."""
+    chunk = (b"\5" + struct.pack("<Q", content) + bytes(content)) * count
+    packed = _COMPRESSED[compression](chunk)
+    with bags.bounded():
+        for _ in range(400_000_000 // len(chunk)):
+            assert len(storage.DECOMPRESSORS[compression](packed, len(chunk))) == len(chunk)
 
 
 @pytest.mark.parametrize("compression", ["zstd", "lz4"])
@@ -440,6 +452,6 @@ def test_a_bag_compressed_as_a_whole_may_not_fill_the_disk(
     whole.write_bytes(reader.zstd.compress(bytes(10_000_000)))
     with monkeypatch.context() as patch:
         patch.setattr("lptn.logs.bags.UNPACKED", 1_000_000)
-        assert "more than 50 times its size" in refuse(tmp_path / "bag", read_log, tmp_path / "bag")
+        assert "a compressed file of more than 0.001 GB" in refuse(tmp_path / "bag", read_log, tmp_path / "bag")
     monkeypatch.setattr("lptn.logs.bags._SHARE", 0.0)
     assert "half of the disk" in refuse(tmp_path / "bag", read_log, tmp_path / "bag")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import os
 import resource
 import subprocess
 import sys
@@ -242,6 +243,45 @@ def test_a_last_line_that_was_cut_is_left_out_and_said(tmp_path: Path) -> None:
 # --- What would take for ever, or fill the memory ------------------------------------------------------
 
 
+STANDING = {
+    "as NumPy writes it": "{:.18e},{:.18e},{:.18e}" + ",0.000000000000000000e+00" * 34,
+    "words": "{:.2f},{:.1f},{:.1f}" + ",0.0" * 60 + ",standing" * 20,
+    "a message": '{:.3f},{:.1f},{:.1f},"' + "ready " * 100 + '"',
+    "a humanoid": "{:.6f},{:.6f},{:.6f}" + ",0.000000" * 180,
+}
+
+
+@pytest.mark.parametrize("row", STANDING.values(), ids=STANDING)
+def test_four_hours_of_a_robot_that_stands_may_pack_to_a_hundredth(tmp_path: Path, row: str) -> None:
+    seen, hours = 10_000, 4
+    text = "".join(row.format(k / 100, 25.0, 0.0) + "\n" for k in range(seen)).encode()
+    path, ratio = tmp_path / "log.csv.gz", len(text) / len(gzip.compress(text, 6))
+    whole = len(text) / seen * hours * 3600 * 100
+    path.touch()
+    os.truncate(path, int(whole / ratio))
+    assert ratio > tables.TIMES_PACKED
+    assert tables.most_unpacked(path, at_once=False) > whole
+
+
+@pytest.mark.long
+def test_a_log_of_a_robot_that_stands_is_read(tmp_path: Path) -> None:
+    row, count = STANDING["as NumPy writes it"], 110_000
+    names = ["time", "temperature.a", "torque.a", *(f"c{k}" for k in range(row.count(",") - 2))]
+    text = "\n".join([",".join(names), *(row.format(k / 100, 25.0, 0.0) for k in range(count)), ""]).encode()
+    path = tmp_path / "log.csv.gz"
+    path.write_bytes(gzip.compress(text, 6))
+    assert len(text) > max(tables.UNPACKED_AT_ONCE, tables.TIMES_PACKED * path.stat().st_size)
+    (run,) = read_log(path)
+    assert run.time.size == count // 100
+
+
+@pytest.mark.parametrize("ending", ["csv", "csv.gz", "parquet", "xlsx", "mcap", "db3", "ulg"])
+def test_a_pipe_is_not_waited_for(tmp_path: Path, refuse: Refuse, ending: str) -> None:
+    path = tmp_path / f"log.{ending}"
+    os.mkfifo(path)
+    assert "a pipe or a device" in refuse(path, read_log, path)
+
+
 @pytest.mark.parametrize("piece", [b"0,1,20\n", b"\n", b"# x\n", b"0,1,\n", b"\0", b"0,1,20,,,,\n"])
 def test_a_table_that_unfolds_to_a_hundred_times_its_size(
     tmp_path: Path, refuse: Refuse, monkeypatch: pytest.MonkeyPatch, piece: bytes
@@ -251,7 +291,7 @@ def test_a_table_that_unfolds_to_a_hundred_times_its_size(
     path.write_bytes(
         gzip.compress(b"time,torque.a,temperature.a\n" + 20 * b"0,1,20\n" + 20_000_000 // len(piece) * piece)
     )
-    assert "unfolds to more than 50 times its size" in refuse(path, read_log, path)
+    assert "unfolds to more than 0.001" in refuse(path, read_log, path)
 
 
 _WHOLE = b"time,torque.a,temperature.a\n" + b"".join(b"%d,1,20\n" % k for k in range(200))
@@ -334,7 +374,7 @@ def test_rows_and_cells_that_no_sheet_has(tmp_path: Path, refuse: Refuse, old: b
 def test_a_spreadsheet_that_unfolds_to_a_hundred_times_its_size(
     tmp_path: Path, refuse: Refuse, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("lptn.logs.tables.UNPACKED", 1_000_000)
+    monkeypatch.setattr("lptn.logs.tables.UNPACKED_AT_ONCE", 1_000_000)
     path = tmp_path / "bomb.xlsx"
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("xl/sharedStrings.xml", b" " * 20_000_000)
@@ -345,7 +385,7 @@ def test_a_spreadsheet_that_unfolds_to_a_hundred_times_its_size(
 def test_texts_of_a_parquet_file_that_unfold_to_a_hundred_times_its_size(
     tmp_path: Path, refuse: Refuse, monkeypatch: pytest.MonkeyPatch, stored: str
 ) -> None:
-    monkeypatch.setattr("lptn.logs.tables.UNPACKED", 1_000_000)
+    monkeypatch.setattr("lptn.logs.tables.UNPACKED_AT_ONCE", 1_000_000)
     text = pa.array(["x" * 20_000] * 300)
     text = text.dictionary_encode() if stored == "dictionary" else text.cast(stored)
     table = {"time": np.arange(300.0), "temperature.a": np.full(300, 25.0), "torque.a": text}

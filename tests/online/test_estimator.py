@@ -355,3 +355,14 @@ def test_state_is_plain_arrays(model: Model) -> None:
     estimator.update(inputs_of(model), {"a": 30.0}, 0.0)
     np.savez(io.BytesIO(), **estimator.state())  # type: ignore[arg-type]
     assert all(type(array) is np.ndarray and array.dtype == float for array in estimator.state().values())
+
+
+@pytest.mark.parametrize(("nodes", "fitted"), [(320, False), (250, True), (280, True)])
+def test_a_filter_that_would_not_come_to_an_end_is_refused(nodes: int, fitted: bool) -> None:
+    names = ", ".join(f'"j{k}"' for k in range(nodes))
+    text = f"""[model]\nname = "m"\nambient = 25\njoints = [{names}]\n[nodes."*"]\ncapacity = 300
+[[links]]\nbetween = ["*", "ambient"]\nresistance = {{ value = 3, share = "each" }}\n"""
+    large = Model(parse_model(text, Path("m.toml")).network)
+    covariance = np.eye(len(large.free)) * 1e-4 if fitted else None
+    with pytest.raises(InputError, match=r"m.toml: filter: found .* states .*; expected at most 600"):
+        Estimator(large, covariance=covariance)

@@ -189,7 +189,7 @@ def test_what_a_drawing_program_got_wrong_is_said_of_the_joint(tmp_path: Path) -
 
 def test_a_chain_of_three_thousand_joints_is_refused_at_once(tmp_path: Path) -> None:
     chain = [joint(f"j{k}", f"l{k}", f"l{k + 1}") for k in range(3000)]
-    with pytest.raises(InputError, match=r"3,000 nodes; expected at most 200"):
+    with pytest.raises(InputError, match=r"3,000 nodes; expected at most 500"):
         urdf_model_text(written(tmp_path, robot(*chain)))
     assert len(read_joints(written(tmp_path, robot(*chain[:180])))[1]) == 180
 

@@ -47,7 +47,7 @@ def bytes_of(path: Path, bound: Bound, expected: str) -> bytes:
     """
     content = bytearray()
     try:
-        with path.open("rb") as stream:
+        with open(path, "rb", opener=_without_waiting) as stream:
             while len(content) <= bound.most and (chunk := stream.read(_CHUNK)):
                 content += chunk
             size = max(len(content), os.fstat(stream.fileno()).st_size)
@@ -55,6 +55,13 @@ def bytes_of(path: Path, bound: Bound, expected: str) -> bytes:
         raise InputError(path, "file", getattr(error, "strerror", None) or str(error), expected) from error
     bound.check(size, path, "file")
     return bytes(content)
+
+
+def _without_waiting(path: str, flags: int) -> int:
+    """A file opened. A pipe without an end is empty, or can't be written to: to wait for one might have no end."""
+    handle = os.open(path, flags | getattr(os, "O_NONBLOCK", 0))  # which Windows lacks
+    os.set_blocking(handle, True)
+    return handle
 
 
 def text_of(path: Path, expected: str, bound: Bound = TEXT) -> str:
@@ -110,7 +117,8 @@ def write_whole(path: Path, content: str | bytes) -> None:
     try:
         target = _real(path)
         if target.exists() and not target.is_file():
-            target.write_bytes(data)
+            with open(target, "wb", opener=_without_waiting) as stream:
+                stream.write(data)
             return
         part = _part(target, data)
         try:

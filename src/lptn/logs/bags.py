@@ -305,13 +305,15 @@ def one_clock(streams: Sequence[Stream]) -> tuple[list[IntArray], list[str]]:
 # --- Compressed bags decompressed within bounds: a few kilobytes must not fill the memory or the disk ---
 
 _MOST = 1 << 30  # bytes of a chunk, or of a message; recorders make chunks of some megabytes
+_RECORD = 400  # bytes that a record of a chunk counts for besides its own: 10 million empty ones take 10 s
+_HEAD = 9  # bytes before a record's content: its kind, and its length
 _SHARE = 0.5  # of the disk's free space that a bag may take while it is read
 _METHODS = ("lz4", "zstd")
 
 
 @contextmanager
 def bounded() -> Iterator[None]:
-    """Within it rosbags decompresses no piece beyond 1 GiB or the size that it declares, and all to 50 times its size.
+    """Within it rosbags decompresses no piece beyond 1 GiB or the size that it declares, and all within `UNPACKED`.
 
     The library has no such option; its own functions are put back afterwards.
     """
@@ -320,7 +322,7 @@ def bounded() -> Iterator[None]:
 
     left = UNPACKED  # bytes that may still come
 
-    def within(decompressor: Any, data: bytes, size: int) -> bytes:
+    def within(decompressor: Any, data: bytes, size: int, *, records: bool = True) -> bytes:
         """Data decompressed, one frame of at most `size` bytes; a ValueError if it is more, or is cut off."""
         nonlocal left
         if not 0 <= size <= _MOST:
@@ -328,9 +330,13 @@ def bounded() -> Iterator[None]:
         left += TIMES_PACKED * len(data)
         most = min(size, left)
         unpacked: bytes = decompressor.decompress(bytes(data), max_length=most + 1)
-        left -= len(unpacked)
+        left, at = left - len(unpacked), 0
+        while records and at < len(unpacked) and left >= 0:
+            left -= _RECORD
+            at += _HEAD + int.from_bytes(unpacked[at + 1 : at + _HEAD], "little")
         if left < 0:
-            raise ValueError(f"pieces that unfold to more than {TIMES_PACKED} times their size")
+            bound = f"{UNPACKED / 1e9:g} GB and {TIMES_PACKED} times their size"
+            raise ValueError(f"pieces that unfold to more than {bound}")
         if len(unpacked) > size:
             raise ValueError(f"a piece of more than the {size} bytes that it may have")
         if not decompressor.eof:
@@ -341,7 +347,7 @@ def bounded() -> Iterator[None]:
         """A bag that is compressed as a whole, which the library unpacks to the disk."""
         free = int(_SHARE * shutil.disk_usage(tempfile.gettempdir()).free)
         size = max(UNPACKED, TIMES_PACKED * os.fstat(stream.fileno()).st_size)
-        found = "half of the disk's free space" if free < size else f"{TIMES_PACKED} times its size"
+        found = "half of the disk's free space" if free < size else f"{size / 1e9:g} GB"
         return Bounded(zstd.open(stream, mode), min(free, size), ValueError(f"a compressed file of more than {found}"))
 
     chunks: dict[str, Any] = storage_mcap.DECOMPRESSORS
@@ -350,7 +356,7 @@ def bounded() -> Iterator[None]:
     chunks["lz4"] = lambda data, size: within(LZ4FrameDecompressor(), data, size)
     if zstd is not None:
         chunks["zstd"] = lambda data, size: within(zstd.ZstdDecompressor(), data, size)
-        whole = partial(within, size=_MOST)
+        whole = partial(within, size=_MOST, records=False)
         vars(reader)["zstd"] = SimpleNamespace(
             decompress=lambda data: whole(zstd.ZstdDecompressor(), data), open=opened
         )

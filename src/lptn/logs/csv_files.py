@@ -32,7 +32,7 @@ from lptn.basics.files import fingerprint
 from lptn.logs import tables
 from lptn.logs.columns import is_number
 from lptn.logs.layout import LOOKED_AT, find_layout, holds_values, is_value, names_of, width_of
-from lptn.logs.tables import TIMES_PACKED, Bounded, Table, most_unpacked, one_line_if_broken, require_package, too_large
+from lptn.logs.tables import Bounded, Table, most_unpacked, one_line_if_broken, require_package, too_large
 
 ENDINGS = (".csv", ".tsv", ".txt", ".csv.gz", ".tsv.gz", ".txt.gz")
 
@@ -73,10 +73,10 @@ def open_csv(path: Path) -> Table:
     def unpacked() -> BinaryIO:
         if path.suffix != ".gz":
             return path.open("rb")
-        found = f"a file that unfolds to more than {TIMES_PACKED} times its size"
-        error = InputError(path, "log", found, "a compressed table of readings")
+        most = most_unpacked(path, at_once=False)
+        error = InputError(path, "log", f"a file that unfolds to more than {most / 1e9:g} GB", "a log cut into pieces")
         packed = gzip.open(path)  # noqa: SIM115 - closed with what is returned
-        return io.BufferedReader(Bounded(packed, most_unpacked(path), error), _BLOCK)
+        return io.BufferedReader(Bounded(packed, most, error), _BLOCK)
 
     return table_of_text(Content(path, unpacked))
 
@@ -383,7 +383,7 @@ def open_spreadsheet(path: Path) -> Table:
     with one_line_if_broken(path, "a whole .xlsx file"):
         with zipfile.ZipFile(path) as archive:
             unpacked = sum(part.file_size for part in archive.infolist())
-        if unpacked > min(_MOST_BYTES, most_unpacked(path)):
+        if unpacked > min(_MOST_BYTES, most_unpacked(path, at_once=True)):
             raise InputError(path, "log", f"{unpacked / 1e9:.2g} GB unpacked", "a spreadsheet of readings, or CSV")
         with closing(load_workbook(path, read_only=True, data_only=True, keep_links=False)) as book:
             heads = {sheet.title: list(islice(filter(any, _rows(sheet)), LOOKED_AT)) for sheet in book.worksheets}

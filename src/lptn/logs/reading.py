@@ -100,6 +100,8 @@ def open_table(path: Path) -> Table:
         raise InputError(path, "log", "a folder", f"{LOG_FILE} with its metadata.yaml")
     if path.is_dir():
         return open_bag(path)
+    if not path.is_file():  # which may never end, or never begin, and is read once
+        raise InputError(path, "log", "a pipe or a device", LOG_FILE)
     for endings, opened in _OPENERS.items():
         if path.name.endswith(endings):
             return opened(path)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import io
 import re
+import warnings
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -29,8 +30,11 @@ COLUMNS = Bound(100_000, "columns")
 """Of a table: a file of so many takes 8 s to open; of a robot's log a thousand are many."""
 MOST_NUMBERS = 500_000_000  # 4 GB; a day of twelve joints at 100 Hz has 400 million
 _NUMBERS_AT_ONCE = 10_000_000  # read from a file before they are copied into their columns, so that few stand twice
-UNPACKED = 100_000_000  # bytes that any packed file may have …
-TIMES_PACKED = 50  # … and times its own size
+UNPACKED = 4_000_000_000
+"""Bytes that any packed log may unfold to: half a minute to read as text. How small it was packed says nothing: a robot
+that stands still packs to a hundredth."""
+UNPACKED_AT_ONCE = 100_000_000  # bytes that any may unfold to in memory …
+TIMES_PACKED = 50  # … and either, where it is more: times its own size
 _SMALL = 10_000_000  # bytes of a file that fits any memory: one that asks for more has a false length in it
 _MOST_WORDS, _MOST_LISTED = 5, 30  # words that a note gives as examples, names of columns in a message
 _LONGEST_CELL = 100  # characters of a cell that go into a message
@@ -242,9 +246,9 @@ def too_large(path: Path, size: str) -> InputError:
     return InputError(path, "log", size, f"at most {MOST_NUMBERS:.0e} numbers; cut the log into pieces")
 
 
-def most_unpacked(path: Path) -> int:
-    """Bytes that a packed file may unfold to: numbers that change take a third of them, a robot at rest a thirtieth."""
-    return max(UNPACKED, TIMES_PACKED * path.stat().st_size)
+def most_unpacked(path: Path, *, at_once: bool) -> int:
+    """Bytes that a packed file may unfold to, read piece by piece or at once."""
+    return max(UNPACKED_AT_ONCE if at_once else UNPACKED, TIMES_PACKED * path.stat().st_size)
 
 
 class Bounded(io.RawIOBase):
@@ -281,14 +285,15 @@ def require_package(path: Path, package: str, log: str, instead: str) -> None:
 
 @contextmanager
 def one_line_if_broken(path: Path, expected: str) -> Iterator[None]:
-    """Make one line of whatever a library raises of broken bytes, which are errors of many kinds.
+    """Make one line of whatever a library raises of broken bytes, which are errors of many kinds, and none of warnings.
 
     Raises:
         InputError: there is such an error within, or an InputError, which stays as it is.
         MemoryError: the machine has too little memory, which is not the fault of a file that is not small.
     """
     try:
-        yield
+        with warnings.catch_warnings(action="ignore"):
+            yield
     except InputError:
         raise
     except Exception as error:
@@ -344,7 +349,7 @@ def open_parquet(path: Path) -> Table:
 
     def with_texts_in_full(table: Any) -> Any:
         """Texts, which the file holds once each, stand in every row: 64 kB hold a megabyte that stands in 3,000."""
-        left = most_unpacked(path)
+        left = most_unpacked(path, at_once=True)
         for number, (name, column) in enumerate(zip(table.column_names, table.columns, strict=True)):
             if pa.types.is_dictionary(column.type) and column.type.value_type in _TEXTS:
                 for chunk in column.chunks:
