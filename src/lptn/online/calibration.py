@@ -218,22 +218,12 @@ _Size = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 _Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
-class _Error(BaseModel, extra="forbid"):
-    heat: _Size | dict[str, _Size]
-    heat_time: _Positive
-    change: _Size | dict[str, _Size]
-    bias: _Size | dict[str, _Size]
-    air: _Size
-    inputs: dict[str, _Size]
-
-
 class _File(BaseModel, extra="forbid"):
     nodes: list[str]
     healthy_hours: _Size
-    limits: dict[Literal["offset", "drift", "lag"], list[_Positive]]
+    limits: dict[str, list[_Positive]]
     noise: dict[Literal["white", "step"], list[_Size]]
-    model_error: _Error
-    still: list[_Size] | None = None  # of earlier versions: nobody asks for it any more
+    model_error: ModelError
 
 
 def write_calibration(calibration: Calibration, nodes: Sequence[str], path: Path) -> None:
@@ -255,12 +245,12 @@ def read_calibration(path: Path, model: Model) -> Calibration:
         stands = sentence(first["msg"]) if first["type"] == "json_invalid" else found_in(first)
         expected = "JSON" if first["type"] == "json_invalid" else expectation(first)
         raise InputError(path, place, stands, f"{expected}, as `lptn monitor --healthy` writes it") from error
-    # Files of earlier versions know no lag; without any other list the lengths differ.
-    given = {"lag": [_UNTRIED] * len(model.nodes)} | file.limits
-    limits, noise = [given.get(kind, []) for kind in KINDS], [file.noise.get("white", []), file.noise.get("step", [])]
+    limits, noise = (
+        [file.limits.get(kind, []) for kind in KINDS],
+        [file.noise.get("white", []), file.noise.get("step", [])],
+    )
     same = all(len(values) == len(model.nodes) for values in (*noise, *limits))
     if file.nodes != model.nodes or not same or not set(file.model_error.inputs) <= set(model.inputs):
         expected = f"those of the model: {', '.join(model.nodes)}"
         raise InputError(path, "nodes", ", ".join(file.nodes) or "none", expected)
-    allowed = ModelError(**file.model_error.model_dump())
-    return Calibration(Noise(*map(np.array, noise)), allowed, np.array(limits), file.healthy_hours)
+    return Calibration(Noise(*map(np.array, noise)), file.model_error, np.array(limits), file.healthy_hours)

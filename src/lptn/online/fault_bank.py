@@ -102,9 +102,10 @@ _SAMPLED = 50  # steps of a run at which it is asked what a parameter does
 
 
 def coarsely_bound(model: Model, run: Run, step: float) -> BoundRun:
-    """A run in steps of about so many seconds, where it is long enough for it."""
+    """A run in steps of about so many seconds, where it is long enough for it, none of its last seconds lost."""
     factor = min(max(1, round(step / run.step)), max(1, len(run) // _FEWEST_STEPS))
-    return bind(model, run.coarsen(factor))
+    over = (len(run) if run.averaged else len(run) - 1) % factor
+    return bind(model, run.slice(float(run.time[over]), float("inf")).coarsen(factor) if factor > 1 else run)
 
 
 def warming_by_loads(model: Model, bound: BoundRun) -> FloatArray:
@@ -310,13 +311,17 @@ def first_alarm(
     whole = _backwards(estimator, filtered, count)
     driving = loads(model)
     suspected = np.where([driving.get(node, "") in inputs for node in model.nodes], whole.load, 0.0)
-    begin, row = map(int, np.unravel_index(int(suspected.argmax()), suspected.shape))
+    begin, heated = map(int, np.unravel_index(int(suspected.argmax()), suspected.shape))
+
+    def of_input(end: int, row: int, column: str, onset: float) -> Alarm:
+        return Alarm(model.nodes[row], "input", float(time[end - 1]), onset, channel=column)
+
+    load = (heated, driving.get(model.nodes[heated], ""), float(bound.run.time[begin]))
     if suspected.max() > max(DECIDES, 0.5 * float(whole.weight.max()) ** 2):
         end = _first(
-            count, lambda end: _backwards(estimator, filtered, end).load[begin:, row].max(initial=0.0) > DECIDES
+            count, lambda end: _backwards(estimator, filtered, end).load[begin:, heated].max(initial=0) > DECIDES
         )
-        node, onset = model.nodes[row], float(bound.run.time[begin])
-        return Alarm(node, "input", float(time[end - 1]), onset, channel=driving[node])
+        return of_input(end, *load)
 
     def excess(said: FaultStatistics) -> FloatArray:
         """Weights as shares of their limits."""
@@ -332,17 +337,14 @@ def first_alarm(
         onset, size = float(bound.run.time[begin]), float(settled.size[begin, kind, row])
         return Alarm(model.nodes[row], KINDS[kind], float(time[end - 1]), onset, size)
     if suspected.max() > _SUSPECT:
-        node = model.nodes[row]
-        return Alarm(node, "input", float(time[-1]), float(bound.run.time[begin]), channel=driving[node])
+        return of_input(count, *load)
     for column, evidence in zip(estimator.error.inputs, whole.air.tolist(), strict=True):
         if column in inputs and evidence > 0:
             # The readings that tell most of the air are of the node that it cools most.
             _, by_state = estimator.augmented.warming(estimator.state()["mean"], bound.inputs[:, -1])
-            cooled = np.abs(by_state[:, estimator.augmented.layout.inputs].sum(axis=1)) * np.isfinite(measured).any(
-                axis=1
-            )
-            node = model.nodes[int(cooled.argmax())]
-            return Alarm(node, "input", float(time[-1]), float(bound.run.time[0]), channel=column)
+            cooled = np.abs(by_state[:, estimator.augmented.layout.inputs].sum(axis=1))
+            row = int((cooled * np.isfinite(measured).any(axis=1)).argmax())
+            return of_input(count, row, column, float(bound.run.time[0]))
     return None
 
 

@@ -248,9 +248,8 @@ def present(model: Model, run: Run, uncertainty: ModelUncertainty) -> tuple[Esti
     Raises:
         InputError: the log lacks an input, or measures none of the model's nodes.
     """
-    blocks = _blocks(run)
-    bound, noise = bind(model, blocks), estimate_noise([bind(model, run)], model.nodes)
-    white = np.maximum(noise.white / np.sqrt(max(1.0, blocks.step / run.step)), LEAST_NOISE)
+    bound, noise = coarsely_bound(model, run, STEP), estimate_noise([bind(model, run)], model.nodes)
+    white = np.maximum(noise.white / np.sqrt(max(1.0, bound.run.step / run.step)), LEAST_NOISE)
     size = _missing_heat(model, bound, uncertainty)
     best, chosen, highest = None, 0.0, -inf
     for scale in _SCALES.tolist():
@@ -269,7 +268,7 @@ def present(model: Model, run: Run, uncertainty: ModelUncertainty) -> tuple[Esti
     if best is None:
         raise RuntimeError("no scale of missing heat gave a likelihood")
     last = dict(zip(model.inputs, bound.inputs[:, -1].tolist(), strict=True))
-    best.advance(last, blocks.step / 2 if blocks.averaged else blocks.step)
+    best.advance(last, bound.run.step / 2 if bound.run.averaged else bound.run.step)
     return best, chosen
 
 
@@ -381,16 +380,6 @@ def _without_readings(bound: BoundRun, model: Model, doubts: Sequence[Doubt]) ->
             since = float(bound.run.time[min(last, readings.size - 1)])
             missing.append(Doubt(node, since, f"has no reading to be believed in the last {seconds:.0f} s"))
     return missing
-
-
-def _blocks(run: Run) -> Run:
-    """The end of a run in steps of about 10 s, none of its last seconds lost."""
-    run = run.slice(float(run.time[-1]) - _MEMORY, float("inf"))
-    factor = max(1, round(STEP / run.step))
-    steps = len(run) if run.averaged else len(run) - 1
-    if factor == 1 or steps < factor:
-        return run
-    return run.slice(float(run.time[steps % factor]), float("inf")).coarsen(factor)
 
 
 # --- The operating point held: temperatures to come -----------------------------------------------
