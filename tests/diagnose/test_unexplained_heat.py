@@ -13,15 +13,15 @@ from lptn.diagnose.unexplained_heat import (
     Blocks,
     Prior,
     UnexplainedHeat,
-    block_means,
     blocks,
-    input_links,
     largest,
     likelihood,
+    means_in_blocks,
     smoothed,
     unexplained_heat,
 )
 from lptn.identify.fitting import Fit
+from lptn.report.shown import input_links
 from tests.builders import LEG
 from tests.diagnose.hidden_heat import bursts, fitted, nothing, truth_run
 
@@ -107,7 +107,7 @@ def test_smoothing_is_the_least_squares_answer(burst_fit: Fit) -> None:
     start = np.diag(np.r_[np.full(states, 1.5), np.full(nodes, 4.0), np.full(size - states - nodes, 0.5)] ** 2)
     start[-1, -2] = start[-2, -1] = 0.2  # parameters that are off together
     prior = Prior(start, 0.4)
-    heat, spread = smoothed(run, prior)
+    heat, spread, _, _, density = smoothed(run, prior)
     # Unknowns: the start, then each block's walk of heat; everything else follows.
     moved, at, rows = np.eye(size), [], []
     wanders = [np.zeros((size, nodes * 24))]
@@ -135,8 +135,8 @@ def test_smoothing_is_the_least_squares_answer(burst_fit: Fit) -> None:
     loads = weighted[measured] * np.sqrt(run.variance.ravel()[measured])[:, None]
     spreads = loads @ unknown @ loads.T + np.diag(run.variance.ravel()[measured])
     error = run.error.ravel()[measured]
-    density = -0.5 * (error @ np.linalg.solve(spreads, error) + np.linalg.slogdet(spreads)[1])  # but for 2π
-    assert likelihood(run, prior) == pytest.approx(density, rel=1e-6)
+    expected_density = -0.5 * (error @ np.linalg.solve(spreads, error) + np.linalg.slogdet(spreads)[1])  # but for 2π
+    assert likelihood(run, prior) == density == pytest.approx(expected_density, rel=1e-6)
 
 
 def test_a_gap_widens_the_band_where_it_is(burst_fit: Fit) -> None:
@@ -144,7 +144,7 @@ def test_a_gap_widens_the_band_where_it_is(burst_fit: Fit) -> None:
     prior = Prior(np.diag(np.r_[np.full(3, 1.5), np.full(3, 4.0), np.zeros(run.top.shape[2] - 6)] ** 2), 0.4)
     gap = run.error.copy()
     gap[100:130, 1] = np.nan
-    without, within = smoothed(run, prior)[1], smoothed(replace(run, error=gap), prior)[1]
+    without, within = smoothed(run, prior).spread, smoothed(replace(run, error=gap), prior).spread
     assert (within[1, 105:125] > 1.5 * without[1, 105:125]).all()
     np.testing.assert_allclose(within[:, 200:], without[:, 200:], rtol=0.02)
 
@@ -199,12 +199,13 @@ def test_the_input_that_heat_follows_comes_first() -> None:
     run = truth_run(31, nothing, length=1800.0)
     done = fitted(run)
     (estimate,) = unexplained_heat(done)
-    torque = block_means(run, estimate, "torque.FR_hip", squared=True)
+    torque = means_in_blocks(run.columns["torque.FR_hip"] ** 2, run, estimate.time, estimate.seconds)
     made = replace(estimate, heat=np.vstack([np.zeros_like(torque), 0.3 * torque, np.zeros_like(torque)]))
-    first = input_links(done, [made])[0]
-    assert (first.node, first.what) == ("FR_thigh", "torque.FR_hip²")
+    first = input_links(done, [made], "FR_thigh")[0]
+    assert first.what == "torque.FR_hip²"
     assert first.correlation == pytest.approx(1.0)
-    assert all(link.column != "temperature.ambient" for link in input_links(done, [estimate]))
+    assert all(link.column != "temperature.ambient" for link in input_links(done, [estimate], "FR_thigh"))
+    assert input_links(done, [made], "FR_hip") == []
 
 
 def test_a_long_run_gets_longer_blocks() -> None:

@@ -26,13 +26,12 @@ from lptn.diagnose.priors import OCCAM
 from lptn.diagnose.refits import refit
 from lptn.diagnose.unexplained_heat import (
     WIDE,
-    Blocks,
-    against_known,
     blocks,
     heat_scale,
     likeliest_walks,
-    likelihood,
+    means_in_blocks,
     prior_of,
+    smoothed,
     stretches,
     unexplained_heat,
 )
@@ -42,7 +41,6 @@ from lptn.identify.bounded_minimum import bounded_minimum
 from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit
 from lptn.logs.columns import column_unit
-from lptn.logs.resampling import means_of_blocks
 from lptn.logs.run import Run
 from lptn.model.heat_balance import input_column
 from lptn.model.network import EffectDeclaration
@@ -53,7 +51,6 @@ _WALKS = 3  # the likeliest and two slower ones: beside a curve that stands for 
 _WORTH_A_WORD = 0.1  # share of the heat that an input must explain to be named
 _POINTS = 41  # of a curve that is drawn
 _DAY, TIME_OF_DAY = 86400.0, "time of day"  # s; asked of logs of a day and more, whose clock is taken for the day's
-_Smoothed = tuple[Blocks, FloatArray, FloatArray]  # a run, its heat, and what each rise takes off it
 
 
 @dataclass(frozen=True)
@@ -266,19 +263,27 @@ def input_shares(fit: Fit, nodes: Sequence[str]) -> list[InputShare]:
     best, none = [(-np.inf, 0.0)] * len(candidates), -np.inf
     for walk in reversed(walks[-_WALKS:]):
         gradient, hessian = np.zeros(PIECES * len(candidates)), np.zeros((PIECES * len(candidates),) * 2)
-        density, parts = 0.0, list[_Smoothed]()
-        for part, heats in zip(linear, known, strict=True):
-            prior = prior_of(fit, part, scale, walk, open_parameters=True)
-            heat, _, taken, white = against_known(part, prior, heats)
-            parts.append((part, heat, taken))
+        done = [
+            smoothed(part, prior_of(fit, part, scale, walk, open_parameters=True), heats)
+            for part, heats in zip(linear, known, strict=True)
+        ]
+        for white in (own.white for own in done):
             gradient, hessian = gradient + white[:, 1:].T @ white[:, 0], hessian + white[:, 1:].T @ white[:, 1:]
-            density += likelihood(part, prior)
+        density = sum(own.density for own in done)
         none = max(none, density)
         for number, one in enumerate(candidates):
             own = slice(PIECES * number, PIECES * (number + 1))
-            odds, rises = _posterior(gradient[own], hessian[own, own], scale, one.monotone)
+            odds, rises = _posterior(gradient[own], hessian[own, own], scale, bool(one.key))
             if odds + density > best[number][0]:
-                best[number] = odds + density, _share(fit, one.node, parts, own, rises)
+                # Of the square of the node's heat, over all runs that measure it, what is left once the curve is there.
+                row = fit.model.nodes.index(one.node)
+                its = [
+                    (run.heat[part.rows == row], run.taken[part.rows == row][..., own] @ rises)
+                    for run, part in zip(done, linear, strict=True)
+                ]
+                before = sum(float(np.sum(heat**2)) for heat, _ in its)
+                after = sum(float(np.sum((heat - taken) ** 2)) for heat, taken in its)
+                best[number] = odds + density, max(0.0, 1.0 - after / before) if before > 0 else 0.0
     shares = [
         InputShare(one.node, one.column, share, odds - none, one.declaration(scale))
         for one, (odds, share) in zip(candidates, best, strict=True)
@@ -295,16 +300,6 @@ def _posterior(gradient: FloatArray, hessian: FloatArray, scale: float, monotone
     return float(-(gradient @ rises + 0.5 * rises @ whole @ rises) - width), rises
 
 
-def _share(fit: Fit, node: str, parts: Sequence[_Smoothed], own: slice, rises: FloatArray) -> float:
-    """Share of the square of a node's unexplained heat, over all runs, that is not left once a curve is there."""
-    before, after = 0.0, 0.0
-    for part, heat, taken in parts:
-        for row in np.flatnonzero(part.rows == fit.model.nodes.index(node)):  # none where a run does not measure it
-            before += float(np.sum(heat[row] ** 2))
-            after += float(np.sum((heat[row] - taken[row][:, own] @ rises) ** 2))
-    return max(0.0, 1.0 - after / before) if before > 0 else 0.0
-
-
 # --- What a node's heat may go with ------------------------------------------------------------------------
 
 
@@ -319,10 +314,6 @@ class _Input:
     start: float
     span: float
 
-    @property
-    def monotone(self) -> bool:
-        return bool(self.key)
-
     def declaration(self, scale: float) -> EffectDeclaration | None:
         """The effect at its prior, with all that is given rounded as it is typed."""
         if not self.key:
@@ -336,10 +327,8 @@ class _Input:
 
     def in_blocks(self, run: Run, time: FloatArray, seconds: float) -> FloatArray:
         """Heat of each piece for a rise of 1 W, means over blocks of time with these middles, shape (n, PIECES)."""
-        size, first = round(seconds / run.step), int(np.argmin(np.abs(run.time - (time[0] - seconds / 2))))
-        values = _values(run, self.column)[first : first + size * len(time)]
-        of_pieces = np.array(LearnedHeat(input=self.key or OWN_TEMPERATURE).pieces(values, self.start, self.span))
-        return means_of_blocks(of_pieces, size).T
+        pieces = LearnedHeat(input=self.key or OWN_TEMPERATURE).pieces(_values(run, self.column), self.start, self.span)
+        return means_in_blocks(np.array(pieces), run, time, seconds).T
 
 
 def _inputs_of(fit: Fit, node: str, runs: Sequence[Run]) -> list[_Input]:

@@ -1,4 +1,4 @@
-"""Heat that a fitted model lacks, at each node over time, with a band, and the inputs it goes with.
+"""Heat that a fitted model lacks, at each node over time, with a band.
 
 The run is cut into blocks and taken linear about its fitted trajectory, with an unknown heat at each measured node
 that wanders at random. Given all readings of the run, a Kalman filter and smoother give that heat and its standard
@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from functools import cache
 from math import ceil
 from statistics import NormalDist
+from typing import NamedTuple
 
 import numpy as np
 
@@ -146,7 +147,7 @@ def unexplained_heat(fit: Fit) -> list[UnexplainedHeat]:
     scale, walk = heat_scale(runs), likeliest_walks(fit, runs)[-1]
     unexplained = []
     for run, bound in zip(runs, fit.problem.bound_runs, strict=True):
-        heat, spread = smoothed(run, prior_of(fit, run, scale, walk))
+        heat, spread, *_ = smoothed(run, prior_of(fit, run, scale, walk))
         nodes = tuple(fit.model.nodes[row] for row in run.rows)
         about = WIDE * spread, run.seconds, bound.run.origin
         unexplained.append(UnexplainedHeat(bound.run.name, run.time, nodes, heat, *about))
@@ -342,6 +343,12 @@ def blocks(fit: Fit, number: int) -> Blocks:
     )
 
 
+def means_in_blocks(values: FloatArray, run: Run, time: FloatArray, seconds: float) -> FloatArray:
+    """Means of a run's series, shape (..., steps), over its blocks of so many seconds with these middles, (..., n)."""
+    size, first = round(seconds / run.step), int(np.argmin(np.abs(run.time - (time[0] - seconds / 2))))
+    return means_of_blocks(values[..., first : first + size * len(time)], size)
+
+
 def _mean_derivatives(
     fit: Fit, x: FloatArray, u: FloatArray, values: FloatArray, size: int
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
@@ -437,19 +444,30 @@ class _Filtered:
 
 def likelihood(run: Blocks, prior: Prior) -> float:
     """Logarithm of the readings' probability density at these assumptions, by prediction errors ([Kristensen2004])."""
-    return _forward(run, prior, None)[0]
+    return _forward(run, prior, np.zeros((len(run.time), len(run.rows), 0)), None)[0]
 
 
-def smoothed(run: Blocks, prior: Prior) -> tuple[FloatArray, FloatArray]:
-    """Each heat given all readings, and its standard deviation [W], shape (M, n) each."""
-    heat, spread, _, _ = against_known(run, prior, np.zeros((len(run.time), len(run.rows), 0)))
-    return heat, spread
+class Smoothed(NamedTuple):
+    """Each node's heat given all readings, and how it changes once K other heats are known.
+
+    Args:
+        heat: W, shape (M, n).
+        spread: its standard deviation [W], shape (M, n).
+        taken: what is to be taken off the heat where the known heats are there [W], shape (M, n, K).
+        white: errors of the prediction from block to block, measured − predicted and whitened, the readings' first and
+            then what each known heat takes off them, shape (readings, 1 + K).
+        density: logarithm of the readings' probability density, as `likelihood` gives it.
+    """
+
+    heat: FloatArray
+    spread: FloatArray
+    taken: FloatArray
+    white: FloatArray
+    density: float
 
 
-def against_known(
-    run: Blocks, prior: Prior, known: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Each heat given all readings, and how it changes once a heat is known.
+def smoothed(run: Blocks, prior: Prior, known: FloatArray | None = None) -> Smoothed:
+    """The heat that a run asks for.
 
     Source: [Rauch1965], in the form of [Bierman1973], which inverts no covariance of the states: parameters that
     stay the same make that singular.
@@ -458,14 +476,10 @@ def against_known(
         run: the linear model of a run.
         prior: what is known before its first reading.
         known: heat into each measured node in each block [W], K of them one beside the other, shape (n, M, K).
-
-    Returns:
-        The heat and its standard deviation [W], shape (M, n) each; what is to be taken off the heat where the known
-        heats are there, shape (M, n, K); and the whitened errors of the prediction from block to block, measured −
-        predicted, the readings' first and then what each known heat takes off them, shape (readings, 1 + K).
     """
     steps: list[_Filtered] = []
-    white = _forward(run, prior, steps, known)[1]
+    known = np.zeros((len(run.time), len(run.rows), 0)) if known is None else known
+    density, white = _forward(run, prior, known, steps)
     states, nodes = run.top.shape[1], len(run.rows)
     size, count = run.top.shape[2], 1 + known.shape[2]
     heat, spread = np.empty((nodes, len(steps), count)), np.empty((nodes, len(steps)))
@@ -483,20 +497,17 @@ def against_known(
         heat[:, k] = step.heat - step.covariance @ back
         less = np.einsum("ij,jk,ik->i", step.covariance, curve, step.covariance)
         spread[:, k] = np.sqrt(np.maximum(np.diag(step.covariance[:, heats]) - less, 0.0))
-    return heat[:, :, 0], spread, -heat[:, :, 1:], white
+    return Smoothed(heat[:, :, 0], spread, -heat[:, :, 1:], white, density)
 
 
-def _forward(
-    run: Blocks, prior: Prior, steps: list[_Filtered] | None, known: FloatArray | None = None
-) -> tuple[float, FloatArray]:
+def _forward(run: Blocks, prior: Prior, known: FloatArray, steps: list[_Filtered] | None) -> tuple[float, FloatArray]:
     """The filter; keeps what smoothing needs where a list is given.
 
     Its first column is of the readings, each other one of a known heat without readings: what it does is linear.
     """
     states, nodes = run.top.shape[1], len(run.rows)
     heats = slice(states, states + nodes)
-    count = 1 + (0 if known is None else known.shape[2])
-    d, p, density = np.zeros((run.top.shape[2], count)), prior.covariance.copy(), 0.0
+    d, p, density = np.zeros((run.top.shape[2], 1 + known.shape[2])), prior.covariance.copy(), 0.0
     gained, white = prior.walk**2 * run.seconds, []
     for k in range(len(run.time)):
         seen = np.isfinite(run.error[k])
@@ -505,10 +516,8 @@ def _forward(
         root = np.linalg.cholesky(by @ crossed + np.diag(run.variance[k][seen]))
         inverse = np.linalg.inv(root)
         precision = inverse.T @ inverse
-        driven = d
-        if known is not None:
-            driven = d.copy()
-            driven[heats, 1:] += known[k]
+        driven = d.copy()
+        driven[heats, 1:] += known[k]
         innovation = -by @ driven  # measured − predicted, as filters have it
         innovation[:, 0] -= run.error[k][seen]
         gain = crossed @ precision
@@ -525,80 +534,3 @@ def _forward(
         d[:states] = run.top[k] @ driven
         np.einsum("ii->i", p)[heats] += gained
     return density, np.concatenate(white)
-
-
-# --- Which of the log's inputs the unexplained heat correlates with -------------------------------
-
-
-@dataclass(frozen=True)
-class InputLink:
-    """How closely one node's unexplained heat follows one input.
-
-    Args:
-        node: the node.
-        column: the log's column.
-        squared: whether the column's square is meant.
-        correlation: from -1 to 1, over all blocks of all runs.
-    """
-
-    node: str
-    column: str
-    squared: bool
-    correlation: float
-
-    @property
-    def what(self) -> str:
-        """The column, with a square where that is meant."""
-        return f"{self.column}²" if self.squared else self.column
-
-
-def input_links(fit: Fit, heat: Sequence[UnexplainedHeat]) -> list[InputLink]:
-    """Correlation of each node's unexplained heat with each input column, or its square where that is closer.
-
-    What the heat goes with suggests a cause and proves none: inputs go with each other, and slow series go with
-    each other by chance.
-
-    Args:
-        fit: the fitted model that lacks the heat.
-        heat: of its runs.
-
-    Returns:
-        The closest first, for columns that all runs have and that vary.
-    """
-    runs = [bound.run for bound in fit.problem.bound_runs]
-    outputs = {f"temperature.{node}" for node in fit.model.nodes}
-    links = []
-    for column in sorted(set.intersection(*(set(run.columns) for run in runs)) - outputs):
-        means = [
-            np.concatenate([block_means(run, own, column, squared) for run, own in zip(runs, heat, strict=True)])
-            for squared in (False, True)
-        ]
-        for node in dict.fromkeys(node for own in heat for node in own.nodes):
-            gone = [np.full(own.time.size, np.nan) for own in heat]  # in a run that does not measure the node
-            its = [
-                own.heat[own.nodes.index(node)] if node in own.nodes else none
-                for own, none in zip(heat, gone, strict=True)
-            ]
-            both = [_correlation(np.concatenate(its), values) for values in means]
-            squared = abs(both[1]) > abs(both[0])
-            if both[squared]:
-                links.append(InputLink(node, column, squared, both[squared]))
-    return sorted(links, key=lambda link: -abs(link.correlation))
-
-
-def block_means(run: Run, heat: UnexplainedHeat, column: str, squared: bool = False) -> FloatArray:
-    """Means of a column, or of its square, over the blocks of the unexplained heat, shape (n,)."""
-    size = round(heat.seconds / run.step)
-    first = int(np.argmin(np.abs(run.time - (heat.time[0] - heat.seconds / 2))))
-    values = run.columns[column][first : first + size * heat.time.size].reshape(-1, size)
-    return np.asarray((values**2 if squared else values).mean(axis=1))
-
-
-def _correlation(heat: FloatArray, values: FloatArray) -> float:
-    """Pearson's where there is heat; 0 where either is constant, or the values have gaps."""
-    heat, values = heat[np.isfinite(heat)], values[np.isfinite(heat)]
-    if heat.size < 3 or not np.isfinite(values).all() or np.ptp(heat) == 0:  # two correlate by themselves
-        return 0.0
-    if np.ptp(values) <= 1e-6 * np.abs(values).max():
-        return 0.0
-    return float(np.corrcoef(heat, values)[0, 1])

@@ -29,9 +29,9 @@ from lptn.basics.style import (
     plain,
     time_axis,
 )
-from lptn.diagnose.unexplained_heat import HeatPeak, InputLink, UnexplainedHeat
+from lptn.diagnose.unexplained_heat import HeatPeak, UnexplainedHeat
 from lptn.logs.run import Run
-from lptn.report.shown import Field, worst_runs
+from lptn.report.shown import Field, InputLink, worst_runs
 from lptn.report.text import for_people, unit_of
 
 # --- maps of nodes by time: where and when a model fails, and where and when it lacks heat ------------------

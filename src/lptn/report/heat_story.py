@@ -12,17 +12,16 @@ from lptn.diagnose.improvement import History
 from lptn.diagnose.learned_heat import LearnedCurve
 from lptn.diagnose.unexplained_heat import (
     HeatPeak,
-    InputLink,
     UnexplainedHeat,
-    input_links,
     largest,
     stretches,
     unexplained_heat,
 )
 from lptn.identify.fitting import Fit
+from lptn.logs.columns import quantity_of
 from lptn.report.document import Picture, picture
 from lptn.report.page_figures import fields, heat_curve, heat_line
-from lptn.report.shown import MOST_INPUTS, MOST_RUNS, heat_fields
+from lptn.report.shown import MOST_INPUTS, MOST_RUNS, InputLink, heat_fields, input_links
 from lptn.report.text import for_people, number
 
 _CLOSE = 0.5  # correlation from which an input is worth a word
@@ -58,7 +57,7 @@ class HeatStory:
         given = unexplained_heat(fit)
         best = unexplained_heat(history.best.fit) if len(history.steps) > 1 else []
         run, node, peak = worst_of(given)
-        links = chosen_links(input_links(fit, given), node) if peak else []  # heat by chance goes with inputs by chance
+        links = chosen_links(input_links(fit, given, node)) if peak else []  # heat by chance goes with inputs by chance
         return cls(fit, given, best, run, node, peak, links)
 
     @property
@@ -104,14 +103,13 @@ def worst_of(runs: Sequence[UnexplainedHeat]) -> tuple[int, str, HeatPeak | None
     return run, runs[run].nodes[int(shares[run].argmax())], None
 
 
-def chosen_links(links: Sequence[InputLink], node: str) -> list[InputLink]:
-    """The inputs that the node's heat goes with most closely, one of each kind before a second of any."""
-    mine = [link for link in links if link.node == node]
+def chosen_links(links: Sequence[InputLink]) -> list[InputLink]:
+    """The inputs that a node's heat goes with most closely, one of each kind before a second of any."""
     kinds: dict[str, InputLink] = {}
-    for link in mine:
-        kinds.setdefault(link.column.partition(".")[0], link)
+    for link in links:
+        kinds.setdefault(quantity_of(link.column), link)
     first = list(kinds.values())
-    return [*first, *(link for link in mine if link not in first)][:MOST_INPUTS]
+    return [*first, *(link for link in links if link not in first)][:MOST_INPUTS]
 
 
 def heat_map_picture(story: HeatStory) -> Picture | None:

@@ -13,10 +13,10 @@ from markupsafe import Markup
 from lptn.basics.arrays import FloatArray
 from lptn.basics.lines import decimated, time_axis
 from lptn.diagnose.learned_heat import LearnedCurve
-from lptn.diagnose.unexplained_heat import HeatPeak, InputLink, UnexplainedHeat
+from lptn.diagnose.unexplained_heat import HeatPeak, UnexplainedHeat
 from lptn.identify.comparison import Comparison, Condition, Pair, Prediction, Versus
 from lptn.logs.run import Run
-from lptn.report.shown import MOST, NOISE_BAND, Field, View, initialisation_end, worst_runs, worst_views
+from lptn.report.shown import MOST, NOISE_BAND, Field, InputLink, View, initialisation_end, worst_runs, worst_views
 from lptn.report.svg import LETTER, WIDE, Drawing, Panel, margin, strength
 from lptn.report.tables import conditions_of
 from lptn.report.text import for_people, kelvin, short, significant, unit_of

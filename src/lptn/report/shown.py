@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 from math import sqrt
 
 import numpy as np
@@ -13,7 +14,7 @@ from lptn.basics.errors import InputError
 from lptn.diagnose.advice import Detectable
 from lptn.diagnose.answers import Step
 from lptn.diagnose.improvement import History
-from lptn.diagnose.unexplained_heat import UnexplainedHeat
+from lptn.diagnose.unexplained_heat import UnexplainedHeat, means_in_blocks
 from lptn.identify.comparison import Comparison, Prediction
 from lptn.identify.fitting import Fit
 from lptn.logs.resampling import means_of_blocks
@@ -128,6 +129,59 @@ def heat_fields(runs: Sequence[UnexplainedHeat]) -> list[Field]:
         )
         for estimate in runs
     ]
+
+
+@dataclass(frozen=True)
+class InputLink:
+    """How closely one node's unexplained heat follows one input.
+
+    Args:
+        column: the log's column.
+        squared: whether the column's square is meant.
+        correlation: Pearson's, from -1 to 1, over all blocks of all runs.
+    """
+
+    column: str
+    squared: bool
+    correlation: float
+
+    @property
+    def what(self) -> str:
+        """The column, with a square where that is meant."""
+        return f"{self.column}²" if self.squared else self.column
+
+
+def input_links(fit: Fit, heat: Sequence[UnexplainedHeat], node: str) -> list[InputLink]:
+    """Correlation of a node's unexplained heat with each input column, or its square where that is closer.
+
+    What the heat goes with suggests a cause and proves none: inputs go with each other, and slow series go with
+    each other by chance.
+
+    Args:
+        fit: the fitted model that lacks the heat.
+        heat: of its runs.
+        node: a measured one.
+
+    Returns:
+        The closest first, for columns that all runs have and that vary.
+    """
+    runs = [bound.run for bound in fit.problem.bound_runs]
+    columns = set.intersection(*(set(run.columns) for run in runs)) - {
+        f"temperature.{name}" for name in fit.model.nodes
+    }
+    measured = [(run, own) for run, own in zip(runs, heat, strict=True) if node in own.nodes]
+    its, links = np.concatenate([own.heat[own.nodes.index(node)] for _, own in measured]), []
+    for column, squared in product(sorted(columns), (False, True)):
+        series = [(run.columns[column] ** (2 if squared else 1), run, own) for run, own in measured]
+        values = np.concatenate([means_in_blocks(x, run, own.time, own.seconds) for x, run, own in series])
+        varies = np.ptp(values) > 1e-6 * np.abs(values).max(initial=0.0)  # not where a mean is missing
+        if varies and np.ptp(its) > 0 and its.size > 2:  # two correlate by themselves
+            links.append(InputLink(column, squared, float(np.corrcoef(its, values)[0, 1])))
+    links.sort(key=lambda link: -abs(link.correlation))
+    closer: dict[str, InputLink] = {}
+    for link in links:
+        closer.setdefault(link.column, link)
+    return list(closer.values())
 
 
 def worst_runs(fields: Sequence[Field]) -> list[int]:
