@@ -440,6 +440,40 @@ def test_a_chunk_that_is_cut_off(tmp_path: Path, refuse: Refuse, compression: st
     assert "cut off" in refuse(tmp_path / "cut.mcap", read_log, tmp_path / "cut.mcap")
 
 
+def _channels(count: int, definition: bytes) -> bytes:
+    """An MCAP file of so many topics, each with a type of its own, without messages."""
+
+    def record(kind: int, content: bytes) -> bytes:
+        return struct.pack("<BQ", kind, len(content)) + content
+
+    def text(content: bytes) -> bytes:
+        return struct.pack("<I", len(content)) + content
+
+    out = [_MAGIC, record(1, text(b"ros2") + text(b""))]
+    for k in range(1, count + 1):
+        schema = text(b"a_msgs/msg/A%d" % k) + text(b"ros2msg") + text(definition)
+        channel = text(b"/t%d" % k) + text(b"cdr") + struct.pack("<I", 0)
+        out += [record(3, struct.pack("<H", k) + schema), record(4, struct.pack("<HH", k, k) + channel)]
+    return b"".join([*out, record(15, bytes(4)), record(2, bytes(20)), _MAGIC])
+
+
+@pytest.mark.parametrize(
+    ("count", "definition", "said"),
+    [
+        (3000, b"float64 x\n", "3,000 channels; expected at most 2,000"),
+        (1, b"float64 x\n" * 1_100_000, "11,000,000 characters that define messages"),
+        (20, b"float64 x\n" * 60_000, "12,000,000 characters that define messages"),
+        (20, b"float64 x\n", "no topic whose messages hold numbers"),
+    ],
+)
+def test_definitions_and_channels_beyond_any_robot_are_refused_before_they_are_read(
+    tmp_path: Path, refuse: Refuse, count: int, definition: bytes, said: str
+) -> None:
+    path = tmp_path / "log.mcap"
+    path.write_bytes(_channels(count, definition))
+    assert said in refuse(path, read_log, path)
+
+
 def test_a_bag_compressed_as_a_whole_may_not_fill_the_disk(
     tmp_path: Path, refuse: Refuse, monkeypatch: pytest.MonkeyPatch
 ) -> None:

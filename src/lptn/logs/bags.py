@@ -19,6 +19,7 @@ from typing import Any, cast
 import numpy as np
 
 from lptn.basics.arrays import FloatArray, IntArray
+from lptn.basics.bounds import Bound
 from lptn.basics.errors import InputError
 from lptn.basics.files import fingerprint
 from lptn.logs.bag_messages import COMMON_TYPES, Decoder, label_of, numbers_of, quantities
@@ -38,6 +39,8 @@ from lptn.logs.tables import (
 
 _FIRST = 20  # messages of a topic that are looked at for names: joints may come in several messages
 _WIDEST = 4000  # columns of one topic
+_CHANNELS = Bound(2_000, "channels")  # of a bag: a robot's has a hundred; to find so many takes 6 s, twice as many 25
+_DEFINITIONS = Bound(10_000_000, "characters that define messages")  # of a bag: they take 30 s; ROS's own have 0.3 M
 _BATCH = 4096  # messages that are held at a time
 _MOST_SOURCES = 20  # of a topic: what changes more often names no source
 _KIND = re.compile(r"[A-Za-z]\w*(/[A-Za-z]\w*)+", re.ASCII)
@@ -56,6 +59,9 @@ def open_bag(path: Path) -> Table:
     """
     require_package(path, "rosbags", "a ROS 2 bag", "pip install 'lptn[ros]'")
     with _reader(path) as reader:
+        _CHANNELS.check(len(reader.connections), path, "log")
+        of_types = {channel.msgtype: len(channel.msgdef.data) for channel in reader.connections}
+        _DEFINITIONS.check(sum(of_types.values()), path, "log")
         store = _store(reader.connections)
         topics, of_opening = _topics(reader, store)
     if not topics:
