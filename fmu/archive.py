@@ -256,6 +256,8 @@ def unpack(content: bytes, path: Path, folder: Path) -> None:
 
 def unpacked_size(path: Path) -> int:
     """How many bytes an archive holds, as its directory says; 0 of what is none, which is refused later."""
+    if not path.is_file():  # a pipe would be waited for
+        return 0
     try:
         with zipfile.ZipFile(path) as archive:
             return sum(entry.file_size for entry in archive.infolist())

@@ -10,6 +10,7 @@ import argparse
 import gzip
 import io
 import os
+import shlex
 import shutil
 import signal
 import subprocess
@@ -113,6 +114,15 @@ def _circle(path: Path, _: Path) -> None:
     path.with_name("other-link").symlink_to(path.name)
 
 
+def _pipe(path: Path, _: Path) -> None:
+    os.mkfifo(path)
+
+
+def _holes(path: Path, _: Path) -> None:
+    path.touch()
+    os.truncate(path, 1 << 40)
+
+
 _ENTITIES = "".join(f'<!ENTITY {chr(98 + k)} "{f"&{chr(97 + k)};" * 10}">' for k in range(9))
 ANY_FILE: dict[str, Make] = {
     "missing": lambda path, _: None,
@@ -121,6 +131,8 @@ ANY_FILE: dict[str, Make] = {
     "a link to nowhere": _link("nowhere/at/all"),
     "/dev/zero": _link("/dev/zero"),
     "/dev/null": _link("/dev/null"),
+    "a pipe without a writer": _pipe,
+    "1 TB of holes": _holes,
     "empty": b"",
     "one byte": b"[",
     "zeros": bytes(5000),
@@ -277,6 +289,39 @@ def _robots() -> Iterator[tuple[str, str]]:
     yield "a chain in a circle", URDF.replace('parent link="a"', 'parent link="b"')
 
 
+MODELS = r"""
+300, unit | nan, unit
+300, unit | 2026-01-01, unit
+300, unit | [1, [2, [3]]], unit
+[20, 3000] | [3000, 20]
+[20, 3000] | [nan, nan]
+unit = "J/K" | unit = "J^999999999/K^1e9"
+unit = "J/K" | unit = "((((((((((((((((((((J))))))))))))))))))))"
+[[links]] | [nodes."*a*a*a*a*a*a*a*a*a*a*a*a*a*a*a*a*b"]\ncapacity = 3\n[[links]]
+[[links]] | [[links]]\nbetween = ["{a}{b}{c}{d}{e}", "{e}{d}{c}{b}{a}"]\nresistance = 1\n[[links]]
+[[links]] | [nodes."[[[[!"]\ncapacity = 3\n[[links]]
+[nodes.motor] | [nodes."mo\\u0000tor"]
+name = "single motor" | name = "\\u001b[2J\\u202e"
+[nodes.motor] | step = 1e-12\n[nodes.motor]
+[nodes.motor] | step = 1e12\n[nodes.motor]
+["motor", "ambient"] | ["motor", "motor"]
+resistance = 0.15 | resistance = 1e300
+torque_constant = 0.84 | torque_constant = 1e-300
+"""
+MAPS = """
+temperature.motor=temperature.motor[;;;]
+time=time[wrap=1e-300]
+time=[rate=1e300]
+temperature.motor=temperature.motor[scale=nan]
+temperature.motor=temperature.motor[offset=1e308; scale=1e308]
+temperature.motor=temperature.motor[valid=[5]]
+a=b=c=d
+*=*
+temperature.motor=\x1b[2J
+torque.motor=torque.motor[J^99999999]
+torque.motor=[[]]
+time=time[rows=never]
+"""
 TASKS = """
 mission.toml | distance = 50 | distance = 1e9
 mission.toml | distance = 50 | distance = 1e15
@@ -309,7 +354,34 @@ def _bomb(path: Path, _: Path) -> None:
             stream.write(b"0" * 1_000_000)
 
 
+def _text_logs() -> Iterator[tuple[str, bytes]]:
+    head, rows = HEAD.encode(), b"".join(b"%d,25,1,22\n" % k for k in range(200))
+    yield "a quote without an end", head + rows + b'"' + rows * 500
+    yield "a quote in the names", head.replace(b"torque", b'"torque') + rows
+    yield "NUL within", (head + rows).replace(b"100,25", b"100,2\x005")
+    yield "UTF-16 without a mark", (head + rows).decode().encode("utf-16-le")
+    yield "escapes in a name", head.replace(b"\n", b",\x1b[2J\x1b]0;x\x07\n") + rows.replace(b"\n", b",1\n")
+    yield "a name of 1 MB", head.replace(b"\n", b"," + b"x" * 1_000_000 + b"\n") + rows.replace(b"\n", b",1\n")
+    yield "a number of 1 MB", head + rows + b"200," + b"1" * 1_000_000 + b",1,22\n"
+    yield "semicolons and commas", head.replace(b",", b";") + rows
+    yield "a gap of 1e9 s", head + rows + b"".join(b"%d,25,1,22\n" % (10**9 + k) for k in range(300))
+    for name, row in {
+        "a time that stands": "5,25,1,22",
+        "steps of 1e-12 s": "{0}e-12,25,1,22",
+        "steps of 1e12 s": "{0}e12,25,1,22",
+        "time to 1e308": "{0}e306,25,1,22",
+        "no times": "nan,25,1,22",
+        "infinite readings": "{0},inf,-inf,inf",
+        "torques of 1e300": "{0},25,1e300,22",
+        "the least of numbers": "{0},25,5e-324,22",
+        "a leap second": "2016-12-31T23:59:60Z,25,1,22",
+        "a zone of 99 h": "2016-12-31T23:00:{0:02}+99:99,25,1,22",
+    }.items():
+        yield name, head + "".join(f"{row.format(k)}\n" for k in range(60)).encode()
+
+
 def _logs() -> Iterator[tuple[str, str, Make]]:
+    yield from ((name, "log.csv", content) for name, content in _text_logs())
     wide = ",".join(f"c{k}" for k in range(300_000))
     yield "300,000 columns", "log.csv", f"time,{wide}\n" + ",".join(["0"] * 300_001) + "\n"
     yield "2 GB of zeros in a .gz", "log.csv.gz", _bomb
@@ -323,8 +395,17 @@ def _logs() -> Iterator[tuple[str, str, Make]]:
         yield from ((f"a .{ending} that is {name}", f"log.{ending}", make) for name, make in kinds.items())
 
 
+def _texts() -> Iterator[Case]:
+    for line in MODELS.strip().splitlines():
+        old, new = line.encode().decode("unicode_escape").split(" | ")
+        for words in ("check model.toml log.csv", "compare model.toml log.csv"):
+            yield Case(repr(new)[:40], words, _changed("model.toml", old, new))
+    for text in MAPS.strip().splitlines():
+        yield Case("a mapping", f"check model.toml log.csv --map {shlex.quote(text)}")
+
+
 def _one_kind() -> Iterator[Case]:
-    yield from chain(_models(), _systems())
+    yield from chain(_models(), _systems(), _texts())
     for name, make in _fmus():
         for words in ("cosim x.fmu log.csv --trust", "cosim system.ssd log.csv --trust", "fmu x.fmu -o out.ssp"):
             yield Case(name, words, {"x.fmu": make})
@@ -375,6 +456,15 @@ MACHINES: dict[str, tuple[str, Mapping[str, str]]] = {
     "no output": ("exec >&-;", {}),
     "no error stream": ("exec 2>&-;", {}),
     "no streams": ("exec <&- >&- 2>&-;", {}),
+    "a cache that is a circle": ('rm -rf "$XDG_CACHE_HOME"; ln -s cache "$XDG_CACHE_HOME";', {}),
+    "a home that is no folder": ("unset XDG_CACHE_HOME XDG_STATE_HOME;", {"HOME": "/dev/null"}),
+    "a time zone of a file": ("", {"TZ": ":/etc/passwd"}),
+    "a locale that is not there": ("", {"LC_ALL": "xx_YY.KOI8"}),
+    "pictures by nobody": ("", {"MPLBACKEND": "nonsense", "MPLCONFIGDIR": "/dev/null/x"}),
+    "a stack of 256 kB": ("ulimit -s 256;", {}),
+    "threads and columns of words": ("", {"OMP_NUM_THREADS": "many", "COLUMNS": "wide", "LINES": "-1"}),
+    "a compiler that fails": ("", {"CC": "/bin/false"}),
+    "no program": ("PATH=/nowhere;", {}),
     "no C compiler": ("", {"CC": "/nowhere/cc"}),
 }
 
