@@ -21,7 +21,7 @@ from lptn.model.network import Network, NodeDeclaration
 from lptn.model.tables import FitTable, FittedTable
 from lptn.online.augmented_model import ModelError
 from lptn.online.estimator import Estimator, run_filter
-from lptn.online.forecasting import ModelUncertainty, forecast, present
+from lptn.online.forecasting import Forecast, ModelUncertainty, forecast, present
 from lptn.online.operating_point import find_gait, operating_point, steady_seconds
 from lptn.robots.presets import preset_text
 from lptn.simulate.bound_run import bind
@@ -220,6 +220,14 @@ def test_doubt_about_parameters_widens_the_interval(motor: Model) -> None:
     assert wider.low < unsure.low < unsure.high < wider.high
 
 
+def unfitted(table: pd.DataFrame, folder: Path) -> Forecast:
+    """The forecast of a quadruped's preset that nobody fitted."""
+    table.to_csv(folder / "now.csv", index=False)
+    (folder / "robot.toml").write_text(preset_text("quadruped"))
+    loaded = load_model(folder / "robot.toml")
+    return forecast(loaded.model, loaded.runs([folder / "now.csv"])[-1], 200.0)
+
+
 @pytest.mark.long
 @pytest.mark.parametrize(("seed", "speed", "load"), [(96, 1.0, 4.0), (97, 0.5, 2.0), (98, 0.8, 0.0), (99, 1.0, 2.0)])
 def test_healthy_sensors_are_believed_though_nobody_fitted_the_model(
@@ -227,12 +235,18 @@ def test_healthy_sensors_are_believed_though_nobody_fitted_the_model(
 ) -> None:
     """A preset misses what a trot adds by as much as a sensor's fault would: all calves were off, or drifted."""
     trot = VirtualRun((Segment("stand", 300), Segment("trot", 900, speed, load)), 20.0)
-    quadruped_logs(seed=seed, runs={"now": trot})["now"].to_csv(tmp_path / "now.csv", index=False)
-    (tmp_path / "robot.toml").write_text(preset_text("quadruped"))
-    loaded = load_model(tmp_path / "robot.toml")
-    ahead = forecast(loaded.model, loaded.runs([tmp_path / "now.csv"])[-1], 200.0)
+    ahead = unfitted(quadruped_logs(seed=seed, runs={"now": trot})["now"], tmp_path)
     assert "30% of each parameter" in ahead.trust
     assert ahead.doubts == ()
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("seed", "run"), [(95, "abd_LF_RR_2Nm"), (96, "knee_LF_RR_6Nm"), (96, "hip_LF_RR_4Nm"), (97, "hip_LF_RR_2Nm")]
+)
+def test_a_healthy_sensor_of_1_k_may_stand_where_its_joint_hardly_warms(seed: int, run: str, tmp_path: Path) -> None:
+    """The noise of one that had dwelled between two steps was taken for twice as large, and it for one that stands."""
+    assert unfitted(quadruped_logs(seed=seed)[run], tmp_path).doubts == ()
 
 
 def test_a_model_that_runs_away_settles_nowhere() -> None:

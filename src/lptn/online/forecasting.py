@@ -325,9 +325,10 @@ def present_by_live_sensors(model: Model, run: Run, uncertainty: ModelUncertaint
     bound, nodes = bind(model, run), tuple(model.nodes)
     substeps(model, bound, model.values, default_start(model, bound))  # refuses what no filter would come to an end of
     noise, size = estimate_noise([bound], nodes), _missing_heat(model, bound, uncertainty)
-    coarse = [coarse_noise([bound], row, step) if step > 0 else 0.0 for row, step in enumerate(noise.step)]
-    # A sensor that stands for most of the log shows no noise of its own.
-    white = np.maximum(np.maximum(noise.white, coarse), max(LEAST_NOISE, float(np.median(noise.white))))
+    own = [coarse_noise([bound], row, step) if step > 0 else noise.white[row] for row, step in enumerate(noise.step)]
+    # Sensors of one step are of one kind: one that stands shows no noise, one that dwells between two steps too much.
+    usual = np.array([np.median(np.array(own)[noise.step == step]) for step in noise.step])
+    white = np.maximum(np.where(noise.step > 0, usual, np.maximum(usual, noise.white)), LEAST_NOISE)
     # Sensors are judged by a model as good as usual. Where those that nobody doubts then say that it is worse, all are
     # judged again: else the healthy sensor of a joint of which the model knows little would be left out.
     scale = _USUAL_SCALE
