@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 
@@ -94,3 +95,16 @@ def test_surroundings_that_change_from_one_day_to_another_do_not_change(model: P
 
 def test_a_column_that_only_one_run_has_does_not_count(model: Path) -> None:
     assert reasons(model, table(), table().drop(columns="speed.base"))["forced_convection"] == "not logged: speed.base"
+
+
+@pytest.mark.parametrize("name", ["room", "water", "base_plate"])
+def test_surroundings_by_another_name_are_surroundings(tmp_path: Path, name: str) -> None:
+    """A given temperature that changes could show what air that changes could."""
+    whole = MODEL.replace('ambient = "temperature.ambient"', "").replace('["*", "ambient"]', f'["[ab]", "{name}"]')
+    whole = whole.replace('at = "*"', 'at = "[ab]"')
+    path = tmp_path / "model.toml"
+    path.write_text(f'{whole}\n[nodes.{name}]\ntemperature = "temperature.{name}"\n')
+    steady = table().rename(columns={"temperature.ambient": f"temperature.{name}"})
+    moving = steady.assign(**{f"temperature.{name}": 20 + 3 * np.sin(steady["time"] / 900)})
+    assert reasons(path, steady)["ambient_lag"] == "no change of the surroundings is logged"
+    assert reasons(path, moving)["ambient_lag"] == ""

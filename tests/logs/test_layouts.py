@@ -208,16 +208,17 @@ def test_a_log_without_times_is_told_of_the_rate(tmp_path: Path, refuse: Refuse)
     assert "--rate 50 for 50 a second" in refuse(path, read_log, path)
 
 
-def test_two_logs_of_which_one_has_no_times(tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["time", "t", "Uhr [s]", "header.stamp"])
+def test_two_logs_of_which_one_has_no_times(tmp_path: Path, name: str) -> None:
     time = np.arange(400.0)
     heat = np.where(time > 60, 30.0, 0.0)
     warm = 20 + 0.05 * np.maximum(time - 60, 0)
-    pd.DataFrame({"time": time, "temperature.a": warm}).to_csv(tmp_path / "warm.csv", index=False)
+    pd.DataFrame({name: time, "temperature.a": warm}).to_csv(tmp_path / "warm.csv", index=False)
     pd.DataFrame({"power.a": heat}).to_csv(tmp_path / "heat.csv", index=False)
-    _, rate = parse_map_option("time.2=[rate=1]")
-    table, left = open_log(tmp_path / "warm.csv+heat.csv@0", {"time.2": rate})
-    assert not left
-    numbers = table.numbers(["time", "power.a"])
+    columns = {"time": ColumnSource((name,)), "time.2": parse_map_option("time.2=[rate=1]")[1]}
+    table, left = open_log(tmp_path / "warm.csv+heat.csv@0", columns)
+    assert "time.2" not in left
+    numbers = table.numbers(["power.a"])
     np.testing.assert_array_equal(numbers["power.a"], heat)
 
 

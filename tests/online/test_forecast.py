@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -442,6 +443,24 @@ def test_a_model_much_faster_than_the_log_is_refused_before_it_is_filtered(
     run = make_run({**log, "temperature.ambient": np.full(120, 22.0), "torque.motor": np.ones(120)})
     with pytest.raises(InputError, match=r"found a time constant of .* in a log of steps of 1 s"):
         forecast(model, run, 60.0)
+
+
+@pytest.mark.parametrize("lost", [math.nan, -94.6, -49.9, 850.0, 0.0])
+def test_behind_a_lost_sensor_a_forecast_comes_to_an_end(motor: Model, lost: float) -> None:
+    """It once believed such readings, and its parameters ran away until each row took thousands of steps."""
+    healthy = warming(np.full(900, 5.0), noise=0.05)
+    readings = healthy.columns["temperature.m"].copy()
+    readings[600:] = lost + 0.05 * np.random.default_rng(1).standard_normal(300)
+    spoilt = replace(healthy, columns={**healthy.columns, "temperature.m": readings})
+    begun = time.process_time()
+    told = forecast(motor, spoilt, 60.0).nodes["m"]
+    assert time.process_time() - begun < 20
+    assert abs(told.now - exact_now(900)) < 1.0
+
+
+def exact_now(seconds: float) -> float:
+    """The motor's temperature after so long at 5 N·m [degC]."""
+    return AIR + RESISTANCE * PER_TORQUE * 25 * -math.expm1(-seconds / (RESISTANCE * CAPACITY))
 
 
 def test_a_log_that_is_too_short_is_refused(motor: Model) -> None:
