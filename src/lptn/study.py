@@ -216,11 +216,6 @@ class Study:
         return self._diagnoses.get(0)
 
     @property
-    def searched_from(self) -> int | None:
-        """The step from which the last search went on until nothing helped; `None` where somebody chose steps since."""
-        return self._searched[0] if self._searched else None
-
-    @property
     def advised(self) -> Advice | None:
         """What `advise` said of the model as it is now; `None` where it was not asked yet."""
         current = self._advice is not None and self._advice[0] is self.diagnosed
@@ -531,16 +526,7 @@ class Study:
         last = self.diagnose()
         first = self._diagnoses.get(0) or self._diagnosis_of(self._steps[0].fit.model)
         self._diagnoses[0] = first
-        chosen = History(
-            first.verdict, last.verdict, tuple(self._steps), first, last, considered=1, searched_from=before
-        )
-        if history is None:
-            return chosen
-        return replace(
-            chosen,
-            considered=history.considered,
-            rivals=history.rivals,
-        )
+        return History(tuple(self._steps), first, last, history.rivals if history else ())
 
     def narrative(self) -> list[Sentence]:
         """Verdict, findings, structure, errors and what to do next, in the sentences of terminal, page and report."""

@@ -267,7 +267,7 @@ def test_what_is_written_for_other_tools_says_the_same() -> None:
     assert written["text"] == experiment.text()
     assert sum(move["minutes"] for move in written["moves"]) == pytest.approx(20.0)
     assert written["differences"][0]["deviations"] >= CLEAR
-    assert all(readings.shape == (2, len(experiment.time)) for readings in experiment.predictions.values())
+    assert all(readings.shape == (2, len(experiment.run)) for readings in experiment.predictions.values())
 
 
 @pytest.mark.long

@@ -149,9 +149,7 @@ def _by_hand(outcome: Told, effect: Effect, at: str) -> History:
     fit = finished(continued(given.fit, given.fit.model.network.with_effects([declared])))
     step = Step(fit, declared, holdout=holdout_errors(fit, data.holdout), test=holdout_errors(fit, data.test))
     remaining = replace(history.first, fit=fit)
-    return replace(
-        history, steps=(given, step), remaining=history.verdict, last=remaining, considered=1, searched_from=None
-    )
+    return replace(history, steps=(given, step), last=remaining)
 
 
 def test_what_was_added_by_hand_and_did_not_help_is_not_a_finding(adequate: Told, missing: Told) -> None:
@@ -342,6 +340,7 @@ def test_a_size_is_a_multiple_or_a_percentage_of_the_typical_one(missing: Told, 
     step = missing[0].best
     (declared,) = step.declarations
     (power,) = declared.parameters
-    resized = replace(declared, parameters=(replace(power, typical=usual * step.size * power.typical),))
+    assert step.amplitude is not None
+    resized = replace(declared, parameters=(replace(power, typical=usual * step.amplitude.value),))
     network = step.fit.model.network.without_effect(*step.key).with_effects([resized])
     assert said in size_in_words(step, continued(step.fit, network))

@@ -107,12 +107,6 @@ class Step(Tabular):
         return next((fitted for fitted in self.fit.model.parameters if fitted.name == name), None)
 
     @property
-    def size(self) -> float:
-        """The amplitude in units of its usual size, 1 for an effect without one."""
-        amplitude = self.amplitude
-        return 1.0 if amplitude is None else amplitude.value / amplitude.declared.typical
-
-    @property
     def likely(self) -> bool:
         """Whether it is missing more probably than not, whichever of its names is right."""
         return max(self.probability, self.at_its_place) >= LIKELY

@@ -51,7 +51,6 @@ class Diagnosis(Tabular):
             what sets one apart.
         rivals: for what the data can't tell from another of these, the exact fits of both; empty where all are told.
         refused: what was fitted exactly beside all that, and is less probable than nothing.
-        considered: how many models were fitted.
     """
 
     verdict: Verdict
@@ -62,7 +61,6 @@ class Diagnosis(Tabular):
     steps: tuple[Step, ...] = ()
     rivals: tuple[Step, ...] = ()
     refused: tuple[Step, ...] = ()
-    considered: int = 1
 
     @property
     def best(self) -> Step | None:
@@ -240,7 +238,7 @@ def examine(
         )
         if share == 0.0:  # an offer that nobody should use
             steps, refused, rivals, remaining = (), (*steps, *refused), (), verdict
-    return Diagnosis(verdict, remaining, base, given.holdout, lack, steps, rivals, refused, made.fitted)
+    return Diagnosis(verdict, remaining, base, given.holdout, lack, steps, rivals, refused)
 
 
 def is_met(lack: dict[str, float]) -> bool:

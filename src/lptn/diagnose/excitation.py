@@ -14,7 +14,7 @@ from lptn.basics.arrays import BoolArray, FloatArray
 from lptn.diagnose.candidates import Candidate, candidates
 from lptn.diagnose.fit_statistics import BLOCK
 from lptn.effects import Effect, catalogue
-from lptn.effects.excitation import ZERO, Excitation
+from lptn.effects.excitation import CHANGE, ZERO, Excitation
 from lptn.logs.resampling import means_of_blocks, raw_keys
 from lptn.logs.run import Run
 from lptn.model.heat_balance import input_column
@@ -22,8 +22,8 @@ from lptn.model.model import Model
 
 # --- What happens in logs: levels of load, standstill, cool-downs, ranges of temperature and speed ------
 
-_LEVEL = 0.1  # of the largest heat: levels less far apart differ by a kelvin in ten, a step of a coarse sensor
-_STILL = 0.05  # of the largest heat: below it a robot rests, but for what holds its weight
+STILL = 0.05
+"""Of the largest heat, speed or load: below it a robot rests, but for what holds its weight and what sensors read."""
 _LOW = 0.5  # of the largest heat: below it what had settled cools to half its rise
 _STEP = 0.3  # of the largest heat from one minute to the next: a jump beyond what a gait makes
 _COOLS = 1.0  # K in a time of little load: a step of a coarse sensor
@@ -40,7 +40,7 @@ def excitation(runs: Sequence[Run], nodes: Sequence[str]) -> Excitation:
     blocks = [_Blocks(run, nodes) for run in runs]
     most = max((float(record.load.max(initial=0.0)) for record in blocks), default=0.0)
     loads = [record.load / most if most > 0 else np.zeros(0) for record in blocks]
-    rests = [load < _STILL for load in loads]
+    rests = [load < STILL for load in loads]
     steady = np.concatenate([_steady(load) for load in loads]) if loads else np.zeros(0)
     airs = [air for record in blocks for air in record.surroundings]
     columns = dict.fromkeys(column for record in blocks for column in record.means)
@@ -101,7 +101,7 @@ def _steady(load: FloatArray) -> FloatArray:
     """The loads of minutes that are like the one before or the one behind: no minute in which the load changed."""
     if load.size < 2:
         return load
-    same = np.abs(np.diff(load)) < _LEVEL / 2
+    same = np.abs(np.diff(load)) < CHANGE / 2
     return np.asarray(load[np.concatenate((same, [False])) | np.concatenate(([False], same))])
 
 
@@ -109,7 +109,7 @@ def _levels(loads: FloatArray) -> int:
     """How many levels a sorted row of loads has, each at least a tenth of the largest above the one before it."""
     count, base = 0, -np.inf
     for load in loads[np.isfinite(loads)]:
-        if load - base > _LEVEL:
+        if load - base > CHANGE:
             count, base = count + 1, load
     return count
 

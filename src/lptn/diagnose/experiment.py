@@ -24,6 +24,7 @@ from lptn.basics.places import EVERYWHERE, class_of, is_glob, matching
 from lptn.basics.processes import one_blas_thread
 from lptn.basics.words import listed
 from lptn.diagnose.answers import Key, Step, named
+from lptn.diagnose.excitation import STILL
 from lptn.diagnose.fit_statistics import POWER, TIE, fitted_errors, independent_readings
 from lptn.identify.fitting import Fit
 from lptn.identify.problem import AT_REST, Problem
@@ -51,7 +52,6 @@ _PRODUCTS = ("mechanical_power",)
 _BASE = "speed.base"
 _UNITS = {"torque": "N*m", "torque_abs": "N*m", "current": "A", "current_abs": "A", "power": "W", "heat": "W"}
 _ORDINARY = 0.95  # quantile of a column while it is in use: high, yet nothing that happened only once
-_IN_USE = 0.05  # share of a column's largest value, above what sensors read at rest, from which on it is in use
 _LEVELS = (0.5, 1.0)
 """Shares of the high ordinary load and speed: laws that go with different powers of them are told apart by two levels,
 and losses that go with the square are a quarter at the lower one."""
@@ -123,7 +123,7 @@ class Stage:
         places = [one.place for key, one in acts if (one.effect.key, one.declaration.where) == key]
         self._asked = dict.fromkeys(end for place in places for end in place.split("~"))
         columns = dict.fromkeys(name for model in models for name in model.inputs if name not in model.started)
-        self.nodes = tuple(models[0].nodes)
+        self.nodes = models[0].nodes
         self.given = [name for name in columns if name.startswith("temperature.")]
         self.inputs = [name for name in columns if name not in self.given]
         # Loads and speeds that no model asks for say in words what a move is.
@@ -142,10 +142,10 @@ class Stage:
         self._works: BoolArray = np.zeros(sum(len(run) for run in runs), dtype=bool)
         for name in self.columns:
             sizes = np.abs(self._values[name])
-            in_use = sizes[sizes > _IN_USE * sizes.max(initial=0.0)]
+            in_use = sizes[sizes > STILL * sizes.max(initial=0.0)]
             self.high[name] = float(np.quantile(in_use, _ORDINARY)) if in_use.size else 0.0
             if quantity_of(name) in (*self._heating, *_SPEEDS) and self.high[name] > 0:
-                self._works |= sizes > _IN_USE * self.high[name]
+                self._works |= sizes > STILL * self.high[name]
         prescribed = {name: source for name, source in models[0].network.prescribed.items() if source in self.given}
         air = prescribed.get("ambient", next(iter(prescribed.values())) if len(prescribed) == 1 else None)
         self._air = air if isinstance(air, str) else None
@@ -489,8 +489,7 @@ class Experiment:
         program: moves, durations and air.
         run: the inputs as a log's columns, in steps of 10 s.
         differences: of each pair of rivals, the clearest first.
-        predictions: of each rival [degC], shape (nodes, n); mean over each step.
-        nodes: in the order of the predictions.
+        predictions: of each rival [degC], shape (nodes, n) as in the models; mean over each step.
         limit: the temperature that no prediction passes [degC].
         tried: how many runs were compared.
         moves: the moves as other tools read them.
@@ -502,7 +501,6 @@ class Experiment:
     run: Run
     differences: tuple[Difference, ...]
     predictions: Mapping[Key, FloatArray]
-    nodes: tuple[str, ...]
     limit: float
     tried: int
     moves: tuple[dict[str, object], ...]
@@ -522,11 +520,6 @@ class Experiment:
     def indistinguishable(self) -> tuple[tuple[Key, Key], ...]:
         """Pairs that the run leaves undecided."""
         return tuple(contrast.pair for contrast in self.differences if not contrast.clear)
-
-    @property
-    def time(self) -> FloatArray:
-        """Middle of each step of the predictions [s], shape (n,)."""
-        return np.asarray(self.run.time + 0.5 * self.run.step)
 
     def text(self) -> str:
         """What to do, what each rival predicts, and what to conclude."""
@@ -615,7 +608,6 @@ def propose(
         run,
         tuple(differences),
         {key: prediction.readings for key, prediction in zip(fitted.keys, predictions, strict=True)},
-        stage.nodes,
         limit,
         tried,
         tuple(stage.as_json(best)),

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import log, sqrt
+from typing import NamedTuple
 
 import numpy as np
 
@@ -83,17 +84,6 @@ def _correlation_time(residual: FloatArray) -> float:
 # --- What a larger model removes ----------------------------------------------------------------
 
 
-def squared_errors(runs: Sequence[RunErrors], sigma: FloatArray) -> FloatArray:
-    """Sum of squared weighted errors of each node in each run, shape (runs, nodes).
-
-    Args:
-        runs: with their errors.
-        sigma: standard deviation that weighs each node's errors [K], shape (nodes,).
-    """
-    squares = [np.where(bound.counted, error / sigma[:, None], 0.0) ** 2 for bound, error in runs]
-    return np.array([own.sum(axis=1) for own in squares]).reshape(len(runs), len(sigma))
-
-
 @dataclass(frozen=True)
 class Removed:
     """What a larger model removes of the squared errors of the runs that it and a smaller one were fitted to.
@@ -111,7 +101,10 @@ class Removed:
     @classmethod
     def between(cls, smaller: Fit, larger: Fit) -> Removed:
         """By two fits to the same readings, each weighed by the smaller one's standard deviations."""
-        before, after = (squared_errors(fitted_errors(fit), smaller.problem.sigma) for fit in (smaller, larger))
+        before, after = (
+            np.array([np.sum(np.where(bound.counted, error / sigma, 0.0) ** 2, axis=1) for bound, error in runs])
+            for sigma, runs in ((smaller.problem.sigma[:, None], fitted_errors(fit)) for fit in (smaller, larger))
+        )
         gone, names = before - after, [bound.run.name for bound in smaller.problem.bound_runs]
         total = float(gone.sum())
         whole = total or 1.0
@@ -148,8 +141,7 @@ _LOGS, _TOGETHER = 200, 20
 them at once, so that ten days of readings fill no memory."""
 
 
-@dataclass(frozen=True)
-class MinuteMeans:
+class MinuteMeans(NamedTuple):
     """Mean square of one-minute means of one node's errors [K²].
 
     Args:
@@ -163,43 +155,43 @@ class MinuteMeans:
     limit: float
 
 
-def minute_means(fit: Fit, row: int, runs: Sequence[RunErrors]) -> MinuteMeans | None:
-    """What a node's errors are over minutes, beside what its sensor would leave of a perfect model.
+def minute_means(fit: Fit, runs: Sequence[RunErrors]) -> dict[str, MinuteMeans]:
+    """What each node's errors are over minutes, beside what its sensor would leave of a perfect model.
 
     Readings of a perfect model are simulated: with white noise, and rounded to a coarse sensor's steps, which lie
     anywhere.
 
     Args:
         fit: has the sensors' noise.
-        row: of the node.
         runs: with their errors.
 
     Returns:
-        `None` where no minute is whole.
+        For the nodes of which some minute is whole.
     """
-    rng, white, step = np.random.default_rng(0), fit.noise.white[row], fit.noise.step[row]
-    squares, simulated = [np.zeros(0)], [np.zeros((0, _LOGS))]
-    for bound, error in runs:
-        counted = bound.counted[row] & np.isfinite(error[row])
-        size = max(1, round(BLOCK / bound.run.step))
-        whole = int(counted.sum()) // size * size
-        own = error[row][counted][:whole]
-        clean = (bound.measured[row][counted][:whole] + own)[:, None]
-        squares.append(own.reshape(-1, size).mean(axis=1) ** 2)
-        means = []
-        for _ in range(_LOGS // _TOGETHER):
-            read = clean + rng.normal(0.0, white, (whole, _TOGETHER))
-            if step > 0:
-                phase = rng.uniform(0.0, step, _TOGETHER)
-                read = np.round((read + phase) / step) * step - phase
-            means.append((read - clean).reshape(-1, size, _TOGETHER).mean(axis=1))
-        simulated.append(np.hstack(means) ** 2)
-    square = np.concatenate(squares)
-    if not square.size:
-        return None
-    noise = np.vstack(simulated).mean(axis=0)
-    limit = float(np.quantile(noise, 0.95)) + NEGLIGIBLE**2
-    return MinuteMeans(float(square.mean()), float(noise.mean()), limit)
+    found = {}
+    for row, (node, white, step) in enumerate(zip(fit.model.nodes, fit.noise.white, fit.noise.step, strict=True)):
+        rng, squares, simulated = np.random.default_rng(0), [np.zeros(0)], [np.zeros((0, _LOGS))]
+        for bound, error in runs:
+            counted = bound.counted[row] & np.isfinite(error[row])
+            size = max(1, round(BLOCK / bound.run.step))
+            whole = int(counted.sum()) // size * size
+            own = error[row][counted][:whole]
+            clean = (bound.measured[row][counted][:whole] + own)[:, None]
+            squares.append(own.reshape(-1, size).mean(axis=1) ** 2)
+            means = []
+            for _ in range(_LOGS // _TOGETHER):
+                read = clean + rng.normal(0.0, white, (whole, _TOGETHER))
+                if step > 0:
+                    phase = rng.uniform(0.0, step, _TOGETHER)
+                    read = np.round((read + phase) / step) * step - phase
+                means.append((read - clean).reshape(-1, size, _TOGETHER).mean(axis=1))
+            simulated.append(np.hstack(means) ** 2)
+        square = np.concatenate(squares)
+        if square.size:
+            noise = np.vstack(simulated).mean(axis=0)
+            limit = float(np.quantile(noise, 0.95)) + NEGLIGIBLE**2
+            found[node] = MinuteMeans(float(square.mean()), float(noise.mean()), limit)
+    return found
 
 
 def lack_of_fit(fit: Fit, runs: Sequence[RunErrors] | None = None) -> dict[str, float]:
@@ -209,13 +201,8 @@ def lack_of_fit(fit: Fit, runs: Sequence[RunErrors] | None = None) -> dict[str, 
         fit: the fit.
         runs: these with other errors than the fit's own.
     """
-    means = _of_nodes(fit, fitted_errors(fit) if runs is None else runs)
+    means = minute_means(fit, fitted_errors(fit) if runs is None else runs)
     return {node: own.square / own.limit for node, own in means.items()}
-
-
-def _of_nodes(fit: Fit, runs: Sequence[RunErrors]) -> dict[str, MinuteMeans]:
-    means = {node: minute_means(fit, row, runs) for row, node in enumerate(fit.model.nodes)}
-    return {node: own for node, own in means.items() if own is not None}
 
 
 def explains(share: float, base: Fit, larger: Fit) -> bool:
@@ -234,7 +221,7 @@ def explains(share: float, base: Fit, larger: Fit) -> bool:
     floor = float(np.sum(readings * (base.noise.floor / base.problem.sigma) ** 2))
     if before <= PLAIN * floor:
         sigma = dict(zip(base.model.nodes, base.problem.sigma.tolist(), strict=True))
-        noise, now = _of_nodes(base, fitted_errors(base)), _of_nodes(larger, fitted_errors(larger))
+        noise, now = (minute_means(fit, fitted_errors(fit)) for fit in (base, larger))
         before = sum(own.square / sigma[node] ** 2 for node, own in noise.items())
         after = sum(own.square / sigma[node] ** 2 for node, own in now.items())
         floor = sum(own.noise / sigma[node] ** 2 for node, own in noise.items())
@@ -273,10 +260,9 @@ def standing_out(
     Returns:
         For each such node the root mean square of one-minute means in this run and in the fitted ones, the worst first.
     """
-    errors, usual = {}, _of_nodes(fit, fitted_errors(fit) if fitted is None else fitted)
-    for row, node in enumerate(fit.model.nodes):
-        own = minute_means(fit, row, [run])
+    errors, usual = {}, minute_means(fit, fitted_errors(fit) if fitted is None else fitted)
+    for node, own in minute_means(fit, [run]).items():
         known = usual[node].square if node in usual else 0.0
-        if own is not None and own.square > max(CLEARLY**2 * known, LACKING * own.limit, least**2):
+        if own.square > max(CLEARLY**2 * known, LACKING * own.limit, least**2):
             errors[node] = sqrt(own.square), sqrt(known)
     return dict(sorted(errors.items(), key=lambda item: -item[1][0]))

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import asdict, dataclass, replace
+from itertools import pairwise
 from math import isfinite
 
 import pandas as pd
@@ -36,24 +37,26 @@ class History(Tabular):
     """The models from the given one to the best.
 
     Args:
-        verdict: on the model as given: adequate, missing effects that were identified, or unexplained.
-        remaining: on the last step: adequate, or unexplained.
         steps: the given model first.
         first: the diagnosis of the given model.
         last: the diagnosis of the last step.
-        considered: how many models were fitted.
-        searched_from: the step from which a search went on; `None` where somebody chose all steps.
         rivals: what the fitted data can't tell from one of the findings, and that itself first.
     """
 
-    verdict: Verdict
-    remaining: Verdict
     steps: tuple[Step, ...]
     first: Diagnosis
     last: Diagnosis
-    considered: int
-    searched_from: int | None = 0
     rivals: tuple[Step, ...] = ()
+
+    @property
+    def verdict(self) -> Verdict:
+        """On the model as given: adequate, missing effects that were identified, or unexplained."""
+        return self.first.verdict
+
+    @property
+    def remaining(self) -> Verdict:
+        """On the last step: adequate, or unexplained."""
+        return self.last.verdict
 
     @property
     def best(self) -> Step:
@@ -75,46 +78,37 @@ class History(Tabular):
 
     def as_json(self) -> dict[str, object]:
         """The history as other tools read it."""
-        table = [
-            {
-                "step": number,
-                "effect": step.effect,
-                "at": step.at,
+        removed = [None, *(Removed.between(before.fit, step.fit) for before, step in pairwise(self.steps))]
+        table, findings, structure = [], list[object](), list[object]()
+        for number, (step, gone) in enumerate(zip(self.steps, removed, strict=True)):
+            name = {"effect": step.effect, "at": step.at}
+            others = {"indistinguishable_from": [list(key) for key in step.indistinguishable]}
+            errors = {
                 "parameters": step.parameters,
                 "rmse_fit": step.fit.rmse,
                 "rmse_holdout": step.holdout.rmse if step.holdout else None,
                 "max_holdout": step.holdout.max if step.holdout else None,
                 "rmse_test": step.test.rmse if step.test else None,
                 "probability": step.probability if step.effect else None,
-                "removed": asdict(Removed.between(self.steps[number - 1].fit, step.fit)) if number else None,
-                "indistinguishable_from": [list(key) for key in step.indistinguishable],
+                "removed": asdict(gone) if gone else None,
             }
-            for number, step in enumerate(self.steps)
-        ]
+            table.append({"step": number} | name | errors | others)
+            if gone and step.declaration:
+                part = name | {"probability": step.probability, "explains": gone.share} | _size(step, self.best.fit)
+                own = {"run": step.declaration.run or None} | others
+                (structure if step.is_structure else findings).append(part | ({} if step.is_structure else own))
         return {
             "verdict": self.verdict,
             "remaining": self.remaining,
             "probabilities": self.first.probabilities_as_json(),
             "history": table,
-            "structure": [self._part(number) for number in self._numbers(structure=True)],
-            "findings": [self._part(number) for number in self._numbers(structure=False)],
+            "structure": structure,
+            "findings": findings,
             "refused": [
                 {"effect": step.effect, "at": step.at, "probability": step.probability, **_size(step, step.fit)}
                 for step in self.first.refused
             ],
         }
-
-    def _numbers(self, *, structure: bool) -> list[int]:
-        return [number for number, step in enumerate(self.steps) if step.declaration and step.is_structure is structure]
-
-    def _part(self, number: int) -> dict[str, object]:
-        step = self.steps[number]
-        declared = step.declaration
-        removed = Removed.between(self.steps[number - 1].fit, step.fit).share
-        about = {"effect": step.effect, "at": step.at, "probability": step.probability, "explains": removed}
-        own = {"run": declared.run or None if declared else None}
-        others = {"indistinguishable_from": [list(key) for key in step.indistinguishable]}
-        return about | _size(step, self.best.fit) | ({} if step.is_structure else own | others)
 
 
 def _size(step: Step, fit: Fit) -> dict[str, object]:
@@ -215,8 +209,7 @@ def improve(
         steps.append(replace(step, fit=fine).judged_on(data))
         on_step(tuple(steps))
     if len(steps) == 1:
-        return History(first.verdict, first.verdict, tuple(steps), first, first, first.considered)
-    last_fit = first.steps[-1].fit
-    left, remaining = lack_of_fit(last_fit), first.remaining
-    last_diagnosis = Diagnosis(remaining, remaining, last_fit, first.steps[-1].holdout, left, refused=first.refused)
-    return History(first.verdict, remaining, tuple(steps), first, last_diagnosis, first.considered, rivals=first.rivals)
+        return History(tuple(steps), first, first)
+    best, rest = first.steps[-1], first.remaining
+    last_diagnosis = Diagnosis(rest, rest, best.fit, best.holdout, lack_of_fit(best.fit), refused=first.refused)
+    return History(tuple(steps), first, last_diagnosis, first.rivals)

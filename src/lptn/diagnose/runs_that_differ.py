@@ -31,26 +31,22 @@ class Cause:
     """One parameter that may be what differs in a run, and how large it would be there.
 
     Args:
-        declaration: the effect, at its place and in this run.
-        amplitude: its amplitude, in the effect's own unit.
-        rmse: error of the run's evaluation window with it [K].
+        effect: key of the effect.
+        at: its place: a node, a class, or `"*"`.
+        amplitude: in the effect's own unit.
+        rmse_after: error of the run's evaluation window with it [K].
         words: what it means, a sentence without its full stop.
     """
 
-    declaration: EffectDeclaration
+    effect: str
+    at: str
     amplitude: float
-    rmse: float
+    rmse_after: float
     words: str
 
-    @property
-    def effect(self) -> str:
-        """Key of the effect."""
-        return self.declaration.effect.key
-
-    @property
-    def at(self) -> str:
-        """Its place: a node, a class, or `"*"`."""
-        return self.declaration.at
+    def as_json(self) -> dict[str, object]:
+        """The cause as other tools read it."""
+        return {key: value for key, value in vars(self).items() if key != "words"}
 
 
 @dataclass(frozen=True)
@@ -77,39 +73,16 @@ class RunDifference:
     where: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
-    def effect(self) -> str | None:
-        """Key of the effect that explains the run best, `None` without any."""
-        return self.causes[0].effect if self.causes else None
-
-    @property
-    def at(self) -> str | None:
-        """Its place."""
-        return self.causes[0].at if self.causes else None
-
-    @property
-    def amplitude(self) -> float | None:
-        """Its amplitude in this run, in the effect's own unit."""
-        return self.causes[0].amplitude if self.causes else None
-
-    @property
-    def rmse_after(self) -> float | None:
-        """Error of the explained run in its evaluation window [K]."""
-        return self.causes[0].rmse if self.causes else None
-
-    @property
     def explained(self) -> bool:
-        """Whether with it the run is predicted about as well as the fitted runs are met."""
-        return self.rmse_after is not None and self.rmse_after <= CLEARLY * self.rmse_fit
-
-    @property
-    def indistinguishable(self) -> tuple[Cause, ...]:
-        """Causes that these data can't tell from the best."""
-        return self.causes[1:]
+        """Whether with the best cause the run is predicted about as well as the fitted runs are met."""
+        return bool(self.causes) and self.causes[0].rmse_after <= CLEARLY * self.rmse_fit
 
     @property
     def sentence(self) -> str:
         """What differs in the run, in a sentence; empty where nothing explains it."""
-        return _sentence(self.causes[0].words) if self.causes else ""
+        words = self.causes[0].words if self.causes else ""
+        begun = words.replace("in ", "In ", 1) if words.startswith("in ") else words  # a run's name stays as it is
+        return begun if begun.endswith("?") or not begun else f"{begun}."
 
     def text(self) -> str:
         """The difference in a few sentences."""
@@ -123,35 +96,25 @@ class RunDifference:
                 f"{short_size(self.rmse_fit)} K on the fitted runs{worst}, and no one parameter that may "
                 "differ from run to run explains half of it."
             )
-        best = self.causes[0]
+        best, *others = self.causes
         text = (
             f"{self.sentence} With that its error goes from {short_size(self.rmse_before)} to "
-            f"{short_size(best.rmse)} K (the size was fitted on this run: an explanation, not a prediction)."
+            f"{short_size(best.rmse_after)} K (the size was fitted on this run: an explanation, not a prediction)."
         )
         if not self.explained:
             text += f" It does not explain all: the fitted runs are met within {short_size(self.rmse_fit)} K."
-        if not self.indistinguishable:
+        if not others:
             return text
-        others = "; or: ".join(_without_question(cause.words) for cause in self.indistinguishable[:_MOST_LISTED])
-        more = len(self.indistinguishable) - _MOST_LISTED
-        return f"{text} The run can't tell that from: {others}{f'; or {more} more' if more > 0 else ''}."
+        names = "; or: ".join(_without_question(cause.words) for cause in others[:_MOST_LISTED])
+        more = len(others) - _MOST_LISTED
+        return f"{text} The run can't tell that from: {names}{f'; or {more} more' if more > 0 else ''}."
 
     def as_json(self) -> dict[str, object]:
         """The difference as other tools read it; what is `null` is not known."""
-        return {
-            "run": self.run,
-            "effect": self.effect,
-            "at": self.at,
-            "amplitude": self.amplitude,
-            "rmse_before": self.rmse_before,
-            "rmse_after": self.rmse_after,
-            "rmse_fit": self.rmse_fit,
-            "indistinguishable": [
-                {"effect": cause.effect, "at": cause.at, "amplitude": cause.amplitude, "rmse_after": cause.rmse}
-                for cause in self.indistinguishable
-            ],
-            "text": self.text(),
-        }
+        best = dict.fromkeys(("effect", "at", "amplitude"))
+        errors = {"rmse_before": self.rmse_before, "rmse_after": None, "rmse_fit": self.rmse_fit}
+        table = {"run": self.run} | best | errors | (self.causes[0].as_json() if self.causes else {})
+        return table | {"indistinguishable": [one.as_json() for one in self.causes[1:]], "text": self.text()}
 
 
 # --- The procedure: what a run lacks beside the fitted model ---------------------------------------
@@ -179,55 +142,48 @@ def runs_that_differ(fit: Fit, segments: Sequence[Segment], errors: ErrorsOfRuns
     Raises:
         InputError: a run lacks an input of the model.
     """
-    step = fit.problem.bound_runs[0].run.step
+    errors, differences = errors or ErrorsOfRuns(), []
+    step, sigma = fit.problem.bound_runs[0].run.step, fit.problem.sigma
     fitted = {bound.run.source for bound in fit.problem.bound_runs}
-    others = (segment.coarsened(step) for segment in segments if segment.run.source not in fitted)
-    differences = (_difference(fit, segment, errors or ErrorsOfRuns()) for segment in others)
-    return [difference for difference in differences if difference is not None]
-
-
-def _difference(fit: Fit, segment: Segment, errors: ErrorsOfRuns) -> RunDifference | None:
-    before = predict(fit.model, segment, fit.problem.sigma)
-    where = standing_out(fit, (before.bound, before.error))
-    if not where:
-        return None
-    bound = before.bound.count((float("-inf"), float("inf")))
-    problem = Problem(fit.model, [bound], fit.problem.sigma, free=())
-    z = problem.guess(fit.model.values, [before.states[:, 0]])
-    alone = continued(Fit(fit.model, problem, z, problem.cost(z), fit.noise, 0, "converged"), fit.model.network)
-    error, causes = Errors.of(before.error), []
-    for step in _names_of_one_answer(alone, errors):
-        (declaration,), amplitude = step.declarations, step.amplitude
-        assert amplitude is not None  # what may differ from run to run has one
-        after = Errors.of(predict(step.fit.model, segment, fit.problem.sigma).error)
-        if explained_elsewhere(fit, error, after):
-            words = _in_words(declaration, amplitude, segment.run.name)
-            causes.append(Cause(declaration, amplitude.value, after.rmse, words))
-    return RunDifference(segment.run.name, error.rmse, fit.rmse, tuple(causes), where)
+    for segment in [segment.coarsened(step) for segment in segments if segment.run.source not in fitted]:
+        before = predict(fit.model, segment, sigma)
+        if not (where := standing_out(fit, (before.bound, before.error))):
+            continue
+        problem = Problem(fit.model, [before.bound.count((float("-inf"), float("inf")))], sigma, free=())
+        z = problem.guess(fit.model.values, [before.states[:, 0]])
+        alone = continued(Fit(fit.model, problem, z, problem.cost(z), fit.noise, 0, "converged"), fit.model.network)
+        error, causes = Errors.of(before.error), []
+        for one in _names_of_one_answer(alone, errors):
+            (declared,), amplitude = one.declarations, one.amplitude
+            assert amplitude is not None  # what may differ from run to run has one
+            after = Errors.of(predict(one.fit.model, segment, sigma).error)
+            if explained_elsewhere(fit, error, after):
+                words = in_words(declared, amplitude, segment.run.name)
+                causes.append(Cause(declared.effect.key, declared.at, amplitude.value, after.rmse, words))
+        differences.append(RunDifference(segment.run.name, error.rmse, fit.rmse, tuple(causes), where))
+    return differences
 
 
 def _names_of_one_answer(alone: Fit, errors: ErrorsOfRuns) -> list[Step]:
     """What a run lacks, the most probable first, then what it can't tell from that."""
     run = alone.problem.bound_runs[0].run
     log = run.name.partition("#")[0]
-    fitted = ""  # the other runs, by whatever name: what differs in a run differs from them
 
     def lacking(fit: Fit) -> list[Candidate]:
-        return [candidate for candidate in possible_effects(fit, run.columns, [fitted, log]) if candidate.run == log]
+        others = ""  # the other runs, by whatever name: what differs in a run differs from them
+        return [candidate for candidate in possible_effects(fit, run.columns, [others, log]) if candidate.run == log]
 
     possible = lacking(alone)
     base = Evidence(alone, allowances(alone, possible, errors), possible)
     odds = log_priors(possible)
-    weighed = base.first_order(odds - np.logaddexp.reduce(odds))
     prior = dict(zip((candidate.key for candidate in possible), odds.tolist(), strict=True))
     steps = []
-    for entry in weighed[:_EXACT]:
+    for entry in base.first_order(odds - np.logaddexp.reduce(odds))[:_EXACT]:
         declared = with_priors(entry.candidate, entry.amplitude, entry.shape)
         fit = continued(alone, alone.model.network.with_effects([declared]))
         allowed = allowances(fit, lacking(fit), errors)
         log_odds = Evidence(fit, allowed, beside=base).log_evidence + prior[entry.candidate.key]
         steps.append(Step(fit, declared, log_odds=log_odds))
-    steps.sort(key=lambda step: -step.log_odds)
     return [steps[k] for k in in_occams_window(softmax([step.log_odds for step in steps]))] if steps else []
 
 
@@ -240,7 +196,7 @@ _AT_BOUND = 1e-3  # relative; so near a bound a size is only a limit
 _PLAIN = "in {run}{at}: {title}, {amplitude}"
 
 
-def _in_words(declaration: EffectDeclaration, amplitude: ParameterInstance, run: str) -> str:
+def in_words(declaration: EffectDeclaration, amplitude: ParameterInstance, run: str) -> str:
     """What an amplitude in one run means, by the effect's own sentence."""
     size, at, effect = amplitude.value, declaration.at, declaration.effect
     lower, upper = amplitude.declared.bounds
@@ -262,12 +218,6 @@ def _in_words(declaration: EffectDeclaration, amplitude: ParameterInstance, run:
     )
     # A per cent or two more is no fan, and one less no cover.
     return _without_question(words) if amplitude.declared.unit == "1" and abs(size) < _NEARLY_ONE else words
-
-
-def _sentence(words: str) -> str:
-    """A sentence that begins and ends as one; a run's name stays as it is."""
-    begun = words.replace("in ", "In ", 1) if words.startswith("in ") else words
-    return begun if begun.endswith("?") else f"{begun}."
 
 
 def _without_question(words: str) -> str:

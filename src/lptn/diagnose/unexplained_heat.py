@@ -27,7 +27,7 @@ from lptn.logs.resampling import means_of_blocks
 from lptn.logs.run import Run
 from lptn.simulate.dynamics import stepper, zero_order_hold
 from lptn.simulate.readings import readings_of
-from lptn.simulate.simulation import simulate
+from lptn.simulate.simulation import WINDOW, simulate
 
 
 @dataclass(frozen=True, repr=False)
@@ -128,7 +128,7 @@ _BIASED = 3.0
 `tests/diagnose/hidden_heat.py` the bands hold zero in 80 to 86 % of the quiet time with 1, above 93 % with 3, 5."""
 _FARTHEST = 1.5
 """Of a logarithm, a factor of five: how far off parameters may be of which together the readings tell nothing."""
-WIDE = 1.96  # standard deviations on either side of a 95 % band
+WIDE = NormalDist().inv_cdf(0.975)  # standard deviations on either side of a 95 % band
 _HALF = 0.5  # a peak reaches as far as the heat stays above so much of its largest value; so deep is a valley
 
 
@@ -260,7 +260,6 @@ def prior_of(fit: Fit, run: Blocks, scale: float, walk: float, *, open_parameter
 
 _BLOCK = 10.0  # s; heat that comes and goes faster can't be told from noise
 _MOST_BLOCKS = 1200  # a longer run gets longer blocks, so that 10 h need no more memory than 3 h
-_WINDOW = 2048  # steps whose derivatives are held at once
 _FAR = 4.0  # times its typical value; a parameter that ends further off is biased by missing heat
 _PHASES, _SLOW = 16, 300.0  # s; the share of a rounding error that stays so long can't be told from heat
 
@@ -312,7 +311,7 @@ def blocks(fit: Fit, number: int) -> Blocks:
     values = fit.model.in_run(bound.run.name, fit.point.values)
     path = simulate(fit.model, bound, fit.point.values, fit.point.starts[number]).states
     capacities = values[[fit.model.network.capacities[fit.model.nodes[row]] for row in rows]]
-    long = max(1, _WINDOW // size) * size
+    long = max(1, WINDOW // size) * size
     parts = [slice(at, min(at + long, window.stop)) for at in range(window.start, window.stop, long)]
     pieces = [_mean_derivatives(fit, path[:, w], bound.inputs[:, w], values, size) for w in parts]
     a, b, c, e = (np.concatenate(derivatives) for derivatives in zip(*pieces, strict=True))

@@ -152,7 +152,8 @@ def _refuse_runaway(states: FloatArray, bound: BoundRun) -> None:
 # --- Its sensitivities: exact derivatives of the discrete run -------------------------------------
 
 # What is held at once, so that a day's log needs no more memory than an hour's, and 50 nodes little more than 13:
-_WINDOW = 2048  # steps
+WINDOW = 2048
+"""Steps whose derivatives are held at once."""
 _BLOCK = 4_000_000  # derivatives, 32 MB
 
 
@@ -253,7 +254,7 @@ def _pieces(
     model, core, chosen = steps.model, steps.core, len(steps.chosen)
     # Columns: one for each chosen parameter, then one for each core state's initial value.
     states, derivative = start, np.hstack([np.zeros((core, chosen)), np.eye(core)])
-    most = max(1, min(_WINDOW, _BLOCK // derivative.size) // shown)
+    most = max(1, min(WINDOW, _BLOCK // derivative.size) // shown)
     for first in range(0, len(bound), most):
         inputs = np.repeat(bound.inputs[:, first : first + most], shown, axis=1)
         path, derivatives = steps.run(states, derivative, inputs, values, bound.run.step / shown, parts // shown)
