@@ -230,13 +230,15 @@ def examine(
         verdict = "missing" if found else "unexplained"
     if verdict == "unexplained" and steps:  # something without a name is at work, and may have made what they explain
         pairs = [(base.rmse, made.fit.rmse)]
-        pairs += [(given.holdout.rmse, last.holdout.rmse)] if given.holdout and last.holdout else []
+        before, after = made.before.left_of_held_out, made.after.left_of_held_out
+        pairs += [(before.rmse, after.rmse)] if before and after else []
         share = min(max(0.0, 1.0 - (after / before) ** 2) for before, after in pairs)
         steps = tuple(
             replace(step, probability=share * step.probability, at_its_place=share * step.at_its_place)
             for step in steps
         )
-        if share == 0.0:  # an offer that nobody should use
+        if share == 0.0 or (given.holdout and last.holdout and last.holdout.rmse > given.holdout.rmse):
+            # An offer that nobody should use: as logged, held-out runs are predicted worse.
             steps, refused, rivals, remaining = (), (*steps, *refused), (), verdict
     return Diagnosis(verdict, remaining, base, given.holdout, lack, steps, rivals, refused)
 
