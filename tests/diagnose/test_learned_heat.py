@@ -11,6 +11,7 @@ from lptn.diagnose.advice import Advice
 from lptn.diagnose.answers import Step
 from lptn.diagnose.diagnosis import Diagnosis, for_search
 from lptn.diagnose.learned_heat import LearnedCurve, input_shares, learned_curve
+from lptn.diagnose.unexplained_heat import WanderingHeat
 from lptn.effects.learned_heat import LearnedHeat
 from lptn.identify.data import DataSplit, split_data
 from lptn.identify.validation import fit_segments
@@ -30,7 +31,7 @@ def _unexplained(data: DataSplit) -> Diagnosis:
 
 def _learned(data: DataSplit) -> LearnedCurve | None:
     last = _unexplained(data)
-    return learned_curve(last, last, data)
+    return learned_curve(last, last, data, WanderingHeat(last.fit))
 
 
 @pytest.mark.long
@@ -79,14 +80,14 @@ def test_without_held_out_runs_it_is_told_and_not_offered() -> None:
 def test_what_is_explained_is_not_learned() -> None:
     data = for_search(split(36, HIDDEN["seal above 3 rad/s"]))
     explained = replace(_unexplained(data), verdict="missing", remaining="adequate")
-    assert learned_curve(explained, explained, data) is None
+    assert learned_curve(explained, explained, data, WanderingHeat(explained.fit)) is None
 
 
 def test_a_neighbours_temperature_is_told_and_not_offered() -> None:
     """Heat that comes over from a neighbour above 45 degC, and leaves it: no curve of one node is that."""
     hidden = HIDDEN["leak at 50 degC"]
     runs = [_with_neighbours_heat(370 + number) for number in range(3)]
-    shares = input_shares(_unexplained(for_search(split_data(runs))).fit, ["FR_thigh"])
+    shares = input_shares(WanderingHeat(_unexplained(for_search(split_data(runs))).fit), ["FR_thigh"])
     assert shares[0].column == hidden.column
     assert shares[0].declaration is None
 
@@ -129,7 +130,7 @@ def test_time_of_day_is_named_in_logs_of_days() -> None:
     for row, name in enumerate(LEG):
         columns[f"temperature.{name}"] = path[row] + 0.1 * rng.standard_normal(days)
     long = replace(run, step=60.0, time=time, columns=columns)
-    shares = input_shares(_unexplained(split_data([long])).fit, ["FR_thigh"])
+    shares = input_shares(WanderingHeat(_unexplained(split_data([long])).fit), ["FR_thigh"])
     assert shares[0].column == "time of day"
     assert shares[0].share > 0.5
 
@@ -185,7 +186,7 @@ def test_heat_in_a_housing_goes_with_the_speed_of_its_winding() -> None:
     motor = Model(Network("motor", (node("a", 80.0), node("a_case", 250.0), AMBIENT), links, (copper,)))
     data = for_search(split_data([_housed(1), _housed(2)], [_housed(3)]))
     last = Diagnosis("unexplained", "unexplained", fit_segments(motor, data.fit), None, {})
-    curve = learned_curve(last, last, data)
+    curve = learned_curve(last, last, data, WanderingHeat(last.fit))
     assert curve is not None
     assert (curve.inputs[0].node, curve.inputs[0].column) == ("a_case", "velocity.a")
     assert curve.offered

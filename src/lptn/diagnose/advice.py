@@ -18,7 +18,7 @@ from lptn.diagnose.learned_heat import LearnedCurve, learned_curve
 from lptn.diagnose.priors import log_priors
 from lptn.diagnose.refits import unless_interrupted
 from lptn.diagnose.runs_that_differ import RunDifference, runs_that_differ
-from lptn.diagnose.unexplained_heat import HeatPeak, stretches, unexplained_heat
+from lptn.diagnose.unexplained_heat import HeatPeak, WanderingHeat, stretches
 from lptn.identify.data import DataSplit, Segment
 from lptn.identify.fitting import Fit
 from lptn.identify.validation import fit_segments, holdout_errors
@@ -139,12 +139,13 @@ def advise(first: Diagnosis, last: Diagnosis, data: DataSplit, report: Report = 
     report("looking for what is left, and for the next experiment")
     # What is missing shows in held-out runs as well: as long as it is not added, nothing is said of the runs.
     added = last is not first or first.verdict != "missing"
+    heat = WanderingHeat(last.fit)
     return Advice(
         propose(first.rivals[:_MOST_RIVALS]),
-        stretches(unexplained_heat(last.fit)),
+        stretches(heat.unexplained),
         smallest(last.weighed),
         runs_that_differ(last.fit, data.holdout) if added else [],
-        learned_curve(first, last, data),
+        learned_curve(first, last, data, heat),
         _rows_as_means(last.fit, data),
     )
 

@@ -15,6 +15,7 @@ from lptn.diagnose.candidates import Candidate, candidates
 from lptn.diagnose.fit_statistics import BLOCK
 from lptn.effects import Effect, catalogue
 from lptn.effects.excitation import CHANGE, ZERO, Excitation
+from lptn.logs.channels import spans
 from lptn.logs.resampling import means_of_blocks, raw_keys
 from lptn.logs.run import Run
 from lptn.model.heat_balance import input_column
@@ -116,9 +117,8 @@ def _levels(loads: FloatArray) -> int:
 
 def _cool_downs(low: BoolArray, temperatures: FloatArray) -> int:
     """Times of little load, of two minutes and more, in which some node cools."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], low.astype(int), [0]))))
     count = 0
-    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+    for start, stop in spans(low):
         falls = [
             row[0] - row[-1] for row in temperatures[:, start:stop] if row.size > 1 and np.isfinite(row[[0, -1]]).all()
         ]
@@ -136,13 +136,9 @@ def _together(blocks: Sequence[_Blocks], nodes: Sequence[str]) -> dict[str, floa
     """Correlation of speed and load over one-minute means, by place."""
     correlations = {}
     for node in nodes:
-        own = [record for record in blocks if node in record.heats and f"velocity.{node}" in record.means]
-        if not own:
-            continue
-        speed, load = (
-            np.concatenate(means)
-            for means in ([e.means[f"velocity.{node}"] for e in own], [e.heats[node] for e in own])
-        )
+        key = f"velocity.{node}"
+        both = [np.array([own.means[key], own.heats[node]]) for own in blocks if key in own.means and node in own.heats]
+        speed, load = np.hstack([np.zeros((2, 0)), *both])
         if speed.size > 2 and speed.std() > 0 and load.std() > 0:
             correlations[node] = float(np.corrcoef(speed, load)[0, 1])
     return correlations
@@ -215,7 +211,11 @@ def _why_not(effect: type[Effect], sites: Sequence[Candidate], measured: Excitat
         columns |= {input_column(feature, end) for feature in features for end in ends}
     columns &= set(measured.ranges)
     if columns and not any(measured.varies(column) for column in columns):
-        return _constant(columns, measured)
+        one, more = min(columns), " and its like" if len(columns) > 1 else ""
+        low, high = measured.ranges[one]
+        if max(abs(low), abs(high)) < ZERO:
+            return f"{one}{more} is 0 throughout"
+        return f"{one}{more} hardly changes: {low:.3g} to {high:.3g} from minute to minute"
     return effect.excitation.lacking(measured, _places(sites))
 
 
@@ -245,12 +245,3 @@ def _not_logged(effect: type[Effect], model: Model, columns: set[str], left_out:
 
 def _at_nodes(key: str, model: Model) -> set[str]:
     return {key.replace(_NODE, node) for node in model.nodes}
-
-
-def _constant(columns: set[str], measured: Excitation) -> str:
-    one = min(columns)
-    low, high = measured.ranges[one]
-    more = " and its like" if len(columns) > 1 else ""
-    if max(abs(low), abs(high)) < ZERO:
-        return f"{one}{more} is 0 throughout"
-    return f"{one}{more} hardly changes: {low:.3g} to {high:.3g} from minute to minute"

@@ -28,7 +28,7 @@ from lptn.diagnose.excitation import STILL
 from lptn.diagnose.fit_statistics import POWER, TIE, fitted_errors, independent_readings
 from lptn.identify.fitting import Fit
 from lptn.identify.problem import AT_REST, Problem
-from lptn.logs.columns import place_of, quantity_of
+from lptn.logs.columns import column_unit, place_of, quantity_of
 from lptn.logs.resampling import means_of_blocks
 from lptn.logs.run import Run
 from lptn.simulate.bound_run import bind
@@ -50,7 +50,6 @@ _LOADS = ("torque", "current", "torque_abs", "current_abs")
 _SPEEDS = ("velocity", "velocity_rms")
 _PRODUCTS = ("mechanical_power",)
 _BASE = "speed.base"
-_UNITS = {"torque": "N*m", "torque_abs": "N*m", "current": "A", "current_abs": "A", "power": "W", "heat": "W"}
 _ORDINARY = 0.95  # quantile of a column while it is in use: high, yet nothing that happened only once
 _LEVELS = (0.5, 1.0)
 """Shares of the high ordinary load and speed: laws that go with different powers of them are told apart by two levels,
@@ -214,7 +213,7 @@ class Stage:
                 "joints": list(phase.move.joints),
                 "travelling": phase.move.travelling,
                 "minutes": phase.seconds / 60,
-                "load_unit": " and ".join(dict.fromkeys(_UNITS.get(key, "") for key in self._loads(phase.move))),
+                "load_unit": " and ".join(self._loads(phase.move)),
                 "inputs": {name: self.value(name, phase.move) for name in self.columns},
             }
             for phase in wanted.phases
@@ -230,8 +229,7 @@ class Stage:
     def _doing(self, move: Move) -> str:
         if not move.joints:
             return "leave it unpowered"
-        loads = [_range(values, _UNITS.get(key, f"of {key}")) for key, values in self._loads(move).items()]
-        load = " and ".join(loads) or "no load"
+        load = " and ".join(_range(values, unit) for unit, values in self._loads(move).items()) or "no load"
         where = "all joints" if move.at == EVERYWHERE else f"every {move.at}" if is_glob(move.at) else move.at
         if move.travelling:
             return f"walk at {self.high.get(_BASE, 0.0) * move.speed:.2g} m/s with {load} at {where}"
@@ -243,13 +241,15 @@ class Stage:
         return f"move {where} at {pace} with {load}" if move.load else f"swing {where} without load at {pace}"
 
     def _loads(self, move: Move) -> dict[str, list[float]]:
-        """Values of a move's load, by the quantity that each joint logs it as: torque here, current there."""
-        values: dict[str, list[float]] = {}
+        """Values of a move's load, by their unit: each joint logs its own, torque here, current there."""
+        loads: dict[str, list[float]] = {}
         for joint in move.joints:
-            quantity = next((quantity for quantity in self._heating if f"{quantity}.{joint}" in self.inputs), "")
-            if quantity:
-                values.setdefault(quantity, []).append(self.value(f"{quantity}.{joint}", move))
-        return values
+            names = [name for quantity in self._heating if (name := f"{quantity}.{joint}") in self.inputs]
+            for name in names[:1]:
+                unit = column_unit(name)
+                unit = f"of {quantity_of(name)}" if unit in ("", "1") else unit
+                loads.setdefault(unit, []).append(self.value(name, move))
+        return loads
 
 
 def _range(values: Sequence[float], unit: str) -> str:

@@ -24,17 +24,7 @@ from lptn.diagnose.diagnosis import Diagnosis
 from lptn.diagnose.fit_statistics import WORTH
 from lptn.diagnose.priors import OCCAM
 from lptn.diagnose.refits import refit
-from lptn.diagnose.unexplained_heat import (
-    WIDE,
-    blocks,
-    heat_scale,
-    likeliest_walks,
-    means_in_blocks,
-    prior_of,
-    smoothed,
-    stretches,
-    unexplained_heat,
-)
+from lptn.diagnose.unexplained_heat import WIDE, WanderingHeat, means_in_blocks, smoothed, stretches
 from lptn.effects.excitation import CHANGE
 from lptn.effects.learned_heat import OWN_TEMPERATURE, PIECES, UNNAMED, LearnedHeat
 from lptn.identify.bounded_minimum import bounded_minimum
@@ -70,10 +60,6 @@ class InputShare:
     share: float
     log_odds: float
     declaration: EffectDeclaration | None
-
-    def as_json(self) -> dict[str, object]:
-        """As other tools read it."""
-        return {"at": self.node, "input": self.column, "share": self.share, "log_odds": self.log_odds}
 
 
 @dataclass(frozen=True, repr=False)
@@ -148,7 +134,10 @@ class LearnedCurve:
         """As other tools read it."""
         return {
             "verdict": UNNAMED + self.inputs[0].column,
-            "inputs": [one.as_json() for one in self.inputs],
+            "inputs": [
+                {"at": one.node, "input": one.column, "share": one.share, "log_odds": one.log_odds}
+                for one in self.inputs
+            ],
             "curve": {"input": list(self.values), "watts": list(self.heat), "band": list(self.band)},
             "rmse_holdout_before": self.without,
             "rmse_holdout_after": self.held_out,
@@ -156,7 +145,7 @@ class LearnedCurve:
         }
 
 
-def learned_curve(first: Diagnosis, last: Diagnosis, data: DataSplit) -> LearnedCurve | None:
+def learned_curve(first: Diagnosis, last: Diagnosis, data: DataSplit, heat: WanderingHeat) -> LearnedCurve | None:
     """The likeliest curve over one input in the model as given, or, where none is offered there, beside all found.
 
     What the catalogue offers where it does not explain may imitate a heat without a name, and hide what that goes with.
@@ -165,15 +154,17 @@ def learned_curve(first: Diagnosis, last: Diagnosis, data: DataSplit) -> Learned
         first: the diagnosis of the model as given.
         last: of the model that it led to, or the same.
         data: the runs, in the steps of the fits.
+        heat: of the last one's fit.
 
     Returns:
         `None` where all is explained, no heat is sure, or it goes with no input.
     """
     if last.remaining != "unexplained":
         return None
-    found = last.fit if last is not first else first.steps[-1].fit if first.steps else None
-    bases = [Step(fit).predicting(data) for fit in (first.fit, found) if fit is not None]
-    curves = [_likeliest(base, data, beside=number > 0) for number, base in enumerate(bases)]
+    models = [WanderingHeat(first.fit), heat] if last is not first else [heat]
+    models += [WanderingHeat(step.fit) for step in first.steps[-1:] if last is first]
+    bases = [Step(one.fit).predicting(data) for one in models]
+    curves = [_likeliest(one, data, beside=number > 0) for number, one in enumerate(models)]
     told = [curve for curve in curves if curve is not None]
     without = min((base.holdout.rmse for base in bases if base.holdout), default=0.0)  # none held out: none offered
     for curve in told:
@@ -183,16 +174,16 @@ def learned_curve(first: Diagnosis, last: Diagnosis, data: DataSplit) -> Learned
     return replace(told[0], without=without or None) if told else None
 
 
-def _likeliest(base: Step, data: DataSplit, *, beside: bool) -> LearnedCurve | None:
+def _likeliest(heat: WanderingHeat, data: DataSplit, *, beside: bool) -> LearnedCurve | None:
     """What most surely unexplained heat goes with in one model, with the exact fit where `learned_heat` has the input.
 
     Args:
-        base: the fitted model.
+        heat: of the fitted model.
         data: as in `learned_curve`.
         beside: whether it has effects that the given model lacks.
     """
-    heat = stretches(unexplained_heat(base.fit))
-    shares = input_shares(base.fit, list(dict.fromkeys(peak.node for peak in heat))[:_MOST_NODES])
+    nodes = dict.fromkeys(peak.node for peak in stretches(heat.unexplained))
+    shares = input_shares(heat, list(nodes)[:_MOST_NODES])
     if not shares or shares[0].log_odds < np.log(OCCAM * len(shares)):
         return None
     own = tuple(one for one in shares if one.node == shares[0].node and one.share >= _WORTH_A_WORD and one.log_odds > 0)
@@ -201,7 +192,7 @@ def _likeliest(base: Step, data: DataSplit, *, beside: bool) -> LearnedCurve | N
         return None
     if declaration is None:
         return LearnedCurve(own, beside=beside)
-    done = refit(base.fit, declaration)
+    done = refit(heat.fit, declaration)
     values, curve, band = curve_of(done, declaration)
     if np.all(np.abs(curve) <= band):
         return None  # what the linear model saw is not there
@@ -237,34 +228,32 @@ def curve_of(fit: Fit, declared: EffectDeclaration) -> tuple[FloatArray, FloatAr
 
 
 @one_blas_thread
-def input_shares(fit: Fit, nodes: Sequence[str]) -> list[InputShare]:
+def input_shares(heat: WanderingHeat, nodes: Sequence[str]) -> list[InputShare]:
     """What the unexplained heat at some nodes goes with, the most probable first.
 
     Args:
-        fit: the fitted model.
+        heat: of a fitted model.
         nodes: measured ones.
     """
-    linear = [blocks(fit, number) for number in range(len(fit.problem.bound_runs))]
+    fit, linear, scale = heat.fit, heat.runs, heat.scale
     runs = [bound.run for bound in fit.problem.bound_runs]
     candidates = [one for node in nodes for one in _inputs_of(fit, node, runs)]
     if not candidates:
         return []
-    scale, walks = heat_scale(linear), likeliest_walks(fit, linear)
     known = []
     for run, part in zip(runs, linear, strict=True):
         heats = np.zeros((len(part.time), len(part.rows), PIECES * len(candidates)))
         rows = {fit.model.nodes[row]: place for place, row in enumerate(part.rows)}
         for number, one in enumerate(candidates):
             if one.node in rows:  # a run may not measure all nodes
-                heats[:, rows[one.node], PIECES * number : PIECES * (number + 1)] = one.in_blocks(
-                    run, part.time, part.seconds
-                )
+                own = slice(PIECES * number, PIECES * (number + 1))
+                heats[:, rows[one.node], own] = one.in_blocks(run, part.time, part.seconds)
         known.append(heats)
     best, none = [(-np.inf, 0.0)] * len(candidates), -np.inf
-    for walk in reversed(walks[-_WALKS:]):
+    for walk in reversed(heat.walks[-_WALKS:]):
         gradient, hessian = np.zeros(PIECES * len(candidates)), np.zeros((PIECES * len(candidates),) * 2)
         done = [
-            smoothed(part, prior_of(fit, part, scale, walk, open_parameters=True), heats)
+            smoothed(part, heat.prior(part, walk, open_parameters=True), heats)
             for part, heats in zip(linear, known, strict=True)
         ]
         for white in (own.white for own in done):
@@ -281,8 +270,8 @@ def input_shares(fit: Fit, nodes: Sequence[str]) -> list[InputShare]:
                     (run.heat[part.rows == row], run.taken[part.rows == row][..., own] @ rises)
                     for run, part in zip(done, linear, strict=True)
                 ]
-                before = sum(float(np.sum(heat**2)) for heat, _ in its)
-                after = sum(float(np.sum((heat - taken) ** 2)) for heat, taken in its)
+                before = sum(float(np.sum(watts**2)) for watts, _ in its)
+                after = sum(float(np.sum((watts - taken) ** 2)) for watts, taken in its)
                 best[number] = odds + density, max(0.0, 1.0 - after / before) if before > 0 else 0.0
     shares = [
         InputShare(one.node, one.column, share, odds - none, one.declaration(scale))

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from math import ceil
 from statistics import NormalDist
 from typing import NamedTuple
@@ -132,46 +132,77 @@ WIDE = NormalDist().inv_cdf(0.975)  # standard deviations on either side of a 95
 _HALF = 0.5  # a peak reaches as far as the heat stays above so much of its largest value; so deep is a valley
 
 
-@one_blas_thread
 def unexplained_heat(fit: Fit) -> list[UnexplainedHeat]:
-    """The heat that each fitted run asks for beyond the model, at every measured node.
+    """The heat that each fitted run asks for beyond the model, at every measured node."""
+    return WanderingHeat(fit).unexplained
 
-    The heat wanders at random, as fast at each node as makes the readings of all runs likeliest; states and free
-    parameters may lie off the fit. Given all readings of a run this is a linear smoothing problem, since the model is
-    taken linear about its own fitted trajectory. Time grows with the length of the run, memory is bounded.
+
+class WanderingHeat:
+    """A fitted model, linear about its own trajectories, and heat at every measured node that wanders at random.
+
+    It wanders as fast as makes the readings of all runs likeliest; states and free parameters may lie off the fit.
+    Given all readings of a run this is a linear smoothing problem. Time grows with the run, memory is bounded.
 
     Args:
         fit: the fitted model, with the readings that count.
     """
-    runs = [blocks(fit, number) for number in range(len(fit.problem.bound_runs))]
-    scale, walk = heat_scale(runs), likeliest_walks(fit, runs)[-1]
-    unexplained = []
-    for run, bound in zip(runs, fit.problem.bound_runs, strict=True):
-        heat, spread, *_ = smoothed(run, prior_of(fit, run, scale, walk))
-        nodes = tuple(fit.model.nodes[row] for row in run.rows)
-        about = WIDE * spread, run.seconds, bound.run.origin
-        unexplained.append(UnexplainedHeat(bound.run.name, run.time, nodes, heat, *about))
-    return unexplained
 
+    @one_blas_thread
+    def __init__(self, fit: Fit) -> None:
+        self.fit, self.runs = fit, [blocks(fit, number) for number in range(len(fit.problem.bound_runs))]
+        stored = np.concatenate([run.storage.ravel() for run in self.runs])
+        holding = np.concatenate([(run.error * run.conductance).ravel() for run in self.runs])
+        self.scale = float(np.sqrt(np.mean(stored**2) + np.nanmean(holding**2)))
+        """What heat is large [W]: that which the nodes take up as they warm, or that would hold the residual."""
 
-def likeliest_walks(fit: Fit, runs: Sequence[Blocks]) -> list[float]:
-    """How fast the heat wanders, the standard deviation after one second [W]: slower ones first, the likeliest last.
+    @cached_property
+    @one_blas_thread
+    def walks(self) -> list[float]:
+        """How fast the heat may wander, standard deviation after one second [W]: slower ones, the likeliest last."""
 
-    Args:
-        fit: the fitted model.
-        runs: its runs, as `blocks` gives them.
-    """
-    scale = heat_scale(runs)
+        @cache
+        def density(number: int) -> float:
+            return sum(likelihood(run, self.prior(run, walks[number])) for run in self.runs)
 
-    @cache
-    def density(number: int) -> float:
-        return sum(likelihood(run, prior_of(fit, run, scale, walks[number])) for run in runs)
+        # It has one peak, which is climbed to from the third, near which most have it.
+        walks, top = [share * self.scale / np.sqrt(60.0) for share in _GRID], 2
+        while (best := max((k for k in (top, top - 1, top + 1) if 0 <= k < len(walks)), key=density)) != top:
+            top = best
+        return walks[: top + 1]
 
-    # It has one peak, which is climbed to from the third, near which most have it.
-    walks, top = [share * scale / np.sqrt(60.0) for share in _GRID], 2
-    while (best := max((k for k in (top, top - 1, top + 1) if 0 <= k < len(walks)), key=density)) != top:
-        top = best
-    return walks[: top + 1]
+    @property
+    @one_blas_thread
+    def unexplained(self) -> list[UnexplainedHeat]:
+        """The heat of each run."""
+        told = []
+        for run, bound in zip(self.runs, self.fit.problem.bound_runs, strict=True):
+            heat, spread, *_ = smoothed(run, self.prior(run, self.walks[-1]))
+            nodes = tuple(self.fit.model.nodes[row] for row in run.rows)
+            about = WIDE * spread, run.seconds, bound.run.origin
+            told.append(UnexplainedHeat(bound.run.name, run.time, nodes, heat, *about))
+        return told
+
+    def prior(self, run: Blocks, walk: float, *, open_parameters: bool = False) -> Prior:
+        """Of the states, the heats, and the parameters, which are off together as their standard errors say.
+
+        The errors grow with what the model lacks. Were each parameter free to move for itself, a steady heat that
+        nobody needs could be balanced by resistances and capacitances far from the fitted ones. With `open_parameters`
+        it may: beside a curve that stands for the heat they go to where they belong.
+        """
+        fit, states, nodes = self.fit, len(self.fit.model.states), len(run.rows)
+        deviations = np.full(states + nodes, _HIDDEN_START)
+        deviations[run.rows] = _START
+        deviations[states:] = self.scale
+        known = slice(len(deviations), run.top.shape[2])
+        covariance = np.zeros((known.stop, known.stop))
+        covariance[: known.start, : known.start] = np.diag(deviations**2)
+        if open_parameters:
+            covariance[known, known] = _FARTHEST**2 * np.eye(known.stop - known.start)
+        else:
+            per_unit = _BIASED * fit.problem.slope(fit.point.values) / _slopes(fit)
+            sizes, directions = np.linalg.eigh(fit.uncertainty.covariance * np.outer(per_unit, per_unit))
+            covariance[known, known] = (directions * np.clip(sizes, 0.0, _FARTHEST**2)) @ directions.T
+        return Prior(covariance, walk)
 
 
 def stretches(runs: Sequence[UnexplainedHeat]) -> list[HeatPeak]:
@@ -224,35 +255,6 @@ def _separate(clear: FloatArray, heat: FloatArray) -> list[int]:
                 peaks.append(top)
                 rising, valley = False, height
     return peaks
-
-
-def heat_scale(runs: Sequence[Blocks]) -> float:
-    """What heat is large [W]: that which the nodes take up as they warm, or that would hold the residual."""
-    stored = np.concatenate([run.storage.ravel() for run in runs])
-    holding = np.concatenate([(run.error * run.conductance).ravel() for run in runs])
-    return float(np.sqrt(np.mean(stored**2) + np.nanmean(holding**2)))
-
-
-def prior_of(fit: Fit, run: Blocks, scale: float, walk: float, *, open_parameters: bool = False) -> Prior:
-    """Of the states, the heats, and the parameters, which are off together as their standard errors say.
-
-    The errors grow with what the model lacks. Were each parameter free to move for itself, a steady heat that nobody
-    needs could be balanced by resistances and capacitances far from the fitted ones. With `open_parameters` it may:
-    beside a curve that stands for the heat they go to where they belong.
-    """
-    states, nodes = len(fit.model.states), len(run.rows)
-    deviations = np.full(states + nodes, _HIDDEN_START)
-    deviations[run.rows] = _START
-    deviations[states:] = scale
-    covariance = np.zeros((run.top.shape[2], run.top.shape[2]))
-    covariance[: len(deviations), : len(deviations)] = np.diag(deviations**2)
-    if open_parameters:
-        covariance[len(deviations) :, len(deviations) :] = _FARTHEST**2 * np.eye(len(covariance) - len(deviations))
-        return Prior(covariance, walk)
-    per_unit = _BIASED * fit.problem.slope(fit.point.values) / _slopes(fit)
-    sizes, directions = np.linalg.eigh(fit.uncertainty.covariance * np.outer(per_unit, per_unit))
-    covariance[len(deviations) :, len(deviations) :] = (directions * np.clip(sizes, 0.0, _FARTHEST**2)) @ directions.T
-    return Prior(covariance, walk)
 
 
 # --- The linear model: a fitted run in blocks of time, with heat at each measured node as an input --
