@@ -80,7 +80,7 @@ def test_what_would_have_shown_does_and_half_of_it_does_not(times: float, least:
         limits = smallest(weighed(fit_segments(robot(), split_data([make_run(robot(), seed, "one")]).fit)))
         (limit,) = (one for one in limits if (one.effect, one.at) == heat)
         assert limit.unit == "W"
-        power = Parameter("power", times * limit.amplitude, "W", (0.0, 100.0), off=0.0)
+        power = Parameter("power", times * limit.smallest, "W", (0.0, 100.0), off=0.0)
         truth = robot(EffectDeclaration(ConstantHeat(), NODES[0], (power,)))
         candidates = weighed(fit_segments(robot(), split_data([make_run(truth, seed, "one")]).fit))
         (own,) = (one for one in candidates if one.candidate.key == heat)

@@ -101,7 +101,7 @@ def test_detectability_has_a_row_for_each_effect(missing: Told) -> None:
     detectable = smallest(missing[0].last.weighed)
     rows = reaches(detectable)
     assert len(rows) == len({entry.effect for entry in detectable})
-    shares = [row.easiest.share for row in rows]
+    shares = [row.easiest.share_of_typical for row in rows]
     assert shares == sorted(shares)
     figure = new_figure(3.0)
     plot_detectability(detectable, figure.add_subplot())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from math import log, log1p, sqrt
 
 import numpy as np
@@ -35,26 +35,16 @@ class Detectable:
     Args:
         effect: its key.
         at: its place.
-        amplitude: the size, in the amplitude's unit.
+        smallest: the size, in the amplitude's unit.
         unit: of the amplitude.
-        share: the size as a share of the typical one.
+        share_of_typical: the size as a share of the typical one.
     """
 
     effect: str
     at: str
-    amplitude: float
+    smallest: float
     unit: str
-    share: float
-
-    def as_json(self) -> dict[str, object]:
-        """The size as other tools read it."""
-        return {
-            "effect": self.effect,
-            "at": self.at,
-            "smallest": self.amplitude,
-            "unit": self.unit,
-            "share_of_typical": self.share,
-        }
+    share_of_typical: float
 
 
 def smallest(candidates: Sequence[FirstOrder]) -> list[Detectable]:
@@ -74,7 +64,7 @@ def smallest(candidates: Sequence[FirstOrder]) -> list[Detectable]:
         size = (sqrt(2.0 * max(against, 0.0)) + POWER) * one.standard_error
         effect, at = one.candidate.key
         sizes.append(Detectable(effect, at, size, one.candidate.amplitude.unit, size / typical))
-    return sorted(sizes, key=lambda limit: limit.share)
+    return sorted(sizes, key=lambda limit: limit.share_of_typical)
 
 
 @dataclass(frozen=True, repr=False)
@@ -123,7 +113,7 @@ class Advice:
             "unexplained_stretches": [peak.as_json() for peak in self.heat],
             "learned_heat": self.learned.as_json() if self.learned else None,
             "runs_that_differ": [difference.as_json() for difference in self.differing],
-            "detectable": [limit.as_json() for limit in self.detectable[:_MOST_DETECTABLE]],
+            "detectable": [asdict(limit) for limit in self.detectable[:_MOST_DETECTABLE]],
         }
 
 

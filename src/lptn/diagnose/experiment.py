@@ -114,11 +114,7 @@ class Stage:
     def __init__(self, rivals: Sequence[Step]) -> None:
         models = [rival.fit.model for rival in rivals]
         runs = [bound.run for bound in rivals[0].fit.problem.bound_runs]
-        acts = [
-            (rival.key, one)
-            for rival, model in zip(rivals, models, strict=True)
-            for one in model.network.effect_instances
-        ]
+        acts = [(rival.key, one) for rival in rivals for one in rival.fit.model.network.effect_instances]
         places = [one.place for key, one in acts if (one.effect.key, one.declaration.where) == key]
         self._asked = dict.fromkeys(end for place in places for end in place.split("~"))
         columns = dict.fromkeys(name for model in models for name in model.inputs if name not in model.started)

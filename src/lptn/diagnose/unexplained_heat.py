@@ -170,7 +170,7 @@ class WanderingHeat:
             top = best
         return walks[: top + 1]
 
-    @property
+    @cached_property
     @one_blas_thread
     def unexplained(self) -> list[UnexplainedHeat]:
         """The heat of each run."""

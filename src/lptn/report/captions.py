@@ -75,7 +75,7 @@ def of_errors(which: str) -> str:
 def of_detectability(sizes: Sequence[Detectable]) -> str:
     """Under what the data could have shown."""
     rows = reaches(sizes)
-    hidden = sum(reach.easiest.share >= 1 for reach in rows)
+    hidden = sum(reach.easiest.share_of_typical >= 1 for reach in rows)
     return (
         "The dot is the place where an effect shows most easily, the end of the line where it hides best. An effect "
         "that was not found is smaller than that, or absent; right of the dashed line even one of typical size could "

@@ -140,12 +140,12 @@ def plot_detectability(sizes: Sequence[Detectable], ax: Axes | None = None) -> A
     ax = new_axes(detectability_height(sizes)) if ax is None else ax
     rows = reaches(sizes)
     for row, reach in enumerate(rows):
-        low, high = np.clip([reach.easiest.share, reach.hardest.share], _LEAST_REACH, _MOST_REACH)
+        low, high = np.clip([reach.easiest.share_of_typical, reach.hardest.share_of_typical], _LEAST_REACH, _MOST_REACH)
         ax.plot([low, high], [row, row], color=FAINT, linewidth=1.2, zorder=1)
-        face = INK if reach.easiest.share < _HIDDEN else "white"
+        face = INK if reach.easiest.share_of_typical < _HIDDEN else "white"
         ax.plot(low, row, "o", color=INK, markerfacecolor=face, markersize=5, zorder=2)
         ax.plot(high, row, "|", color=FAINT, markersize=7, zorder=2)
-        size = f"{short_size(reach.easiest.amplitude)} {unit_text(reach.easiest.unit)}".removesuffix(" 1")
+        size = f"{short_size(reach.easiest.smallest)} {unit_text(reach.easiest.unit)}".removesuffix(" 1")
         where = plain(f"{size}, {place_of(reach.easiest.at)}")
         ax.text(1.01, row, where, transform=ax.get_yaxis_transform(), va="center", size=SMALL)
     ax.axvline(_HIDDEN, color=INK, linewidth=1.2, linestyle="--")

@@ -100,10 +100,13 @@ def detectability_figure(sizes: list[Detectable]) -> Markup:
         sizes: of `lptn.diagnose.advice.smallest`.
     """
     rows = reaches(sizes)
-    shown = [tuple(np.clip([reach.easiest.share, reach.hardest.share], _LEAST_REACH, _MOST_REACH)) for reach in rows]
+    shown = [
+        tuple(np.clip([reach.easiest.share_of_typical, reach.hardest.share_of_typical], _LEAST_REACH, _MOST_REACH))
+        for reach in rows
+    ]
     names = [title_of(reach.easiest.effect) for reach in rows]
     wheres = [
-        f"{short_size(reach.easiest.amplitude)} {unit_text(reach.easiest.unit)}".removesuffix(" 1")
+        f"{short_size(reach.easiest.smallest)} {unit_text(reach.easiest.unit)}".removesuffix(" 1")
         + f", {place_of(reach.easiest.at)}"
         for reach in rows
     ]
@@ -119,7 +122,7 @@ def detectability_figure(sizes: list[Detectable]) -> Markup:
         first, last = float(panel.x(least)), float(panel.x(most))
         draw.line(first, y, last, y, "line-reach")
         draw.line(last, y - 4, last, y + 4, "line-reach")
-        draw.dot(first, y, "dot" if reach.easiest.share < _HIDDEN else "dot hollow")
+        draw.dot(first, y, "dot" if reach.easiest.share_of_typical < _HIDDEN else "dot hollow")
         draw.text(left - 6, y + 4, names[row], "end")
         draw.text(right + 8, y + 4, wheres[row])
     at = float(panel.x(_HIDDEN))

@@ -221,5 +221,7 @@ def reaches(sizes: Sequence[Detectable]) -> list[Reach]:
     effects: dict[str, list[Detectable]] = {}
     for size in sizes:
         effects.setdefault(size.effect, []).append(size)
-    by_share = (sorted(places, key=lambda size: size.share) for places in effects.values())
-    return sorted((Reach(places[0], places[-1]) for places in by_share), key=lambda reach: reach.easiest.share)
+    by_share = (sorted(places, key=lambda size: size.share_of_typical) for places in effects.values())
+    return sorted(
+        (Reach(places[0], places[-1]) for places in by_share), key=lambda reach: reach.easiest.share_of_typical
+    )
