@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 
 from lptn.basics.tables import Tabular
-from lptn.diagnose.answers import NOTHING, Key, Report, Step, named
+from lptn.diagnose.answers import LIKELY, NOTHING, Key, Report, Step, named
 from lptn.diagnose.candidates import AMBIENT_ERROR, SURFACE_ERROR, TORQUE_ERROR, possible_effects
 from lptn.diagnose.composition import FREED, composition
 from lptn.diagnose.evidence import ErrorsOfRuns, Evidence, FirstOrder, allowances
@@ -237,8 +237,8 @@ def examine(
             replace(step, probability=share * step.probability, at_its_place=share * step.at_its_place)
             for step in steps
         )
-        if share == 0.0 or (given.holdout and last.holdout and last.holdout.rmse > given.holdout.rmse):
-            # An offer that nobody should use: as logged, held-out runs are predicted worse.
+        if share < LIKELY or (given.holdout and last.holdout and last.holdout.rmse > given.holdout.rmse):
+            # Improbable, or an offer that nobody should use: as logged, held-out runs are predicted worse.
             steps, refused, rivals, remaining = (), (*steps, *refused), (), verdict
     return Diagnosis(verdict, remaining, base, given.holdout, lack, steps, rivals, refused)
 
