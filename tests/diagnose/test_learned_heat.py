@@ -14,7 +14,7 @@ from lptn.diagnose.learned_heat import LearnedCurve, input_shares, learned_curve
 from lptn.diagnose.unexplained_heat import WanderingHeat
 from lptn.effects.learned_heat import LearnedHeat
 from lptn.identify.data import DataSplit, split_data
-from lptn.identify.validation import fit_segments
+from lptn.identify.validation import fit_segments, holdout_errors
 from lptn.logs.run import Run
 from lptn.model.model import Model
 from lptn.model.network import Network
@@ -26,7 +26,12 @@ from tests.builders import AMBIENT, LEG, effect, link, make_run, node
 
 def _unexplained(data: DataSplit) -> Diagnosis:
     """As a search answers that finds no name."""
-    return Diagnosis("unexplained", "unexplained", fit_segments(model(), data.fit), None, {})
+    return _unexplained_of(model(), data)
+
+
+def _unexplained_of(model: Model, data: DataSplit) -> Diagnosis:
+    fit = fit_segments(model, data.fit)
+    return Diagnosis("unexplained", "unexplained", fit, holdout_errors(fit, data.holdout), {})
 
 
 def _learned(data: DataSplit) -> LearnedCurve | None:
@@ -185,7 +190,7 @@ def test_heat_in_a_housing_goes_with_the_speed_of_its_winding() -> None:
     copper = effect("copper_loss", "a", resistance=0.4, torque_constant=1.0)
     motor = Model(Network("motor", (node("a", 80.0), node("a_case", 250.0), AMBIENT), links, (copper,)))
     data = for_search(split_data([_housed(1), _housed(2)], [_housed(3)]))
-    last = Diagnosis("unexplained", "unexplained", fit_segments(motor, data.fit), None, {})
+    last = _unexplained_of(motor, data)
     curve = learned_curve(last, last, data, WanderingHeat(last.fit))
     assert curve is not None
     assert (curve.inputs[0].node, curve.inputs[0].column) == ("a_case", "velocity.a")

@@ -161,12 +161,12 @@ def learned_curve(first: Diagnosis, last: Diagnosis, data: DataSplit, heat: Wand
     """
     if last.remaining != "unexplained":
         return None
-    models = [WanderingHeat(first.fit), heat] if last is not first else [heat]
-    models += [WanderingHeat(step.fit) for step in first.steps[-1:] if last is first]
-    bases = [Step(one.fit).predicting(data) for one in models]
-    curves = [_likeliest(one, data, beside=number > 0) for number, one in enumerate(models)]
-    told = [curve for curve in curves if curve is not None]
-    without = min((base.holdout.rmse for base in bases if base.holdout), default=0.0)  # none held out: none offered
+    found: Diagnosis | Step = last if last is not first else first.steps[-1] if first.steps else first
+    models = [heat] if last is first else [WanderingHeat(first.fit), heat]
+    models += [WanderingHeat(found.fit)] if last is first is not found else []
+    told = [curve for number, one in enumerate(models) if (curve := _likeliest(one, data, beside=number > 0))]
+    errors = [one.holdout.rmse for one in (first, found) if one.holdout]
+    without = min(errors, default=0.0)  # none held out: none offered
     for curve in told:
         far = bool(np.any(np.abs(curve.heat) > _FAR_BEYOND * curve.band))
         if far and curve.held_out is not None and curve.held_out < (1 - WORTH) * without:
