@@ -102,9 +102,14 @@ def test_an_allowance_takes_a_deviation_of_its_size_and_not_ten_times_as_much() 
 def test_prior_odds_are_those_of_an_effect_split_over_its_places() -> None:
     fit = _fit(0.0)
     possible = possible_effects(fit, fit.problem.bound_runs[0].run.columns)
-    odds = dict(zip((one.key for one in possible), np.exp(log_priors(possible)), strict=True))
-    of_heat = [share for (effect, at), share in odds.items() if effect == "constant_heat" and "@" not in at]
-    assert sum(of_heat) == pytest.approx(1.0)
+    shares = np.exp(log_priors(possible))
+    assert shares.sum() == pytest.approx(1.0)
+    of_effects: dict[str, float] = {}
+    for one, share in zip(possible, shares.tolist(), strict=True):
+        if not one.run:
+            of_effects[one.effect.key] = of_effects.get(one.effect.key, 0.0) + share / one.prior_odds
+    assert len(of_effects) > 5
+    assert list(of_effects.values()) == pytest.approx([of_effects["constant_heat"]] * len(of_effects))
 
 
 @pytest.mark.parametrize("held_out", [[], [24.0]])

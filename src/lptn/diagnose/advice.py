@@ -6,8 +6,6 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from math import log, log1p, sqrt
 
-import numpy as np
-
 from lptn.basics.words import short_size
 from lptn.diagnose.answers import Report
 from lptn.diagnose.diagnosis import Diagnosis
@@ -56,9 +54,8 @@ def smallest(candidates: Sequence[FirstOrder]) -> list[Detectable]:
     Args:
         candidates: all that a model may lack, as `weighed` gives them.
     """
-    odds = log_priors([one.candidate for one in candidates])
-    sizes = []
-    for one, prior in zip(candidates, (odds - np.logaddexp.reduce(odds)).tolist(), strict=True):
+    sizes, priors = [], log_priors([one.candidate for one in candidates]).tolist()
+    for one, prior in zip(candidates, priors, strict=True):
         typical, sides = one.candidate.typical, 2.0 if one.candidate.one_sided else 1.0
         against = 0.5 * log1p((USUAL * typical / one.standard_error) ** 2) - log(sides) - prior
         size = (sqrt(2.0 * max(against, 0.0)) + POWER) * one.standard_error

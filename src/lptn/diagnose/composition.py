@@ -60,7 +60,6 @@ class Composition:
         structure: what all parts have in common, the most needed first.
         rivals: what the data can't tell from one of the findings, and that itself first; empty where all are told.
         refused: what was fitted exactly in the last round, and is less probable than nothing.
-        fitted: how many models were fitted.
         before, after: evidence of the given model, and of this one.
     """
 
@@ -69,7 +68,6 @@ class Composition:
     structure: tuple[Step, ...]
     rivals: tuple[Step, ...]
     refused: tuple[Step, ...]
-    fitted: int
     before: Evidence
     after: Evidence
 
@@ -131,7 +129,6 @@ class _Search:
         self.findings: dict[EffectDeclaration, tuple[Step, tuple[Step, ...]]] = {}
         self.refused: tuple[Step, ...] = ()
         self.needed: dict[Key, float] = {}  # log odds, by exact fits, of what was tried to be left out
-        self.fitted = 1
         self.fit = self._tolerant(given)
         self.before = self._evidence(self.fit)
 
@@ -149,7 +146,6 @@ class _Search:
             return
         self.report(f"fitting {len(self.structure)} effects that every part may have, all at once")
         base, fit = self.fit, _continued(self.fit, network.with_effects(self.structure))
-        self.fitted += 1
         if fit is None or not fit.cost < base.cost:
             self.structure = []
             return
@@ -193,7 +189,6 @@ class _Search:
             possible = [one for one in every if not one.run or one.run in self.runs]
             base = Evidence(self.fit, allowances(self.fit, every, self.errors), possible, held_out=self.data.holdout)
             priors = log_priors(possible)
-            priors -= np.logaddexp.reduce(priors)
             odds = dict(zip((one.key for one in possible), priors.tolist(), strict=True))
             ranked = base.first_order(priors)
             self.report(f"{len(ranked)} candidates weighed, fitting the best of them")
@@ -227,7 +222,6 @@ class _Search:
         declared = [with_priors(one.candidate, one.amplitude, one.shape) for one in wanted]
         fits = self.map(_added, [(self.fit, declaration) for declaration in declared])
         for entry, declaration, fit in zip(wanted, declared, fits, strict=True):
-            self.fitted += 1
             if fit is None or is_at_chosen_bound(fit, declaration):
                 continue  # no size was found
             try:
@@ -297,7 +291,6 @@ class _Search:
                 common = next((other for other in gone if _differs_from(one, other)), None)
                 rest.append(one if common is None else _as_its_own(one, self.fit, common))
         fit = _continued(self.fit, self.given.model.network.with_effects(rest))
-        self.fitted += 1
         if fit is None:
             return None
         # A size that is not told from none may hold a long valley together: only the end of it tells.
@@ -328,7 +321,7 @@ class _Search:
         findings = tuple(replace(step, fit=fit, declaration=one) for one, (step, _) in self.findings.items())
         rivals = next(((step, *others) for step, others in self.findings.values() if others), ())
         structure.sort(key=lambda step: -step.log_odds)
-        return Composition(fit, findings, tuple(structure), rivals, self.refused, self.fitted, self.before, evidence)
+        return Composition(fit, findings, tuple(structure), rivals, self.refused, self.before, evidence)
 
 
 def with_priors(one: Candidate, amplitude: float | None, shape: float | None) -> EffectDeclaration:

@@ -257,6 +257,5 @@ def weighed(fit: Fit, errors: ErrorsOfRuns | None = None) -> list[FirstOrder]:
     """
     columns = set.intersection(*(set(bound.run.columns) for bound in fit.problem.bound_runs))
     possible = possible_effects(fit, columns)
-    odds = log_priors(possible)
     evidence = Evidence(fit, allowances(fit, possible, errors or ErrorsOfRuns()), possible)
-    return evidence.first_order(odds - np.logaddexp.reduce(odds))
+    return evidence.first_order(log_priors(possible))

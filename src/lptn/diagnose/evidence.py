@@ -19,7 +19,7 @@ from functools import cached_property
 from math import exp, log, pi, sqrt
 
 import numpy as np
-from scipy.special import log_ndtr, logsumexp
+from scipy.special import chdtri, log_ndtr, logsumexp, ndtri
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.parameters import Parameter
@@ -260,8 +260,6 @@ class Evidence:
         Args:
             held_out: of held-out runs as well.
         """
-        from scipy.stats import chi2, norm  # heavy, and few commands need it
-
         runs, count = self._left_by_run, len(self.fitted.problem.bound_runs)
         of_air = [allowance.spread for allowance in self._allowed if allowance.candidate.effect is AmbientOffset]
         least = max(of_air, default=AMBIENT_ERROR)
@@ -271,7 +269,8 @@ class Evidence:
         fitted, of_run = [bound.run.name for bound, _ in runs[:count]], [one.candidate.run for one in self._allowed]
         counted = [held_out or any(is_of_run(name, run or EVERYWHERE) for name in fitted) for run in of_run]
         allowed = self._moved[int(self._free.sum()) :][counted]
-        largest, together = norm.isf(0.5 * _CHANCE / max(len(allowed), 1)), chi2.isf(_CHANCE, max(len(allowed), 1))
+        number = max(len(allowed), 1)
+        largest, together = -ndtri(0.5 * _CHANCE / number), chdtri(number, _CHANCE)
         return bool(beyond_noise or (np.abs(allowed) > largest).any() or allowed @ allowed > together)
 
     @property

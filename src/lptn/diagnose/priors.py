@@ -35,7 +35,7 @@ Level = Literal["all", "class", "one", "one of likes"]
 
 
 def log_priors(candidates: Sequence[Candidate]) -> FloatArray:
-    """Logarithms of the odds, beforehand, that it is this candidate that is missing, shape (candidates,).
+    """Logarithms of the probabilities, beforehand, that it is this candidate that is missing, shape (candidates,).
 
     An effect's odds are split over its levels (everywhere, a class of nodes, one node), evenly but for errors of
     sensors and for what like places have alike; then evenly over the places of a level. Those of single runs likewise.
@@ -48,7 +48,7 @@ def log_priors(candidates: Sequence[Candidate]) -> FloatArray:
         for k, level in zip(own, levels, strict=True):
             shares = {other: _share_of_level(effect, other[1]) for other in levels if other[0] == level[0]}
             weights[k] = candidates[k].prior_odds * shares[level] / sum(shares.values()) / levels.count(level)
-    return np.asarray(np.log(weights))
+    return np.asarray(np.log(weights / weights.sum()))
 
 
 def _share_of_level(effect: type[Effect], level: Level) -> float:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-import numpy as np
 from scipy.special import softmax
 
 from lptn.basics.parameters import ParameterInstance
@@ -178,7 +177,7 @@ def _names_of_one_answer(alone: Fit, errors: ErrorsOfRuns) -> list[Step]:
     odds = log_priors(possible)
     prior = dict(zip((candidate.key for candidate in possible), odds.tolist(), strict=True))
     steps = []
-    for entry in base.first_order(odds - np.logaddexp.reduce(odds))[:_EXACT]:
+    for entry in base.first_order(odds)[:_EXACT]:
         declared = with_priors(entry.candidate, entry.amplitude, entry.shape)
         fit = continued(alone, alone.model.network.with_effects([declared]))
         allowed = allowances(fit, lacking(fit), errors)
