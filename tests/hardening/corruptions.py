@@ -445,7 +445,7 @@ CORRUPTIONS: dict[str, Corruption] = {
     "one sensor in Fahrenheit from the middle on": Corruption(
         _from_the_middle(1.8, 32.0, 32.0, (_SENSOR,)), _SENSOR, ("jump", *_OFF, *_UNIT)
     ),
-    "two columns of one sensor, a noise of its own": Corruption(_copied, "*", ("duplicate",), coarse=False),
+    "two columns of one sensor, a noise of its own": Corruption(_copied, "*", ("duplicate",)),
     "two columns of one torque": Corruption(_torque_of_another, "*", ("duplicate",)),
     "all columns stand for 5 s, ten times": Corruption(_held(5.0, 10), "*", ("held",), coarse=False),
     "all columns stand for 30 s": Corruption(_held(30.0, 2), "*", ("held", *_STILL), coarse=False),

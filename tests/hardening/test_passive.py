@@ -136,15 +136,14 @@ def test_a_jump_of_all_channels_is_said_of_each_and_the_log_is_cut_where_the_air
     assert np.abs(run.columns[KNEE] - true[: len(run)]).max() < 1.0
 
 
-def test_two_parts_as_warm_as_each_other_under_other_loads_are_one_sensor() -> None:
+@pytest.mark.parametrize("shift", [0, 1500])  # s, between the loads of two joints
+def test_a_copy_has_its_sensors_noise_whatever_the_loads_and_as_warm_a_part_has_not(shift: int) -> None:
     time, current, true = _knee()
     rng = np.random.default_rng(6)
-    hip = true + rng.normal(0, 0.1, time.size)
-    log = _log(time, current, hip).assign(**{"temperature.hip": hip + rng.normal(0, 0.1, time.size)})
-    other = log.assign(**{"current.hip": np.roll(current, 1500)})
-    alike = log.assign(**{"current.hip": current + rng.normal(0, 0.01, time.size)})
-    assert [issue.kind for issue in read_log(other)[0].issues] == ["duplicate"]
-    assert not read_log(alike)[0].issues  # so warm they are by right
+    hip, noise = true + rng.normal(0, 0.1, time.size), rng.normal(0, 0.1, time.size)
+    log = _log(time, current, hip).assign(**{"current.hip": np.roll(current, shift)})
+    assert [issue.kind for issue in read_log(log.assign(**{"temperature.hip": hip + noise}))[0].issues] == ["duplicate"]
+    assert not read_log(log.assign(**{"temperature.hip": true + noise}))[0].issues
 
 
 def test_rows_that_a_logger_repeats_are_left_out_and_a_robot_at_rest_is_logged() -> None:

@@ -1,7 +1,7 @@
 """Columns and rows of a log that say the same: one of two channels is not what it is said to be; a logger stopped.
 
-Two sensors never repeat each other's noise, and two parts with other heats are not as warm as each other. Rows in which
-all columns stand, though some hardly ever do, are what the logger had last.
+Joints that work alike are as warm as each other, but no sensor repeats another's noise. Rows in which all columns
+stand, though some hardly ever do, are what the logger had last.
 """
 
 from __future__ import annotations
@@ -76,9 +76,7 @@ def duplicates(log: Channels) -> dict[str, str]:
     def is_one(key: str, earlier: str) -> bool:
         if _is_copy(log.values[key], log.values[earlier]):
             return True
-        return (
-            log.block > 0 and {place_of(key), place_of(earlier)} <= log.loads.keys() and _is_as_warm(log, key, earlier)
-        )
+        return log.block >= _ROWS and _shares_noise(log, key, earlier)
 
     return _pairs(log, [key for key in log.of("temperature") if key != AMBIENT], is_one)
 
@@ -131,26 +129,37 @@ def _is_copy(one: FloatArray, other: FloatArray, moved: float = _MOVED, levels: 
     return bool(np.count_nonzero((moves == others) & (moves != 0)) >= _TOGETHER * changes)
 
 
-_WARMED, _SAME = 5.0, 0.02  # K, by which both move; of it, by which they may differ
-_APART, _LEAST_APART = 5.0, 0.1  # times what they differ by, K: so far apart would other heats bring them
-_ROUNDED, _LAG = 0.1, 0.3  # of the noise, which blocks may differ by beside; of the log, in which a slow part warms
+_WARMED = 5.0  # K, by which both move
+_ROWS = 3  # of a block, 10 s apart at most: over longer a part's warming looks like noise
+_ROUNDED = 0.1  # of the noise, by which means over a block may differ beside
+_EXACT = 1e-6  # K, of two columns that differ by a number
+_ORDER = 4  # of the differences between rows that are noise: a part's warming is smooth, and has next to none
+_SHARED = 0.5
+"""Of the quieter sensor's noise, which a copy repeats whole. What all have of one converter is taken out; of n + 2
+sensors, two have 1 / (n + 1) of it left at most."""
+_SURELY = 5.0**2 * 2.63
+"""Squared correlation times rows that chance does not reach: 5 standard errors of white noise differenced so often,
+whose squared autocorrelations add up to 2.63."""
 
 
-def _is_as_warm(log: Channels, one: str, other: str) -> bool:
-    """Whether two parts are as warm as each other to their noise, though the heat that is put in is not the same."""
-    apart = log.means(one) - log.means(other)
-    if not np.isfinite(apart).all():
+def _shares_noise(log: Channels, one: str, other: str) -> bool:
+    """Whether two sensors differ by noise alone, an offset apart, and the one's noise is in the other's."""
+    apart, pair = log.means(one) - log.means(other), [log.values[one], log.values[other]]
+    if not np.isfinite(apart).all() or min(np.ptp(log.means(one)), np.ptp(log.means(other))) < _WARMED:
         return False
-    moved, differ = min(np.ptp(log.means(one)), np.ptp(log.means(other))), float(np.sqrt(np.mean(apart**2)))
-    if moved < _WARMED or differ > _SAME * moved:
+    noise = float(np.nanstd(np.diff(pair[0] - pair[1]))) / np.sqrt(2)
+    if np.std(apart) > (2 / np.sqrt(log.block) + _ROUNDED) * max(noise, _EXACT):
         return False
-    noise = float(np.nanstd(np.diff(log.values[one] - log.values[other]))) / np.sqrt(2)
-    # What would make their temperatures differ: the heats, as a part means them that warms within a third of the log,
-    # scaled to be as alike as can be.
-    heats = [np.nan_to_num(log.means(log.load_of(place_of(key)))) for key in (one, other)]
-    weights = np.exp(-np.arange(apart.size) / (_LAG * apart.size))
-    a, b = (np.convolve(heat, weights)[: apart.size] for heat in heats)
-    if differ > (2 / np.sqrt(log.block) + _ROUNDED) * noise or not a @ a > 0 or not b @ b > 0:
+    rows = np.flatnonzero(np.isfinite(pair).all(axis=0))
+    # A bus that repeats a reading repeats those of all its sensors.
+    rows = rows[np.append(True, np.any([np.diff(x[rows]) != 0 for x in pair], axis=0))]
+    if rows.size < _FEWEST:
         return False
-    left = a - b * float(a @ b / (b @ b))
-    return float(np.ptp(left) / np.ptp(a) * moved) > _APART * max(differ, _LEAST_APART)
+    others = [x[rows] for key, x in log.of("temperature").items() if key not in (one, other)]
+    for beside in ([], [x for x in others if np.isfinite(x).all()]):
+        spread = np.cov(np.diff([*(x[rows] for x in pair), *beside], _ORDER))
+        common = spread[:2, 2:] @ np.linalg.pinv(spread[2:, 2:], hermitian=True) @ spread[2:, :2]
+        (a, shared), (_, b) = spread[:2, :2] - common
+        if shared <= _SHARED * min(a, b) or shared**2 * rows.size < _SURELY * a * b:
+            return False
+    return True
