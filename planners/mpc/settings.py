@@ -21,6 +21,7 @@ from ..values import Each, checked_by_place
 LostSensor = Literal["model", "derate", "stop"]
 """What a joint gets whose node has lost its sensor; the order is that of `c/lptn_mpc.h`."""
 
+_ROOM = 25.0  # degC
 BAND = 10.0  # K above its limit at which a node, by default, is to cool as fast as it does without any load
 
 
@@ -184,11 +185,11 @@ class _Balance(NamedTuple):
 
 
 def _at_limits(heating: Heating, limits: Mapping[str, float]) -> _Balance:
-    """Limited nodes at their limits without load, the others in balance with them in air of 25 degC; balance is that of
-    the linearisation at the limits."""
+    """Limited nodes at their limits without load, the others in balance with them in a room; balance is that of the
+    linearisation at the limits."""
     model = heating.model
     x = np.array([limits.get(node, max(limits.values())) for node in model.nodes])[np.array(model.owners)]
-    room = np.array([25.0 if name.startswith("temperature") else 0.0 for name in heating.conditions])
+    room = np.array([_ROOM if name.startswith("temperature") else 0.0 for name in heating.conditions])
 
     def unloaded() -> ca.Function:
         rates = ca.substitute(heating.rates, heating.amount, ca.SX.zeros(heating.amount.shape))
@@ -240,9 +241,13 @@ def _doubts(
 def _cooling(heating: Heating, limits: dict[str, float]) -> FloatArray:
     """How fast each state would cool at its limit, in a room and without load [K/s]: the scale of the heat that may be
     missing. A node without a limit is taken to be as hot as the hottest limit; a state that hardly cools may lack heat
-    all the same, a tenth of the fastest state's."""
+    all the same, a tenth of the fastest state's; where none cools, for want of air, a tenth of what its neighbours
+    would take from it, were they as cold as the room: capacities and resistances are no better known there."""
     model, hottest = heating.model, max(limits.values())
-    cooling = np.abs(_at_limits(heating, dict.fromkeys(model.nodes, hottest) | limits).rates)
+    hot = _at_limits(heating, dict.fromkeys(model.nodes, hottest) | limits)
+    if not np.any(hot.rates < 0):
+        return np.asarray(0.1 * np.abs(np.diag(hot.slope) * (hot.x - _ROOM)))
+    cooling = np.abs(hot.rates)
     limited = [model.places.index(place) for place in limits]
     cooling[limited] = np.abs(_at_limits(heating, limits).rates)[limited]
     return np.asarray(np.maximum(cooling, 0.1 * cooling.max()))

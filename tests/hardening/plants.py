@@ -208,4 +208,15 @@ def windings() -> Robot:
                  np.repeat([0.0, 1 / 2.0], 3), tuple(links), np.repeat([0.15, 0.0], 3), (3, 4, 5), 25.0)  # fmt: skip
 
 
-ROBOTS = {make.__name__: make for make in (knee, motor, leg, quadruped)}
+def geared() -> Robot:
+    """A motor and its gear without air, as for short missions."""
+    return Robot("geared", ("motor", "gear"), np.array([150.0, 400.0]), np.zeros(2), ((0, 1, 0.8),),
+                 np.array([0.2, 0.0]), (0, 1), 15.0)  # fmt: skip
+
+
+def airless() -> Robot:
+    """A leg without air."""
+    return replace(leg(), name="airless", to_air=np.zeros(3))
+
+
+ROBOTS = {make.__name__: make for make in (knee, motor, leg, quadruped, geared, airless)}

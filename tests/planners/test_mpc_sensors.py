@@ -434,6 +434,57 @@ def test_with_sensors_that_were_never_alive_no_limit_is_passed(fault: str, robot
         assert result.torque > 0.55 * result.ideal
 
 
+@pytest.mark.parametrize("robot", ["geared", "airless"])
+@pytest.mark.parametrize(
+    "fault",
+    [*(f"dead at {value} from the start" for value in (-40, -1, 0, 25, 40)), "missing from the start",
+     "stuck at 25 with dither", "dead at 25, later", "comes loose", "opens through 100 s"],
+)  # fmt: skip
+def test_sensors_of_a_robot_without_air_are_tested_by_the_heat_put_in(fault: str, robot: str) -> None:
+    """Nothing cools there: no heat was taken to be missing, so that each reading was believed, at full torque."""
+    for which, seed in (("all", 1), ("all", 2), ("one", 3)):
+        result = run(Case(robot, "python", fault, which, "cold", "signs", seed))
+        assert result.beyond < 0.5
+        assert result.said is not None
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("robot", ["geared", "airless"])
+@pytest.mark.parametrize("face", ["loop", "c"])
+@pytest.mark.parametrize("fault", ["dead at 0 from the start", "dead at 25 from the start", "comes loose"])
+def test_loop_and_c_test_sensors_of_a_robot_without_air_alike(fault: str, face: str, robot: str) -> None:
+    result = run(Case(robot, face, fault, "all", "cold", "signs", 1))
+    assert result.beyond < 0.5
+    assert result.said is not None
+
+
+@pytest.mark.parametrize("make", [plants.geared, plants.airless])
+@pytest.mark.parametrize("seed", [1, 2, 3, 4])
+def test_healthy_sensors_of_a_robot_without_air_cost_a_short_mission_nothing(
+    make: Callable[[], plants.Robot], seed: int
+) -> None:
+    """Five minutes, in which the limit is reached, of 10 % off in every value; no prescribed temperature at all."""
+    robot = make()
+    text = robot.toml().replace('ambient = "temperature.ambient"', "")
+    true = robot.off_by(0.1, "signs", np.random.default_rng([seed, 5]))
+    given = []
+    for ideal in (False, True):
+        told = true.toml().replace('ambient = "temperature.ambient"', "") if ideal else text
+        options = {"level": 0.5, "noise": 0.0, "model_error": 0.0} if ideal else {"noise": 0.1}
+        mpc = TorqueMPC(Model(parse_model(told, Path("robot.toml")).network), {"*": LIMIT}, period=PERIOD,
+                        current_limits=1.5 * robot.asked, **options)  # fmt: skip
+        plant, random, total = plants.Plant(true, plants.AIR, PERIOD), np.random.default_rng(seed), 0.0
+        for _ in range(60):
+            noise = 0.0 if ideal else 0.1 * random.standard_normal(len(robot.nodes))
+            plan = mpc.step(plant.temperature + noise, np.full(len(robot.driven), robot.asked))
+            plant.step(np.asarray(plan.admitted))
+            total += float(np.sum(plan.admitted))
+            assert not plan.untrusted
+            assert plant.temperature.max() < LIMIT + np.max(plan.margin)
+        given.append(total)
+    assert given[0] > 0.99 * given[1]
+
+
 @pytest.mark.parametrize("value", [-1.0, 0.0, 10.0, 25.0])
 def test_of_many_sensors_that_are_dead_none_teaches_that_currents_cool(value: float) -> None:
     """Four legs at a trunk, 13 sensors at one number: gains beyond their bound let joints get to twice their limit."""
