@@ -34,5 +34,5 @@ def _step(name: str) -> Step:
 )
 def test_what_sets_one_part_apart_comes_first(findings: list[str], structure: list[str], told: list[str]) -> None:
     found, made_of = (tuple(map(_step, names)) for names in (findings, structure))
-    made = Composition(_FIT, found, made_of, rivals=(), refused=(), fitted=1, before=_EVIDENCE, after=_EVIDENCE)
+    made = Composition(_FIT, found, made_of, rivals=(), refused=(), before=_EVIDENCE, after=_EVIDENCE)
     assert [f"{step.effect} {step.at}" for step in made.steps] == told
