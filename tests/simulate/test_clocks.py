@@ -58,7 +58,7 @@ def test_a_long_run_is_told_in_windows_as_in_one(delay: float, monkeypatch: pyte
     bound = bind(model, random_run(model, 300, seed=2, averaged=True))
     chosen = list(range(len(model.parameters)))
     whole = sensitivities(model, bound, model.values, chosen)
-    monkeypatch.setattr("lptn.simulate.simulation._WINDOW", 50)
+    monkeypatch.setattr("lptn.simulate.simulation.WINDOW", 50)
     pieces = sensitivities(model, bound, model.values, chosen)
     np.testing.assert_allclose(pieces.readings, whole.readings, rtol=1e-12)
     # Where nothing is late yet, a window's ends have the slope of one side only.
@@ -77,7 +77,7 @@ def test_late_means_over_rows_as_long_as_a_time_constant(delay: float, monkeypat
     bound, chosen = bind(model, run), list(range(len(model.parameters)))
     shown = substeps(model, bound, model.values, default_start(model, bound))[1]
     assert shown > 1
-    monkeypatch.setattr("lptn.simulate.simulation._WINDOW", 12 * shown)
+    monkeypatch.setattr("lptn.simulate.simulation.WINDOW", 12 * shown)
     result = sensitivities(model, bound, model.values, chosen)
     np.testing.assert_allclose(result.readings, simulate(model, bound).readings, rtol=1e-12)
     for column, name in enumerate(parameter.name for parameter in model.parameters):
