@@ -194,6 +194,21 @@ def test_held_out_runs_that_differ_are_named_in_verdict_and_next_step(adequate: 
     assert said["Next"].startswith("Find out what differs in the runs that no fit used")
 
 
+def test_a_likely_candidate_that_would_predict_worse_is_named_with_its_size(missing: Told) -> None:
+    history = missing[0]
+    likely, unlikely = (replace(history.best, probability=probability) for probability in (0.57, 0.31))
+    said = []
+    for refused in (likely, unlikely):
+        last = replace(history.first, verdict="unexplained", steps=(), refused=(refused,))
+        said.append(_said(replace(history, steps=history.steps[:1], last=last)))
+    size = size_text(likely, likely.fit)
+    assert said[0]["Best candidates"] == (
+        f"Constant heat at {NODES[0]} ({size}, about as likely as not, 57 %); "
+        "not added, because held-out data would be predicted worse."
+    )
+    assert "Best candidates" not in said[1]
+
+
 def test_a_model_that_predicts_worse_than_the_one_given_is_not_to_be_used(missing: Told) -> None:
     history = missing[0]
     given, best = history.steps
@@ -217,11 +232,9 @@ def test_details_say_which_data_chose_and_what_was_refused(missing: Told) -> Non
     text = " ".join(details(replace(history, last=replace(history.last, refused=(refused,))), data))
     assert "Held out: two (60 to 600 s); only the initial temperatures are fitted there." in text
     assert "Test: three (60 to 600 s); these runs chose nothing" in text
-    assert f"less probable than not: radiation to the surroundings at {NODES[1]} (31 %)." in text
+    assert f"Fitted as well, and not added: radiation to the surroundings at {NODES[1]} (31 %)." in text
     assert "The verdict holds for what the fit data cover: 10 min at" in text
-    assert "less probable than not" not in " ".join(
-        details(replace(history, last=replace(history.last, refused=())), data)
-    )
+    assert "not added" not in " ".join(details(replace(history, last=replace(history.last, refused=())), data))
 
 
 _STUDIES = {

@@ -50,7 +50,7 @@ class Diagnosis(Tabular):
         steps: what is missing, each with the fit of the model that has all of it: what all parts have in common, then
             what sets one apart.
         rivals: for what the data can't tell from another of these, the exact fits of both; empty where all are told.
-        refused: what was fitted exactly beside all that, and is less probable than nothing.
+        refused: what was fitted exactly beside all that, and not added.
     """
 
     verdict: Verdict

@@ -288,7 +288,7 @@ def details(history: History, data: DataSplit) -> list[str]:
     texts += [_step_in_words(history, number) for number in range(1, len(history.steps))]
     if history.last.refused:
         names = [f"{named(*step.key)} ({percent(step.probability)})" for step in history.last.refused]
-        texts.append(f"Fitted as well, and less probable than not: {few(names, FEW)}.")
+        texts.append(f"Fitted as well, and not added: {few(names, FEW)}.")
     return texts
 
 

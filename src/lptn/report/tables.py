@@ -194,7 +194,7 @@ def effects_table(history: History) -> Table:
 
 
 def refused_table(history: History) -> Table:
-    """One row for each effect that was fitted beside all that was added, and is less probable than not."""
+    """One row for each effect that was fitted beside all that was added, and was not added."""
     rows = (
         (title_of(step.key[0]), place_of(step.key[1]), size_text(step, step.fit), percent(step.probability))
         for step in history.last.refused

@@ -200,7 +200,7 @@ export function missing(page) {
       return own.length ? [h("h3", null, label), h("ol", { className: "answers" }, own.map(answer))] : null;
     }),
     answers.answers.some(each => each.linearised) && h("p", null, h("small", null, "Try shows the linearised model until the fits are drawn.")),
-    answers.refused.length ? h("details", { id: "refused" }, h("summary", null, "Fitted as well, and less probable than not"),
+    answers.refused.length ? h("details", { id: "refused" }, h("summary", null, "Fitted as well, and not added"),
       h("ul", { className: "plain" }, answers.refused.map(each => h("li", null, `${placed(each)}: ${each.size ? `${each.size}, ` : ""}${each.probable} probable`)))) : null,
     answers.weighed.length ? h("details", { id: "weighed" }, h("summary", null, "Weighed to first order: the next best"),
       h("p", null, h("small", null, "Not fitted: Try shows what the linearised model would do; Add fits it.")),
