@@ -211,11 +211,6 @@ class Study:
         return self._diagnoses.get(max(len(self._steps) - 1, 0))
 
     @property
-    def diagnosed_as_given(self) -> Diagnosis | None:
-        """The same of the model as given."""
-        return self._diagnoses.get(0)
-
-    @property
     def advised(self) -> Advice | None:
         """What `advise` said of the model as it is now; `None` where it was not asked yet."""
         current = self._advice is not None and self._advice[0] is self.diagnosed

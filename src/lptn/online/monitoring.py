@@ -103,10 +103,6 @@ class MonitoredRun:
             if np.isfinite(error).any()
         }
 
-    def index_at(self, time: float) -> int:
-        """Index of the last reading not after a time [s]."""
-        return max(0, int(np.searchsorted(self.run.time, time, side="right")) - 1)
-
     @property
     def steps(self) -> FloatArray:
         """Step of each sensor [K], 0 for a fine one, shape (nodes,)."""
