@@ -1,4 +1,4 @@
-"""Two logs of one run with clocks of their own: joined on the onset of heating, or refused where there is none."""
+"""Two logs of one run: joined on one clock, or with the second's set forward."""
 
 from __future__ import annotations
 
@@ -8,39 +8,21 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.integrate import solve_ivp
 
-from lptn.logs.columns import ColumnSource, parse_columns
+from lptn.logs.columns import ColumnSource
+from lptn.logs.joining import ONE_CLOCK
 from lptn.logs.reading import read_log
 
 Refuse = Callable[..., str]
-EXAMPLES = Path(__file__).parents[2] / "examples" / "bldc_stators"
 
 
-def warmed(time: np.ndarray, heat: Callable[[float], float], winding: float = 60.0) -> np.ndarray:
-    """Winding and housing of a motor under a heat [W], by scipy: temperatures of the winding, degC."""
-
-    def rates(t: float, x: np.ndarray) -> list[float]:
-        across = (x[0] - x[1]) / 1.5
-        return [(heat(t) - across) / winding, (across - (x[1] - 22.0) / 8.0) / 300.0]
-
-    solution = solve_ivp(rates, (float(time[0]), float(time[-1])), [22.0, 22.0], t_eval=time, max_step=0.5, rtol=1e-7)
-    return np.asarray(solution.y[0])
-
-
-def files(folder: Path, shift: float, *, rest: float = 40.0, noise: float = 0.05, seed: int = 0) -> tuple[Path, Path]:
+def files(folder: Path, shift: float) -> tuple[Path, Path]:
     """Temperatures at 2 Hz by one clock; a swinging torque at 50 Hz by another that is `shift` s behind it."""
-    rng = np.random.default_rng(seed)
     time = np.arange(0.0, 400.0, 0.5)
-
-    def torque(t: float) -> float:
-        return float((t > rest) * 10 * np.abs(np.sin(9 * t)) * (1 if t < 250 else 0.3))
-
-    temperature = warmed(time, lambda t: 0.6 * torque(t) ** 2) + rng.normal(0, noise, time.size)
-    pd.DataFrame({"clock": time, "T": temperature}).to_csv(folder / "warm.csv", index=False)
+    pd.DataFrame({"clock": time, "T": 22 + 0.02 * np.maximum(time - 40, 0)}).to_csv(folder / "warm.csv", index=False)
     fast = np.arange(max(0.0, shift), 380.0, 0.02)
-    table = {"t_ms": (fast - shift) * 1000, "tau": [torque(t) for t in fast]}
-    pd.DataFrame(table).to_csv(folder / "moved.csv", index=False)
+    torque = (fast > 40) * 10 * np.abs(np.sin(9 * fast)) * np.where(fast < 250, 1, 0.3)
+    pd.DataFrame({"t_ms": (fast - shift) * 1000, "tau": torque}).to_csv(folder / "moved.csv", index=False)
     return folder / "warm.csv", folder / "moved.csv"
 
 
@@ -52,76 +34,45 @@ COLUMNS = {
 }
 
 
-def said_shift(notes: tuple[str, ...]) -> tuple[float, float]:
-    """Shift and its error as a note says them, s."""
-    (note,) = (note for note in notes if "set forward by" in note)
-    shift, _, error = note.partition("set forward by ")[2].partition(" s")[0].partition(" ± ")
-    return float(shift), float(error)
-
-
-@pytest.mark.parametrize(("shift", "seed"), [(12.4, 1), (-33.3, 2), (0.0, 3)])
-def test_the_shift_is_found_within_its_error(tmp_path: Path, shift: float, seed: int) -> None:
-    warm, moved = files(tmp_path, shift, seed=seed)
-    (run,) = read_log(f"{warm}+{moved}", COLUMNS, step=1.0)
-    estimate, error = said_shift(run.notes)
-    assert 0.1 < error < 2.0
-    assert abs(estimate - shift) < 3 * error
+@pytest.mark.parametrize(("shift", "said"), [(12.4, "@12.4"), (-33.3, "@-33.3"), (0.0, "@0"), (0.0, "")])
+def test_the_second_clock_is_set_forward(tmp_path: Path, shift: float, said: str) -> None:
+    warm, moved = files(tmp_path, shift)
+    (run,) = read_log(f"{warm}+{moved}{said}", COLUMNS, step=1.0)
     assert run.name == "warm"
     # Mixed rates: RMS of the fast torque, mean of the slow temperature, on one clock.
-    hot = run.columns["torque.motor"][(run.time > 60) & (run.time < 240)]
-    assert hot.mean() == pytest.approx(10 / np.sqrt(2), rel=0.02)
-    assert run.temperature("motor")[-1] > 30
+    on = run.time[int((run.columns["torque.motor"] > 1).argmax())]
+    assert on == pytest.approx(40.0, abs=1.0)
+    assert run.columns["torque.motor"][(run.time > 60) & (run.time < 240)].mean() == pytest.approx(7.07, rel=0.02)
+    assert run.temperature("motor")[-1] > 28
+    note = f"moved.csv: its clock set forward by {shift:g} s, as given."
+    assert (note in run.notes) == bool(said)
 
 
 def test_the_other_way_round_the_shift_turns_its_sign(tmp_path: Path) -> None:
     warm, moved = files(tmp_path, 12.4)
     swapped = COLUMNS | {"time": COLUMNS["time.2"], "time.2": COLUMNS["time"]}
-    (run,) = read_log(f"{moved}+{warm}", swapped, step=1.0)
-    estimate, error = said_shift(run.notes)
-    assert abs(estimate + 12.4) < 3 * error
+    (run,) = read_log(f"{moved}+{warm}@-12.4", swapped, step=1.0)
+    assert run.time[int((run.columns["torque.motor"] > 1).argmax())] == pytest.approx(40.0 - 12.4, abs=1.0)
 
 
-def test_real_logs_cut_in_two(tmp_path: Path) -> None:
-    """The stator of the example; its NOTICE says that its own alignment is off by about a second."""
-    for number in (1, 3, 5):
-        table = pd.read_csv(EXAMPLES / f"Run{number}.csv")
-        table[["time_s", "T_winding", "T_body", "T_ambient"]].to_csv(tmp_path / "warm.csv", index=False)
-        power = table[["time_s", "power_W"]].assign(time_s=table["time_s"] - 17.0)
-        power.to_csv(tmp_path / "power.csv", index=False)
-        columns = {"time": "time_s", "temperature.winding": "T_winding", "power.winding": "power_W"}
-        (run,) = read_log(tmp_path / "warm.csv+power.csv", parse_columns(columns, "m.toml", "[columns]"))
-        estimate, error = said_shift(run.notes)
-        assert error < 1.5
-        assert abs(estimate - 17.0) < 1.5
+def test_without_a_shift_every_command_says_that_the_clocks_are_taken_for_one(tmp_path: Path) -> None:
+    warm, moved = files(tmp_path, 0.0)
+    (run,) = read_log(f"{warm}+{moved}", COLUMNS, step=1.0)
+    (note,) = (note for note in run.notes if ONE_CLOCK in note)
+    assert (
+        note == f"moved.csv: its clock is taken for that of warm.csv; if it is another, write {warm}+{moved}@SECONDS."
+    )
 
 
-def test_a_shift_that_the_user_knows(tmp_path: Path) -> None:
-    warm, moved = files(tmp_path, 12.4)
-    (run,) = read_log(f"{warm}+{moved}@12.4", COLUMNS, step=1.0)
-    assert "moved.csv: its clock set forward by 12.4 s, as given." in run.notes
-    on = run.time[int((run.columns["torque.motor"] > 1).argmax())]
-    assert on == pytest.approx(40.0, abs=1.0)
-
-
-@pytest.mark.parametrize(
-    ("rest", "shift", "why"), [(-1.0, 0.0, "the heat is on from the first row"), (500.0, 0.0, "no heat")]
-)
-def test_without_an_onset_nothing_is_guessed(
-    tmp_path: Path, refuse: Refuse, rest: float, shift: float, why: str
-) -> None:
-    path = "+".join(map(str, files(tmp_path, shift, rest=rest)))
-    said = refuse(path, read_log, path, COLUMNS)
-    assert f"join: found no onset of heating to align on ({why})" in said
-    assert f"{path}@SECONDS" in said
-
-
-def test_a_temperature_that_does_not_follow(tmp_path: Path, refuse: Refuse) -> None:
-    warm, moved = files(tmp_path, 5.0)
-    table = pd.read_csv(warm)
-    table.assign(T=22 + 0.01 * table["clock"]).to_csv(warm, index=False)
-    refuse(f"{warm}+{moved}", read_log, f"{warm}+{moved}", COLUMNS)
-    table.assign(T=22.0).to_csv(warm, index=False)
-    assert "no temperature rises" in refuse(f"{warm}+{moved}", read_log, f"{warm}+{moved}", COLUMNS)
+@pytest.mark.parametrize("said", ["", "@1000", "@-1000"])
+def test_clocks_that_have_nothing_in_common(tmp_path: Path, refuse: Refuse, said: str) -> None:
+    warm, moved = files(tmp_path, 0.0)
+    table = pd.read_csv(moved)
+    table.assign(t_ms=table["t_ms"] + (0 if said else 1.7e12)).to_csv(moved, index=False)
+    path = f"{warm}+{moved}{said}"
+    found = refuse(path, read_log, path, COLUMNS)
+    assert "join: found times from 0 to 399.5 s, and from " in found
+    assert (f"{path}@SECONDS" in found) == (not said)
 
 
 def test_a_missing_time_is_named_by_its_file(tmp_path: Path, refuse: Refuse) -> None:

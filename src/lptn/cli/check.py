@@ -38,7 +38,7 @@ def check(
 ) -> None:
     """Summarise a model file and logs, report what is wrong with them, and list the identifiable effects.
 
-    Two logs of one run with clocks of their own are one: temperatures.csv+currents.csv
+    Two logs of one run are one: temperatures.csv+currents.csv; +currents.csv@12.4 with its clock 12.4 s forward
 
     Example: lptn check leg.toml monday.parquet
     """

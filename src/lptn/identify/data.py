@@ -15,6 +15,7 @@ from lptn.basics.errors import InputError
 from lptn.basics.places import is_of_run
 from lptn.effects import catalogue
 from lptn.logs.columns import ColumnSource, parse_map_option
+from lptn.logs.joining import ONE_CLOCK
 from lptn.logs.reading import GUESSED, ROWS_UNKNOWN, read_log
 from lptn.logs.run import Run
 from lptn.logs.streams import ANOTHER_SOURCE
@@ -391,7 +392,8 @@ class LoadedModel:
                 guessed = [f"{GUESSED}the same {len(guessed)} columns as in {all_runs[0].source}."]
             elif not said:
                 said = guessed
-            asked = [note for note in runs[0].notes if note.startswith(ROWS_UNKNOWN) or ANOTHER_SOURCE in note]
+            doubts = (ROWS_UNKNOWN, ANOTHER_SOURCE, ONE_CLOCK)
+            asked = [note for note in runs[0].notes if any(doubt in note for doubt in doubts)]
             for note in [*guessed, *asked * strict, *issues]:
                 notify(Path(runs[0].source), note)
             all_runs += runs

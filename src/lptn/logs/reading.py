@@ -73,8 +73,8 @@ _OPENERS: Mapping[tuple[str, ...], Callable[[Path], Table]] = {
 def open_log(path: Path, columns: Mapping[str, ColumnSource]) -> tuple[Table, dict[str, ColumnSource]]:
     """Open what a path names, and give the mapping that is left for it.
 
-    That is a log; or two logs of one run, `a.csv+b.csv`, joined on the onset of heating, or with the second's clock set
-    forward by so many seconds, `a.csv+b.csv@12.5`.
+    That is a log; or two logs of one run, `a.csv+b.csv`, on one clock, or with the second's set forward by so many
+    seconds, `a.csv+b.csv@12.5`.
 
     Raises:
         InputError: a log can't be opened, or the two can't be joined.
@@ -300,7 +300,7 @@ def read_log(
 
     Args:
         log: a `.csv`, `.tsv`, `.txt` (each perhaps `.gz`), `.xlsx`, `.parquet`, `.mcap`, `.db3` or `.ulg` file, the
-            folder of a ROS 2 bag, two logs of one run with clocks of their own, `a.csv+b.csv` (see
+            folder of a ROS 2 bag, two logs of one run, `a.csv+b.csv@12.5` (see
             `lptn.logs.joining`), or a data frame with a column `time`
             [s], or an index of times.
         columns: where the quantities stand, for a log whose columns are not called `<quantity>.<place>`.
