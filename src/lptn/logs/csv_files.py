@@ -14,9 +14,8 @@ import os
 import re
 import zipfile
 import zlib
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, suppress
-from dataclasses import dataclass
 from functools import partial
 from itertools import islice
 from pathlib import Path
@@ -31,7 +30,7 @@ from lptn.basics.errors import InputError
 from lptn.basics.files import fingerprint
 from lptn.logs import tables
 from lptn.logs.columns import is_number
-from lptn.logs.layout import LOOKED_AT, find_layout, holds_values, is_value, names_of, width_of
+from lptn.logs.layout import LOOKED_AT, Layout, find_layout, holds_values, is_value, names_of, width_of
 from lptn.logs.tables import Bounded, Table, most_unpacked, one_line_if_broken, require_package, too_large
 
 ENDINGS = (".csv", ".tsv", ".txt", ".csv.gz", ".tsv.gz", ".txt.gz")
@@ -54,15 +53,6 @@ _BLOCK, _LINES_IN_A_BLOCK = 1 << 22, 8  # bytes that are parsed at once, and lin
 _CELLS_IN_A_CHUNK = 4_000_000  # the same where any row is admitted
 
 
-@dataclass(frozen=True)
-class Content:
-    """A table of text that may be read again and again: the file that it is from, its bytes, what a line is called."""
-
-    path: Path
-    open: Callable[[], BinaryIO]
-    row: str = "line"
-
-
 def open_csv(path: Path) -> Table:
     """Open a table of text, perhaps compressed, and find its column names.
 
@@ -78,50 +68,16 @@ def open_csv(path: Path) -> Table:
         packed = gzip.open(path)  # noqa: SIM115 - closed with what is returned
         return io.BufferedReader(Bounded(packed, most, error), _BLOCK)
 
-    return table_of_text(Content(path, unpacked))
-
-
-def table_of_text(content: Content, kind: str = "CSV", notes: Iterable[str] = ()) -> Table:
-    """A table of text as a log.
-
-    Raises:
-        InputError: see `open_csv`.
-    """
-    text = _Text(content)
-    layout, path, row = text.layout, content.path, content.row
-    notes = [*notes]
-    if text.cut:
-        notes.append("the file ends within a line, which is left out: its last number may be cut.")
-    if text.encoding != _ENCODING:
-        notes.append(f"log: its text is read as {text.encoding}, for it is not in UTF-8.")
-    if not layout.named:
-        notes.append(f"log: there are no names above {row} {text.first_line}; {text.said_of_names}.")
-    elif layout.header:
-        notes.append(f"log: its table begins on {row} {text.lines[layout.header]}; what stands above is left out.")
-    place = {name: number for number, name in reversed(list(enumerate(text.names)))}
-    lines: list[int] = []
-
-    def read(wanted: Sequence[str]) -> pd.DataFrame:
-        positions = [place[name] for name in wanted]
-        frame = text.read_regular(positions)
-        if frame is None:
-            frame, lines[:], said = text.read_any(positions)
-            table.note(said)
-        return frame.set_axis(list(wanted), axis="columns")
-
-    def where(number: int) -> str:
-        if lines:
-            return f"{row} {lines[number]}"
-        line, _ = next(islice(text.data_lines(), layout.first + number, None), (0, ""))
-        return f"{row} {line}" if line else f"row {number + 1}"  # of a file that pyarrow cuts into lines another way
-
-    units, digest = dict(zip(text.names, layout.units, strict=False)), partial(fingerprint, path)
-    table = Table(path, text.names, read, where, kind, units=units, notes=notes, digest=digest)
-    return table
+    return _Text(path, unpacked, "line").table("CSV", [])
 
 
 class _Text:
-    """What is known of a table of text before it is read as a whole: what its first lines say.
+    """A table of text, of which the first lines say what is in it.
+
+    Args:
+        path: the file that it is from.
+        opened: opens its bytes, again and again.
+        row: what a line is called in messages.
 
     Attributes:
         cut: its last line has no end: its writer was stopped, or the copy.
@@ -135,36 +91,34 @@ class _Text:
         InputError: it can't be read, or its lines begin no table.
     """
 
-    def __init__(self, content: Content) -> None:
-        self.content, path = content, content.path
+    def __init__(self, path: Path, opened: Callable[[], BinaryIO], row: str) -> None:
+        self.path, self.opened, self.row = path, opened, row
         texts, comments = self._begin()
 
-        def tried(separator: str) -> tuple[int, int, str]:
+        def tried(separator: str) -> tuple[int, int, str, Layout, list[list[str]]]:
             rows = [_cells(text, separator) for text in texts]
             layout = find_layout(rows)
-            return layout.rows, len(rows[max(layout.header, 0)]), separator
+            return layout.rows, len(rows[max(layout.header, 0)]), separator, layout, rows
 
         best = max(map(tried, _SEPARATORS), key=lambda one: one[:2])
         if best[0] == 0 or best[1] == 1:  # blanks stand in names and dates, too
-            rows = [_cells(text, _WIDE) for text in texts]
-            layout, wide = find_layout(rows), tried(_WIDE)
-            as_wide = layout.first < len(rows) and len(rows[layout.first]) == wide[1] > 1
+            wide = tried(_WIDE)
+            first = wide[4][wide[3].first : wide[3].first + 1]
+            as_wide = bool(first) and len(first[0]) == wide[1] > 1
             best = max(best, wide if as_wide else tried(_BLANK), key=lambda one: one[:2])
-        self.separator = best[2]
-        rows = [_cells(text, self.separator) for text in texts]
-        self.layout = layout = find_layout(rows)
-        tables.COLUMNS.check(best[1], path, "header")
+        _, width, self.separator, self.layout, rows = best
+        tables.COLUMNS.check(width, path, "header")
+        layout = self.layout
         self.first_line = (*self.lines, self.lines[-1] + 1)[layout.first]
-        self.first = first = rows[layout.first] if layout.first < len(rows) else []
+        self.first = first_row = rows[layout.first] if layout.first < len(rows) else []
         above, self.said_of_names = rows[max(layout.header, 0)], ""
         self.names = names_of(above)
-        said = f"{len(first)} values in the first row under {len(above)} names"
-        expected = "a name for each column, and numbers with a decimal point"
-        other_count = InputError(path, "header", said, expected)
-        if not layout.named and len(rows) > layout.first:
+        said = f"{len(first_row)} values in the first row under {len(above)} names"
+        other_count = InputError(path, "header", said, "a name for each column, and numbers with a decimal point")
+        if not layout.named and first_row:
             last = max((one for one in comments if one[0] < self.first_line), default=(0, ""))[1]
             comment = _cells(last, self.separator)
-            self.names = names_of([""] * len(first))
+            self.names = names_of([""] * len(first_row))
             listed = ", ".join(self.names[:_MOST_SHOWN]) + " …" * (len(self.names) > _MOST_SHOWN)
             self.said_of_names = f"its columns are called {listed}"
             if len(comment) == len(self.names) and not all(map(is_value, comment)):
@@ -174,7 +128,7 @@ class _Text:
         if layout.rows == 0 and all(map(is_number, self.names)):
             found = f"numbers ({', '.join(self.names[:3])})"
             raise InputError(path, "header", found, "a line of column names, and rows")
-        if len(first) > len(self.names) + 1 or any(first[len(self.names) :]):
+        if len(first_row) > len(self.names) + 1 or any(first_row[len(self.names) :]):
             raise other_count
         cells = (cell.strip() for row in rows[layout.first :] for cell in row)
         self.decimal = "," if self.separator != "," and any(map(_DECIMAL_COMMA.fullmatch, cells)) else "."
@@ -185,62 +139,97 @@ class _Text:
         UTF-16 says so by its first bytes; what is not UTF-8 is as Windows had it. A packed file is not asked for its
         end.
         """
-        self.lines, path = list[int](), self.content.path
+        self.lines, self.cut = list[int](), False
         texts, comments, characters = list[str](), list[tuple[int, str]](), 0
         try:
-            with self.content.open() as file:
-                head, self.cut = file.read(_HEAD), False
+            with self.opened() as file:
+                head = file.read(_HEAD)
                 if file.seekable():
                     file.seek(-min(2, file.seek(0, os.SEEK_END)), os.SEEK_END)
-                    self.cut = (
-                        not file.read().strip(b"\0").endswith((b"\n", b"\r"))
-                    )  # in UTF-16 it has a zero beside it
+                    end = file.read().strip(b"\0")  # in UTF-16 it has a zero beside it
+                    self.cut = not end.endswith((b"\n", b"\r"))
             self.encoding = _encoding_of(head)
-            for number, text in self.data_lines(all_kinds=True):
-                characters += len(text) + 1
+            for number, text in self._all_lines():
+                characters += len(text)
                 if text.startswith("#"):
                     comments.append((number, text.lstrip("# ")))
                 elif text.strip():
                     self.lines.append(number)
-                    texts.append(text)
+                    texts.append(text.rstrip("\r\n "))
                 if len(texts) == LOOKED_AT or (characters > _HEAD and len(texts) >= _FEWEST_LINES):
                     break
                 if characters > _LONGEST:
                     found = f"no table within its first {characters:,} characters"
-                    raise InputError(path, "log", found, "a line of column names, and rows")
+                    raise InputError(self.path, "log", found, "a line of column names, and rows")
         except (OSError, EOFError, zlib.error, UnicodeError) as error:
-            raise InputError(path, "log", f"a file that can't be read ({error})", "CSV text in UTF-8") from error
+            raise InputError(self.path, "log", f"a file that can't be read ({error})", "CSV text in UTF-8") from error
         if not texts:
-            raise InputError(path, "log", "an empty file", "a header line and at least 10 rows")
+            raise InputError(self.path, "log", "an empty file", "a header line and at least 10 rows")
         return texts, comments
 
-    def data_lines(self, *, all_kinds: bool = False) -> Iterator[tuple[int, str]]:
-        """The lines that hold data, each with its number from 1: neither blank nor comment, unless all are asked for.
-
-        A comment is a line that begins with #: in a name, or within a row, it is a character like any other.
+    def _all_lines(self) -> Iterator[tuple[int, str]]:
+        """All lines with their ends, and their numbers from 1, without blanks before what they hold.
 
         Raises:
             InputError: a line, or their number, is beyond all bounds.
         """
-        path = self.content.path
-        with self.content.open() as file:
+        with self.opened() as file:
             marked = "utf-8-sig" if self.encoding == _ENCODING else self.encoding  # Excel writes a byte order mark
-            text_stream = io.TextIOWrapper(file, encoding=marked, errors="replace", newline="")
-            for number, line in enumerate(iter(partial(text_stream.readline, _LONGEST), ""), start=1):
+            stream = io.TextIOWrapper(file, encoding=marked, errors="replace", newline="")
+            for number, line in enumerate(iter(partial(stream.readline, _LONGEST), ""), start=1):
                 if number > _MOST_LINES:
                     found = f"more than {_MOST_LINES:,} lines, not all of them rows of a plain table"
-                    raise InputError(path, "log", found, "Parquet, rows alone, or a log cut into pieces")
+                    raise InputError(self.path, "log", found, "Parquet, rows alone, or a log cut into pieces")
                 if len(line) == _LONGEST:
-                    place = f"{self.content.row} {number}"
-                    raise InputError(path, place, "a line of 16 million characters", "a table of readings")
-                text = line.strip("\r\n ")
-                if all_kinds or (text.strip() and not text.startswith("#")):
-                    yield number, text
+                    place = f"{self.row} {number}"
+                    raise InputError(self.path, place, "a line of 16 million characters", "a table of readings")
+                yield number, line.lstrip(" ")
 
-    def read_regular(self, positions: Sequence[int]) -> pd.DataFrame | None:
+    def _data_lines(self) -> Iterator[tuple[int, str]]:
+        """The lines that hold data: neither blank, nor comment, nor the last one where it is cut.
+
+        A comment is a line that begins with #: in a name, or within a row, it is a character like any other.
+        """
+        for number, line in self._all_lines():
+            whole = line.endswith(("\n", "\r")) or not self.cut
+            if whole and line.strip() and not line.startswith("#"):
+                yield number, line.rstrip("\r\n ")
+
+    def table(self, kind: str, notes: list[str]) -> Table:
+        """It as a log of a kind, with what else is noteworthy about it."""
+        layout, row, lines = self.layout, self.row, list[int]()
+        if self.cut:
+            notes.append("the file ends within a line, which is left out: its last number may be cut.")
+        if self.encoding != _ENCODING:
+            notes.append(f"log: its text is read as {self.encoding}, for it is not in UTF-8.")
+        if not layout.named:
+            notes.append(f"log: there are no names above {row} {self.first_line}; {self.said_of_names}.")
+        elif layout.header:
+            notes.append(f"log: its table begins on {row} {self.lines[layout.header]}; what stands above is left out.")
+        place = {name: number for number, name in reversed(list(enumerate(self.names)))}
+
+        def read(wanted: Sequence[str]) -> pd.DataFrame:
+            positions = [place[name] for name in wanted]
+            frame = self._read_regular(positions)
+            if frame is None:
+                frame, lines[:], said = self._read_any(positions)
+                table.note(said)
+            return frame.set_axis(list(wanted), axis="columns")
+
+        def where(number: int) -> str:
+            if lines:
+                return f"{row} {lines[number]}"
+            line, _ = next(islice(self._data_lines(), layout.first + number, None), (0, ""))
+            return f"{row} {line}" if line else f"row {number + 1}"  # of what pyarrow cuts into lines another way
+
+        units, digest = dict(zip(self.names, layout.units, strict=False)), partial(fingerprint, self.path)
+        table = Table(self.path, self.names, read, where, kind, units=units, notes=notes, digest=digest)
+        return table
+
+    def _read_regular(self, positions: Sequence[int]) -> pd.DataFrame | None:
         """The columns at `positions` of a file whose rows are all as long as the header, and hold what the first does.
 
-        `None` for any other, which `read_any` reads, or says what is wrong with it. Only these columns are turned into
+        `None` for any other, which `_read_any` reads, or says what is wrong with it. Only these columns are turned into
         numbers, so that time and memory are theirs; and the first, where a comment would stand.
         """
         if len(self.first) != len(self.names) or self.separator in (_BLANK, _WIDE):
@@ -259,11 +248,11 @@ class _Text:
         )
         parsing = pa_csv.ParseOptions(delimiter=self.separator)
         try:
-            with self.content.open() as file, pa_csv.open_csv(file, reading, parsing, conversion) as reader:
+            with self.opened() as file, pa_csv.open_csv(file, reading, parsing, conversion) as reader:
                 for batch in reader:
                     batches.append(batch)
                     if sum(batch.num_rows for batch in batches) >= most:
-                        raise too_large(self.content.path, f"{most} rows or more")
+                        raise too_large(self.path, f"{most} rows or more")
         except InputError:
             raise
         except (pa.ArrowException, OSError, ValueError):
@@ -274,25 +263,43 @@ class _Text:
         frame = pd.DataFrame({k: frame[keys[position]] for k, position in enumerate(positions)}, copy=False)
         return frame.iloc[: len(frame) - self.cut]
 
-    def read_any(self, positions: Sequence[int]) -> tuple[pd.DataFrame, list[int], list[str]]:
+    def _read_any(self, positions: Sequence[int]) -> tuple[pd.DataFrame, list[int], list[str]]:
         """The columns at `positions` of any file of rows, comments among them; the rows' lines; and notes.
 
         A row of words without a number is no row of the table: its names again, a logger's message, a last line that
-        says how many there were. Nor is the last one where it was cut.
+        says how many there were.
 
         Raises:
             InputError: a row has more or fewer cells than there are names, or the file is broken.
         """
-        lines, words = list[int](), list[int]()
+        lines, words, blank = list[int](), 0, self.separator in (_BLANK, _WIDE)
+        between = "\t" if blank else self.separator
+
+        def rows() -> Iterator[str]:
+            nonlocal words
+            for number, line in self._data_lines():
+                if number < self.first_line:
+                    continue
+                row = between.join(_cells(line, self.separator)) if blank else line
+                # Most begin with a number, and their cells need no look.
+                plain = line[0] in _BEGINS_A_NUMBER and '"' not in line and row.count(between) + 1 == len(self.names)
+                place, cells = f"{self.row} {number}", () if plain else _cells(line, self.separator)
+                if plain or holds_values(self.path, place, self.names, self.layout.units, cells):
+                    lines.append(number)
+                    yield row
+                else:
+                    words += 1
+                    _WORDS.check(words, self.path, place)
+
         most, at_once = tables.MOST_NUMBERS // max(len(positions), 1), max(_CELLS_IN_A_CHUNK // len(self.names), 1)
-        frames, rows = [pd.DataFrame({position: [] for position in positions})], self._rows(lines, words)
-        with one_line_if_broken(self.content.path, "a whole table"):
-            while some := "\n".join(islice(rows, at_once)):
+        frames, remaining = [pd.DataFrame({position: [] for position in positions})], rows()
+        with one_line_if_broken(self.path, "a whole table"):
+            while some := "\n".join(islice(remaining, at_once)):
                 if len(lines) >= most:
-                    raise too_large(self.content.path, f"{most} rows or more")
+                    raise too_large(self.path, f"{most} rows or more")
                 frame = pd.read_csv(
                     io.StringIO(some),
-                    sep=self._between,
+                    sep=between,
                     decimal=self.decimal,
                     header=None,
                     usecols=sorted(set(positions)),
@@ -308,34 +315,8 @@ class _Text:
                 cells = whole[name].astype("str")
                 numbers = cells.str.fullmatch(_DECIMAL_COMMA.pattern)
                 whole[name] = whole[name].mask(numbers, cells.str.replace(",", "."))
-        left_out = f"log: {len(words)} lines below its names hold words and no number; left out."
+        left_out = f"log: {words} lines below its names hold words and no number; left out."
         return whole, lines, [left_out] * bool(words)
-
-    def _rows(self, lines: list[int], words: list[int]) -> Iterator[str]:
-        """The rows, whose lines' numbers go into `lines`, those of words into `words`."""
-        numbered = ((k, line) for k, line in self.data_lines() if k >= self.first_line)
-        last = next(numbered, None) if self.cut else None
-        for number, line in numbered:
-            if last is not None:  # each but the last one, which is cut
-                (number, line), last = last, (number, line)
-            blank = self.separator in (_BLANK, _WIDE)
-            row = self._between.join(_cells(line, self.separator)) if blank else line
-            # Most begin with a number, and their cells need no look.
-            regular = (
-                line[0] in _BEGINS_A_NUMBER and '"' not in line and row.count(self._between) + 1 == len(self.names)
-            )
-            place, cells = f"{self.content.row} {number}", () if regular else _cells(line, self.separator)
-            if regular or holds_values(self.content.path, place, self.names, self.layout.units, cells):
-                lines.append(number)
-                yield row
-            else:
-                words.append(number)
-                _WORDS.check(len(words), self.content.path, place)
-
-    @property
-    def _between(self) -> str:
-        """What stands between cells where a row is written anew."""
-        return "\t" if self.separator in (_BLANK, _WIDE) else self.separator
 
 
 def _encoding_of(head: bytes) -> str:
@@ -408,7 +389,7 @@ def open_spreadsheet(path: Path) -> Table:
     others = ", ".join(f"'{other}'" for other in found if other != name)
     notes = [f"log: sheet '{name}' is read; {others} not (another sheet: save it as CSV)."] if others else []
     content = text.getvalue().encode()
-    return table_of_text(Content(path, lambda: io.BytesIO(content), f"sheet '{name}', row"), "spreadsheet", notes)
+    return _Text(path, lambda: io.BytesIO(content), f"sheet '{name}', row").table("spreadsheet", notes)
 
 
 def _rows(sheet: Any) -> Iterator[list[str]]:

@@ -37,7 +37,7 @@ UNPACKED_AT_ONCE = 100_000_000  # bytes that any may unfold to in memory …
 TIMES_PACKED = 50  # … and either, where it is more: times its own size
 _SMALL = 10_000_000  # bytes of a file that fits any memory: one that asks for more has a false length in it
 _MOST_WORDS, _MOST_LISTED = 5, 30  # words that a note gives as examples, names of columns in a message
-_LONGEST_CELL = 100  # characters of a cell that go into a message
+_LONGEST_CELL = 100  # characters of a cell, of which no number has more
 _NO_NUMBER = re.compile(r"[-+]?1\.#(?:INF|IND|QNAN|SNAN)\d*", re.IGNORECASE)  # as Windows prints what is no number
 _YES_OR_NO = {"true": 1.0, "false": 0.0, "yes": 1.0, "no": 0.0, "on": 1.0, "off": 0.0}
 _NOT_PLAIN = (bytes, list, dict, np.ndarray)  # cells of a binary or nested column, of which nothing makes numbers
@@ -114,24 +114,26 @@ class Table:
 
         What has a digit in it is no such word, but a number in some other way, and is refused.
         """
-        if series.dtype == object and (nested := series.map(type).isin(_NOT_PLAIN).to_numpy()).any():
+        # A text that a file holds once stands once in memory, and may be a megabyte.
+        series = series.astype(object).map(lambda cell: cell[:_LONGEST_CELL] if isinstance(cell, str) else cell)
+        if (nested := series.map(type).isin(_NOT_PLAIN).to_numpy()).any():
             row = int(nested.argmax())
             self.refuse(row, name, f"a cell of type {type(series.iloc[row]).__name__}", "a number or an empty cell")
         numbers = pd.to_numeric(series, errors="coerce")
         text = (numbers.isna() & series.notna()).to_numpy()
         if not text.any():
             return numbers
-        cells = series.astype("str")
+        cells = series.map(str).astype("str")
         other = text & ~cells.str.fullmatch(_NO_NUMBER).to_numpy(dtype=bool)
         yes_or_no = cells.str.lower().map(_YES_OR_NO)
         if not worded and (yes_or_no.notna() | series.isna() | (text & ~other)).all():
             return yes_or_no
-        if other.all() and (times := _times_of(series)) is not None:
+        if other.all() and (times := _times_of(cells)) is not None:
             return times
         refused = other & (cells.str.contains(r"\d").to_numpy(dtype=bool) | (not worded or bool(other.all())))
         if refused.any():
             row = int(refused.argmax())
-            cell, expected = cells.iloc[row][:_LONGEST_CELL], "a number or an empty cell"
+            cell, expected = cells.iloc[row], "a number or an empty cell"
             if ":" in cell or _DATE.match(cell):
                 expected = "a number; of times also 2026-11-23T14:05:03.5, 23.11.2026 14:05:03, or 0:12:30 since the "
                 expected += "start" + f", in years from {_YEARS[0]} to {_YEARS[1]}" * bool(_DATE.match(cell))
@@ -139,7 +141,7 @@ class Table:
                 expected += ", without a sign between thousands"
             self.refuse(row, name, repr(cell), expected)
         words = cells[text]
-        shown = ", ".join(f"'{word[:_LONGEST_CELL]}'" for word in words.unique()[:_MOST_WORDS])
+        shown = ", ".join(f"'{word}'" for word in words.unique()[:_MOST_WORDS])
         self.note([f"{name}: {words.size} cells hold a word ({shown}), which is no reading."])
         return numbers
 
@@ -190,52 +192,42 @@ def with_times(
 
 # --- Times as people write them: dates, clocks of the day, durations ------------------------------------
 
-# Hours, minutes and seconds; or minutes and seconds, which only a fraction tells from hours and minutes.
-_CLOCK = (
-    r"\s*(?:(?P<hours>\d+):(?P<of_hour>\d\d):(?P<seconds>\d\d(?:[.,]\d*)?)|(?P<minutes>\d+):(?P<rest>\d\d[.,]\d+))\s*"
-)
+_OF_MINUTES = r"\d+:\d\d\.\d+"  # minutes and seconds, which only a fraction tells from hours and minutes
+_OF_HOURS = r"\d+:\d+:\d\d(?:\.\d*)?"
 # The year last: 23.11.2026 14:05:03, 11/23/2026 2:05:03 PM.
 _YEAR_LAST = (
-    r"\s*(?P<one>\d{1,2})(?P<sign>[./-])(?P<two>\d{1,2})[./-](?P<year>\d{4})[T ,]+"
-    r"(?P<hour>\d{1,2}):(?P<minute>\d\d)(?::(?P<second>\d\d(?:[.,]\d*)?))?\s*(?P<half>[aApP])?\.?[mM]?\.?\s*"
+    r"(?P<one>\d{1,2})(?P<sign>[./-])(?P<two>\d{1,2})[./-](?P<year>\d{4})[T .]+"
+    r"(?P<clock>\d{1,2}:\d\d(?::\d\d(?:\.\d*)?)?)\s*(?P<half>[aApP])?\.?[mM]?\.?"
 )
 
 
-def _times_of(series: pd.Series) -> pd.Series | None:
-    """Text in which every cell is a time, as durations in s or as dates; `None` for other text.
+def _times_of(cells: pd.Series) -> pd.Series | None:
+    """Cells of text of which each is a time, as durations or as dates; `None` for other text.
 
     Either a date as ISO 8601 writes it, in UTC if it names no zone; a date with the year last; or a time such as
     0:12:30 or 12:30.5. Of a date with the year last nothing may tell the day from the month. With points the day comes
     first. With strokes it is what makes the log the shorter: there is no 23rd month, from one midnight to the next no
     month passes, and while the date stays both are the same.
     """
-    if not len(series):
-        return None
-    text = series.astype("str")
-    clock = text.str.extract(f"^{_CLOCK}$").apply(_numbers)
-    seconds = 3600 * clock["hours"] + 60 * clock["of_hour"] + clock["seconds"]
-    seconds = seconds.fillna(60 * clock["minutes"] + clock["rest"])
-    if not seconds.isna().any():
-        return seconds
-    dates = pd.to_datetime(series, errors="coerce", utc=True, format="ISO8601")
+    text = cells.str.strip().str.replace(",", ".")
+    clock = text.where(~text.str.fullmatch(_OF_MINUTES), "0:" + text)
+    if clock.str.fullmatch(_OF_HOURS).all():
+        return pd.to_timedelta(clock, errors="coerce")
+    dates = pd.to_datetime(cells, errors="coerce", utc=True, format="ISO8601")
     if not dates.isna().any():
         return dates
     parts = text.str.extract(f"^{_YEAR_LAST}$")
-    numbers = parts[["one", "two", "year", "hour", "minute"]].apply(_numbers)
-    if numbers.isna().to_numpy().any():
+    if parts["clock"].isna().any():
         return None
-    half = parts["half"].str.lower()
-    hours = numbers["hour"].where(half.isna(), numbers["hour"] % 12) + 12 * (half == "p")
-    of_day = pd.to_timedelta(3600 * hours + 60 * numbers["minute"] + _numbers(parts["second"]).fillna(0.0), unit="s")
-    orders = [("one", "two")] if (parts["sign"] == ".").all() else [("one", "two"), ("two", "one")]
-    days = [numbers.rename(columns={day: "day", month: "month"})[["year", "month", "day"]] for day, month in orders]
-    readings = [pd.to_datetime(parts, errors="coerce", utc=True) + of_day for parts in days]
+    clock, half = parts["clock"].where(parts["clock"].str.count(":") == 2, parts["clock"] + ":00"), parts["half"]
+    of_day, noon = pd.to_timedelta(clock, errors="coerce"), pd.Timedelta(hours=12)
+    late, twelve = half.isin(["p", "P"]).astype("int64"), (half.notna() & (of_day >= noon)).astype("int64")
+    of_day += noon * (late - twelve)
+    orders = [("two", "one"), ("one", "two")][: 1 if (parts["sign"] == ".").all() else 2]
+    days = [parts["year"] + "-" + parts[month] + "-" + parts[day] for month, day in orders]
+    readings = [pd.to_datetime(day, errors="coerce", utc=True, format="%Y-%m-%d") + of_day for day in days]
     whole = (dates for dates in readings if not dates.isna().any())
     return min(whole, key=lambda dates: dates.max() - dates.min(), default=None)
-
-
-def _numbers(column: pd.Series) -> pd.Series:
-    return column.str.replace(",", ".").astype("float64")
 
 
 # --- Files that are larger than they look, broken, or of a format without its package ---------------------
@@ -338,8 +330,7 @@ def open_parquet(path: Path) -> Table:
     Raises:
         InputError: it can't be read.
     """
-    import pyarrow.compute as pc  # here, since most logs are CSV
-    import pyarrow.parquet as pq
+    import pyarrow.parquet as pq  # here, since most logs are CSV
 
     expected = "a whole Parquet file"
     with one_line_if_broken(path, expected), pq.ParquetFile(path) as file:
@@ -347,27 +338,13 @@ def open_parquet(path: Path) -> Table:
         texts = [field.name for field in file.schema_arrow if field.type in _TEXTS]
     COLUMNS.check(len(names), path, "columns")
 
-    def with_texts_in_full(table: Any) -> Any:
-        """Texts, which the file holds once each, stand in every row: 64 kB hold a megabyte that stands in 3,000."""
-        left = most_unpacked(path, at_once=True)
-        for number, (name, column) in enumerate(zip(table.column_names, table.columns, strict=True)):
-            if pa.types.is_dictionary(column.type) and column.type.value_type in _TEXTS:
-                for chunk in column.chunks:
-                    left -= pc.sum(pc.take(pc.binary_length(chunk.dictionary), chunk.indices)).as_py() or 0
-                if left < 0:
-                    found = f"texts that unfold to more than {TIMES_PACKED} times the file's size"
-                    raise InputError(path, f"column '{name}'", found, "numbers and times")
-                table = table.set_column(number, name, column.cast(column.type.value_type))
-        return table
-
     def read(wanted: Sequence[str]) -> pd.DataFrame:
         if rows * len(wanted) > MOST_NUMBERS:  # such a number of rows takes few bytes to write
             raise too_large(path, f"{rows} rows of {len(wanted)} columns")
         at_once = max(1, _NUMBERS_AT_ONCE // max(rows, 1))
         some = [list(wanted[k : k + at_once]) for k in range(0, len(wanted), at_once)]
         with one_line_if_broken(path, expected), pq.ParquetFile(path, read_dictionary=texts) as file:
-            read = (with_texts_in_full(file.read(names)) for names in some)
-            frames = [table.to_pandas(ignore_metadata=True, split_blocks=True) for table in read]
+            frames = [file.read(names).to_pandas(ignore_metadata=True, split_blocks=True) for names in some]
             frame: pd.DataFrame = pd.concat(frames, axis="columns")
         return frame
 
