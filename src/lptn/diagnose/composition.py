@@ -33,12 +33,14 @@ from lptn.diagnose.answers import LIKELY, Key, Report, Step, named
 from lptn.diagnose.candidates import Candidate, candidates, possible_effects
 from lptn.diagnose.evidence import USUAL, ErrorsOfRuns, Evidence, FirstOrder, allowances
 from lptn.diagnose.priors import in_occams_window, log_priors
-from lptn.diagnose.refits import RANKING, continued, unless_interrupted
+from lptn.diagnose.refits import ITERATIONS, RANKING, continued, unless_interrupted
 from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit, finished, tolerant
 from lptn.model.network import EffectDeclaration, Network
 from lptn.simulate.simulation import SimulationError
 
+_END_OF_VALLEY = 1e-6  # share of the cost; steps along a long valley gain little each
+_UNTIL_NONE = 12  # steps of the fit of all structure, after which what is none shows, and is fitted no longer
 _START = 0.3  # of its usual size, where the search for an effect that all may have starts: near none
 _EXACT = 6  # candidates that are fitted exactly in each round: closed form ranks well, and knows no curvature
 _WITHIN_REACH = -4.0
@@ -145,15 +147,18 @@ class _Search:
         if not self.structure:
             return
         self.report(f"fitting {len(self.structure)} effects that every part may have, all at once")
-        base, fit = self.fit, _continued(self.fit, network.with_effects(self.structure))
-        if fit is None or not fit.cost < base.cost:
-            self.structure = []
-            return
-        try:
-            self.fit = self._tolerant(fit)
-            self._take_out()
-        except SimulationError:  # with all of it the model is too stiff for a held-out run
-            self.structure, self.fit = [], base
+        base, fit = self.fit, _continued(self.fit, network.with_effects(self.structure), _UNTIL_NONE)
+        if fit is not None:
+            try:
+                self.fit = fit
+                self._take_out_none()  # most of them, and their states
+                if self.fit.cost < base.cost:
+                    self.fit = self._tolerant(self.fit)
+                    self._take_out()
+                    return
+            except SimulationError:  # with all of it the model is too stiff for a held-out run
+                pass
+        self.structure, self.fit = [], base
 
     def _common(self, network: Network) -> list[Candidate]:
         """Of each common effect the candidate at the most places; of those between two nodes each class of pairs."""
@@ -294,7 +299,7 @@ class _Search:
         if fit is None:
             return None
         # A size that is not told from none may hold a long valley together: only the end of it tells.
-        return unless_interrupted(finished(fit)) if to_the_end else fit, rest
+        return unless_interrupted(finished(fit, _END_OF_VALLEY)) if to_the_end else fit, rest
 
     def _take(self, fit: Fit, rest: list[EffectDeclaration]) -> None:
         before = {(declared.effect.key, declared.where): entry for declared, entry in self.findings.items()}
@@ -388,10 +393,10 @@ def _added(task: tuple[Fit, EffectDeclaration]) -> Fit | None:
     return _continued(base, base.model.network.with_effects([declared]))
 
 
-def _continued(base: Fit, network: Network) -> Fit | None:
+def _continued(base: Fit, network: Network, iterations: int = ITERATIONS) -> Fit | None:
     """The fit of another network from where one stands; `None` where it can't be simulated there, or is none."""
     try:
-        return continued(base, network)
+        return continued(base, network, iterations)
     except (SimulationError, InputError):  # too stiff; an effect on an edge that another one made
         return None
 

@@ -260,9 +260,9 @@ def _as_fit(problem: Problem, solution: Solution, noise: Noise, iterations: int)
     return Fit(model, problem, solution.z, solution.cost, noise, iterations, solution.status)
 
 
-def finished(done: Fit) -> Fit:
-    """A fit that was ended early because it only ranked, gone on with to the end."""
-    return tolerant(done, done.problem.tolerance)
+def finished(done: Fit, precision: float = PRECISION) -> Fit:
+    """A fit that was ended early because it only ranked, gone on with to the end; arguments as for `tolerant`."""
+    return tolerant(done, done.problem.tolerance, precision=precision)
 
 
 @one_blas_thread
@@ -277,7 +277,7 @@ def tolerant(done: Fit, tolerance: FloatArray | None, *, precision: float = PREC
     old = done.problem
     problem = Problem(done.model, old.bound_runs, old.sigma, old.symmetry_penalty, old.free, tolerance)
     guess = problem.guess(done.point.values, done.point.starts)
-    solution = minimise(problem, guess, near=True, precision=precision)
+    solution = minimise(problem, guess, near=True, precision=precision, rescued=precision <= PRECISION)
     return _as_fit(problem, solution, done.noise, done.iterations + solution.iterations)
 
 
