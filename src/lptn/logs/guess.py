@@ -117,8 +117,8 @@ def guess(
         rest, chosen = [key for key in missing if key not in {*choice, "time"}], {name for name, _ in choice.values()}
         choice |= method(rest, {name: parts for name, parts in names.items() if name not in chosen}, among)
     there = _logged(table, sources)
-    beside = {key: source for key, source in there.items() if key.startswith("temperature.")}
-    asked = [*(column for column, _ in choice.values()), *(name for x in beside.values() for name in x.columns)]
+    sensors = {key: source for key, source in there.items() if key.startswith("temperature.")}
+    asked = [*(column for column, _ in choice.values()), *(name for x in sensors.values() for name in x.columns)]
     numbers = dict[str, FloatArray]()
     try:
         numbers = table.numbers(asked, asked)
@@ -126,37 +126,24 @@ def guess(
         for column in asked:
             with suppress(InputError):
                 numbers |= table.numbers([column], [column])
-    found = (_with_unit(table, key, *choice[key], numbers, beside) for key in missing if key in choice)
-    guesses = [guessed for guessed in found if guessed]
+    known = {key: x.values(key, numbers) for key, x in sensors.items() if set(x.columns) <= numbers.keys()}
+    guesses, of_opensourceleg = list[Guess](), _of_opensourceleg(table)
+    for key in (key for key in missing if key in choice):
+        (column, why), source = choice[key], ColumnSource((choice[key][0],))
+        values = numbers.get(column, np.empty(0))
+        if not np.isfinite(values).any():
+            continue
+        if unit := ColumnName.of(column, table.units.get(column, "")).unit(quantity_of(key)):
+            source, why = replace(source, unit=unit), f"{why}, unit and all"
+        elif key.startswith("current.") and of_opensourceleg:
+            source, why = replace(source, unit="mA"), f"{why}; opensourceleg logs mA"
+        else:
+            told = Channels(known | {"time": values, key: values}, {key: source}, numbers, table.units)
+            for issue in suspect_unit(told, key)[:1]:
+                source, why = issue.corrected or source, f"{why}; {issue.problem}"
+        guesses.append(Guess(key, source, why))
     of_joints = {key: _of_its_joint(key, places) for key in missing if key not in choice}
-    guesses += [Guess(k, sources[of], f"that of {place_of(of)}") for k, of in of_joints.items() if of in there]
-    return guesses
-
-
-def _with_unit(
-    table: Table,
-    key: str,
-    column: str,
-    why: str,
-    numbers: Mapping[str, FloatArray],
-    beside: Mapping[str, ColumnSource],
-) -> Guess | None:
-    """The guess with its unit, from the name or else from the values; `None` for a column without numbers.
-
-    The `numbers` are the file's, (n,) each; `beside` are temperatures that the log has without a guess.
-    """
-    source, values = ColumnSource((column,)), numbers.get(column, np.empty(0))
-    if not np.isfinite(values).any():
-        return None
-    if unit := ColumnName.of(column, table.units.get(column, "")).unit(quantity_of(key)):
-        return Guess(key, replace(source, unit=unit), f"{why}, unit and all")
-    if key.startswith("current.") and _of_opensourceleg(table):
-        return Guess(key, replace(source, unit="mA"), f"{why}; opensourceleg logs mA")
-    told = {name: x.values(name, numbers) for name, x in beside.items() if set(x.columns) <= numbers.keys()}
-    told |= {"time": values, key: values}
-    for issue in suspect_unit(Channels(told, {key: source}, numbers, table.units), key):
-        return Guess(key, issue.corrected or source, f"{why}; {issue.problem}")
-    return Guess(key, source, why)
+    return guesses + [Guess(k, sources[of], f"that of {place_of(of)}") for k, of in of_joints.items() if of in there]
 
 
 def format_note(table: Table) -> str:
@@ -273,16 +260,22 @@ def _time(names: Names) -> Choice:
     return {"time": (min(ranked)[2], "its name")} if ranked else {}
 
 
-def _by_place(missing: Sequence[str], names: Names, places: Sequence[str]) -> Choice:
-    """The column that names the place and the quantity with the fewest words besides, if no other has as few."""
-    spelled = {
-        place: {"".join(words_of(place)), *_PLACES.get(place, ())} for place in (*map(place_of, missing), *places)
-    }
+def _by_place(
+    missing: Sequence[str], names: Names, places: Sequence[str], spelled: Mapping[str, set[str]] | None = None
+) -> Choice:
+    """The column that names the place and the quantity with the fewest words besides, if no other has as few.
+
+    Places are `spelled` as they are called, and as people call them.
+    """
+    if spelled is None:
+        of_all = (*map(place_of, missing), *places)
+        spelled = {place: {"".join(words_of(place)), *_PLACES.get(place, ())} for place in of_all}
     choice: Choice = {}
-    for key in missing:
+    for key in (key for key in missing if place_of(key) in spelled):
         quantity, mine = quantity_of(key), spelled[place_of(key)]
         # `FR_calf_upper` is another place where the model has one of that name.
-        longer = [own for own in map(spelled.__getitem__, places) if own != mine and len(min(own)) > len(min(mine))]
+        others = (spelled[place] for place in places if place in spelled)
+        longer = [own for own in others if own != mine and len(min(own)) > len(min(mine))]
         ranked = sorted(
             (besides, column)
             for column, name in names.items()
@@ -294,6 +287,17 @@ def _by_place(missing: Sequence[str], names: Names, places: Sequence[str]) -> Ch
     return choice
 
 
+def _by_last_word(missing: Sequence[str], names: Names, places: Sequence[str]) -> Choice:
+    """`hip temp` for FR_hip, in a model of one leg: names of a last word alone, if there is one for each node."""
+    last = {place: words_of(place)[-1] for place in places}
+    if not 1 < len(places) == len(set(last.values())) or list(last.values()) == places:
+        return {}
+    ends = _by_place(missing, names, places, {place: {word, *_PLACES.get(word, ())} for place, word in last.items()})
+    whole = {q for q in map(quantity_of, ends) if all(f"{q}.{place}" in ends for place in places)}
+    why = "the end of its name: check that"
+    return {key: (column, why) for key, (column, _) in ends.items() if quantity_of(key) in whole}
+
+
 def _of_its_joint(key: str, places: Sequence[str]) -> str:
     """For `velocity.L_hip_case` that of `L_hip`, where both are nodes: a joint turns as one, and bears one load."""
     words = words_of(place_of(key))
@@ -303,22 +307,6 @@ def _of_its_joint(key: str, places: Sequence[str]) -> str:
         if words[: len(own)] == own and " ".join(words[len(own) :]) in _PARTS:
             return f"{quantity_of(key)}.{joint}"
     return ""
-
-
-def _by_last_word(missing: Sequence[str], names: Names, places: Sequence[str]) -> Choice:
-    """`hip temp` for FR_hip, in a model of one leg: names of a last word alone, if there is one for each node."""
-    last = {place: words_of(place)[-1] for place in places if len(words_of(place)) > 1}
-    choice: Choice = {}
-    for quantity in dict.fromkeys(map(quantity_of, missing)) if 1 < len(places) == len(set(last.values())) else ():
-        fitting = {}
-        for place, word in last.items():
-            own = {word, *_PLACES.get(word, ())}
-            fitting[f"{quantity}.{place}"] = [
-                c for c, name in names.items() if _words_besides(name, quantity, own) == 0
-            ]
-        if all(len(columns) == 1 for columns in fitting.values()) and fitting.keys() <= set(missing):
-            choice |= {key: (columns[0], "the end of its name: check that") for key, columns in fitting.items()}
-    return choice
 
 
 def _by_number(missing: Sequence[str], names: Names, places: Sequence[str]) -> Choice:
