@@ -9,7 +9,7 @@ import shutil
 import tempfile
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import islice
 from pathlib import Path
@@ -78,21 +78,18 @@ def open_bag(path: Path) -> Table:
         of_all = set(wanted)
         asked = {part: [n for n in topic.names if f"{part}.{n}" in of_all] for part, (topic, _) in parts.items()}
         asked = {part: numbers for part, numbers in asked.items() if numbers} or {next(iter(topics)): []}
-        of_topic: dict[str, dict[str, None]] = {}
-        for part, numbers in asked.items():
-            of_topic.setdefault(parts[part][0].name, {}).update(dict.fromkeys(numbers))
+        streams, of_sources = list[Stream](), list[str]()
         with _reader(path) as again:
-            every = {name: _stream(again, store, topics[name], list(some)) for name, some in of_topic.items()}
-        streams, of_sources = [], []
-        for part, numbers in asked.items():
-            topic, source = parts[part]
-            stream = every[topic.name]
-            if source is None:
-                dumb, said = _dumb(path, stream, numbers, topic.sources)
-                of_sources += said
-            else:
+            for part, numbers in asked.items():
+                topic, source = parts[part]
+                stream = replace(_stream(again, store, topic, numbers), topic=part)
                 dumb = set(stream.sources) - {source}
-            streams.append(stream.without(dumb, numbers, part))
+                if source is None:
+                    dumb, said = _dumb(path, stream, topic.sources)
+                    of_sources += said
+                rows = np.array([one not in dumb for one in stream.sources], dtype=bool)
+                kept = replace(stream, stamps=stream.stamps[rows], received=stream.received[rows])
+                streams.append(replace(kept, values=stream.values[rows]))
         stamps, of_clock = one_clock(streams)
         notes[:] = [*of_opening, *of_sources, *of_clock]
         return [
@@ -127,12 +124,6 @@ class Stream:
     values: FloatArray
     sources: Sequence[Hashable] = ()
 
-    def without(self, dumb: set[Hashable], names: Sequence[str], topic: str) -> Stream:
-        """Some of the numbers of the messages that are not of certain sources, under another name."""
-        rows = np.array([source not in dumb for source in self.sources], dtype=bool)
-        columns = [self.names.index(name) for name in names]
-        return Stream(topic, names, self.stamps[rows], self.received[rows], self.values[rows][:, columns])
-
 
 def _stream(reader: Any, store: Any, topic: _Topic, wanted: list[str]) -> Stream:
     """All of a topic's messages of one type, the wanted numbers of each."""
@@ -149,16 +140,15 @@ def _stream(reader: Any, store: Any, topic: _Topic, wanted: list[str]) -> Stream
     return Stream(topic.name, wanted, np.concatenate(stamps), np.concatenate(received), np.concatenate(values), sources)
 
 
-def _dumb(path: Path, stream: Stream, wanted: list[str], first: Sequence[Hashable]) -> tuple[set[Hashable], list[str]]:
-    """Sources of a topic that say zero throughout where another speaks; and notes.
+def _dumb(path: Path, stream: Stream, first: Sequence[Hashable]) -> tuple[set[Hashable], list[str]]:
+    """Sources of a topic that say zero throughout where another speaks; and notes. The `first` ones have numbers.
 
     Raises:
         InputError: two sources say different things of one number.
     """
     if len(set(stream.sources)) > _MOST_SOURCES:
         return set(), []
-    places = [stream.names.index(name) for name in wanted]
-    found = conflicts(wanted, stream.values[:, places], stream.sources)
+    found = conflicts(stream.names, stream.values, stream.sources)
     for pair, name, silent in found:
         if len(silent) != 1:
             numbers = [first.index(source) + 1 if source in first else 0 for source in pair]
