@@ -8,7 +8,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal, NoReturn, cast
+from typing import Any, Literal, NoReturn
 
 import numpy as np
 
@@ -125,7 +125,7 @@ class ColumnSource:
             said, for samples.
     """
 
-    columns: tuple[str, ...]
+    columns: tuple[str, ...] = ()
     unit: str | None = None
     scale: float = 1.0
     offset: float = 0.0
@@ -162,10 +162,9 @@ class ColumnSource:
         return sum(int((np.isnan(self._readings(raw[name])) & ~np.isnan(raw[name])).sum()) for name in self.columns)
 
     def _readings(self, x: FloatArray) -> FloatArray:
-        low, high = self.valid
-        if not self.invalid and (low, high) == (-math.inf, math.inf):
+        if not self.invalid and self.valid == ColumnSource.valid:
             return x
-        return np.where(np.isin(x, self.invalid) | (x < low) | (x > high), np.nan, x)
+        return np.where(np.isin(x, self.invalid) | (x < self.valid[0]) | (x > self.valid[1]), np.nan, x)
 
     def _unwrapped(self, x: FloatArray, quantity: str) -> FloatArray:
         finite = np.isfinite(x)
@@ -306,6 +305,10 @@ def _source(key: str, entry: object, file: str | Path, place: str) -> ColumnSour
         winding = {**_COPPER, **winding}
         settings["scale"] = 1 / (winding["alpha"] * winding["resistance"])
         settings["offset"] = winding["at"] - 1 / winding["alpha"]
+    if how != "rate":
+        settings["columns"] = settings.pop(how)
+    if how in _COMBINED:
+        settings["how"] = how
     quantity, wanted = quantity_of(key), "its quantity, such as V"
     if quantity in _SI:
         wanted = f"{quantity.partition('_')[0]}, such as {_SI[quantity]}"
@@ -313,8 +316,7 @@ def _source(key: str, entry: object, file: str | Path, place: str) -> ColumnSour
         to_si(np.zeros(1), quantity, settings.get("unit"))
     except Exception as error:  # pint raises a dozen kinds of its own and Python's for a text that is no unit
         raise InputError(file, place, f"unit '{settings['unit']}'", f"a unit of {wanted}") from error
-    columns = () if how == "rate" else settings.pop(how)
-    return ColumnSource(columns, how=cast(Combined, how) if how in _COMBINED else "norm", **settings)
+    return ColumnSource(**settings)
 
 
 def _check(key: str, said: Mapping[str, Any], file: str | Path, place: str) -> str:
@@ -387,9 +389,8 @@ def _as_entry(source: ColumnSource) -> dict[str, Any]:
     if source.columns:
         place = ("column", source.columns[0]) if len(source.columns) == 1 else (source.how, source.columns)
     names = ("unit", "rows", "scale", "offset", "wrap", "invalid", "valid", "afterwards")
-    return dict([place]) | {
-        name: said for name in names if (said := getattr(source, name)) not in ("", getattr(ColumnSource(()), name))
-    }
+    said = {name: getattr(source, name) for name in names}
+    return dict([place]) | {name: x for name, x in said.items() if x not in ("", getattr(ColumnSource, name))}
 
 
 # --- What a column's name says: its words, and the unit that it ends in ----------------------------
