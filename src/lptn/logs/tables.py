@@ -95,7 +95,8 @@ class Table:
         raise InputError(self.path, f"{self.where(row)}, column '{name}'", found, expected)
 
     def _floats(self, name: str, series: pd.Series, *, worded: bool) -> FloatArray:
-        if not (kinds.is_numeric_dtype(series) or _is_time(series)):
+        of_words = worded and kinds.is_bool_dtype(series)  # True is no reading of a sensor
+        if of_words or not (kinds.is_numeric_dtype(series) or _is_time(series)):
             series = self._of_text(name, series, worded=worded)
         if kinds.is_datetime64_any_dtype(series):
             strange = ((series.dt.year < _YEARS[0]) | (series.dt.year > _YEARS[1])).to_numpy()
@@ -115,7 +116,9 @@ class Table:
         What has a digit in it is no such word, but a number in some other way, and is refused.
         """
         # A text that a file holds once stands once in memory, and may be a megabyte.
-        series = series.astype(object).map(lambda cell: cell[:_LONGEST_CELL] if isinstance(cell, str) else cell)
+        series = series.astype(object).map(
+            lambda cell: str(cell)[:_LONGEST_CELL] if isinstance(cell, str | bool) else cell
+        )
         if (nested := series.map(type).isin(_NOT_PLAIN).to_numpy()).any():
             row = int(nested.argmax())
             self.refuse(row, name, f"a cell of type {type(series.iloc[row]).__name__}", "a number or an empty cell")
