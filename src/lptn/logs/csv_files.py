@@ -92,22 +92,19 @@ class _Text:
         self.path, self.opened, self.row = path, opened, row
         texts, comments = self._begin()
 
-        def tried(separator: str) -> tuple[int, int, str, Layout, list[list[str]]]:
+        def tried(separator: str) -> tuple[int, bool, int, str, Layout, list[list[str]]]:
             rows = [_cells(text, separator) for text in texts]
             layout = find_layout(rows)
-            return layout.rows, len(rows[max(layout.header, 0)]), separator, layout, rows
+            width, width_of_first = (len(row) for row in (rows[max(layout.header, 0)], [*rows, []][layout.first]))
+            return layout.rows, width == width_of_first, width, separator, layout, rows
 
-        best = max(map(tried, _SEPARATORS), key=lambda one: one[:2])
-        if best[0] == 0 or best[1] == 1:  # blanks stand in names and dates, too
-            wide = tried(_WIDE)
-            first = wide[4][wide[3].first : wide[3].first + 1]
-            as_wide = bool(first) and len(first[0]) == wide[1] > 1
-            best = max(best, wide if as_wide else tried(_BLANK), key=lambda one: one[:2])
-        _, width, self.separator, self.layout, rows = best
+        best = max(map(tried, _SEPARATORS), key=lambda one: one[:3])
+        if best[0] == 0 or best[2] == 1:  # blanks stand in names and dates, too
+            best = max(best, tried(_WIDE), tried(_BLANK), key=lambda one: one[:3])
+        _, _, width, self.separator, self.layout, rows = best
         tables.COLUMNS.check(width, path, "header")
-        layout = self.layout
+        layout, first_row = self.layout, [*rows, []][self.layout.first]
         self.first_line = (*self.lines, self.lines[-1] + 1)[layout.first]
-        first_row = rows[layout.first] if layout.first < len(rows) else []
         above, self.said_of_names = rows[max(layout.header, 0)], ""
         self.names = names_of(above)
         said = f"{len(first_row)} values in the first row under {len(above)} names"
