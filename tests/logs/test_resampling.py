@@ -14,7 +14,6 @@ from lptn.logs.resampling import (
     Samples,
     feature,
     features_of,
-    hold,
     interpolate,
     mean_in_bins,
     raw_keys,
@@ -90,11 +89,6 @@ def test_interpolation_stops_at_nan_and_at_gaps() -> None:
     time, values = np.array([0.0, 1.0, 2.0, 3.0, 9.0]), np.array([10.0, 11.0, np.nan, 13.0, 19.0])
     at = np.array([0.5, 1.0, 1.5, 3.0, 5.0, 9.5])
     np.testing.assert_array_equal(interpolate(time, values, at, 5.0), [10.5, 11.0, np.nan, 13.0, np.nan, 19.0])
-
-
-def test_hold_repeats_the_last_number() -> None:
-    held = hold(np.array([np.nan, 1.0, np.nan, np.nan, 2.0]))
-    np.testing.assert_array_equal(held, [np.nan, 1.0, 1.0, 1.0, 2.0])
 
 
 @pytest.mark.parametrize("every", [1.0, 2.5, 2.52, 7.0])

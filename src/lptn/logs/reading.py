@@ -24,11 +24,7 @@ from lptn.logs.columns import (
     SAMPLES,
     ColumnSource,
     as_line_or_option,
-    column_unit,
-    could_be_in,
     place_of,
-    quantity_of,
-    words_of,
 )
 from lptn.logs.csv_files import ENDINGS as CSV_ENDINGS
 from lptn.logs.csv_files import open_csv, open_spreadsheet
@@ -46,7 +42,6 @@ from lptn.logs.resampling import (
     find_stretches,
     gaps_in_words,
     grid,
-    hold,
     inputs_on_grid,
     raw_keys,
     temperatures_on_grid,
@@ -418,14 +413,6 @@ def _checked_samples(table: Table, choice: ColumnChoice, strict: bool) -> tuple[
 
 def _channels(table: Table, sources: Mapping[str, ColumnSource]) -> tuple[Channels, list[str]]:
     """The file's columns as they stand there, and the quantities in SI and degC, in order of time; and notes."""
-    for key, source in sources.items():  # under whose names a row of units says one that their quantity hasn't
-        alone = source.unit is None and (len(source.columns) == 1 or source.how == "mean")
-        for name in source.columns if alone else ():
-            stated = table.units.get(name, "")
-            if stated and words_of(stated) and not could_be_in(key, stated):
-                meant = as_line_or_option(key, replace(source, unit=column_unit(key)))
-                expected = f"a unit of {quantity_of(key)}; if it is one all the same, write {meant}"
-                raise InputError(table.path, f"column '{name}'", f"a row of units that says {stated}", expected)
     sensors = {name for key, source in sources.items() if key.startswith("temperature.") for name in source.columns}
     numbers = table.numbers((name for source in sources.values() for name in source.columns), sensors)
     raw, notes = dict[str, FloatArray](), list[str]()
@@ -543,7 +530,8 @@ def _runs(
         log_start=float(samples.time[0]),
         log_end=float(samples.time[-1]) + samples.period * samples.means,
     )
-    held = replace(samples, raw={key: hold(values) for key, values in needed.items()})
+    missing = {key: pd.Series(x).ffill() for key, x in needed.items() if np.isnan(x).any()}  # no copy of the others
+    held = replace(samples, raw={**needed, **{key: np.asarray(x, np.float64) for key, x in missing.items()}})
     runs = []
     for number, (start, n) in enumerate(kept, start=1):
         columns = inputs_on_grid(held, choice.inputs, start, step, n)

@@ -328,11 +328,3 @@ def interpolate(time: FloatArray, values: FloatArray, at: FloatArray, max_gap: f
     between[width > max_gap] = np.nan
     # Rounding of a time stamp must not drag a NaN neighbour in.
     return np.where(weight < ROUNDING, values[left], np.where(weight > 1 - ROUNDING, values[right], between))
-
-
-def hold(values: FloatArray) -> FloatArray:
-    """`values` with each NaN replaced by the last number before it; NaN at the beginning stays."""
-    missing = np.isnan(values)
-    if not missing.any():  # no copy of millions of rows
-        return values
-    return values[np.maximum.accumulate(np.where(missing, 0, np.arange(values.size)))]

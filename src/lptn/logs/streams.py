@@ -14,7 +14,7 @@ from itertools import combinations
 import numpy as np
 
 from lptn.basics.arrays import BoolArray, FloatArray
-from lptn.logs.channels import Channels
+from lptn.logs.channels import Channels, spans
 from lptn.logs.columns import INPUTS
 
 ANOTHER_SOURCE = "of another source"
@@ -103,15 +103,11 @@ def _between_others(drives: FloatArray, *, stopped: bool) -> BoolArray:
     """Rows of (n, joints) that are zero, single ones or between single others; of speeds, where joints stop at once."""
     size = np.linalg.norm(drives, axis=1)
     zero, nowhere = size == 0, np.zeros(size.size, dtype=bool)
-    edges = np.flatnonzero(np.diff(zero.astype(int))) + 1
-    if edges.size < _OFTEN:
+    inner = np.array([one for one in spans(zero) if one[0] > 0 and one[1] < zero.size]).reshape(-1, 2)
+    spoken = np.array(spans(~zero)).reshape(-1, 2)
+    if len(inner) < _OFTEN or min(np.median(np.diff(inner)), np.median(np.diff(spoken))) > 1:
         return nowhere
-    starts, stops = np.append(0, edges), np.append(edges, zero.size)
-    lengths, of_zeros = stops - starts, zero[starts]
-    inner = of_zeros & (starts > 0) & (stops < zero.size)
-    if inner.sum() < _OFTEN or min(np.median(lengths[inner]), np.median(lengths[~of_zeros])) > 1:
-        return nowhere
-    before, behind = drives[starts[inner] - 1], drives[stops[inner]]
+    before, behind = drives[inner[:, 0] - 1], drives[inner[:, 1]]
     largest = np.maximum(np.linalg.norm(before, axis=1), np.linalg.norm(behind, axis=1))
     tells = largest > _LOUD * float(np.sqrt(np.mean(size[~zero] ** 2)))
     if stopped:

@@ -16,7 +16,17 @@ import numpy as np
 from lptn.basics.arrays import FloatArray
 from lptn.logs.channels import Channels, quantisation_step
 from lptn.logs.clock import suspect_unit_of_time
-from lptn.logs.columns import AMBIENT, ColumnName, ColumnSource, as_line_or_option, column_unit, place_of, quantity_of
+from lptn.logs.columns import (
+    AMBIENT,
+    ColumnName,
+    ColumnSource,
+    as_line_or_option,
+    column_unit,
+    could_be_in,
+    place_of,
+    quantity_of,
+    words_of,
+)
 from lptn.logs.issue import Issue, correctable, in_unit
 from lptn.logs.law import settles
 
@@ -75,9 +85,14 @@ def suspect_unit(log: Channels, key: str) -> list[Issue]:
 def _suspect_name(log: Channels, key: str) -> list[Issue]:
     """Another unit than SI, by a row of units or, beyond doubt, the column's name."""
     source, quantity, name = log.sources[key], quantity_of(key), log.sources[key].columns[0]
-    stated = ColumnName.of(name, log.units[name]).unit(quantity) if log.units.get(name) else ""
-    if stated and stated != column_unit(key) and source.scale == 1:
-        return [in_unit(key, source, stated, f"the row of units below the names says {stated}")]
+    for column, cell in ((column, log.units[column]) for column in source.columns if log.units.get(column)):
+        stated = ColumnName.of(column, cell).unit(quantity)
+        if words_of(cell) and not could_be_in(key, cell):
+            remedy = f"a unit of {quantity}; if it is one all the same, write {{}}"
+            meant = replace(source, columns=(column,), unit=column_unit(key))
+            return [correctable(key, f"a row of units that says {cell}", meant, True, remedy)]
+        if stated and stated != column_unit(key) and source.scale == 1:
+            return [in_unit(key, source, stated, f"the row of units below the names says {stated}")]
     unit = ColumnName.of(name).unit(quantity)
     named = source.scale == 1 and quantity in PLAUSIBLE and unit in PLAUSIBLE[quantity].named
     if named and quantity == "temperature":  # a column T_K that was converted to degC keeps its name
