@@ -395,7 +395,7 @@ def _as_entry(source: ColumnSource) -> dict[str, Any]:
 
 # --- What a column's name says: its words, and the unit that it ends in ----------------------------
 
-_UNITS: Mapping[str, Mapping[str, str]] = {
+UNITS: Mapping[str, Mapping[str, str]] = {
     "time": {
         "s": "s", "sec": "s", "secs": "s", "seconds": "s", "ms": "ms", "msec": "ms", "millis": "ms",
         "milliseconds": "ms", "us": "us", "usec": "us", "micros": "us", "microseconds": "us", "µ s": "us", "ns": "ns",
@@ -420,8 +420,6 @@ _UNITS: Mapping[str, Mapping[str, str]] = {
 
 _BRACKETED = re.compile(r"[\[(]\s*([^\[\]()]+?)\s*[\])]\s*$")
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+|°|µ|%")
-_ELECTRICAL = ("erpm", "e rpm")
-"""Speeds in electrical turns: the number of pole pairs, which no log says, makes them mechanical."""
 _OTHER_UNITS = frozenset(("%", "v", "mv", "hz", "w m", "deg", "rad", "h", "pa", "bar", "n", "m", "mm", "kg", "j"))
 """Units, written in the same way, of what no model asks for."""
 
@@ -434,13 +432,7 @@ def is_unit(cell: str) -> bool:
     words = " ".join(words_of(text))
     if not words:
         return not any(map(str.isalpha, text))
-    return words in _OTHER_UNITS or any(words in endings for endings in _UNITS.values())
-
-
-def could_be_in(key: str, unit: str) -> bool:
-    """Whether a quantity could be in what a file calls its unit; of a quantity with any unit nobody knows."""
-    quantity = key.partition(".")[0]
-    return quantity not in _UNITS or bool(ColumnName.of("", unit).unit(quantity))
+    return words in _OTHER_UNITS or any(words in endings for endings in UNITS.values())
 
 
 def words_of(name: str) -> tuple[str, ...]:
@@ -470,12 +462,12 @@ class ColumnName:
             return cls(words_of(name), "")
         before, inside = name[: match.start()], match[1]
         words = words_of(inside)
-        is_unit = not inside.isdigit() and any(" ".join(words) in endings for endings in _UNITS.values())
+        is_unit = not inside.isdigit() and any(" ".join(words) in endings for endings in UNITS.values())
         return cls((*words_of(before), *(() if is_unit else words)), inside)
 
     def unit(self, quantity: str) -> str:
         """The unit that the name ends in, or has in a bracket; '' where it has none that `quantity` could have."""
-        endings = _UNITS.get(quantity, {})
+        endings = UNITS.get(quantity, {})
         if (inside := " ".join(words_of(self.bracket))) in endings:
             return endings[inside]
         for count in (3, 2, 1):
@@ -484,8 +476,3 @@ class ColumnName:
             if len(self.words) > count and ending in endings:
                 return endings[ending]
         return ""
-
-    @property
-    def electrical(self) -> bool:
-        """Whether it is a speed in electrical turns."""
-        return " ".join(self.words).endswith(_ELECTRICAL) or "erpm" in self.words

@@ -18,11 +18,11 @@ from lptn.logs.channels import Channels, quantisation_step
 from lptn.logs.clock import suspect_unit_of_time
 from lptn.logs.columns import (
     AMBIENT,
+    UNITS,
     ColumnName,
     ColumnSource,
     as_line_or_option,
     column_unit,
-    could_be_in,
     place_of,
     quantity_of,
     words_of,
@@ -39,25 +39,23 @@ class Plausible:
         most: of a temperature the middle reading, of all else 99 of 100: no part of a robot has more.
         most_whole: the same where all are whole numbers: nobody measures large ones so coarsely.
         unit: in which such numbers rather are.
-        named: units that a column's name says beyond doubt; "c" or "s" may mean something else.
         full_scale: of a converter whose counts they may be, in the line that is proposed: no number tells it.
     """
 
     most: float
     most_whole: float
     unit: str
-    named: frozenset[str]
     full_scale: float = 0.0
 
 
 PLAUSIBLE = {
     # Insulation of the best class bears 240 degC, magnets less, and none of them for half of a log.
-    "temperature": Plausible(200.0, 200.0, "K", frozenset({"degF", "K"}), 125.0),
-    "torque": Plausible(1000.0, 150.0, "mN*m", frozenset({"mN*m"}), 50.0),
-    "current": Plausible(1000.0, 250.0, "mA", frozenset({"mA"}), 40.0),
-    "velocity": Plausible(2000.0, 300.0, "rpm", frozenset({"rpm", "deg/s", "turn/s"})),  # 19,000 rpm
+    "temperature": Plausible(200.0, 200.0, "K", 125.0),
+    "torque": Plausible(1000.0, 150.0, "mN*m", 50.0),
+    "current": Plausible(1000.0, 250.0, "mA", 40.0),
+    "velocity": Plausible(2000.0, 300.0, "rpm"),  # 19,000 rpm
     # Of torque and speed, or of a supply: the strongest joints of legged robots reach some 3 kW for a moment.
-    "power": Plausible(5000.0, 5000.0, "mW", frozenset({"mW", "kW"})),
+    "power": Plausible(5000.0, 5000.0, "mW"),
 }
 _COLDEST = -60.0  # degC, of a sensor on a robot, the middle reading
 _MELTS = 300.0  # degC, the middle reading: it is refused; 200 to 300 is asked for where a tenth of it is below 200
@@ -87,19 +85,19 @@ def _suspect_name(log: Channels, key: str) -> list[Issue]:
     source, quantity, name = log.sources[key], quantity_of(key), log.sources[key].columns[0]
     for column, cell in ((column, log.units[column]) for column in source.columns if log.units.get(column)):
         stated = ColumnName.of(column, cell).unit(quantity)
-        if words_of(cell) and not could_be_in(key, cell):
+        if not stated and words_of(cell) and quantity in UNITS:
             remedy = f"a unit of {quantity}; if it is one all the same, write {{}}"
             meant = replace(source, columns=(column,), unit=column_unit(key))
             return [correctable(key, f"a row of units that says {cell}", meant, True, remedy)]
         if stated and stated != column_unit(key) and source.scale == 1:
             return [in_unit(key, source, stated, f"the row of units below the names says {stated}")]
     unit = ColumnName.of(name).unit(quantity)
-    named = source.scale == 1 and quantity in PLAUSIBLE and unit in PLAUSIBLE[quantity].named
+    named = source.scale == 1 and quantity in PLAUSIBLE and unit not in ("", column_unit(key))
     if named and quantity == "temperature":  # a column T_K that was converted to degC keeps its name
         named = _can_be(_middle(replace(source, unit=unit).values(key, log.numbers)))
     if named:
         return [in_unit(key, source, unit, f"no unit is given for '{name}', whose name says {unit}")]
-    if quantity == "velocity" and ColumnName.of(name).electrical:
+    if quantity == "velocity" and "erpm" in words_of(name):
         meant = replace(source, unit="rpm", scale=1 / _EXAMPLE_POLE_PAIRS)
         remedy = f"for {_EXAMPLE_POLE_PAIRS} pole pairs, say, write {as_line_or_option(key, meant)}"
         # No log says how many there are, so that nobody is to take this line unseen.
