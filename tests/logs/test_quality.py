@@ -72,6 +72,9 @@ def test_a_unit_that_can_not_be_is_refused_and_its_remedy_corrects_it(
         ("velocity.a", "motor rpm", "rpm"),
         ("torque.a", "tau [mNm]", "mN*m"),
         ("temperature.a", "T_degF", "degF"),
+        ("torque.a", "tau_Ncm", "N*cm"),
+        ("speed.base", "v_kmh", "km/h"),
+        ("power.a", "P_kW", "kW"),
     ],
 )
 def test_a_name_that_says_another_unit_is_heard(write: Write, refuse: Refuse, key: str, name: str, unit: str) -> None:

@@ -11,7 +11,7 @@ import pandas as pd
 
 from lptn.basics.arrays import FloatArray, IntArray
 from lptn.basics.errors import InputError
-from lptn.logs.columns import ColumnName, ColumnSource, as_line_or_option, is_number, to_si
+from lptn.logs.columns import ColumnSource, as_line_or_option, is_number, to_si
 from lptn.logs.issue import Issue, in_unit
 from lptn.logs.tables import Table
 
@@ -128,7 +128,6 @@ def within_stamps(
     return spread, f"time: stamps {usual:.3g} s apart for {count} each, which are spread evenly."
 
 
-_IN_NAMES = ("ms", "us", "ns", "min")  # units that nothing else at a name's end means; "s" may
 _SINCE_1970 = (("ms", 3e11, 1e13), ("us", 3e14, 1e16), ("ns", 3e17, 1e19))  # first times from 1979 to 2286
 _LONG_PERIOD = 20.0  # s: a log of whole numbers this far apart, over half a day, is rather one in a smaller unit
 
@@ -136,7 +135,7 @@ _LONG_PERIOD = 20.0  # s: a log of whole numbers this far apart, over half a day
 def suspect_unit_of_time(source: ColumnSource, time: FloatArray) -> list[Issue]:
     """Milliseconds and less, or minutes, of a time (n,) that is read as s.
 
-    By the column's name, a time since 1970, or rows that are far apart.
+    By a time since 1970, or rows that are far apart.
     """
     if source.scale != 1.0 or time.size < 2 or not np.isfinite(time).all():
         return []
@@ -144,9 +143,6 @@ def suspect_unit_of_time(source: ColumnSource, time: FloatArray) -> list[Issue]:
     for unit, low, high in _SINCE_1970:
         if low < first < high:
             return [in_unit("time", source, unit, f"times around {first:.4g}, which look like {unit} since 1970")]
-    named = ColumnName.of(source.columns[0]).unit("time")
-    if named in _IN_NAMES:
-        return [in_unit("time", source, named, f"no unit is given for '{source.columns[0]}', whose name says {named}")]
     of_minutes = period % 60 == 0  # buildings are logged so; nobody logs every 60 ms
     if period >= _LONG_PERIOD and not of_minutes and span > _DAY / 2 and bool((np.round(time) == time).all()):
         unit = _unit_of_rows(period)

@@ -92,7 +92,7 @@ def _suspect_name(log: Channels, key: str) -> list[Issue]:
         if stated and stated != column_unit(key) and source.scale == 1:
             return [in_unit(key, source, stated, f"the row of units below the names says {stated}")]
     unit = ColumnName.of(name).unit(quantity)
-    named = source.scale == 1 and quantity in PLAUSIBLE and unit not in ("", column_unit(key))
+    named = source.scale == 1 and unit not in ("", column_unit(key))
     if named and quantity == "temperature":  # a column T_K that was converted to degC keeps its name
         named = _can_be(_middle(replace(source, unit=unit).values(key, log.numbers)))
     if named:
