@@ -108,6 +108,7 @@ HEALTHY: dict[str, dict[str, float]] = {
     "that begins hot": {"start": 120.0},
     "that comes out of a fridge": {"start": -15.0},
     "of a small mass": {"capacity": 4.0},
+    "of a small mass that begins hot": {"capacity": 4.0, "start": 80.0},
     "of a mass smaller still": {"capacity": 1.0},
     "of an oven": {"scale": 1.7},
 }

@@ -69,6 +69,20 @@ def test_a_biped_whose_legs_are_alike_has_no_copies(
     assert not duplicates(biped(seed, *noise_and_step, scatter))
 
 
+@pytest.mark.parametrize(
+    ("seed", "scatter", "step"),
+    [(1, 0.0005, 0.5), (1, 0.001, 0.5), (2, 0.0005, 0.5), (10, 0.0005, 0.5), (11, 0.0005, 1.0)],
+)
+def test_coarse_sensors_without_noise_of_two_legs_that_are_alike_are_no_copies(
+    seed: int, scatter: float, step: float
+) -> None:
+    """They give the same number in 99 of 100 rows, and cross half of their steps in the same row."""
+    log = biped(seed, 0.0, step, scatter)
+    assert not duplicates(log)
+    log["temperature.knee_R"] = log["temperature.knee_L"]
+    assert {"temperature.knee_L", "temperature.knee_R"} in duplicates(log)
+
+
 @pytest.mark.parametrize("hold", [3, 10])
 @pytest.mark.parametrize(("seed", "segments"), [(98, STAND_AND_TROT), (4, SQUAT), (7, TROT)])
 def test_sensors_that_one_bus_repeats_for_seconds_are_no_copies(

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from lptn.basics.arrays import FloatArray
-from lptn.logs.channels import Channels, spans
+from lptn.logs.channels import FEWEST, Channels, spans
 from lptn.logs.columns import AMBIENT, HEATS, place_of
 from lptn.logs.issue import Issue
 
@@ -30,14 +30,13 @@ def without_held_rows(log: Channels) -> tuple[Channels, list[Issue]]:
     alike = np.ones(max(time.size - 1, 0), dtype=bool)
     for channel in channels.values():
         alike &= channel[1:] == channel[:-1]
-    measured = [*log.of("temperature").values(), *log.of("velocity").values()] if alike.any() else []
-    lively = [x for x in measured if _back_and_forth(np.diff(x)) > _NEW * alike.size]
+    measured = [*log.of("temperature").values(), *log.of("velocity").values()]
     held, rows = [], np.zeros(time.size, dtype=bool)
     for first, last in spans(alike):
         if last - first < _HELD_ROWS or time[last] - time[first] < _HELD:
             continue
         beside = np.r_[max(first - _AROUND, 0) : first, last : min(last + _AROUND, alike.size)]
-        moves = [_back_and_forth(x[beside + 1] - x[beside]) for x in lively if x[first] != 0]
+        moves = [_back_and_forth(x[beside + 1] - x[beside]) for x in measured if x[first] != 0]
         shares = [(beside.size - count + 1) / (beside.size + 2) for count in moves]
         telling = [share for share in shares if share < 1 - _NEW]
         if len(telling) >= _SEVERAL and (last - first) * np.log(telling).sum() < np.log(_SURE):
@@ -61,11 +60,9 @@ def _back_and_forth(moves: FloatArray) -> int:
 
 # --- Channels that say the same -------------------------------------------------------------------
 
-_FEWEST, _ALIKE = 20, 0.99  # changes that a copy makes; share of rows in which two channels give the same number
-_MOVED = 0.5  # K; of two that stand still nothing is known
-_TOGETHER = 0.5
-"""Share of its changes that a copy makes in the same row. Two joints at rest, as warm as each other and read in steps
-of 1 K, give the same number in 99 of 100 rows, but cross a step at different ones."""
+_TOGETHER = 0.9
+"""Share of the rows in which one of two channels changes, in which a copy does the same. Two joints as warm as each
+other, read in steps of 1 K, give the same number in 99 of 100 rows, but cross a step in different ones."""
 _MEASURED = 50  # numbers that a measured torque takes; fewer are what was asked for
 _WHOSE = "one of the two is not where it is said to be"
 
@@ -74,33 +71,32 @@ def duplicates(log: Channels) -> dict[str, str]:
     """Of temperatures that say the same, number by number or to their noise, the later ones, each with the first."""
 
     def is_one(key: str, earlier: str) -> bool:
-        if _is_copy(log.values[key], log.values[earlier]):
-            return True
-        return log.block >= _ROWS and _shares_noise(log, key, earlier)
+        exactly = _moves_alike(log.values[key], log.values[earlier])
+        return exactly or (log.block >= _ROWS and _shares_noise(log, key, earlier))
 
     return _pairs(log, [key for key in log.of("temperature") if key != AMBIENT], is_one)
 
 
 def copies_in(log: Channels, twice: Mapping[str, str]) -> list[Issue]:
     """Temperatures that are another column's, by `duplicates`; torques and currents that are another joint's."""
-    issues = []
-    for key, other in twice.items():
-        remedy = f"{_WHOSE}, and beside others neither is used; map its own column"
-        column = log.sources[key].columns[0]
-        issues.append(Issue(key, column, f"the same readings as {other}", remedy, False, kind="duplicate"))
 
     def is_one(key: str, other: str) -> bool:
         # Two joints that are made alike, and commanded alike, have one speed as well.
-        speeds = [log.values.get(f"velocity.{place_of(one)}") for one in (key, other)]
-        together = speeds[0] is not None and speeds[1] is not None and _is_copy(speeds[0], speeds[1], moved=0.0)
-        return not together and _is_copy(log.values[key], log.values[other], moved=0.0, levels=_MEASURED)
+        speeds = [log.values.get(f"velocity.{place_of(one)}", np.zeros(0)) for one in (key, other)]
+        one = _moves_alike(log.values[key], log.values[other]) and np.unique(log.values[key]).size >= _MEASURED
+        return one and not _moves_alike(*speeds)
 
+    def said(key: str, other: str, what: str, remedy: str) -> Issue:
+        problem = f"the same {what} as {other}"
+        return Issue(key, log.sources[key].columns[0], problem, _WHOSE + remedy, certain=False, kind="duplicate")
+
+    unused = ", and beside others neither is used; map its own column"
+    issues = [said(key, other, "readings", unused) for key, other in twice.items()]
     for quantity in HEATS:
         for key, other in _pairs(log, list(log.of(quantity)), is_one).items():
             if not log.is_believed(key):
-                remedy = f"{_WHOSE}: map its own column; if both are right, write {log.believed(key)}"
-                column = log.sources[key].columns[0]
-                issues.append(Issue(key, column, f"the same numbers as {other}", remedy, False, kind="duplicate"))
+                remedy = f": map its own column; if both are right, write {log.believed(key)}"
+                issues.append(said(key, other, "numbers", remedy))
     return issues
 
 
@@ -114,25 +110,20 @@ def _pairs(log: Channels, keys: Sequence[str], is_one: Callable[[str, str], bool
     return {key: other for key, other in pairs.items() if of[key] != of[other]}
 
 
-def _is_copy(one: FloatArray, other: FloatArray, moved: float = _MOVED, levels: int = 0) -> bool:
-    """Whether two channels give the same numbers, and move by so much, through so many numbers."""
-    equal = int(np.count_nonzero(one == other))
-    if equal < _FEWEST:  # the usual case, said by one look at millions of rows
+def _moves_alike(one: FloatArray, other: FloatArray) -> bool:
+    """Whether two channels give the same numbers, and change in the same rows, of which there are some."""
+    if one.size != other.size or np.count_nonzero(one == other) < FEWEST:  # the usual case, said by one look at them
         return False
     both = np.isfinite(one) & np.isfinite(other)
-    if equal < _ALIKE * np.count_nonzero(both):
-        return False
     moves, others = np.diff(one[both]), np.diff(other[both])
-    changes = np.count_nonzero(moves)
-    if changes < _FEWEST or np.ptp(one[both]) < moved or np.unique(one[both]).size < levels:
-        return False
-    return bool(np.count_nonzero((moves == others) & (moves != 0)) >= _TOGETHER * changes)
+    changes = (moves != 0) | (others != 0)
+    return bool(np.count_nonzero(changes) >= FEWEST and np.mean((moves == others)[changes]) >= _TOGETHER)
 
 
 _WARMED = 5.0  # K, by which both move
 _ROWS = 3  # of a block, 10 s apart at most: over longer a part's warming looks like noise
 _ROUNDED = 0.1  # of the noise, by which means over a block may differ beside
-_EXACT = 1e-6  # K, of two columns that differ by a number
+_ROUNDING = 1e-6  # K, of two columns that differ by a number
 _ORDER = 4  # of the differences between rows that are noise: a part's warming is smooth, and has next to none
 _SHARED = 0.5
 """Of the quieter sensor's noise, which a copy repeats whole. What all have of one converter is taken out; of n + 2
@@ -148,12 +139,12 @@ def _shares_noise(log: Channels, one: str, other: str) -> bool:
     if not np.isfinite(apart).all() or min(np.ptp(log.means(one)), np.ptp(log.means(other))) < _WARMED:
         return False
     noise = float(np.nanstd(np.diff(pair[0] - pair[1]))) / np.sqrt(2)
-    if np.std(apart) > (2 / np.sqrt(log.block) + _ROUNDED) * max(noise, _EXACT):
+    if np.std(apart) > (2 / np.sqrt(log.block) + _ROUNDED) * max(noise, _ROUNDING):
         return False
     rows = np.flatnonzero(np.isfinite(pair).all(axis=0))
     # A bus that repeats a reading repeats those of all its sensors.
     rows = rows[np.append(True, np.any([np.diff(x[rows]) != 0 for x in pair], axis=0))]
-    if rows.size < _FEWEST:
+    if rows.size < FEWEST:
         return False
     others = [x[rows] for key, x in log.of("temperature").items() if key not in (one, other)]
     for beside in ([], [x for x in others if np.isfinite(x).all()]):

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal, NamedTuple
 
@@ -17,6 +16,11 @@ from lptn.logs.resampling import means_of_blocks
 
 # --- Stretches of rows ----------------------------------------------------------------------------
 
+FEWEST = 20  # readings, or changes of these, that tell what a channel is like
+GAP = 10.0  # times the usual distance of readings, or of their means: nothing was logged for a while
+SHORTEST, STILL = 60.0, 180.0
+"""s, of a number at an end of the range, and of one among others: filters in drives let a steady motor's reading stand
+for two minutes."""
 Kind = Literal["frozen", "clamped", "dead", "disconnected", "wrap", "spike", "code"]
 
 
@@ -48,10 +52,14 @@ class Silence:
     left_out: bool = True
 
     @classmethod
-    def at(cls, time: FloatArray, kind: Kind, value: float, rows: BoolArray, *, whole: bool = False) -> Silence:
-        """That of some rows, (n,) like the times [s]."""
-        stamps = time[rows]
-        return cls(kind, value, float(stamps[0]), float(stamps[-1]), rows, whole=whole)
+    def at(
+        cls, time: FloatArray, kind: Kind, value: float, rows: BoolArray | IntArray, *, whole: bool = False
+    ) -> Silence:
+        """That of some rows, true ones of (n,) or numbers of (rows,), at times (n,) s."""
+        which = np.zeros(time.size, dtype=bool)
+        which[rows] = True
+        stamps = time[which]
+        return cls(kind, value, float(stamps[0]), float(stamps[-1]), which, whole=whole)
 
     @property
     def lasts(self) -> bool:
@@ -126,6 +134,7 @@ so that a stretch of three minutes has six; and so many at the most."""
 _BEYOND = 100.0  # times what 99 of 100 squares of a load are, that none has
 
 
+@dataclass
 class Channels:
     """Quantities of a log, and where they stand in its file.
 
@@ -134,18 +143,17 @@ class Channels:
         sources: where they stand.
         numbers: the file's columns, (n,) each, as they stand there.
         units: what a row of units in the file says of a column.
+        known_means: `means` that were asked for already.
     """
 
-    def __init__(
-        self,
-        values: Mapping[str, FloatArray],
-        sources: Mapping[str, ColumnSource] | None = None,
-        numbers: Mapping[str, FloatArray] | None = None,
-        units: Mapping[str, str] | None = None,
-    ) -> None:
-        self.values, self.time = values, values["time"]
-        self.sources, self.numbers, self.units = sources or {}, numbers or {}, units or {}
-        self._means: dict[str, FloatArray] = {}
+    values: Mapping[str, FloatArray]
+    sources: Mapping[str, ColumnSource] = field(default_factory=dict)
+    numbers: Mapping[str, FloatArray] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+    known_means: dict[str, FloatArray] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.time = self.values["time"]
 
     def of(self, quantity: str) -> dict[str, FloatArray]:
         """Its channels, (n,) each, by their keys."""
@@ -153,12 +161,8 @@ class Channels:
 
     def with_channels(self, values: Mapping[str, FloatArray]) -> Channels:
         """The same with another course of some channels, (n,) each."""
-        other = copy(self)
-        other.values = {**self.values, **values}
-        other._means = {key: means for key, means in self._means.items() if key not in values}
-        for name in ("sensors", "loads"):
-            vars(other).pop(name, None)
-        return other
+        means = {key: x for key, x in self.known_means.items() if key not in values}
+        return replace(self, values={**self.values, **values}, known_means=means)
 
     def without(self, silent: Mapping[str, Sequence[Silence]]) -> Channels:
         """The same with NaN where channels are silent."""
@@ -212,7 +216,7 @@ class Channels:
 
     def means(self, key: str) -> FloatArray:
         """Of one channel, (blocks,)."""
-        if key not in self._means:
+        if key not in self.known_means:
             values, quantity = self.values[key], quantity_of(key)
             if quantity in HEATS:
                 values = np.square(values)
@@ -220,5 +224,5 @@ class Channels:
                 usual = float(np.quantile(few[np.isfinite(few)], 0.99)) if np.isfinite(few).any() else 0.0
                 values = np.where(values > _BEYOND * usual, np.nan, values) if usual > 0 else values
             values = np.abs(values) if quantity == "velocity" else values
-            self._means[key] = means_of_blocks(values, self.block)
-        return self._means[key]
+            self.known_means[key] = means_of_blocks(values, self.block)
+        return self.known_means[key]

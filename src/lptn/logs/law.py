@@ -19,17 +19,17 @@ from typing import NamedTuple
 import numpy as np
 
 from lptn.basics.arrays import BoolArray, FloatArray, IntArray
-from lptn.logs.channels import Channels, spans, standing
+from lptn.logs.channels import GAP, SHORTEST, STILL, Channels, spans, standing
 from lptn.logs.columns import AMBIENT, place_of
+from lptn.logs.scatter import MAD_TO_SIGMA
 
 _FEWEST = 30  # blocks that tell a law
-_GAP = 10.0  # times the usual step from block to block: over one so long the law is not straight
 _THERE = 0.9  # share of the blocks in which a neighbour has readings
 _CONDUCTANCE, _HEATS = 1 / 500, 0.1
 """1/s, of a conductance to a capacity, and K/s of heat, as they are likely: where a log does not tell two of them
 apart, neither is large."""
 _NOISE, _LEAST = 0.1, 1e-4  # K, of a step, with which the first fit is made; that a log without any has
-_MAD, _FAR = 1.48, 2.0  # standard deviation of noise over its median size; times that, what counts by its size alone
+_FAR = 2.0  # standard deviations, from which on what is off counts by its size alone
 _REWEIGHTED = 6  # least squares whose weights make them least absolute errors: a fall is far off, and rare
 
 
@@ -79,7 +79,7 @@ class Warming(NamedTuple):
                     break
                 kept = np.delete(kept, below.argmin())
             off = self.moved - columns[:, kept] @ found
-            noise = max(_MAD * float(np.median(np.abs(off[used]))), _LEAST)
+            noise = max(MAD_TO_SIGMA * float(np.median(np.abs(off[used]))), _LEAST)
             weights = 1 / np.maximum(np.abs(off[used]) / (_FAR * noise), 1.0)
         coefficients = np.zeros(sizes.size)
         coefficients[kept] = found * likely[kept]
@@ -101,7 +101,7 @@ def warming(log: Channels, key: str, load: str) -> Warming | None:
         columns.append(log.means(speed))
     table, apart = np.column_stack(columns), np.diff(log.means("time"))
     table = np.column_stack([np.diff(warm) / apart, 0.5 * (table[:-1] + table[1:])])
-    rows = np.flatnonzero(np.isfinite(table).all(axis=1) & (apart < _GAP * np.median(apart)))
+    rows = np.flatnonzero(np.isfinite(table).all(axis=1) & (apart < GAP * np.median(apart)))
     if rows.size < _FEWEST:
         return None
     return Warming(rows, table[rows, 0], apart[rows], table[rows, 1:], speed in log.values)
@@ -157,9 +157,6 @@ that change with temperature are no part of it."""
 _ASKED = 10  # stretches, the longest: those of a whole day's coarse sensor at rest would take minutes
 _SPARE = 8  # steps more than the law has coefficients
 _WARM, _AT_AIR, _RISES = 6.0, 1.5, 0.2  # K above the air; K from it; K from block to block: it does not fall to the air
-SHORTEST, STILL = 60.0, 180.0
-"""s, of a number at an end of the range, and of one among others: filters in drives let a steady motor's reading stand
-for two minutes."""
 
 
 def against_heat(log: Channels, key: str, load: str, resolution: float) -> list[tuple[int, int]]:
@@ -167,28 +164,26 @@ def against_heat(log: Channels, key: str, load: str, resolution: float) -> list[
 
     It reads in steps of `resolution` [K], 0 for none, and `load` heats its part.
     """
-    there, size = np.flatnonzero(np.isfinite(log.values[key])), log.block
+    there = np.flatnonzero(np.isfinite(log.values[key]))
     law = warming(log, key, load) if there.size else None
     if law is None:
         return []
-    readings, groups = log.values[key][there], [[stretch] for stretch in _at_the_air(log, key, resolution)]
-    for limit in (float(readings.max()), float(readings.min()), None):
-        first, last = (there[rows] for rows in standing(readings if limit is None else readings == limit))
-        stands = log.time[last] - log.time[first] >= (STILL if limit is None else SHORTEST)
-        stands &= True if limit is None else log.values[key][first] == limit
-        stretches = list(zip(first[stands].tolist(), last[stands].tolist(), strict=True))
+    groups: dict[object, list[tuple[int, int]]] = {one: [one] for one in _at_the_air(log, key, resolution)}
+    readings, (first, last) = log.values[key][there], standing(log.values[key][there])
+    at_limit = np.isin(readings[first], (readings.min(), readings.max()))
+    long = log.time[there[last]] - log.time[there[first]] >= np.where(at_limit, SHORTEST, STILL)
+    for k in np.flatnonzero(long).tolist():
         # A limit that holds once holds whenever it is reached.
-        groups += [[stretch] for stretch in stretches] if limit is None or not stretches else [stretches]
+        group = groups.setdefault(float(readings[first[k]]) if at_limit[k] else (k,), [])
+        group.append((int(there[first[k]]), int(there[last[k]])))
     found: list[tuple[int, int]] = []
     known = np.ones(law.rate.size, dtype=bool)
-    with_all = law.fitted()[1] if groups else law.rate
-    for group in sorted(groups, key=lambda group: -sum(last - first for first, last in group))[:_ASKED]:
-        new = [tuple(np.searchsorted(law.rows, np.array(one) // size)) for one in group if one not in found]
-        if new and _is_contradicted(law, new, known, with_all, resolution):
+    for group in sorted(groups.values(), key=lambda group: -sum(last - first for first, last in group))[:_ASKED]:
+        steps = [tuple(np.searchsorted(law.rows, np.array(one) // log.block)) for one in group if one not in found]
+        if steps and _is_contradicted(law, steps, known, resolution):
             found += [stretch for stretch in group if stretch not in found]
-            for begin, end in new:
+            for begin, end in steps:
                 known[max(begin - 1, 0) : end + 1] = False
-            with_all = law.fitted(known)[1]
     return found
 
 
@@ -205,12 +200,10 @@ def _at_the_air(log: Channels, key: str, resolution: float) -> list[tuple[int, i
     return stretches
 
 
-def _is_contradicted(
-    law: Warming, stretches: Sequence[tuple[int, ...]], known: BoolArray, with_all: FloatArray, resolution: float
-) -> bool:
+def _is_contradicted(law: Warming, stretches: Sequence[tuple[int, ...]], known: BoolArray, resolution: float) -> bool:
     """Whether in one of some stretches, from a step to the one behind the last, the part would have moved otherwise.
 
-    Those steps are `known`, (m,), that are no others'; `with_all` is what the law is off that these are a part of [K].
+    Those steps are `known`, (m,), that are no others'.
     """
     asked = np.zeros(law.rate.size, dtype=bool)
     for begin, end in stretches:
@@ -222,7 +215,7 @@ def _is_contradicted(
     usual = max(float(np.mean(np.abs(off[told]))), _OF_MOVES * float(np.mean(np.abs(moved[told]))))
     usual = max(usual, float(np.finfo(float).tiny))  # of a robot at rest without any noise
     few = min(np.count_nonzero(asked), np.count_nonzero(told))
-    worse = float(np.abs(with_all[known | asked]).sum() - np.abs(off[told]).sum()) / few / usual
+    worse = float(np.abs(law.fitted(known)[1][known | asked]).sum() - np.abs(off[told]).sum()) / few / usual
     total, elsewhere = (np.concatenate(([0.0], np.cumsum(x))) for x in (off, np.where(told, off, 0.0)))
     for begin, end in stretches:
         as_long = np.abs(elsewhere[end - begin :] - elsewhere[: elsewhere.size - end + begin])
@@ -263,21 +256,19 @@ def gain_change(log: Channels, key: str, load: str) -> tuple[int, float] | None:
     if not changes.size:
         return None
     # From each row on the load's heat changes, other heat, and what leaves to the air.
-    late = np.where(np.arange(count) >= changes[:, None], 1.0, 0.0)[:, :, None] * design[:, :3]
-    designs = np.concatenate([late, np.broadcast_to(design, (changes.size, *design.shape))], axis=2)
+    late = [np.where(np.arange(count) >= change, 1.0, 0.0)[:, None] * design[:, :3] for change in changes]
 
-    def least_squares(designs: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Of each design (n, columns) the coefficients, and the squares that are left."""
-        turned = np.swapaxes(designs, 1, 2)
-        normal = turned @ designs + _RIDGE * np.eye(designs.shape[2])
-        fitted = np.linalg.solve(normal, (turned @ law.rate)[:, :, None])[:, :, 0]
-        squares: FloatArray = np.square(law.rate - (designs @ fitted[:, :, None])[:, :, 0]).sum(axis=1)
-        return np.asarray(fitted, dtype=float), squares
+    def fitted(*columns: FloatArray) -> tuple[FloatArray, float]:
+        """Coefficients by least squares, and the squares that are left."""
+        table = np.hstack([design, *columns])
+        found = np.linalg.solve(table.T @ table + _RIDGE * np.eye(table.shape[1]), table.T @ law.rate)
+        return found, float(np.square(law.rate - table @ found).sum())
 
-    fitted, squares = least_squares(designs)
-    best = int(squares.argmin())
-    before, after = float(fitted[best, 3]), float(fitted[best, 3] + fitted[best, 0])
-    one_gain = squares[best] > _OF_ONE_GAIN * least_squares(designs[:, :, 1:])[1].min()
+    fits = [fitted(own) for own in late]
+    best = min(range(len(fits)), key=lambda k: fits[k][1])
+    coefficients, left = fits[best]
+    before, after = float(coefficients[0]), float(coefficients[0] + coefficients[-3])
+    one_gain = left > _OF_ONE_GAIN * min(fitted(own[:, 1:])[1] for own in late)
     if one_gain or max(before, after) <= _RATIO * max(min(before, after), 0.0):
         return None
     return int((law.rows[changes[best]] + 1) * log.block), after / before

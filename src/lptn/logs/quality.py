@@ -28,7 +28,7 @@ from lptn.logs.columns import (
 )
 from lptn.logs.issue import Issue, correctable, in_unit
 from lptn.logs.law import gain_change
-from lptn.logs.silence import of_sensor, silences_of
+from lptn.logs.silence import silences_of
 from lptn.logs.tables import Table
 from lptn.logs.units import PLAUSIBLE, suspect_starts, suspect_unit, suspect_wrap
 
@@ -72,9 +72,10 @@ def silent_channels(log: Channels, predicted: Collection[str]) -> dict[str, list
     silent = silences_of(log)
     for key in log.of("temperature"):
         if log.sources[key].how == "mean":  # half a dead sensor looks alive
-            parts = {part.columns[0]: part.values(key, log.numbers) for part in log.sources[key].parts()}
-            own = {name: of_sensor(log.time, part) for name, part in parts.items()}
-            silent[key] = [replace(one, column=name) for name, some in own.items() for one in some]
+            silent[key] = []
+            for part in log.sources[key].parts():
+                alone = silences_of(Channels({"time": log.time, key: part.values(key, log.numbers)}))
+                silent[key] += [replace(one, column=part.columns[0]) for one in alone.get(key, [])]
     one_speaks = any(not any(one.whole for one in silent.get(key, [])) for key in predicted)
 
     def is_left_out(key: str, silence: Silence) -> bool:
@@ -158,27 +159,24 @@ _LEAST_POWER = 1.0  # W, on average: of less the sign is the noise's
 
 def _suspect_power(log: Channels, key: str) -> list[Issue]:
     """A speed or a torque by whose product its joint would have a power that no joint has, or would always brake."""
-    source, other = log.sources[key], "velocity" if key.startswith("torque.") else "torque"
-    beside = log.values.get(f"{other}.{place_of(key)}")
-    if source.unit is not None or beside is None:
+    source, quantity = log.sources[key], quantity_of(key)
+    torque, speed = (log.values.get(f"{one}.{place_of(key)}") for one in ("torque", "velocity"))
+    if source.unit is not None or torque is None or speed is None:
         return []
-    power = beside * log.values[key]
-    power = power[np.isfinite(power)]
-    if not power.size:
-        return []
-    if other == "torque":
+    power = (torque * speed)[np.isfinite(torque * speed)]
+    if power.size and quantity == "velocity":
         high = float(np.percentile(np.abs(power), 99))
-        if high > PLAUSIBLE["power"].most and np.nanmax(np.abs(beside)) < PLAUSIBLE["torque"].most:
+        if high > PLAUSIBLE["power"].most and np.nanmax(np.abs(torque)) < PLAUSIBLE["torque"].most:
             problem = f"with the joint's torque a power of {high / 1000:.3g} kW, which looks like rpm, "
             return [in_unit(key, source, "rpm", problem + "or the speed of the rotor", certain=False)]
-        return []
     work, braking = float(np.abs(power).sum()), -float(np.minimum(power, 0).sum())
-    if source.scale != 1 or work < _LEAST_POWER * power.size or braking < _BRAKES * work:
-        return []
-    problem = f"{braking / work:.0%} of its work with the joint's speed is braking, "
-    problem += "which looks like a sign turned round"
-    remedy = "write {}; if the joint is driven from outside, say the unit: what heats with the square heeds no sign"
-    return [correctable(key, problem, replace(source, scale=-1.0), False, remedy, kind="sign")]
+    tells = quantity == "torque" and source.scale == 1 and work > _LEAST_POWER * power.size
+    if tells and braking >= _BRAKES * work:
+        problem = f"{braking / work:.0%} of its work with the joint's speed is braking, "
+        problem += "which looks like a sign turned round"
+        remedy = "write {}; if the joint is driven from outside, say the unit: what heats with the square heeds no sign"
+        return [correctable(key, problem, replace(source, scale=-1.0), False, remedy, kind="sign")]
+    return []
 
 
 def _suspect_gains(log: Channels, said: Collection[str]) -> list[Issue]:

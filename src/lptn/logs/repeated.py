@@ -9,20 +9,19 @@ temperature has no noise, or its sensor's steps hide it, the two may differ by w
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from lptn.basics.arrays import FloatArray
+from lptn.basics.arrays import FloatArray, IntArray
 from lptn.logs.channels import quantisation_step
 from lptn.logs.resampling import means_of_blocks
 from lptn.logs.run import Run
 
 _MOST_FACTOR = 60  # times that one run's steps may be the other's
 _MEANS = 1.5  # times, from which on a copy may hold means of several readings
-_BETWEEN = 10  # places that are tried within a step of the finer run: clocks may be set by less than one
-_MOST_COLUMNS, _MOST_SHIFTS = 4, 5  # that are compared; the likeliest, that are looked at
+_FINER = 10  # places that are tried within a step of the finer run: clocks may be set by less than one
+_MOST_COLUMNS, _MOST_SHIFTS = 4, 20  # that are compared; the likeliest, that are looked at
 _OF_NOISE, _ROUNDED = 0.1, 0.96
 """Correlation of the noise of one row that is picked from a hundred that the other averages; and of two columns that
 differ by a fifth of their noise, as by digits that a format rounds off."""
@@ -48,99 +47,86 @@ def repeated_stretch(one: Run, other: Run) -> tuple[float, float] | None:
     names.sort(key=lambda name: -_changes(coarse.columns[name]))
     readings = {name: coarse.columns[name] for name in names[:_MOST_COLUMNS]}
     needed = {name: _OF_NOISE if _shows_noise(values) else _ROUNDED for name, values in readings.items()}
-    for means in (False, True) if ratio > _MEANS else (False,):
-        copies = {name: _lower_rate(fine.columns[name], ratio, means) for name in readings}
-        # The copy's first row lies anywhere within a step of its own.
-        matches = [_best(readings, copies, needed, phase) for phase in range(int(np.ceil(ratio)))]
-        near = max(matches, key=lambda match: match.weight).phase
-        between = near + np.delete(np.arange(-_BETWEEN, _BETWEEN + 1) / _BETWEEN, _BETWEEN)
-        matches += [_best(readings, copies, needed, phase) for phase in between]
-        best = max(matches, key=lambda match: match.weight)
-        if best.weight > _CHANCE:
-            begin, start = (best.first * coarse.step, other.time[0])
-            if other is fine:
-                begin = (best.phase + (best.first - best.shift) * ratio) * fine.step
-            return float(start + begin), float(start + begin + (best.size - 1) * coarse.step)
+    at = np.round(_FINER * ratio * np.arange(len(coarse))).astype(int)  # its rows, in parts of the other's steps
+    for mean_of in (1.0, ratio) if ratio > _MEANS else (1.0,):
+        others = {name: _between(fine.columns[name], mean_of) for name in readings}
+        shift = _best_shift(readings, others, at, needed)
+        if shift is not None:
+            rows = np.flatnonzero((at + shift >= 0) & (at + shift < len(next(iter(others.values())))))[[0, -1]]
+            begin, end = coarse.step * rows if other is coarse else fine.step * (at[rows] + shift) / _FINER
+            return float(other.time[0] + begin), float(other.time[0] + end)
     return None
 
 
-def _lower_rate(readings: FloatArray, ratio: float, means: bool) -> Callable[[float], FloatArray]:
-    """What a copy holds whose steps are so many of a run's: its readings, or their means over its steps; by its first.
+def _between(readings: FloatArray, mean_of: float) -> FloatArray:
+    """What a copy reads that begins at any part of a step: on the lines between readings, or the mean of several.
 
     NaN where it has none.
     """
-    sums = np.concatenate(([0.0], np.cumsum(np.nan_to_num(readings))))
-    counts = np.concatenate(([0.0], np.cumsum(np.isfinite(readings))))
-    steps, rows = np.arange(readings.size + 1.0), np.arange(int(readings.size / ratio))
-
-    def copy(phase: float) -> FloatArray:
-        at = phase + rows * ratio
-        if not means:
-            return np.asarray(np.interp(at, steps[:-1], readings, left=np.nan, right=np.nan))
-        ends = [np.clip(edge, 0, readings.size) for edge in (at, at + ratio)]
-        total, count = (np.diff([np.interp(end, steps, x) for end in ends], axis=0)[0] for x in (sums, counts))
-        return np.where(count > ratio - 1e-6, total / ratio, np.nan)
-
-    return copy
+    if mean_of == 1.0:
+        lines = readings[:-1, None] + np.diff(readings)[:, None] * np.arange(_FINER) / _FINER
+        lines[:, 0] = readings[:-1]
+        return np.append(lines, readings[-1])
+    held, size = np.repeat(readings, _FINER), round(_FINER * mean_of)
+    sums, counts = (np.append(0.0, np.cumsum(x)) for x in (np.nan_to_num(held), np.isfinite(held)))
+    there = counts[size:] - counts[:-size] == size
+    return np.where(there, (sums[size:] - sums[:-size]) / size, np.nan)
 
 
-class _Match(NamedTuple):
-    """Where two runs may be one: of a copy with that phase row i at row i + shift of the coarser run.
-
-    The weight is in standard deviations of chance, 0 for none; so many rows are shared, from a first one on.
-    """
-
-    weight: float
-    phase: float
-    shift: int = 0
-    first: int = 0
-    size: int = 0
-
-
-def _best(
+def _best_shift(
     readings: Mapping[str, FloatArray],
-    copies: Mapping[str, Callable[[float], FloatArray]],
+    others: Mapping[str, FloatArray],
+    at: IntArray,
     needed: Mapping[str, float],
-    phase: float,
-) -> _Match:
-    """The shift of most weight at which some columns together share their noise, and all are as warm."""
+) -> int | None:
+    """Where in others' columns readings begin whose noise some of these share, and which are all as warm, if anywhere.
+
+    Readings are (n,), and `at`, (n,), how far apart they are in those columns.
+    """
     from scipy.signal import correlate  # here, since it takes a while to import
 
-    others = {name: copy(phase) for name, copy in copies.items()}
-    length, other = len(next(iter(readings.values()))), len(next(iter(others.values())))
-    if min(length, other) < _LEAST:
-        return _Match(0.0, phase)
-    score = np.zeros(length + other - 5)
-    rows = np.zeros(length + other - 5)
+    if at.size < _LEAST:
+        return None
+    step, score, rows = int(at[1]), np.zeros(()), np.zeros(())
+
+    def shifted(of_other: FloatArray, of_own: FloatArray) -> FloatArray:
+        """Sums of products at each shift."""
+        placed = np.zeros(at[-3] + 1)
+        placed[at[:-2]] = of_own
+        return np.asarray(correlate(of_other, placed, method="fft"))
+
     for name, values in readings.items():
-        a, b = np.diff(values, n=2), np.diff(others[name], n=2)
+        other = others[name]
+        if other.size <= 2 * step:
+            return None
+        a, b = np.diff(values, n=2), other[2 * step :] - 2 * other[step:-step] + other[: -2 * step]
         there, there_too = np.isfinite(a) * 1.0, np.isfinite(b) * 1.0
         a, b = np.nan_to_num(a), np.nan_to_num(b)
-        shared, count = correlate(a, b, method="fft"), np.round(correlate(there, there_too, method="fft"))
-        powers = [correlate(a**2, there_too, method="fft"), correlate(there, b**2, method="fft")]
+        count, powers = np.round(shifted(there_too, there)), [shifted(there_too, a**2), shifted(b**2, there)]
         known = np.min([power > _NEXT_TO_NONE * power.max(initial=0.0) for power in powers], axis=0)
-        shared = np.divide(shared, np.sqrt(np.prod(powers, axis=0).clip(0)), out=np.zeros(count.size), where=known)
+        power = np.sqrt(np.prod(powers, axis=0).clip(0))
+        shared = np.divide(shifted(b, a), power, out=np.zeros(count.size), where=known)
         together = shared > needed[name]
-        score += np.where(together, shared * count, 0.0)
-        rows += np.where(together, count, 0.0)
+        score = score + np.where(together, shared * count, 0.0)
+        rows = rows + np.where(together, count, 0.0)
     weight = score / (_SPREAD * np.sqrt(np.maximum(rows, 1)))
     for k in np.argsort(weight)[: -_MOST_SHIFTS - 1 : -1]:
-        shift = int(k) - (other - 3)
-        first, last = max(0, shift), min(length, other + shift)
-        parts = {
-            name: (values[first:last], others[name][first - shift : last - shift]) for name, values in readings.items()
-        }
-        if weight[k] > _CHANCE and _are_one(parts, needed):
-            return _Match(float(weight[k]), phase, shift, first, last - first)
-    return _Match(0.0, phase)
+        shift = int(k) - int(at[-3])
+        parts = []
+        for name, values in readings.items():
+            inside = (at + shift >= 0) & (at + shift < others[name].size)
+            parts.append((values[inside], others[name][at[inside] + shift], needed[name]))
+        if weight[k] > _CHANCE and _are_one(parts):
+            return shift
+    return None
 
 
-def _are_one(parts: Mapping[str, tuple[FloatArray, FloatArray]], needed: Mapping[str, float]) -> bool:
+def _are_one(parts: Sequence[tuple[FloatArray, FloatArray, float]]) -> bool:
     """Whether columns that may be one, (n,) each, are as warm, and change often enough where they share their noise."""
     changes = 0
-    for name, pair in parts.items():
-        both = np.isfinite(pair[0]) & np.isfinite(pair[1])
-        own, other = (values[both] for values in pair)
+    for one, copy, needed in parts:
+        both = np.isfinite(one) & np.isfinite(copy)
+        own, other = one[both], copy[both]
         a, b = np.diff(own, n=2), np.diff(other, n=2)
         power = float(max(a @ a, b @ b))
         if power == 0:
@@ -148,7 +134,7 @@ def _are_one(parts: Mapping[str, tuple[FloatArray, FloatArray]], needed: Mapping
         apart = means_of_blocks(own - other, _TOGETHER)
         if not apart.size or np.mean(apart**2) > _OFF**2 * power / a.size / 6:
             return False
-        if min(a @ a, b @ b) > 0 and float(a @ b) > needed[name] * float(np.sqrt((a @ a) * (b @ b))):
+        if min(a @ a, b @ b) > 0 and float(a @ b) > needed * float(np.sqrt((a @ a) * (b @ b))):
             changes += _changes(own)
     return changes >= _LEAST
 

@@ -10,7 +10,7 @@ import numpy as np
 from lptn.basics.arrays import FloatArray
 from lptn.logs.resampling import SEVERAL
 
-_MAD_TO_SIGMA = 1.4826  # standard deviation of normal noise over its median absolute value
+MAD_TO_SIGMA = 1.4826  # standard deviation of normal noise over its median absolute value
 _ROUNDED_AND_BLURRED = 2 / 12  # of the step squared: variance of rounding, and as much of the blur
 _HARMONICS = 30  # of the rounding, in which all but a fiftieth of it is
 _HALVINGS = 40  # of the stretch in which the median is: to 1e-12 of it
@@ -93,7 +93,7 @@ def white_noise(off: FloatArray, step: float = 0.0) -> float:
     if not off.size:
         return 0.0
     if step == 0.0:
-        return _MAD_TO_SIGMA * float(np.median(np.abs(off)))
+        return MAD_TO_SIGMA * float(np.median(np.abs(off)))
     values, counts = np.unique(np.abs(off) / step, return_counts=True)
     least, most = 0.0, float(values[-1]) + 0.5
     for _ in range(_HALVINGS):
@@ -101,4 +101,4 @@ def white_noise(off: FloatArray, step: float = 0.0) -> float:
         # Each value is spread evenly over a step, half of it to either side, as what was rounded is.
         within = np.clip(median - values + 0.5, 0.0, 1.0) - np.clip(-median - values + 0.5, 0.0, 1.0)
         least, most = (median, most) if within @ counts < 0.5 * off.size else (least, median)
-    return step * float(np.sqrt(max((_MAD_TO_SIGMA * median) ** 2 - _ROUNDED_AND_BLURRED, 0.0)))
+    return step * float(np.sqrt(max((MAD_TO_SIGMA * median) ** 2 - _ROUNDED_AND_BLURRED, 0.0)))

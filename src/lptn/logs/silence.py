@@ -11,16 +11,15 @@ What no heated part could have given is found in `passive.py`: spikes, codes, br
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from lptn.basics.arrays import FloatArray
-from lptn.logs.channels import Channels, Kind, Silence, quantisation_step, standing, without_silent
+from lptn.logs.channels import FEWEST, GAP, SHORTEST, STILL, Channels, Kind, Silence, standing, without_silent
 from lptn.logs.columns import AMBIENT, HEATS, place_of
-from lptn.logs.law import SHORTEST, STILL, against_heat
-from lptn.logs.passive import CODES, FEWEST, off
+from lptn.logs.law import against_heat
+from lptn.logs.passive import CODES, off
 from lptn.logs.scatter import off_their_neighbours, white_noise
 
 CHANCE = 1e-6  # that a live sensor would ever give the same number for so long
@@ -31,7 +30,6 @@ _BY_TWO = 0.02
 """Of a sensor's moves, by two steps at once, where its noise is 0.35 of a step. With less it may give the number in the
 middle of a step for ever, however lively it is near an edge."""
 _SURELY = 1.64  # standard deviations of a count: so few moves by two steps may be chance in one sensor of twenty
-_GAP = 10.0  # times the usual distance of readings, and a minute: none were logged for a while
 _LAST_MOVES, _RESTS = 5, 0.125
 """Moves before a stretch, and the share of the usual move below which they are at rest; of white noise 3 in 1000."""
 _CLEAR = 20  # readings without a touch: what is cut off of the noise then shifts the mean by a hundredth of it
@@ -51,16 +49,18 @@ def silences(
     there = there[:: int(np.median(np.diff(standing(values[there])[0], append=there.size))) if there.size else 1]
     readings = values[there]
     changes = np.diff(readings)[np.diff(readings) != 0]
+    back = changes[1:] * changes[:-1] < 0
     # Without noise it may stand for as long as the temperature does.
-    if changes.size < FEWEST or (temperature and np.mean(changes[1:] * changes[:-1] < 0) <= _REVERSALS):
+    if changes.size < FEWEST or (temperature and np.mean(back) <= _REVERSALS):
         return []
     first, last = standing(readings)
-    spans = np.diff(np.stack([_logged(time[there])[rows] for rows in (first, last)]), axis=0)[0]
-    repeated = int((last - first)[spans < SHORTEST].sum())
+    logged = _logged(time[there])
+    lengths, sizes = logged[last] - logged[first], np.abs(changes)
+    repeated = int((last - first)[lengths < SHORTEST].sum())
     stays = repeated / (repeated + changes.size)
     if resolution > 0:  # in the middle of a step, where noise shows least
         # By two steps at once, and back: what goes on that way is heated.
-        by_two = np.count_nonzero((np.abs(changes[1:]) > 1.5 * resolution) & (changes[1:] * changes[:-1] < 0))
+        by_two = np.count_nonzero((sizes[1:] > 1.5 * resolution) & back)
         shows = by_two - _SURELY * np.sqrt(by_two) >= _BY_TWO * changes.size
         noise = white_noise(off_their_neighbours(time[there], readings), resolution) if shows else 0.0
         stays = math.erf(resolution / noise / math.sqrt(8)) if noise > 0 else 1.0
@@ -68,46 +68,43 @@ def silences(
     at_end[[0, -1]] = False  # where the log begins or ends the joint may rest, and make no noise
     least = np.where(at_end, 0.0, SHORTEST if temperature and stays < _REPEATS else STILL)
     most = max(np.log(CHANCE) / np.log(np.clip(stays, _LEAST_STAYS, 1 - _LEAST_STAYS**2)), FEWEST)
-    sizes, limits, stretches = np.abs(changes), set[float](), list[Silence]()
-    for k in np.flatnonzero((spans >= least) & (last - first > most)):
+    found = list[Silence]()
+    for k in np.flatnonzero((lengths >= least) & (last - first > most)):
         # Moves that die away are those of a filtered reading, that come to rest: a live sensor stops at once.
         before = sizes[k - _LAST_MOVES : k] if k >= _LAST_MOVES else sizes[k : k + _LAST_MOVES]
-        if spans[k] < STILL and before.size and np.median(before) < _RESTS * np.median(sizes):
+        if lengths[k] < STILL and before.size and np.median(before) < _RESTS * np.median(sizes):
             continue
         one = _no_reading(time, values, int(there[first[k]]), int(there[last[k]]))
-        if one.kind == "clamped" and temperature:
-            limits.add(one.value)
-        elif one.kind != "dead" or spans[k] >= SHORTEST:
-            stretches.append(one if temperature else replace(one, kind="frozen"))
-    rows = np.arange(values.size)
+        if one.kind != "dead" or lengths[k] >= SHORTEST:
+            found.append(one if temperature else replace(one, kind="frozen"))
+    limits, rows = {one.value for one in found if one.kind == "clamped"}, np.arange(values.size)
+    found = [one for one in found if one.kind != "clamped"]
     for limit in limits:
         # Where noise only touches the limit, what is left of it is too high on average, or too low.
         touches = np.flatnonzero(readings == limit)
         for some in np.split(touches, np.flatnonzero(np.diff(touches) > _CLEAR) + 1):
             beside = _CLEAR if np.ptp(some) >= some.size else 0  # of a number that stands no noise is cut off
             begin, end = there[np.clip([some[0] - beside, some[-1] + beside], 0, there.size - 1)]
-            stretches.append(Silence.at(time, "clamped", limit, (rows >= begin) & (rows <= end)))
-    return sorted(stretches, key=lambda stretch: stretch.start)
+            found.append(Silence.at(time, "clamped", limit, (rows >= begin) & (rows <= end)))
+    return sorted(found, key=lambda one: one.start)
 
 
 def _no_reading(time: FloatArray, values: FloatArray, first: int, last: int) -> Silence:
     """What is no reading between two rows: dead if far from what is beside it, clamped at an end of the range."""
-    rows = np.zeros(values.size, dtype=bool)
-    rows[first : last + 1] = np.isfinite(values[first : last + 1])
-    value, others = float(np.median(values[rows])), np.flatnonzero(np.isfinite(values) & ~rows)
-    if np.ptp(values[rows]) > 0:
-        return Silence.at(time, "disconnected", value, rows)
-    nearest = values[others[np.unique(np.clip(np.searchsorted(others, first) + np.array([-1, 0]), 0, others.size - 1))]]
-    if (np.abs(nearest - value) > _FAR).all():
+    there = np.flatnonzero(np.isfinite(values))
+    begin, end = np.searchsorted(there, [first, last + 1])
+    rows, beside = there[begin:end], values[[*there[:begin][-1:], *there[end:][:1]]]
+    value, moves = float(np.median(values[rows])), np.ptp(values[rows]) > 0
+    if not moves and (np.abs(beside - value) > _FAR).all():
         return Silence.at(time, "dead", value, rows)
-    inside = values[others].min() < value < values[others].max()
-    return Silence.at(time, "frozen" if inside else "clamped", value, rows)
+    at_end = value in (values[there].min(), values[there].max())
+    return Silence.at(time, "disconnected" if moves else "clamped" if at_end else "frozen", value, rows)
 
 
 def _logged(stamps: FloatArray) -> FloatArray:
     """The time without gaps [s], shape (n,): nothing stands where nothing is read."""
     apart = np.diff(stamps)
-    in_gap = apart > max(_GAP * float(np.median(apart)), SHORTEST) if apart.size else np.zeros(0, dtype=bool)
+    in_gap = apart > max(GAP * float(np.median(apart)), SHORTEST) if apart.size else np.zeros(0, dtype=bool)
     return np.concatenate(([0.0], np.cumsum(np.where(in_gap, 0.0, apart))))
 
 
@@ -115,11 +112,15 @@ def _logged(stamps: FloatArray) -> FloatArray:
 
 _MOVING = 0.05  # rad/s, mean of |speed|: a joint that moves
 _AT_REST = 0.01  # rad/s: an encoder's noise, and so little that friction of 10 N·m makes 0.1 W of it
+_STUCK = 600.0  # s
+_MOVED_APART, _MOVED_STEPS = 3.0, 5.0
+"""K, and steps of the coarsest of the others, by which another temperature moves while this one gives one number: a
+motor that idles beside one that works warms by a part of that."""
 
 
 def silences_of(log: Channels) -> dict[str, list[Silence]]:
     """Stretches in which sensors, torques, currents or speeds say nothing, spikes, and codes, by quantity."""
-    time, resting, sensors = log.time, np.zeros(log.time.size), log.sensors
+    time, resting = log.time, np.zeros(log.time.size)
     speeds = {key: np.abs(channel) for key, channel in log.of("velocity").items()}
     of_all = np.max(list(speeds.values()), axis=0) if speeds else resting  # a motor's may stand at its housing
     # Speeds first: a joint of which nobody knows whether it moves may have no torque.
@@ -128,41 +129,20 @@ def silences_of(log: Channels) -> dict[str, list[Silence]]:
         speed = f"velocity.{place_of(key)}"
         moving = without_silent(speeds.get(speed, resting), silent.get(speed, []))
         silent[key] = _of_input(time, effort, speeds.get(speed, of_all), moving)
-    still = _still_throughout(log)
-    for key in log.of("temperature"):
-        step = sensors[key].step if key in sensors else 0.0
-        silent[key] = still.get(key) or silences(time, log.values[key], resolution=step)
-
-    def off_beside(key: str) -> list[Silence]:
-        others = [sensor for other, sensor in sensors.items() if other != key]
-        return off(
-            time,
-            without_silent(log.values[key], silent[key]),
-            sensors[key].step,
-            start=float(np.median([sensor.first for sensor in others])) if others else np.nan,
-            coldest=min((sensor.low for sensor in others), default=-np.inf),
-            load=log.loads.get(place_of(key)),
-            heated=key != AMBIENT,
-        )
-
-    outside = {key: off_beside(key) for key in sensors if key not in still}
-    cleaned = log.without({key: [*stretches, *outside.get(key, [])] for key, stretches in silent.items()})
-    for key in outside:
-        load = log.load_of(place_of(key))
+    silent |= _still_throughout(log)
+    outside = dict[str, list[Silence]]()
+    for key in log.sensors.keys() - silent.keys():
+        silent[key] = silences(time, log.values[key], resolution=log.sensors[key].step)
+        outside[key] = off(log, key, without_silent(log.values[key], silent[key]))
+    cleaned = log.without({key: [*some, *outside.get(key, [])] for key, some in silent.items()})
+    for key, load in ((key, log.load_of(place_of(key))) for key in outside):
         channel = without_silent(log.values[key], [*silent[key], *(one for one in outside[key] if not one.lasts)])
         one_off = cleaned.with_channels({key: channel})
-        if load and (stretches := against_heat(one_off, key, load, sensors[key].step)):
+        if load and (stretches := against_heat(one_off, key, load, log.sensors[key].step)):
             silent[key] += [_no_reading(time, channel, *stretch) for stretch in stretches]
-            outside[key] = off_beside(key)
+            outside[key] = off(log, key, without_silent(log.values[key], silent[key]))
         silent[key] += outside[key]
-    return {key: stretches for key, stretches in silent.items() if stretches}
-
-
-def of_sensor(time: FloatArray, values: FloatArray) -> list[Silence]:
-    """What a temperature sensor says that is no reading, for all that is known of it alone; (n,) s and degC."""
-    resolution = quantisation_step(values)
-    stands = silences(time, values, resolution=resolution)
-    return [*stands, *off(time, without_silent(values, stands), resolution)]
+    return {key: some for key in log.values if (some := silent.get(key))}
 
 
 def _of_input(
@@ -181,13 +161,13 @@ def _of_input(
         # Nothing but zero, as of drives that don't measure what they are asked for.
         stands = [Silence.at(time, "frozen", 0.0, rows, whole=True)]
     loaded = {one.value for one in stands if abs(one.value) > at_rest}
-    said = []
-    for one in stands:
+
+    def is_said(one: Silence) -> bool:
         known = moving[one.rows][np.isfinite(moving[one.rows])]
         moves = known.size > 0 and float(known.mean()) > _MOVING
-        if moves or (loaded == {one.value} and not _only_while_it_rests(time, channel, speed, one)):
-            said.append(one)
-    return said
+        return moves or (loaded == {one.value} and not _only_while_it_rests(time, channel, speed, one))
+
+    return [one for one in stands if is_said(one)]
 
 
 def _only_while_it_rests(time: FloatArray, values: FloatArray, speed: FloatArray, silence: Silence) -> bool:
@@ -203,13 +183,7 @@ def _only_while_it_rests(time: FloatArray, values: FloatArray, speed: FloatArray
     return bool(beside) and all(changes) and bool((speed[silence.rows] < _AT_REST).all())
 
 
-_STUCK = 600.0  # s
-_MOVED_APART, _MOVED_STEPS = 3.0, 5.0
-"""K, and steps of the coarsest of the others, by which another temperature moves while this one gives one number: a
-motor that idles beside one that works warms by a part of that."""
-
-
-def _still_throughout(log: Channels) -> Mapping[str, list[Silence]]:
+def _still_throughout(log: Channels) -> dict[str, list[Silence]]:
     """Temperatures that are one number throughout while another one moves.
 
     People write one number for the room: that is dead where it is a fault code, and the robot begins elsewhere.
