@@ -29,7 +29,7 @@ from lptn.diagnose.candidates import candidates
 from lptn.diagnose.composition import with_priors
 from lptn.diagnose.diagnosis import for_search
 from lptn.diagnose.experiment import Experiment, Move, possible_moves, propose
-from lptn.diagnose.fit_statistics import TIE, criterion_difference
+from lptn.diagnose.fit_statistics import criterion_difference
 from lptn.diagnose.refits import refit
 from lptn.identify.data import LoadedModel, load_model, split_data
 from lptn.identify.fitting import Fit, finished
@@ -38,6 +38,7 @@ from lptn.robots.presets import preset_text
 from lptn.virtual import Hidden, Segment
 
 NOISE, STEPS, AMBIENT = 0.15, 1.0, 22.0
+TIE = 10.0  # of information criteria; closer ones decide nothing [BurnhamAnderson2002]
 BODY, LOADED, MOST_LOAD = 12.0, 4.0, 20.0  # kg, as the virtual robot's activities have it
 STAND = {"hip": 1.3, "thigh": 2.2, "calf": 5.6}  # N·m with LOADED on the back
 TROT = {"hip": 2.242, "thigh": 3.767, "calf": 8.078}

@@ -153,7 +153,7 @@ def _first(run: Blocks, count: int) -> Blocks:
     error = run.error[:count].copy()
     error[7:10, 1] = np.nan
     error[12] = np.nan
-    arrays = {name: getattr(run, name)[:count] for name in ("time", "top", "by", "variance", "storage")}
+    arrays = {name: getattr(run, name)[:count] for name in ("time", "top", "by", "variance")}
     return replace(run, error=error, **arrays)
 
 

@@ -6,14 +6,15 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from math import log, log1p, sqrt
 
+from scipy.special import ndtri
+
 from lptn.basics.words import short_size
 from lptn.diagnose.answers import Report
 from lptn.diagnose.diagnosis import Diagnosis
-from lptn.diagnose.evidence import USUAL, FirstOrder
-from lptn.diagnose.experiment import Experiment, propose
-from lptn.diagnose.fit_statistics import POWER, TIE, criterion_difference
+from lptn.diagnose.evidence import USUAL, Evidence, FirstOrder
+from lptn.diagnose.experiment import POWER, Experiment, propose
 from lptn.diagnose.learned_heat import LearnedCurve, learned_curve
-from lptn.diagnose.priors import log_priors
+from lptn.diagnose.priors import OCCAM, log_priors
 from lptn.diagnose.refits import unless_interrupted
 from lptn.diagnose.runs_that_differ import RunDifference, runs_that_differ
 from lptn.diagnose.unexplained_heat import HeatPeak, WanderingHeat, stretches
@@ -21,9 +22,6 @@ from lptn.identify.data import DataSplit, Segment
 from lptn.identify.fitting import Fit
 from lptn.identify.validation import fit_segments, holdout_errors
 from lptn.logs.reading import ROWS_UNKNOWN
-
-_MOST_RIVALS = 4  # names for one answer among which an experiment has to decide
-_MOST_DETECTABLE = 40  # smallest sizes in the JSON; the page shows fewer
 
 
 @dataclass(frozen=True)
@@ -58,7 +56,7 @@ def smallest(candidates: Sequence[FirstOrder]) -> list[Detectable]:
     for one, prior in zip(candidates, priors, strict=True):
         typical, sides = one.candidate.typical, 2.0 if one.candidate.one_sided else 1.0
         against = 0.5 * log1p((USUAL * typical / one.standard_error) ** 2) - log(sides) - prior
-        size = (sqrt(2.0 * max(against, 0.0)) + POWER) * one.standard_error
+        size = (sqrt(2.0 * max(against, 0.0)) + float(ndtri(POWER))) * one.standard_error
         effect, at = one.candidate.key
         sizes.append(Detectable(effect, at, size, one.candidate.amplitude.unit, size / typical))
     return sorted(sizes, key=lambda limit: limit.share_of_typical)
@@ -110,7 +108,7 @@ class Advice:
             "unexplained_stretches": [peak.as_json() for peak in self.heat],
             "learned_heat": self.learned.as_json() if self.learned else None,
             "runs_that_differ": [difference.as_json() for difference in self.differing],
-            "detectable": [asdict(limit) for limit in self.detectable[:_MOST_DETECTABLE]],
+            "detectable": [asdict(limit) for limit in self.detectable],
         }
 
 
@@ -128,7 +126,7 @@ def advise(first: Diagnosis, last: Diagnosis, data: DataSplit, report: Report = 
     added = last is not first or first.verdict != "missing"
     heat = WanderingHeat(last.fit)
     return Advice(
-        propose(first.rivals[:_MOST_RIVALS]),
+        propose(first.rivals),
         stretches(heat.unexplained),
         smallest(last.weighed),
         runs_that_differ(last.fit, data.holdout) if added else [],
@@ -138,32 +136,32 @@ def advise(first: Diagnosis, last: Diagnosis, data: DataSplit, report: Report = 
 
 
 def _rows_as_means(last: Fit, data: DataSplit) -> str:
-    """That slow rows which were read as samples are met clearly better as means, and held-out ones no worse.
+    """That slow rows which were read as samples are clearly more probable as means, held-out ones as well.
 
     Half a row late is what a lag looks like, too, so that this is for those to decide who know the logger.
     """
-    notes = (note for segment in data.fit for note in _unknown(segment))
-    if (note := next(notes, None)) is None:
+    runs = [segment.run for segment in data.fit]
+    if (note := next((note for run in runs for note in run.notes if note.startswith(ROWS_UNKNOWN)), None)) is None:
         return ""
-    samples = unless_interrupted(fit_segments(last.model, data.fit, last.point))
-    means = unless_interrupted(fit_segments(last.model, _as_means(data.fit), last.point))
-    held_out = holdout_errors(samples, data.holdout), holdout_errors(means, _as_means(data.holdout))
-    before, after = (0.0 if errors is None else errors.rmse for errors in held_out)
-    if criterion_difference(samples, means) <= TIE or after > before:
+    others = DataSplit(_as_means(data.fit), _as_means(data.holdout))
+    samples, means = (unless_interrupted(fit_segments(last.model, own.fit, last.point)) for own in (data, others))
+    base = Evidence(samples, (), held_out=data.holdout)
+    if Evidence(means, (), beside=base, held_out=others.holdout).log_evidence - base.log_evidence < log(OCCAM):
         return ""
-    sentence = (
+    words = [
         f"Read as means, these slow rows are met to {short_size(means.rmse)} K in place of {short_size(samples.rmse)} K"
-    )
-    sentence += f", held-out ones to {short_size(after)} K in place of {short_size(before)} K" if data.holdout else ""
-    return f"{sentence}: {note.partition('; ')[2]}"
-
-
-def _unknown(segment: Segment) -> list[str]:
-    return [note for note in segment.run.notes if note.startswith(ROWS_UNKNOWN)]
-
-
-def _as_means(segments: Sequence[Segment]) -> list[Segment]:
-    return [
-        replace(segment, run=replace(segment.run, averaged=segment.run.averaged or bool(_unknown(segment))))
-        for segment in segments
     ]
+    before, after = holdout_errors(samples, data.holdout), holdout_errors(means, others.holdout)
+    if before and after:
+        words.append(f"held-out ones to {short_size(after.rmse)} K in place of {short_size(before.rmse)} K")
+    return f"{', '.join(words)}: {note.partition('; ')[2]}"
+
+
+def _as_means(segments: Sequence[Segment]) -> tuple[Segment, ...]:
+    """The same runs, those slow rows as means of which nobody has said what they are."""
+    return tuple(
+        replace(one, run=replace(one.run, averaged=True))
+        if any(note.startswith(ROWS_UNKNOWN) for note in one.run.notes)
+        else one
+        for one in segments
+    )

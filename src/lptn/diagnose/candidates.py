@@ -153,13 +153,6 @@ class Candidate:
         return replace(stated, typical=self.typical)
 
     @property
-    def room(self) -> tuple[float, float]:
-        """How far its amplitude may go from where the effect is off, down and up, in the amplitude's unit."""
-        amplitude = self.amplitude
-        off = amplitude.off or 0.0
-        return amplitude.bounds[0] - off, amplitude.bounds[1] - off
-
-    @property
     def one_sided(self) -> bool:
         """Whether its amplitude can't be negative."""
         return self.amplitude.off == self.amplitude.bounds[0]

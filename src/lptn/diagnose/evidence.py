@@ -249,9 +249,14 @@ class Evidence:
         return _Group(independent, precision, self._squares - float(self._gradient @ self._moved) - before)
 
     @property
+    def precision(self) -> float:
+        """Of an independent error of the fitted runs' readings, in weighted residuals."""
+        return self._groups[0].precision
+
+    @property
     def tolerance(self) -> FloatArray:
         """What a fit should leave to the allowances, as `Problem` takes it."""
-        precision, rows = self._groups[0].precision, self.fitted.problem.readings
+        precision, rows = self.precision, self.fitted.problem.readings
         return tolerance_of(self._columns[:rows, int(self._free.sum()) :] / sqrt(precision), precision)
 
     def is_lacking(self, *, held_out: bool = True) -> bool:
@@ -317,12 +322,25 @@ class Evidence:
             density -= float(log_ndtr(off))
         return density - _log_density(declared, none)
 
+    @cached_property
+    def covariance(self) -> FloatArray:
+        """Of the free parameters in the search's coordinates, beside starts and allowances, shape (free, free).
+
+        None of a parameter that is pushed beyond a bound that holds.
+        """
+        count = len(self.fit.problem.free)
+        moving = np.flatnonzero(self._free[:count])
+        covariance = np.zeros((count, count))
+        for number, row in enumerate(moving):
+            unit = np.zeros(len(self._gradient))
+            unit[number] = 1.0
+            covariance[row, moving] = self._solve(unit)[: len(moving)]
+        return covariance
+
     def _variance(self, row: int) -> float:
         """Of a free parameter, in its unit, beside all else."""
-        unit = np.zeros(len(self._gradient))
-        unit[int(self._free[:row].sum())] = 1.0
         slope = float(self.fit.problem.slope(self.fit.point.values)[row])
-        return max(float(unit @ self._solve(unit)) * slope**2, np.finfo(float).tiny)
+        return max(float(self.covariance[row, row]) * slope**2, np.finfo(float).tiny)
 
     def first_order(self, log_priors: FloatArray) -> list[FirstOrder]:
         """The candidates that a model was given to weigh, the most probable first.

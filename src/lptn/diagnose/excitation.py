@@ -23,10 +23,10 @@ from lptn.model.model import Model
 
 # --- What happens in logs: levels of load, standstill, cool-downs, ranges of temperature and speed ------
 
-STILL = 0.05
-"""Of the largest heat, speed or load: below it a robot rests, but for what holds its weight and what sensors read."""
-_LOW = 0.5  # of the largest heat: below it what had settled cools to half its rise
-_STEP = 0.3  # of the largest heat from one minute to the next: a jump beyond what a gait makes
+_STILL, _LOW = 0.05, 0.5
+"""Shares of the largest load's heat: below the first a robot rests, but for what holds its weight and what sensors
+read; below the second what had settled cools to half its rise."""
+_STEP = 0.3  # of the largest load's heat from one minute to the next: a jump beyond what a gait makes
 _COOLS = 1.0  # K in a time of little load: a step of a coarse sensor
 _LOADS = {"power": 1.0, "current": 2.0, "torque": 2.0}  # exponent that makes it a heat
 
@@ -38,41 +38,46 @@ def excitation(runs: Sequence[Run], nodes: Sequence[str]) -> Excitation:
         runs: at least one.
         nodes: the model's nodes.
     """
-    blocks = [_Blocks(run, nodes) for run in runs]
-    most = max((float(record.load.max(initial=0.0)) for record in blocks), default=0.0)
-    loads = [record.load / most if most > 0 else np.zeros(0) for record in blocks]
-    rests = [load < STILL for load in loads]
-    steady = np.concatenate([_steady(load) for load in loads]) if loads else np.zeros(0)
-    airs = [air for record in blocks for air in record.surroundings]
-    columns = dict.fromkeys(column for record in blocks for column in record.means)
+    minutes = [_Minutes(run, nodes) for run in runs]
+    most = max(float(own.load.max(initial=0.0)) for own in minutes)
+    loads = [own.load / most if most > 0 else np.zeros(0) for own in minutes]
+    still = np.concatenate([load < _STILL for load in loads])
+    means: dict[str, list[FloatArray]] = {}
+    for own in minutes:
+        for column, values in own.means.items():
+            means.setdefault(column, []).append(values[np.isfinite(values)])
+    ranges = {column: np.concatenate(values) for column, values in means.items()}
+    together = {}
+    for node in nodes:
+        key = f"velocity.{node}"
+        logged = [own for own in minutes if key in own.means and node in own.heats]
+        both = [np.array([own.means[key], own.heats[node]]) for own in logged]
+        speed, load = np.hstack([np.zeros((2, 0)), *both])
+        if speed.size > 2 and speed.std() > 0 and load.std() > 0:
+            together[node] = float(np.corrcoef(speed, load)[0, 1])
     return Excitation(
         minutes=sum(len(run) * run.step for run in runs) / 60,
         runs=len(runs),
-        levels=max(_levels(np.sort(steady)), int(most > 0)),
-        still=float(np.mean(np.concatenate(rests))) if most > 0 else 0.0,
-        cool_downs=sum(
-            _cool_downs(load < _LOW, record.temperatures) for load, record in zip(loads, blocks, strict=True)
-        ),
+        levels=max(_levels(loads), int(most > 0)),
+        still=float(np.mean(still)) if most > 0 else 0.0,
+        cool_downs=sum(_cool_downs(load < _LOW, own.temperatures) for load, own in zip(loads, minutes, strict=True)),
         steps=sum(int((np.abs(np.diff(load)) > _STEP).sum()) for load in loads),
-        rise=max((record.rise for record in blocks), default=0.0),
-        spread=max((record.spread for record in blocks), default=0.0),
-        ambient=max((float(np.ptp(air)) for air in airs), default=0.0),
+        rise=max(own.rise for own in minutes),
+        spread=max(own.spread for own in minutes),
+        ambient=max((float(np.ptp(air)) for own in minutes for air in own.surroundings), default=0.0),
         coarse=max((step for run in runs for step in run.resolution.values()), default=0.0),
-        ranges={
-            column: _range([record.means[column] for record in blocks if column in record.means]) for column in columns
-        },
-        together=_together(blocks, nodes),
+        ranges={key: (float(own.min()), float(own.max())) if own.size else (0.0, 0.0) for key, own in ranges.items()},
+        together=together,
     )
 
 
-class _Blocks:
-    """One-minute means of a run: inputs by column, the sum of its heats, temperatures (nodes, blocks)."""
+class _Minutes:
+    """One-minute means of a run: inputs by column, heats of loads and their sum, temperatures (nodes, minutes)."""
 
     def __init__(self, run: Run, nodes: Sequence[str]) -> None:
         size = max(1, min(round(BLOCK / run.step), len(run) // 4 or 1))
-        inputs = {
-            name: values for name, values in run.columns.items() if name not in {f"temperature.{n}" for n in nodes}
-        }
+        own = {f"temperature.{node}" for node in nodes}
+        inputs = {name: values for name, values in run.columns.items() if name not in own}
         self.means = {name: means_of_blocks(values, size) for name, values in inputs.items()}
         # Whatever it is called: a temperature that is given and not predicted.
         self.surroundings = [means for name, means in self.means.items() if name.startswith("temperature.")]
@@ -98,20 +103,16 @@ class _Blocks:
             self.spread = float(np.ptp(whole - whole[:1], axis=1).max()) if len(whole) > 1 else 0.0
 
 
-def _steady(load: FloatArray) -> FloatArray:
-    """The loads of minutes that are like the one before or the one behind: no minute in which the load changed."""
-    if load.size < 2:
-        return load
-    same = np.abs(np.diff(load)) < CHANGE / 2
-    return np.asarray(load[np.concatenate((same, [False])) | np.concatenate(([False], same))])
-
-
-def _levels(loads: FloatArray) -> int:
-    """How many levels a sorted row of loads has, each at least a tenth of the largest above the one before it."""
+def _levels(loads: Sequence[FloatArray]) -> int:
+    """Levels of the loads in minutes without change, each a tenth of the largest above the one before it."""
+    settled = [loads[0][:0]]
+    for load in loads:
+        same = np.abs(np.diff(load)) < CHANGE / 2  # as the minute before, or the one behind
+        settled.append(load[np.append(same, load.size == 1) | np.append(load.size == 1, same)] if load.size else load)
     count, base = 0, -np.inf
-    for load in loads[np.isfinite(loads)]:
-        if load - base > CHANGE:
-            count, base = count + 1, load
+    for level in np.sort(np.concatenate(settled)):
+        if level - base > CHANGE:
+            count, base = count + 1, level
     return count
 
 
@@ -119,29 +120,9 @@ def _cool_downs(low: BoolArray, temperatures: FloatArray) -> int:
     """Times of little load, of two minutes and more, in which some node cools."""
     count = 0
     for start, stop in spans(low):
-        falls = [
-            row[0] - row[-1] for row in temperatures[:, start:stop] if row.size > 1 and np.isfinite(row[[0, -1]]).all()
-        ]
-        count += int(max(falls, default=0.0) >= _COOLS)
+        ends = temperatures[:, [start, stop - 1]] if stop - start > 1 else np.zeros((1, 2))
+        count += bool((ends[:, 0] - ends[:, 1] >= _COOLS).any())
     return count
-
-
-def _range(runs: Sequence[FloatArray]) -> tuple[float, float]:
-    values = np.concatenate(runs)
-    values = values[np.isfinite(values)]
-    return (float(values.min()), float(values.max())) if values.size else (0.0, 0.0)
-
-
-def _together(blocks: Sequence[_Blocks], nodes: Sequence[str]) -> dict[str, float]:
-    """Correlation of speed and load over one-minute means, by place."""
-    correlations = {}
-    for node in nodes:
-        key = f"velocity.{node}"
-        both = [np.array([own.means[key], own.heats[node]]) for own in blocks if key in own.means and node in own.heats]
-        speed, load = np.hstack([np.zeros((2, 0)), *both])
-        if speed.size > 2 and speed.std() > 0 and load.std() > 0:
-            correlations[node] = float(np.corrcoef(speed, load)[0, 1])
-    return correlations
 
 
 # --- Which effects of the catalogue could show in logs, and which not and why -----------------------
@@ -198,7 +179,8 @@ def identifiability(model: Model, runs: Sequence[Run], measured: Excitation) -> 
             continue
         why = _why_not(effect, sites, measured) if sites else _not_logged(effect, model, columns, left_out)
         why = why or ("" if sites else "no place in the model")
-        effects.append(Identifiability(key, not why, why, len(_places(sites))))
+        places = {place for candidate in sites for place in candidate.places}
+        effects.append(Identifiability(key, not why, why, len(places)))
     return effects
 
 
@@ -216,11 +198,7 @@ def _why_not(effect: type[Effect], sites: Sequence[Candidate], measured: Excitat
         if max(abs(low), abs(high)) < ZERO:
             return f"{one}{more} is 0 throughout"
         return f"{one}{more} hardly changes: {low:.3g} to {high:.3g} from minute to minute"
-    return effect.excitation.lacking(measured, _places(sites))
-
-
-def _places(sites: Sequence[Candidate]) -> set[str]:
-    return {place for candidate in sites for place in candidate.places}
+    return effect.excitation.lacking(measured, {place for candidate in sites for place in candidate.places})
 
 
 def _not_logged(effect: type[Effect], model: Model, columns: set[str], left_out: set[str]) -> str:
@@ -229,19 +207,19 @@ def _not_logged(effect: type[Effect], model: Model, columns: set[str], left_out:
     choices = choices or [effect.needs]
     if not any(choices):
         return ""
+
+    def at_nodes(key: str) -> set[str]:
+        return {key.replace(_NODE, node) for node in model.nodes}
+
     lacking = []
     for features in choices:
         keys = dict.fromkeys(key for feature in features for key in raw_keys(input_column(feature, _NODE)))
-        absent = [key for key in keys if not columns.intersection(_at_nodes(key, model))]
-        own = {column for feature in features for column in _at_nodes(input_column(feature, _NODE), model)}
+        absent = [key for key in keys if not columns & at_nodes(key)]
+        own = {column for feature in features for column in at_nodes(input_column(feature, _NODE))}
         if own & columns or not (absent or own & left_out):
             return ""
-        with_gaps = [key for key in absent if left_out.intersection(_at_nodes(key, model))]
+        with_gaps = [key for key in absent if left_out & at_nodes(key)]
         if with_gaps == absent:
             return f"logged with gaps, so left out: {' and '.join(absent or keys)}"
         lacking.append(" and ".join(key for key in absent if key not in with_gaps))
     return f"not logged: {' or '.join(dict.fromkeys(lacking))}"
-
-
-def _at_nodes(key: str, model: Model) -> set[str]:
-    return {key.replace(_NODE, node) for node in model.nodes}

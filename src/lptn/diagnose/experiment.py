@@ -1,10 +1,10 @@
 """The next experiment: of the runs that the logs show to be possible, the one that best tells rivals apart.
 
 Rivals are effects that the old data can't tell apart. Each rival predicts a proposed run, and may change its parameters
-as far as the old data leave them free to meet the other's prediction: Gauss-Newton information of the old data is the
-prior, and what the new run adds is solved for together. What is left is how much worse the wrong rival would explain
-the new run, in units of the sensors' noise: the noncentrality of the likelihood ratio. Programs are searched for the
-one that makes this largest for the pair where it is smallest.
+as far as the old data leave them free to meet the other's prediction: their covariance beside all else (`Evidence`) is
+the prior, and what the new run adds is solved for together. What is left is how much worse the wrong rival would
+explain the new run, in units of its errors: the noncentrality of the likelihood ratio. Programs are searched for the
+one that decides most pairs.
 
 Source: [AtkinsonFedorov1975] (T-optimal design for discrimination), with a prior.
 """
@@ -13,21 +13,22 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations, permutations, product
-from math import sqrt
+from itertools import combinations, groupby, product
+from math import log, sqrt
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import block_diag
+from scipy.special import ndtr
 
-from lptn.basics.arrays import BoolArray, FloatArray
+from lptn.basics.arrays import FloatArray
 from lptn.basics.places import EVERYWHERE, class_of, is_glob, matching
 from lptn.basics.processes import one_blas_thread
 from lptn.basics.words import listed
 from lptn.diagnose.answers import Key, Step, named
-from lptn.diagnose.excitation import STILL
-from lptn.diagnose.fit_statistics import POWER, TIE, fitted_errors, independent_readings
-from lptn.identify.fitting import Fit
-from lptn.identify.problem import AT_REST, Problem
+from lptn.diagnose.evidence import Evidence
+from lptn.diagnose.priors import OCCAM
+from lptn.identify.problem import AT_REST
 from lptn.logs.columns import column_unit, place_of, quantity_of
 from lptn.logs.resampling import means_of_blocks
 from lptn.logs.run import Run
@@ -36,11 +37,11 @@ from lptn.simulate.simulation import Sensitivities, SimulationError, sensitiviti
 
 STEP = 10.0
 """s, of a proposed run; short against the time constants of a joint."""
-CLEAR = POWER + sqrt(POWER**2 + TIE)
-"""Standard deviations of a difference from which on a refit decides in four cases of five: the information
-criterion's lead, its expected square with a scatter of twice its root, must exceed what counts as a tie."""
-_BEYOND = 10.0  # K above the hottest reading that a proposed run may reach: a little more than the logs show is safe
-_OTHER_AIR = (-12.0, 12.0)  # K: a cold room, a warm one
+POWER = 0.8
+"""Share of all logs in which what is planned for is to be seen, as is usual where experiments are planned."""
+_BEYOND = 10.0
+"""K, how far a proposed run may go beyond what the logs show to be safe: above their hottest reading, and in a room
+that is colder or warmer than theirs."""
 
 
 # --- What can be asked of a robot: loads and speeds that its logs have shown --------------------------------
@@ -50,7 +51,6 @@ _LOADS = ("torque", "current", "torque_abs", "current_abs")
 _SPEEDS = ("velocity", "velocity_rms")
 _PRODUCTS = ("mechanical_power",)
 _BASE = "speed.base"
-_ORDINARY = 0.95  # quantile of a column while it is in use: high, yet nothing that happened only once
 _LEVELS = (0.5, 1.0)
 """Shares of the high ordinary load and speed: laws that go with different powers of them are told apart by two levels,
 and losses that go with the square are a quarter at the lower one."""
@@ -94,29 +94,29 @@ class Program(NamedTuple):
     ambient: float
 
     @property
-    def seconds(self) -> float:
-        """How long it takes [s]."""
-        return sum(phase.seconds for phase in self.phases)
-
-    @property
     def working(self) -> tuple[Phase, ...]:
         """The phases without rest."""
         return tuple(phase for phase in self.phases if phase.move.joints)
 
 
 class Stage:
-    """What the logs show of each input, and programs as runs: high ordinary values, and what is usual at work or rest.
+    """What the logs show of each input, and programs as runs: high ordinary values, and what is usual.
 
     Args:
         rivals: refitted candidates of one baseline.
+        ordinary: quantile of a column while it is not zero: high, yet nothing that happened only once.
     """
 
-    def __init__(self, rivals: Sequence[Step]) -> None:
+    def __init__(self, rivals: Sequence[Step], *, ordinary: float = 0.95) -> None:
         models = [rival.fit.model for rival in rivals]
         runs = [bound.run for bound in rivals[0].fit.problem.bound_runs]
-        acts = [(rival.key, one) for rival in rivals for one in rival.fit.model.network.effect_instances]
-        places = [one.place for key, one in acts if (one.effect.key, one.declaration.where) == key]
-        self._asked = dict.fromkeys(end for place in places for end in place.split("~"))
+        self._asked = dict.fromkeys(
+            end
+            for rival in rivals
+            for one in rival.fit.model.network.effect_instances
+            if (one.effect.key, one.declaration.where) == rival.key
+            for end in one.place.split("~")
+        )
         columns = dict.fromkeys(name for model in models for name in model.inputs if name not in model.started)
         self.nodes = models[0].nodes
         self.given = [name for name in columns if name.startswith("temperature.")]
@@ -124,8 +124,13 @@ class Stage:
         # Loads and speeds that no model asks for say in words what a move is.
         told = (name for name in runs[0].columns if quantity_of(name) in (*_LOADS, *_SPEEDS))
         self.columns = dict.fromkeys([*self.inputs, *(name for name in told if all(run.has(name) for run in runs))])
-        names = (*self.columns, *self.given)
-        self._values = {name: np.concatenate([run.columns[name] for run in runs]) for name in names}
+        self._values = {
+            name: np.concatenate([run.columns[name] for run in runs]) for name in (*self.columns, *self.given)
+        }
+        sizes = {name: np.abs(self._values[name]) for name in self.columns}
+        self.high = {
+            name: float(np.quantile(own[own > 0], ordinary)) if own.any() else 0.0 for name, own in sizes.items()
+        }
         quantities = dict.fromkeys(map(quantity_of, self.inputs))
         heats = [name for name in quantities if name not in (*_SPEEDS, *_PRODUCTS, quantity_of(_BASE))]
         self._heating = [load for load in _LOADS if load in quantities] or heats  # as the heat of a heater
@@ -133,14 +138,6 @@ class Stage:
         """Places whose load, or heat where no load is logged, can be chosen."""
         self.moving = any(quantity_of(name) in (*_SPEEDS, *_PRODUCTS) for name in self.inputs)
         """Whether any model asks for the joints' speeds, or for their power."""
-        self.high = {}
-        self._works: BoolArray = np.zeros(sum(len(run) for run in runs), dtype=bool)
-        for name in self.columns:
-            sizes = np.abs(self._values[name])
-            in_use = sizes[sizes > STILL * sizes.max(initial=0.0)]
-            self.high[name] = float(np.quantile(in_use, _ORDINARY)) if in_use.size else 0.0
-            if quantity_of(name) in (*self._heating, *_SPEEDS) and self.high[name] > 0:
-                self._works |= sizes > STILL * self.high[name]
         prescribed = {name: source for name, source in models[0].network.prescribed.items() if source in self.given}
         air = prescribed.get("ambient", next(iter(prescribed.values())) if len(prescribed) == 1 else None)
         self._air = air if isinstance(air, str) else None
@@ -162,10 +159,9 @@ class Stage:
                 scopes.setdefault(members, EVERYWHERE if whole else pattern)
         proposed = []
         for joints, at in scopes.items():
-            proposed += [Move(at, joints, load=load) for load in _LEVELS]
-            if self.moving:
-                proposed += [Move(at, joints, speed=speed) for speed in _LEVELS]
-                proposed += [Move(at, joints, load, speed) for load, speed in product(_LEVELS, _LEVELS)]
+            speeds = (0.0, *_LEVELS) if self.moving else (0.0,)
+            working = [pair for pair in product((0.0, *_LEVELS), speeds) if any(pair)]
+            proposed += [Move(at, joints, load, speed) for load, speed in working]
             if _BASE in self.inputs and at == EVERYWHERE:
                 proposed += [Move(at, joints, 1.0, speed, travelling=True) for speed in _LEVELS]
         return proposed
@@ -182,11 +178,9 @@ class Stage:
             return move.load * move.speed * high * chosen
         if column == _BASE:
             return move.speed * high * move.travelling
-        values = self._values[column]
         if place in self.joints:
-            return high if chosen else float(values.min())
-        usual = values[self._works == bool(move.joints)]  # what all share: a computer's heat, the sun
-        return float(np.median(usual if usual.size else values))
+            return high if chosen else float(self._values[column].min())
+        return float(np.median(self._values[column]))  # what all share: a computer's heat, the sun
 
     def run(self, wanted: Program) -> Run:
         """A program as a log: inputs, and every node at the air's temperature."""
@@ -231,9 +225,8 @@ class Stage:
             return f"walk at {self.high.get(_BASE, 0.0) * move.speed:.2g} m/s with {load} at {where}"
         if move.speed == 0.0:
             return f"hold {load} at {where}{' standing' if self.moving else ''}"
-        speed = next((speed for speed in _SPEEDS if any(quantity_of(name) == speed for name in self.columns)), "")
-        columns = [f"{speed}.{joint}" for joint in move.joints if f"{speed}.{joint}" in self.high]
-        pace = f"{_range([self.value(name, move) for name in columns], 'rad/s')} on average"
+        names = [[f"{speed}.{joint}" for joint in move.joints if f"{speed}.{joint}" in self.high] for speed in _SPEEDS]
+        pace = f"{_range([self.value(name, move) for name in names[0] or names[1]], 'rad/s')} on average"
         return f"move {where} at {pace} with {load}" if move.load else f"swing {where} without load at {pace}"
 
     def _loads(self, move: Move) -> dict[str, list[float]]:
@@ -260,12 +253,6 @@ def _range(values: Sequence[float], unit: str) -> str:
 # --- How far rivals' predictions of a run lie apart after each has done what it can to agree ------
 
 
-_UNDETERMINED = 10.0
-"""One standard deviation, in the search's own scale (logarithms, typical sizes), of a parameter that no data hold: in
-effect none."""
-_MODEL_ERROR = 0.03**2 * 600.0  # K²s: 0.03 K for ten minutes; no model of a real robot is better, however many readings
-
-
 class Difference(NamedTuple):
     """How two rivals' predictions of a run differ after the one that is wrong has done what it can to agree.
 
@@ -288,7 +275,7 @@ class Difference(NamedTuple):
     @property
     def clear(self) -> bool:
         """Whether the run decides between the two in four cases of five."""
-        return self.deviations >= CLEAR
+        return bool(_power(self.deviations) >= POWER)
 
     def as_json(self) -> dict[str, object]:
         """The difference as other tools read it."""
@@ -304,27 +291,35 @@ class Rivals:
 
     def __init__(self, steps: Sequence[Step]) -> None:
         self.keys, self.fits = [step.key for step in steps], [step.fit for step in steps]
-        self._density = noise_density(min(self.fits, key=lambda fit: fit.cost))
-        self._priors = [self._prior(fit) for fit in self.fits]
-        bound_runs = self.fits[0].problem.bound_runs
-        self._measured = np.any([bound.counted.any(axis=1) for bound in bound_runs], axis=0)
+        known = [Evidence(fit, ()) for fit in self.fits]
+        self._roots = [
+            block_diag(_root(own.covariance), AT_REST * np.eye(len(fit.model.states)))
+            for own, fit in zip(known, self.fits, strict=True)
+        ]
+        best = min(range(len(self.fits)), key=lambda number: self.fits[number].cost)
+        problem = self.fits[best].problem
+        steps_, counts = zip(*((one.run.step, one.counted.sum()) for one in problem.bound_runs), strict=True)
+        self.density: FloatArray = problem.sigma**2 / known[best].precision * np.average(steps_, weights=counts)
+        """Variance of each node's readings times the time after which they are new information [K²s], (nodes,)."""
+        self._measured = problem.measured
 
     def predict(self, run: Run) -> list[Sensitivities]:
-        """Each rival's prediction of a run, with its derivatives by the search's coordinates and the states at rest.
+        """Each rival's prediction of a run, with its derivatives by independent standard deviations of what it may
+        change: parameters as the old data leave them, and how far the states are from rest.
 
         Raises:
             SimulationError: a model runs away.
         """
         predicted = []
-        for fit in self.fits:
-            model, free = fit.model, fit.problem.free
+        for fit, root in zip(self.fits, self._roots, strict=True):
+            model, free, nodes = fit.model, fit.problem.free, len(fit.model.nodes)
             # The fit's own choice of parameters: its stepper, compiled already, is used again.
             simulated = sensitivities(model, bind(model, run), model.values, free)
             moved = simulated.derivatives.copy()
             moved[:, :, : len(free)] *= fit.problem.slope(model.values)
-            nodes, starts = len(model.nodes), moved[:, :, len(free) :]
+            starts = moved[:, :, len(free) :]
             starts[:, :, :nodes] += starts[:, :, nodes:] @ model.resting_shares
-            predicted.append(replace(simulated, derivatives=moved))
+            predicted.append(replace(simulated, derivatives=moved @ root))
         return predicted
 
     def apart(self, predictions: Sequence[Sensitivities], run: Run) -> list[Difference]:
@@ -334,16 +329,17 @@ class Rivals:
             predictions: of one run.
             run: that run.
         """
-        weight, differences = np.sqrt(run.step / self._density)[:, None], []
+        weight, differences = np.sqrt(run.step / self.density)[:, None] * self._measured[:, None], []
         for pair in combinations(range(len(self.fits)), 2):
             fitted = predictions[pair[0]].readings - predictions[pair[1]].readings
-            weighted, both = fitted * weight, list[tuple[float, FloatArray]]()
+            both = list[tuple[float, FloatArray]]()
             for wrong in pair:
-                rows = (predictions[wrong].derivatives * weight[:, :, None]).reshape(weighted.size, -1)
-                pull = rows.T @ weighted.ravel()
-                change = np.linalg.solve(self._priors[wrong] + rows.T @ rows, pull)
-                rise = max(float(np.sum(weighted**2) - pull @ change), 0.0)
-                both.append((sqrt(rise), (weighted - (rows @ change).reshape(weighted.shape)) / weight))
+                derivatives = predictions[wrong].derivatives
+                rows = (derivatives * weight[:, :, None]).reshape(fitted.size, -1)
+                pull = rows.T @ (fitted * weight).ravel()
+                change = np.linalg.solve(np.eye(rows.shape[1]) + rows.T @ rows, pull)
+                rise = float(np.sum((fitted * weight) ** 2) - pull @ change)
+                both.append((sqrt(max(rise, 0.0)), fitted - derivatives @ change))
             deviations, left = min(both, key=lambda way: way[0])
             minutes = means_of_blocks(left, round(60 / STEP)) * self._measured[:, None]
             row, column = np.unravel_index(int(np.argmax(np.abs(minutes))), minutes.shape)
@@ -360,117 +356,103 @@ class Rivals:
             )
         return differences
 
-    def _prior(self, fit: Fit) -> FloatArray:
-        """Information on parameters from the old data, on initial states from the robot's being at rest."""
-        old, sigma = fit.problem, np.sqrt(self._density / _mean_step(fit))
-        hessian = Problem(old.model, old.bound_runs, sigma, old.symmetry_penalty, old.free).normal(fit.z)[1]
-        free, states = len(old.free), len(fit.model.states)
-        across, starts = hessian[:free, free:], hessian[free:, free:]
-        schur = hessian[:free, :free] - across @ np.linalg.solve(starts, across.T)
-        information = np.zeros((free + states, free + states))
-        information[:free, :free] = 0.5 * (schur + schur.T) + np.eye(free) / _UNDETERMINED**2
-        information[free:, free:] = np.eye(states) / AT_REST**2
-        return information
+
+def _root(covariance: FloatArray) -> FloatArray:
+    """A square root R of a covariance R Rᵀ, which may be singular."""
+    squares, axes = np.linalg.eigh(covariance)
+    return np.asarray(axes * np.sqrt(np.maximum(squares, 0.0)))
 
 
-def noise_density(fit: Fit) -> FloatArray:
-    """Variance of each node's readings times the time after which they are new information [K²s], shape (nodes,).
-
-    The steps of a coarse sensor repeat their error for as long as the temperature stays within one: such readings
-    count as often as their residuals' correlation in time allows. A small, slow error of the model is added: a
-    difference of hundredths of a kelvin decides nothing.
-    """
-    errors = fitted_errors(fit)
-    repeated = max(1.0, fit.problem.readings / independent_readings(errors))
-    variance = np.empty(len(fit.model.nodes))
-    for row, floor in enumerate(fit.noise.floor):
-        residual = np.concatenate([error[row][bound.counted[row]] for bound, error in errors])
-        variance[row] = max(float(np.mean(residual**2)), floor**2) if residual.size else 1e6  # it says nothing
-    return np.asarray(variance * repeated * _mean_step(fit) + _MODEL_ERROR)
-
-
-def _mean_step(fit: Fit) -> float:
-    """Of the runs, each counted by its readings [s]."""
-    steps, counts = zip(*((bound.run.step, int(bound.counted.sum())) for bound in fit.problem.bound_runs), strict=True)
-    return float(np.average(steps, weights=counts))
-
-
-# --- The search among runs: single moves first, then pairs and threes, then other air ----------------------
-
-
-_SHARES = (0.2, 0.4, 0.6, 0.8, 1.0)  # of the time for a single move; rest is left at the end. Several take four fifths
-_KEPT = 6  # moves, pairs, programs that are followed further: some 200 programs in all, a second or two
-_NEARLY = 0.85  # share of the best that a simpler run must reach: that is a third more time of the same run
+# --- The search among runs: single moves, then one move more behind the best, then other air ----------------
 
 
 def best_program(
-    stage: Stage, rivals: Rivals, moves: Sequence[Move], ambients: Iterable[float], seconds: float, limit: float
+    stage: Stage,
+    rivals: Rivals,
+    moves: Sequence[Move],
+    ambients: Iterable[float],
+    seconds: float,
+    limit: float,
+    *,
+    longest: int = 3,
+    kept: int = 6,
+    simpler: float = 0.85,
 ) -> tuple[Program | None, int]:
     """The simplest program that is nearly as good as the best, `None` if all run too hot; and how many were tried.
 
     Args:
         stage: turns programs into runs.
         rivals: the fits.
-        moves: what can be done.
+        moves: what can be done, beside rest.
         ambients: temperatures of the air beside the logs' own [degC].
         seconds: how long a run may last.
         limit: highest temperature that a prediction may reach [degC].
+        longest: moves of a program, each as long as the others.
+        kept: moves, and programs of each length, that are followed further.
+        simpler: share of the pairs that a simpler run must decide beside one that asks for one thing more: it may last
+            a third longer, and then sets rivals apart by 15 % more deviations.
     """
-    tried: dict[Program, list[float]] = {}  # deviations of each pair; none for what gets too hot, or runs away
+    tried: dict[Program, tuple[float, float] | None] = {}  # pairs decided, and their deviations; none of what runs hot
 
-    def attempt(programs: Iterable[Sequence[tuple[Move, float]]], ambient: float) -> None:
-        """Programs of moves that take shares of the time, and rest for what is left."""
-        for shares in programs:
-            phases = [Phase(move, round(share * seconds / STEP) * STEP) for move, share in shares]
-            left = round(seconds / STEP) * STEP - sum(phase.seconds for phase in phases)
-            phases += [Phase(Move(), left)] if left >= STEP else []
-            program = Program(tuple(one for one in phases if one.seconds > 0), ambient)
-            if program in tried:
-                continue
-            run, tried[program] = stage.run(program), []
-            try:
-                predictions = rivals.predict(run)
-            except SimulationError:
-                continue
-            if max(float(prediction.readings.max()) for prediction in predictions) <= limit:
-                tried[program] = [difference.deviations for difference in rivals.apart(predictions, run)]
+    def best(some: Iterable[tuple[Move, ...]], ambient: float) -> list[tuple[Move, ...]]:
+        """Of some moves one after the other, each as long as the others, those that decide most, the best first."""
+        worth = {}
+        for moves in some:
+            ends = np.round(np.linspace(0.0, seconds / STEP, len(moves) + 1)) * STEP
+            parts = [(move, list(own)) for move, own in groupby(range(len(moves)), key=moves.__getitem__)]
+            phases = (Phase(move, float(ends[own[-1] + 1] - ends[own[0]])) for move, own in parts)
+            program = Program(tuple(phases), ambient)
+            if program not in tried:
+                tried[program] = _decided(stage, rivals, program, limit)
+            if (decided := tried[program]) is not None:
+                worth[moves] = decided
+        return sorted(worth, key=worth.__getitem__, reverse=True)[:kept]
 
-    def ranked() -> list[tuple[Program, float]]:
-        """Those that stay cool, the best first, with the deviations of its weakest pair.
+    rest = (Move(),)
+    longer = followed = good = best([rest, *((move,) for move in moves)], stage.ambient)
+    for _ in range(1, longest):
+        longer = best([some + one for some, one in product(longer, dict.fromkeys([*good, rest]))], stage.ambient)
+        followed = [*followed, *longer]
+    for elsewhere in ambients:
+        best(followed, elsewhere)
 
-        A pair that no program sets apart has no say, unless there is no other.
-        """
-        cool = [program for program, deviations in tried.items() if deviations]
-        if not cool:
-            return []
-        deviations = np.array([tried[program] for program in cool])
-        possible = deviations.max(axis=0) >= CLEAR
-        worth = (deviations[:, possible] if possible.any() else deviations).min(axis=1)
-        return [(cool[k], float(worth[k])) for k in np.argsort(-worth, kind="stable")]
-
-    def effort(program: Program) -> int:
-        """What it asks of people: other air is the most trouble, then a rig that loads a moving joint."""
+    def less_effort(program: Program) -> tuple[float, float]:
+        """What it decides, less what it asks of people: other air is the most, then a rig that loads a moving joint."""
         work = [phase.move for phase in program.working]
         rigs = sum(move.load > 0 and move.speed > 0 and move.at != EVERYWHERE for move in work)
-        return 2 * (program.ambient != stage.ambient) + max(len(work) - 1, 0) + rigs
+        effort = 2 * (program.ambient != stage.ambient) + max(len(work) - 1, 0) + rigs
+        decided, deviations = cool[program]
+        return simpler**effort * decided, simpler**effort * deviations
 
-    attempt([[], *([(move, share)] for move, share in product(moves, _SHARES[2::2]))], stage.ambient)
-    working = (program.working for program, _ in ranked())
-    good = list(dict.fromkeys(phases[0].move for phases in working if phases))[:_KEPT]
-    attempt([[(move, share)] for move, share in product(good, _SHARES)], stage.ambient)
-    attempt([[(move, _SHARES[-2] / 2) for move in pair] for pair in permutations(good, 2)], stage.ambient)
-    working = (program.working for program, _ in ranked())
-    pairs = [[phase.move for phase in phases] for phases in working if len(phases) == 2][:_KEPT]
-    threes = ([*pair, third] for pair, third in product(pairs, good) if third != pair[1])
-    attempt([[(move, _SHARES[-2] / 3) for move in three] for three in threes], stage.ambient)
-    kept = [[(phase.move, phase.seconds / seconds) for phase in program.phases] for program, _ in ranked()[:_KEPT]]
-    alone = [[(move, share)] for move, share in product(good, _SHARES[1:])]
-    for elsewhere in ambients:
-        attempt([[], *kept, *alone], elsewhere)
-    # A run that is clearer is not worth more effort.
-    worth = {program: min(deviations, 3.0 * CLEAR) for program, deviations in ranked()}
-    near = [program for program in worth if worth[program] >= _NEARLY * max(worth.values())]
-    return min(near, key=lambda program: (effort(program), -worth[program]), default=None), len(tried)
+    cool = {program: decided for program, decided in tried.items() if decided is not None}
+    return max(cool, key=less_effort, default=None), len(tried)
+
+
+def _decided(
+    stage: Stage, rivals: Rivals, program: Program, limit: float, reserve: float = 3.0
+) -> tuple[float, float] | None:
+    """Number of pairs that a program is expected to decide, and deviations of all; `None` where it gets too hot.
+
+    With a reserve: effects may be so many times smaller than they were fitted, or the log be so much worse.
+    """
+    run = stage.run(program)
+    try:
+        predictions = rivals.predict(run)
+    except SimulationError:
+        return None
+    if max(float(prediction.readings.max()) for prediction in predictions) > limit:
+        return None
+    deviations = [difference.deviations for difference in rivals.apart(predictions, run)]
+    return sum(_power(own / reserve) for own in deviations), sum(deviations)
+
+
+def _power(deviations: float) -> float:
+    """The probability that a refit rules out the wrong one of two rivals that a run sets so far apart.
+
+    Twice the logarithm of the odds is expected to be the square, with a scatter of twice the deviations; it must be
+    beyond Occam's window.
+    """
+    return float(ndtr(0.5 * deviations - log(OCCAM) / deviations)) if deviations > 0 else 0.0
 
 
 # --- The proposal: how rivals differ in it, by how much, where and when ----------------------------------------
@@ -519,27 +501,27 @@ class Experiment:
 
     def text(self) -> str:
         """What to do, what each rival predicts, and what to conclude."""
-        least, minutes = self.weakest, self.program.seconds / 60
+        least = self.weakest
         warmer, colder = (named(key) for key in least.pair)
         shown = (
-            f"At {least.minute:.0f} min {least.node} is then {least.kelvin:.2g} K warmer if it is {warmer} "
-            f"than if it is {colder}, whatever the other parameters are"
+            f"{self.words} At {least.minute:.0f} min {least.node} is then {least.kelvin:.2g} K warmer if it is "
+            f"{warmer} than if it is {colder}, whatever the other parameters are"
         )
-        if not self.separates:
-            reach = f"{minutes:.0f} min within the loads, speeds and temperatures of these logs"
-            if least.deviations < 1.0:
-                return (
-                    f"No run of {reach} tells {warmer} from {colder}: in the best of {self.tried} they stay within one "
-                    "standard deviation of each other, whatever the other parameters are."
-                )
+        if self.separates:
+            pairs = "; ".join(listed([named(key) for key in pair]) for pair in self.indistinguishable)
+            rest = f" It does not tell apart {pairs}." if pairs else ""
+            decided = "Fit that log as well: the wrong one is then refused."
+            return f"{shown} ({least.deviations:.0f} standard deviations). {decided}{rest}"
+        reach = f"{len(self.run) * STEP / 60:.0f} min within the loads, speeds and temperatures of these logs"
+        if least.deviations < 1.0:
             return (
-                f"No run of {reach} is sure to tell {warmer} from {colder}. The best of {self.tried} would in fewer "
-                f"than four cases of five: {self.words} {shown} ({least.deviations:.1f} standard deviations)."
+                f"No run of {reach} tells {warmer} from {colder}: in the best of {self.tried} they stay within one "
+                "standard deviation of each other, whatever the other parameters are."
             )
-        pairs = "; ".join(listed([named(key) for key in pair]) for pair in self.indistinguishable)
-        rest = f" It does not tell apart {pairs}." if pairs else ""
-        decided = "Fit that log as well: the wrong one is then refused."
-        return f"{self.words} {shown} ({least.deviations:.0f} standard deviations). {decided}{rest}"
+        return (
+            f"No run of {reach} is sure to tell {warmer} from {colder}. The best of {self.tried} would in fewer "
+            f"than four cases of five: {shown} ({least.deviations:.1f} standard deviations)."
+        )
 
     def as_json(self) -> dict[str, object]:
         """The experiment as other tools read it."""
@@ -547,7 +529,7 @@ class Experiment:
             "rivals": [list(key) for key in self.rivals],
             "separates": self.separates,
             "text": self.text(),
-            "minutes": self.program.seconds / 60,
+            "minutes": len(self.run) * STEP / 60,
             "ambient": self.program.ambient,
             "moves": list(self.moves),
             "differences": [contrast.as_json() for contrast in self.differences],
@@ -565,19 +547,21 @@ def propose(
     ambients: Sequence[float] | None = None,
     limit: float | None = None,
     allowed: Sequence[Move] | None = None,
+    most: int = 4,
 ) -> Experiment | None:
     """The run that best tells rivals apart, of those that the fitted logs show to be possible.
 
     Each rival's parameters may move as far as the old data let them to meet the other's prediction; what is left
-    between the two, in units of the sensors' noise, is made as large as it gets for the pair where it is smallest.
+    between the two, in units of the sensors' noise, is made to decide as many pairs as it may.
 
     Args:
         rivals: refitted candidates that the data can't tell apart, of one baseline.
         minutes: how long the run may last.
-        ambients: temperatures of the air that can be had [degC] beside the logs' own; by default 12 K colder and
-            12 K warmer.
+        ambients: temperatures of the air that can be had [degC] beside the logs' own; by default 10 K colder and
+            10 K warmer.
         limit: highest temperature that a prediction may reach [degC]; by default 10 K above the hottest reading.
         allowed: what the robot can do; by default all `possible_moves`.
+        most: of the rivals, the most probable first, among which the run has to decide.
 
     Returns:
         The experiment; `None` with fewer than two rivals, or if no run stays below the limit. See
@@ -585,30 +569,21 @@ def propose(
 
     Source: [AtkinsonFedorov1975].
     """
-    if len(rivals) < 2:
+    if len(rivals := rivals[:most]) < 2:
         return None
     stage, fitted = Stage(rivals), Rivals(rivals)
     if limit is None:
         limit = _BEYOND + max(float(np.nanmax(bound.measured)) for bound in rivals[0].fit.problem.bound_runs)
-    others = [round(stage.ambient) + shift for shift in _OTHER_AIR] if ambients is None else ambients
+    others = [round(stage.ambient) + shift for shift in (-_BEYOND, _BEYOND)] if ambients is None else ambients
     moves = stage.moves() if allowed is None else allowed
     best, tried = best_program(stage, fitted, moves, others if stage.air_can_change else (), 60.0 * minutes, limit)
     if best is None:
         return None
-    run = stage.run(best)
-    predictions = fitted.predict(run)
+    predictions = fitted.predict(run := stage.run(best))
     differences = sorted(fitted.apart(predictions, run), key=lambda contrast: -contrast.deviations)
-    return Experiment(
-        tuple(fitted.keys),
-        best,
-        run,
-        tuple(differences),
-        {key: prediction.readings for key, prediction in zip(fitted.keys, predictions, strict=True)},
-        limit,
-        tried,
-        tuple(stage.as_json(best)),
-        stage.text(best),
-    )
+    readings = {key: prediction.readings for key, prediction in zip(fitted.keys, predictions, strict=True)}
+    told = tuple(stage.as_json(best)), stage.text(best)
+    return Experiment(tuple(fitted.keys), best, run, tuple(differences), readings, limit, tried, *told)
 
 
 def possible_moves(rivals: Sequence[Step]) -> list[Move]:

@@ -17,16 +17,10 @@ from lptn.basics.arrays import FloatArray
 from lptn.identify.comparison import Errors
 from lptn.identify.fitting import Fit
 from lptn.identify.noise import LEAST_NOISE, PLAIN
+from lptn.logs.resampling import means_of_blocks
 from lptn.simulate.bound_run import BoundRun
 
 # --- The information criterion: which of two fits to the same runs is better, parameters paid for --
-
-
-TIE = 10.0
-"""Information criteria closer than this decide nothing ([BurnhamAnderson2002]: beyond 10, no support)."""
-POWER = 0.84
-"""Standard deviations that four of five logs stay above: a power of 80 %."""
-_LEAST_INDEPENDENT = 3.0  # readings; keeps the logarithm of their number positive
 
 
 def criterion_difference(one: Fit, other: Fit) -> float:
@@ -66,7 +60,7 @@ def independent_readings(runs: Sequence[RunErrors], beside: float = 0.0) -> floa
             if residual.size > 2:
                 square = max(float(np.mean(residual**2)), LEAST_NOISE**2)
                 count += residual.size / (_correlation_time(residual) + block * beside**2 / square)
-    return max(count, _LEAST_INDEPENDENT)
+    return max(count, 1.0)
 
 
 def _correlation_time(residual: FloatArray) -> float:
@@ -136,9 +130,6 @@ WORTH = 0.05
 independent residuals, an hour or two of a few nodes, is itself known to 1/√400."""
 HALF = 0.5
 """Share of the squared error beyond noise of held-out runs that must go with it: they differ in themselves, too."""
-_LOGS, _TOGETHER = 200, 20
-"""Logs that are simulated for what noise leaves: what one in twenty exceeds is then known to a tenth; and how many of
-them at once, so that ten days of readings fill no memory."""
 
 
 class MinuteMeans(NamedTuple):
@@ -155,11 +146,31 @@ class MinuteMeans(NamedTuple):
     limit: float
 
 
+def noise_of_means(clean: FloatArray, white: float, step: float, size: int, logs: int = 200) -> FloatArray:
+    """What a sensor leaves of a perfect model on means over so many readings, in logs that are simulated.
+
+    Args:
+        clean: the true readings [K], shape (n,).
+        white: standard deviation of white noise [K].
+        step: of a coarse sensor [K], 0 for a fine one; the steps lie anywhere.
+        size: readings of a mean.
+        logs: how many; of 200 what one in twenty exceeds is known to a tenth.
+
+    Returns:
+        Errors [K], shape (logs, n // size).
+    """
+    rng, errors = np.random.default_rng(0), []
+    for _ in range(logs):  # one after the other, so that ten days of readings fill no memory
+        error = rng.normal(0.0, white, clean.size)
+        if step > 0:
+            true = clean + rng.uniform(0.0, step)
+            error = np.round((true + error) / step) * step - true
+        errors.append(error[: clean.size // size * size].reshape(-1, size).mean(axis=1))
+    return np.array(errors)
+
+
 def minute_means(fit: Fit, runs: Sequence[RunErrors]) -> dict[str, MinuteMeans]:
     """What each node's errors are over minutes, beside what its sensor would leave of a perfect model.
-
-    Readings of a perfect model are simulated: with white noise, and rounded to a coarse sensor's steps, which lie
-    anywhere.
 
     Args:
         fit: has the sensors' noise.
@@ -170,25 +181,15 @@ def minute_means(fit: Fit, runs: Sequence[RunErrors]) -> dict[str, MinuteMeans]:
     """
     found = {}
     for row, (node, white, step) in enumerate(zip(fit.model.nodes, fit.noise.white, fit.noise.step, strict=True)):
-        rng, squares, simulated = np.random.default_rng(0), [np.zeros(0)], [np.zeros((0, _LOGS))]
+        squares, simulated = [], []
         for bound, error in runs:
-            counted = bound.counted[row] & np.isfinite(error[row])
-            size = max(1, round(BLOCK / bound.run.step))
-            whole = int(counted.sum()) // size * size
-            own = error[row][counted][:whole]
-            clean = (bound.measured[row][counted][:whole] + own)[:, None]
-            squares.append(own.reshape(-1, size).mean(axis=1) ** 2)
-            means = []
-            for _ in range(_LOGS // _TOGETHER):
-                read = clean + rng.normal(0.0, white, (whole, _TOGETHER))
-                if step > 0:
-                    phase = rng.uniform(0.0, step, _TOGETHER)
-                    read = np.round((read + phase) / step) * step - phase
-                means.append((read - clean).reshape(-1, size, _TOGETHER).mean(axis=1))
-            simulated.append(np.hstack(means) ** 2)
+            counted, size = bound.counted[row] & np.isfinite(error[row]), max(1, round(BLOCK / bound.run.step))
+            own = error[row][counted]
+            squares.append(means_of_blocks(own, size) ** 2)
+            simulated.append(noise_of_means(bound.measured[row][counted] + own, white, step, size) ** 2)
         square = np.concatenate(squares)
         if square.size:
-            noise = np.vstack(simulated).mean(axis=0)
+            noise = np.hstack(simulated).mean(axis=1)
             limit = float(np.quantile(noise, 0.95)) + NEGLIGIBLE**2
             found[node] = MinuteMeans(float(square.mean()), float(noise.mean()), limit)
     return found
@@ -245,7 +246,7 @@ def explained_elsewhere(base: Fit, before: Errors | None, after: Errors | None) 
 
 
 def standing_out(
-    fit: Fit, run: RunErrors, least: float = NEGLIGIBLE, fitted: Sequence[RunErrors] | None = None
+    fit: Fit, run: RunErrors, least: float = 0.0, fitted: Sequence[RunErrors] | None = None
 ) -> dict[str, tuple[float, float]]:
     """Nodes where a run is predicted clearly worse than the fitted runs are met, with both errors [K].
 

@@ -35,12 +35,8 @@ from lptn.logs.run import Run
 from lptn.model.heat_balance import input_column
 from lptn.model.network import EffectDeclaration
 
-_FAR_BEYOND = 2.0  # bands that a curve must be from none: four standard errors, beyond the best of many by chance
-_MOST_NODES = 3  # those whose heat is surest: time grows with them, and a heat without a name spreads from its place
-_WALKS = 3  # the likeliest and two slower ones: beside a curve that stands for heat the rest wanders less
-_WORTH_A_WORD = 0.1  # share of the heat that an input must explain to be named
-_POINTS = 41  # of a curve that is drawn
-_DAY, TIME_OF_DAY = 86400.0, "time of day"  # s; asked of logs of a day and more, whose clock is taken for the day's
+_DAY = 86400.0  # s; the time of day is asked of logs of a day and more, whose clock is taken for the day's
+TIME_OF_DAY = "time of day"
 
 
 @dataclass(frozen=True)
@@ -73,7 +69,7 @@ class LearnedCurve:
         band: half-width of the 95 % band [W], shape (n,).
         step: the exact fit with the curve in the model, with held-out errors; `None` without a curve.
         without: held-out error without the curve, the lower of the given model's and that with all that was found [K].
-        offered: whether the curve is far beyond its band and lowers that error by more than chance.
+        offered: whether the curve lowers that error by more than chance.
         beside: whether the fit has effects that were found and are not in the model as given.
     """
 
@@ -105,7 +101,7 @@ class LearnedCurve:
         unit = column_unit(first.column) or "as logged"
         points = [
             f"{short_size(self.heat[k])} ± {short_size(self.band[k])} W at {short_size(self.values[k])} {unit}"
-            for k in (_POINTS // 3, 2 * _POINTS // 3, -1)
+            for k in (len(self.values) // 3, 2 * len(self.values) // 3, -1)
         ]
         text += f", {listed(points)}. That suggests a cause but does not prove it."
         if self.offered and self.without and self.held_out:
@@ -161,36 +157,32 @@ def learned_curve(first: Diagnosis, last: Diagnosis, data: DataSplit, heat: Wand
     """
     if last.remaining != "unexplained":
         return None
-    found: Diagnosis | Step = last if last is not first else first.steps[-1] if first.steps else first
-    models = [heat] if last is first else [WanderingHeat(first.fit), heat]
-    models += [WanderingHeat(found.fit)] if last is first is not found else []
+    found: Sequence[Diagnosis | Step] = [last] if last is not first else first.steps[-1:]
+    fits = [first.fit, *(one.fit for one in found)]
+    models = [heat if fit is heat.fit else WanderingHeat(fit) for fit in fits]
     told = [curve for number, one in enumerate(models) if (curve := _likeliest(one, data, beside=number > 0))]
-    errors = [one.holdout.rmse for one in (first, found) if one.holdout]
-    without = min(errors, default=0.0)  # none held out: none offered
+    without = min((one.holdout.rmse for one in (first, *found) if one.holdout), default=0.0)  # none: none offered
     for curve in told:
-        far = bool(np.any(np.abs(curve.heat) > _FAR_BEYOND * curve.band))
-        if far and curve.held_out is not None and curve.held_out < (1 - WORTH) * without:
+        if curve.held_out is not None and curve.held_out < (1 - WORTH) * without:
             return replace(curve, without=without, offered=True)
     return replace(told[0], without=without or None) if told else None
 
 
-def _likeliest(heat: WanderingHeat, data: DataSplit, *, beside: bool) -> LearnedCurve | None:
+def _likeliest(heat: WanderingHeat, data: DataSplit, *, beside: bool, most: int = 3) -> LearnedCurve | None:
     """What most surely unexplained heat goes with in one model, with the exact fit where `learned_heat` has the input.
 
     Args:
         heat: of the fitted model.
         data: as in `learned_curve`.
         beside: whether it has effects that the given model lacks.
+        most: nodes that are asked, those whose heat is surest: a heat without a name spreads from its place.
     """
     nodes = dict.fromkeys(peak.node for peak in stretches(heat.unexplained))
-    shares = input_shares(heat, list(nodes)[:_MOST_NODES])
+    shares = input_shares(heat, list(nodes)[:most])
     if not shares or shares[0].log_odds < np.log(OCCAM * len(shares)):
         return None
-    own = tuple(one for one in shares if one.node == shares[0].node and one.share >= _WORTH_A_WORD and one.log_odds > 0)
-    declaration = shares[0].declaration
-    if not own or own[0] is not shares[0]:
-        return None
-    if declaration is None:
+    own = tuple(one for one in shares if one.node == shares[0].node and one.log_odds > 0)
+    if (declaration := own[0].declaration) is None:
         return LearnedCurve(own, beside=beside)
     done = refit(heat.fit, declaration)
     values, curve, band = curve_of(done, declaration)
@@ -200,7 +192,7 @@ def _likeliest(heat: WanderingHeat, data: DataSplit, *, beside: bool) -> Learned
     return LearnedCurve(own, values, curve, band, step, beside=beside)
 
 
-def curve_of(fit: Fit, declared: EffectDeclaration) -> tuple[FloatArray, FloatArray, FloatArray]:
+def curve_of(fit: Fit, declared: EffectDeclaration, points: int = 41) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Values of the input, the heat there and the half-width of its 95 % band [W], shape (n,) each.
 
     The band is that of the rises, and of what a curve that never falls may do within a piece: a process of gamma
@@ -209,13 +201,14 @@ def curve_of(fit: Fit, declared: EffectDeclaration) -> tuple[FloatArray, FloatAr
     Args:
         fit: a model that has the effect at one place.
         declared: the effect.
+        points: of the curve.
     """
     effect = declared.effect
     assert isinstance(effect, LearnedHeat)
     names = [declared.shared_name(f"rise_{number}") for number in range(1, PIECES + 1)]
     index = {parameter.name: number for number, parameter in enumerate(fit.model.parameters)}
     given = {name: fit.point.values[index[declared.shared_name(name)]] for name in ("scale", "start", "span")}
-    values = given["start"] + given["span"] * np.linspace(0.0, 1.0, _POINTS)
+    values = given["start"] + given["span"] * np.linspace(0.0, 1.0, points)
     of_pieces = given["scale"] * np.array(effect.pieces(values, given["start"], given["span"]))
     rises = fit.point.values[[index[name] for name in names]]
     rows = [fit.problem.free.index(index[name]) for name in names]
@@ -228,51 +221,44 @@ def curve_of(fit: Fit, declared: EffectDeclaration) -> tuple[FloatArray, FloatAr
 
 
 @one_blas_thread
-def input_shares(heat: WanderingHeat, nodes: Sequence[str]) -> list[InputShare]:
+def input_shares(heat: WanderingHeat, nodes: Sequence[str], *, walks: int = 3) -> list[InputShare]:
     """What the unexplained heat at some nodes goes with, the most probable first.
 
     Args:
         heat: of a fitted model.
         nodes: measured ones.
+        walks: how fast the heat may wander, the likeliest and slower ones: beside a curve that stands for heat the rest
+            wanders less.
     """
-    fit, linear, scale = heat.fit, heat.runs, heat.scale
-    runs = [bound.run for bound in fit.problem.bound_runs]
+    fit, scale, runs = heat.fit, heat.scale, [bound.run for bound in heat.fit.problem.bound_runs]
     candidates = [one for node in nodes for one in _inputs_of(fit, node, runs)]
     if not candidates:
         return []
-    known = []
-    for run, part in zip(runs, linear, strict=True):
-        heats = np.zeros((len(part.time), len(part.rows), PIECES * len(candidates)))
-        rows = {fit.model.nodes[row]: place for place, row in enumerate(part.rows)}
-        for number, one in enumerate(candidates):
-            if one.node in rows:  # a run may not measure all nodes
-                own = slice(PIECES * number, PIECES * (number + 1))
-                heats[:, rows[one.node], own] = one.in_blocks(run, part.time, part.seconds)
-        known.append(heats)
+    columns = [slice(PIECES * number, PIECES * (number + 1)) for number in range(len(candidates))]
+    rows = [fit.model.nodes.index(one.node) for one in candidates]
+    known = [np.zeros((len(part.time), len(part.rows), PIECES * len(candidates))) for part in heat.runs]
+    for run, part, heats in zip(runs, heat.runs, known, strict=True):
+        for one, row, own in zip(candidates, rows, columns, strict=True):
+            at = np.flatnonzero(part.rows == row)  # a run may not measure all nodes
+            heats[:, at, own] = one.in_blocks(run, part.time, part.seconds)[:, None]
     best, none = [(-np.inf, 0.0)] * len(candidates), -np.inf
-    for walk in reversed(heat.walks[-_WALKS:]):
-        gradient, hessian = np.zeros(PIECES * len(candidates)), np.zeros((PIECES * len(candidates),) * 2)
+    for walk in reversed(heat.walks[-walks:]):
         done = [
             smoothed(part, heat.prior(part, walk, open_parameters=True), heats)
-            for part, heats in zip(linear, known, strict=True)
+            for part, heats in zip(heat.runs, known, strict=True)
         ]
-        for white in (own.white for own in done):
-            gradient, hessian = gradient + white[:, 1:].T @ white[:, 0], hessian + white[:, 1:].T @ white[:, 1:]
-        density = sum(own.density for own in done)
+        white, density = np.vstack([run.white for run in done]), sum(run.density for run in done)
         none = max(none, density)
-        for number, one in enumerate(candidates):
-            own = slice(PIECES * number, PIECES * (number + 1))
-            odds, rises = _posterior(gradient[own], hessian[own, own], scale, bool(one.key))
+        for number, (one, row, own) in enumerate(zip(candidates, rows, columns, strict=True)):
+            odds, rises = _posterior(white[:, 0], white[:, 1:][:, own], scale, bool(one.key))
             if odds + density > best[number][0]:
-                # Of the square of the node's heat, over all runs that measure it, what is left once the curve is there.
-                row = fit.model.nodes.index(one.node)
                 its = [
                     (run.heat[part.rows == row], run.taken[part.rows == row][..., own] @ rises)
-                    for run, part in zip(done, linear, strict=True)
+                    for run, part in zip(done, heat.runs, strict=True)
                 ]
-                before = sum(float(np.sum(watts**2)) for watts, _ in its)
-                after = sum(float(np.sum((watts - taken) ** 2)) for watts, taken in its)
-                best[number] = odds + density, max(0.0, 1.0 - after / before) if before > 0 else 0.0
+                watts, taken = (np.concatenate(series, axis=None) for series in zip(*its, strict=True))
+                left = float(np.sum((watts - taken) ** 2) / max(np.sum(watts**2), np.finfo(float).tiny))
+                best[number] = odds + density, max(0.0, 1.0 - left)
     shares = [
         InputShare(one.node, one.column, share, odds - none, one.declaration(scale))
         for one, (odds, share) in zip(candidates, best, strict=True)
@@ -280,9 +266,9 @@ def input_shares(heat: WanderingHeat, nodes: Sequence[str]) -> list[InputShare]:
     return sorted(shares, key=lambda one: -one.log_odds)
 
 
-def _posterior(gradient: FloatArray, hessian: FloatArray, scale: float, monotone: bool) -> tuple[float, FloatArray]:
+def _posterior(white: FloatArray, pieces: FloatArray, scale: float, monotone: bool) -> tuple[float, FloatArray]:
     """Logarithm of the Bayes factor of a curve to none, by Laplace, and its rises where they are likeliest [W]."""
-    whole = hessian + np.eye(PIECES) / scale**2
+    gradient, whole = pieces.T @ white, pieces.T @ pieces + np.eye(PIECES) / scale**2
     least = np.zeros(PIECES) if monotone else np.full(PIECES, -np.inf)
     rises = bounded_minimum(gradient, whole, least, np.full(PIECES, np.inf))
     width = 0.5 * np.linalg.slogdet(scale**2 * whole)[1]

@@ -23,12 +23,12 @@ from lptn.simulate.simulation import sensitivity_windows
 class Previews:
     """Runs as they would be predicted with each candidate added and all else refitted, to first order.
 
-    The candidate has the size, within its bounds, that explains most of what the fit leaves, and the fitted parameters
-    take back what they can imitate of it; the start of a run goes with both, as its first readings have it.
+    The candidate has the size and shape with which it was weighed, and the fitted parameters take back what they can
+    imitate of it; the start of a run goes with both, as its first readings have it.
 
     Args:
         fit: the baseline.
-        candidates: with the shapes that they have.
+        candidates: as they were weighed.
     """
 
     @one_blas_thread
@@ -45,9 +45,7 @@ class Previews:
         adapted = np.zeros((baseline.shape[1], len(acts)))
         adapted[able] = -np.linalg.lstsq(baseline[:, able] / length, alone)[0] / length[:, None]
         change = alone + baseline @ adapted  # of the weighted residuals by a unit of each candidate
-        lower, upper = np.array([one.candidate.room for one in candidates]).reshape(-1, 2).T
-        sizes = -change.T @ residuals / np.maximum(np.sum(change**2, axis=0), np.finfo(float).tiny)
-        sizes = np.clip(sizes, lower, upper)
+        sizes = np.array([one.amplitude for one in candidates])
         self._change = change * sizes  # shape (rows, candidates)
         parameters = adapted[: len(fit.problem.free)] * fit.problem.slope(fit.point.values)[:, None]
         self._steps = np.vstack([parameters, has]) * sizes  # in their units, (free parameters + places, candidates)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from math import isclose
 
 from scipy.special import softmax
 
@@ -85,28 +86,25 @@ class RunDifference:
 
     def text(self) -> str:
         """The difference in a few sentences."""
+        before, fitted = short_size(self.rmse_before), short_size(self.rmse_fit)
         if not self.causes:
-            worst = ""
-            if self.where:
-                node, (here, there) = next(iter(self.where.items()))
-                worst = f", most clearly at {node} ({short_size(here)} for {short_size(there)} K)"
+            worst = [
+                f", most clearly at {node} ({short_size(here)} for {short_size(there)} K)"
+                for node, (here, there) in self.where.items()
+            ]
             return (
-                f"{self.run} is predicted with an error of {short_size(self.rmse_before)} K, against "
-                f"{short_size(self.rmse_fit)} K on the fitted runs{worst}, and no one parameter that may "
-                "differ from run to run explains half of it."
+                f"{self.run} is predicted with an error of {before} K, against {fitted} K on the fitted runs"
+                f"{''.join(worst[:1])}, and no one parameter that may differ from run to run explains half of it."
             )
         best, *others = self.causes
         text = (
-            f"{self.sentence} With that its error goes from {short_size(self.rmse_before)} to "
-            f"{short_size(best.rmse_after)} K (the size was fitted on this run: an explanation, not a prediction)."
+            f"{self.sentence} With that its error goes from {before} to {short_size(best.rmse_after)} K (the size was "
+            "fitted on this run: an explanation, not a prediction)."
         )
         if not self.explained:
-            text += f" It does not explain all: the fitted runs are met within {short_size(self.rmse_fit)} K."
-        if not others:
-            return text
-        names = "; or: ".join(_without_question(cause.words) for cause in others[:_MOST_LISTED])
-        more = len(others) - _MOST_LISTED
-        return f"{text} The run can't tell that from: {names}{f'; or {more} more' if more > 0 else ''}."
+            text += f" It does not explain all: the fitted runs are met within {fitted} K."
+        names = "; or: ".join(_without_question(cause.words) for cause in others)
+        return f"{text} The run can't tell that from: {names}." if others else text
 
     def as_json(self) -> dict[str, object]:
         """The difference as other tools read it; what is `null` is not known."""
@@ -119,11 +117,8 @@ class RunDifference:
 # --- The procedure: what a run lacks beside the fitted model ---------------------------------------
 
 
-_EXACT = 4  # causes that are fitted exactly
-
-
 @one_blas_thread
-def runs_that_differ(fit: Fit, segments: Sequence[Segment], errors: ErrorsOfRuns | None = None) -> list[RunDifference]:
+def runs_that_differ(fit: Fit, segments: Sequence[Segment], *, exact: int = 4) -> list[RunDifference]:
     """For each run that a fitted model predicts clearly worse than it fits: what would have to differ in it.
 
     The run is asked what it lacks, as in any diagnosis, of what may differ from run to run; the model's own parameters
@@ -133,7 +128,7 @@ def runs_that_differ(fit: Fit, segments: Sequence[Segment], errors: ErrorsOfRuns
         fit: the fitted model.
         segments: held-out runs; the rest of a run whose beginning was fitted is left out, since one parameter can't
             differ within a run.
-        errors: how far a log may be off.
+        exact: how many causes are fitted exactly, and may be told.
 
     Returns:
         The runs whose error is beyond noise and clearly beyond that of the fitted runs; others are not mentioned.
@@ -141,29 +136,28 @@ def runs_that_differ(fit: Fit, segments: Sequence[Segment], errors: ErrorsOfRuns
     Raises:
         InputError: a run lacks an input of the model.
     """
-    errors, differences = errors or ErrorsOfRuns(), []
-    step, sigma = fit.problem.bound_runs[0].run.step, fit.problem.sigma
+    differences, sigma = [], fit.problem.sigma
     fitted = {bound.run.source for bound in fit.problem.bound_runs}
-    for segment in [segment.coarsened(step) for segment in segments if segment.run.source not in fitted]:
+    for segment in (one.coarsened(fit.problem.bound_runs[0].run.step) for one in segments):
         before = predict(fit.model, segment, sigma)
-        if not (where := standing_out(fit, (before.bound, before.error))):
+        if segment.run.source in fitted or not (where := standing_out(fit, (before.bound, before.error))):
             continue
         problem = Problem(fit.model, [before.bound.count((float("-inf"), float("inf")))], sigma, free=())
         z = problem.guess(fit.model.values, [before.states[:, 0]])
         alone = continued(Fit(fit.model, problem, z, problem.cost(z), fit.noise, 0, "converged"), fit.model.network)
         error, causes = Errors.of(before.error), []
-        for one in _names_of_one_answer(alone, errors):
-            (declared,), amplitude = one.declarations, one.amplitude
-            assert amplitude is not None  # what may differ from run to run has one
-            after = Errors.of(predict(one.fit.model, segment, sigma).error)
+        for declared, own in _causes(alone, exact):
+            after = Errors.of(predict(own.model, segment, sigma).error)
             if explained_elsewhere(fit, error, after):
+                amplitude = Step(own, declared).amplitude
+                assert amplitude is not None  # what may differ from run to run has one
                 words = in_words(declared, amplitude, segment.run.name)
                 causes.append(Cause(declared.effect.key, declared.at, amplitude.value, after.rmse, words))
         differences.append(RunDifference(segment.run.name, error.rmse, fit.rmse, tuple(causes), where))
     return differences
 
 
-def _names_of_one_answer(alone: Fit, errors: ErrorsOfRuns) -> list[Step]:
+def _causes(alone: Fit, exact: int) -> list[tuple[EffectDeclaration, Fit]]:
     """What a run lacks, the most probable first, then what it can't tell from that."""
     run = alone.problem.bound_runs[0].run
     log = run.name.partition("#")[0]
@@ -172,26 +166,23 @@ def _names_of_one_answer(alone: Fit, errors: ErrorsOfRuns) -> list[Step]:
         others = ""  # the other runs, by whatever name: what differs in a run differs from them
         return [candidate for candidate in possible_effects(fit, run.columns, [others, log]) if candidate.run == log]
 
-    possible = lacking(alone)
-    base = Evidence(alone, allowances(alone, possible, errors), possible)
-    odds = log_priors(possible)
+    possible, errors = lacking(alone), ErrorsOfRuns()
+    base, odds = Evidence(alone, allowances(alone, possible, errors), possible), log_priors(possible)
     prior = dict(zip((candidate.key for candidate in possible), odds.tolist(), strict=True))
-    steps = []
-    for entry in base.first_order(odds)[:_EXACT]:
+    fits, log_odds = [], []
+    for entry in base.first_order(odds)[:exact]:
         declared = with_priors(entry.candidate, entry.amplitude, entry.shape)
         fit = continued(alone, alone.model.network.with_effects([declared]))
         allowed = allowances(fit, lacking(fit), errors)
-        log_odds = Evidence(fit, allowed, beside=base).log_evidence + prior[entry.candidate.key]
-        steps.append(Step(fit, declared, log_odds=log_odds))
-    return [steps[k] for k in in_occams_window(softmax([step.log_odds for step in steps]))] if steps else []
+        log_odds.append(Evidence(fit, allowed, beside=base).log_evidence + prior[entry.candidate.key])
+        fits.append((declared, fit))
+    return [fits[number] for number in in_occams_window(softmax(log_odds))] if fits else []
 
 
 # --- Words ----------------------------------------------------------------------------------------
 
 
-_MOST_LISTED = 3  # causes that a sentence can carry
-_NEARLY_ONE = 0.1  # a factor that differs from one by less is said to the third decimal, and asks nobody why
-_AT_BOUND = 1e-3  # relative; so near a bound a size is only a limit
+_NEARLY_ONE = 0.1  # a share: a factor that differs from one by less is said to the third decimal, and asks nobody why
 _PLAIN = "in {run}{at}: {title}, {amplitude}"
 
 
@@ -199,7 +190,7 @@ def in_words(declaration: EffectDeclaration, amplitude: ParameterInstance, run: 
     """What an amplitude in one run means, by the effect's own sentence."""
     size, at, effect = amplitude.value, declaration.at, declaration.effect
     lower, upper = amplitude.declared.bounds
-    most, least = (abs(size - bound) <= _AT_BOUND * abs(bound) for bound in (upper, lower))
+    most, least = (isclose(size, bound, rel_tol=1e-3) for bound in (upper, lower))  # there a size is only a limit
     times = f"{1 + size:.3f}" if abs(size) < _NEARLY_ONE else short_size(1 + size)
     more, less = effect.in_one_run
     sentence = (more if size >= 0 else less) or _PLAIN

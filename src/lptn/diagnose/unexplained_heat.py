@@ -20,9 +20,10 @@ import numpy as np
 from lptn.basics.arrays import FloatArray, IntArray
 from lptn.basics.processes import one_blas_thread
 from lptn.basics.words import short_size
-from lptn.diagnose.fit_statistics import BLOCK
+from lptn.diagnose.fit_statistics import BLOCK, noise_of_means
 from lptn.identify.fitting import Fit
 from lptn.identify.noise import LEAST_NOISE
+from lptn.logs.channels import spans
 from lptn.logs.resampling import means_of_blocks
 from lptn.logs.run import Run
 from lptn.simulate.dynamics import stepper, zero_order_hold
@@ -121,15 +122,18 @@ class HeatPeak:
         return {"run": self.run, "node": self.node, "from": self.start, "to": self.stop, "watts": self.heat}
 
 
-_GRID = (0.001, 0.003, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0)  # of the heat scale, wandered in a minute
-_START, _HIDDEN_START = 1.5, 5.0  # K; how far a measured node, or any other state, may start from the fit
+_GRID = (0.001, 0.003, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
+"""Shares of the heat scale that heat may wander in a minute, of which the readings choose: from next to none to all."""
+_START = 5.0
+"""K, one standard deviation: how far a state may start from the fit. It is for hidden ones; readings hold a measured
+node, of which no band changed by a thousandth with 1.5 K."""
 _BIASED = 3.0
 """Standard errors by which missing heat may have biased the fitted parameters. Of the hidden bursts of
 `tests/diagnose/hidden_heat.py` the bands hold zero in 80 to 86 % of the quiet time with 1, above 93 % with 3, 5."""
-_FARTHEST = 1.5
-"""Of a logarithm, a factor of five: how far off parameters may be of which together the readings tell nothing."""
+_FARTHEST = 3.0
+"""Of a logarithm, a factor of twenty: how far off parameters may be of which together the readings tell nothing. Of the
+same bursts the bands hold zero in 84 % of the quiet time at worst with 1.5, 94 % with 2, all of it with 3 to 5."""
 WIDE = NormalDist().inv_cdf(0.975)  # standard deviations on either side of a 95 % band
-_HALF = 0.5  # a peak reaches as far as the heat stays above so much of its largest value; so deep is a valley
 
 
 def unexplained_heat(fit: Fit) -> list[UnexplainedHeat]:
@@ -150,10 +154,8 @@ class WanderingHeat:
     @one_blas_thread
     def __init__(self, fit: Fit) -> None:
         self.fit, self.runs = fit, [blocks(fit, number) for number in range(len(fit.problem.bound_runs))]
-        stored = np.concatenate([run.storage.ravel() for run in self.runs])
-        holding = np.concatenate([(run.error * run.conductance).ravel() for run in self.runs])
-        self.scale = float(np.sqrt(np.mean(stored**2) + np.nanmean(holding**2)))
-        """What heat is large [W]: that which the nodes take up as they warm, or that would hold the residual."""
+        self.scale = float(np.sqrt(np.mean([run.scale**2 for run in self.runs])))
+        """What heat is large [W], as in each run."""
 
     @cached_property
     @one_blas_thread
@@ -190,31 +192,30 @@ class WanderingHeat:
         it may: beside a curve that stands for the heat they go to where they belong.
         """
         fit, states, nodes = self.fit, len(self.fit.model.states), len(run.rows)
-        deviations = np.full(states + nodes, _HIDDEN_START)
-        deviations[run.rows] = _START
+        deviations = np.full(states + nodes, _START)
         deviations[states:] = self.scale
         known = slice(len(deviations), run.top.shape[2])
         covariance = np.zeros((known.stop, known.stop))
         covariance[: known.start, : known.start] = np.diag(deviations**2)
-        if open_parameters:
-            covariance[known, known] = _FARTHEST**2 * np.eye(known.stop - known.start)
-        else:
-            per_unit = _BIASED * fit.problem.slope(fit.point.values) / _slopes(fit)
-            sizes, directions = np.linalg.eigh(fit.uncertainty.covariance * np.outer(per_unit, per_unit))
-            covariance[known, known] = (directions * np.clip(sizes, 0.0, _FARTHEST**2)) @ directions.T
+        sizes, directions = np.linalg.eigh(_BIASED**2 * fit.uncertainty.covariance)
+        sizes = np.clip(np.inf if open_parameters else sizes, 0.0, _FARTHEST**2)
+        covariance[known, known] = (directions * sizes) @ directions.T
         return Prior(covariance, walk)
 
 
 def stretches(runs: Sequence[UnexplainedHeat]) -> list[HeatPeak]:
-    """All stretches of time in which a node's heat surely differs from zero, the surest first.
-
-    Each is a peak of what exceeds zero, and reaches as far as the heat stays above half of what it is there. A peak
-    on another's slope, with no valley as deep as half its height between them, is part of it.
-    """
-    return sorted(
-        (peak for run in runs for row in range(len(run.nodes)) for peak in _of_row(run, row)),
-        key=lambda peak: -peak.clear,
-    )
+    """All stretches of time in which a node's heat lies beyond its band, and somewhere surely; the surest first."""
+    found = []
+    for run in runs:
+        for row, node in enumerate(run.nodes):
+            heat, band, clear = run.heat[row], run.band[row], run.clear[row]
+            for first, stop in [*spans(heat > band), *spans(-heat > band)]:
+                if (most := float(clear[first:stop].max())) > 0:
+                    start, end = float(run.time[first]), float(run.time[stop - 1])
+                    ends, means = (start - run.seconds / 2, end + run.seconds / 2), (heat[first:stop], band[first:stop])
+                    mean, width = (float(values.mean()) for values in means)
+                    found.append(HeatPeak(run.run, node, *ends, mean, width, most, run.origin))
+    return sorted(found, key=lambda peak: -peak.clear)
 
 
 def largest(runs: Sequence[UnexplainedHeat]) -> HeatPeak | None:
@@ -222,48 +223,11 @@ def largest(runs: Sequence[UnexplainedHeat]) -> HeatPeak | None:
     return next(iter(stretches(runs)), None)
 
 
-def _of_row(unexplained: UnexplainedHeat, row: int) -> list[HeatPeak]:
-    """The stretches of one node in one run, the surest first, none of which overlaps another."""
-    heat, clear, half = unexplained.heat[row], unexplained.clear[row], unexplained.seconds / 2
-    peaks, taken = [], np.zeros(heat.size, dtype=bool)
-    for top in sorted(_separate(clear, heat), key=lambda top: -clear[top]):
-        above = heat * np.sign(heat[top]) >= _HALF * abs(heat[top])
-        first = top - int(np.argmin(np.append(above[: top + 1][::-1], False))) + 1
-        stop = top + int(np.argmin(np.append(above[top:], False)))
-        if not taken[first:stop].any():
-            taken[first:stop] = True
-            ends = float(unexplained.time[first] - half), float(unexplained.time[stop - 1] + half)
-            means = float(heat[first:stop].mean()), float(unexplained.band[row, first:stop].mean())
-            peaks.append(
-                HeatPeak(unexplained.run, unexplained.nodes[row], *ends, *means, float(clear[top]), unexplained.origin)
-            )
-    return peaks
-
-
-def _separate(clear: FloatArray, heat: FloatArray) -> list[int]:
-    """The peaks, of heat and of its lack, that deep valleys separate from higher ones."""
-    peaks: list[int] = []
-    for heights in (np.where(heat >= 0, clear, 0.0), np.where(heat < 0, clear, 0.0)):
-        rising, top, valley = False, 0, 0.0
-        for place, height in enumerate([*heights.tolist(), 0.0]):
-            if not rising:
-                valley = min(valley, height)
-                rising, top = height > 0 and valley <= _HALF * height, place
-            elif height > clear[top]:
-                top = place
-            elif height <= _HALF * clear[top]:
-                peaks.append(top)
-                rising, valley = False, height
-    return peaks
-
-
 # --- The linear model: a fitted run in blocks of time, with heat at each measured node as an input --
 
 
-_BLOCK = 10.0  # s; heat that comes and goes faster can't be told from noise
-_MOST_BLOCKS = 1200  # a longer run gets longer blocks, so that 10 h need no more memory than 3 h
-_FAR = 4.0  # times its typical value; a parameter that ends further off is biased by missing heat
-_PHASES, _SLOW = 16, 300.0  # s; the share of a rounding error that stays so long can't be told from heat
+_BLOCK = 10.0  # s; heat that comes and goes faster can't be told from noise, where a joint takes minutes to warm
+_SLOW = 300.0  # s; the share of a rounding error that stays so long can't be told from heat
 
 
 @dataclass(frozen=True)
@@ -280,8 +244,7 @@ class Blocks:
         by: derivative of each measured node's mean reading in a block by d at its start, shape (n, M, D).
         error: predicted − measured, mean of each block [K], NaN where nothing counts, shape (n, M).
         variance: of these means by the sensors' noise [K²], shape (n, M).
-        storage: heat that each measured node takes up in the fitted run [W], shape (n, M).
-        conductance: of each measured node to all around it, mean over the run [W/K], shape (M,).
+        scale: what heat is large [W]: that which the nodes take up as they warm, or that would hold the residual.
     """
 
     time: FloatArray
@@ -291,21 +254,21 @@ class Blocks:
     by: FloatArray
     error: FloatArray
     variance: FloatArray
-    storage: FloatArray
-    conductance: FloatArray
+    scale: float
 
 
-def blocks(fit: Fit, number: int) -> Blocks:
+def blocks(fit: Fit, number: int, most: int = 1200) -> Blocks:
     """One of a fit's runs, from its first reading that counts to its last.
 
     Args:
         fit: the fitted model.
         number: of the run, in the order of the fit.
+        most: blocks; a longer run gets longer ones, so that 10 h need no more memory than 3 h.
     """
     bound, step = fit.problem.bound_runs[number], fit.problem.bound_runs[number].run.step
     counted = np.flatnonzero(bound.counted.any(axis=0))
     first, stop = int(counted[0]), int(counted[-1]) + 1
-    size = max(1, round(_BLOCK / step), ceil((stop - first) / _MOST_BLOCKS))
+    size = max(1, round(_BLOCK / step), ceil((stop - first) / most))
     size = min(size, stop - first)
     count = (stop - first) // size
     rows = np.flatnonzero(bound.counted.any(axis=1))
@@ -313,10 +276,16 @@ def blocks(fit: Fit, number: int) -> Blocks:
     values = fit.model.in_run(bound.run.name, fit.point.values)
     path = simulate(fit.model, bound, fit.point.values, fit.point.starts[number]).states
     capacities = values[[fit.model.network.capacities[fit.model.nodes[row]] for row in rows]]
-    long = max(1, WINDOW // size) * size
-    parts = [slice(at, min(at + long, window.stop)) for at in range(window.start, window.stop, long)]
-    pieces = [_mean_derivatives(fit, path[:, w], bound.inputs[:, w], values, size) for w in parts]
+    states, slope = len(fit.model.states), fit.problem.slope(fit.point.values)
+    linearisation = stepper(fit.model, states, fit.problem.free).linearisation
+    long, pieces = max(1, WINDOW // size) * size, []
+    for at in range(window.start, window.stop, long):  # window by window, to save memory
+        x, u = (series[:, at : min(at + long, window.stop)] for series in (path, bound.inputs))
+        of_rates, of_readings = linearisation.rates(x, u, values), linearisation.readings(x, values)
+        both = of_rates[:, :, :states], of_rates[:, :, states:], of_readings[:, :, :states], of_readings[:, :, states:]
+        pieces.append([one.reshape(-1, size, *one.shape[1:]).mean(axis=1) for one in both])
     a, b, c, e = (np.concatenate(derivatives) for derivatives in zip(*pieces, strict=True))
+    b, e = b * slope, e * slope
     heated = np.zeros((a.shape[1], len(rows)))
     heated[rows, np.arange(len(rows))] = 1.0 / capacities
     transition, integral = zero_order_hold(a, step * size)
@@ -330,17 +299,18 @@ def blocks(fit: Fit, number: int) -> Blocks:
     error = np.where(bound.counted, fit.residuals[number], np.nan)[rows, window]
     counts = np.isfinite(error).reshape(len(rows), count, size).sum(axis=2)
     predicted = readings_of(fit.model, path[:, window], values)[rows]
-    ends = path[:, window.start : window.stop + 1 : size][rows]
+    stored = capacities[:, None] * np.diff(path[:, window.start : window.stop + 1 : size][rows]) / (step * size)
+    conductance = capacities * np.abs(np.einsum("kii->ki", a)[:, rows]).mean(axis=0)
+    means = means_of_blocks(error, size).T
     return Blocks(
         bound.run.time[first] + step * size * (np.arange(count) + 0.5),
         step * size,
         rows,
         top,
         by,
-        means_of_blocks(error, size).T,
+        means,
         _variance(predicted, counts, fit, rows, size).T,
-        (capacities[:, None] * np.diff(ends) / (step * size)).T,
-        capacities * np.abs(np.einsum("kii->ki", a)[:, rows]).mean(axis=0),
+        float(np.sqrt(np.mean(stored**2) + np.nanmean((means * conductance) ** 2))),
     )
 
 
@@ -350,69 +320,26 @@ def means_in_blocks(values: FloatArray, run: Run, time: FloatArray, seconds: flo
     return means_of_blocks(values[..., first : first + size * len(time)], size)
 
 
-def _mean_derivatives(
-    fit: Fit, x: FloatArray, u: FloatArray, values: FloatArray, size: int
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Derivatives of rates and of readings, by states and by the search's coordinates, means over each block."""
-    states = len(fit.model.states)
-    linearisation = stepper(fit.model, states, fit.problem.free).linearisation
-    slope = _slopes(fit)
-    of_rates, of_readings = linearisation.rates(x, u, values), linearisation.readings(x, values)
-    derivatives = (
-        of_rates[:, :, :states],
-        of_rates[:, :, states:] * slope,
-        of_readings[:, :, :states],
-        of_readings[:, :, states:] * slope,
-    )
-    a, b, c, e = (derivative.reshape(-1, size, *derivative.shape[1:]).mean(axis=1) for derivative in derivatives)
-    return a, b, c, e
-
-
-def _slopes(fit: Fit) -> FloatArray:
-    """What a factor of e changes of each free parameter, of one far from its usual value a share of that, (F,).
-
-    Hidden heat may drive a fitted resistance to infinity, where no factor on it moves any temperature. Heat flows
-    by its inverse, so there that is what changes.
-    """
-    values, slopes = fit.point.values, fit.problem.slope(fit.point.values)
-    for place, index in enumerate(fit.problem.free):
-        declared = fit.model.parameters[index].declared
-        typical = abs(declared.typical)
-        if declared.unit.endswith("K/W") and declared.off is None and typical > 0:
-            slopes[place] = max(slopes[place], values[index] ** 2 / (_FAR * typical))
-        else:
-            slopes[place] = max(slopes[place], typical / _FAR)
-    return slopes
-
-
 def _variance(predicted: FloatArray, counts: FloatArray, fit: Fit, rows: IntArray, size: int) -> FloatArray:
-    """Variance of each block's mean reading by the sensors' noise [K²], shape (M, n).
+    """Variance of independent errors of each block's mean reading that hide a slow heat as well as a sensor does [K²].
+
+    A coarse sensor errs the same way until the temperature has crossed a step, so errors of neighbouring blocks are one
+    error. How much of it stays for minutes is worked out by rounding the model's own readings.
 
     Args:
         predicted: readings of the fitted model, shape (M, steps).
         counts: readings that each block has, shape (M, n).
+
+    Returns:
+        Shape (M, n).
     """
-    white, step = fit.noise.white[rows], fit.noise.step[rows]
-    variance = np.where(step > 0, white, fit.noise.floor[rows])[:, None] ** 2 / np.maximum(counts, 1)
-    for row in np.flatnonzero(step > 0):
-        variance[row] += _rounding(predicted[row], float(white[row]), float(step[row]), size)
-    return np.asarray(np.maximum(variance, LEAST_NOISE**2))
-
-
-def _rounding(predicted: FloatArray, white: float, step: float, size: int) -> float:
-    """Variance of independent errors of blocks that hide a slow heat as well as rounding does [K²].
-
-    A coarse sensor errs the same way until the temperature has crossed a step, so errors of neighbouring blocks
-    are one error. How much of it stays for minutes is worked out by rounding the model's own readings, at many
-    phases of the sensor's steps.
-    """
-    rng = np.random.default_rng(0)
-    phases = step * (np.arange(_PHASES)[:, None] + 0.5) / _PHASES
-    true = predicted + phases
-    errors = means_of_blocks(np.round((true + rng.normal(0.0, white, true.shape)) / step) * step - true, size)
-    group = max(1, min(round(_SLOW / _BLOCK), errors.shape[1] // 4))
-    slow = means_of_blocks(errors, group)
-    return float(max(np.var(errors), group * np.var(slow)))
+    variance = np.empty(counts.shape)
+    for row, number in enumerate(rows):
+        errors = noise_of_means(predicted[row], fit.noise.white[number], fit.noise.step[number], size, logs=20)
+        group = max(1, min(round(_SLOW / _BLOCK), errors.shape[1] // 4))
+        least = max(np.var(errors), group * np.var(means_of_blocks(errors, group)), LEAST_NOISE**2)
+        variance[row] = least * size / np.maximum(counts[row], 1)
+    return variance
 
 
 # --- Fixed-interval smoothing: forward filter, backward adjoint, and the likelihood ----------------
