@@ -363,7 +363,7 @@ def _root(covariance: FloatArray) -> FloatArray:
     return np.asarray(axes * np.sqrt(np.maximum(squares, 0.0)))
 
 
-# --- The search among runs: single moves, then one move more behind the best, then other air ----------------
+# --- The search among runs: single moves, then one move more behind the best, in each air -----------------------
 
 
 def best_program(
@@ -398,7 +398,8 @@ def best_program(
         """Of some moves one after the other, each as long as the others, those that decide most, the best first."""
         worth = {}
         for moves in some:
-            ends = np.round(np.linspace(0.0, seconds / STEP, len(moves) + 1)) * STEP
+            ends = np.round(np.linspace(0.0, seconds / 60, len(moves) + 1)) * 60  # whole minutes, as people take them
+            ends[-1] = round(seconds / STEP) * STEP
             parts = [(move, list(own)) for move, own in groupby(range(len(moves)), key=moves.__getitem__)]
             phases = (Phase(move, float(ends[own[-1] + 1] - ends[own[0]])) for move, own in parts)
             program = Program(tuple(phases), ambient)
@@ -409,12 +410,10 @@ def best_program(
         return sorted(worth, key=worth.__getitem__, reverse=True)[:kept]
 
     rest = (Move(),)
-    longer = followed = good = best([rest, *((move,) for move in moves)], stage.ambient)
-    for _ in range(1, longest):
-        longer = best([some + one for some, one in product(longer, dict.fromkeys([*good, rest]))], stage.ambient)
-        followed = [*followed, *longer]
-    for elsewhere in ambients:
-        best(followed, elsewhere)
+    for ambient in (stage.ambient, *ambients):
+        longer = good = best([rest, *((move,) for move in moves)], ambient)
+        for _ in range(1, longest):
+            longer = best([some + one for some, one in product(longer, dict.fromkeys([*good, rest]))], ambient)
 
     def less_effort(program: Program) -> tuple[float, float]:
         """What it decides, less what it asks of people: other air is the most, then a rig that loads a moving joint."""
