@@ -24,7 +24,7 @@ from scipy.special import ndtr
 from lptn.basics.arrays import FloatArray
 from lptn.basics.places import EVERYWHERE, class_of, is_glob, matching
 from lptn.basics.processes import one_blas_thread
-from lptn.basics.words import listed
+from lptn.basics.words import listed, short_size
 from lptn.diagnose.answers import Key, Step, named
 from lptn.diagnose.evidence import Evidence
 from lptn.diagnose.priors import OCCAM
@@ -246,8 +246,8 @@ def _range(values: Sequence[float], unit: str) -> str:
     if not values:
         return f"the usual {unit}"
     if max(values) <= 1.1 * min(values):
-        return f"{sum(values) / len(values):.2g} {unit}"
-    return f"{min(values):.2g} to {max(values):.2g} {unit}"
+        return f"{short_size(sum(values) / len(values))} {unit}"
+    return f"{short_size(min(values))} to {short_size(max(values))} {unit}"
 
 
 # --- How far rivals' predictions of a run lie apart after each has done what it can to agree ------

@@ -168,7 +168,9 @@ def learned_curve(first: Diagnosis, last: Diagnosis, data: DataSplit, heat: Wand
     return replace(told[0], without=without or None) if told else None
 
 
-def _likeliest(heat: WanderingHeat, data: DataSplit, *, beside: bool, most: int = 3) -> LearnedCurve | None:
+def _likeliest(
+    heat: WanderingHeat, data: DataSplit, *, beside: bool, most: int = 3, least: float = 0.1
+) -> LearnedCurve | None:
     """What most surely unexplained heat goes with in one model, with the exact fit where `learned_heat` has the input.
 
     Args:
@@ -176,12 +178,13 @@ def _likeliest(heat: WanderingHeat, data: DataSplit, *, beside: bool, most: int 
         data: as in `learned_curve`.
         beside: whether it has effects that the given model lacks.
         most: nodes that are asked, those whose heat is surest: a heat without a name spreads from its place.
+        least: share of the heat that an input must explain to be named.
     """
     nodes = dict.fromkeys(peak.node for peak in stretches(heat.unexplained))
     shares = input_shares(heat, list(nodes)[:most])
-    if not shares or shares[0].log_odds < np.log(OCCAM * len(shares)):
+    if not shares or shares[0].share < least or shares[0].log_odds < np.log(OCCAM * len(shares)):
         return None
-    own = tuple(one for one in shares if one.node == shares[0].node and one.log_odds > 0)
+    own = tuple(one for one in shares if one.node == shares[0].node and one.share >= least and one.log_odds > 0)
     if (declaration := own[0].declaration) is None:
         return LearnedCurve(own, beside=beside)
     done = refit(heat.fit, declaration)
