@@ -25,8 +25,9 @@ import pandas as pd
 from lptn.basics.arrays import FloatArray
 from lptn.identify.data import LoadedModel, load_model, split_data
 from lptn.identify.validation import fit_segments
-from lptn.online.forecasting import Forecast, ModelUncertainty, NodeForecast, forecast
+from lptn.online.forecasting import Forecast, NodeForecast, forecast
 from lptn.online.operating_point import Gait, find_gait
+from lptn.online.present import ModelUncertainty
 from lptn.robots.presets import preset_text
 from lptn.virtual import Record, Run, Segment, Sensor, quadruped, quadruped_logs, rows, write_logs
 from lptn.virtual import simulate_runs as live

@@ -99,8 +99,8 @@ name = "U8"
 capacity = [20, 1500]
 """
 CALIBRATION = """\
-{"nodes": ["motor"], "healthy_hours": 1.5, "limits": {"offset": [9.0], "drift": [9.0], "lag": [9.0]},
-"noise": {"white": [0.1], "step": [0.0]}, "model_error": {"heat": 0.1, "heat_time": 600.0, "change": 0.01, "bias": 0.2,
+{"nodes": ["motor"], "healthy_hours": 1.5, "limits": {"offset": 9.0, "drift": 9.0, "lag": 9.0},
+"noise": [0.1], "model_error": {"heat": 0.1, "heat_time": 600.0, "change": 0.01, "bias": 0.2,
 "air": 0.1, "inputs": {}}}
 """
 

@@ -77,8 +77,8 @@ def calibrations() -> Mapping[str, bytes]:
 
 CALIBRATION = """\
 {"nodes": ["FR_hip", "FR_thigh", "FR_calf"], "healthy_hours": 1.5,
-"limits": {"offset": [9.0, 9.5, 8.0], "drift": [9.0, 9.5, 8.0], "lag": [9.0, 9.5, 8.0]},
-"noise": {"white": [0.1, 0.1, 0.1], "step": [0.0, 1.0, 0.0]},
+"limits": {"offset": 9.0, "drift": 9.5, "lag": 8.0},
+"noise": [0.1, 0.3, 0.1],
 "model_error": {"heat": {"FR_hip": 0.1, "FR_thigh": 0.2, "FR_calf": 0.1}, "heat_time": 600.0, "change": 0.01,
 "bias": 0.2, "air": 0.1, "inputs": {"torque.FR_hip": 0.05}}}
 """

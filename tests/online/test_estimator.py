@@ -16,11 +16,13 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.basics.parameters import Transform
 from lptn.identify.fitting import fit
+from lptn.identify.noise import Noise
+from lptn.logs.scatter import off_their_neighbours, white_noise
 from lptn.model.file import parse_model
 from lptn.model.model import Model
 from lptn.online.augmented_model import AugmentedModel, ModelError
 from lptn.online.estimator import Estimate, Estimator, run_filter
-from lptn.online.quantisation import as_gaussian, coarse_noise
+from lptn.online.quantisation import as_gaussian, noise_and_steps
 from lptn.robots.presets import presets
 from lptn.simulate.bound_run import bind
 from lptn.simulate.simulation import simulate
@@ -175,7 +177,8 @@ def test_with_coarse_steps_it_is_right_and_knows_how_right(model: Model, truth: 
     error, share = errors(follow(Estimator(model, noise=NOISE, step=1.0), readings), truth)
     assert np.sqrt(np.mean(error**2)) < 0.1
     assert np.mean(np.abs(share) < 1.96) > 0.93
-    naive, overconfident = errors(follow(Estimator(model, noise=NOISE, step=1.0, rounding="white"), readings), truth)
+    white = float(np.hypot(NOISE, 1 / np.sqrt(12)))  # the steps as noise of their variance
+    naive, overconfident = errors(follow(Estimator(model, noise=white, watch=False), readings), truth)
     assert np.sqrt(np.mean(naive**2)) > 1.3 * np.sqrt(np.mean(error**2))
     assert np.mean(np.abs(overconfident) < 1.96) < 0.93
 
@@ -234,15 +237,21 @@ def test_doubt_about_fitted_parameters_widens_and_stays() -> None:
     assert block == pytest.approx(done.uncertainty.covariance, rel=1e-6, abs=1e-12)
 
 
-def test_noise_hidden_in_steps_is_found(truth: FloatArray) -> None:
-    readings = rounded(truth, noise=0.2)
-    still = np.zeros(readings.shape[1])
-    columns = {"temperature.a": readings[0], "temperature.b": readings[1], "temperature.ambient": still + 20.0}
-    run = make_run(columns | {"torque.a": still})
-    bound = bind(Model(network()), run)
-    assert coarse_noise([bound], 0, 1.0) == pytest.approx(0.2, rel=0.25)
-    means = bind(Model(network()), run.coarsen(10))
-    assert coarse_noise([means], 0, 1.0) == pytest.approx(0.3)
+@pytest.mark.parametrize("noise", [0.2, 0.4])
+@pytest.mark.parametrize("step", [0.1, 0.5, 1.0])
+def test_noise_hidden_in_steps_is_found_though_one_sensor_stands(truth: FloatArray, step: float, noise: float) -> None:
+    readings = rounded(np.vstack([truth, np.full_like(truth[:1], 20.0)]), step, noise)
+    readings[2] = 20.0
+    white = [white_noise(off_their_neighbours(np.arange(row.size, dtype=float), row), step) for row in readings]
+    found, steps = noise_and_steps(Noise(np.array(white), np.full(3, step)))
+    assert found == pytest.approx(noise, rel=0.15)
+    assert (steps == step).all()
+
+
+def test_a_fine_sensor_keeps_its_own_noise_and_means_the_steps_that_they_have_left() -> None:
+    found, steps = noise_and_steps(Noise(np.array([0.3, 0.1, 0.0]), np.zeros(3), np.array([0.0, 0.2, 0.0])))
+    assert found.tolist() == [0.3, 0.1, 0.1]
+    assert steps.tolist() == [0.0, 0.2, 0.0]
 
 
 # --- promises -----------------------------------------------------------------------------------------
@@ -295,7 +304,7 @@ def test_what_cant_be_used_is_refused_in_one_line(
     with pytest.raises(InputError, match=word) as refused:
         estimator.update(inputs_of(model) | dict(inputs), readings, dt)
     assert "\n" not in str(refused.value)
-    assert all((before[name] == array).all() for name, array in estimator.state().items() if name != "inputs")
+    assert all((before[name] == array).all() for name, array in estimator.state().items() if name != "last_inputs")
 
 
 def test_slips_of_the_pen_are_refused(model: Model) -> None:

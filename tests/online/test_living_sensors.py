@@ -9,10 +9,10 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.logs.run import Run
 from lptn.model.model import Model
-from lptn.online.believed import not_alive, refuse_none, without
 from lptn.online.estimator import Estimate, Estimator
-from lptn.online.forecasting import ModelUncertainty, forecast
+from lptn.online.forecasting import forecast
 from lptn.online.living_sensors import LivingSensors
+from lptn.online.present import ModelUncertainty, not_alive
 from lptn.simulate.bound_run import bind
 from tests.builders import make_run
 from tests.identify.truth import TRUTH, network, truth_run
@@ -153,5 +153,12 @@ def test_of_a_log_in_which_all_sensors_die_it_is_said_of_each(model: Model) -> N
     left_out, doubts = not_alive(estimator, bind(model, make_run(columns)))
     assert left_out[:, 261:].all()
     assert {doubt.node for doubt in doubts} == {"a", "b"}
-    with pytest.raises(InputError, match="bit for bit"):
-        refuse_none(without(run, ("a", "b"), np.ones_like(left_out)), ("a", "b"), doubts)
+
+
+@pytest.mark.parametrize("value", [0.0, -49.9, 85.0, 25.0])
+def test_a_log_without_any_living_sensor_is_refused(model: Model, value: float) -> None:
+    run, free = steady(model, 0), len(model.free)
+    sure = ModelUncertainty(np.zeros((free, free)), np.full(2, 0.1), "right by construction")
+    dead = {name: np.full(len(run), value) for name in ("temperature.a", "temperature.b")}
+    with pytest.raises(InputError, match=r"a: reads .* b: reads .*expected a sensor that is alive"):
+        forecast(model, make_run({**run.columns, **dead}), 60.0, fit=sure)

@@ -25,8 +25,9 @@ from lptn.cli.options import (
 if TYPE_CHECKING:
     from lptn.identify.data import LoadedModel
     from lptn.logs.run import Run
-    from lptn.online.forecasting import Forecast, ModelUncertainty, NodeForecast
+    from lptn.online.forecasting import Forecast, NodeForecast
     from lptn.online.operating_point import Gait, WindowChoice
+    from lptn.online.present import ModelUncertainty
 
 
 _FINEST = 1e-3  # s; no robot logs its joints faster
@@ -112,7 +113,7 @@ def _window(word: str) -> WindowChoice:
 def _knowledge(loaded: LoadedModel, run: Run) -> ModelUncertainty:
     """What the model file keeps of its fit."""
     from lptn.identify.noise import estimate_noise
-    from lptn.online.forecasting import ModelUncertainty
+    from lptn.online.present import ModelUncertainty
     from lptn.simulate.bound_run import bind
 
     noise = estimate_noise([bind(loaded.model, run)], loaded.model.nodes)

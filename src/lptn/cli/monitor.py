@@ -103,7 +103,7 @@ def _calibration(
     if healthy:
         learnt = calibrate(model, healthy, false_alarms=false_alarms, report=report)
         if path is not None:
-            write_calibration(learnt, model.nodes, path)
+            write_calibration(learnt, path)
         return learnt
     return None if path is None else read_calibration(path, model)
 
@@ -132,7 +132,7 @@ def _show_monitoring(result: Monitoring) -> None:
         if not (watched.threshold_alarms or watched.statistical_alarms):
             node = max(watched.largest_error, key=watched.largest_error.__getitem__)
             print(f"{watched.run.name}: no alarm; largest error {watched.largest_error[node]:.3g} K, {node}.")
-    hours = result.calibration.hours
+    hours = result.calibration.healthy_hours
     learnt = f"come from {hours:.3g} h of healthy logs"
     guessed = "are guesses: give the logs of the fit as --healthy"
     print(f"The statistical detector's limits {learnt if hours else guessed}.")

@@ -5,7 +5,6 @@ from .estimator import Estimate as Estimate
 from .estimator import Estimator as Estimator
 from .fault_bank import Alarm as Alarm
 from .forecasting import Forecast as Forecast
-from .forecasting import ModelUncertainty as ModelUncertainty
 from .forecasting import NodeForecast as NodeForecast
 from .forecasting import forecast as forecast
 from .monitoring import MonitoredRun as MonitoredRun
@@ -14,5 +13,6 @@ from .monitoring import monitor as monitor
 from .operating_point import Gait as Gait
 from .operating_point import OperatingPoint as OperatingPoint
 from .operating_point import find_gait as find_gait
+from .present import ModelUncertainty as ModelUncertainty
 
 __all__: list[str]

@@ -56,12 +56,20 @@ class ModelError:
 
     def __post_init__(self) -> None:
         for name in ("heat", "change", "bias", "air", "inputs"):
-            sizes = getattr(self, name)
-            for size in sizes.values() if isinstance(sizes, Mapping) else (sizes,):
-                if not (math.isfinite(size) and size >= 0):
-                    raise ValueError(f"{name}: found {size:g}; expected a finite size, 0 or above")
+            refuse_negative(getattr(self, name), name)
         if not (math.isfinite(self.heat_time) and self.heat_time > 0):
             raise ValueError(f"heat_time: found {self.heat_time:g}; expected a time above 0 s")
+
+
+def refuse_negative(sizes: Sizes, what: str) -> None:
+    """Refuse a size that is negative or not finite.
+
+    Raises:
+        ValueError: it is such a one.
+    """
+    for name, size in sizes.items() if isinstance(sizes, Mapping) else [("", sizes)]:
+        if not (math.isfinite(size) and size >= 0):
+            raise ValueError(f"{what}{' of ' * bool(name)}{name}: found {size:g}; expected a finite size, 0 or above")
 
 
 def by_node(sizes: Sizes, nodes: Sequence[str]) -> FloatArray:
@@ -114,7 +122,14 @@ def _functions(
     """
     x, u, p, rates, readings = model.symbols
     z, times, h = ca.SX.sym("z", layout.size), ca.SX.sym("times", 2), ca.SX.sym("h")
-    values, shifted = _values(model, layout, doubtful, p, z), ca.SX(u)
+    values, shifted, transform = ca.SX(p), ca.SX(u), Transform([model.parameters[index] for index in doubtful])
+    for place, index in enumerate(doubtful):
+        values[index] = transform.expression(place, z[layout.parameters.start + place])
+    if layout.air.stop > layout.air.start:
+        prescribed = model.network.prescribed
+        to_air = {link.resistance for link in model.network.resistors if not prescribed.keys().isdisjoint(link.ends)}
+        for index in sorted(to_air):
+            values[index] *= ca.exp(-z[layout.air.start])
     for place, column in enumerate(columns):
         shifted[model.inputs.index(column)] += z[layout.inputs.start + place]
     balance = ca.Function("balance", [x, u, p], [rates, readings])
@@ -139,20 +154,6 @@ def _functions(
     # What the sensors read depends neither on the air nor on inputs.
     reading = ca.Function("reading", [z, p], [ca.densify(read), ca.densify(ca.jacobian(read, z))])
     return stages, rate, reading
-
-
-def _values(model: Model, layout: Layout, doubtful: tuple[int, ...], p: ca.SX, z: ca.SX) -> ca.SX:
-    """Parameter values with doubtful ones and the air's factor taken from the state."""
-    values = ca.SX(p)
-    transform = Transform([model.parameters[index] for index in doubtful])
-    for place, index in enumerate(doubtful):
-        values[index] = transform.expression(place, z[layout.parameters.start + place])
-    if layout.air.stop > layout.air.start:
-        prescribed = model.network.prescribed
-        to_air = {link.resistance for link in model.network.resistors if not prescribed.keys().isdisjoint(link.ends)}
-        for index in sorted(to_air):
-            values[index] *= ca.exp(-z[layout.air.start])
-    return values
 
 
 class _BufferedCall:
@@ -223,7 +224,6 @@ class AugmentedModel:
         self._stages = _BufferedCall(stages, [self._z, self._u, values, times, self._h], [self._next, *self._jacobians])
         self._rate = _BufferedCall(rate, [self._z, self._u, values, times], [self._slope, self._jacobian])
         self._reading = _BufferedCall(reading, [self._z, values], [self._read, self._read_by])
-        self._capacities = values[[model.network.capacities[node] for node in model.nodes]]
 
     def step(self, z: FloatArray, u: FloatArray, h: float) -> Step:
         """Advance by `h` seconds with the inputs held, in as many RK4 steps as the fastest rate asks for."""
@@ -234,13 +234,18 @@ class AugmentedModel:
         fastest = max(float(np.abs(self._jacobians[0][states, states]).sum(axis=0).max()), self._fastest)
         substeps = max(1, ceil(h * fastest / RATE_OF_A_STEP))
         h /= substeps
-        half = 0.5 * self._gained(h)
-        z, transition = self._runge_kutta(z, u, h) if substeps > 1 else self._stepped(h)
-        added = _spread(transition, half)
-        for _ in range(substeps - 1):
-            z, by_last = self._runge_kutta(z, u, h)
-            transition = by_last @ transition
-            added = by_last @ added @ by_last.T + _spread(by_last, half)
+        half, moving = 0.5 * self._gained(h), self.layout.bias.stop  # what follows is constant over a run
+        transition = added = np.empty((0, 0))
+        for number in range(substeps):
+            if substeps > 1:
+                self._z[:], self._h[0] = z, h
+                self._stages()
+            by_last = np.eye(self.layout.size)
+            by_last[:moving] = runge_kutta_derivative([stage.T[:moving] for stage in self._jacobians], h)
+            z, gained = self._next.copy(), _spread(by_last, half)
+            if number:
+                by_last, gained = by_last @ transition, by_last @ added @ by_last.T + gained
+            transition, added = by_last, gained
         return Step(z, transition, added)
 
     def long_step(self, z: FloatArray, u: FloatArray, h: float) -> Step:
@@ -248,14 +253,13 @@ class AugmentedModel:
 
         Errors are held over the step, and fade behind it. Of a nonlinear model the states are right to second order.
         """
-        a = self.rates_by_state(z, u)
-        states = self.layout.states
-        transition, integral = zero_order_hold(a, h)
+        states, (rates, by_state) = self.layout.states, self.rates(z, u)
+        transition, integral = zero_order_hold(by_state[states, states], h)
         fading = np.where(self._fading > 0, np.exp(-h / self._times), 1.0)
         whole, following = np.diag(fading), fading * z
-        whole[states] = integral @ self._jacobian.T[states]
+        whole[states] = integral @ by_state[states]
         whole[states, states] = transition
-        following[states] = z[states] + integral @ self._slope[states]
+        following[states] = z[states] + integral @ rates[states]
         return Step(following, whole, _spread(whole, 0.5 * self._gained(h)))
 
     def readings(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -264,40 +268,16 @@ class AugmentedModel:
         self._reading()
         return self._read.copy(), self._read_by.T.copy()
 
-    def heat_flow(self, z: FloatArray, u: FloatArray) -> FloatArray:
-        """Heat that flows into each node, less what leaves it [W], shape (nodes,)."""
+    def rates(self, z: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Rates of the state, shape (z,), and their derivative by the state, shape (z, z)."""
         self._z[:], self._u[:] = z, u
         self._rate()
-        return np.asarray(self._slope[: len(self._capacities)] * self._capacities)
-
-    def warming(self, z: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """How fast each node warms [K/s], shape (nodes,), and the derivative of that by the state, shape (nodes, z)."""
-        self._z[:], self._u[:] = z, u
-        self._rate()
-        nodes = len(self._capacities)
-        return self._slope[:nodes].copy(), self._jacobian.T[:nodes].copy()
-
-    def rates_by_state(self, z: FloatArray, u: FloatArray) -> FloatArray:
-        """Derivative of the model's own rates by its own states [1/s], shape (states, states)."""
-        self._z[:], self._u[:] = z, u
-        self._rate()
-        return self._jacobian[self.layout.states, self.layout.states].T
+        return self._slope.copy(), self._jacobian.T.copy()
 
     def _gained(self, h: float) -> FloatArray:
         """Variance that each state gains in `h` seconds, such that fading errors keep their size in the long run."""
         gained: FloatArray = 2 * self._fading * np.tanh(h / self._times) + self._walks * h
         return gained
-
-    def _runge_kutta(self, z: FloatArray, u: FloatArray, h: float) -> tuple[FloatArray, FloatArray]:
-        self._z[:], self._u[:], self._h[0] = z, u, h
-        self._stages()
-        return self._stepped(h)
-
-    def _stepped(self, h: float) -> tuple[FloatArray, FloatArray]:
-        """States behind the stages computed last, and their derivative by those before."""
-        moving, transition = self.layout.bias.stop, np.eye(self.layout.size)  # what follows is constant over a run
-        transition[:moving] = runge_kutta_derivative([stage.T[:moving] for stage in self._jacobians], h)
-        return self._next.copy(), transition
 
 
 def _spread(transition: FloatArray, half: FloatArray) -> FloatArray:

@@ -5,13 +5,11 @@ A calibration is kept in a file, so that healthy logs need to be studied only on
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
 from functools import cache
 from itertools import product
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import numpy as np
 from pydantic import BaseModel, Field, ValidationError
@@ -23,7 +21,7 @@ from lptn.basics.files import bytes_of, write_whole
 from lptn.basics.places import class_of
 from lptn.basics.processes import one_blas_thread
 from lptn.basics.toml import expectation, found_in, sentence
-from lptn.identify.noise import Noise, estimate_noise
+from lptn.identify.noise import estimate_noise
 from lptn.logs.run import Run
 from lptn.model.model import Model
 from lptn.online.augmented_model import BIAS_TIME, ModelError
@@ -32,12 +30,13 @@ from lptn.online.fault_bank import (
     LAG,
     MODEL_OFF,
     STEP,
+    Innovations,
+    Kind,
     coarsely_bound,
-    fault_statistics,
     filtered,
     gaussian_estimator,
     warming_by_loads,
-)
+)  # fmt: skip
 from lptn.simulate.bound_run import BoundRun, bind
 
 FALSE_ALARMS = 0.01
@@ -51,31 +50,30 @@ _UNTRIED = 9.0  # standard deviations; the limit where no healthy log was given
 Report = Callable[[str], None]
 
 
-@dataclass(frozen=True)
-class Calibration:
-    """What the statistical detector goes by; arrays have one entry for each node of the model, in order.
+_Size = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+_Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+
+
+class Calibration(BaseModel, frozen=True, extra="forbid"):
+    """What the statistical detector goes by, as it stands in a file.
 
     Args:
-        noise: of the sensors.
-        error: what the model lacks on healthy logs.
-        limits: weight that calls an offset, a drift, a lag [standard deviations], shape (3, nodes).
-        hours: length of the healthy logs; 0 where there were none.
+        nodes: of the model, in order.
+        healthy_hours: length of the healthy logs; 0 where there were none.
+        limits: weight that calls a fault of each kind, an offset, a drift, a lag [standard deviations].
+        noise: of the sensors, one for each node, rounding included [K].
+        model_error: what the model lacks on healthy logs.
     """
 
-    noise: Noise
-    error: ModelError
-    limits: FloatArray
-    hours: float
+    nodes: tuple[str, ...]
+    healthy_hours: _Size
+    limits: dict[Kind, _Positive]
+    noise: tuple[_Size, ...]
+    model_error: ModelError
 
-    def as_json(self, nodes: Sequence[str]) -> dict[str, object]:
+    def as_json(self) -> dict[str, object]:
         """The calibration as other tools read it."""
-        return {
-            "nodes": list(nodes),
-            "healthy_hours": self.hours,
-            "limits": {kind: limits.tolist() for kind, limits in zip(KINDS, self.limits, strict=True)},
-            "noise": {"white": self.noise.white.tolist(), "step": self.noise.step.tolist()},
-            "model_error": asdict(self.error),
-        }
+        return self.model_dump(mode="json")
 
 
 @one_blas_thread
@@ -99,24 +97,25 @@ def calibrate(
     """
     if not runs or not false_alarms > 0:
         raise ValueError("calibrate: expected one healthy run or more, and a rate of false alarms above 0")
-    noise = estimate_noise([bind(model, run) for run in runs], model.nodes)
+    noise = tuple(estimate_noise([bind(model, run) for run in runs], model.nodes).floor.tolist())
     some = np.unique(np.linspace(0, len(runs) - 1, min(len(runs), _SEARCH_RUNS)).round().astype(int))
-    error = likeliest(model, noise, [coarsely_bound(model, runs[index], _SEARCH_STEP) for index in some], report)
-    weights = []
+    error = _likeliest(model, noise, [coarsely_bound(model, runs[index], _SEARCH_STEP) for index in some], report)
+    weights = list[FloatArray]()
     for number, run in enumerate(runs, start=1):
         report(f"learning what is healthy: log {number} of {len(runs)}")
         bound = coarsely_bound(model, run, STEP)
-        statistics = fault_statistics(gaussian_estimator(model, noise, error), bound, bound.measured)
+        weight = Innovations(gaussian_estimator(model, noise, error), bound, bound.measured).faults(len(bound)).weight
         blocks = max(1, round(len(bound) * bound.run.step / _BLOCK))
-        weights += [block.max(axis=0) for block in np.array_split(statistics.weight, blocks)]
+        weights += [block.max(axis=0) for block in np.array_split(weight, blocks)]
     hours = sum(len(run) * run.step for run in runs) / 3600
     share = false_alarms * hours / len(weights) / (len(KINDS) * len(model.nodes))
     maxima = np.array(weights)
     # A lag's course is known, so chance alone passes no limit (Ville's inequality): only a model that is wrong does.
-    usual = [*(rare(maxima[:, kind].ravel(), share) for kind in range(LAG)), maxima[:, LAG].max()]
-    return Calibration(
-        noise, error, np.tile(np.maximum(_MARGIN * np.array(usual), _LEAST_LIMIT)[:, None], len(model.nodes)), hours
-    )
+    usual = [*(rare(maxima[:, kind].ravel(), share) for kind in range(LAG)), float(maxima[:, LAG].max())]
+    limits: dict[Kind, float] = {
+        kind: max(_MARGIN * weight, _LEAST_LIMIT) for kind, weight in zip(KINDS, usual, strict=True)
+    }
+    return Calibration(nodes=tuple(model.nodes), healthy_hours=hours, limits=limits, noise=noise, model_error=error)
 
 
 def uncalibrated(model: Model, runs: Sequence[Run], rmse: float | None) -> Calibration:
@@ -127,20 +126,18 @@ def uncalibrated(model: Model, runs: Sequence[Run], rmse: float | None) -> Calib
         rmse: of the model's fit [K], if it was fitted.
     """
     bound_runs = [bind(model, run) for run in runs]
-    noise = estimate_noise(bound_runs, model.nodes)
     capacities = model.values[[model.network.capacities[node] for node in model.nodes]]
     heats = np.concatenate([warming_by_loads(model, bound) for bound in bound_runs], axis=1) * capacities[:, None]
     loaded = heats[heats.any(axis=1)]
     # Heat of a watt for each kelvin that the fit errs, or as wrong a share of the loads' as the model's parameters.
-    size = max(
-        _FIRST_SIZES["heat"], rmse or 0.0, MODEL_OFF * float(np.sqrt(np.square(loaded).mean())) if loaded.size else 0.0
-    )
-    air = [column for column in model.inputs if column.startswith("temperature.")]
-    inputs = dict.fromkeys(air, _FIRST_INPUT)
+    of_loads = MODEL_OFF * float(np.sqrt(np.square(loaded).mean())) if loaded.size else 0.0
+    size = max(_FIRST_SIZES["heat"], rmse or 0.0, of_loads)
+    inputs = {column: _FIRST_INPUT for column in model.inputs if column.startswith("temperature.")}
     error = ModelError(size, _FIRST_HEAT_TIME, _FIRST_SIZES["change"], size, 2 * _FIRST_AIR, inputs)
-    limits = np.full((len(KINDS), len(model.nodes)), _UNTRIED)
-    limits[LAG] = _LEAST_LIMIT  # of a fault whose course is known, and which explains more than any other
-    return Calibration(noise, error, limits, 0.0)
+    limits: dict[Kind, float] = dict.fromkeys(KINDS, _UNTRIED)
+    limits["lag"] = _LEAST_LIMIT  # of a fault whose course is known, and which explains more than any other
+    noise = tuple(estimate_noise(bound_runs, model.nodes).floor.tolist())
+    return Calibration(nodes=tuple(model.nodes), healthy_hours=0.0, limits=limits, noise=noise, model_error=error)
 
 
 # --- Limits that healthy logs pass rarely ---------------------------------------------------------
@@ -170,34 +167,31 @@ _FIRST_SIZES = {"heat": 0.5, "change": 0.5, "bias": 0.5}  # W, share, W
 _FIRST_HEAT_TIME, _FIRST_AIR, _FIRST_INPUT = 100.0, 0.1, 1.0  # s; share; K
 
 
-def likeliest(
-    model: Model, noise: Noise, bound_runs: Sequence[BoundRun], report: Report = lambda _: None
-) -> ModelError:
+def _likeliest(model: Model, noise: Sequence[float], bound_runs: Sequence[BoundRun], report: Report) -> ModelError:
     """The model errors under which the innovations on healthy runs are likeliest, to a factor of two.
 
     Nodes of a class (all calves) share their sizes: a model is as wrong about one as about the other.
     """
-    classes = {node: class_of(node) for node in model.nodes}
     readings = sum(int(np.isfinite(bound.measured).sum()) for bound in bound_runs)
     air = [column for column in model.inputs if column.startswith("temperature.")]
+    best = {"heat_time": _FIRST_HEAT_TIME, "air": _FIRST_AIR, **dict.fromkeys(air, _FIRST_INPUT)}
+    for name in dict.fromkeys(map(class_of, model.nodes)):
+        best |= {f"{kind} {name}": size for kind, size in _FIRST_SIZES.items()}
 
     def error(sizes: dict[str, float]) -> ModelError:
-        def of(kind: str) -> dict[str, float]:
-            return {node: sizes[f"{kind} {name}"] for node, name in classes.items()}
-
-        inputs = {column: sizes[column] for column in air}
-        return ModelError(of("heat"), sizes["heat_time"], of("change"), of("bias"), sizes["air"], inputs)
-
-    best = {"heat_time": _FIRST_HEAT_TIME, "air": _FIRST_AIR, **dict.fromkeys(air, _FIRST_INPUT)}
-    for name in dict.fromkeys(classes.values()):
-        best |= {f"{kind} {name}": size for kind, size in _FIRST_SIZES.items()}
+        heat, change, bias = (
+            {node: sizes[f"{kind} {class_of(node)}"] for node in model.nodes} for kind in _FIRST_SIZES
+        )
+        return ModelError(
+            heat, sizes["heat_time"], change, bias, sizes["air"], {column: sizes[column] for column in air}
+        )
 
     @cache
     def value(sizes: tuple[tuple[str, float], ...]) -> float:
         report(f"learning what is healthy: sizes of the model's errors, trial {value.cache_info().misses}")
-        estimators = [gaussian_estimator(model, noise, error(dict(sizes))) for _ in bound_runs]
-        pairs = zip(estimators, bound_runs, strict=True)
-        return sum(float(filtered(made, bound, bound.measured)[0].sum()) for made, bound in pairs) / max(readings, 1)
+        said = [filtered(gaussian_estimator(model, noise, error(dict(sizes))), bound, bound.measured)[0]
+                for bound in bound_runs]  # fmt: skip
+        return sum(float(nats.sum()) for nats in said) / max(readings, 1)
 
     def times(name: str, factor: float) -> dict[str, float]:
         size = best[name] * factor
@@ -214,21 +208,10 @@ def likeliest(
 
 # --- The file -------------------------------------------------------------------------------------
 
-_Size = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-_Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
-
-class _File(BaseModel, extra="forbid"):
-    nodes: list[str]
-    healthy_hours: _Size
-    limits: dict[str, list[_Positive]]
-    noise: dict[Literal["white", "step"], list[_Size]]
-    model_error: ModelError
-
-
-def write_calibration(calibration: Calibration, nodes: Sequence[str], path: Path) -> None:
+def write_calibration(calibration: Calibration, path: Path) -> None:
     """Write a calibration as JSON, whole or not at all."""
-    write_whole(path, json.dumps(calibration.as_json(nodes), indent=2) + "\n")
+    write_whole(path, calibration.model_dump_json(indent=2) + "\n")
 
 
 def read_calibration(path: Path, model: Model) -> Calibration:
@@ -238,19 +221,17 @@ def read_calibration(path: Path, model: Model) -> Calibration:
         InputError: the file can't be read, is not a calibration, or is one of another model.
     """
     try:
-        file = _File.model_validate_json(bytes_of(path, DESCRIPTION, "a calibration, as `--healthy` writes it"))
+        read = Calibration.model_validate_json(bytes_of(path, DESCRIPTION, "a calibration, as `--healthy` writes it"))
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(str(part) for part in first["loc"]) or "calibration"
         stands = sentence(first["msg"]) if first["type"] == "json_invalid" else found_in(first)
         expected = "JSON" if first["type"] == "json_invalid" else expectation(first)
         raise InputError(path, place, stands, f"{expected}, as `lptn monitor --healthy` writes it") from error
-    limits, noise = (
-        [file.limits.get(kind, []) for kind in KINDS],
-        [file.noise.get("white", []), file.noise.get("step", [])],
-    )
-    same = all(len(values) == len(model.nodes) for values in (*noise, *limits))
-    if file.nodes != model.nodes or not same or not set(file.model_error.inputs) <= set(model.inputs):
+    if set(read.limits) != set(KINDS):
+        raise InputError(path, "limits", ", ".join(read.limits) or "none", f"one for each of {', '.join(KINDS)}")
+    same = read.nodes == tuple(model.nodes) and len(read.noise) == len(model.nodes)
+    if not same or not set(read.model_error.inputs) <= set(model.inputs):
         expected = f"those of the model: {', '.join(model.nodes)}"
-        raise InputError(path, "nodes", ", ".join(file.nodes) or "none", expected)
-    return Calibration(Noise(*map(np.array, noise)), file.model_error, np.array(limits), file.healthy_hours)
+        raise InputError(path, "nodes", ", ".join(read.nodes) or "none", expected)
+    return read

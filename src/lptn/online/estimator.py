@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
@@ -16,9 +16,9 @@ from lptn.basics.errors import InputError
 from lptn.basics.parameters import Transform
 from lptn.identify.noise import LEAST_NOISE
 from lptn.model.model import Model
-from lptn.online.augmented_model import AugmentedModel, ModelError, by_node
+from lptn.online.augmented_model import AugmentedModel, ModelError, Sizes, by_node, refuse_negative
 from lptn.online.living_sensors import ERROR, LivingSensors
-from lptn.online.quantisation import as_gaussian, coarse_noise
+from lptn.online.quantisation import as_gaussian, noise_and_steps
 from lptn.simulate.bound_run import BoundRun
 
 if TYPE_CHECKING:
@@ -97,17 +97,15 @@ class Correction:
         return float(self.innovation @ np.linalg.solve(self.covariance, self.innovation))
 
 
-Rounding = Literal["cell", "white", "ignored"]
-"""How the steps of a coarse sensor enter: as cells, as white noise of variance step²/12, or not at all."""
-
 _UNMEASURED = 5.0  # K; standard deviation at the start of a node without a reading: robots start near one temperature
 _UNREAD = 15.0  # K; of all nodes where nothing is read at the start: about the ambient, a robot may come from work
 _HIDDEN = 2.0  # K; of a hidden state about its node
 UNKNOWN = 0.3  # standard deviation of a learnt parameter's coordinate: some 30 %, as far as data sheets are off
 _WALK = 0.05  # how far a learnt parameter's coordinate walks in an hour
 _HOUR, _DAY = 3600.0, 86400.0  # s; what was known a day ago is worth no more than a new start
-_LEAST_NOISE = 0.02  # K; no sensor of a robot is quieter
 _GAP = 600.0  # s; inputs that are held for longer are nobody's: what is known of temperatures begins anew
+_REMEMBERED = ("mean", "covariance", "resting", "last_inputs", "without", "deviations", "woken", "settles",
+               "once_trusted", "used")  # fmt: skip
 _PLAUSIBLE = 6.0  # standard deviations of what may be wrong with the model; more is not learnt of it
 
 
@@ -123,9 +121,9 @@ class Estimator:
 
     Args:
         model: the model, at the values to start from.
-        noise: standard deviation of the white noise of a reading, before rounding [K], for all nodes or by node.
-            For a coarse sensor rather too large than too small: `from_fit` finds it.
-        step: step of the sensors [K], 0 for fine ones, for all nodes or by node.
+        noise: standard deviation of the white noise of a reading, before rounding [K], for all nodes, by node, or an
+            array of shape (nodes,). For a coarse sensor rather too large than too small: `from_fit` finds it.
+        step: step of the sensors [K], 0 for fine ones, likewise: a reading is known to lie in a cell.
         error: what may be wrong with the model.
         learn: parameters to learn while running; a mapping gives how far each may walk in an hour, as a share
             of its value (of its typical size where zero is admissible). Slow walks: 0.05 by default.
@@ -133,12 +131,10 @@ class Estimator:
             parameters that aren't learnt widens the temperatures' uncertainty and is never narrowed (a Schmidt–Kalman
             filter).
         learn_air: whether the air's error is learnt; else it only widens the uncertainty.
-        start: temperatures to start from [degC] by node; by default the first readings.
-        rounding: how the steps enter; the default is best, the others are there to be compared.
         watch: whether sensors that are not alive are left out.
 
     Raises:
-        InputError: an unknown node, parameter or column; a start that is infinite; more than 600 states.
+        InputError: an unknown node, parameter or column; more than 600 states.
         ValueError: a size that is negative or not finite, or a covariance of the wrong shape.
 
     Example:
@@ -156,36 +152,55 @@ class Estimator:
         self,
         model: Model,
         *,
-        noise: float | Mapping[str, float] = 0.15,
-        step: float | Mapping[str, float] = 0.0,
+        noise: Sizes | FloatArray = 0.15,
+        step: Sizes | FloatArray = 0.0,
         error: ModelError | None = None,
         learn: Sequence[str] | Mapping[str, float] = (),
         covariance: FloatArray | None = None,
         learn_air: bool = True,
-        start: Mapping[str, float] | None = None,
-        rounding: Rounding = "cell",
         watch: bool = True,
     ) -> None:
-        if rounding not in get_args(Rounding):
-            raise ValueError(f"rounding: found {rounding!r}; expected one of {', '.join(get_args(Rounding))}")
         self.model, self.error = model, error or ModelError()
-        self._rounding = rounding
         self._noise = np.maximum(_sizes_of(model, noise, "noise"), LEAST_NOISE) ** 2
-        self._step = _sizes_of(model, step, "step") * (rounding != "ignored")
+        self._step = _sizes_of(model, step, "step")
+        self._read_as = self._noise + self._step**2 / 12  # K², variance of a reading
+        self._owners = np.array(model.owners)
         self._change = by_node(self.error.change, model.nodes)
         _refuse_unknown(self.error.inputs, model.inputs, model, "error.inputs")
-        self._start = _readings_of(model, start or {}, "start")
         walks = dict(learn) if isinstance(learn, Mapping) else dict.fromkeys(learn, _WALK)
-        self._choose_parameters(walks, covariance)
+        names = [parameter.name for parameter in model.parameters]
+        _refuse_unknown(walks, names, model, "learn")
+        refuse_negative(walks, "learn")
+        free = model.free if covariance is not None else []
+        if covariance is not None and np.shape(covariance) != (len(free), len(free)):
+            raise ValueError(f"covariance: found shape {np.shape(covariance)}; expected {(len(free), len(free))}")
+        learnt = [names.index(name) for name in walks]
+        self.doubtful = [*free, *(index for index in learnt if index not in free)]
+        """Indices of the parameters that are states of the filter."""
+        self._learnt = np.isin(self.doubtful, learnt)
+        parameters = [model.parameters[index] for index in self.doubtful]
+        self._transform = Transform(parameters)
+        self._given = self._transform.forward(model.values[self.doubtful])
+        declared = np.array([parameter.declared.bounds for parameter in parameters]).reshape(-1, 2)
+        self._bounds = [self._transform.forward(bound) for bound in declared.T]
+        self._prior = np.diag(np.full(len(parameters), UNKNOWN**2))
+        if covariance is not None:
+            self._prior[: len(free), : len(free)] = covariance
+        hourly = np.array([walks.get(parameter.name, 0.0) for parameter in parameters])
+        self.augmented = AugmentedModel(model, self.error, self.doubtful, hourly**2 / _HOUR)
         layout = self.augmented.layout
+        _STATES.check(layout.size, model.network.origin, "filter")
+        self._doubt = self.augmented.errors.copy()
+        self._doubt[layout.parameters] = np.diag(self._prior)
+        """Variance of what may be wrong with the model, before anything was read; 0 for states, shape (z,)."""
         self._only_doubtful = np.zeros(layout.size, dtype=bool)
         self._only_doubtful[layout.air] = not learn_air
         self._only_doubtful[layout.parameters] = ~self._learnt
         self._resting = np.full(1, math.nan)
         self._last_inputs = np.full(len(model.inputs), math.nan)
-        self._z = np.full(layout.size, np.nan)
-        self._covariance = np.zeros((len(self._z), len(self._z)))
-        self._since_correction = np.eye(len(self._z))
+        self._mean = np.full(layout.size, np.nan)
+        self._covariance = np.zeros((len(self._mean), len(self._mean)))
+        self._since_correction = np.eye(len(self._mean))
         self.sensors = LivingSensors(self._noise, self._step) if watch else None
         """What is known of the sensors; `None` where they are not watched."""
         nodes = len(model.nodes)
@@ -195,6 +210,7 @@ class Estimator:
         self._settles = np.zeros(nodes)  # s, time constants of the nodes
         self._once_trusted = np.zeros(nodes, dtype=bool)  # sensors that were trusted once
         self._used = np.zeros(nodes, dtype=bool)  # those whose readings are taken in
+        self._capacities = model.values[[model.network.capacities[node] for node in model.nodes]]
         self._is_temperature = np.array([column.startswith("temperature.") for column in model.inputs], dtype=float)
         self.last: Correction | None = None
         """The linear algebra of the last update's correction; `None` where nothing was read."""
@@ -203,19 +219,12 @@ class Estimator:
     def from_fit(
         cls, fit: Fit, *, error: ModelError | None = None, learn: Sequence[str] | Mapping[str, float] = ()
     ) -> Estimator:
-        """An estimator on a fitted model, with the noise, sensor steps and parameter covariance of the fit."""
-        nodes = fit.model.nodes
-        bound_runs, steps = fit.problem.bound_runs, fit.noise.step
-        coarse = [coarse_noise(bound_runs, row, step) if step > 0 else _LEAST_NOISE for row, step in enumerate(steps)]
-        white = np.maximum(fit.noise.white, coarse)
-        return cls(
-            fit.model,
-            noise=dict(zip(nodes, white.tolist(), strict=True)),
-            step=dict(zip(nodes, steps.tolist(), strict=True)),
-            error=error,
-            learn=learn,
-            covariance=fit.uncertainty.covariance,
-        )
+        """An estimator on a fitted model, with the parameter covariance of the fit.
+
+        Noise and steps of the sensors are those of readings as the fitted runs hold them: means where these are means.
+        """
+        (noise, step), covariance = noise_and_steps(fit.noise), fit.uncertainty.covariance
+        return cls(fit.model, noise=noise, step=step, error=error, learn=learn, covariance=covariance)
 
     def update(self, inputs: Mapping[str, float], readings: Mapping[str, float | None], dt: float) -> Estimate:
         """Advance by `dt` with the inputs held, then take in the readings.
@@ -237,7 +246,7 @@ class Estimator:
             self._advance(u, dt)
         if self.sensors is None:
             return self._correct(y, np.isfinite(y))
-        predicted, by_state = self.augmented.readings(self._z)
+        predicted, by_state = self.augmented.readings(self._mean)
         # Of a sensor that was never trusted only what it reads itself tells anything.
         alone = self.sensors.lost & ~self._once_trusted
         reference = predicted + by_state @ self._without + self._woken
@@ -265,7 +274,7 @@ class Estimator:
     @property
     def running(self) -> bool:
         """Whether a first update was made, or a state restored."""
-        return bool(np.isfinite(self._z).all())
+        return bool(np.isfinite(self._mean).all())
 
     @property
     def size(self) -> int:
@@ -276,7 +285,7 @@ class Estimator:
     def values(self) -> FloatArray:
         """The model's parameter values as they are learnt so far, shape (m,)."""
         values = self.model.values
-        values[self.doubtful] = self._transform.backward(self._z[self.augmented.layout.parameters])
+        values[self.doubtful] = self._transform.backward(self._mean[self.augmented.layout.parameters])
         return values
 
     @property
@@ -288,7 +297,7 @@ class Estimator:
     @property
     def states(self) -> FloatArray:
         """The model's states as they are estimated now [degC], shape (states,)."""
-        return self._z[self.augmented.layout.states].copy()
+        return self._mean[self.augmented.layout.states].copy()
 
     def deviations_ahead(self, inputs: Mapping[str, float], seconds: float) -> FloatArray:
         """Standard deviations of the places' temperatures after so many seconds without readings [K], shape (places,).
@@ -302,21 +311,14 @@ class Estimator:
         """
         self._refuse_time(seconds)
         u = _inputs_of(self.model, inputs)
-        step = self.augmented.long_step(self._z, np.where(np.isnan(u), self._resting, u), seconds)
+        step = self.augmented.long_step(self._mean, np.where(np.isnan(u), self._resting, u), seconds)
         variances = np.einsum("ij,jk,ik->i", step.transition, self._covariance, step.transition) + np.diag(step.added)
         return np.asarray(np.sqrt(np.maximum(variances[: len(self.model.places)], 0.0)))
 
     def state(self) -> dict[str, FloatArray]:
         """All that the estimator remembers, as plain arrays: `numpy.savez(file, **estimator.state())`."""
-        return {
-            "mean": self._z.copy(),
-            "covariance": self._covariance.copy(),
-            "resting": self._resting.copy(),
-            "inputs": self._last_inputs.copy(),
-            "sensors": np.zeros((0, len(self.model.nodes))) if self.sensors is None else self.sensors.state(),
-            "model": self._without.copy(),
-            "nodes": np.vstack([self._deviations, self._woken, self._settles, self._once_trusted, self._used]),
-        }
+        sensors = np.zeros((0, len(self.model.nodes))) if self.sensors is None else self.sensors.state()
+        return {name: np.array(getattr(self, f"_{name}"), dtype=float) for name in _REMEMBERED} | {"sensors": sensors}
 
     def restore(self, state: Mapping[str, FloatArray]) -> None:
         """Go on from what `state` returned, by an estimator of the same model and options.
@@ -324,35 +326,25 @@ class Estimator:
         Raises:
             InputError: an array is absent, or of another shape.
         """
-        own = self.state()
-        for name, array in own.items():
+        for name, array in self.state().items():
             shape = np.shape(state[name]) if name in state else None
             if shape != array.shape:
                 problem = "no such array" if shape is None else f"shape {shape}"
                 raise InputError(
                     self.model.network.origin, f"state {name}", problem, f"an array of shape {array.shape}"
                 )
-        self._z = np.array(state["mean"], dtype=float)
-        self._covariance = np.array(state["covariance"], dtype=float)
-        self._resting = np.array(state["resting"], dtype=float)
-        self._last_inputs = np.array(state["inputs"], dtype=float)
-        self._without = np.array(state["model"], dtype=float)
-        nodes = np.array(state["nodes"], dtype=float)
-        self._deviations, self._woken, self._settles, self._once_trusted, self._used = *nodes[:3], *(nodes[3:] > 0)
+        for name in _REMEMBERED:
+            own = getattr(self, f"_{name}")
+            setattr(self, f"_{name}", np.array(state[name]).astype(own.dtype))
         if self.sensors is not None:
             self.sensors.restore(np.array(state["sensors"], dtype=float))
 
     def _follow(self, sensors: LivingSensors, node: int, reading: float, alone: bool, u: FloatArray) -> None:
-        """After a sensor was judged: use it, or take back what it taught.
+        """After a node's sensor was judged: use it, or take back what it taught.
 
-        Args:
-            sensors: as they were judged.
-            node: of the sensor.
-            reading: its own [degC].
-            alone: whether it had never been trusted when it was judged.
-            u: inputs.
+        It was judged by its own reading [degC] `alone` if it had never been trusted.
         """
-        noise = math.sqrt(self._noise[node] + self._step[node] ** 2 / 12)
+        noise = math.sqrt(self._read_as[node])
         if not sensors.lost[node]:
             if alone:
                 self._begin_node(node, reading, noise)
@@ -363,31 +355,27 @@ class Estimator:
             if not alone:
                 others = np.arange(len(self.model.nodes)) != node
                 air = u[(self._is_temperature > 0) & np.isfinite(u)]
-                near = self._z[: others.size][others] if others.any() else air
-                self._begin_node(node, near.mean() if near.size else self._z[node], _UNREAD)
-            predicted, by_state = self.augmented.readings(self._z)
+                near = self._mean[: others.size][others] if others.any() else air
+                self._begin_node(node, near.mean() if near.size else self._mean[node], _UNREAD)
+            predicted, by_state = self.augmented.readings(self._mean)
             self._woken[node] = reading - (predicted + by_state @ self._without)[node]
             self._deviations[node], self._used[node] = noise, False
         elif self._used[node] and not sensors.proven[node]:
             self._used[node] = False
             # What others read is kept, but no surer than a reading: it was estimated beside a false temperature.
-            kept = np.flatnonzero(self._used[list(self.model.owners)])
+            kept = np.flatnonzero(self._used[self._owners])
             without, self._without[kept] = self._without[kept], 0.0
             taught = np.flatnonzero(~self._only_doubtful)
-            self._z[taught] += self._without[taught]
+            self._mean[taught] += self._without[taught]
             self._forget(taught)
             self._without[kept] = without
-            self._covariance[kept, kept] = (self._noise + self._step**2 / 12)[np.array(self.model.owners)[kept]]
-
-    def _errors_of(self, node: int) -> list[int]:
-        """Rows of the state that are what the model lacks at a node."""
-        layout = self.augmented.layout
-        return [where.start + node for where in (layout.heat, layout.bias) if where.stop > where.start]
+            self._covariance[kept, kept] = self._read_as[self._owners[kept]]
 
     def _begin_node(self, node: int, temperature: float, deviation: float) -> None:
         """A node as it is known at a temperature [degC] with an error [K], the model's errors unknown."""
-        states, errors = np.flatnonzero(np.array(self.model.owners) == node), self._errors_of(node)
-        self._z[states], self._z[errors] = temperature, 0.0
+        layout, states = self.augmented.layout, np.flatnonzero(self._owners == node)
+        errors = [where.start + node for where in (layout.heat, layout.bias) if where.stop > where.start]
+        self._mean[states], self._mean[errors] = temperature, 0.0
         self._deviations[node], self._woken[node] = deviation, 0.0
         self._forget(np.concatenate([states, errors]).astype(int))
 
@@ -395,76 +383,31 @@ class Estimator:
         """Rows of the state of which nothing is known but what the model alone says."""
         self._without[rows] = 0.0
         variance = self._doubt.copy()
-        variance[: len(self.model.owners)] = self._deviations[list(self.model.owners)] ** 2
+        variance[self.augmented.layout.states] = self._deviations[self._owners] ** 2
         self._covariance[rows], self._covariance[:, rows] = 0.0, 0.0
         self._covariance[rows, rows] = variance[rows]
 
-    def _clip(self) -> None:
-        """Bound what is learnt of the model by what may be wrong with it: a false sensor would run away with it.
-
-        The model alone stays where it was."""
-        layout, most, before = self.augmented.layout, _PLAUSIBLE * np.sqrt(self._doubt), self._z.copy()
-        for where, middle in ((slice(layout.air.start, layout.inputs.stop), 0.0), (layout.parameters, self._given)):
-            self._z[where] = np.clip(self._z[where], middle - most[where], middle + most[where])
-        self._z[layout.parameters] = np.clip(self._z[layout.parameters], *self._bounds)
-        self._without += before - self._z
-
-    def _choose_parameters(self, walks: Mapping[str, float], covariance: FloatArray | None) -> None:
-        """The parameters that become states: those to learn, and those whose covariance is given."""
-        model = self.model
-        names = [parameter.name for parameter in model.parameters]
-        _refuse_unknown(walks, names, model, "learn")
-        _refuse_negative(walks)
-        free = model.free if covariance is not None else []
-        if covariance is not None and np.shape(covariance) != (len(free), len(free)):
-            raise ValueError(f"covariance: found shape {np.shape(covariance)}; expected {(len(free), len(free))}")
-        learnt = [names.index(name) for name in walks]
-        self.doubtful = [*free, *(index for index in learnt if index not in free)]
-        """Indices of the parameters that are states of the filter."""
-        self._learnt = np.array([index in learnt for index in self.doubtful], dtype=bool)
-        parameters = [model.parameters[index] for index in self.doubtful]
-        self._transform = Transform(parameters)
-        self._given = self._transform.forward(model.values[self.doubtful])
-        self._prior = np.diag(np.full(len(parameters), UNKNOWN**2))
-        if covariance is not None:
-            self._prior[: len(free), : len(free)] = covariance
-        hourly = np.array([walks.get(parameter.name, 0.0) for parameter in parameters])
-        self.augmented = AugmentedModel(model, self.error, self.doubtful, hourly**2 / _HOUR)
-        _STATES.check(self.augmented.layout.size, model.network.origin, "filter")
-        declared = np.array([parameter.declared.bounds for parameter in parameters]).reshape(-1, 2)
-        self._bounds = [self._transform.forward(bound) for bound in declared.T]
-        layout = self.augmented.layout
-        self._doubt = self.augmented.errors.copy()
-        self._doubt[layout.parameters] = np.diag(self._prior)
-        """Variance of what may be wrong with the model, before anything was read; 0 for states, shape (z,)."""
-
     def _begin(self, y: FloatArray, u: FloatArray) -> None:
-        """Start at the first readings, or where the caller said; without either at the ambient, far from sure."""
+        """Start at the first readings; without any at the ambient, far from sure."""
         model, layout = self.model, self.augmented.layout
-        start = y if self.running else np.where(np.isfinite(self._start), self._start, y)
-        seen = np.isfinite(start)
-        air = u[[column.startswith("temperature.") for column in model.inputs]]
-        near = start[seen] if seen.any() else air[np.isfinite(air)]
+        seen = np.isfinite(y)
+        near = y[seen] if seen.any() else u[(self._is_temperature > 0) & np.isfinite(u)]
         if near.size == 0:
-            expected = "one reading at least, or start = {...}"
-            raise InputError(model.network.origin, "first update", "no reading of any node", expected)
-        nodes = np.where(seen, start, near.mean())
+            raise InputError(model.network.origin, "first update", "no reading of any node", "one reading at least")
+        nodes = np.where(seen, y, near.mean())
         elsewhere = _UNMEASURED if seen.any() else _UNREAD
-        scatter = np.where(seen, self._noise + self._step**2 / 12, elsewhere**2)
-        owners = np.array(model.owners)
+        scatter = np.where(seen, self._read_as, elsewhere**2)
         z, spread = np.zeros(layout.size), self.augmented.errors.copy()
-        z[layout.states], spread[layout.states] = nodes[owners], scatter[owners]
+        z[layout.states], spread[layout.states] = nodes[self._owners], scatter[self._owners]
         spread[len(model.nodes) : layout.states.stop] += _HIDDEN**2
-        z[layout.parameters] = self._given
+        z[layout.parameters], prior = self._given, self._prior
         if self.running:  # after a gap: what was learnt of the parameters stays
-            z[layout.parameters] = self._z[layout.parameters]
+            z[layout.parameters] = self._mean[layout.parameters]
             prior = self._covariance[layout.parameters, layout.parameters]
-        else:
-            prior = self._prior
         self._covariance = np.diag(spread)
         self._covariance[layout.parameters, layout.parameters] = prior
         self._resting = np.array([nodes.mean()])
-        self._z = z
+        self._mean = z
         self._without[:] = 0.0
         self._deviations = np.sqrt(np.diag(self._covariance)[: len(model.nodes)])
         self._once_trusted[:], self._used[:], self._woken[:] = False, False, 0.0
@@ -474,85 +417,70 @@ class Estimator:
     def _advance(self, u: FloatArray, dt: float) -> None:
         if dt == 0:
             return
-        u = np.where(np.isnan(u), self._resting, u)
+        u, rates, nodes = np.where(np.isnan(u), self._resting, u), self.augmented.rates, len(self.model.nodes)
         if self._change.any():
-            self._unsettle(u)
+            # What was learnt of the missing heat counts for less after a change of load. Before the first update the
+            # robot is taken to have been in balance, so that all of its imbalance is new.
+            change = rates(self._mean, u)[0][:nodes]
+            if np.isfinite(self._last_inputs).all():
+                change = change - rates(self._mean, self._last_inputs)[0][:nodes]
+            heat = np.arange(self.size)[self.augmented.layout.heat]
+            self._covariance[heat, heat] += (self._change * change * self._capacities) ** 2
+            self._last_inputs = u
         if self.sensors is not None:
-            self._widen(self.sensors, u, dt)
-        step = self.augmented.step(self._z, u, dt)
-        self._z = step.states
+            # The model alone becomes less sure: by the relative error of heat put in and of heat that leaves, and
+            # `error`. What a sensor read that was never trusted is forgotten as its node settles.
+            self.sensors.clock += dt
+            left = rates(self._mean, u * self._is_temperature)[0][:nodes]
+            warming, by_state = (array[:nodes] for array in rates(self._mean, u))
+            rate = np.sqrt(ERROR**2 * ((warming - left) ** 2 + left**2) + by_state**2 @ self._doubt)
+            self._settles = 1 / np.maximum(-np.diag(by_state), 1 / _DAY)
+            stays = np.exp(-dt / self._settles)
+            self._deviations = stays * self._deviations + self._settles * (1 - stays) * rate
+            self._woken *= stays
+        step = self.augmented.step(self._mean, u, dt)
+        self._mean = step.states
         self._without = step.transition @ self._without
         self._covariance = step.transition @ self._covariance @ step.transition.T + step.added
         self._since_correction = step.transition @ self._since_correction
 
-    def _widen(self, sensors: LivingSensors, u: FloatArray, dt: float) -> None:
-        """The model alone becomes less sure: by the relative error of heat put in and of heat that leaves, and `error`.
-
-        What a sensor read that was never trusted is forgotten as its node settles."""
-        sensors.clock += dt
-        left, _ = self.augmented.warming(self._z, u * self._is_temperature)
-        warming, by_state = self.augmented.warming(self._z, u)
-        own = np.diag(by_state)
-        rate = np.sqrt(ERROR**2 * ((warming - left) ** 2 + left**2) + by_state**2 @ self._doubt)
-        self._settles = 1 / np.maximum(-own, 1 / _DAY)
-        stays = np.exp(-dt / self._settles)
-        self._deviations = stays * self._deviations + self._settles * (1 - stays) * rate
-        self._woken *= stays
-
-    def _unsettle(self, u: FloatArray) -> None:
-        """What was learnt of the missing heat counts for less after a change of load.
-
-        Before the first update the robot is taken to have been in balance, so that all of its imbalance is new.
-        """
-        change = self.augmented.heat_flow(self._z, u)
-        if np.isfinite(self._last_inputs).all():
-            change = change - self.augmented.heat_flow(self._z, self._last_inputs)
-        where = np.arange(self.size)[self.augmented.layout.heat]
-        self._covariance[where, where] += (self._change * change) ** 2
-        self._last_inputs = u
-
     def _correct(self, y: FloatArray, taken: BoolArray) -> Estimate:
         """Take in the readings that are `taken`; innovations are those of all."""
         self.last = None
-        predicted, by_state = self.augmented.readings(self._z)
+        predicted, by_state = self.augmented.readings(self._mean)
         innovation, spreads = y - predicted, np.full(len(y), math.nan)
         prior = by_state @ self._covariance @ by_state.T
         seen = np.isfinite(innovation)
-        spreads[seen] = np.sqrt(np.diag(prior) + self._noise + self._step**2 / 12)[seen]
-        h, noise, step = by_state[taken], self._noise[taken], self._step[taken]
-        cross, prior = self._covariance @ h.T, prior[np.ix_(taken, taken)]
-        surprise, variance = innovation[taken], noise + step**2 / 12
-        if self._rounding == "cell" and step.any():
-            surprise, variance = as_gaussian(surprise, np.diag(prior), noise, step)
-        if taken.any():
-            self._take_in(h, cross, prior + np.diag(variance), surprise, variance)
-        return self._estimate(innovation, spreads)
-
-    def _take_in(
-        self,
-        by_state: FloatArray,
-        cross: FloatArray,
-        covariance: FloatArray,
-        innovation: FloatArray,
-        variance: FloatArray,
-    ) -> None:
+        spreads[seen] = np.sqrt(np.diag(prior) + self._read_as)[seen]
+        if not taken.any():
+            return self._estimate(innovation, spreads)
+        h, prior, step = by_state[taken], prior[np.ix_(taken, taken)], self._step[taken]
+        surprise, variance = innovation[taken], self._read_as[taken]
+        if step.any():
+            surprise, variance = as_gaussian(surprise, np.diag(prior), self._noise[taken], step)
+        covariance = prior + np.diag(variance)
         factor = cho_factor(covariance, lower=True, check_finite=False)
-        gain = cho_solve(factor, cross.T, check_finite=False).T
+        gain = cho_solve(factor, (self._covariance @ h.T).T, check_finite=False).T
         # What is only doubtful, not learnt, keeps its value; Joseph's form holds for that gain too.
         gain[self._only_doubtful] = 0.0
-        change = gain @ innovation
-        self._z, self._without = self._z + change, self._without - change
-        kept = np.eye(len(self._z)) - gain @ by_state
+        kept = np.eye(self.size) - gain @ h
         after = kept @ self._covariance @ kept.T + (gain * variance) @ gain.T
         self._covariance = 0.5 * (after + after.T)
-        self._clip()
-        self.last = Correction(self._since_correction, by_state, gain, covariance, innovation)
-        self._since_correction = np.eye(len(self._z))
+        before, self._mean = self._mean, self._mean + gain @ surprise
+        # What is learnt of the model is bounded by what may be wrong with it: a false sensor would run away with it.
+        layout, most = self.augmented.layout, _PLAUSIBLE * np.sqrt(self._doubt)
+        for where, middle in ((slice(layout.air.start, layout.inputs.stop), 0.0), (layout.parameters, self._given)):
+            self._mean[where] = np.clip(self._mean[where], middle - most[where], middle + most[where])
+        self._mean[layout.parameters] = np.clip(self._mean[layout.parameters], *self._bounds)
+        self._without += before - self._mean  # the model alone stays where it was
+        self.last = Correction(self._since_correction, h, gain, covariance, surprise)
+        self._since_correction = np.eye(self.size)
+        return self._estimate(innovation, spreads)
 
     def _estimate(self, innovation: FloatArray, spreads: FloatArray) -> Estimate:
         nodes, where = len(self.model.nodes), self.augmented.layout.parameters
         deviations = np.sqrt(np.maximum(np.diag(self._covariance), 0.0))  # rounding may go below 0
-        coordinates = self._z[where]
+        coordinates = self._mean[where]
         values = self._transform.backward(coordinates)
         errors = deviations[where] * np.abs(self._transform.slope(values))
         learnt = {
@@ -564,12 +492,12 @@ class Estimator:
         reasons = {} if watched is None else {node: watched.why_not(k) for k, node in enumerate(self.model.nodes)}
         doubts = {node: reason for node, reason in reasons.items() if reason}
         hottest = {
-            place: (float(self._z[row]), float(deviations[row]))
+            place: (float(self._mean[row]), float(deviations[row]))
             for row, place in enumerate(self.model.places)
             if row >= nodes
         }
         return Estimate(
-            tuple(self.model.nodes), self._z[:nodes].copy(), deviations[:nodes], innovation, spreads, learnt, doubts,
+            tuple(self.model.nodes), self._mean[:nodes].copy(), deviations[:nodes], innovation, spreads, learnt, doubts,
             hottest,
         )  # fmt: skip
 
@@ -630,41 +558,36 @@ def _inputs_of(model: Model, inputs: Mapping[str, float]) -> FloatArray:
     return values
 
 
-def _readings_of(model: Model, readings: Mapping[str, float | None], what: str = "readings") -> FloatArray:
+def _readings_of(model: Model, readings: Mapping[str, float | None]) -> FloatArray:
     """Readings of the model's nodes [degC], shape (nodes,), NaN where missing.
 
     Raises:
         InputError: a reading of no node, or an infinite one.
     """
-    _refuse_unknown(readings, model.nodes, model, what)
+    _refuse_unknown(readings, model.nodes, model, "readings")
     given = (readings.get(node) for node in model.nodes)
     values = np.array([math.nan if reading is None else reading for reading in given], dtype=float)
     if np.isinf(values).any():
         node = model.nodes[int(np.isinf(values).argmax())]
-        raise InputError(model.network.origin, f"{what} of {node}", "an infinite value", "a number, or NaN for none")
+        raise InputError(model.network.origin, f"readings of {node}", "an infinite value", "a number, or NaN for none")
     return values
 
 
-def _sizes_of(model: Model, sizes: float | Mapping[str, float], what: str) -> FloatArray:
+def _sizes_of(model: Model, sizes: Sizes | FloatArray, what: str) -> FloatArray:
     """One size a node, shape (nodes,); 0 for a node that a mapping leaves out.
 
     Raises:
         InputError: a node that the model doesn't have.
         ValueError: a size that is negative or not finite.
     """
-    given = sizes if isinstance(sizes, Mapping) else dict.fromkeys(model.nodes, sizes)
-    _refuse_unknown(given, model.nodes, model, what)
-    _refuse_negative({f"{what} of {node}": size for node, size in given.items()})
-    return by_node(given, model.nodes)
+    if isinstance(sizes, np.ndarray):
+        sizes = dict(zip(model.nodes, sizes.tolist(), strict=True))
+    _refuse_unknown(sizes if isinstance(sizes, Mapping) else (), model.nodes, model, what)
+    refuse_negative(sizes, what)
+    return by_node(sizes, model.nodes)
 
 
-def _refuse_unknown(names: Mapping[str, object], expected: Sequence[str], model: Model, what: str) -> None:
+def _refuse_unknown(names: Iterable[str], expected: Sequence[str], model: Model, what: str) -> None:
     for name in names:
         if name not in expected:
             raise InputError(model.network.origin, what, f"'{name}'", f"one of {', '.join(expected)}")
-
-
-def _refuse_negative(sizes: Mapping[str, float]) -> None:
-    for name, size in sizes.items():
-        if not (math.isfinite(size) and size >= 0):
-            raise ValueError(f"{name}: found {size:g}; expected a finite size, 0 or above")

@@ -12,6 +12,7 @@ be off belongs to all of these, so a model that is a little wrong never has to b
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
@@ -19,14 +20,13 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from lptn.basics.arrays import BoolArray, FloatArray, IntArray
-from lptn.basics.parameters import Transform
-from lptn.identify.noise import Noise
+from lptn.basics.arrays import BoolArray, FloatArray
 from lptn.logs.columns import INPUTS
 from lptn.logs.run import Run
 from lptn.model.model import Model
 from lptn.online.augmented_model import ModelError, Sizes, by_node
-from lptn.online.estimator import Correction, Estimator, run_filter
+from lptn.online.estimator import Estimator, run_filter
+from lptn.online.quantisation import LEAST_NOISE
 from lptn.simulate.bound_run import BoundRun, bind, default_start
 from lptn.simulate.simulation import simulate
 
@@ -38,6 +38,8 @@ column. The others are as people say."""
 OFFSET, DRIFT, LAG = 0, 1, 2
 """Rows of what is said of each kind of fault of a sensor."""
 KINDS: tuple[Kind, ...] = ("offset", "drift", "lag")
+Limits = Mapping[Kind, float]
+"""Weights that call these kinds [standard deviations]."""
 
 
 @dataclass(frozen=True)
@@ -95,10 +97,7 @@ _SCALES = (0.5, 0.7, 1.4, 2.0)  # of a load; its heat is half to twice as much b
 
 STEP = 10.0
 """s; how often the statistical detector looks."""
-LEAST_NOISE = 0.05
-"""K; of a mean over so long: a sensor's own errors don't average out, nor does what a model loses by such steps."""
 _FEWEST_STEPS = 20  # that a short run keeps
-_SAMPLED = 50  # steps of a run at which it is asked what a parameter does
 
 
 def coarsely_bound(model: Model, run: Run, step: float) -> BoundRun:
@@ -116,38 +115,14 @@ def warming_by_loads(model: Model, bound: BoundRun) -> FloatArray:
     return np.asarray((rates[0] - rates[1])[: len(model.nodes)])
 
 
-def heat_of_doubt(model: Model, bound: BoundRun, covariance: FloatArray) -> FloatArray:
-    """Heat that is missing where the model's free parameters are off, root mean square over a run [W], (nodes,).
+def gaussian_estimator(model: Model, noise: Sequence[float], error: ModelError, off: float = 0.0) -> Estimator:
+    """An estimator for coarse steps, each free parameter off by a relative standard deviation.
 
-    Args:
-        model: the model.
-        bound: the run.
-        covariance: of these parameters in the fit's coordinates, shape (free, free).
+    Rounding enters as white noise, since likelihood ratios are of Gaussians.
     """
-    some = np.unique(np.linspace(0, len(bound) - 1, min(len(bound), _SAMPLED)).astype(int))
-    states, inputs = simulate(model, bound).held[:, some], np.nan_to_num(bound.inputs[:, some])
-    rates = model.parameter_jacobian(states, inputs, model.values).full().reshape(len(states), len(some), -1)
-    slope = np.abs(Transform([model.parameters[index] for index in model.free]).slope(model.values[model.free]))
-    by_coordinate = rates[: len(model.nodes), :, model.free] * slope
-    variance = np.einsum("nkp,pq,nkq->n", by_coordinate, covariance, by_coordinate) / len(some)
-    return np.asarray(np.sqrt(variance) * model.values[[model.network.capacities[node] for node in model.nodes]])
-
-
-def gaussian_estimator(model: Model, noise: Noise, error: ModelError, off: float = 0.0) -> Estimator:
-    """An estimator for coarse steps; rounding enters as white noise, since the likelihood ratios are of Gaussians.
-
-    Args:
-        model: the model.
-        noise: of its sensors.
-        error: what the model lacks.
-        off: relative standard deviation of each of its free parameters.
-    """
-    white = dict(zip(model.nodes, np.maximum(noise.floor, LEAST_NOISE).tolist(), strict=True))
-    free = [model.parameters[index].name for index in model.free] if off else []
-    covariance = off**2 * np.eye(len(free)) if off else None
-    return Estimator(
-        model, noise=white, error=error, learn=dict.fromkeys(free, 0.0), covariance=covariance, watch=False
-    )
+    white, covariance = np.maximum(noise, LEAST_NOISE), off**2 * np.eye(len(model.free)) if off else None
+    free = {model.parameters[index].name: 0.0 for index in model.free} if off else {}
+    return Estimator(model, noise=white, error=error, learn=free, covariance=covariance, watch=False)
 
 
 def filtered(estimator: Estimator, bound: BoundRun, measured: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -175,43 +150,18 @@ class FaultStatistics(NamedTuple):
     """What speaks for a fault that begins with each reading.
 
     weight: for an offset, a drift, a lag, √ of twice the logarithm of the likelihood ratio, in standard deviations; 0
-    where a lag is less likely than no fault; shape (n, 3, nodes). size: K for an offset, K/s for a drift, s for a lag.
-    load: logarithm of the Bayes factor for heat at a node that is unknown by as much as its load gives, against heat
-    that is off by `MODEL_OFF` of it, (n, nodes). air: of each of `error.inputs` all the while, unknown by `FREE`.
+    where a lag is less likely than no fault; shape (n, 3, nodes). load: logarithm of the Bayes factor for heat at a
+    node that is unknown by as much as its load gives, against heat that is off by `MODEL_OFF` of it, (n, nodes).
+    air: of each of `error.inputs` all the while, unknown by `FREE`.
     """
 
     weight: FloatArray
-    size: FloatArray
     load: FloatArray
     air: FloatArray
 
 
-class _Filtered(NamedTuple):
-    """A filter's way through a run: corrections; nodes read; how faults of unit size at each node's sensor grow from
-    step to step, (n, nodes, states, states); by how much loads warm each node in each step [K], (n, nodes)."""
-
-    corrections: list[Correction | None]
-    read: list[IntArray]
-    growth: FloatArray
-    warms: FloatArray
-
-
-def _filtered(estimator: Estimator, bound: BoundRun, measured: FloatArray) -> _Filtered:
-    path, step = simulate(estimator.model, bound).readings.T, bound.run.step
-    growth = np.tile(np.eye(_STATES), (*path.shape, 1, 1))
-    growth[..., 0, 1] = step
-    for state, lag in zip(range(2, _STATES, 2), _LAGS, strict=True):
-        # A lagging sensor is behind the model's path by what it was before, and by what the path has moved.
-        keep = np.exp(-step / lag)
-        growth[..., state + 1, state + 1] = keep
-        growth[1:, :, state + 1, state] = -keep * np.diff(path, axis=0)
-    corrections = [estimator.last for _ in run_filter(estimator, bound, measured)]
-    read = [np.flatnonzero(np.isfinite(row)) for row in measured.T]
-    return _Filtered(corrections, read, growth, step * warming_by_loads(estimator.model, bound).T)
-
-
-def fault_statistics(estimator: Estimator, bound: BoundRun, measured: FloatArray) -> FaultStatistics:
-    r"""What speaks for each fault, for each time of onset, by all that was read from then on.
+class Innovations:
+    r"""A filter's innovations over a run, and what speaks in them for each fault, for each time of onset.
 
     A fault of unit size shifts the innovations :math:`\nu` of covariance :math:`S` by a signature :math:`g`. With the
     information :math:`J = \sum g^\top S^{-1} g` and the score :math:`s = \sum g^\top S^{-1}\nu` its size is
@@ -229,54 +179,64 @@ def fault_statistics(estimator: Estimator, bound: BoundRun, measured: FloatArray
         bound: the run.
         measured: readings [degC] as they are to be believed, shape (nodes, n).
     """
-    return _backwards(estimator, _filtered(estimator, bound, measured), len(bound))
 
+    def __init__(self, estimator: Estimator, bound: BoundRun, measured: FloatArray) -> None:
+        path, step = simulate(estimator.model, bound).readings.T, bound.run.step
+        self._growth = np.tile(np.eye(_STATES), (*path.shape, 1, 1))  # of faults of unit size, from step to step
+        self._growth[..., 0, 1] = step
+        for state, lag in zip(range(2, _STATES, 2), _LAGS, strict=True):
+            # A lagging sensor is behind the model's path by what it was before, and by what the path has moved.
+            keep = np.exp(-step / lag)
+            self._growth[..., state + 1, state + 1] = keep
+            self._growth[1:, :, state + 1, state] = -keep * np.diff(path, axis=0)
+        self._corrections = [estimator.last for _ in run_filter(estimator, bound, measured)]
+        self._read = [np.flatnonzero(np.isfinite(row)) for row in measured.T]
+        self._warms = step * warming_by_loads(estimator.model, bound).T  # K, each node by loads in each step
+        self._size, self._inputs = estimator.size, estimator.augmented.layout.inputs
+        known = np.square(list(estimator.error.inputs.values()))
+        self._air = np.maximum(FREE**2 - known, 0.0)  # K², variances that wrong air would add
 
-def _backwards(estimator: Estimator, filtered: _Filtered, n: int) -> FaultStatistics:
-    size, nodes = estimator.size, filtered.growth.shape[1]
-    own = np.arange(nodes)
-    score, information = np.zeros(size), np.zeros((size, size))  # of a shock to the filter's own states
-    of_fault, of_both = np.zeros((nodes, _STATES)), np.zeros((nodes, size, _STATES))
-    of_faults = np.zeros((nodes, _STATES, _STATES))
-    of_load, of_loads, load_and_own = np.zeros(nodes), np.zeros(nodes), np.zeros((size, nodes))
-    scores, squares = np.zeros((n, nodes, len(_BEGINS))), np.zeros((n, nodes, len(_BEGINS)))
-    loads = np.zeros((n, nodes))
-    for k in reversed(range(n)):
-        correction, grow = filtered.corrections[k], filtered.growth[k]
-        if correction is not None:
-            h, gain, inverse = correction.by_state, correction.gain, np.linalg.inv(correction.covariance)
-            read, kept, back = filtered.read[k], np.eye(size) - gain @ h, correction.transition.T
-            by_gain = information @ gain
-            smoothed = inverse @ correction.innovation - gain.T @ score
-            precision = np.diag(inverse + gain.T @ by_gain)
-            of_fault[read] += smoothed[:, None] * _ADDS
-            with_gain = _ADDS[:, None] * np.einsum("zr,rzs->rs", gain, of_both[read])[:, None, :]
-            of_faults[read] += precision[:, None, None] * np.outer(_ADDS, _ADDS)
-            of_faults[read] -= with_gain + with_gain.transpose(0, 2, 1)
-            of_both = (kept @ correction.transition).T @ of_both
-            of_both[read] += (back @ (h.T @ inverse - kept.T @ by_gain)).T[..., None] * _ADDS
-            score = h.T @ (inverse @ correction.innovation) + kept.T @ score
-            information = h.T @ inverse @ h + kept.T @ information @ kept
-            load_and_own, warms = kept.T @ load_and_own, filtered.warms[k]
-            of_load += warms * score[:nodes]
-            of_loads += 2 * warms * load_and_own[own, own] + warms**2 * information[own, own]
-            load_and_own = back @ (load_and_own + warms * information[:, :nodes])
-            score, information = back @ score, back @ information @ back.T
-        turned = grow.transpose(0, 2, 1)
-        of_fault = (turned @ of_fault[..., None])[..., 0]
-        of_both, of_faults = of_both @ grow, turned @ of_faults @ grow
-        scores[k], squares[k] = of_fault[:, _BEGINS], of_faults[:, _BEGINS, _BEGINS]
-        loads[k] = _log_bayes_factor(of_load, of_loads, 1.0) - _log_bayes_factor(of_load, of_loads, MODEL_OFF**2)
-    squares = np.maximum(squares, _LEAST_INFORMATION)
-    lag_weights = np.sqrt(np.maximum(2 * scores - squares, 0.0))[..., LAG:]
-    which = lag_weights.argmax(axis=2)
-    weight, sizes = np.abs(scores[..., :LAG]) / np.sqrt(squares[..., :LAG]), scores[..., :LAG] / squares[..., :LAG]
-    weight = np.concatenate([weight, lag_weights.max(axis=2, keepdims=True)], axis=2)
-    sizes = np.concatenate([sizes, np.array(_LAGS)[which][..., None]], axis=2)
-    inputs = estimator.augmented.layout.inputs
-    more = FREE**2 - np.square(list(estimator.error.inputs.values()))
-    air = _log_bayes_factor(score[inputs], np.diag(information)[inputs], np.maximum(more, 0.0))
-    return FaultStatistics(weight.transpose(0, 2, 1), sizes.transpose(0, 2, 1), loads, air)
+    def faults(self, n: int) -> FaultStatistics:
+        """By the first `n` readings."""
+        size, nodes = self._size, self._growth.shape[1]
+        own = np.arange(nodes)
+        score, information = np.zeros(size), np.zeros((size, size))  # of a shock to the filter's own states
+        of_fault, of_both = np.zeros((nodes, _STATES)), np.zeros((nodes, size, _STATES))
+        of_faults = np.zeros((nodes, _STATES, _STATES))
+        of_load, of_loads, load_and_own = np.zeros(nodes), np.zeros(nodes), np.zeros((size, nodes))
+        scores, squares = np.zeros((n, nodes, len(_BEGINS))), np.zeros((n, nodes, len(_BEGINS)))
+        loads = np.zeros((n, nodes))
+        for k in reversed(range(n)):
+            correction, grow = self._corrections[k], self._growth[k]
+            if correction is not None:
+                h, gain, inverse = correction.by_state, correction.gain, np.linalg.inv(correction.covariance)
+                read, kept, back = self._read[k], np.eye(size) - gain @ h, correction.transition.T
+                by_gain = information @ gain
+                smoothed = inverse @ correction.innovation - gain.T @ score
+                precision = np.diag(inverse + gain.T @ by_gain)
+                of_fault[read] += smoothed[:, None] * _ADDS
+                with_gain = _ADDS[:, None] * np.einsum("zr,rzs->rs", gain, of_both[read])[:, None, :]
+                of_faults[read] += precision[:, None, None] * np.outer(_ADDS, _ADDS)
+                of_faults[read] -= with_gain + with_gain.transpose(0, 2, 1)
+                of_both = (kept @ correction.transition).T @ of_both
+                of_both[read] += (back @ (h.T @ inverse - kept.T @ by_gain)).T[..., None] * _ADDS
+                score = h.T @ (inverse @ correction.innovation) + kept.T @ score
+                information = h.T @ inverse @ h + kept.T @ information @ kept
+                load_and_own, warms = kept.T @ load_and_own, self._warms[k]
+                of_load += warms * score[:nodes]
+                of_loads += 2 * warms * load_and_own[own, own] + warms**2 * information[own, own]
+                load_and_own = back @ (load_and_own + warms * information[:, :nodes])
+                score, information = back @ score, back @ information @ back.T
+            turned = grow.transpose(0, 2, 1)
+            of_fault = (turned @ of_fault[..., None])[..., 0]
+            of_both, of_faults = of_both @ grow, turned @ of_faults @ grow
+            scores[k], squares[k] = of_fault[:, _BEGINS], of_faults[:, _BEGINS, _BEGINS]
+            loads[k] = _log_bayes_factor(of_load, of_loads, 1.0) - _log_bayes_factor(of_load, of_loads, MODEL_OFF**2)
+        squares = np.maximum(squares, _LEAST_INFORMATION)
+        of_lag = np.sqrt(np.maximum(2 * scores - squares, 0.0))[..., LAG:].max(axis=2, keepdims=True)
+        weight = np.concatenate([np.abs(scores[..., :LAG]) / np.sqrt(squares[..., :LAG]), of_lag], axis=2)
+        air = _log_bayes_factor(score[self._inputs], np.diag(information)[self._inputs], self._air)
+        return FaultStatistics(weight.transpose(0, 2, 1), loads, air)
 
 
 def _log_bayes_factor(score: FloatArray, information: FloatArray, variance: FloatArray | float) -> FloatArray:
@@ -291,7 +251,7 @@ _SETTLED = 240.0  # s behind an alarm: by then offset and drift can be told apar
 
 
 def first_alarm(
-    estimator: Estimator, bound: BoundRun, measured: FloatArray, limits: FloatArray, inputs: Collection[str] = ()
+    estimator: Estimator, bound: BoundRun, measured: FloatArray, limits: Limits, inputs: Collection[str] = ()
 ) -> Alarm | None:
     """The first alarm among the sensors that are read; its kind as it looks some minutes later.
 
@@ -303,58 +263,48 @@ def first_alarm(
         estimator: fresh.
         bound: the run.
         measured: readings [degC] as they are to be believed, shape (nodes, n).
-        limits: weight that calls an offset, a drift, a lag [standard deviations], shape (3, nodes).
+        limits: of each kind.
         inputs: columns of loads and of the air that may be wrong.
     """
-    filtered, delay, count = _filtered(estimator, bound, measured), bound.run.step * bound.run.averaged, len(bound)
-    model, time = estimator.model, bound.run.time + delay  # a mean is known at the end of its step
-    whole = _backwards(estimator, filtered, count)
-    driving = loads(model)
+    if not np.isfinite(measured).any():
+        return None
+    innovations, count, model = Innovations(estimator, bound, measured), len(bound), estimator.model
+    time = bound.run.time + bound.run.step * bound.run.averaged  # a mean is known at the end of its step
+    whole, driving = innovations.faults(count), loads(model)
     suspected = np.where([driving.get(node, "") in inputs for node in model.nodes], whole.load, 0.0)
     begin, heated = map(int, np.unravel_index(int(suspected.argmax()), suspected.shape))
 
-    def of_input(end: int, row: int, column: str, onset: float) -> Alarm:
-        return Alarm(model.nodes[row], "input", float(time[end - 1]), onset, channel=column)
+    def first(passes: Callable[[FaultStatistics], bool]) -> int:
+        """The number of readings with which a limit is first passed that all of them pass."""
+        return 1 + bisect_left(range(1, count), True, key=lambda end: passes(innovations.faults(end)))
 
-    load = (heated, driving.get(model.nodes[heated], ""), float(bound.run.time[begin]))
-    if suspected.max() > max(DECIDES, 0.5 * float(whole.weight.max()) ** 2):
-        end = _first(
-            count, lambda end: _backwards(estimator, filtered, end).load[begin:, heated].max(initial=0) > DECIDES
-        )
-        return of_input(end, *load)
+    def of_input(end: int, row: int, column: str, onset: int) -> Alarm:
+        return Alarm(model.nodes[row], "input", float(time[end - 1]), float(bound.run.time[onset]), channel=column)
 
     def excess(said: FaultStatistics) -> FloatArray:
         """Weights as shares of their limits."""
-        share = said.weight / limits
+        share = said.weight / np.array([[limits[kind]] for kind in KINDS])
         share[:, LAG] *= said.weight[:, LAG] >= said.weight[:, :LAG].max()
         return np.asarray(share)
 
+    if suspected.max() > max(DECIDES, 0.5 * float(whole.weight.max()) ** 2):
+        end = first(lambda said: bool(said.load[begin:, heated].max(initial=0) > DECIDES))
+        return of_input(end, heated, driving[model.nodes[heated]], begin)
     if excess(whole).max() > 1:
-        end = _first(count, lambda end: excess(_backwards(estimator, filtered, end)).max() > 1)
-        row = int(excess(_backwards(estimator, filtered, end)).max(axis=(0, 1)).argmax())
-        settled = _backwards(estimator, filtered, min(end + round(_SETTLED / bound.run.step), count))
-        begin, kind = map(int, np.unravel_index(int(excess(settled)[:end, :, row].argmax()), (end, len(KINDS))))
-        onset, size = float(bound.run.time[begin]), float(settled.size[begin, kind, row])
-        return Alarm(model.nodes[row], KINDS[kind], float(time[end - 1]), onset, size)
+        end = first(lambda said: bool(excess(said).max() > 1))
+        row = int(excess(innovations.faults(end)).max(axis=(0, 1)).argmax())
+        settled = innovations.faults(min(end + round(_SETTLED / bound.run.step), count))
+        onset, kind = map(int, np.unravel_index(int(excess(settled)[:end, :, row].argmax()), (end, len(KINDS))))
+        return Alarm(model.nodes[row], KINDS[kind], float(time[end - 1]), float(bound.run.time[onset]))
     if suspected.max() > _SUSPECT:
-        return of_input(count, *load)
+        return of_input(count, heated, driving[model.nodes[heated]], begin)
     for column, evidence in zip(estimator.error.inputs, whole.air.tolist(), strict=True):
         if column in inputs and evidence > 0:
             # The readings that tell most of the air are of the node that it cools most.
-            _, by_state = estimator.augmented.warming(estimator.state()["mean"], bound.inputs[:, -1])
-            cooled = np.abs(by_state[:, estimator.augmented.layout.inputs].sum(axis=1))
-            row = int((cooled * np.isfinite(measured).any(axis=1)).argmax())
-            return of_input(count, row, column, float(bound.run.time[0]))
+            _, by_state = estimator.augmented.rates(estimator.state()["mean"], bound.inputs[:, -1])
+            cooled = np.abs(by_state[: len(model.nodes), estimator.augmented.layout.inputs].sum(axis=1))
+            return of_input(count, int((cooled * np.isfinite(measured).any(axis=1)).argmax()), column, 0)
     return None
-
-
-def _first(count: int, passes: Callable[[int], bool]) -> int:
-    """The number of readings, of so many, with which a limit is first passed, by bisection."""
-    before, end = 0, count
-    while end - before > 1:
-        middle = (before + end) // 2
-        before, end = (before, middle) if passes(middle) else (middle, end)
-    return end
 
 
 def loads(model: Model) -> dict[str, str]:
@@ -381,9 +331,8 @@ class Suspicion:
     Args:
         model: the model.
         run: the run.
-        read: all readings [degC], NaN where missing, shape (nodes, n).
-        measured: those that are believed, NaN elsewhere.
-        noise: of the sensors.
+        measured: readings that are believed [degC], NaN elsewhere, shape (nodes, n).
+        noise: of the sensors, rounding included [K], shape (nodes,).
         error: what the model and the log's inputs may be wrong by.
         share: of what the model may be wrong by, where all its parameters are free.
         unknown: heat [W] at joints that their loads don't tell.
@@ -391,14 +340,15 @@ class Suspicion:
 
     model: Model
     run: BoundRun
-    read: FloatArray
     measured: FloatArray
-    noise: Noise
+    noise: Sequence[float]
     error: ModelError
     share: float = 1.0
     unknown: Mapping[str, float] = field(default_factory=dict)
 
-    def _estimator(self, share: float, off: float = 0.0) -> Estimator:
+    def estimator(self, share: float, off: float = 0.0) -> Estimator:
+        """One that allows for what is unknown, for a share of the model's errors, for parameters that are off."""
+
         def part(sizes: Sizes) -> dict[str, float]:
             return dict(zip(self.model.nodes, (share * by_node(sizes, self.model.nodes)).tolist(), strict=True))
 
@@ -410,13 +360,7 @@ class Suspicion:
     @cached_property
     def filtered(self) -> tuple[FloatArray, FloatArray]:
         """Logarithms of the likelihood of each step's innovations, (n,); temperatures [degC], shape (nodes, n)."""
-        return filtered(self._estimator(self.share, MODEL_OFF), self.run, self.measured)
-
-    def alarm(self, limits: FloatArray, inputs: Collection[str]) -> Alarm | None:
-        """The first one among the sensors that are believed, and such inputs."""
-        if not np.isfinite(self.measured).any():
-            return None
-        return first_alarm(self._estimator(1.0), self.run, self.measured, limits, inputs)
+        return filtered(self.estimator(self.share, MODEL_OFF), self.run, self.measured)
 
     def behind(self, onset: float) -> BoolArray:
         """Steps that end behind a time [s], shape (n,)."""
@@ -434,9 +378,9 @@ class Suspicion:
 
     def with_readings(self, rows: Sequence[int], values: FloatArray) -> Suspicion:
         """The same with other readings of some sensors [degC], shape (rows, n)."""
-        read, measured = self.read.copy(), self.measured.copy()
-        read[list(rows)] = measured[list(rows)] = values
-        return replace(self, read=read, measured=measured)
+        measured = self.measured.copy()
+        measured[list(rows)] = values
+        return replace(self, measured=measured)
 
     def with_inputs(self, rows: Sequence[int], values: FloatArray) -> Suspicion:
         """The same with other values of some inputs, shape (rows, n)."""
@@ -461,7 +405,7 @@ _BENDS = _WALKS / 10  # K a step; or its slope, for the air, a surface, a body t
 _FINE_LAGS = (30.0, 60.0, 120.0, 240.0, 480.0, 960.0)  # s; a factor of two is as finely as a lag is known
 _OWED = 10.0  # nats by which a lag, which a missing mass resembles, or part of the air must explain more than others
 _LOOSENS = 100.0  # s; a sensor in a drop of glue follows the air so late
-_FEWEST = 12  # readings behind the onset, that a name needs
+_FEWEST = 12  # readings behind the onset, that another name than offset or drift needs
 
 
 class _Course(NamedTuple):
@@ -474,11 +418,9 @@ class _Course(NamedTuple):
     owed: float = 0.0
 
 
-def _courses(others: Suspicion, row: int, onset: float) -> Iterator[_Course]:
+def _courses(others: Suspicion, readings: FloatArray, expected: FloatArray, onset: float) -> Iterator[_Course]:
     """The table of a sensor's faults, beside what the model and all other sensors let expect behind the onset."""
     behind, since, step = others.behind(onset), np.maximum(others.run.run.time - onset, 0.0), others.run.run.step
-    expected, measured = others.filtered[1][row], others.read
-    readings = measured[row]
     seen, level = behind & np.isfinite(readings), np.ones(len(since))
     number = 0.5 * float(np.log(seen.sum()))  # what a free number costs, by the Bayesian information criterion
 
@@ -500,18 +442,6 @@ def _courses(others: Suspicion, row: int, onset: float) -> Iterator[_Course]:
     yield _Course("stuck", None, f"at {constant:.3g} degC", np.full(len(since), constant), number)
     for lag in _FINE_LAGS:
         yield _Course("lag", lag, "", _lagged(expected, lag, step, behind), number + _OWED)
-    for other, node in enumerate(others.model.nodes):
-        beside = seen & np.isfinite(measured[other])
-        # The other one reads what this one should, too.
-        if other != row and beside.sum() >= _FEWEST and _nearer(measured[other], readings, expected, beside):
-            both = others.without([other], onset).filtered[1]
-            if _nearer(both[row], both[other], measured[other], beside):
-                yield _Course("swapped", None, f"with {node}", both[other])
-
-
-def _nearer(one: FloatArray, other: FloatArray, to: FloatArray, where: BoolArray) -> bool:
-    """Whether one course is nearer to a third than another, by squares."""
-    return bool(np.square(one - to)[where].sum() < np.square(other - to)[where].sum())
 
 
 def _lagged(path: FloatArray, lag: float, step: float, behind: BoolArray) -> FloatArray:
@@ -553,14 +483,15 @@ def _of_a_sensor(given: Suspicion, alarm: Alarm) -> tuple[float, Alarm]:
     """
     row, onset = given.model.nodes.index(alarm.node), alarm.onset
     others, behind, readings = given.without([row], onset), given.behind(onset), given.measured[row]
-    if np.isfinite(readings[behind]).sum() < _FEWEST:
-        return others.nats(onset), replace(alarm, kind="offset", channel="") if alarm.channel else alarm
-    noise = max(float(given.noise.floor[row]), LEAST_NOISE) ** 2
-    expected, courses = others.filtered[1][row], list(_courses(others, row, onset))
+    count = int(np.isfinite(readings[behind]).sum())
+    if not count:
+        return others.nats(onset), replace(alarm, channel="")
+    noise = max(given.noise[row], LEAST_NOISE) ** 2
+    expected = others.filtered[1][row]
+    courses = list(_courses(others, readings, expected, onset))[: None if count >= _FEWEST else 2]
     nats = [_nats((readings - course.path)[behind], np.ones(behind.sum()), noise) for course in courses]
     left = [np.nanmean(np.square(readings - course.path)[behind]) for course in courses]  # K²
-    seen = 0.5 * float(np.isfinite(readings[behind]).sum())
-    best = min(range(len(courses)), key=lambda k: seen * np.log(left[k] + noise) + courses[k].owed)
+    best = min(range(len(courses)), key=lambda k: 0.5 * count * np.log(left[k] + noise) + courses[k].owed)
     named = replace(alarm, kind=courses[best].kind, size=courses[best].size, detail=courses[best].detail, channel="")
     for column, air in zip(given.model.inputs, given.run.inputs, strict=True):
         if column.startswith("temperature.") and np.nansum(((readings - expected) * (air - expected))[behind]) > 0:
@@ -584,20 +515,36 @@ class _Answer(NamedTuple):
     after: Suspicion
 
 
-def attributed(
-    given: Suspicion, alarm: Alarm, called: Collection[str], *, taught: bool
-) -> tuple[list[Alarm], Suspicion]:
-    """Whose alarm it is: of the hypothesis under which the readings are clearly likelier than under any other.
+def faults(given: Suspicion, limits: Limits, inputs: Collection[str], *, taught: bool) -> tuple[list[Alarm], Suspicion]:
+    """All faults, and the run with what was found.
+
+    Once a sensor is called faulty, the filter does without it from the fault's onset on, and the search for others
+    starts again: else its error would spread over its neighbours.
 
     Args:
-        given: the run, with all that was found before.
-        alarm: of a sensor that goes its own way, or of an input.
-        called: columns of inputs that are known to be wrong: where one of these explains it, nothing more is told.
+        given: the run, with what is known of it.
+        limits: of each kind.
+        inputs: columns that may be wrong.
         taught: whether healthy logs told how wrong the model is.
+    """
+    found, inputs = list[Alarm](), set(inputs)
+    while (first := first_alarm(given.estimator(1.0), given.run, given.measured, limits, inputs)) is not None:
+        called = {name for alarm in found for name in (alarm.node, alarm.channel)}
+        told, after = _attributed(given, first, called, taught)
+        # A sensor can't be judged by a load that is wrong; and no channel is told twice.
+        twice = any((alarm.channel or alarm.node) in called for alarm in told)
+        if twice or (not first.channel and first.node in called):
+            told, after = [], given.without([given.model.nodes.index(first.node)], -np.inf)  # what that leaves
+        given, inputs = after, inputs - {first.channel, *(alarm.channel for alarm in told)}
+        found += told
+    return found, given
 
-    Returns:
-        The alarms, none where the model's own errors explain as much; and the run with what was found, or without the
-        sensor's readings.
+
+def _attributed(given: Suspicion, alarm: Alarm, called: Collection[str], taught: bool) -> tuple[list[Alarm], Suspicion]:
+    """Whose alarm it is: of the hypothesis under which the readings are clearly likelier than under any other.
+
+    None where the model's own errors, or an input that is `called` already, explain as much; beside it the run with
+    what was found, or without the sensor's readings.
     """
     # Where readings say that the model errs by less than was to be feared, they tell more.
     given = given if taught else max((replace(given, share=share) for share in _SHARES), key=Suspicion.nats)
@@ -627,33 +574,6 @@ def attributed(
     return best.alarms, best.after
 
 
-def faults(
-    given: Suspicion, limits: FloatArray, inputs: Collection[str], *, taught: bool
-) -> tuple[list[Alarm], Suspicion]:
-    """All faults, and the run with what was found.
-
-    Once a sensor is called faulty, the filter does without it from the fault's onset on, and the search for others
-    starts again: else its error would spread over its neighbours.
-
-    Args:
-        given: the run, with what is known of it.
-        limits: weight that calls an offset, a drift, a lag [standard deviations], shape (3, nodes).
-        inputs: columns that may be wrong.
-        taught: whether healthy logs told how wrong the model is.
-    """
-    found, inputs = list[Alarm](), set(inputs)
-    while (first := given.alarm(limits, inputs)) is not None:
-        called = {name for alarm in found for name in (alarm.node, alarm.channel)}
-        told, after = attributed(given, first, called, taught=taught)
-        # A sensor can't be judged by a load that is wrong; and no channel is told twice.
-        twice = any((alarm.channel or alarm.node) in called for alarm in told)
-        if twice or (not first.channel and first.node in called):
-            told, after = [], given.without([given.model.nodes.index(first.node)], -np.inf)  # what that leaves
-        given, inputs = after, inputs - {first.channel, *(alarm.channel for alarm in told)}
-        found += told
-    return found, given
-
-
 def undecided(alarm: Alarm, what: str) -> Alarm:
     """An alarm of one or the other."""
     return replace(alarm, kind="undecided", size=None, detail=f"{what} is wrong: not decided which")
@@ -680,31 +600,34 @@ def _inputs(given: Suspicion, alarm: Alarm) -> Iterator[_Answer]:
 
 
 def _exchanges(given: Suspicion, alarm: Alarm) -> Iterator[_Answer]:
-    """The node's sensor, or load, and that of another node, swapped from the beginning of a run.
+    """The node's sensor and another one's exchanged, from the onset on or all the while; or their loads, all the while.
 
-    Nobody swaps plugs while a robot works. Only pairs are tried that bring the model, run freely, nearer to the
-    readings.
+    Only pairs are tried that bring the model, run freely, nearer to the readings.
     """
-    model, measured, start = given.model, given.measured, float(given.run.run.time[0])
-    predicted, driven, row = simulate(model, given.run).readings, loads(model), model.nodes.index(alarm.node)
-    everywhere = np.isfinite(measured)
+    model, measured, driven, start = given.model, given.measured, loads(given.model), float(given.run.run.time[0])
+    row = model.nodes.index(alarm.node)
+
+    def squares(trial: Suspicion) -> float:
+        return float(np.nansum(np.square(trial.measured - simulate(model, trial.run).readings)))
+
+    now = squares(given)
     for other, node in enumerate(model.nodes):
-        pair, trials = (alarm.node, node), []
-        if node != alarm.node and everywhere[[row, other]].any(axis=1).all():
-            trials.append(("temperature", given.with_readings([row, other], measured[[other, row]]), predicted))
-        quantity, *differ = {driven.get(place, place).partition(".")[0] for place in pair}
-        if node != alarm.node and driven.keys() >= set(pair) and not differ:
-            here, there = (model.inputs.index(driven[place]) for place in pair)
-            after = given.with_inputs([here, there], given.run.inputs[[there, here]])
-            trials.append((quantity, after, simulate(model, after.run).readings))
-        for what, after, expected in trials:
-            if np.nansum(np.square(after.measured - expected)) < np.nansum(np.square(measured - predicted)):
+        trials, rows = list[tuple[str, float, Suspicion]](), [row, other]
+        if node != alarm.node and np.isfinite(measured[rows]).any(axis=1).all():
+            for begin in {alarm.onset, start}:
+                exchanged = np.where(given.behind(begin), measured[rows[::-1]], measured[rows])
+                trials.append(("temperature", begin, given.with_readings(rows, exchanged)))
+        columns = [driven[place] for place in (alarm.node, node) if place in driven]
+        quantity, *differ = {column.partition(".")[0] for column in columns} or {""}
+        if node != alarm.node and len(columns) == 2 and not differ:
+            indices = [model.inputs.index(column) for column in columns]
+            trials.append((quantity, start, given.with_inputs(indices, given.run.inputs[indices[::-1]])))
+        for what, begin, after in trials:
+            if squares(after) < now:
                 alarms = [
-                    Alarm(one, "swapped", alarm.time, start, detail=f"with {two}") for one, two in (pair, pair[::-1])
+                    Alarm(one, "swapped", alarm.time, begin, detail=f"with {two}")
+                    if what == "temperature"
+                    else Alarm(one, "input", alarm.time, begin, detail=f"exchanged with {two}", channel=driven[one])
+                    for one, two in ((alarm.node, node), (node, alarm.node))
                 ]
-                if what != "temperature":
-                    alarms = [
-                        replace(one, kind="input", detail=f"exchanged {one.detail}", channel=driven[one.node])
-                        for one in alarms
-                    ]
-                yield _Answer(after.nats() - given.nats(), f"{what} of {' and '.join(pair)}", alarms, after)
+                yield _Answer(after.nats() - given.nats(), f"{what} of {alarm.node} and {node}", alarms, after)

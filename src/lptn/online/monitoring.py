@@ -19,16 +19,7 @@ from lptn.logs.channels import STILL
 from lptn.logs.run import Run
 from lptn.model.model import Model
 from lptn.online.calibration import Calibration, uncalibrated
-from lptn.online.fault_bank import (
-    STEP,
-    Alarm,
-    Kind,
-    Suspicion,
-    coarsely_bound,
-    faults,
-    suspects,
-    undecided,
-)
+from lptn.online.fault_bank import STEP, Alarm, Kind, Suspicion, coarsely_bound, faults, suspects, undecided
 from lptn.simulate.bound_run import bind
 from lptn.simulate.simulation import simulate
 
@@ -103,11 +94,6 @@ class MonitoredRun:
             if np.isfinite(error).any()
         }
 
-    @property
-    def steps(self) -> FloatArray:
-        """Step of each sensor [K], 0 for a fine one, shape (nodes,)."""
-        return np.array([self.run.resolution.get(f"temperature.{node}", 0.0) for node in self.nodes])
-
 
 def believable(measured: FloatArray) -> FloatArray:
     """Readings with error codes such as -273 or 999 degC made missing."""
@@ -121,14 +107,14 @@ _SILENT = 10.0  # s without a reading
 _SILENT_STEPS = 5
 
 
-def dropouts(watched: MonitoredRun, explained: BoolArray) -> list[Alarm]:
+def dropouts(watched: MonitoredRun) -> list[Alarm]:
     """The first time at each sensor that readings have been missing for 10 s, and for five steps.
 
-    A node without any reading has no sensor. Readings that are left out since something is known to be wrong with them,
-    `explained`, shape (nodes, n), are not missing.
+    A node without any reading has no sensor. Readings that are left out for what the log's issues say are not missing.
     """
     alarms = []
     need = max(_SILENT_STEPS, round(_SILENT / watched.run.step))
+    explained = silent_rows(watched.run, watched.nodes)
     for node, readings, left_out in zip(watched.nodes, watched.measured, explained, strict=True):
         missing = np.isnan(readings) & ~left_out
         count = np.arange(missing.size) - np.maximum.accumulate(np.where(missing, -1, np.arange(missing.size)))
@@ -141,16 +127,8 @@ def dropouts(watched: MonitoredRun, explained: BoolArray) -> list[Alarm]:
 
 # --- What the log's own quality pass says ---------------------------------------------------------
 
-_KINDS: dict[str, Kind] = {
-    "frozen": "stuck",
-    "clamped": "clamped",
-    "dead": "dead",
-    "code": "dead",
-    "disconnected": "dropout",
-    "wrap": "dropout",
-    "spike": "spikes",
-    "duplicate": "duplicate",
-}
+_KINDS: dict[str, Kind] = {"frozen": "stuck", "clamped": "clamped", "dead": "dead", "code": "dead", "spike": "spikes",
+                           "disconnected": "dropout", "wrap": "dropout", "duplicate": "duplicate"}  # fmt: skip
 
 
 def known_faults(runs: Sequence[Run], nodes: Sequence[str]) -> list[list[Alarm]]:
@@ -208,10 +186,11 @@ def noisy(watched: MonitoredRun) -> list[Alarm]:
     few = np.isfinite(blocks).sum(axis=2) < _FEWEST
     # Standard deviation of the noise in each block [K], NaN where too few readings are there.
     scatters = np.where(few, np.nan, _MAD_TO_SIGMA * np.nanmedian(np.where(few[..., None], 0.0, blocks), axis=2))
-    for node, scatter, step in zip(watched.nodes, scatters, watched.steps, strict=True):
+    for node, scatter in zip(watched.nodes, scatters, strict=True):
+        step = watched.run.resolution.get(f"temperature.{node}", 0.0)
         if np.isfinite(scatter).sum() < 2 * _BLOCKS:
             continue
-        loud = scatter > _LOUD * max(float(np.nanquantile(scatter, 0.25)), float(step) / _LOUD, _LEAST)
+        loud = scatter > _LOUD * max(float(np.nanquantile(scatter, 0.25)), step / _LOUD, _LEAST)
         begins = np.flatnonzero(np.convolve(loud, np.ones(_BLOCKS), "valid") == _BLOCKS)
         if begins.size:
             at, seen = begins[0] * size, min((begins[0] + _BLOCKS) * size, time.size - 1)
@@ -256,8 +235,7 @@ class Monitoring:
                 },
                 "statistical": {"alarms": [alarm.as_json() for alarm in watched.statistical_alarms]},
             }
-        nodes = self.runs[0].nodes
-        return {"threshold": self.threshold, "calibration": self.calibration.as_json(nodes), "runs": runs}
+        return {"threshold": self.threshold, "calibration": self.calibration.as_json(), "runs": runs}
 
 
 @one_blas_thread
@@ -300,11 +278,10 @@ def monitor(
         raise ValueError(f"threshold: found {threshold:g}; expected a number of kelvin above 0")
     calibration = calibration or uncalibrated(model, runs, rmse)
     watched = []
-    faults = known_faults(runs, model.nodes)
-    for number, run in enumerate(runs, start=1):
+    for number, (run, known) in enumerate(zip(runs, known_faults(runs, model.nodes), strict=True), start=1):
         report(f"watching log {number} of {len(runs)}")
-        one, said = MonitoredRun.of(model, run), faults[number - 1]
-        by_statistics = alarms_by_statistics(model, one, calibration, said)
+        one = MonitoredRun.of(model, run)
+        by_statistics = alarms_by_statistics(model, one, calibration, known)
         by_threshold = _explained(model, alarms_by_threshold(one, threshold), by_statistics)
         watched.append(replace(one, threshold_alarms=by_threshold, statistical_alarms=by_statistics))
     return Monitoring(threshold, calibration, tuple(watched))
@@ -320,7 +297,7 @@ def alarms_by_threshold(watched: MonitoredRun, threshold: float) -> tuple[Alarm,
 
     Source: [QuadrupedLPTN, application 2].
     """
-    alarms = dropouts(watched, silent_rows(watched.run, watched.nodes))
+    alarms = dropouts(watched)
     for node, error in zip(watched.nodes, watched.error, strict=True):
         over = np.flatnonzero(np.abs(np.nan_to_num(error)) > threshold)
         if over.size:
@@ -351,32 +328,23 @@ def _explained(model: Model, alarms: tuple[Alarm, ...], found: tuple[Alarm, ...]
 
 
 def alarms_by_statistics(
-    model: Model, watched: MonitoredRun, calibration: Calibration, known: Sequence[Alarm] = ()
+    model: Model, watched: MonitoredRun, calibration: Calibration, known: Sequence[Alarm]
 ) -> tuple[Alarm, ...]:
-    """The first alarm at each sensor.
-
-    Args:
-        model: the model.
-        watched: the run.
-        calibration: from `calibrate`, or guesses.
-        known: alarms that the log's own quality pass gives.
-    """
+    """The first alarm at each sensor; those that the log's own quality pass gives are `known`."""
     noise = noisy(watched)
     loud = {alarm.node for alarm in noise}  # whose single readings leap, too
     known = [alarm for alarm in known if alarm.kind != "spikes" or alarm.node not in loud]
-    explained = silent_rows(watched.run, watched.nodes)
-    alarms = [*known, *noise, *dropouts(watched, explained)]
+    alarms = [*known, *noise, *dropouts(watched)]
     named_already = {alarm.node for alarm in alarms if alarm.kind != "input"}
     coarse = coarsely_bound(model, watched.run, STEP)
-    measured = believable(coarse.measured)
-    given = Suspicion(model, coarse, measured, measured, calibration.noise, calibration.error)
+    given = Suspicion(model, coarse, believable(coarse.measured), calibration.noise, calibration.model_error)
     inputs = set(model.inputs)  # that may yet be suspected
     for alarm in known:
         if alarm.channel in model.inputs and alarm.node in model.nodes:
             given, inputs = given.with_unknown_input(alarm.channel), inputs - {alarm.channel}
     for alarm in noise:
         given = given.without([model.nodes.index(alarm.node)], alarm.onset)
-    faulty, _ = faults(given, calibration.limits, inputs, taught=calibration.hours > 0)
+    faulty, _ = faults(given, calibration.limits, inputs, taught=calibration.healthy_hours > 0)
     for alarm in faulty:
         size = inf if alarm.size is None or alarm.kind == "lag" else abs(alarm.size)
         if alarm.kind == "drift":

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -61,33 +61,27 @@ def find_gait(speeds: Sequence[FloatArray], step: float) -> Gait:
     recent = np.nan_to_num(recent - np.nanmean(recent, axis=1, keepdims=True))
     if recent.size == 0 or np.sqrt(np.mean(recent**2)) < _STILL:
         return Gait(None, "the joints stand")
-    period = _first_peak(_autocorrelation(recent), step / _FINER, _SHORTEST_PERIOD * step)
+    period = _first_peak(recent, step)
     return Gait(period, "" if period else "the joint speeds show no period")
 
 
-def _autocorrelation(series: FloatArray) -> FloatArray:
-    """Autocorrelation summed over the rows, at lags of 1/_FINER of a sample, up to a third of the length."""
+def _first_peak(series: FloatArray, step: float) -> float | None:
+    """Lag of the first peak of the rows' summed autocorrelation that is nearly as high as the highest [s]."""
     count = series.shape[1]
     spectrum = np.sum(np.abs(np.fft.rfft(series, 2 * count)) ** 2, axis=0)
     finer = np.fft.irfft(spectrum, 2 * count * _FINER)[: int(count / _LEAST_CYCLES) * _FINER]
     # Longer lags have fewer pairs; without the factor they would look less alike.
-    pairs = 1.0 - np.arange(finer.size) / (count * _FINER)
-    return np.asarray(finer / (finer[0] * pairs))
-
-
-def _first_peak(correlation: FloatArray, step: float, least: float) -> float | None:
-    """Lag of the first peak nearly as high as the highest [s]; between samples, by the parabola through three."""
+    correlation = finer / (finer[0] * (1.0 - np.arange(finer.size) / (count * _FINER)))
     inner = correlation[1:-1]
     peaks = 1 + np.flatnonzero((inner > correlation[:-2]) & (inner >= correlation[2:]))
     fallen = np.flatnonzero(correlation < _FALLEN)  # before that, a slow gait only resembles what it just was
-    begin = max(float(fallen[0]) if fallen.size else np.inf, least / step)
-    peaks = peaks[peaks >= begin]
+    peaks = peaks[peaks >= max(float(fallen[0]) if fallen.size else np.inf, _SHORTEST_PERIOD * _FINER)]
     if peaks.size == 0 or correlation[peaks].max() < _PERIODIC:
         return None
     first = peaks[correlation[peaks] >= _AS_HIGH * correlation[peaks].max()][0]
-    left, top, right = correlation[first - 1 : first + 2]
+    left, top, right = correlation[first - 1 : first + 2]  # the peak is that of the parabola through three
     bend = left - 2 * top + right
-    return float((first + (0.5 * (left - right) / bend if bend < 0 else 0.0)) * step)
+    return float((first + (0.5 * (left - right) / bend if bend < 0 else 0.0)) * step / _FINER)
 
 
 # --- How long the operating point has been unchanged ----------------------------------------------
@@ -120,26 +114,18 @@ def steady_seconds(bound: BoundRun, columns: list[str]) -> float:
     kelvin = np.array([column.startswith("temperature.") for column in columns], dtype=bool)
     floor = np.where(kelvin, _FLOOR_KELVIN, _FLOOR * np.abs(means).max(axis=1))
     first = 0
-    while (change := _clearest_change(means[:, first:], floor)) is not None:
-        first += change
-    whole = first == 0
-    return (len(bound) if whole else (blocks - first) * size) * bound.run.step
-
-
-def _clearest_change(means: FloatArray, floor: FloatArray) -> int | None:
-    """The block with which another operating point begins, `None` where none is clear."""
-    count = means.shape[1]
-    if count < 2 * _LEAST_BLOCKS:
-        return None
-    scatter = np.median(np.abs(np.diff(means, axis=1)), axis=1) * _NORMAL_MAD / np.sqrt(2) * _CORRELATED
-    scatter = np.hypot(scatter, floor)
-    total = np.cumsum(means, axis=1)
-    before = np.arange(_LEAST_BLOCKS, count - _LEAST_BLOCKS + 1)
-    behind = count - before
-    difference = total[:, before - 1] / before - (total[:, -1:] - total[:, before - 1]) / behind
-    clear = np.abs(difference) / np.where(scatter > 0, scatter, np.inf)[:, None] / np.sqrt(1 / before + 1 / behind)
-    best = int(np.argmax(clear.max(axis=0)))
-    return int(before[best]) if clear.max() > _CLEAR else None
+    while (count := blocks - first) >= 2 * _LEAST_BLOCKS:
+        rest = means[:, first:]
+        scatter = np.median(np.abs(np.diff(rest, axis=1)), axis=1) * _NORMAL_MAD / np.sqrt(2) * _CORRELATED
+        scatter, total = np.hypot(scatter, floor), np.cumsum(rest, axis=1)
+        before = np.arange(_LEAST_BLOCKS, count - _LEAST_BLOCKS + 1)
+        behind = count - before
+        difference = total[:, before - 1] / before - (total[:, -1:] - total[:, before - 1]) / behind
+        clear = np.abs(difference) / np.where(scatter > 0, scatter, np.inf)[:, None] / np.sqrt(1 / before + 1 / behind)
+        if clear.max() <= _CLEAR:
+            break
+        first += int(before[int(np.argmax(clear.max(axis=0)))])
+    return ((blocks - first) * size if first else len(bound)) * bound.run.step
 
 
 # --- The operating point: inputs averaged over the end of the log, and how sure their means are ---
@@ -180,6 +166,8 @@ def present_operating_point(
 ) -> OperatingPoint:
     """What the robot does at the end of a log, averaged over whole gait cycles where there is a gait.
 
+    The scatter of the inputs is taken from all that is steady.
+
     Args:
         bound: the log.
         columns: its inputs, `<feature>.<place>`, in order.
@@ -204,11 +192,6 @@ def present_operating_point(
         if period is not None and steady >= period:
             count = int(steady / period)
             seconds = count * period
-    return replace(operating_point(bound, columns, seconds, steady), cycles=count, period=period, why=why)
-
-
-def operating_point(bound: BoundRun, columns: list[str], seconds: float, steady: float) -> OperatingPoint:
-    """The inputs averaged over the last `seconds` of a log, their scatter taken from all that is steady [s]."""
     step, n = bound.run.step, len(bound)
     weights = np.clip(np.arange(1, n + 1) - (n - seconds / step), 0.0, 1.0)
     before = _before(bound.inputs, columns)
@@ -219,7 +202,7 @@ def operating_point(bound: BoundRun, columns: list[str], seconds: float, steady:
     slope = np.where(squared, 0.5 / np.where(inputs > 0, inputs, np.inf), 1.0)
     scatter, memory = _long_run(before[:, -max(1, round(max(seconds, steady) / step)) :], step)
     scatter = scatter * np.outer(slope, slope)
-    return OperatingPoint(seconds, steady, inputs, scatter / max(seconds, memory), scatter)
+    return OperatingPoint(seconds, steady, inputs, scatter / max(seconds, memory), scatter, count, period, why)
 
 
 def _before(inputs: FloatArray, columns: list[str]) -> FloatArray:

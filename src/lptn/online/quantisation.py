@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from scipy.special import ndtr
 
 from lptn.basics.arrays import FloatArray
-from lptn.simulate.bound_run import BoundRun
+from lptn.identify.noise import Noise
 
 # --- What a rounded reading says: the temperature lies in a cell, no more -------------------------
 
@@ -56,38 +54,18 @@ def as_gaussian(
     )
 
 
-# --- The noise before rounding, from how often a reading changes between two steps ----------------
+# --- The noise before rounding, sensors of a kind together ------------------------------------------
 
-_GUESSED_NOISE = 0.3  # of a step: too much noise costs a filter little, too little makes it sure of what is wrong
-_LEAST_NOISE = 0.02  # of a step
-_SMOOTH = 60  # readings over which a movement of the temperature itself is told from quantisation noise
-_FEWEST = 600  # readings; from fewer the share of changes is no better known than to a fifth
-_OFF_GRID = 0.02  # of a step, by which readings may miss the grid of steps: rounding of decimals in files
+LEAST_NOISE = 0.05
+"""K; of a reading, and of a mean over some seconds: a sensor's own errors don't average out."""
 
 
-def coarse_noise(bound_runs: Sequence[BoundRun], row: int, step: float) -> float:
-    r"""Standard deviation of the noise before rounding [K], of one node's sensor.
+def noise_and_steps(noise: Noise) -> tuple[FloatArray, FloatArray]:
+    """White noise of each sensor before rounding, and its steps [K], of readings as the runs hold them, (nodes,) each.
 
-    White noise of standard deviation :math:`\sigma` changes the reading from one sample to the next with probability
-    :math:`2\sigma / (q\sqrt\pi)`, averaged over a cell of width q; what the temperature's own movement adds is
-    taken off. Readings that were averaged after rounding don't show it: then a share of the step serves.
-
-    Args:
-        bound_runs: runs of one model.
-        row: of the node.
-        step: q, of its sensor [K].
+    Sensors of one step are of one kind, so the median of their noise is a coarse sensor's: one that stands shows none,
+    one that dwells between two steps too much. A fine sensor has no less than that, and no less than its own.
     """
-    single = [_on_grid(bound.measured[row], step) for bound in bound_runs if not bound.run.averaged]
-    pairs = sum(max(0, readings.size - _SMOOTH) for readings in single)
-    if pairs < _FEWEST:
-        return _GUESSED_NOISE * step
-    changes = sum(float(np.abs(np.diff(readings)).clip(max=step).sum()) for readings in single)
-    smooth = sum(float(np.abs(readings[_SMOOTH:] - readings[:-_SMOOTH]).sum()) / _SMOOTH for readings in single)
-    return float(max(np.sqrt(np.pi) / 2 * (changes - smooth) / pairs, _LEAST_NOISE * step))
-
-
-def _on_grid(readings: FloatArray, step: float) -> FloatArray:
-    """Readings without gaps; none where they don't lie on the sensor's steps."""
-    finite = readings[np.isfinite(readings)]
-    steps = (finite - finite[:1]) / step
-    return finite if finite.size > _SMOOTH and np.abs(steps - np.round(steps)).max() < _OFF_GRID else finite[:0]
+    usual = np.array([np.median(noise.white[noise.step == step]) for step in noise.step])
+    white = np.where(noise.step > 0, usual, np.maximum(usual, noise.white))
+    return np.maximum(white, LEAST_NOISE), noise.step if noise.left is None else noise.left

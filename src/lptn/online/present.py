@@ -1,0 +1,309 @@
+"""The present of a robot: a filter at the end of a log that leans on no sensor that is not alive."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import inf, log
+
+import numpy as np
+
+from lptn.basics.arrays import BoolArray, FloatArray
+from lptn.basics.errors import InputError
+from lptn.basics.parameters import Transform
+from lptn.identify.fitting import Fit
+from lptn.identify.noise import PLAIN, estimate_noise
+from lptn.logs.run import Run
+from lptn.model.model import Model
+from lptn.model.tables import FitTable
+from lptn.online.augmented_model import ModelError
+from lptn.online.calibration import uncalibrated
+from lptn.online.estimator import UNKNOWN, Estimator, run_filter
+from lptn.online.fault_bank import KINDS, STEP, Suspicion, coarsely_bound, faults
+from lptn.online.quantisation import LEAST_NOISE, noise_and_steps
+from lptn.simulate.bound_run import BoundRun, bind, default_start
+from lptn.simulate.dynamics import zero_order_hold
+from lptn.simulate.simulation import simulate, substeps
+
+# --- How far a model is to be trusted -------------------------------------------------------------
+
+_UNKNOWN_ERROR = 1.0  # K; of a model of which nobody says how well it fitted
+_LEAST_ERROR = 0.1  # K; no model is better on a run that it never saw
+_FIT_OVERCONFIDENCE = 2.0  # times the standard errors: of another activity a fit knows less than of those that it saw
+_AT_BOUND = 1e-3  # in the fit's coordinates; nearer to a bound than this a parameter is at it
+_WIDEST = 0.5  # in the fit's coordinates; a derivative says nothing of what lies further away
+
+
+@dataclass(frozen=True)
+class ModelUncertainty:
+    """How far a model is to be trusted.
+
+    Args:
+        covariance: of the free parameters in the fit's coordinates (logarithms of positive ones, else shares of
+            the typical size), shape (free, free).
+        error: how far a free-running simulation strays from noise-free readings, root mean square [K], shape (nodes,).
+        source: where this is from, in words.
+        learns: whether the log may move its parameters: not those of a fit that misses its readings plainly, and not
+            those that nobody fitted. What their errors do is heat that the model lacks.
+    """
+
+    covariance: FloatArray
+    error: FloatArray
+    source: str
+    learns: bool = True
+
+    @classmethod
+    def of_fit(cls, fit: Fit) -> ModelUncertainty:
+        """Of a fit in memory: the same that its model file keeps."""
+        return cls.of_table(fit.model, fit.table(), fit.noise.floor)
+
+    @classmethod
+    def of_table(cls, model: Model, table: FitTable, floor: FloatArray) -> ModelUncertainty:
+        """Of the `[fit]` table of a model file: standard errors, and the RMSE less what the sensors leave.
+
+        Correlations are left out, though a fit knows them: they say how well the fitted runs hold combinations of
+        parameters together if the model is right. For the same reason standard errors are doubled: of virtual
+        trots' times to a limit, all joints, 90 % intervals then held 94 %, else 86 %.
+
+        Args:
+            model: the model.
+            table: as the model file holds it; without a fit, a model error of 1 K is assumed.
+            floor: RMSE that noise and steps of the sensors leave [K], shape (nodes,).
+        """
+        if table.rmse is None:
+            return cls.nothing(model)
+        free = [model.parameters[index] for index in model.free]
+        transform, values = Transform(free), model.values[model.free]
+        fitted = [table.parameters.get(parameter.name) for parameter in free]
+        # What a fit left undetermined stands there without a standard error. Nor does that of a parameter that a bound
+        # stopped say how far the data would have moved it.
+        errors = np.array([np.nan if one is None or one.error is None else one.error for one in fitted], dtype=float)
+        bounds = np.array([parameter.declared.bounds for parameter in free], dtype=float).reshape(-1, 2).T
+        away = np.abs(transform.forward(bounds) - transform.forward(values)).min(axis=0, initial=np.inf)
+        slope = np.abs(transform.slope(values))
+        variance = (_FIT_OVERCONFIDENCE * errors / np.where(slope > 0, slope, 1.0)) ** 2
+        variance *= _WIDEST**2 / (variance + _WIDEST**2)
+        variance = np.where(np.isnan(errors) | (away < _AT_BOUND), _WIDEST**2, variance)
+        error = np.sqrt(np.maximum(table.rmse**2 - floor**2, _LEAST_ERROR**2))
+        source, plain = "standard errors and RMSE of its fit", table.rmse**2 >= PLAIN * float(floor.max()) ** 2
+        if plain:
+            source += ", which is worse than the sensors' noise: something is missing, see lptn diagnose"
+        return cls(np.diag(variance), error, source, not plain)
+
+    @classmethod
+    def nothing(cls, model: Model) -> ModelUncertainty:
+        """Of a model that nobody fitted: so far off are data sheets and presets, and 1 K besides."""
+        source = f"no fit is known; errors of {UNKNOWN:.0%} of each parameter and of {_UNKNOWN_ERROR:g} K are assumed"
+        error = np.full(len(model.nodes), _UNKNOWN_ERROR)
+        return cls(UNKNOWN**2 * np.eye(len(model.free)), error, source, learns=False)
+
+
+# --- The present, estimated from the log so far ---------------------------------------------------
+
+_MEMORY = 3600.0  # s of the log that are looked at: some time constants of a joint
+_HEAT_TIME = 1800.0  # s over which the heat that a model lacks stays alike
+_SAMPLED = 50  # steps of a run at which it is asked what a parameter does
+_AIR = 0.1  # relative error of all conductances to the air in one run: a draught, a load on the back
+_SCALES = 2.0 ** np.arange(-1, 12)  # of missing heat that are tried, times the size that the fit's errors suggest
+_CONSISTENT = 2.0  # mean square of innovations in standard deviations: 1 of a consistent filter, by chance never 2
+_WORST_SCALE = 4.0  # up to which missing heat is not told by a log whose sensors may be at fault
+_USUAL_SCALE = 1.5  # on a run that it never saw a model is that much worse than where it was fitted
+
+
+def present(model: Model, run: Run, uncertainty: ModelUncertainty) -> tuple[Estimator, float]:
+    """An estimator at the end of a log, and the size of the heat that the model lacks, as a multiple of the expected.
+
+    The parameters and the draught are estimated along, from what the fit leaves open: a trot says more of its own
+    friction than an identification with few trots. Not so for a model that lacks something, such as a second mass: it
+    would bend them to suit the log so far, so their errors only widen the uncertainty. Missing heat is of the size
+    that the fit's errors suggest, times a factor that makes this log likeliest. What a fit absorbed in its own runs
+    comes back in another one, so that factor may be large; too small a one lets the parameters take the errors up and
+    the filter diverge, whose likelihood then says nothing. So ever larger factors are tried until one is worse though
+    its filter is consistent.
+
+    Raises:
+        InputError: the log lacks an input, or measures none of the model's nodes.
+    """
+    bound, noise = coarsely_bound(model, run, STEP), estimate_noise([bind(model, run)], model.nodes)
+    white = np.maximum(noise.white / np.sqrt(max(1.0, bound.run.step / run.step)), LEAST_NOISE)
+    of_means = np.hypot(white, noise.step / np.sqrt(12.0))  # which lie between a sensor's steps
+    size = _missing_heat(model, bound, uncertainty)
+    best, chosen, highest = None, 0.0, -inf
+    for scale in _SCALES.tolist():
+        estimator = _estimator(model, of_means, 0 * white, uncertainty, _error(model, scale * size), watch=False)
+        # A factor of two from the usual scale is one standard deviation.
+        posterior, square, readings = -0.5 * (log(scale / _USUAL_SCALE) / log(2.0)) ** 2, 0.0, 0
+        for _ in run_filter(estimator, bound):
+            if estimator.last is not None:
+                posterior += estimator.last.log_likelihood
+                square += estimator.last.normalised_square
+                readings += estimator.last.innovation.size
+        if posterior > highest:
+            best, chosen, highest = estimator, scale, posterior
+        elif square < _CONSISTENT * readings:
+            break
+    if best is None:
+        raise RuntimeError("no scale of missing heat gave a likelihood")
+    last = dict(zip(model.inputs, bound.inputs[:, -1].tolist(), strict=True))
+    best.advance(last, bound.run.step / 2 if bound.run.averaged else bound.run.step)
+    return best, chosen
+
+
+def _missing_heat(model: Model, bound: BoundRun, uncertainty: ModelUncertainty) -> FloatArray:
+    """The size that the model's uncertainty suggests [W], for as long as it stays alike, shape (nodes,)."""
+    a = model.state_jacobian(default_start(model, bound), bound.inputs.mean(axis=1), model.values).full()
+    nodes, (_, integral) = len(model.nodes), zero_order_hold(a, _HEAT_TIME)
+    capacities = model.values[[model.network.capacities[node] for node in model.nodes]]
+    warming = np.linalg.norm(integral[:nodes, :nodes] / capacities, axis=1)  # K/W
+    of_fit = np.full(nodes, np.sqrt(np.mean((uncertainty.error / warming) ** 2)))
+    if uncertainty.learns:
+        return of_fit
+    # What parameters that are off leave out, root mean square over the run, by some of its steps.
+    some = np.unique(np.linspace(0, len(bound) - 1, min(len(bound), _SAMPLED)).astype(int))
+    states, inputs = simulate(model, bound).held[:, some], np.nan_to_num(bound.inputs[:, some])
+    rates = model.parameter_jacobian(states, inputs, model.values).full().reshape(len(states), len(some), -1)
+    slope = np.abs(Transform([model.parameters[index] for index in model.free]).slope(model.values[model.free]))
+    by_coordinate = rates[:nodes, :, model.free] * slope
+    variance = np.einsum("nkp,pq,nkq->n", by_coordinate, uncertainty.covariance, by_coordinate) / len(some)
+    return np.asarray(np.hypot(of_fit, np.sqrt(variance) * capacities))
+
+
+def _error(model: Model, heat: FloatArray) -> ModelError:
+    return ModelError(heat=dict(zip(model.nodes, heat.tolist(), strict=True)), heat_time=_HEAT_TIME, air=_AIR)
+
+
+def _estimator(
+    model: Model, noise: FloatArray, step: FloatArray, uncertainty: ModelUncertainty, error: ModelError, watch: bool
+) -> Estimator:
+    """An estimator with what the fit leaves open; noise and steps of its readings have shape (nodes,)."""
+    # What is exact would make each step slower as a state.
+    learns = uncertainty.learns and bool(uncertainty.covariance.any())
+    return Estimator(
+        model,
+        noise=noise,
+        step=step,
+        error=error,
+        learn={model.parameters[index].name: 0.0 for index in model.free} if learns else {},
+        covariance=uncertainty.covariance if learns else None,
+        learn_air=uncertainty.learns,
+        watch=watch,
+    )
+
+
+# --- Sensors that are not believed ----------------------------------------------------------------
+
+_FAULT = 6.0
+"""Standard deviations of an offset, drift or lag that is called: chance among some thousand onsets at some ten sensors,
+times one faulty sensor in a thousand logs, is met by 5.5."""
+_MISSING = 60.0  # s without a reading at the end of a log, that is worth a word
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """A sensor that is not believed.
+
+    Args:
+        node: whose sensor.
+        since: s of the log's clock; readings from then on are left out.
+        why: in words.
+    """
+
+    node: str
+    since: float
+    why: str
+
+    def __str__(self) -> str:
+        return f"{self.node}: {self.why}"
+
+
+def without(run: Run, nodes: tuple[str, ...], left_out: BoolArray) -> Run:
+    """A run without the readings that are `left_out`, shape (nodes, n)."""
+    columns = dict(run.columns)
+    for node, rows in zip(nodes, left_out, strict=True):
+        if rows.any():
+            columns[f"temperature.{node}"] = np.where(rows, np.nan, columns[f"temperature.{node}"])
+    return replace(run, columns=columns)
+
+
+def not_alive(estimator: Estimator, bound: BoundRun) -> tuple[BoolArray, list[Doubt]]:
+    """Readings of sensors that are not alive, shape (nodes, n); and the sensors that are not at the end.
+
+    Args:
+        estimator: fresh, one that watches its sensors.
+        bound: the run.
+    """
+    time, left_out = bound.run.time, np.zeros(bound.measured.shape, dtype=bool)
+    once_trusted, lost, stood = (np.zeros(len(left_out), dtype=bool) for _ in range(3))
+    for k, _ in enumerate(run_filter(estimator, bound)):
+        sensors = estimator.sensors
+        if sensors is None:
+            raise ValueError("estimator: found one that does not watch its sensors; expected watch=True")
+        once_trusted |= sensors.trusted
+        for row in np.flatnonzero((sensors.lost & ~lost) | (sensors.stands & ~stood)):
+            # No reading of a sensor that was never alive was one; of one that stands the first was.
+            since = sensors.since[row] - sensors.clock + time[k] if sensors.stands[row] else time[k]
+            left_out[row, : k + 1] |= (time[: k + 1] > since) | ~once_trusted[row]
+        lost, stood = sensors.lost.copy(), sensors.stands.copy()
+        left_out[lost, k] = True
+    doubts = []
+    for node, why in estimator.estimate.untrusted.items():
+        kept = np.flatnonzero(~left_out[estimator.model.nodes.index(node)])
+        doubts.append(Doubt(node, float(time[min(kept[-1] + 1, time.size - 1)] if kept.size else time[0]), why))
+    return left_out, doubts
+
+
+def present_by_live_sensors(model: Model, run: Run, uncertainty: ModelUncertainty) -> tuple[Estimator, list[Doubt]]:
+    """An estimator at the end of a log that leans on no sensor that is not alive, and the sensors that are not then.
+
+    Raises:
+        InputError: no sensor is alive, or the model is much faster than the log.
+    """
+    whole, run = bind(model, run), run.slice(float(run.time[-1]) - _MEMORY, inf)
+    bound, nodes = bind(model, run), tuple(model.nodes)
+    substeps(model, bound, model.values, default_start(model, bound))  # refuses what no filter would come to an end of
+    noise, size = noise_and_steps(estimate_noise([bound], nodes)), _missing_heat(model, bound, uncertainty)
+    # Sensors are judged by a model as good as usual. Where those that nobody doubts then say that it is worse, all are
+    # judged again: else the healthy sensor of a joint of which the model knows little would be left out.
+    scale = _USUAL_SCALE
+    for _ in range(2):
+        watching = _estimator(model, *noise, uncertainty, _error(model, scale * size), watch=True)
+        left_out, doubts = not_alive(watching, bound)
+        if not (np.isfinite(bound.measured) & ~left_out).any():
+            raise InputError(run.source, "temperature columns", "; ".join(map(str, doubts)), "a sensor that is alive")
+        rest = without(run, nodes, left_out)
+        estimator, needed = present(model, rest, uncertainty)
+        if not doubts or needed <= scale:
+            break
+        scale = needed
+    faulty = _faulty(model, rest, uncertainty, _error(model, min(needed, max(scale, _WORST_SCALE)) * size))
+    for doubt in faulty:
+        left_out[nodes.index(doubt.node)] |= run.time >= doubt.since
+    if faulty:
+        doubts += [doubt for doubt in faulty if doubt.node not in {earlier.node for earlier in doubts}]
+        estimator, _ = present(model, without(run, nodes, left_out), uncertainty)
+    for node, readings in zip(nodes, whole.measured, strict=True):
+        last = int(np.flatnonzero(np.isfinite(readings)).max(initial=-1)) + 1
+        seconds = (readings.size - last) * run.step
+        if whole.run.has(f"temperature.{node}") and seconds >= _MISSING and node not in {one.node for one in doubts}:
+            since = float(whole.run.time[min(last, readings.size - 1)])
+            doubts.append(Doubt(node, since, f"has no reading to be believed in the last {seconds:.0f} s"))
+    return estimator, doubts
+
+
+def _faulty(model: Model, run: Run, uncertainty: ModelUncertainty, error: ModelError) -> list[Doubt]:
+    """Sensors whose faults explain the readings better than the model's errors do, and better than a wrong input.
+
+    None is called unless most of the sensors agree with the model: of one sensor and one model nothing says which is
+    wrong. A model that lacks something, or that nobody fitted, is taken for as wrong as `lptn.monitor` guesses.
+    """
+    bound, guess = coarsely_bound(model, run, STEP), uncalibrated(model, [run], float(uncertainty.error.max()))
+    limits = dict.fromkeys(KINDS, _FAULT) if uncertainty.learns else guess.limits
+    error = error if uncertainty.learns else guess.model_error
+    given = Suspicion(model, bound, bound.measured, guess.noise, error)
+    alarms, _ = faults(given, limits, model.inputs, taught=False)
+    end, doubts = float(run.time[-1]) + run.step, dict[str, Doubt]()
+    for alarm in alarms:
+        if not alarm.channel and alarm.node not in doubts:
+            why = f"{alarm.words}, as it seems, for {end - alarm.onset:.0f} s"
+            doubts[alarm.node] = Doubt(alarm.node, alarm.onset - STEP, why)
+    seen = np.isfinite(bound.measured).any(axis=1).sum()
+    return list(doubts.values()) if 2 * len(doubts) <= seen else []
