@@ -14,8 +14,8 @@ import numpy as np
 from lptn.basics.arrays import BoolArray, FloatArray
 from lptn.basics.errors import InputError
 from lptn.basics.processes import one_blas_thread
-from lptn.logs.columns import INPUTS
 from lptn.logs.channels import STILL
+from lptn.logs.columns import INPUTS
 from lptn.logs.run import Run
 from lptn.model.model import Model
 from lptn.online.calibration import Calibration, uncalibrated
