@@ -49,7 +49,7 @@ that is colder or warmer than theirs."""
 
 _LOADS = ("torque", "current", "torque_abs", "current_abs")
 _SPEEDS = ("velocity", "velocity_rms")
-_PRODUCTS = ("mechanical_power",)
+_POWER = "mechanical_power"
 _BASE = "speed.base"
 _LEVELS = (0.5, 1.0)
 """Shares of the high ordinary load and speed: laws that go with different powers of them are told apart by two levels,
@@ -132,11 +132,11 @@ class Stage:
             name: float(np.quantile(own[own > 0], ordinary)) if own.any() else 0.0 for name, own in sizes.items()
         }
         quantities = dict.fromkeys(map(quantity_of, self.inputs))
-        heats = [name for name in quantities if name not in (*_SPEEDS, *_PRODUCTS, quantity_of(_BASE))]
+        heats = [name for name in quantities if name not in (*_SPEEDS, _POWER, quantity_of(_BASE))]
         self._heating = [load for load in _LOADS if load in quantities] or heats  # as the heat of a heater
         self.joints = list(dict.fromkeys(place_of(name) for name in self.inputs if quantity_of(name) in self._heating))
         """Places whose load, or heat where no load is logged, can be chosen."""
-        self.moving = any(quantity_of(name) in (*_SPEEDS, *_PRODUCTS) for name in self.inputs)
+        self.moving = any(quantity_of(name) in (*_SPEEDS, _POWER) for name in self.inputs)
         """Whether any model asks for the joints' speeds, or for their power."""
         prescribed = {name: source for name, source in models[0].network.prescribed.items() if source in self.given}
         air = prescribed.get("ambient", next(iter(prescribed.values())) if len(prescribed) == 1 else None)
@@ -168,16 +168,14 @@ class Stage:
 
     def value(self, column: str, move: Move) -> float:
         """An input's value during a move, in its own unit."""
-        quantity, place = quantity_of(column), place_of(column)
-        high, chosen = self.high[column], place in move.joints
-        if quantity in (*self._heating, *_LOADS):
-            return move.load * high * chosen
-        if quantity in _SPEEDS:
-            return move.speed * high * chosen
-        if quantity in _PRODUCTS:
-            return move.load * move.speed * high * chosen
+        high, place = self.high[column], place_of(column)
+        chosen = place in move.joints
         if column == _BASE:
             return move.speed * high * move.travelling
+        shares = {**dict.fromkeys(_SPEEDS, move.speed), _POWER: move.load * move.speed}
+        shares |= dict.fromkeys((*self._heating, *_LOADS), move.load)
+        if (share := shares.get(quantity_of(column))) is not None:
+            return share * high * chosen
         if place in self.joints:
             return high if chosen else float(self._values[column].min())
         return float(np.median(self._values[column]))  # what all share: a computer's heat, the sun
@@ -292,14 +290,15 @@ class Rivals:
     def __init__(self, steps: Sequence[Step]) -> None:
         self.keys, self.fits = [step.key for step in steps], [step.fit for step in steps]
         known = [Evidence(fit, ()) for fit in self.fits]
-        self._roots = [
-            block_diag(_root(own.covariance), AT_REST * np.eye(len(fit.model.states)))
-            for own, fit in zip(known, self.fits, strict=True)
-        ]
-        best = min(range(len(self.fits)), key=lambda number: self.fits[number].cost)
-        problem = self.fits[best].problem
-        steps_, counts = zip(*((one.run.step, one.counted.sum()) for one in problem.bound_runs), strict=True)
-        self.density: FloatArray = problem.sigma**2 / known[best].precision * np.average(steps_, weights=counts)
+        self._roots = []
+        for own in known:
+            squares, axes = np.linalg.eigh(own.covariance)
+            root = axes * np.sqrt(np.maximum(squares, 0.0))
+            self._roots.append(block_diag(root, AT_REST * np.eye(len(own.fit.model.states))))
+        best = min(known, key=lambda own: own.fit.cost)
+        problem = best.fit.problem
+        lengths, counts = zip(*((one.run.step, one.counted.sum()) for one in problem.bound_runs), strict=True)
+        self.density: FloatArray = problem.sigma**2 / best.precision * np.average(lengths, weights=counts)
         """Variance of each node's readings times the time after which they are new information [K²s], (nodes,)."""
         self._measured = problem.measured
 
@@ -355,12 +354,6 @@ class Rivals:
                 )
             )
         return differences
-
-
-def _root(covariance: FloatArray) -> FloatArray:
-    """A square root R of a covariance R Rᵀ, which may be singular."""
-    squares, axes = np.linalg.eigh(covariance)
-    return np.asarray(axes * np.sqrt(np.maximum(squares, 0.0)))
 
 
 # --- The search among runs: single moves, then one move more behind the best, in each air -----------------------

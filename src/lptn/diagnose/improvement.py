@@ -28,9 +28,6 @@ from lptn.identify.validation import fit_segments
 from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration
 
-Branch = tuple[Step, ...]
-"""The given model, then a step for each effect that was added; the last step's fit is that of them all."""
-
 
 @dataclass(frozen=True, repr=False)
 class History(Tabular):
@@ -162,7 +159,7 @@ def improve(
     surface_error: float = SURFACE_ERROR,
     executor: Executor | None = None,
     report: Report = lambda _: None,
-    on_step: Callable[[Branch], None] = lambda _: None,
+    on_step: Callable[[tuple[Step, ...]], None] = lambda _: None,
 ) -> History:
     """Find what the model lacks, add it, fit at full resolution.
 

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal
 
 import numpy as np
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.places import EVERYWHERE
 from lptn.diagnose.candidates import Candidate
-from lptn.effects import Effect
 
 OCCAM = 20.0
 """Times less probable than the best, from which on a model is out of Occam's window [MadiganRaftery1994]."""
@@ -31,9 +29,6 @@ things are (`Effect.prior_odds`). Like parts are painted alike, and all windings
 heat than its likes is in a draught rather than the only one that radiates."""
 
 
-Level = Literal["all", "class", "one", "one of likes"]
-
-
 def log_priors(candidates: Sequence[Candidate]) -> FloatArray:
     """Logarithms of the probabilities, beforehand, that it is this candidate that is missing, shape (candidates,).
 
@@ -42,22 +37,21 @@ def log_priors(candidates: Sequence[Candidate]) -> FloatArray:
     """
     weights = np.zeros(len(candidates))
     for effect in {candidate.effect: None for candidate in candidates}:
-        own = [k for k, candidate in enumerate(candidates) if candidate.effect is effect]
-        most = max(len(candidates[k].places) for k in own)
-        levels = [(bool(candidates[k].run), _level(candidates[k], most)) for k in own]
-        for k, level in zip(own, levels, strict=True):
-            shares = {other: _share_of_level(effect, other[1]) for other in levels if other[0] == level[0]}
-            weights[k] = candidates[k].prior_odds * shares[level] / sum(shares.values()) / levels.count(level)
+        own = {k: candidate for k, candidate in enumerate(candidates) if candidate.effect is effect}
+        most = max(len(candidate.places) for candidate in own.values())
+        levels = {k: (bool(candidate.run), *_level(candidate, most)) for k, candidate in own.items()}
+        for k, (of_run, _, share) in levels.items():
+            whole = sum(other[-1] for other in set(levels.values()) if other[0] == of_run)
+            weights[k] = own[k].prior_odds * share / whole / list(levels.values()).count(levels[k])
     return np.asarray(np.log(weights / weights.sum()))
 
 
-def _share_of_level(effect: type[Effect], level: Level) -> float:
-    if effect.measurement_error and level != "one":
-        return _ERRORS_ALIKE
-    return _ONE_OF_LIKES if level == "one of likes" else 1.0
-
-
-def _level(candidate: Candidate, most: int) -> Level:
-    if len(candidate.places) == 1:
-        return "one of likes" if candidate.one_of_likes else "one"
-    return "all" if candidate.pattern == EVERYWHERE or len(candidate.places) == most else "class"
+def _level(candidate: Candidate, most: int) -> tuple[str, float]:
+    """The level of a candidate's place, and how usual it is beside the others of its effect."""
+    if len(candidate.places) > 1:
+        level = "all" if candidate.pattern == EVERYWHERE or len(candidate.places) == most else "class"
+    else:
+        level = "one of likes" if candidate.one_of_likes else "one"
+    if candidate.effect.measurement_error and level != "one":
+        return level, _ERRORS_ALIKE
+    return level, _ONE_OF_LIKES if level == "one of likes" else 1.0

@@ -66,9 +66,8 @@ class UnexplainedHeat:
 
         It is the 95 % band widened for all nodes and minutes that are looked at: what decides whether heat is sure.
         """
-        comparisons = len(self.nodes) * max(
-            1.0, self.time.size * self.seconds / BLOCK
-        )  # what lies closer counts as one
+        apart = max(1.0, self.time.size * self.seconds / BLOCK)  # what lies closer counts as one
+        comparisons = len(self.nodes) * apart
         return np.asarray(-NormalDist().inv_cdf(0.025 / comparisons) / WIDE * self.band)
 
     @property
