@@ -11,7 +11,6 @@ from scipy.linalg import block_diag
 from lptn.basics.arrays import BoolArray
 from lptn.diagnose.unexplained_heat import (
     Blocks,
-    Prior,
     UnexplainedHeat,
     blocks,
     largest,
@@ -106,8 +105,8 @@ def test_smoothing_is_the_least_squares_answer(burst_fit: Fit) -> None:
     size, states, nodes = run.top.shape[2], 3, 3
     start = np.diag(np.r_[np.full(states, 1.5), np.full(nodes, 4.0), np.full(size - states - nodes, 0.5)] ** 2)
     start[-1, -2] = start[-2, -1] = 0.2  # parameters that are off together
-    prior = Prior(start, 0.4)
-    heat, spread, _, _, density = smoothed(run, prior)
+    walk = 0.4
+    heat, spread, _, _, density = smoothed(run, start, walk)
     # Unknowns: the start, then each block's walk of heat; everything else follows.
     moved, at, rows = np.eye(size), [], []
     wanders = [np.zeros((size, nodes * 24))]
@@ -122,8 +121,7 @@ def test_smoothing_is_the_least_squares_answer(burst_fit: Fit) -> None:
         wanders.append(wander)
     weighted = np.vstack(rows) / np.sqrt(run.variance.ravel())[:, None]
     measured = np.isfinite(run.error.ravel())
-    walk = np.full(nodes * 24, prior.walk * np.sqrt(run.seconds))
-    unknown = block_diag(start, np.diag(walk**2))
+    unknown = block_diag(start, walk**2 * run.seconds * np.eye(nodes * 24))
     information = weighted[measured].T @ weighted[measured] + np.linalg.inv(unknown)
     target = (-run.error.ravel() / np.sqrt(run.variance.ravel()))[measured]
     covariance = np.linalg.inv(information)
@@ -136,15 +134,15 @@ def test_smoothing_is_the_least_squares_answer(burst_fit: Fit) -> None:
     spreads = loads @ unknown @ loads.T + np.diag(run.variance.ravel()[measured])
     error = run.error.ravel()[measured]
     expected_density = -0.5 * (error @ np.linalg.solve(spreads, error) + np.linalg.slogdet(spreads)[1])  # but for 2π
-    assert likelihood(run, prior) == density == pytest.approx(expected_density, rel=1e-6)
+    assert likelihood(run, start, walk) == density == pytest.approx(expected_density, rel=1e-6)
 
 
 def test_a_gap_widens_the_band_where_it_is(burst_fit: Fit) -> None:
     run = blocks(burst_fit, 0)
-    prior = Prior(np.diag(np.r_[np.full(3, 1.5), np.full(3, 4.0), np.zeros(run.top.shape[2] - 6)] ** 2), 0.4)
+    start = np.diag(np.r_[np.full(3, 1.5), np.full(3, 4.0), np.zeros(run.top.shape[2] - 6)] ** 2)
     gap = run.error.copy()
     gap[100:130, 1] = np.nan
-    without, within = smoothed(run, prior).spread, smoothed(replace(run, error=gap), prior).spread
+    without, within = (smoothed(part, start, 0.4).spread for part in (run, replace(run, error=gap)))
     assert (within[1, 105:125] > 1.5 * without[1, 105:125]).all()
     np.testing.assert_allclose(within[:, 200:], without[:, 200:], rtol=0.02)
 

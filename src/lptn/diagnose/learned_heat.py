@@ -247,7 +247,7 @@ def input_shares(heat: WanderingHeat, nodes: Sequence[str], *, walks: int = 3) -
     best, none = [(-np.inf, 0.0)] * len(candidates), -np.inf
     for walk in reversed(heat.walks[-walks:]):
         done = [
-            smoothed(part, heat.prior(part, walk, open_parameters=True), heats)
+            smoothed(part, heat.prior(part, open_parameters=True), walk, heats)
             for part, heats in zip(heat.runs, known, strict=True)
         ]
         white, density = np.vstack([run.white for run in done]), sum(run.density for run in done)

@@ -163,7 +163,7 @@ class WanderingHeat:
 
         @cache
         def density(number: int) -> float:
-            return sum(likelihood(run, self.prior(run, walks[number])) for run in self.runs)
+            return sum(likelihood(run, self.prior(run), walks[number]) for run in self.runs)
 
         # It has one peak, which is climbed to from the third, near which most have it.
         walks, top = [share * self.scale / np.sqrt(60.0) for share in _GRID], 2
@@ -177,14 +177,14 @@ class WanderingHeat:
         """The heat of each run."""
         told = []
         for run, bound in zip(self.runs, self.fit.problem.bound_runs, strict=True):
-            heat, spread, *_ = smoothed(run, self.prior(run, self.walks[-1]))
+            heat, spread, *_ = smoothed(run, self.prior(run), self.walks[-1])
             nodes = tuple(self.fit.model.nodes[row] for row in run.rows)
             about = WIDE * spread, run.seconds, bound.run.origin
             told.append(UnexplainedHeat(bound.run.name, run.time, nodes, heat, *about))
         return told
 
-    def prior(self, run: Blocks, walk: float, *, open_parameters: bool = False) -> Prior:
-        """Of the states, the heats, and the parameters, which are off together as their standard errors say.
+    def prior(self, run: Blocks, *, open_parameters: bool = False) -> FloatArray:
+        """Covariance of the states, the heats, and the parameters, which are off together as their standard errors say.
 
         The errors grow with what the model lacks. Were each parameter free to move for itself, a steady heat that
         nobody needs could be balanced by resistances and capacitances far from the fitted ones. With `open_parameters`
@@ -199,7 +199,7 @@ class WanderingHeat:
         sizes, directions = np.linalg.eigh(_BIASED**2 * fit.uncertainty.covariance)
         sizes = np.clip(np.inf if open_parameters else sizes, 0.0, _FARTHEST**2)
         covariance[known, known] = (directions * sizes) @ directions.T
-        return Prior(covariance, walk)
+        return covariance
 
 
 def stretches(runs: Sequence[UnexplainedHeat]) -> list[HeatPeak]:
@@ -344,34 +344,9 @@ def _variance(predicted: FloatArray, counts: FloatArray, fit: Fit, rows: IntArra
 # --- Fixed-interval smoothing: forward filter, backward adjoint, and the likelihood ----------------
 
 
-@dataclass(frozen=True)
-class Prior:
-    """The distribution before the first reading.
-
-    Args:
-        covariance: of states [K], heats [W] and parameters' coordinates, shape (D, D).
-        walk: by how much each heat wanders, standard deviation after one second [W], grows with √time.
-    """
-
-    covariance: FloatArray
-    walk: float
-
-
-@dataclass(frozen=True)
-class _Filtered:
-    """What the backward pass needs of one block, before its readings are taken in."""
-
-    heat: FloatArray  # (M, 1 + K)
-    covariance: FloatArray  # rows of the heats, (M, D)
-    by: FloatArray  # (seen, D)
-    gain: FloatArray  # (D, seen)
-    precision: FloatArray  # of the innovation, (seen, seen)
-    innovation: FloatArray  # (seen, 1 + K)
-
-
-def likelihood(run: Blocks, prior: Prior) -> float:
-    """Logarithm of the readings' probability density at these assumptions, by prediction errors ([Kristensen2004])."""
-    return _forward(run, prior, np.zeros((len(run.time), len(run.rows), 0)), None)[0]
+def likelihood(run: Blocks, prior: FloatArray, walk: float) -> float:
+    """Logarithm of the readings' probability density, by prediction errors ([Kristensen2004]); as for `smoothed`."""
+    return _forward(run, prior, walk, np.zeros((len(run.time), len(run.rows), 0)), None)[0]
 
 
 class Smoothed(NamedTuple):
@@ -393,7 +368,7 @@ class Smoothed(NamedTuple):
     density: float
 
 
-def smoothed(run: Blocks, prior: Prior, known: FloatArray | None = None) -> Smoothed:
+def smoothed(run: Blocks, prior: FloatArray, walk: float, known: FloatArray | None = None) -> Smoothed:
     """The heat that a run asks for.
 
     Source: [Rauch1965], in the form of [Bierman1973], which inverts no covariance of the states: parameters that
@@ -401,12 +376,13 @@ def smoothed(run: Blocks, prior: Prior, known: FloatArray | None = None) -> Smoo
 
     Args:
         run: the linear model of a run.
-        prior: what is known before its first reading.
+        prior: covariance, before the first reading, of states [K], heats [W] and parameters' coordinates, shape (D, D).
+        walk: by how much each heat wanders, standard deviation after one second [W], grows with √time.
         known: heat into each measured node in each block [W], K of them one beside the other, shape (n, M, K).
     """
-    steps: list[_Filtered] = []
+    steps: list[tuple[FloatArray, ...]] = []
     known = np.zeros((len(run.time), len(run.rows), 0)) if known is None else known
-    density, white = _forward(run, prior, known, steps)
+    density, white = _forward(run, prior, walk, known, steps)
     states, nodes = run.top.shape[1], len(run.rows)
     size, count = run.top.shape[2], 1 + known.shape[2]
     heat, spread = np.empty((nodes, len(steps), count)), np.empty((nodes, len(steps)))
@@ -416,26 +392,30 @@ def smoothed(run: Blocks, prior: Prior, known: FloatArray | None = None) -> Smoo
         transition = np.eye(size)
         transition[:states] = run.top[k]
         back, curve = transition.T @ back, transition.T @ curve @ transition
-        step = steps[k]
-        rest = np.eye(size) - step.gain @ step.by
-        weighed = step.by.T @ step.precision
-        back = rest.T @ back - weighed @ step.innovation
-        curve = rest.T @ curve @ rest + weighed @ step.by
-        heat[:, k] = step.heat - step.covariance @ back
-        less = np.einsum("ij,jk,ik->i", step.covariance, curve, step.covariance)
-        spread[:, k] = np.sqrt(np.maximum(np.diag(step.covariance[:, heats]) - less, 0.0))
+        filtered, covariance, by, gain, precision, innovation = steps[k]
+        rest, weighed = np.eye(size) - gain @ by, by.T @ precision
+        back = rest.T @ back - weighed @ innovation
+        curve = rest.T @ curve @ rest + weighed @ by
+        heat[:, k] = filtered - covariance @ back
+        less = np.einsum("ij,jk,ik->i", covariance, curve, covariance)
+        spread[:, k] = np.sqrt(np.maximum(np.diag(covariance[:, heats]) - less, 0.0))
     return Smoothed(heat[:, :, 0], spread, -heat[:, :, 1:], white, density)
 
 
-def _forward(run: Blocks, prior: Prior, known: FloatArray, steps: list[_Filtered] | None) -> tuple[float, FloatArray]:
-    """The filter; keeps what smoothing needs where a list is given.
+def _forward(
+    run: Blocks, prior: FloatArray, walk: float, known: FloatArray, steps: list[tuple[FloatArray, ...]] | None
+) -> tuple[float, FloatArray]:
+    """The filter; where a list is given it keeps of each block, before its readings are taken in, what smoothing needs.
+
+    That is the heats (M, 1 + K), their rows of the covariance (M, D), and of the nodes that are read the derivative
+    (seen, D), gain (D, seen), precision of the innovation (seen, seen) and innovation (seen, 1 + K).
 
     Its first column is of the readings, each other one of a known heat without readings: what it does is linear.
     """
     states, nodes = run.top.shape[1], len(run.rows)
     heats = slice(states, states + nodes)
-    d, p, density = np.zeros((run.top.shape[2], 1 + known.shape[2])), prior.covariance.copy(), 0.0
-    gained, white = prior.walk**2 * run.seconds, []
+    d, p, density = np.zeros((run.top.shape[2], 1 + known.shape[2])), prior.copy(), 0.0
+    gained, white = walk**2 * run.seconds, []
     for k in range(len(run.time)):
         seen = np.isfinite(run.error[k])
         by = run.by[k][seen]
@@ -449,7 +429,7 @@ def _forward(run: Blocks, prior: Prior, known: FloatArray, steps: list[_Filtered
         innovation[:, 0] -= run.error[k][seen]
         gain = crossed @ precision
         if steps is not None:
-            steps.append(_Filtered(d[heats].copy(), p[heats].copy(), by, gain, precision, innovation))
+            steps.append((d[heats].copy(), p[heats].copy(), by, gain, precision, innovation))
         white.append(inverse @ innovation)
         density -= 0.5 * float(np.sum(white[-1][:, 0] ** 2)) + float(np.log(np.diag(root)).sum())
         d, driven = d + gain @ innovation, driven + gain @ innovation
