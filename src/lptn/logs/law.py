@@ -268,7 +268,8 @@ def gain_change(log: Channels, key: str, load: str) -> tuple[int, float] | None:
     best = min(range(len(fits)), key=lambda k: fits[k][1])
     coefficients, left = fits[best]
     before, after = float(coefficients[0]), float(coefficients[0] + coefficients[-3])
-    one_gain = left > _OF_ONE_GAIN * min(fitted(own[:, 1:])[1] for own in late)
-    if one_gain or max(before, after) <= _RATIO * max(min(before, after), 0.0):
+    if max(before, after) <= _RATIO * max(min(before, after), 0.0):
+        return None
+    if left > _OF_ONE_GAIN * min(fitted(own[:, 1:])[1] for own in late):
         return None
     return int((law.rows[changes[best]] + 1) * log.block), after / before
