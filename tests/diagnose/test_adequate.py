@@ -79,9 +79,12 @@ def test_a_ramp_that_nothing_drives_is_not_adequate(tmp_path: Path, rate: float,
     assert max(diagnosis.lack_of_fit.values()) > LACKING
 
 
-@pytest.mark.xfail(reason="heat of 5.2 ± 0.8 or 1.1 ± 0.8 W, or air that is 99 ± 20 K colder, is told")
 @RAMPS
-def test_a_ramp_that_nothing_drives_is_unexplained(tmp_path: Path, rate: float, noise: float, step: float) -> None:
+def test_a_ramp_that_nothing_drives_is_unexplained(
+    request: pytest.FixtureRequest, tmp_path: Path, rate: float, noise: float, step: float
+) -> None:
+    if rate > 0:
+        request.applymarker(pytest.mark.xfail(reason="heat of 5.2 ± 0.8 W, or air that is 99 ± 20 K colder, is told"))
     diagnosis = _of_a_ramp(tmp_path, rate, noise, step)
     assert diagnosis.verdict == "unexplained"
     assert diagnosis.steps == ()

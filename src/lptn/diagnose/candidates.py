@@ -225,6 +225,7 @@ def candidates(
     rms: Mapping[str, float] | None = None,
     joined: Collection[str] | None = None,
     rates: FloatArray | None = None,
+    effects: Collection[type[Effect]] | None = None,
 ) -> list[Candidate]:
     """Every effect of the catalogue at every place where the network lacks it and the log has its inputs.
 
@@ -243,12 +244,14 @@ def candidates(
         joined: names of those runs whose logs were put together from several loggers' files (`a.csv+b.csv`), `None`
             where that is not known.
         rates: as for `lptn.model.sizes.Sizes`.
+        effects: those to propose; the whole catalogue by default.
     """
     proposed = []
     limits = ("", *separate_runs(runs))
     sizes = Sizes(network, rates)
     for effect, run in product(catalogue().values(), limits):
-        if effect.amplitude() is not None and (effect.per_run or not run):
+        asked = effects is None or effect in effects
+        if asked and effect.amplitude() is not None and (effect.per_run or not run):
             grid = _grid(effect.shape(), step, duration)
             one_logger = joined is not None and not any(is_of_run(name, run or EVERYWHERE) for name in joined)
             proposed += [
@@ -267,13 +270,16 @@ def candidates(
     return sorted(proposed, key=lambda candidate: limits.index(candidate.run))
 
 
-def possible_effects(fit: Fit, columns: Collection[str], names: Sequence[str] = ()) -> list[Candidate]:
+def possible_effects(
+    fit: Fit, columns: Collection[str], names: Sequence[str] = (), effects: Collection[type[Effect]] | None = None
+) -> list[Candidate]:
     """Every effect that a fitted model may lack, with time constants that its runs can show.
 
     Args:
         fit: the fitted model.
         columns: log columns at hand.
         names: of runs, in each of which alone an effect may act; the fitted ones by default.
+        effects: as for `candidates`.
     """
     runs = [bound.run for bound in fit.problem.bound_runs]
     squares = {column: [np.nanmean(run.columns[column] ** 2) for run in runs] for column in columns}
@@ -286,6 +292,7 @@ def possible_effects(fit: Fit, columns: Collection[str], names: Sequence[str] = 
         rms={column: float(np.sqrt(np.mean(of_runs))) for column, of_runs in squares.items()},
         joined=[run.name for run in runs if "+" in run.source],
         rates=_mean_rates(fit),
+        effects=effects,
     )
 
 

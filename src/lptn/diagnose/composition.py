@@ -9,7 +9,7 @@
    Held-out runs move no parameter, and are weighed all the same: which of two fitted runs is the odd one, only another
    can tell.
 3. After each step everything is asked anew whether it is needed: a part that all seemed to have may have stood for one
-   that has it.
+   that has it. So *made of* and *wrong* are asked twice, the second time beside what was found.
 
 The search leaves to errors of runs, of sensors and of like parts what they usually are (`Problem.tolerance`); what it
 ends with is fitted by plain least squares, as the file's user does.
@@ -19,7 +19,7 @@ Evidence decides throughout (`lptn.diagnose.evidence`).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
@@ -31,9 +31,10 @@ from lptn.basics.places import EVERYWHERE
 from lptn.basics.processes import one_blas_thread
 from lptn.diagnose.answers import LIKELY, Key, Report, Step, named
 from lptn.diagnose.candidates import Candidate, candidates, possible_effects
-from lptn.diagnose.evidence import USUAL, ErrorsOfRuns, Evidence, FirstOrder, allowances
+from lptn.diagnose.evidence import USUAL, ErrorsOfRuns, Evidence, FirstOrder, allowances, may_deviate, with_runs
 from lptn.diagnose.priors import in_occams_window, log_priors
 from lptn.diagnose.refits import ITERATIONS, RANKING, continued, unless_interrupted
+from lptn.effects import Effect
 from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit, finished, tolerant
 from lptn.model.network import EffectDeclaration, Network
@@ -105,9 +106,11 @@ def composition(
         report: called with a sentence on what is being done.
     """
     search = _Search(given, data, errors or ErrorsOfRuns(), executor, report)
-    if search.before.is_lacking():
-        search.add_structure()
+    search.add_structure()
     search.add_findings(most)
+    if search.findings:  # beside these, what all parts have may look different
+        search.add_structure()
+        search.add_findings(most)
     return search.result()
 
 
@@ -141,24 +144,25 @@ class _Search:
     # --- made of ------------------------------------------------------------------------------------
 
     def add_structure(self) -> None:
-        """All that every part may have, in one fit; what the data don't need is taken out."""
-        network = self.given.model.network
-        self.structure = [with_priors(one, None, None) for one in self._common(network)]
-        if not self.structure:
+        """Where anything is lacking, all that every part may have, in one fit; what isn't needed is taken out."""
+        network, was = self.fit.model.network, self._evidence(self.fit)
+        more = [with_priors(one, None, None) for one in self._common(network)] if was.is_lacking() else []
+        if not more:
             return
-        self.report(f"fitting {len(self.structure)} effects that every part may have, all at once")
-        base, fit = self.fit, _continued(self.fit, network.with_effects(self.structure), _UNTIL_NONE)
+        self.report(f"fitting {len(more)} effects that every part may have, all at once")
+        before = self.fit, self.structure, self.findings
+        fit = _continued(self.fit, network.with_effects(more), _UNTIL_NONE)
         if fit is not None:
+            self.fit, self.structure = fit, [*self.structure, *more]
             try:
-                self.fit = fit
                 self._take_out_none()  # most of them, and their states
-                if self.fit.cost < base.cost:
-                    self.fit = self._tolerant(self.fit)
-                    self._take_out()
+                self.fit = self._tolerant(self.fit)
+                self._take_out()
+                if self._evidence(self.fit, was).log_evidence > was.log_evidence:
                     return
             except SimulationError:  # with all of it the model is too stiff for a held-out run
                 pass
-        self.structure, self.fit = [], base
+        self.fit, self.structure, self.findings = before
 
     def _common(self, network: Network) -> list[Candidate]:
         """Of each common effect the candidate at the most places; of those between two nodes each class of pairs."""
@@ -241,16 +245,21 @@ class _Search:
         return sorted(steps, key=lambda step: -step.log_odds)
 
     def _evidence(self, fit: Fit, beside: Evidence | None = None) -> Evidence:
-        allowed = allowances(fit, self._possible(fit), self.errors)
+        allowed = allowances(fit, self._possible(fit, may_deviate(fit)), self.errors)
         return Evidence(fit, allowed, beside=beside, held_out=self.data.holdout)
 
-    def _possible(self, fit: Fit) -> list[Candidate]:
-        """All that a fit may lack, in held-out runs as well."""
-        return possible_effects(fit, self.columns, [*self.runs, *(one.run.name for one in self.data.holdout)])
+    def _possible(self, fit: Fit, effects: Collection[type[Effect]] | None = None) -> list[Candidate]:
+        """All that a fit may lack, in held-out runs as well; of all effects by default."""
+        return possible_effects(fit, self.columns, [*self.runs, *(one.run.name for one in self.data.holdout)], effects)
 
     def _tolerant(self, fit: Fit) -> Fit:
         """A fit that leaves to errors of runs, of sensors and of like parts what they usually are."""
-        return unless_interrupted(tolerant(fit, self._evidence(fit).tolerance, precision=RANKING))
+        return self._unless_too_stiff(tolerant(fit, self._evidence(fit).tolerance, precision=RANKING), fit)
+
+    def _unless_too_stiff(self, fit: Fit, before: Fit) -> Fit:
+        """A fit gone on with, or the one before where the new one is too stiff for a held-out run."""
+        wide = with_runs(unless_interrupted(fit), self.data.holdout)
+        return fit if np.isfinite(wide.problem.cost(wide.z)) else before
 
     # --- needed? ------------------------------------------------------------------------------------
 
@@ -299,7 +308,7 @@ class _Search:
         if fit is None:
             return None
         # A size that is not told from none may hold a long valley together: only the end of it tells.
-        return unless_interrupted(finished(fit, _END_OF_VALLEY)) if to_the_end else fit, rest
+        return self._unless_too_stiff(finished(fit, _END_OF_VALLEY), fit) if to_the_end else fit, rest
 
     def _take(self, fit: Fit, rest: list[EffectDeclaration]) -> None:
         before = {(declared.effect.key, declared.where): entry for declared, entry in self.findings.items()}
@@ -312,9 +321,9 @@ class _Search:
     def result(self) -> Composition:
         """The model as it is now, fitted to the end."""
         self.report("fitting what was found to the end")
-        self.fit = unless_interrupted(tolerant(self.fit, None))
+        self.fit = self._unless_too_stiff(tolerant(self.fit, None), self.fit)
         self._take_out()
-        fit = unless_interrupted(finished(self.fit))
+        fit = self._unless_too_stiff(finished(self.fit), self.fit)
         evidence = self._evidence(fit)
         structure = []
         for one in self.structure:

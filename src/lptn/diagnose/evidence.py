@@ -35,6 +35,7 @@ from lptn.diagnose.fit_statistics import (
     standing_out,
 )
 from lptn.diagnose.traces import derivatives, pushed_beyond_bounds
+from lptn.effects import Effect
 from lptn.effects.ambient_offset import AmbientOffset
 from lptn.effects.loss_scale import LossScale
 from lptn.effects.sensor_offset import SensorOffset
@@ -83,12 +84,18 @@ class Allowance:
     spread: float
 
 
+def may_deviate(fit: Fit) -> set[type[Effect]]:
+    """Effects of which a model may have small deviations: those of logs, and what its like parts have in common."""
+    of_logs = LossScale, SurfaceScale, AmbientOffset, SensorOffset
+    return {*of_logs, *(type(declared.effect) for declared in fit.model.network.effects)}
+
+
 def allowances(fit: Fit, possible: Iterable[Candidate], errors: ErrorsOfRuns) -> list[Allowance]:
     """The small deviations that every model may have: of runs, of sensors, of like parts.
 
     Args:
         fit: the fitted model.
-        possible: all that it may lack.
+        possible: all that it may lack, of the effects that `may_deviate`, or of all.
         errors: how far a log may be off.
     """
     spreads = {LossScale: 2 * errors.torque, SurfaceScale: errors.surface, AmbientOffset: errors.ambient}
