@@ -123,8 +123,8 @@ LACKING = 1.5
 """Times what chance leaves at most, beyond which a misfit is no noise: of a sensor's noise, which is estimated from the
 readings, a fifth more or less is within the estimate's error. No verdict changes with 1 or 2.25."""
 CLEARLY = 2.0
-"""Times the error on the fitted runs: no model predicts quite as well as it fits. With 3 a stator's run is no longer said
-to differ; with 1.3 none more is."""
+"""Times the error on the fitted runs: no model predicts quite as well as it fits. With 3 a stator's run is no longer
+said to differ; with 1.3 none more is."""
 MOST = 0.8
 """Share of the squared misfit beyond noise that what was found must explain to be what is missing: errors fall by more
 than half. No verdict changes with .53; with .99 what TCLab's and a motor's log lack is "unexplained"."""
