@@ -38,38 +38,27 @@ class Warming(NamedTuple):
 
     Args:
         rows: blocks before those steps from block to block in which all is known, (m,).
-        rate: K/s, (m,).
-        apart: s between the middles of the two blocks, (m,).
-        design: the load's square, 1, air less temperature, other temperatures less it, size of the speed: (m, columns).
-        speed: whether that last column is there.
+        moved: K from that block to the next, (m,).
+        design: s between them, times the load's square, 1, air less temperature, other temperatures less it, and size
+            of the speed where it is logged: (m, columns).
+        likely: what their coefficients may be, (columns,).
     """
 
     rows: IntArray
-    rate: FloatArray
-    apart: FloatArray
+    moved: FloatArray
     design: FloatArray
-    speed: bool
-
-    @property
-    def moved(self) -> FloatArray:
-        """K from block to block, (m,)."""
-        return self.rate * self.apart
+    likely: FloatArray
 
     def fitted(self, used: BoolArray | None = None) -> tuple[FloatArray, FloatArray]:
         """The law's coefficients, (columns,), and what a part moves otherwise than by it in each step [K], (m,).
 
         The law is that of the steps `used`, (m,), as most of them say, whatever a few that are far off say.
         """
-        used = np.ones(self.rate.size, dtype=bool) if used is None else used
-        sizes = np.sqrt(np.square(self.design[used]).mean(axis=0)) + np.finfo(float).tiny
-        likely = np.full(sizes.size, _CONDUCTANCE)  # of the air and other parts
-        likely[:2] = _HEATS / np.array([sizes[0], 1.0])
-        if self.speed:
-            likely[-1] = _HEATS / sizes[-1]
-        columns = self.design * self.apart[:, None] * likely
+        used = np.ones(self.moved.size, dtype=bool) if used is None else used
+        columns = self.design * self.likely
         weights, noise = np.ones(used.sum()), _NOISE
         for _ in range(_REWEIGHTED):
-            kept = np.arange(sizes.size)
+            kept = np.arange(self.likely.size)
             while True:
                 part = columns[used][:, kept]
                 normal = (part.T * weights) @ part + noise**2 * np.eye(kept.size)
@@ -81,8 +70,8 @@ class Warming(NamedTuple):
             off = self.moved - columns[:, kept] @ found
             noise = max(MAD_TO_SIGMA * float(np.median(np.abs(off[used]))), _LEAST)
             weights = 1 / np.maximum(np.abs(off[used]) / (_FAR * noise), 1.0)
-        coefficients = np.zeros(sizes.size)
-        coefficients[kept] = found * likely[kept]
+        coefficients = np.zeros(self.likely.size)
+        coefficients[kept] = found * self.likely[kept]
         return coefficients, off
 
 
@@ -100,11 +89,16 @@ def warming(log: Channels, key: str, load: str) -> Warming | None:
     if speed in log.values:
         columns.append(log.means(speed))
     table, apart = np.column_stack(columns), np.diff(log.means("time"))
-    table = np.column_stack([np.diff(warm) / apart, 0.5 * (table[:-1] + table[1:])])
-    rows = np.flatnonzero(np.isfinite(table).all(axis=1) & (apart < GAP * np.median(apart)))
+    moved, design = np.diff(warm), 0.5 * (table[:-1] + table[1:])
+    rows = np.flatnonzero(np.isfinite(moved) & np.isfinite(design).all(axis=1) & (apart < GAP * np.median(apart)))
     if rows.size < _FEWEST:
         return None
-    return Warming(rows, table[rows, 0], apart[rows], table[rows, 1:], speed in log.values)
+    sizes = np.sqrt(np.square(design[rows]).mean(axis=0)) + np.finfo(float).tiny
+    is_heat = np.arange(sizes.size) == 0
+    is_heat[-1] = speed in log.values
+    likely = np.where(is_heat, _HEATS / sizes, _CONDUCTANCE)
+    likely[1] = _HEATS
+    return Warming(rows, moved[rows], design[rows] * apart[rows, None], likely)
 
 
 def settles(log: Channels, key: str) -> float:
@@ -177,7 +171,7 @@ def against_heat(log: Channels, key: str, load: str, resolution: float) -> list[
         group = groups.setdefault(float(readings[first[k]]) if at_limit[k] else (k,), [])
         group.append((int(there[first[k]]), int(there[last[k]])))
     found: list[tuple[int, int]] = []
-    known = np.ones(law.rate.size, dtype=bool)
+    known = np.ones(law.moved.size, dtype=bool)
     for group in sorted(groups.values(), key=lambda group: -sum(last - first for first, last in group))[:_ASKED]:
         steps = [tuple(np.searchsorted(law.rows, np.array(one) // log.block)) for one in group if one not in found]
         if steps and _is_contradicted(law, steps, known, resolution):
@@ -205,7 +199,7 @@ def _is_contradicted(law: Warming, stretches: Sequence[tuple[int, ...]], known: 
 
     Those steps are `known`, (m,), that are no others'.
     """
-    asked = np.zeros(law.rate.size, dtype=bool)
+    asked = np.zeros(law.moved.size, dtype=bool)
     for begin, end in stretches:
         asked[max(begin - 1, 0) : end + 1] = True
     told = known & ~asked
@@ -261,8 +255,8 @@ def gain_change(log: Channels, key: str, load: str) -> tuple[int, float] | None:
     def fitted(*columns: FloatArray) -> tuple[FloatArray, float]:
         """Coefficients by least squares, and the squares that are left."""
         table = np.hstack([design, *columns])
-        found = np.linalg.solve(table.T @ table + _RIDGE * np.eye(table.shape[1]), table.T @ law.rate)
-        return found, float(np.square(law.rate - table @ found).sum())
+        found = np.linalg.solve(table.T @ table + _RIDGE * np.eye(table.shape[1]), table.T @ law.moved)
+        return found, float(np.square(law.moved - table @ found).sum())
 
     fits = [fitted(own) for own in late]
     best = min(range(len(fits)), key=lambda k: fits[k][1])
