@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from lptn.basics.arrays import FloatArray
 from lptn.basics.files import fingerprint
 from lptn.logs.columns import ColumnSource
 from lptn.logs.reading import read_log
@@ -503,3 +504,10 @@ def test_parquet_rows_are_counted_from_one(tmp_path: Path, refuse: Refuse) -> No
     path = tmp_path / "log.parquet"
     pd.DataFrame(GOOD | {"torque.a": ["1"] * 10 + ["off"] * 10}).to_parquet(path)
     assert "row 11, column 'torque.a': found 'off'" in refuse(path, read_log, path)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("time", [1e308 * (-1.0) ** np.arange(60), np.full(60, np.inf), 1e300 * np.arange(60)])
+def test_times_that_no_clock_has_are_refused_without_a_warning(refuse: Refuse, time: FloatArray) -> None:
+    frame = pd.DataFrame({"time": time, "temperature.a": 20 + np.arange(60) / 60, "current.a": 2.0})
+    assert "a time in every row" in refuse("data frame", read_log, frame)

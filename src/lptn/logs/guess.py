@@ -36,7 +36,7 @@ from lptn.logs.resampling import raw_keys
 from lptn.logs.tables import Table, column_sources
 from lptn.logs.units import suspect_unit
 
-_NUMBERED = "number "  # how it begins what speaks for a column that is one of a row
+_NUMBERED = "number "  # how it begins what speaks for a column of which nothing but a number says whose it is
 _MOVES = ("velocity", "speed")
 Names = Mapping[str, ColumnName]  # the columns that are left to propose, by their names
 Choice = dict[str, tuple[str, str]]  # by quantity the column that may hold it, and what speaks for it
@@ -49,11 +49,6 @@ class Guess:
     key: str
     source: ColumnSource
     why: str
-
-    @property
-    def numbered(self) -> bool:
-        """Whether nothing but a number says which joint it is of."""
-        return self.why.startswith(_NUMBERED)
 
     @property
     def line(self) -> str:
@@ -364,7 +359,7 @@ def refuse_exchanged(
     Raises:
         InputError: they do; it has the lines by which each would follow its own.
     """
-    numbered = {guess.key for guess in guesses if guess.numbered}
+    numbered = {guess.key for guess in guesses if guess.why.startswith(_NUMBERED)}
     for quantity in HEATS:
         places = [place_of(key) for key in log.of("temperature") if f"{quantity}.{place_of(key)}" in log.values]
         keys = {f"{name}.{place}" for place in places for name in (quantity, "temperature")}

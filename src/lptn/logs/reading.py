@@ -378,16 +378,16 @@ def read_log(
     return [replace(run, issues=issues) for run in begun]
 
 
+@np.errstate(over="ignore", invalid="ignore")  # what overflows is refused as a time
 def _checked_samples(table: Table, choice: ColumnChoice, strict: bool) -> tuple[Samples, list[str], tuple[Issue, ...]]:
     """The log's samples in SI and degC, notes, and what looks wrong."""
     log, notes = _channels(table, choice.sources)
     predicted = set(choice.outputs) - set(choice.inputs)
     log, held = (log, []) if table.mixed else without_held_rows(log)
-    with np.errstate(over="ignore", invalid="ignore"):  # what overflows here is refused as a time below
-        silent = silent_channels(log, predicted)
-        clean = log.without({key: [one for one in some if one.left_out] for key, some in silent.items()})
-        twice = duplicates(log)
-        issues = (*issues_of(log, silent, twice, predicted), *held)
+    silent = silent_channels(log, predicted)
+    clean = log.without({key: [one for one in some if one.left_out] for key, some in silent.items()})
+    twice = duplicates(log)
+    issues = (*issues_of(log, silent, twice, predicted), *held)
     for issue in issues:
         if strict and issue.certain:
             raise InputError(table.path, *issue.error)
