@@ -84,7 +84,7 @@ def _suspect_name(log: Channels, key: str) -> list[Issue]:
     """Another unit than SI, by a row of units or, beyond doubt, the column's name."""
     source, quantity, name = log.sources[key], quantity_of(key), log.sources[key].columns[0]
     for column, cell in ((column, log.units[column]) for column in source.columns if log.units.get(column)):
-        stated = ColumnName.of(column, cell).unit(quantity)
+        stated = ColumnName.of("", cell).unit(quantity)
         if not stated and words_of(cell) and quantity in UNITS:
             remedy = f"a unit of {quantity}; if it is one all the same, write {{}}"
             meant = replace(source, columns=(column,), unit=column_unit(key))
