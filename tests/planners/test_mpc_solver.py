@@ -7,11 +7,10 @@ import pytest
 
 from lptn.model.model import Model
 from lptn.planners import TorqueMPC
-from lptn.planners.mpc.settings import stage_means
 from tests.benchmarks.torque_mpc import ERROR, HORIZON, LIMITS, PERIOD, STAGES, activity
 from tests.benchmarks.torque_mpc_stress import stress
 from tests.builders import effect, leg
-from tests.planners.truth import World, conditions, model_of, true_robot
+from tests.planners.truth import World, conditions, model_of, stage_means, true_robot
 
 REQUEST, AROUND = np.array([6.0, 10.0, 14.0]), [25.0]
 

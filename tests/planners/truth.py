@@ -105,3 +105,22 @@ def _true(robot: Robot, network: Network, name: str) -> float | None:
 
 def _like(node: str, place: str) -> bool:
     return place in ("*", "*_*", class_of(node))
+
+
+def stage_means(values: FloatArray, step: float, stages: FloatArray) -> FloatArray:
+    """Means of a piecewise constant signal over each stage; its last value goes on for ever.
+
+    Args:
+        values: shape (n, signals), each row held for `step` seconds.
+        step: [s].
+        stages: lengths [s], shape (stages,).
+
+    Returns:
+        Shape (stages, signals).
+    """
+    ends = np.concatenate([[0.0], np.cumsum(stages)])
+    edges = step * np.arange(len(values) + 1)
+    edges[-1] = max(edges[-1], ends[-1])
+    sums = np.vstack([np.zeros((1, values.shape[1])), np.cumsum(values * np.diff(edges)[:, None], axis=0)])
+    at = np.column_stack([np.interp(ends, edges, column) for column in sums.T])
+    return np.asarray(np.diff(at, axis=0) / np.asarray(stages)[:, None])

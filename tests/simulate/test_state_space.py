@@ -77,7 +77,7 @@ def test_euler_makes_fast_masses_faster(capacity: float, resistance: float, step
     tau = capacity * resistance
     seen = -step / np.log(1 - step / tau)  # the time constant that G = I + hA shows
     assert seen / tau - 1 == pytest.approx(share, abs=0.01)
-    assert _block(capacity, resistance).euler_monotone == pytest.approx(tau)
+    assert _block(capacity, resistance).time_constants[0] == pytest.approx(tau)
 
 
 def test_euler_is_refused_where_it_blows_up() -> None:

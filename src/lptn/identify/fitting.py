@@ -25,7 +25,7 @@ from lptn.identify.integral_start import integral_start
 from lptn.identify.noise import Noise, balanced_sigma, estimate_noise
 from lptn.identify.problem import Point, Problem
 from lptn.identify.solvers import PRECISION, Progress, Solution, minimise
-from lptn.identify.uncertainty import Uncertainty, rows_at_bounds, uncertainty
+from lptn.identify.uncertainty import Uncertainty, uncertainty
 from lptn.logs.run import Run
 from lptn.model.model import Model
 from lptn.model.tables import DataTable, FitTable, FittedTable
@@ -70,19 +70,6 @@ class Fit(Tabular):
     def free(self) -> list[int]:
         """Numbers of the model's parameters that were fitted."""
         return list(self.problem.free)
-
-    @cached_property
-    def vanished(self) -> dict[str, int]:
-        """Thermal resistances that ended at their largest, capacities and windings' resistances at their least: as good
-        as none. By name, the side of the bound: 0 for the lower one, 1 for the upper.
-        """
-        ends = {"K/W": 1, "J/K": 0, "ohm": 0}  # where a link, a capacity, and a winding's loss, has no effect
-        parameters, vanished = self.model.parameters, {}
-        for row, end in rows_at_bounds(self.problem, self.z).items():
-            index = self.problem.free[row]
-            if ends.get(parameters[index].declared.unit) == end:
-                vanished[parameters[index].name] = end
-        return vanished
 
     @cached_property
     def uncertainty(self) -> Uncertainty:

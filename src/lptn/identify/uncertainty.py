@@ -174,7 +174,7 @@ def _single_parameters(
     perhaps_none: BoolArray,
 ) -> list[str]:
     """Warnings on parameters at a bound, or with a standard error that leaves them open."""
-    at_bounds, values = rows_at_bounds(problem, z), problem.point(z).values
+    (below, above), values = problem.at_bounds(z), problem.point(z).values
     warnings = []
     for row, name in enumerate(names):
         parameter = problem.model.parameters[problem.free[row]]
@@ -183,9 +183,13 @@ def _single_parameters(
             least = problem.point(z - 2 * spread[row] * (np.arange(len(z)) == row)).values[problem.free[row]]
             detail = f"; {least:.2g} K/W at least" if least > parameter.declared.bounds[0] else ", nor how much"
             warnings.append(f"{name}: these data don't tell whether heat passes there{detail}")
-        elif row in at_bounds and not in_combination[row]:
-            bounds, side = parameter.declared.bounds, at_bounds[row]
-            ended = f"ends at its bound, {bounds[side]:g} ({bounds[0]:g} to {bounds[1]:g}{unit})"
+        elif (
+            (below[row] or above[row])
+            and not _is_off(parameter, values[problem.free[row]])  # an amplitude may end where its effect vanishes
+            and not in_combination[row]
+        ):
+            bounds = parameter.declared.bounds
+            ended = f"ends at its bound, {bounds[int(above[row])]:g} ({bounds[0]:g} to {bounds[1]:g}{unit})"
             warnings.append(f"{name}: {ended}")
         elif parameter.declared.prior is not None and _is_far(parameter.declared, values[problem.free[row]]):
             mean, deviation = parameter.declared.prior
@@ -199,19 +203,6 @@ def _single_parameters(
         elif not parameter.logarithmic and abs(z[row]) < 2 * spread[row] and not in_combination[row]:
             warnings.append(f"{name}: these data don't tell it from zero")
     return warnings
-
-
-def rows_at_bounds(problem: Problem, z: FloatArray) -> dict[int, int]:
-    """Which free parameters ended at a bound, by their number: 0 at the lower one, 1 at the upper.
-
-    An amplitude that ended where its effect vanishes did not.
-    """
-    (below, above), values = problem.at_bounds(z), problem.point(z).values
-    return {
-        row: int(above[row])
-        for row, index in enumerate(problem.free)
-        if (below[row] or above[row]) and not _is_off(problem.model.parameters[index], values[index])
-    }
 
 
 def _is_far(declared: Parameter, value: float) -> bool:

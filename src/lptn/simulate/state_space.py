@@ -60,11 +60,6 @@ class StateSpace:
         """The longest Euler step that does not blow up [s], 2/|λ|max."""
         return 2.0 * float(self.time_constants[0])
 
-    @property
-    def euler_monotone(self) -> float:
-        """The longest Euler step without overshoot in any mode [s], 1/|λ|max."""
-        return float(self.time_constants[0])
-
     def exact(self, step: float) -> tuple[FloatArray, FloatArray]:
         """G and H of x(k+1) = G x(k) + H u(k), inputs held over the step [s]: the exact zero-order hold.
 
