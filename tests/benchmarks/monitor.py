@@ -27,13 +27,15 @@ from lptn.online.fault_bank import Alarm
 from lptn.online.monitoring import MonitoredRun, alarms_by_threshold, monitor
 from lptn.robots.presets import presets
 from lptn.simulate.bound_run import bind
-from lptn.virtual import Fault, plan, quadruped_logs, write_logs
+from lptn.virtual import plan, quadruped_logs, write_logs
+from tests.truth.faults import Fault
 from tests.truth.plans import outings
 
 OUTINGS = 10
 THRESHOLD = 10.0  # K
 SEEN = 2.0  # K; a stuck sensor whose temperature moves less has done no harm yet
 HALF_HOUR = 1800.0  # s
+QUANTISATION = 1.0  # K, of the sensors
 
 
 @dataclass(frozen=True)
@@ -74,7 +76,7 @@ class Robot:
 
 def prepare(seed: int, folder: Path, ordinary: bool) -> Robot:
     """Make the logs to fit, fit, calibrate."""
-    earlier = [run for name, run in outings(seed + 1000).items() if name.startswith("healthy")][:OUTINGS]
+    earlier = [run for name, run in outings(seed + 1000)[0].items() if name.startswith("healthy")][:OUTINGS]
     runs = plan("protocol", seed) | plan("tests", seed)
     if ordinary:
         runs |= {f"outing_{number:02d}": run for number, run in enumerate(earlier)}
@@ -88,7 +90,7 @@ def prepare(seed: int, folder: Path, ordinary: bool) -> Robot:
     print(f"seed {seed}: fit {time.perf_counter() - start:.0f} s, RMSE {done.rmse:.2f} K, {done.status}", flush=True)
     start = time.perf_counter()
     calibration = calibrate(done.model, healthy)
-    limits = ", ".join(f"{limits.min():.1f} to {limits.max():.1f}" for limits in calibration.limits)
+    limits = ", ".join(f"{kind} {limit:.1f}" for kind, limit in calibration.limits.items())
     print(f"calibration {time.perf_counter() - start:.0f} s, limits {limits}", flush=True)
     return Robot(loaded, done.model, calibration, _fair(done.model, healthy))
 
@@ -106,10 +108,12 @@ def _fair(model: Model, healthy: Sequence[Run]) -> float:
 
 def watch(seed: int, robot: Robot, folder: Path, count: int) -> list[Watch]:
     """Make the logs to watch, and watch them."""
-    runs = {name: run for name, run in outings(seed).items() if int(name[-2:]) < count}
-    logs = quadruped_logs(seed=seed, runs=runs)
+    runs, faults = outings(seed)
+    runs = {name: run for name, run in runs.items() if int(name[-2:]) < count}
+    logs, fine = (quadruped_logs(seed=seed, runs=runs, quantisation=step) for step in (QUANTISATION, 0.0))
+    shown = dict(logs) | {name: faults[name].shown(fine[name], QUANTISATION) for name in logs if name in faults}
     watched = []
-    for name, path in zip(logs, write_logs(folder, logs), strict=True):
+    for name, path in zip(logs, write_logs(folder, shown), strict=True):
         result = monitor(robot.model, robot.loaded.runs([path]), threshold=THRESHOLD, calibration=robot.calibration)
         (monitored,) = result.runs
         fair = alarms_by_threshold(monitored, robot.fair)
@@ -118,7 +122,7 @@ def watch(seed: int, robot: Robot, folder: Path, count: int) -> list[Watch]:
             "fair": fair,
             "statistical": monitored.statistical_alarms,
         }
-        fault = next(iter(runs[name].faults), None)
+        fault = faults.get(name)
         moved = 0.0
         if fault is not None:
             true = logs.truth[name].query("time >= @begin", local_dict={"begin": fault.time})[f"temperature.{fault.at}"]

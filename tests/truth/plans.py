@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from lptn.virtual import QUADRUPED_JOINTS, Fault, Run, Segment
+from lptn.virtual import QUADRUPED_JOINTS, Run, Segment
 from lptn.virtual.robot import stream
 from lptn.virtual.runs import RESUME, Acts, draw_segments, trial
-from lptn.virtual.sensors import FAULTS
+
+from .faults import FAULTS, Fault
 
 SWING = 8.0  # K
 TROTS, LOGS = 20, 50  # runs of a forecast's plan; healthy ones, and faulty ones, of a monitor's
@@ -49,20 +50,24 @@ def trots(seed: int = 0) -> dict[str, Run]:
     return runs
 
 
-def outings(seed: int = 0) -> dict[str, Run]:
+def outings(seed: int = 0) -> tuple[dict[str, Run], dict[str, Fault]]:
     """Return 50 healthy outings of 40 min and 50 with one sensor's fault in the middle half, 10 to 30 degC.
 
-    Drifts of 0.01 to 0.1 K/s, offsets of 4 to 15 K, stuck and missing readings in turn; see ``Run.faults``.
+    Drifts of 0.01 to 0.1 K/s, offsets of 4 to 15 K, stuck and missing readings in turn.
+
+    Returns:
+        The runs, and of the faulty ones the faults, by name.
     """
-    runs = {}
+    runs, faults = {}, {}
     for state in ("healthy", "faulty"):
         for k in range(LOGS):
             rng = stream(seed, "monitor", state, str(k))
             ambient = round(rng.uniform(10, 30), 1)
-            segments = draw_segments(rng, _OUTING, OUTING_SECONDS)
-            faults = (_fault(FAULTS[k % len(FAULTS)], rng),) if state == "faulty" else ()
-            runs[f"{state}_{k:02d}"] = Run(segments, ambient, resume=RESUME, faults=faults)
-    return runs
+            name, segments = f"{state}_{k:02d}", draw_segments(rng, _OUTING, OUTING_SECONDS)
+            runs[name] = Run(segments, ambient, resume=RESUME)
+            if state == "faulty":
+                faults[name] = _fault(FAULTS[k % len(FAULTS)], rng)
+    return runs, faults
 
 
 def _fault(kind: str, rng: np.random.Generator) -> Fault:

@@ -1,4 +1,4 @@
-"""Check what sensors, clock and the ambient's sensor show, faults among it, against what is written out here."""
+"""Check what sensors, clock and the ambient's sensor show against what is written out here."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from scipy.integrate import solve_ivp
 
-from lptn.virtual import QUADRUPED_NODES, Fault, Hidden, Logs, Run, Segment, leg_logs, plan, quadruped, quadruped_logs
+from lptn.virtual import QUADRUPED_NODES, Hidden, Logs, Run, Segment, leg_logs, plan, quadruped, quadruped_logs
 from lptn.virtual.robot import Array
 from lptn.virtual.sensors import lagged
 from tests.truth.plans import swing
@@ -133,33 +133,3 @@ def test_leg_feels_the_lag_of_the_ambient() -> None:
         assert (log - prompt[name])["temperature.FR_calf"].abs().max() > 0.8
     warm = leg_logs([Hidden("ambient_lag", "ambient")], seed=1, noise=0, start="warm")
     assert len(warm["fit1"]) == 24000
-
-
-MIX = Run((Segment("trot", 240, 0.5, 2.0), Segment("stand", 60), Segment("hold", 60, joints=("RL_calf",), torque=8.0)))
-
-
-@pytest.mark.long
-def test_faults_are_what_they_are_called() -> None:
-    faults = (
-        Fault("drift", "FR_calf", 100, 0.05),
-        Fault("offset", "FL_hip", 50.5, -6.0),
-        Fault("stuck", "RR_thigh", 60),
-        Fault("dropout", "pc", 200, until=300),
-    )
-    runs = {"healthy": MIX, "faulty": Run(MIX.segments, faults=faults)}
-    for rate in (1, 100):
-        # The same run under the same name, so that the noise is the same.
-        healthy = quadruped_logs(seed=1, runs={"run": runs["healthy"]}, quantisation=0, rate=rate)["run"]
-        faulty = quadruped_logs(seed=1, runs={"run": runs["faulty"]}, quantisation=0, rate=rate)["run"]
-        time = healthy["time"].to_numpy()
-        gap = (faulty - healthy).astype(float)
-        assert gap["temperature.FR_calf"].to_numpy() == pytest.approx(0.05 * np.maximum(time - 100, 0), abs=1e-4)
-        assert gap["temperature.FL_hip"].to_numpy() == pytest.approx(-6.0 * (time >= 50.5), abs=1e-4)
-        stuck = faulty["temperature.RR_thigh"][time >= 60]
-        assert stuck.nunique() == 1
-        assert stuck.iloc[0] == pytest.approx(healthy["temperature.RR_thigh"][time >= 60].iloc[0], abs=1)
-        assert np.array_equal(faulty["temperature.pc"].isna(), (time >= 200) & (time < 300))
-        untouched = gap.drop(
-            columns=["temperature.FR_calf", "temperature.FL_hip", "temperature.RR_thigh", "temperature.pc"]
-        )
-        assert not untouched.to_numpy().any()

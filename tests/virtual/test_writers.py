@@ -11,7 +11,6 @@ import pandas as pd
 import pytest
 
 from lptn.virtual import (
-    Fault,
     Hidden,
     Run,
     Segment,
@@ -21,11 +20,11 @@ from lptn.virtual import (
 )
 from lptn.virtual.__main__ import main
 
-RUNS = {"mix": Run((Segment("trot", 500, 0.5), Segment("rest", 200)), faults=(Fault("dropout", "pc", 650),))}
+RUNS = {"mix": Run((Segment("trot", 500, 0.5), Segment("rest", 200)))}
 
 
 def test_files_hold_what_the_function_makes(tmp_path: Path) -> None:
-    log = quadruped_logs(seed=1, runs=RUNS, rate=100)["mix"]
+    log = quadruped_logs(seed=1, runs=RUNS, rate=100, dropouts=0.05)["mix"]
     files = write_logs(tmp_path / "new", {"mix": log})
     assert files == [tmp_path / "new" / "mix.parquet"] == list((tmp_path / "new").iterdir())
     assert len(log) == 70000

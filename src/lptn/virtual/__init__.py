@@ -14,7 +14,7 @@ from .motion import Segment
 from .quadruped import Logs, Record, quadruped, quadruped_logs, rows, simulate_runs
 from .robot import LAYOUTS, LEG_JOINTS, QUADRUPED_JOINTS, QUADRUPED_NODES, Mass, Robot, draw_leg, draw_quadruped
 from .runs import PLANS, Plan, Run, plan
-from .sensors import Fault, Sensor
+from .sensors import Sensor
 from .writers import Format, write_logs
 
 __all__ = [
@@ -27,7 +27,6 @@ __all__ = [
     "QUADRUPED_NODES",
     "SINGLE",
     "Columns",
-    "Fault",
     "Forcing",
     "Format",
     "Hidden",

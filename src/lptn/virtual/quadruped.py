@@ -26,7 +26,7 @@ from .robot import (
     stream,
 )
 from .runs import Plan, Run, plan
-from .sensors import Sensor, by_place, noise_free_readings, replace_readings, sensor_steps, shift_readings
+from .sensors import Sensor, by_place, noise_free_readings, sensor_steps
 from .surroundings import Ambient, ambient, event_heat, fan, sun
 
 RATES = (1.0, 100.0)  # Hz
@@ -146,7 +146,7 @@ def rows(record: Record, sensor: Sensor, seed: int, rate: float, columns: Column
         rate: 1 or 100 Hz.
         columns: as for ``quadruped_logs``.
     """
-    motion, means, faults = record.motion, record.motion.means(), record.run.faults
+    motion, means = record.motion, record.motion.means()
     seconds = record.run.seconds
     true = noise_free_readings(record.network, record.states, copper_loss(record.robot, means))
     steps = sensor_steps(record.robot, seconds, seed, record.name)[:, : len(QUADRUPED_NODES)]
@@ -154,13 +154,10 @@ def rows(record: Record, sensor: Sensor, seed: int, rate: float, columns: Column
     gain = 1 + TORQUE_NOISE * noise
     extra = extra_columns(record.robot, columns)
     shared = {name: values for name, values in motion.shared(means).columns().items() if name in extra}
-    frozen = _frozen(record, sensor, seed, true[:-1] + steps)
 
     def table(time: Array, moves: Mapping[str, Array], readings: Array, piece: str) -> pd.DataFrame:
         second = time.astype(int)
-        shift_readings(faults, time, readings)
         readings = sensor.read(readings, stream(seed, "sensors", record.name, piece))
-        replace_readings(faults, time, readings, frozen)
         columns = {"time": time}
         for quantity, values in moves.items():
             columns |= by_place(quantity, values, QUADRUPED_JOINTS)
@@ -194,19 +191,6 @@ def rows(record: Record, sensor: Sensor, seed: int, rate: float, columns: Column
         piece = table(time, {"torque": torque, "velocity": velocity}, readings, str(begin))
         # Half the size, and finer than any sensor; only time would lose.
         yield piece.astype({name: np.float32 for name in piece if name != "time"})
-
-
-def _frozen(record: Record, sensor: Sensor, seed: int, readings: Array) -> list[float]:
-    """Return the reading at the beginning of each fault: what a stuck sensor keeps on showing."""
-    frozen = []
-    for k, fault in enumerate(record.run.faults):
-        second = min(int(fault.time), len(readings) - 1)
-        there = readings[second : second + 1].copy()
-        shift_readings(record.run.faults, np.array([fault.time]), there)
-        # Without gaps: a stuck sensor shows something.
-        whole = Sensor(sensor.noise, sensor.quantisation)
-        frozen.append(float(whole.read(there, stream(seed, "stuck", record.name, str(k)))[0, fault.column]))
-    return frozen
 
 
 # --- logs of whole plans -------------------------------------------------------------------------------------------

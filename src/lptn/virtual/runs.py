@@ -11,7 +11,6 @@ import numpy as np
 
 from .motion import Segment
 from .robot import QUADRUPED_JOINTS, check_one_of, stream
-from .sensors import Fault
 
 CUTOUT, RESUME = 65.0, 50.0  # degC
 GAP, PAUSE = 60, 3600  # s, between runs of the protocol and of the tests
@@ -38,7 +37,6 @@ class Run:
         start: degC; ``None`` for the ambient.
         cutout: degC at which a joint's winding switches all drives off; ``None`` for never.
         resume: degC below which all of them must be to switch on again; ``None`` for never in this run.
-        faults: of the temperature sensors.
     """
 
     segments: tuple[Segment, ...]
@@ -49,7 +47,6 @@ class Run:
     start: float | None = None
     cutout: float | None = CUTOUT
     resume: float | None = None
-    faults: tuple[Fault, ...] = ()
     swing: float = 0.0
 
     def __post_init__(self) -> None:

@@ -1,19 +1,16 @@
-"""What sensors show of the true temperatures: position, lag, clock, steps, faults, noise, rounding, gaps."""
+"""What sensors show of the true temperatures: position, lag, clock, steps, noise, rounding, gaps."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .heat import REFERENCE, Network
-from .robot import QUADRUPED_NODES, Array, Robot, check_one_of, stream
+from .robot import Array, Robot, stream
 
 HOT_SPOT = 3.0  # s, time constant of a hot spot
-FAULTS = ("drift", "offset", "stuck", "dropout")
 
 
 @dataclass(frozen=True)
@@ -122,61 +119,6 @@ def sensor_steps(robot: Robot, seconds: int, seed: int, run: str) -> Array:
     """Return what steps add to the readings (K) in each second of a run, of shape (seconds, nodes)."""
     when = np.array([stream(seed, "step", run, node).uniform(0.2, 0.8) * seconds for node in robot.nodes])
     return (np.arange(seconds)[:, None] >= when) * robot.step
-
-
-@dataclass(frozen=True)
-class Fault:
-    """One fault of one of the quadruped's sensors.
-
-    Args:
-        kind: "drift" (K/s), "offset" (K), "stuck" (the reading stays as it is) or "dropout" (no reading).
-        at: a joint, or "pc".
-        time: s from the run's beginning at which it starts.
-        size: K/s or K, of either sign; means nothing for the others.
-        until: s at which it ends.
-
-    Raises:
-        ValueError: a value outside its range.
-    """
-
-    kind: str
-    at: str
-    time: float
-    size: float = 0.0
-    until: float = math.inf
-
-    def __post_init__(self) -> None:
-        check_one_of("fault", self.kind, FAULTS)
-        check_one_of(f"place of {self.kind}", self.at, QUADRUPED_NODES)
-        if not 0 <= self.time < self.until:
-            raise ValueError(f"time of {self.kind}: found {self.time:g}; expected 0 s or above, before its end")
-        if not math.isfinite(self.size):
-            raise ValueError(f"size of {self.kind}: found {self.size:g}; expected a finite number")
-
-    @property
-    def column(self) -> int:
-        """Where its sensor stands among the nodes."""
-        return QUADRUPED_NODES.index(self.at)
-
-    def acts(self, time: Array) -> NDArray[np.bool_]:
-        """Return at which of these times (s) it acts."""
-        return (time >= self.time) & (time < self.until)
-
-
-def shift_readings(faults: Sequence[Fault], time: Array, readings: Array) -> None:
-    """Add drifts and offsets, in place, to noise-free readings at these times, of shape (times, nodes)."""
-    for fault in faults:
-        if fault.kind == "drift":
-            readings[:, fault.column] += fault.size * (time - fault.time) * fault.acts(time)
-        elif fault.kind == "offset":
-            readings[:, fault.column] += fault.size * fault.acts(time)
-
-
-def replace_readings(faults: Sequence[Fault], time: Array, readings: Array, frozen: Sequence[float]) -> None:
-    """Put in, in place, readings that are stuck or missing; ``frozen`` has the one kept by each fault."""
-    for fault, kept in zip(faults, frozen, strict=True):
-        if fault.kind in ("stuck", "dropout"):
-            readings[fault.acts(time), fault.column] = kept if fault.kind == "stuck" else np.nan
 
 
 def by_place(quantity: str, values: Array, places: Sequence[str]) -> dict[str, Array]:
