@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 
 from lptn.basics.files import write_whole
 from lptn.basics.style import INK, SMALL, dress, new_figure
-from lptn.planners.trade import Option, Problem, parse_study
+from lptn.planners.trade import DesignProblem, Option, parse_study
 from lptn.planners.trade.motors import U8, U10
 
 DURATIONS = (1.0, 3.0, 10.0, 20.0, 30.0, 60.0, 120.0, 180.0, 300.0, 600.0, 1800.0, 3600.0)  # s
@@ -72,7 +72,7 @@ def option_of(candidate: Candidate) -> Option:
 
 def held(candidate: Candidate, durations: tuple[float, ...] = DURATIONS) -> list[float]:
     """Torque [N·m] that a candidate holds for each duration [s]: 105 degC at the winding, 35 A, 260 W in the pipes."""
-    problem = Problem(option_of(candidate), candidate.sink)
+    problem = DesignProblem(option_of(candidate), candidate.sink)
     solutions = [problem.solve({"duration": duration}) for duration in durations]
     return [solution.objective if solution.success else float("nan") for solution in solutions]
 
@@ -83,7 +83,7 @@ def time_held(candidate: Candidate, torque: float) -> float:
     text = STUDY.format(cooling=cooling, motor=candidate.motor).replace("held_torque", "time_to_limit")
     text = text.replace("duration = 60", f"torque = {torque}") + "[limits]\ncurrent = 60\n"
     (option,) = parse_study(text, Path("comparison")).options()
-    solution = Problem(option, candidate.sink).solve()
+    solution = DesignProblem(option, candidate.sink).solve()
     return solution.objective if solution.success else float("nan")
 
 

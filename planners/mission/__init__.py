@@ -2,10 +2,10 @@
 
 from .answer import MissionAnswer, plan_kind
 from .gait import Gait, LogPart, gait_from_logs, gait_from_tables
-from .mission import Activity, Mission, Segment, Transition
+from .mission import Activity, Mission, MissionSegment, Transition
 from .mission_file import read_mission
-from .plan import Plan, plan_mission
-from .program import Program, Solution
+from .plan import MissionPlan, plan_mission
+from .program import MissionProgram, MissionSolution
 from .replanning import MissionControl, Order, Replanned
 
 __all__ = [
@@ -15,12 +15,12 @@ __all__ = [
     "Mission",
     "MissionAnswer",
     "MissionControl",
+    "MissionPlan",
+    "MissionProgram",
+    "MissionSegment",
+    "MissionSolution",
     "Order",
-    "Plan",
-    "Program",
     "Replanned",
-    "Segment",
-    "Solution",
     "Transition",
     "gait_from_logs",
     "gait_from_tables",

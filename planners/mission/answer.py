@@ -14,7 +14,7 @@ from lptn.model.model import Model
 
 from .mission import Mission
 from .mission_file import read_mission
-from .plan import Plan, plan_mission
+from .plan import MissionPlan, plan_mission
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -28,7 +28,7 @@ class MissionAnswer:
         plan: the plan.
     """
 
-    plan: Plan
+    plan: MissionPlan
 
     def table(self) -> pd.DataFrame:
         """A row for each piece of the plan; with the temperature of every node at its end."""
@@ -104,7 +104,7 @@ def _activity_rows(table: pd.DataFrame) -> pd.DataFrame:
     return table[[column for column in table.columns if not column.startswith("temperature.")]]
 
 
-def _verdict(plan: Plan) -> list[str]:
+def _verdict(plan: MissionPlan) -> list[str]:
     mission, total = plan.mission, _time(plan.total)
     until = "" if mission.deadline is None else f", deadline {_time(mission.deadline)}"
     if plan.verdict == "met":
@@ -124,7 +124,7 @@ def _verdict(plan: Plan) -> list[str]:
             *_obstacle(plan), *_needed_rise(plan)]  # fmt: skip
 
 
-def _obstacle(plan: Plan) -> list[str]:
+def _obstacle(plan: MissionPlan) -> list[str]:
     first = plan.obstacle
     if first is None:
         return []
@@ -134,7 +134,7 @@ def _obstacle(plan: Plan) -> list[str]:
     ]
 
 
-def _reason_for_rest(plan: Plan) -> str:
+def _reason_for_rest(plan: MissionPlan) -> str:
     over = {node: peak for node, peak in plan.peaks.items() if peak > plan.mission.limits[node]}
     if over:
         node = max(over, key=lambda name: over[name] - plan.mission.limits[name])
@@ -142,7 +142,7 @@ def _reason_for_rest(plan: Plan) -> str:
     return f"no plan was found that does a part of it within the limits (solver: {plan.status})"
 
 
-def _needed_rise(plan: Plan) -> list[str]:
+def _needed_rise(plan: MissionPlan) -> list[str]:
     mission = plan.mission
     if mission.deadline is not None and mission.fastest > mission.deadline:
         return [f"no rise of the limits would suffice: at its fastest it takes {_time(mission.fastest)}"]
@@ -151,7 +151,7 @@ def _needed_rise(plan: Plan) -> list[str]:
     return [f"all of it in time would need all limits {plan.raise_needed:.1f} K higher"]
 
 
-def _prices(plan: Plan) -> list[str]:
+def _prices(plan: MissionPlan) -> list[str]:
     if not plan.prices:
         return ["what a limit is worth is not given: the solve did not converge"]
     if plan.bottleneck is None:
@@ -166,7 +166,7 @@ def _prices(plan: Plan) -> list[str]:
     return [f"bottleneck: {lines[0]}", *(f"then {line}" for line in lines[1:])]
 
 
-def _check(plan: Plan) -> list[str]:
+def _check(plan: MissionPlan) -> list[str]:
     over = {node: peak - plan.mission.limits[node] for node, peak in plan.peaks.items()}
     if not over:
         return []

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from lptn.basics.places import class_of
 from lptn.basics.style import FAINT, INK, LIMIT, SMALL, TEXT, dress, new_figure, plain, time_axis
 
-from .plan import Plan
+from .plan import MissionPlan
 
 _COLOURS = ("#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8C6D31")
 _VERDICTS = {
@@ -20,7 +20,7 @@ _VERDICTS = {
 }
 
 
-def mission_figure(plan: Plan) -> Figure:
+def mission_figure(plan: MissionPlan) -> Figure:
     """Draw a plan."""
     figure = new_figure(6.4)
     upper, lower = np.asarray(figure.subfigures(2, 1, height_ratios=[3.2, 1]))
@@ -32,7 +32,7 @@ def mission_figure(plan: Plan) -> Figure:
     return figure
 
 
-def _temperatures(ax: Axes, plan: Plan) -> None:
+def _temperatures(ax: Axes, plan: MissionPlan) -> None:
     nodes = plan.mission.model.places
     classes = list(dict.fromkeys(class_of(node) for node in nodes))
     time, _ = time_axis(plan.course.time)
@@ -55,7 +55,7 @@ def _temperatures(ax: Axes, plan: Plan) -> None:
     dress(ax)
 
 
-def _speed_and_load(ax: Axes, plan: Plan) -> None:
+def _speed_and_load(ax: Axes, plan: MissionPlan) -> None:
     edges = np.concatenate([[0.0], np.cumsum(plan.time)])
     scale = 1 / 60 if time_axis(plan.course.time)[1].endswith("[min]") else 1.0
     for segment, begin, end in zip(plan.segments, edges[:-1] * scale, edges[1:] * scale, strict=True):
@@ -76,7 +76,7 @@ def _speed_and_load(ax: Axes, plan: Plan) -> None:
     dress(ax)
 
 
-def _prices(ax: Axes, plan: Plan) -> None:
+def _prices(ax: Axes, plan: MissionPlan) -> None:
     shown = list(plan.class_prices.items())[:8][::-1]
     ax.barh(range(len(shown)), [price for _, price in shown], 0.6, color=_COLOURS[0])
     ax.set_yticks(range(len(shown)), [plain(name) for name, _ in shown])

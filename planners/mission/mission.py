@@ -155,7 +155,7 @@ def with_complete_start(mission: Mission) -> tuple[Mission, tuple[str, ...]]:
 
 
 @dataclass(frozen=True)
-class Segment:
+class MissionSegment:
     """One piece of the plan with constant speed and load.
 
     Args:
@@ -185,7 +185,7 @@ class Segment:
         return self.carries >= 0
 
 
-def segments_of(mission: Mission, rests: Collection[int] | None = None) -> list[Segment]:
+def segments_of(mission: Mission, rests: Collection[int] | None = None) -> list[MissionSegment]:
     """The pieces of a mission in order, with transitions, and the rests that the planner may insert.
 
     Args:
@@ -193,7 +193,7 @@ def segments_of(mission: Mission, rests: Collection[int] | None = None) -> list[
         rests: numbers of the pieces before which a rest may be inserted, with the transitions to it and from it.
             `None`: before any, and around rests no transition: what a plan could do at best.
     """
-    segments: list[Segment] = []
+    segments: list[MissionSegment] = []
     piece = -1
     for number, activity in enumerate(mission.activities):
         named = f"{activity.do} {1 + sum(earlier.do == activity.do for earlier in mission.activities[:number])}"
@@ -206,18 +206,18 @@ def segments_of(mission: Mission, rests: Collection[int] | None = None) -> list[
             if mission.rest is not None and allowed and not rested:
                 still = tuple((float(knots[0]), float(knots[-1])) for knots in mission.rest.postures.values())
                 time = (0.0, mission.longest_rest)
-                segments.append(Segment("rest", -1, mission.rest, 0.0, False, time, still, before=piece))
+                segments.append(MissionSegment("rest", -1, mission.rest, 0.0, False, time, still, before=piece))
             name = named if activity.pieces == 1 else f"{named}, part {part + 1} of {activity.pieces}"
             low, high = (limit / activity.pieces for limit in activity.duration)
             length = low if activity.distance is None else activity.distance / activity.pieces
             posture = tuple(activity.posture[key] for key in activity.gait.postures)
-            segments.append(Segment(name, number, activity.gait, length, activity.travels, (low, high), posture))
+            segments.append(MissionSegment(name, number, activity.gait, length, activity.travels, (low, high), posture))
     return _with_transitions(mission, segments, free_rests=rests is None)
 
 
-def _with_transitions(mission: Mission, pieces: list[Segment], *, free_rests: bool) -> list[Segment]:
+def _with_transitions(mission: Mission, pieces: list[MissionSegment], *, free_rests: bool) -> list[MissionSegment]:
     """Pieces with what it takes to go from one to the next; around an inserted rest nothing where those are free."""
-    segments: list[Segment] = []
+    segments: list[MissionSegment] = []
     before, carries = mission.begins, 0
     for piece in pieces:
         if piece.activity >= 0 and piece.gait.name != REST:
@@ -227,13 +227,13 @@ def _with_transitions(mission: Mission, pieces: list[Segment], *, free_rests: bo
             if transition is not None:
                 time = (transition.duration, transition.duration)
                 name = transition.gait.name
-                segments.append(Segment(name, -1, transition.gait, time[0], False, time, carries=carries))
+                segments.append(MissionSegment(name, -1, transition.gait, time[0], False, time, carries=carries))
             before = piece.gait.name
         segments.append(piece)
     return segments
 
 
-def first_rest(mission: Mission, segments: list[Segment]) -> int:
+def first_rest(mission: Mission, segments: list[MissionSegment]) -> int:
     """How many pieces at the beginning are rest, and the way to it."""
     rested = 0
     for k, segment in enumerate(segments):

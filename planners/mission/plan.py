@@ -10,8 +10,8 @@ import numpy as np
 from lptn.basics.arrays import FloatArray
 from lptn.basics.places import class_of
 
-from .mission import Mission, Segment, segments_of, with_complete_start
-from .program import Goal, Program, Solution
+from .mission import Mission, MissionSegment, segments_of, with_complete_start
+from .program import Goal, MissionProgram, MissionSolution
 from .rests import solved
 from .simulation import Course, simulate_plan
 
@@ -37,7 +37,7 @@ class PassedLimit:
 
 
 @dataclass(frozen=True, repr=False)
-class Plan:
+class MissionPlan:
     """The answer to a mission.
 
     Args:
@@ -63,7 +63,7 @@ class Plan:
 
     mission: Mission
     verdict: Verdict
-    segments: list[Segment]
+    segments: list[MissionSegment]
     time: FloatArray
     speed: FloatArray
     load: FloatArray
@@ -79,7 +79,7 @@ class Plan:
 
     def __repr__(self) -> str:
         pieces = f"{len(self.segments)} piece{'s' * (len(self.segments) != 1)}"
-        return f"<Plan of {self.mission.name}: {self.verdict}, {pieces}, {self.total:.0f} s>"
+        return f"<MissionPlan of {self.mission.name}: {self.verdict}, {pieces}, {self.total:.0f} s>"
 
     @property
     def total(self) -> float:
@@ -154,7 +154,7 @@ class Plan:
         return max((abs(self.peaks[node] - value) for node, value in self.coarse.items()), default=0.0)
 
 
-def plan_mission(mission: Mission, *, explain: bool = True) -> Plan:
+def plan_mission(mission: Mission, *, explain: bool = True) -> MissionPlan:
     """Find the fastest plan that keeps all limits, or the best of what is possible.
 
     Never fails: where not all can be done the verdict says so, and the plan is the safe part of it.
@@ -168,7 +168,7 @@ def plan_mission(mission: Mission, *, explain: bool = True) -> Plan:
     return replace(_planned(complete, explain), assumed=assumed)
 
 
-def _planned(mission: Mission, explain: bool) -> Plan:
+def _planned(mission: Mission, explain: bool) -> MissionPlan:
     raised: float | None = None
     program, fastest = solved(mission, "time")
     if fastest.success:
@@ -187,8 +187,8 @@ def _planned(mission: Mission, explain: bool) -> Plan:
 
 
 def _rise(
-    program: Program,
-    solution: Solution,
+    program: MissionProgram,
+    solution: MissionSolution,
     guess: float = 0.0,
     *,
     solves: int = 14,
@@ -237,12 +237,14 @@ def _rise(
     return enough
 
 
-def _slope(solution: Solution) -> float:
+def _slope(solution: MissionSolution) -> float:
     """What one kelvin more of all limits gains, in the unit of the goal; nothing where the solve failed."""
     return sum(abs(price) for name, price in solution.prices.items() if name.startswith("limit."))
 
 
-def _finished(program: Program, verdict: Verdict, solution: Solution, raised: float | None) -> Plan:
+def _finished(
+    program: MissionProgram, verdict: Verdict, solution: MissionSolution, raised: float | None
+) -> MissionPlan:
     """The plan replayed, and found again for limits a little lower where the replay passes one."""
     mission, lowered = program.mission, 0.0
     plan = _plan(program, verdict, solution, lowered, raised)
@@ -262,19 +264,21 @@ def _finished(program: Program, verdict: Verdict, solution: Solution, raised: fl
     return plan
 
 
-def _plan(program: Program, verdict: Verdict, solution: Solution, lowered: float, raised: float | None) -> Plan:
+def _plan(
+    program: MissionProgram, verdict: Verdict, solution: MissionSolution, lowered: float, raised: float | None
+) -> MissionPlan:
     mission, kept = program.mission, np.flatnonzero(solution.time > 0.05)  # s; shorter pieces are solver dust
     segments = [program.segments[k] for k in kept.tolist()]
     time, speed, load = solution.time[kept], solution.speed[kept], solution.load[kept]
     posture = [solution.posture[k] for k in kept.tolist()]
     course = simulate_plan(mission, segments, time, speed, load, posture)
-    return Plan(
+    return MissionPlan(
         mission, verdict, segments, time, speed, load, posture, solution.share, course, program.peaks(solution),
         lowered, solution.prices, raised, solution.status,
     )  # fmt: skip
 
 
-def _resting(program: Program, failed: Solution) -> Plan:
+def _resting(program: MissionProgram, failed: MissionSolution) -> MissionPlan:
     """All drives off until the deadline: the safest plan there is."""
     mission = program.mission
     rest = next((segment for segment in program.segments if segment.gait is mission.rest), None)
@@ -284,7 +288,9 @@ def _resting(program: Program, failed: Solution) -> Plan:
     posture = [tuple(low for low, _ in segment.posture) for segment in segments]
     course = simulate_plan(mission, segments, time, still, still, posture)
     share = np.zeros(len(mission.activities))
-    return Plan(mission, "none", segments, time, still, still, posture, share, course, {}, 0.0, {}, None, failed.status)
+    return MissionPlan(
+        mission, "none", segments, time, still, still, posture, share, course, {}, 0.0, {}, None, failed.status
+    )
 
 
 def peaks_of(mission: Mission, course: Course) -> dict[str, float]:

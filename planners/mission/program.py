@@ -186,7 +186,7 @@ def _grid() -> FloatArray:
 
 
 @dataclass(frozen=True)
-class Solution:
+class MissionSolution:
     """What IPOPT found.
 
     Args:
@@ -248,7 +248,7 @@ class _Watch(ca.Callback):
         return [int(float(ca.norm_inf(prices)) > _NO_PRICE)]
 
 
-class Program:
+class MissionProgram:
     """The program of one mission.
 
     Args:
@@ -271,9 +271,9 @@ class Program:
         *,
         limits: Mapping[str, float] | None = None,
         deadline: float | None = None,
-        near: Solution | None = None,
+        near: MissionSolution | None = None,
         **changed: float,
-    ) -> Solution:
+    ) -> MissionSolution:
         """Solve it.
 
         Args:
@@ -297,7 +297,7 @@ class Program:
             key=lambda solution: (solution.success, solution.work(mission) if goal == "work" else -solution.total),
         )
 
-    def peaks(self, solution: Solution) -> dict[str, float]:
+    def peaks(self, solution: MissionSolution) -> dict[str, float]:
         """Greatest temperature of each limited node at the program's stages [degC], once the first rest is over."""
         written, mission = self._written, self.mission
         states = solution.raw[: written.states * written.stages].reshape(-1, written.states).T
@@ -328,14 +328,16 @@ class Program:
     def _choices(self, point: Any) -> list[FloatArray]:
         return [value.full().ravel() for value in self._written.look(point)]
 
-    def _solve(self, start: FloatArray, p: FloatArray, lower: FloatArray, upper: FloatArray, goal: Goal) -> Solution:
+    def _solve(
+        self, start: FloatArray, p: FloatArray, lower: FloatArray, upper: FloatArray, goal: Goal
+    ) -> MissionSolution:
         rows = int(self._solver.size1_out("g"))
         least = np.concatenate([np.zeros(rows - 2), np.full(2, -np.inf)])
         done = self._solver(x0=start, p=p, lbx=lower, ubx=upper, lbg=least, ubg=np.zeros(rows))
         stats = self._solver.stats()
         status = str(stats["return_status"])
         time, speed, load, share, posture = self._choices(done["x"])
-        return Solution(
+        return MissionSolution(
             bool(stats["success"]),
             "Multipliers_Without_Bound" if status == "User_Requested_Stop" else status,
             time,

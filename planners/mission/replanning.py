@@ -14,8 +14,8 @@ from lptn.basics.errors import InputError
 from lptn.online import Estimator, ModelError
 
 from .gait import REST, Gait
-from .mission import Activity, Mission, Segment
-from .plan import Plan, peaks_of, plan_mission
+from .mission import Activity, Mission, MissionSegment
+from .plan import MissionPlan, peaks_of, plan_mission
 from .simulation import simulate_plan
 
 _FEWEST = 0.5  # s; what takes less is done
@@ -57,7 +57,7 @@ class Replanned:
 
     time: float
     why: str
-    plan: Plan
+    plan: MissionPlan
     total: float
 
 
@@ -126,7 +126,7 @@ class MissionControl:
         self._loads: dict[int, float] = {}  # of what has begun
         self._measured: dict[str, FloatArray] = {}  # by gait: integrals of squares, as measured and by the table
         self._air = mission.ambient
-        self._segments: list[Segment] = []
+        self._segments: list[MissionSegment] = []
         self._pieces: list[tuple[float, float, float, tuple[float, ...]]] = []  # time, speed, load, posture of each
         self._gone = 0.0  # s of the present piece, at its planned speed
         self._doing = mission.begins  # the gait that the robot is in
@@ -134,7 +134,7 @@ class MissionControl:
         self._margins = dict.fromkeys(mission.limits, 0.0)
 
     @property
-    def plan(self) -> Plan:
+    def plan(self) -> MissionPlan:
         """The plan in force, of what was left when it was made.
 
         Raises:
@@ -337,7 +337,7 @@ class MissionControl:
         times[0] = max(times[0] - self._gone, _FEWEST)
         return peaks_of(left, simulate_plan(left, segments, times, np.array(speed), np.array(load), posture))
 
-    def _adopt(self, plan: Plan, why: str) -> None:
+    def _adopt(self, plan: MissionPlan, why: str) -> None:
         self._segments = [self._renumbered(segment) for segment in plan.segments]
         self._pieces = list(zip(plan.time.tolist(), plan.speed.tolist(), plan.load.tolist(), plan.posture, strict=True))
         self._gone = 0.0
@@ -345,7 +345,7 @@ class MissionControl:
         if not self._segments and plan.verdict != "none":
             self._first = len(self._left)  # too little is left, or there is no time for it
 
-    def _renumbered(self, segment: Segment) -> Segment:
+    def _renumbered(self, segment: MissionSegment) -> MissionSegment:
         """A piece of what was left, with the number of its activity in the whole mission."""
         if segment.activity < 0:
             return segment

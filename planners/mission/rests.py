@@ -8,10 +8,10 @@ with their transitions, fewer and longer ones as long as that is better.
 from __future__ import annotations
 
 from .mission import Mission
-from .program import Goal, Program, Solution
+from .program import Goal, MissionProgram, MissionSolution
 
 
-def solved(mission: Mission, goal: Goal, deadline: float | None = None) -> tuple[Program, Solution]:
+def solved(mission: Mission, goal: Goal, deadline: float | None = None) -> tuple[MissionProgram, MissionSolution]:
     """The program of a mission with the rests that are worth their transitions, and its solution.
 
     Without transitions all rests are in it, and it is solved once; with them some four times more.
@@ -21,21 +21,21 @@ def solved(mission: Mission, goal: Goal, deadline: float | None = None) -> tuple
         goal: what is made best.
         deadline: greatest total time [s], `None` for none.
     """
-    program = Program(mission)
+    program = MissionProgram(mission)
     solution = program.solve(goal, deadline=deadline)
     if not mission.transitions or not solution.success:  # what can't be done without transitions can't with them
         return program, solution
     every = [segment.before for segment in program.segments if segment.before >= 0]
     # Rests of less than 0.05 s are solver dust.
     for rests in (_longest_first(program, solution, above=0.05), every, []):
-        program = Program(mission, rests)
+        program = MissionProgram(mission, rests)
         solution = program.solve(goal, deadline=deadline)
         if solution.success:
             break
     rests = _longest_first(program, solution) if solution.success else []
     dropped = (len(rests) + 1) // 2
     while dropped:
-        fewer = Program(mission, rests[: len(rests) - dropped])
+        fewer = MissionProgram(mission, rests[: len(rests) - dropped])
         candidate = fewer.solve(goal, deadline=deadline)
         if candidate.success and _worth(mission, candidate, goal) > _worth(mission, solution, goal):
             program, solution, rests = fewer, candidate, _longest_first(fewer, candidate)
@@ -45,7 +45,7 @@ def solved(mission: Mission, goal: Goal, deadline: float | None = None) -> tuple
     return program, solution
 
 
-def _longest_first(program: Program, solution: Solution, above: float = -1.0) -> list[int]:
+def _longest_first(program: MissionProgram, solution: MissionSolution, above: float = -1.0) -> list[int]:
     """Numbers of the pieces that a rest precedes, of rests that last longer than so many seconds."""
     rests = [
         (time, segment.before)
@@ -55,6 +55,6 @@ def _longest_first(program: Program, solution: Solution, above: float = -1.0) ->
     return [before for _, before in sorted(rests, reverse=True)]
 
 
-def _worth(mission: Mission, solution: Solution, goal: Goal) -> float:
+def _worth(mission: Mission, solution: MissionSolution, goal: Goal) -> float:
     """Seconds of work done, or of time not needed. Of plans that do equally much the faster is meant."""
     return solution.work(mission) - 1e-4 * solution.total if goal == "work" else -solution.total

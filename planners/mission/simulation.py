@@ -12,7 +12,7 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.bounds import Bound
 from lptn.simulate.dynamics import fastest_rate
 
-from .mission import Mission, Segment, first_rest
+from .mission import Mission, MissionSegment, first_rest
 
 _BLOCK = 32  # steps that one call takes
 _STEPS = Bound(500_000, "steps")  # of a plan: a day by a part of 0.4 s; a mission with so many takes half a minute
@@ -38,7 +38,7 @@ class Course:
 
 
 def inputs_of(
-    mission: Mission, segment: Segment, speed: float, load: float, posture: Sequence[float] = ()
+    mission: Mission, segment: MissionSegment, speed: float, load: float, posture: Sequence[float] = ()
 ) -> FloatArray:
     """The model's inputs in a segment, shape (inputs,)."""
     inputs = segment.gait.at(speed, load, posture)
@@ -52,7 +52,7 @@ def inputs_of(
 
 def simulate_plan(
     mission: Mission,
-    segments: Sequence[Segment],
+    segments: Sequence[MissionSegment],
     time: FloatArray,
     speed: FloatArray,
     load: FloatArray,

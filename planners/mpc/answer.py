@@ -17,7 +17,7 @@ from lptn.model.model import Model
 
 from ..heating import heating
 from .controller import TorqueMPC
-from .reference import Reference
+from .reference import ReferenceProgram
 from .settings import settle
 from .task import TrackTask, read_task
 
@@ -160,7 +160,7 @@ def _by_ipopt(task: TrackTask, settings: dict[str, Any], why: str) -> TrackAnswe
     spread = settle(
         heat, task.file.limits, **given, noise=0.1, resolution=0.0, level=0.5, model_error=0.0, standard_errors={}
     )
-    solution = Reference(heat, spread).solve(task.start, task.asked, task.conditions)
+    solution = ReferenceProgram(heat, spread).solve(task.start, task.asked, task.conditions)
     given_up = () if solution.converged else ("IPOPT did not converge either; this plan is not proven best",)
     slack = zip(spread.limits, solution.slack.max(axis=0), strict=True)
     worst = {node: over for node, over in slack if over > 1e-3}  # K; less is the solver's own

@@ -40,7 +40,7 @@ class ReferenceSolution:
     converged: bool
 
 
-class Reference:
+class ReferenceProgram:
     """Direct multiple shooting, RK4, in heat scales.
 
     Args:

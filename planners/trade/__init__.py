@@ -2,8 +2,8 @@
 
 from .answer import FrontPoint, StudyResult, solve_study
 from .designs import Design, IsoMap, LimitCurve, Obstacle, Refusal, iso_map, limit_curves
-from .problem import Problem
-from .study import Option, Study
+from .problem import DesignProblem
+from .study import Option, TradeStudy
 from .study_file import load_study, parse_study
 from .tables import Gear
 from .torque_speed import TorqueSpeed, torque_speed
@@ -11,6 +11,7 @@ from .uncertainty import Interval
 
 __all__ = [
     "Design",
+    "DesignProblem",
     "FrontPoint",
     "Gear",
     "Interval",
@@ -18,11 +19,10 @@ __all__ = [
     "LimitCurve",
     "Obstacle",
     "Option",
-    "Problem",
     "Refusal",
-    "Study",
     "StudyResult",
     "TorqueSpeed",
+    "TradeStudy",
     "iso_map",
     "limit_curves",
     "load_study",

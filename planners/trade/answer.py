@@ -11,8 +11,8 @@ import numpy as np
 from lptn.basics.errors import InputError
 
 from .designs import BUDGETS, Design, IsoMap, LimitCurve, Refusal, design_of, iso_map, limit_curves, refusal_of
-from .problem import DesignSolution, Problem
-from .study import Study
+from .problem import DesignProblem, DesignSolution
+from .study import TradeStudy
 from .tables import GOALS, SWEPT, Sweep
 from .torque_speed import TorqueSpeed, torque_speed
 from .uncertainty import Interval, intervals
@@ -49,7 +49,7 @@ class StudyResult:
         intervals: of the goal under what is not known, for every feasible option by name; empty where all is known.
     """
 
-    study: Study
+    study: TradeStudy
     designs: tuple[Design, ...]
     refusals: tuple[Refusal, ...]
     front: tuple[FrontPoint, ...] = ()
@@ -121,7 +121,7 @@ class StudyResult:
         return InputError(self.study.origin, "limits", "no feasible design", expected)
 
 
-def solve_study(study: Study, report: Report = lambda _: None) -> StudyResult:
+def solve_study(study: TradeStudy, report: Report = lambda _: None) -> StudyResult:
     """Enumerate the discrete choices, solve each, refuse what can't be, sweep.
 
     Args:
@@ -133,10 +133,10 @@ def solve_study(study: Study, report: Report = lambda _: None) -> StudyResult:
     """
     designs: list[Design] = []
     refusals: list[Refusal] = []
-    problems: list[tuple[Problem, DesignSolution | None]] = []
+    problems: list[tuple[DesignProblem, DesignSolution | None]] = []
     for option in study.options():
         report(f"solving {option.name}")
-        problem = Problem(option)
+        problem = DesignProblem(option)
         solution = problem.solve()
         if solution.success:
             designs.append(design_of(problem, solution))
@@ -175,7 +175,7 @@ def _front_of(points: list[FrontPoint], more_is_better: bool, cheap_first: int) 
     return tuple(sorted(front, key=lambda point: point.amount))
 
 
-def _sweep_points(problem: Problem, near: DesignSolution | None, sweep: Sweep) -> tuple[FrontPoint, ...]:
+def _sweep_points(problem: DesignProblem, near: DesignSolution | None, sweep: Sweep) -> tuple[FrontPoint, ...]:
     """One option's answers; where more is harder, or less is, up to the first amount that is too hard."""
     parameter = _swept_parameter(problem, sweep.against)
     if parameter is None:
@@ -199,7 +199,7 @@ def _sweep_points(problem: Problem, near: DesignSolution | None, sweep: Sweep) -
     return tuple(sorted(by_amount.values(), key=lambda point: point.amount))
 
 
-def _swept_parameter(problem: Problem, against: str) -> str | None:
+def _swept_parameter(problem: DesignProblem, against: str) -> str | None:
     """The parameter that a sweep moves, `None` for a choice without it; a limit that was left open is a mistake."""
     name = {"torque": "torque", "duration": "duration", "ratio": "gear.ratio"}.get(against, f"limit.{against}")
     if name in problem.parameters.symbols:

@@ -60,7 +60,7 @@ class DataSheet(Strict):
     motor_time: Seconds
 
 
-class MotorTable(Strict):
+class CatalogueMotor(Strict):
     """A motor of a study or of a catalogue."""
 
     name: str
@@ -81,7 +81,7 @@ class MotorTable(Strict):
     limits: MotorLimits = MotorLimits()
     source: str | None = None
 
-    def over(self, other: MotorTable) -> MotorTable:
+    def over(self, other: CatalogueMotor) -> CatalogueMotor:
         """This motor, and where it says nothing, what the other one says."""
         said = self.model_dump(exclude_unset=True)
         kept = other.model_dump(exclude_unset=True) | said | {"limits": other.limits.given | self.limits.given}
@@ -89,7 +89,7 @@ class MotorTable(Strict):
         for one, another in _EITHER:
             if any(key in said for key in one) and not any(key in said for key in another):
                 kept = {key: value for key, value in kept.items() if key not in another}
-        return MotorTable(**kept)
+        return CatalogueMotor(**kept)
 
     @property
     def package(self) -> float | None:
@@ -113,13 +113,13 @@ _EITHER = [(one, other) for pair in ((("volume",), ("diameter", "length")), (("t
 class CatalogueFile(Strict):
     """A catalogue in TOML."""
 
-    motors: list[MotorTable] = Field(min_length=1)
+    motors: list[CatalogueMotor] = Field(min_length=1)
 
 
-def known_motors() -> dict[str, MotorTable]:
+def known_motors() -> dict[str, CatalogueMotor]:
     """The motors whose data are shipped, by name."""
     return {
-        motor.name: MotorTable(
+        motor.name: CatalogueMotor(
             name=motor.name,
             model=motor.model,
             mass=motor.mass.value,
@@ -133,7 +133,7 @@ def known_motors() -> dict[str, MotorTable]:
     }
 
 
-def read_catalogue(path: Path) -> dict[str, MotorTable]:
+def read_catalogue(path: Path) -> dict[str, CatalogueMotor]:
     """Motors of a table, by name.
 
     Args:
@@ -150,7 +150,7 @@ def read_catalogue(path: Path) -> dict[str, MotorTable]:
         with mistakes_by_line(path, text):
             tables = CatalogueFile.model_validate(toml_of(path, text))
         rows = [(f"motors[{number}].name", motor) for number, motor in enumerate(tables.motors)]
-    motors: dict[str, MotorTable] = {}
+    motors: dict[str, CatalogueMotor] = {}
     for place, motor in rows:
         if motor.name in motors:
             raise InputError(path, place, f'"{motor.name}" a second time', "a name of its own for each motor")
@@ -158,7 +158,7 @@ def read_catalogue(path: Path) -> dict[str, MotorTable]:
     return motors
 
 
-def _rows_of_csv(path: Path, text: str) -> list[tuple[str, MotorTable]]:
+def _rows_of_csv(path: Path, text: str) -> list[tuple[str, CatalogueMotor]]:
     lines = csv.reader(text.splitlines())
     try:
         said = [(lines.line_num, cells) for cells in lines if any(cell.strip() for cell in cells)]
@@ -173,7 +173,7 @@ def _rows_of_csv(path: Path, text: str) -> list[tuple[str, MotorTable]]:
         if len(cells) > len(names):
             raise InputError(path, f"line {number}", f"{len(cells)} cells", f"at most {len(names)}, as many as columns")
         try:
-            rows.append((f"line {number}", MotorTable.model_validate(_nested(names, cells))))
+            rows.append((f"line {number}", CatalogueMotor.model_validate(_nested(names, cells))))
         except ValidationError as error:
             first = first_mistake(error)
             place = f"line {number}, column{place_of(first).replace('.', ' ', 1)}"

@@ -12,7 +12,7 @@ from lptn.basics.errors import InputError
 
 from .motors import ENAMEL_LIMIT
 from .plant import CAPACITY, RESISTANCE
-from .problem import DesignSolution, Problem, Relaxed
+from .problem import DesignProblem, DesignSolution, Relaxed
 from .simulation import Simulator, check_design, peak_temperatures
 from .study import Option
 
@@ -129,7 +129,7 @@ class Refusal:
         return sum(obstacle.move for obstacle in chosen) if chosen else float("inf")
 
 
-def design_of(problem: Problem, solution: DesignSolution) -> Design:
+def design_of(problem: DesignProblem, solution: DesignSolution) -> Design:
     """A converged solution as a design, with its sensitivities."""
     values = solution.variables
     gear = problem.option.gear.model_copy(update={"ratio": [values["ratio"]] * 2})
@@ -164,7 +164,7 @@ def _sink_sensitivities(option: Option, sink: tuple[float, float]) -> dict[str, 
     """Derivatives of the goal to the sink's two numbers, the rest of the design held."""
     if option.study.question.goal in BUDGETS:
         return {}  # at a given sink its mass is given
-    solution = Problem(option, sink).solve()
+    solution = DesignProblem(option, sink).solve()
     if not solution.success:
         return {}
     per_capacity = solution.gradient[CAPACITY]
@@ -172,7 +172,7 @@ def _sink_sensitivities(option: Option, sink: tuple[float, float]) -> dict[str, 
     return {"capacity": per_capacity, "mass": per_mass, "resistance": solution.gradient[RESISTANCE]}
 
 
-def refusal_of(problem: Problem) -> Refusal:
+def refusal_of(problem: DesignProblem) -> Refusal:
     """Each limit that would make an infeasible problem feasible if it alone were moved; else several together."""
     single = []
     for name in _candidate_limits(problem):
@@ -189,7 +189,7 @@ def refusal_of(problem: Problem) -> Refusal:
     return Refusal(problem.option, tuple(single), tuple(together))
 
 
-def _candidate_limits(problem: Problem) -> list[Relaxed]:
+def _candidate_limits(problem: DesignProblem) -> list[Relaxed]:
     """Limits that could help alone: where there is not even mass for the parts, no other one does."""
     p, names = problem.parameters.defaults, problem.relaxable()
     short = [name for name in BUDGETS if p.get(f"limit.{name}", np.inf) < problem.option.least(name)]
@@ -198,7 +198,7 @@ def _candidate_limits(problem: Problem) -> list[Relaxed]:
     return short if len(short) == 1 else []
 
 
-def _obstacle(problem: Problem, name: Relaxed, moved: DesignSolution) -> Obstacle:
+def _obstacle(problem: DesignProblem, name: Relaxed, moved: DesignSolution) -> Obstacle:
     p = problem.parameters
     key = name if name == "torque" else f"limit.{name}"
     return Obstacle(name, p.defaults[key], problem.limit(name, moved), p.units[key])

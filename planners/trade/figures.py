@@ -17,7 +17,7 @@ from .answer import StudyResult
 from .designs import Design
 from .export import strongest
 from .sink import fin_mass, sink_volume
-from .study import Option, Study
+from .study import Option, TradeStudy
 from .tables import GOALS
 from .torque_speed import TorqueSpeed
 
@@ -37,7 +37,7 @@ _AXES = {
 }  # fmt: skip
 
 
-def axis_of(quantity: str, study: Study) -> tuple[float, str]:
+def axis_of(quantity: str, study: TradeStudy) -> tuple[float, str]:
     """Of a goal, or of what a front is swept over: its factor from SI, and its label."""
     factor, label = _AXES[quantity]
     return factor, label.format(currency=plain(study.question.currency))

@@ -122,7 +122,7 @@ class DesignSolution:
 
 
 @dataclass(frozen=True)
-class Trajectory:
+class DesignTrajectory:
     """States at the ends of the elements, load in each, and the ends' times as shares of the duration."""
 
     states: list[Any]
@@ -140,7 +140,7 @@ class Trajectory:
         return [*zip(self.states[:-1], self.loads, strict=True), *self.ends]
 
 
-def transcribe(program: NonlinearProgram, plant: Plant, torque: Any, duration: Any) -> Trajectory:
+def transcribe(program: NonlinearProgram, plant: Plant, torque: Any, duration: Any) -> DesignTrajectory:
     """Add a task's states and heat balance to a program.
 
     Args:
@@ -175,10 +175,10 @@ def transcribe(program: NonlinearProgram, plant: Plant, torque: Any, duration: A
         path.append(stages[-1])
     if task.repeats is None:
         program.constrain(path[-1] - path[0], "heat balance", equal=True)
-    return Trajectory(path, loads, share)
+    return DesignTrajectory(path, loads, share)
 
 
-class Problem:
+class DesignProblem:
     """The program of one option.
 
     Args:

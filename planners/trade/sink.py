@@ -18,7 +18,7 @@ AIR_CONDUCTIVITY, AIR_VISCOSITY, AIR_DIFFUSIVITY = 0.0267, 1.67e-5, 2.36e-5
 """Of air at 37 degC (W/(m K), m²/s, m²/s): [IncroperaDeWitt, table A.4]."""
 
 
-class Material(Strict):
+class SinkMetal(Strict):
     """What a sink is made of: table `[materials.NAME]`."""
 
     density: Density
@@ -27,12 +27,12 @@ class Material(Strict):
     price: NotNegative | None = None  # per kilogram; none where nobody said
 
 
-ALUMINIUM = Material(density=2700.0, specific_heat=897.0, conductivity=200.0)
+ALUMINIUM = SinkMetal(density=2700.0, specific_heat=897.0, conductivity=200.0)
 MATERIALS = {
     "aluminium": ALUMINIUM,
-    "copper": Material(density=8960.0, specific_heat=385.0, conductivity=390.0),
-    "magnesium": Material(density=1810.0, specific_heat=1050.0, conductivity=72.0),
-    "steel": Material(density=7850.0, specific_heat=490.0, conductivity=50.0),
+    "copper": SinkMetal(density=8960.0, specific_heat=385.0, conductivity=390.0),
+    "magnesium": SinkMetal(density=1810.0, specific_heat=1050.0, conductivity=72.0),
+    "steel": SinkMetal(density=7850.0, specific_heat=490.0, conductivity=50.0),
 }
 """Metals by name: density and specific heat after the CRC Handbook of Chemistry and Physics, conductivity that of
 common alloys: extruded aluminium, magnesium AZ91, unalloyed steel."""

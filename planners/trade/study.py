@@ -17,12 +17,25 @@ from lptn.basics.toml import Strict
 from lptn.model.network import LinkDeclaration, Network, NodeDeclaration
 
 from ..values import Mass, TorqueConstant, Volume
-from .catalogue import MotorTable
-from .sink import MATERIALS, Air, Material, blown_air, fin_efficiency, fin_mass, sink_volume, still_air
-from .tables import GOALS, NO_GEAR, Cooling, DutyTask, Fan, Gear, Limits, Pipes, Question, Sink, Sweep, Uncertainty
+from .catalogue import CatalogueMotor
+from .sink import MATERIALS, Air, SinkMetal, blown_air, fin_efficiency, fin_mass, sink_volume, still_air
+from .tables import (
+    GOALS,
+    NO_GEAR,
+    Cooling,
+    DutyTask,
+    Gear,
+    Limits,
+    Pipes,
+    Question,
+    Sink,
+    SinkFan,
+    StudyUncertainty,
+    Sweep,
+)
 
 
-class MotorChoice(MotorTable):
+class MotorChoice(CatalogueMotor):
     """A motor that may be chosen: a table `[[motors]]` over the catalogue's, its network, and its nodes by their part.
 
     Args:
@@ -58,7 +71,7 @@ def _with_known_metals(tables: Any) -> Any:
     return MATERIALS | own
 
 
-Motor = TypeVar("Motor", bound=MotorTable)
+Motor = TypeVar("Motor", bound=CatalogueMotor)
 
 
 class StudyTables(Strict, Generic[Motor]):
@@ -70,14 +83,14 @@ class StudyTables(Strict, Generic[Motor]):
     motors: Annotated[list[Motor], Field(min_length=1)]
     sink: Sink = Sink()
     gears: Annotated[list[Gear], Field(min_length=1)] = Field(default=[NO_GEAR])
-    materials: Annotated[dict[str, Material], BeforeValidator(_with_known_metals)] = Field(default=MATERIALS)
+    materials: Annotated[dict[str, SinkMetal], BeforeValidator(_with_known_metals)] = Field(default=MATERIALS)
     pipes: Pipes = Pipes()
-    fan: Fan = Fan()
+    fan: SinkFan = SinkFan()
     sweep: Sweep | None = Field(default=None, alias="pareto")  # of the Pareto front
-    uncertainty: Uncertainty | None = None  # none where everything is taken as known
+    uncertainty: StudyUncertainty | None = None  # none where everything is taken as known
 
 
-class Study(StudyTables[MotorChoice]):
+class TradeStudy(StudyTables[MotorChoice]):
     """A whole study, with its motors found; `origin` is its file, for messages."""
 
     model_config = ConfigDict(populate_by_name=True)
@@ -117,7 +130,7 @@ class Study(StudyTables[MotorChoice]):
 class Option:
     """One discrete choice of a study."""
 
-    study: Study
+    study: TradeStudy
     motor: MotorChoice
     cooling: Cooling
     pipes: int
@@ -125,7 +138,7 @@ class Option:
     material: str
 
     @property
-    def metal(self) -> Material:
+    def metal(self) -> SinkMetal:
         """Of the sink."""
         return self.study.materials[self.material]
 

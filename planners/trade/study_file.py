@@ -13,16 +13,16 @@ from lptn.model.file import parse_model, read_model_file
 from lptn.model.network import Network
 from lptn.robots.presets import presets
 
-from .catalogue import MotorTable, data_sheet_network, known_motors, read_catalogue
-from .study import MotorChoice, Study, StudyTables, attachable, pipe_places
+from .catalogue import CatalogueMotor, data_sheet_network, known_motors, read_catalogue
+from .study import MotorChoice, StudyTables, TradeStudy, attachable, pipe_places
 from .tables import SWEPT, DutyTask, Sweep
 
 _NEEDED = {"mass": "kg", "volume": "m^3", "torque_constant": "N*m/A at 25 degC"}
 _MOST_FACTOR = 1e6  # kg of body on a motor without gear
-Tables = StudyTables[MotorTable]
+Tables = StudyTables[CatalogueMotor]
 
 
-def load_study(path: Path) -> Study:
+def load_study(path: Path) -> TradeStudy:
     """Read a study file.
 
     Args:
@@ -34,7 +34,7 @@ def load_study(path: Path) -> Study:
     return parse_study(text_of(path, "a study file"), path)
 
 
-def parse_study(text: str, path: Path) -> Study:
+def parse_study(text: str, path: Path) -> TradeStudy:
     """Read a study from the text of its file; `path` serves for messages and for models beside it.
 
     Raises:
@@ -46,7 +46,7 @@ def parse_study(text: str, path: Path) -> Study:
         if "gears" in tables.model_fields_set:
             _check_gears(tables, path)
             tables.task = tables.task.model_copy(update={"gear": 1.0})
-        study = Study(**dict(tables) | {"motors": motors, "origin": str(path)})
+        study = TradeStudy(**dict(tables) | {"motors": motors, "origin": str(path)})
         _check(study, path)
         return study
 
@@ -54,7 +54,7 @@ def parse_study(text: str, path: Path) -> Study:
 # --- motors -------------------------------------------------------------------------------------
 
 
-def _chosen_motors(tables: Tables, path: Path) -> list[tuple[str, MotorTable]]:
+def _chosen_motors(tables: Tables, path: Path) -> list[tuple[str, CatalogueMotor]]:
     """Each motor with the place that asks for it: a name or pattern of the catalogue, or a motor of the study's own."""
     catalogue = known_motors()
     names = tables.question.catalogue
@@ -62,7 +62,7 @@ def _chosen_motors(tables: Tables, path: Path) -> list[tuple[str, MotorTable]]:
         if not (path.parent / name).is_file():
             raise InputError(path, "study.catalogue", f'"{name}"', "a CSV or TOML file beside the study")
         catalogue |= read_catalogue(path.parent / name)
-    chosen: dict[str, tuple[str, MotorTable]] = {}
+    chosen: dict[str, tuple[str, CatalogueMotor]] = {}
     for number, motor in enumerate(tables.motors):
         place = f"motors[{number}]"
         matches = [motor.name] if motor.name in catalogue else matching(motor.name, catalogue)
@@ -82,7 +82,7 @@ def _chosen_motors(tables: Tables, path: Path) -> list[tuple[str, MotorTable]]:
     return list(chosen.values())
 
 
-def _motor(table: MotorTable, place: str, tables: Tables, path: Path) -> MotorChoice:
+def _motor(table: CatalogueMotor, place: str, tables: Tables, path: Path) -> MotorChoice:
     given = table.model_dump(exclude_unset=True)
     given |= {"volume": table.package, "torque_constant": table.constant}
     absent = [name for name in _NEEDED if given.get(name) is None]
@@ -107,7 +107,7 @@ def _needed(names: Iterable[str]) -> str:
     return ", ".join(f"{name} = … [{_NEEDED[name]}]" for name in names)
 
 
-def _winding(table: MotorTable, network: Network, place: str, path: Path) -> tuple[str, ...]:
+def _winding(table: CatalogueMotor, network: Network, place: str, path: Path) -> tuple[str, ...]:
     """Nodes whose temperature the enamel limits: as the study says, else those that copper loss heats."""
     if table.winding is not None:
         return _nodes(table.winding, network, f"{place}.winding", path)
@@ -118,7 +118,7 @@ def _winding(table: MotorTable, network: Network, place: str, path: Path) -> tup
     return tuple(heated)
 
 
-def _magnet(table: MotorTable, network: Network, place: str, path: Path) -> tuple[str, ...]:
+def _magnet(table: CatalogueMotor, network: Network, place: str, path: Path) -> tuple[str, ...]:
     """Nodes taken as the magnets: as the study says, else those called magnet…, else the housing."""
     if table.magnet is not None:
         return _nodes(table.magnet, network, f"{place}.magnet", path)
@@ -138,7 +138,7 @@ def _nodes(pattern: str, network: Network, place: str, path: Path) -> tuple[str,
     return tuple(nodes)
 
 
-def _sink_at(table: MotorTable, tables: Tables, network: Network, place: str, path: Path) -> str:
+def _sink_at(table: CatalogueMotor, tables: Tables, network: Network, place: str, path: Path) -> str:
     """What the heat pipes touch: as the study says, else the stator, else the outside of the housing."""
     if tables.question.cooling == ["none"]:
         return ""
@@ -186,7 +186,7 @@ def _check_gears(tables: Tables, path: Path) -> None:
         raise InputError(path, "task.gear", f"{tables.task.gear:g}", "no gear in [task] beside [[gears]]")
 
 
-def _check(study: Study, path: Path) -> None:
+def _check(study: TradeStudy, path: Path) -> None:
     goal, task = study.question.goal, study.task
     if task.is_hold:
         _check_hold(task, goal, path)
@@ -207,7 +207,7 @@ def _check(study: Study, path: Path) -> None:
     _check_winding(study, path)
 
 
-def _check_winding(study: Study, path: Path) -> None:
+def _check_winding(study: TradeStudy, path: Path) -> None:
     hottest = max(study.task.start, study.task.ambient)
     for option in study.options():
         limit = option.limits.get("winding")
@@ -254,7 +254,7 @@ def _check_cycle(task: DutyTask, goal: str, path: Path) -> None:
         raise InputError(path, "task.profile", "no torque at all", "one part of the cycle at least above 0 N*m")
 
 
-def _check_prices(study: Study, path: Path) -> None:
+def _check_prices(study: TradeStudy, path: Path) -> None:
     """What has no price must not pass for free."""
     for table, choices in (("motors", study.motors), ("gears", study.gears)):
         for choice in choices:
@@ -267,7 +267,7 @@ def _check_prices(study: Study, path: Path) -> None:
             raise InputError(path, "sink.material", f'"{name}" without a price', expected)
 
 
-def _check_sweep(sweep: Sweep, study: Study, path: Path) -> None:
+def _check_sweep(sweep: Sweep, study: TradeStudy, path: Path) -> None:
     against, goal = sweep.against, study.question.goal
     if not sweep.least < sweep.most:
         unit = SWEPT[against].unit or study.question.currency

@@ -289,7 +289,7 @@ class Pipes(Strict):
     price: NotNegative = 0.0  # each
 
 
-class Fan(Strict):
+class SinkFan(Strict):
     """Table `[fan]`: a fan and its battery."""
 
     mass: ExtraMass = 0.05
@@ -332,7 +332,7 @@ class Sweep(Strict):
         return np.linspace(self.least, self.most, self.points)
 
 
-class Uncertainty(Strict):
+class StudyUncertainty(Strict):
     """Table `[uncertainty]`: what is not known for sure."""
 
     draws: Annotated[int, Field(ge=8, le=4096, strict=True)] = 128  # of all of them; 4096 take an hour

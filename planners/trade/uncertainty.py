@@ -14,8 +14,8 @@ from lptn.basics.places import matching
 
 from .designs import BUDGETS, Design
 from .plant import CAPACITY, RESISTANCE
-from .problem import Problem
-from .study import Study
+from .problem import DesignProblem
+from .study import TradeStudy
 from .tables import GOALS, StandardError
 
 _TEMPERATURE = "degC"
@@ -40,7 +40,7 @@ class Interval:
 
 
 def intervals(
-    study: Study, solved: Sequence[tuple[Problem, Design]], report: Callable[[str], None] = lambda _: None
+    study: TradeStudy, solved: Sequence[tuple[DesignProblem, Design]], report: Callable[[str], None] = lambda _: None
 ) -> dict[str, Interval]:
     """Intervals of the goal by the name of the choice.
 
@@ -70,7 +70,7 @@ def intervals(
     values = np.full((len(solved), uncertainty.draws), worst)
     for row, ((problem, design), error) in enumerate(zip(solved, errors, strict=True)):
         report(f"drawing what is not known for {design.option.name}")
-        asked = problem if study.question.goal in BUDGETS else Problem(design.option, design.sink)
+        asked = problem if study.question.goal in BUDGETS else DesignProblem(design.option, design.sink)
         near = asked.solve()
         for number, draw in enumerate(draws):
             drawn = {
@@ -90,7 +90,7 @@ def intervals(
     return result
 
 
-def _errors_of(problem: Problem, study: Study) -> dict[Key, StandardError]:
+def _errors_of(problem: DesignProblem, study: TradeStudy) -> dict[Key, StandardError]:
     """Standard errors of a program's parameters, and whether each is relative; a fit's unless the study says."""
     assert study.uncertainty is not None
     motor, names = problem.option.motor, list(problem.parameters.symbols)
@@ -107,7 +107,7 @@ def _errors_of(problem: Problem, study: Study) -> dict[Key, StandardError]:
     return {(motor.name if name in own else "", name): error for name, error in errors.items() if error.size > 0}
 
 
-def _refuse_unused(study: Study, solved: Sequence[tuple[Problem, Design]]) -> None:
+def _refuse_unused(study: TradeStudy, solved: Sequence[tuple[DesignProblem, Design]]) -> None:
     """A pattern that means nothing would be an uncertainty that is silently left out."""
     assert study.uncertainty is not None
     names = list(dict.fromkeys(name for problem, _ in solved for name in problem.parameters.symbols))
@@ -117,7 +117,7 @@ def _refuse_unused(study: Study, solved: Sequence[tuple[Problem, Design]]) -> No
             raise InputError(study.origin, f'uncertainty.errors."{pattern}"', "no such number", expected)
 
 
-def _drawn(problem: Problem, name: str, error: StandardError, normal: float) -> float:
+def _drawn(problem: DesignProblem, name: str, error: StandardError, normal: float) -> float:
     """A parameter as it is in one draw: what is positive by its nature is lognormal with its value as the median."""
     value, (size, relative) = problem.parameters.defaults[name], error
     if problem.parameters.units[name] == _TEMPERATURE or value <= 0:
@@ -127,7 +127,7 @@ def _drawn(problem: Problem, name: str, error: StandardError, normal: float) -> 
     return min(drawn, 1.0) if name == "gear.efficiency" else drawn
 
 
-def _built(problem: Problem, drawn: dict[str, float]) -> dict[str, float]:
+def _built(problem: DesignProblem, drawn: dict[str, float]) -> dict[str, float]:
     """The draw, and what it does to a sink whose fins and metal are given rather than its resistance and capacity."""
     p = problem.parameters.defaults
     if RESISTANCE not in p:

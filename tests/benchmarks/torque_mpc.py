@@ -31,7 +31,7 @@ from lptn.model.model import Model
 from lptn.planners.limiter import Limiter
 from lptn.planners.limiter.emit import emit as emit_limiter
 from lptn.planners.mpc import TorqueMPC
-from lptn.planners.mpc.reference import Reference
+from lptn.planners.mpc.reference import ReferenceProgram
 from tests.planners.truth import World, conditions, model_of, stage_means, true_robot
 
 LIMIT, PERIOD, HORIZON, STAGES, NOISE, ERROR = 60.0, 5, 300, 60, 0.1, 0.1
@@ -206,7 +206,7 @@ def optimality(seed: int, points: int) -> None:
     model = model_of(true_robot(seed), ERROR, seed)
     full = TorqueMPC(model, LIMITS, request="torque", period=PERIOD, horizon=HORIZON, stages=STAGES)
     few = TorqueMPC(model, LIMITS, request="torque", period=PERIOD, horizon=HORIZON, stages=16)
-    reference = Reference(full.heating, full.settings)
+    reference = ReferenceProgram(full.heating, full.settings)
     given, random = conditions(full.conditions), np.random.default_rng(seed)
     print(f"{'from degC':>10} {'IPOPT cost':>12} {'60 stages':>10} {'16 stages':>10} {'over K':>10}")
     worst = {60: 0.0, 16: 0.0}

@@ -14,7 +14,7 @@ from typing import TypeVar
 import numpy as np
 
 from lptn.basics.arrays import FloatArray
-from lptn.planners.trade import Option, Problem, load_study, solve_study
+from lptn.planners.trade import DesignProblem, Option, load_study, solve_study
 from lptn.planners.trade.simulation import peak_temperatures
 from tests.cooling import plain_sink as plain
 
@@ -53,7 +53,7 @@ def main() -> None:
     """Print the times and the answers."""
     study = load_study(STUDY)
     option = next(offered for offered in study.options() if offered.name == "U8, passive")
-    problem, build = timed(lambda: Problem(option))
+    problem, build = timed(lambda: DesignProblem(option))
     optimum, cold = timed(problem.solve)
     moved, warm = timed(lambda: problem.solve({"limit.mass": 0.6}, near=optimum))
     whole, all_choices = timed(lambda: solve_study(study))

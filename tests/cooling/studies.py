@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from lptn.planners.trade import Study, parse_study
+from lptn.planners.trade import TradeStudy, parse_study
 
 
 def study(
@@ -15,7 +15,7 @@ def study(
     more: str = "",
     cooling: str = "",
     currency: str = "",
-) -> Study:
+) -> TradeStudy:
     """A study at 21.5 degC."""
     chosen = f"cooling = [{cooling}]\n" * bool(cooling) + f'currency = "{currency}"\n' * bool(currency)
     head = f'[study]\nname = "test"\ngoal = "{goal}"\n{chosen}\n'

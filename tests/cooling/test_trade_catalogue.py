@@ -10,7 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from lptn.basics.errors import InputError
-from lptn.planners.trade import Study, load_study, solve_study
+from lptn.planners.trade import TradeStudy, load_study, solve_study
 
 CSV = """\
 # motors that nobody makes
@@ -35,7 +35,7 @@ name = "flat-*"
 """
 
 
-def _study(folder: Path, text: str = STUDY, catalogue: str = CSV) -> Study:
+def _study(folder: Path, text: str = STUDY, catalogue: str = CSV) -> TradeStudy:
     (folder / "motors.csv").write_text(catalogue)
     (folder / "study.toml").write_text(text)
     return load_study(folder / "study.toml")

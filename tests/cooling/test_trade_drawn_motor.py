@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from lptn.cli.main import main
-from lptn.planners.trade import Problem, load_study
+from lptn.planners.trade import DesignProblem, load_study
 from lptn.planners.trade.plant import Load
 from lptn.planners.trade.simulation import Simulator
 from lptn.planners.trade.study import attachable
@@ -124,7 +124,7 @@ def test_the_hottest_of_several_windings_is_limited(folder: Path) -> None:
         *(f"winding_r{layer}_z1" for layer in (1, 2, 3)), "end_winding_front", "end_winding_back",
     }  # fmt: skip
     assert option.motor.magnet_nodes == ("magnets_z1",)
-    solution = Problem(option).solve()
+    solution = DesignProblem(option).solve()
     assert solution.success
     rows = [option.network().dynamic.index(node) for node in option.motor.winding_nodes]
     assert solution.states[rows].max() == pytest.approx(120.0, abs=1e-6)
@@ -146,7 +146,7 @@ def test_a_model_driven_by_torque_is_refused_with_the_mend(folder: Path, command
 
 def test_heat_through_the_pipes_is_what_the_sink_takes_in() -> None:
     (option,) = study("held_torque", "duration = 120", HELD, cooling='"passive"').options()
-    plant = Problem(option, (100.0, 2.0)).plant
+    plant = DesignProblem(option, (100.0, 2.0)).plant
     x, torque = ca.SX.sym("x", len(plant.states)), ca.SX.sym("torque")
     sink = plant.states.index("sink")
     load = Load(torque)

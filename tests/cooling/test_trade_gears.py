@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
-from lptn.planners.trade import Design, Study, solve_study
+from lptn.planners.trade import Design, TradeStudy, solve_study
 from lptn.planners.trade.export import as_json, headline, remarks, table
 from lptn.planners.trade.figures import study_figure
 from lptn.planners.trade.profiles import WALKING_PERIOD, level_walking, walking_speed
@@ -59,7 +59,7 @@ def held_at(duration: float, speed: float, voltage: float) -> float:
     return float(brentq(over, 1e-3, 3.3, xtol=1e-9))
 
 
-def _one(asked: Study) -> Design:
+def _one(asked: TradeStudy) -> Design:
     (design,) = solve_study(asked).designs
     return design
 

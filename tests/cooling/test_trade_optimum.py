@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from lptn.basics.arrays import FloatArray
-from lptn.planners.trade import Design, Problem, iso_map, limit_curves, solve_study
+from lptn.planners.trade import Design, DesignProblem, iso_map, limit_curves, solve_study
 from tests.cooling import plain_sink as plain
 from tests.cooling.studies import HELD, study
 
@@ -83,7 +83,7 @@ def test_least_mass_agrees_with_brute_force() -> None:
 )
 def test_multipliers_agree_with_finite_differences(goal: str, task: str, limits: str, names: tuple[str, ...]) -> None:
     (option,) = study(goal, task, limits, cooling='"passive"').options()
-    problem = Problem(option)
+    problem = DesignProblem(option)
     optimum = problem.solve()
     assert optimum.success
     for name in names:
@@ -110,7 +110,7 @@ def test_sensitivities_to_the_sink_as_it_is(design: Design) -> None:
 
 def test_a_failed_solve_has_no_multipliers() -> None:
     (option,) = study("mass", "torque = 3.3\nduration = 300", cooling='"passive"').options()
-    solution = Problem(option).solve()
+    solution = DesignProblem(option).solve()
     assert not solution.success
     assert solution.gradient == {}
 
@@ -122,7 +122,7 @@ def test_obstacles_are_as_large_as_they_say() -> None:
     needed = {obstacle.name: obstacle for obstacle in refusal.obstacles}
     # More volume alone would not do: at 600 g even a sink that is all fins is too small.
     assert set(needed) == {"torque", "winding", "mass"}
-    problem = Problem(refusal.option)
+    problem = DesignProblem(refusal.option)
     for name, obstacle in needed.items():
         key = name if name == "torque" else f"limit.{name}"
         sign = -1 if name == "torque" else 1

@@ -31,7 +31,7 @@ from lptn.planners.heating import Request
 from lptn.planners.limiter.emit import emit
 from lptn.planners.load_sharing.temperatures import StandingTemperatures
 from lptn.planners.mission.gait import gait_from_tables
-from lptn.planners.mpc.reference import Reference
+from lptn.planners.mpc.reference import ReferenceProgram
 from lptn.planners.trade import parse_study, solve_study
 from tests.builders import AMBIENT, effect, leg, link, node
 from tests.planners.test_mpc_emit import answered, built
@@ -286,7 +286,7 @@ def test_the_plan_is_the_optimum_of_the_whole_program(extra: str, start: float) 
     asked = np.array([6.0, 10.0, 14.0])
     plan = mpc.step(np.full(3, start), asked, around(mpc))
     given = np.array(list(around(mpc).values()))
-    reference = Reference(mpc.heating, mpc.settings)
+    reference = ReferenceProgram(mpc.heating, mpc.settings)
     best = reference.solve(np.full(3, start), np.tile(asked, (30, 1)), np.tile(given, (30, 1)))
     assert plan.converged
     assert best.converged

@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 
 from lptn.basics.errors import InputError
 from lptn.model.model import Model
-from lptn.planners.mission import Mission, Plan, Program, plan_kind, plan_mission
+from lptn.planners.mission import Mission, MissionPlan, MissionProgram, plan_kind, plan_mission
 from tests.planners import mission_truth as truth
 
 
@@ -26,7 +26,7 @@ def mission(activities: list[dict[str, object]], **task: Any) -> Mission:
     return plan_kind.read(truth.task(activities, **({"longest_rest": 3000} | task)), "task.toml", leg())
 
 
-def pieces(plan: Plan) -> list[tuple[str, float, float, float]]:
+def pieces(plan: MissionPlan) -> list[tuple[str, float, float, float]]:
     """The plan as the independent simulation wants it."""
     rows = zip(plan.segments, plan.time.tolist(), plan.speed.tolist(), plan.load.tolist(), strict=True)
     return [(segment.gait.name, time, speed, load) for segment, time, speed, load in rows]
@@ -36,7 +36,7 @@ WALK = {"do": "walk", "distance": 500, "load": 4, "pieces": 2}
 
 
 @lru_cache
-def two_walks() -> Plan:
+def two_walks() -> MissionPlan:
     return plan_mission(mission([WALK, {**WALK, "load": [0, 4]}], carry=2.0, deadline=4000))
 
 
@@ -57,7 +57,7 @@ def test_a_plan_does_all_that_was_asked() -> None:
 
 def test_a_plan_prints_in_a_line() -> None:
     plan = two_walks()
-    assert repr(plan) == f"<Plan of mission: met, {len(plan.segments)} pieces, {plan.total:.0f} s>"
+    assert repr(plan) == f"<MissionPlan of mission: met, {len(plan.segments)} pieces, {plan.total:.0f} s>"
 
 
 def test_the_replay_is_the_independent_simulation() -> None:
@@ -122,7 +122,7 @@ def test_no_other_split_of_the_load_is_faster() -> None:
 def test_prices_are_what_finite_differences_say(
     name: str, step: float, moved: Callable[[float], dict[str, Any]]
 ) -> None:
-    program = Program(mission([WALK, {**WALK, "load": [0, 4]}], carry=2.0))
+    program = MissionProgram(mission([WALK, {**WALK, "load": [0, 4]}], carry=2.0))
     here = program.solve()
     more, less = (program.solve(near=here, **moved(side * step)) for side in (1, -1))
     assert here.success
@@ -134,7 +134,7 @@ def test_prices_are_what_finite_differences_say(
 
 def test_the_price_of_work_is_what_finite_differences_say() -> None:
     asked = mission([{**WALK, "distance": 3000}], deadline=1000, gives_up="distance")
-    program = Program(asked)
+    program = MissionProgram(asked)
     here = program.solve("work", deadline=1000)
     more, less = (
         program.solve("work", deadline=1000, near=here, limits={"FR_calf": truth.LIMIT + side * 0.2})
@@ -146,7 +146,7 @@ def test_the_price_of_work_is_what_finite_differences_say() -> None:
 
 
 def test_a_failed_solve_has_no_prices() -> None:
-    program = Program(mission([{"do": "stand", "duration": 3000, "load": 4}]))
+    program = MissionProgram(mission([{"do": "stand", "duration": 3000, "load": 4}]))
     solution = program.solve()
     assert not solution.success
     assert solution.prices == {}
@@ -223,7 +223,7 @@ def test_where_no_plan_does_all_of_it_the_rise_that_would_do_is_the_one_of_the_c
 
 def test_a_solve_that_no_plan_can_satisfy_ends_when_its_multipliers_grow_without_bound() -> None:
     """With 13 nodes such a solve took a minute, nearly all of it in the last two steps of IPOPT."""
-    solution = Program(mission([WALK], ambient=65.0, start=40.0)).solve()
+    solution = MissionProgram(mission([WALK], ambient=65.0, start=40.0)).solve()
     assert (solution.success, solution.status) == (False, "Multipliers_Without_Bound")
 
 
@@ -260,7 +260,7 @@ def test_where_even_a_rest_is_too_hot_the_answer_says_so() -> None:
 
 
 def test_limits_below_the_air_are_refused_before_anything_is_solved(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("lptn.planners.mission.plan.Program", None)
+    monkeypatch.setattr("lptn.planners.mission.plan.MissionProgram", None)
     with pytest.raises(InputError, match=r"limits\.FR_\w+: found 60 degC, which .* passes by task.ambient of 70 degC"):
         mission([{"do": "walk", "distance": 60}], ambient=70.0, start=25.0, deadline=5000)
     mission([{"do": "walk", "distance": 60}], ambient=70.0, start=25.0, deadline=60)  # cold enough for a minute

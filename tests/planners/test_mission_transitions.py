@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from lptn.basics.errors import InputError
-from lptn.planners.mission import Mission, MissionControl, Plan, Program, plan_kind, plan_mission
+from lptn.planners.mission import Mission, MissionControl, MissionPlan, MissionProgram, plan_kind, plan_mission
 from tests.planners import mission_truth as truth
 
 DOWN = {"from": "*", "to": "rest", "duration": 8, "torque": truth.FOLDING, "velocity": {"*": 0.0}}
@@ -25,17 +25,17 @@ def mission(activities: list[dict[str, Any]], transitions: list[dict[str, Any]],
 
 
 @lru_cache
-def plans() -> tuple[Plan, Plan]:
+def plans() -> tuple[MissionPlan, MissionPlan]:
     """A run whose calf has to cool on the way: with transitions for nothing, and as they are."""
     return plan_mission(mission([RUN], [])), plan_mission(mission([RUN], [DOWN, UP]))
 
 
-def doing(plan: Plan) -> list[tuple[str, float, float, float]]:
+def doing(plan: MissionPlan) -> list[tuple[str, float, float, float]]:
     rows = zip(plan.segments, plan.time.tolist(), plan.speed.tolist(), plan.load.tolist(), strict=True)
     return [(segment.gait.name, time, speed, load) for segment, time, speed, load in rows]
 
 
-def rests(plan: Plan) -> int:
+def rests(plan: MissionPlan) -> int:
     return sum(segment.gait.name == "rest" for segment in plan.segments)
 
 
@@ -69,7 +69,7 @@ def test_a_plan_for_which_they_cost_nothing_passes_the_limit_when_they_do() -> N
 def test_it_rests_where_the_best_of_all_choices_does(seconds: float) -> None:
     asked = mission([RUN], [{**DOWN, "duration": seconds}, {**UP, "duration": seconds}])
     every = chain.from_iterable(combinations(range(3), k) for k in range(4))
-    solved = [Program(asked, which).solve("time") for which in every]
+    solved = [MissionProgram(asked, which).solve("time") for which in every]
     best = min(solution.total for solution in solved if solution.success)
     assert plan_mission(asked).total == pytest.approx(best, rel=2e-3)
 

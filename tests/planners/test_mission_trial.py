@@ -11,7 +11,7 @@ import pytest
 from lptn import fit, load_model
 from lptn.model.file import read_model_file
 from lptn.model.model import Model
-from lptn.planners.mission import Plan, plan_kind
+from lptn.planners.mission import MissionPlan, plan_kind
 from lptn.robots.presets import preset_text
 from lptn.virtual import Logs, Run, Segment, quadruped_logs, write_logs
 from tests.builders import bound_runs
@@ -44,7 +44,7 @@ def logged(seed: int, runs: dict[str, Run]) -> Logs:
     return quadruped_logs(seed=seed, runs=runs, physics="full", level="none", quantisation=0.0)
 
 
-def planned(folder: Path, seed: int) -> Plan:
+def planned(folder: Path, seed: int) -> MissionPlan:
     """Log, fit, learn, plan."""
     for load in LOADS:
         trots = [
@@ -72,7 +72,7 @@ def planned(folder: Path, seed: int) -> Plan:
     return plan_kind.run(asked).plan
 
 
-def hottest(plan: Plan, seed: int) -> float:
+def hottest(plan: MissionPlan, seed: int) -> float:
     """The hottest joint [degC] of the virtual robot that does what was planned, each walk with luck of its own."""
     doing = [
         Segment(

@@ -15,7 +15,7 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.model.model import Model
 from lptn.planners import TorqueMPC
-from lptn.planners.mpc.reference import Reference
+from lptn.planners.mpc.reference import ReferenceProgram
 from tests.benchmarks.torque_mpc_levels import loop, ripple
 from tests.builders import LEG, effect, leg
 from tests.planners.truth import World, conditions, model_of, true_robot
@@ -41,7 +41,7 @@ def quadruped(error: float) -> Model:
 
 def test_it_finds_what_ipopt_finds() -> None:
     mpc = TorqueMPC(leg_model(), LIMIT, period=5, horizon=150, stages=30, **KNOWN)
-    reference = Reference(mpc.heating, mpc.settings)
+    reference = ReferenceProgram(mpc.heating, mpc.settings)
     for start in (50.0, 55.0, 59.0, 61.0):
         mpc.reset()
         plan = mpc.step(np.full(3, start), REQUEST, AROUND)
@@ -199,7 +199,7 @@ def test_a_copy_at_other_values_plans_with_its_own() -> None:
     values = np.array([weak.get(parameter.name, parameter.value) for parameter in model.parameters])
     mpc = TorqueMPC(model.with_values(values), LIMIT, period=5, horizon=150, stages=30, **KNOWN)
     plan = mpc.step(np.full(3, 55.0), REQUEST, AROUND)
-    optimum = Reference(mpc.heating, mpc.settings).solve(
+    optimum = ReferenceProgram(mpc.heating, mpc.settings).solve(
         np.full(3, 55.0), np.tile(REQUEST, (30, 1)), np.full((30, 1), 25.0)
     )
     assert plan.cost == pytest.approx(optimum.cost, rel=2e-4)
@@ -314,7 +314,9 @@ def test_a_recovery_spares_the_neighbours() -> None:
         -np.arange(31) * 5 / 60.0
     )
     assert np.all(slowly.temperatures[2] <= course + 1e-3)
-    optimum = Reference(mpc.heating, mpc.settings).solve(start, np.tile(REQUEST, (30, 1)), np.full((30, 1), 25.0))
+    optimum = ReferenceProgram(mpc.heating, mpc.settings).solve(
+        start, np.tile(REQUEST, (30, 1)), np.full((30, 1), 25.0)
+    )
     assert slowly.cost == pytest.approx(optimum.cost, rel=1e-3)
 
 

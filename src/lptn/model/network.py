@@ -187,7 +187,7 @@ class EffectInstance:
 
 
 @dataclass(frozen=True)
-class Layout:
+class NetworkLayout:
     """Nodes and links of a network, worked out, and where its effects are declared: what effects stand on.
 
     Args:
@@ -348,7 +348,7 @@ class Network:
     joints: tuple[str, ...] = ()
     origin: str = "model"
     values: Mapping[str, float] = field(default_factory=dict)
-    layout: Layout = field(init=False, repr=False, compare=False)
+    layout: NetworkLayout = field(init=False, repr=False, compare=False)
     effect_instances: list[EffectInstance] = field(init=False, repr=False, compare=False)
     parameters: list[ParameterInstance] = field(init=False, repr=False, compare=False)
     declared_at: dict[Key, dict[str, str]] = field(init=False, repr=False, compare=False)
@@ -501,7 +501,7 @@ ROUNDING = 1e-9  # of a value: it may lie so far outside its bounds, as numbers 
 class _WorkedOut(NamedTuple):
     """What a network's declarations come to; fields as in `Network`."""
 
-    layout: Layout
+    layout: NetworkLayout
     effect_instances: list[EffectInstance]
     parameters: list[ParameterInstance]
     declared_at: dict[Key, dict[str, str]]
@@ -536,7 +536,9 @@ def _work_out(
         return parameters.index(key, declared.name, name, pattern, declared)
 
     bodies.lay_conductors(conductivity, [name for name, (_, element) in elements.items() if element.hottest])
-    layout = Layout(capacities, prescribed, resistors, bodies.conductors, bodies.massless, bodies.hottest, effects)
+    layout = NetworkLayout(
+        capacities, prescribed, resistors, bodies.conductors, bodies.massless, bodies.hottest, effects
+    )
     LINKS.check(len(resistors), origin, "links")
     _refuse_isolated(origin, layout, bodies)
     instances, runs = _effects(origin, layout, parameters)
@@ -667,7 +669,7 @@ def _pairs(
     return pairs
 
 
-def _refuse_isolated(origin: str, layout: Layout, bodies: Bodies) -> None:
+def _refuse_isolated(origin: str, layout: NetworkLayout, bodies: Bodies) -> None:
     """A node without link, contact or edge effect would only ever warm."""
     touched = {end for link in layout.resistors for end in link.ends} | bodies.touched_places()
     for declared in layout.effects:
@@ -680,7 +682,9 @@ def _refuse_isolated(origin: str, layout: Layout, bodies: Bodies) -> None:
             raise InputError(origin, f'nodes."{name}"', problem, expected)
 
 
-def _effects(origin: str, layout: Layout, parameters: _Parameters) -> tuple[list[EffectInstance], dict[str, int]]:
+def _effects(
+    origin: str, layout: NetworkLayout, parameters: _Parameters
+) -> tuple[list[EffectInstance], dict[str, int]]:
     """Every effect at every place where it acts, and the indicators of the runs that some are confined to."""
     instances: list[EffectInstance] = []
     labels: set[str] = set()
@@ -716,7 +720,7 @@ def _effects(origin: str, layout: Layout, parameters: _Parameters) -> tuple[list
     return instances, runs
 
 
-def _driving(origin: str, where: str, layout: Layout, declared: EffectDeclaration, node: str) -> str:
+def _driving(origin: str, where: str, layout: NetworkLayout, declared: EffectDeclaration, node: str) -> str:
     """The place whose log columns drive an effect at a node."""
     if declared.driven_by != EVERYWHERE:
         return declared.driven_by or node

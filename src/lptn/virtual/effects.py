@@ -32,7 +32,7 @@ _COLUMNS = {
 
 
 @dataclass(frozen=True)
-class Effect:
+class HiddenEffect:
     """How to set one effect, and where it can stand.
 
     set: function of the robot, of what the kind says, and of the size; changes the robot in place. kind: "joint" or
@@ -133,55 +133,55 @@ def _clock_offset(robot: Robot, size: float) -> None:
     robot.clock += 30.0 * size
 
 
-EFFECTS: dict[str, Effect] = {
+EFFECTS: dict[str, HiddenEffect] = {
     # Copper: the winding's resistance × (1 + 0.00393 (T - 25)) [QuadrupedLPTN, eq. 6].
-    "resistance_rise": Effect(_added("resistance_rise", 0.00393), JOINT),
+    "resistance_rise": HiddenEffect(_added("resistance_rise", 0.00393), JOINT),
     # Magnets: the torque constant × (1 - 0.0012 (T - 25)).
-    "torque_constant_drop": Effect(_added("torque_constant_drop", 0.0012), JOINT),
-    "loss_scale": Effect(_loss_scale, JOINT, signed=True, single=True),
+    "torque_constant_drop": HiddenEffect(_added("torque_constant_drop", 0.0012), JOINT),
+    "loss_scale": HiddenEffect(_loss_scale, JOINT, signed=True, single=True),
     # Heat 0.5 |ω|: 0.5 N·m at the joint; heat 0.07 ω²: 0.07 N·m·s ([QuadrupedLPTN, eq. 8], as power); heat 0.2 |ω|^1.5.
-    "coulomb_friction": Effect(_added("coulomb", 0.5), JOINT),
-    "viscous_friction": Effect(_added("viscous", 0.07), JOINT),
-    "iron_loss": Effect(_added("iron", 0.2), JOINT),
+    "coulomb_friction": HiddenEffect(_added("coulomb", 0.5), JOINT),
+    "viscous_friction": HiddenEffect(_added("viscous", 0.07), JOINT),
+    "iron_loss": HiddenEffect(_added("iron", 0.2), JOINT),
     # Heat 0.1 |τ ω|: a tenth of the mechanical power.
-    "gear_loss": Effect(_added("gear", 0.1), JOINT),
+    "gear_loss": HiddenEffect(_added("gear", 0.1), JOINT),
     # Heat 0.5 |τ|, in W and N·m: transistors with a constant voltage, current going with torque.
-    "driver_loss": Effect(_added("driver", 0.5), JOINT),
+    "driver_loss": HiddenEffect(_added("driver", 0.5), JOINT),
     # Heat of 1.5 W, always on.
-    "constant_heat": Effect(_added("constant", 1.5), NODE, single=True),
+    "constant_heat": HiddenEffect(_added("constant", 1.5), NODE, single=True),
     # 0.1 times the computer's logged power, beside what its own node gets; 0.01 times what the battery gives.
-    "computer_heat": Effect(_added("computer", 0.1), JOINT),
-    "battery_heat": Effect(_added("battery", 0.01), NODE),
+    "computer_heat": HiddenEffect(_added("computer", 0.1), JOINT),
+    "battery_heat": HiddenEffect(_added("battery", 0.01), NODE),
     # The sun on 0.005 m², clouds coming and going.
-    "solar": Effect(_added("sunlit", 0.005), NODE),
+    "solar": HiddenEffect(_added("sunlit", 0.005), NODE),
     # Conductance to air × exp(0.006 (T - ambient)); × (1 + 0.55 |v|), v the base's speed in m/s [QuadrupedLPTN, eq. 3];
     # × (1 + 0.5 s), s the logged share of a fan's full speed.
-    "natural_convection": Effect(_added("natural_convection", 0.006), NODE),
-    "forced_convection": Effect(_added("forced_convection", 0.55), NODE),
-    "fan": Effect(_added("fanned", 0.5), NODE),
-    "surface_scale": Effect(_surface_scale, NODE, signed=True, single=True),
-    "conduction": Effect(_conduction, EDGE),
-    "second_mass": Effect(_second_mass, NODE),
-    "shared_mass": Effect(_shared_mass, CLASS),
+    "natural_convection": HiddenEffect(_added("natural_convection", 0.006), NODE),
+    "forced_convection": HiddenEffect(_added("forced_convection", 0.55), NODE),
+    "fan": HiddenEffect(_added("fanned", 0.5), NODE),
+    "surface_scale": HiddenEffect(_surface_scale, NODE, signed=True, single=True),
+    "conduction": HiddenEffect(_conduction, EDGE),
+    "second_mass": HiddenEffect(_second_mass, NODE),
+    "shared_mass": HiddenEffect(_shared_mass, CLASS),
     # Loss σ εA (T⁴ - ambient⁴), in kelvin, with an emissivity × area of 0.008 m².
-    "radiation": Effect(_added("emissive_area", 0.008), NODE),
+    "radiation": HiddenEffect(_added("emissive_area", 0.008), NODE),
     # The reading follows the node as a first-order lag of 20 s; is 2 K too high; rises by 4 K in an hour, from the true
     # one at each run's beginning.
-    "sensor_lag": Effect(_added("lag", 20.0), NODE),
-    "sensor_offset": Effect(_added("offset", 2.0), NODE, signed=True, single=True),
-    "sensor_drift": Effect(_added("drift", 4.0 / 3600), NODE, signed=True, single=True),
-    "sensor_position": Effect(_sensor_position, LINKED),
+    "sensor_lag": HiddenEffect(_added("lag", 20.0), NODE),
+    "sensor_offset": HiddenEffect(_added("offset", 2.0), NODE, signed=True, single=True),
+    "sensor_drift": HiddenEffect(_added("drift", 4.0 / 3600), NODE, signed=True, single=True),
+    "sensor_position": HiddenEffect(_sensor_position, LINKED),
     # The sensor sits in the winding, 0.12 K/W of its copper loss above the rest, 3 s behind that loss.
-    "hot_spot": Effect(_added("hot_spot", 0.12), JOINT),
-    "ambient_offset": Effect(_ambient_offset, AMBIENT, signed=True, single=True),
-    "ambient_lag": Effect(_ambient_lag, AMBIENT),
-    "clock_offset": Effect(_clock_offset, WHOLE, signed=True, single=True),
+    "hot_spot": HiddenEffect(_added("hot_spot", 0.12), JOINT),
+    "ambient_offset": HiddenEffect(_ambient_offset, AMBIENT, signed=True, single=True),
+    "ambient_lag": HiddenEffect(_ambient_lag, AMBIENT),
+    "clock_offset": HiddenEffect(_clock_offset, WHOLE, signed=True, single=True),
     # Bursts of 6 W, each 1 to 3 min, at random times.
-    "heat_bursts": Effect(_added("bursts", 6.0), NODE, beyond=True),
+    "heat_bursts": HiddenEffect(_added("bursts", 6.0), NODE, beyond=True),
     # The reading jumps up by 3 K at a random time of each run; the next run starts without it.
-    "sensor_step": Effect(_added("step", 3.0), NODE, beyond=True),
+    "sensor_step": HiddenEffect(_added("step", 3.0), NODE, beyond=True),
     # 400 J are taken away within a second, at random times.
-    "splash": Effect(_added("splash", 400.0), NODE, beyond=True),
+    "splash": HiddenEffect(_added("splash", 400.0), NODE, beyond=True),
 }
 BEYOND = tuple(name for name, effect in EFFECTS.items() if effect.beyond)
 SINGLE = tuple(name for name, effect in EFFECTS.items() if effect.single)

@@ -32,7 +32,7 @@ COUNT = len(LEG_JOINTS)
 
 
 @dataclass(frozen=True)
-class Activity:
+class LegActivity:
     """How the leg moves. Joint triples are hip, thigh, calf.
 
     hold, swing: mean and amplitude of the torque, N·m. sweep: amplitude of the joints' speed at speed 1, rad/s.
@@ -47,12 +47,12 @@ class Activity:
 
 
 ACTIVITIES = {
-    "rest": Activity(),
-    "stand": Activity(hold=(5.0, 5.0, 6.0), swing=(0.5, 0.5, 0.6)),
-    "trot": Activity((4.0, 3.5, 5.0), (4.0, 4.5, 6.0), (1.5, 5.0, 7.0), (1.4, 0.6), travels=True),
-    "walk": Activity((5.0, 3.5, 4.5), (3.0, 3.5, 4.0), (1.5, 6.0, 7.0), (0.8, 0.6), travels=True),
-    "squat": Activity((3.0, 6.0, 6.5), (1.0, 5.0, 5.0), (0.3, 2.5, 4.0), (0.4, 0.0)),
-    "leg_sweep": Activity(swing=(0.6, 0.6, 0.5), sweep=(8.0, 8.0, 9.0), stride=(0.9, 0.4)),
+    "rest": LegActivity(),
+    "stand": LegActivity(hold=(5.0, 5.0, 6.0), swing=(0.5, 0.5, 0.6)),
+    "trot": LegActivity((4.0, 3.5, 5.0), (4.0, 4.5, 6.0), (1.5, 5.0, 7.0), (1.4, 0.6), travels=True),
+    "walk": LegActivity((5.0, 3.5, 4.5), (3.0, 3.5, 4.0), (1.5, 6.0, 7.0), (0.8, 0.6), travels=True),
+    "squat": LegActivity((3.0, 6.0, 6.5), (1.0, 5.0, 5.0), (0.3, 2.5, 4.0), (0.4, 0.0)),
+    "leg_sweep": LegActivity(swing=(0.6, 0.6, 0.5), sweep=(8.0, 8.0, 9.0), stride=(0.9, 0.4)),
 }
 
 # What each run holds: activity, share of its time, range of speed, range of load. The order is drawn, but for

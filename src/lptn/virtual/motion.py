@@ -32,7 +32,7 @@ _TOGETHER = (0.0, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
-class Activity:
+class QuadrupedActivity:
     """How the robot moves. Triples are hip, thigh, calf.
 
     torque: RMS with a load of 4 kg, at speed 0, N·m. growth: of the torque with speed, relative, s/m.
@@ -57,14 +57,16 @@ class Activity:
 
 
 ACTIVITIES = {
-    "rest": Activity(powered=False),
-    "stand": Activity((1.3, 2.2, 5.6), bias=8.0, stride=(0.3, 0.0)),
-    "trot": Activity((2.242, 3.767, 8.078), 0.15, 0.6, (1.5, 6.0, 10.41), 0.6, (1.6, 1.2), _TROT, travels=True),
-    "walk": Activity((2.0, 3.4, 7.0), 0.15, 0.8, (1.2, 5.0, 8.0), 0.5, (1.0, 0.9), _WALK, travels=True),
-    "squat": Activity((1.5, 4.5, 8.0), 0.0, 1.2, (0.3, 2.5, 4.0), 0.0, (0.4, 0.0)),
-    "sway": Activity((7.0, 3.5, 5.0), 0.0, 0.6, (6.0, 2.5, 3.0), 0.0, (0.5, 0.0)),
-    "leg_sweep": Activity((0.6, 0.6, 0.5), 0.0, 0.0, (8.0, 8.0, 9.0), 0.0, (0.9, 0.4)),
-    "hold": Activity(bias=12.0, stride=(0.5, 0.0)),
+    "rest": QuadrupedActivity(powered=False),
+    "stand": QuadrupedActivity((1.3, 2.2, 5.6), bias=8.0, stride=(0.3, 0.0)),
+    "trot": QuadrupedActivity(
+        (2.242, 3.767, 8.078), 0.15, 0.6, (1.5, 6.0, 10.41), 0.6, (1.6, 1.2), _TROT, travels=True
+    ),
+    "walk": QuadrupedActivity((2.0, 3.4, 7.0), 0.15, 0.8, (1.2, 5.0, 8.0), 0.5, (1.0, 0.9), _WALK, travels=True),
+    "squat": QuadrupedActivity((1.5, 4.5, 8.0), 0.0, 1.2, (0.3, 2.5, 4.0), 0.0, (0.4, 0.0)),
+    "sway": QuadrupedActivity((7.0, 3.5, 5.0), 0.0, 0.6, (6.0, 2.5, 3.0), 0.0, (0.5, 0.0)),
+    "leg_sweep": QuadrupedActivity((0.6, 0.6, 0.5), 0.0, 0.0, (8.0, 8.0, 9.0), 0.0, (0.9, 0.4)),
+    "hold": QuadrupedActivity(bias=12.0, stride=(0.5, 0.0)),
 }
 
 

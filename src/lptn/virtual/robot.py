@@ -66,7 +66,7 @@ def edge(one: str, other: str) -> str:
 
 
 @dataclass(frozen=True)
-class Layout:
+class RobotLayout:
     """A robot's nodes that have a sensor, those that are joints, classes of like joints, and the baseline's links."""
 
     nodes: tuple[str, ...]
@@ -96,8 +96,10 @@ QUADRUPED_JOINTS = tuple(joint for leg in LEGS for joint in _joints(leg))
 QUADRUPED_NODES = (*QUADRUPED_JOINTS, PC)
 
 LAYOUTS = {
-    "leg": Layout(LEG_JOINTS, LEG_JOINTS, (), frozenset({edge("FR_hip", "FR_thigh"), edge("FR_thigh", "FR_calf")})),
-    "quadruped": Layout(
+    "leg": RobotLayout(
+        LEG_JOINTS, LEG_JOINTS, (), frozenset({edge("FR_hip", "FR_thigh"), edge("FR_thigh", "FR_calf")})
+    ),
+    "quadruped": RobotLayout(
         QUADRUPED_NODES,
         QUADRUPED_JOINTS,
         tuple(f"*_{part}" for part in PARTS),
