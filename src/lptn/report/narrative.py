@@ -258,7 +258,7 @@ def _next(steps: Sequence[Step], last: Diagnosis, kinds: Kinds, advice: Advice |
         return advice.differing[0].sentence or advice.differing[0].text()
     if advice and advice.experiment:
         first = _first_sentence(advice.experiment.text())
-        return first if advice.experiment.separates else f"{first.partition(': ')[0]}."
+        return first if advice.experiment.separates else f"{first.partition(': ')[0].rstrip('.')}."
     if any(step.indistinguishable for step in steps):
         effect = next(step.declaration.effect for step in steps if step.indistinguishable and step.declaration)
         return f"One experiment would separate the names. {experiment_for(type(effect))}"
