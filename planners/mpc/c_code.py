@@ -20,7 +20,7 @@ SOLVER = ("lptn_mpc.h", "lptn_mpc.c", "linear.inc", "living.inc", "observe.inc",
           "interior.inc", "lptn_loop.h", "lptn_loop.c")  # fmt: skip
 _D, _I = ctypes.c_double, ctypes.c_int
 _LIVING = ("STANDS", "SHORTEST", "LEAST_CHANCE", "COARSEST", "ERROR", "BELOW", "BELOW_IF_LOST", "MISLEADS", "ABOVE",
-           "NOISE", "LEAST", "FEWEST")  # fmt: skip
+           "NOISE", "LEAST", "LEAST_SHARE", "FEWEST")  # fmt: skip
 _GLUE = """\
 #define LPTN_WIDE
 #include "lptn_mpc.c"

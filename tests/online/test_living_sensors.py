@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.logs.run import Run
+from lptn.model.file import parse_model
 from lptn.model.model import Model
 from lptn.online.estimator import Estimate, Estimator
 from lptn.online.forecasting import forecast
@@ -15,6 +18,7 @@ from lptn.online.living_sensors import LivingSensors
 from lptn.online.present import ModelUncertainty, not_alive
 from lptn.simulate.bound_run import bind
 from tests.builders import make_run
+from tests.hardening.plants import AIR, ROBOTS, Plant
 from tests.identify.truth import TRUTH, network, truth_run
 
 NOISE, SINCE = 0.15, 600
@@ -162,3 +166,35 @@ def test_a_log_without_any_living_sensor_is_refused(model: Model, value: float) 
     dead = {name: np.full(len(run), value) for name in ("temperature.a", "temperature.b")}
     with pytest.raises(InputError, match=r"a: reads .* b: reads .*expected a sensor that is alive"):
         forecast(model, make_run({**run.columns, **dead}), 60.0, fit=sure)
+
+
+def _driven(name: str, dead: float | None, dither: float) -> tuple[Model, Run]:
+    """A plain robot with every value 10 % off under a steady load, all its sensors dead at a temperature or none."""
+    robot, rng = ROBOTS[name](), np.random.default_rng(3)
+    plant, currents = Plant(robot.off_by(0.1, "signs", rng), AIR, 1.0), np.full(len(robot.driven), 0.6 * robot.asked)
+    true = []
+    for _ in range(900):
+        true.append(plant.temperature)
+        plant.step(currents)
+    columns = {"temperature.ambient": np.full(900, AIR)}
+    for node, current in zip(robot.driven, currents, strict=True):
+        columns[f"current.{robot.nodes[node]}"] = current + rng.normal(0.0, 0.05, 900)
+    for node in robot.measured:
+        read = np.array(true)[:, node] if dead is None else np.full(900, dead)
+        columns[f"temperature.{robot.nodes[node]}"] = read + rng.normal(0.0, dither, 900)
+    return Model(parse_model(robot.toml(), Path(f"{name}.toml")).network), make_run(columns)
+
+
+@pytest.mark.parametrize("dither", [0.0, 0.1])
+@pytest.mark.parametrize("value", [-40.0, 0.0, 25.0, 40.0])
+@pytest.mark.parametrize("name", ["knee", "motor", "leg"])
+def test_nor_is_one_believed_beside_a_model_that_nobody_fitted(name: str, value: float, dither: float) -> None:
+    """However wrong a model may be: what is heated warms."""
+    model, run = _driven(name, value, dither)
+    with pytest.raises(InputError, match="expected a sensor that is alive"):
+        forecast(model, run, 80.0)
+
+
+@pytest.mark.parametrize("name", ["knee", "motor", "leg"])
+def test_a_healthy_sensor_beside_a_model_that_nobody_fitted_is_alive(name: str) -> None:
+    assert not forecast(*_driven(name, None, 0.1), 80.0).doubts

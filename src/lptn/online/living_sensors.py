@@ -3,7 +3,8 @@
 Each reading is compared with its *reference*, one prediction that takes in no reading: the model alone since the start;
 of a sensor that was never trusted, from what it read when it last contradicted. A node follows the heat that is put in:
 so a sensor is trusted once it has moved as its reference did, and as long as it agrees with it. Until then limits are
-planned by the hotter of the two. A sensor that contradicts its reference is lost. It is trusted again when it has
+planned by the hotter of the two. A sensor that contradicts its reference, or stays where it is while that moves, is
+lost. It is trusted again when it has
 agreed for as long as it contradicted or, where that was over a minute or not the first time that it contradicted
 without having moved, for as long as its node takes to settle, and has moved as the model does; as much time again has
 to pass until that is forgotten. A sensor that repeats its last reading bit for bit for longer than noise, steps and the
@@ -32,6 +33,9 @@ ABOVE = 6.0
 """Standard deviations above it: to disbelieve a hot sensor burns motors, to disbelieve a cold one costs torque."""
 NOISE = 6.0  # standard deviations of a reading; chance gives one in 500 million
 LEAST = 1.0  # K; the accuracy of sensors of motors, and the least movement (root sum of squares) by which one is known
+LEAST_SHARE = 0.1
+"""Of the reference's movement, root mean square: a sensor that moves by less, beside a reference that moves, does not
+follow it, however little is known of the model. No model of a machine is wrong tenfold."""
 FEWEST = 4  # readings; the regression of one on the other needs two, its scatter more
 STANDS = float(-np.log(CHANCE))
 """Evidence that makes a sensor one that stands, as for whole logs."""
@@ -110,13 +114,16 @@ class LivingSensors:
             self.agreed_for = np.where(begins, 0.0, self.agreed_for + seconds * agrees)
             self.regression[:, begins] = 0.0
             self.proven |= self._follow_reference(agrees, readings, reference, noise, below)
+            count, _, _, squares, of_readings, _ = self.regression
+            idle = agrees & (squares >= count * LEAST**2) & (of_readings + count * noise**2 < LEAST_SHARE**2 * squares)
+            agrees &= ~idle
         contradicts = seen & ~agrees
         contradicted_for = self.contradicted_for + seconds
-        gone = misleads | (contradicted_for > SHORTEST) | (self.lost & ~self.proven)
+        gone = misleads | idle | (contradicted_for > SHORTEST) | (self.lost & ~self.proven)
         contradicted_for = np.where(gone, np.maximum(settles, SHORTEST), contradicted_for)
         contradicted_for = np.where(self.stands, np.minimum(self.clock - self.since, settles), contradicted_for)
         self.contradicted_for = np.where(contradicts, contradicted_for, self.contradicted_for)
-        self.proven &= ~(contradicts & ((self.contradicted_for > SHORTEST) | misleads))
+        self.proven &= ~(contradicts & ((self.contradicted_for > SHORTEST) | misleads | idle))
         earned = self.agreed_for >= self.contradicted_for
         self.agrees = np.where(seen, agrees, self.agrees)
         self.trusted = np.where(seen, agrees & self.proven & earned, self.trusted)
