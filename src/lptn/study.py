@@ -8,7 +8,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import replace
+from dataclasses import fields, replace
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, overload
@@ -39,12 +39,18 @@ from lptn.identify.data import (
     without_stretches,
 )
 from lptn.identify.fitting import Checkpoint, Fit, finished
+from lptn.identify.noise import estimate_noise
 from lptn.identify.validation import SymmetryTrial, fit_split
 from lptn.logs.beside import refuse_doubtful, refuse_other_units
+from lptn.logs.reading import read_log
 from lptn.logs.repeated import repeated_stretch
 from lptn.logs.run import Run
 from lptn.model.file import ModelFile, added
 from lptn.model.model import Model
+from lptn.online.forecasting import Forecast, forecast
+from lptn.online.operating_point import Gait, WindowChoice, find_gait
+from lptn.online.present import ModelUncertainty
+from lptn.simulate.bound_run import bind, needed_columns
 from lptn.simulate.simulation import simulate
 
 if TYPE_CHECKING:
@@ -55,12 +61,34 @@ if TYPE_CHECKING:
 
 logger = logging.getLogger(__name__)
 
+_FINEST = 1e-3  # s; no robot logs its joints faster
+
 Logs = Log | Run | Iterable[Log | Run]
 """One log, or several: paths, data frames, or runs that were read before."""
 
 
-class StudyComparison(Comparison):
-    """A model against measurements, with its figure."""
+class _Told:
+    """What notebooks show of a result: its sentences."""
+
+    def narrative(self) -> list[Sentence]:
+        """The sentences of the terminal and of the report."""
+        raise NotImplementedError
+
+    def _repr_html_(self) -> str:
+        return _paragraphs(self.narrative())
+
+
+class StudyComparison(_Told, Comparison):
+    """A model against measurements, with its sentences and its figure."""
+
+    def narrative(self) -> list[Sentence]:
+        """How far the model is off and where most, in the sentences of terminal and report."""
+        from lptn.report.narrative import comparison_narrative
+
+        return comparison_narrative(self)
+
+    def _repr_html_(self) -> str:
+        return _paragraphs(self.narrative()) + _rows(self.to_pandas())
 
     def plot(self, node: str | None = None, ax: Axes | None = None) -> Axes:
         """Draw measured and predicted temperatures [°C] of one node over time.
@@ -75,6 +103,38 @@ class StudyComparison(Comparison):
         from lptn.report.comparison_figures import plot_temperatures
 
         return plot_temperatures(self, node, ax=ax)
+
+
+class StudyVersus(_Told, Versus):
+    """A model against another, with its sentences."""
+
+    def narrative(self) -> list[Sentence]:
+        """Which model predicts better, in the sentences of terminal and report."""
+        from lptn.report.narrative import versus_narrative
+
+        return versus_narrative(self)
+
+
+class StudyForecast(_Told, Forecast):
+    """Temperatures to come, with their sentences and their figure."""
+
+    def narrative(self) -> list[Sentence]:
+        """Which node reaches its limit first, and when, in the sentences of the terminal."""
+        from lptn.report.narrative import forecast_narrative
+
+        return forecast_narrative(self)
+
+    def plot(self, node: str | None = None, ax: Axes | None = None) -> Axes:
+        """Draw a node's readings so far, its temperatures [°C] to come with their interval, and its limit.
+
+        Args:
+            node: its name; by default the first to reach its limit.
+            ax: where to draw; a new figure of pyplot's by default.
+        """
+        from lptn.report.online_figures import plot_forecast
+
+        first = min(self.nodes.values(), key=lambda one: (one.time_to_limit, one.low, -one.steady))
+        return plot_forecast(self, node or first.node, ax=ax)
 
 
 class Study:
@@ -139,6 +199,7 @@ class Study:
         executor: Executor | None = None,
     ) -> None:
         self._loaded = load_model(model, columns)
+        self._logs: dict[str, str | Path] = {}  # the file of each run, by the run's source
         self.ambient_error = AMBIENT_ERROR if ambient_error is None else ambient_error
         self.torque_error = TORQUE_ERROR if torque_error is None else torque_error
         self.surface_error = SURFACE_ERROR if surface_error is None else surface_error
@@ -177,6 +238,15 @@ class Study:
     def model(self) -> Model:
         """The model as it is now: fitted if it was, else as the file gives it."""
         return self._steps[-1].fit.model if self._steps else self._loaded.model
+
+    @property
+    def _searched_from(self) -> Model:
+        """What a search begins with: without added effects the file's own values, whether or not they were fitted."""
+        return self.model if len(self._steps) > 1 else self._loaded.model
+
+    @property
+    def _fitted(self) -> bool:
+        return bool(self._steps) or self._loaded.file.fit.rmse is not None or not self.model.free
 
     @property
     def file(self) -> ModelFile:
@@ -222,10 +292,8 @@ class Study:
         return f"<Study of {self.model.network.name}: runs: {runs}; effects added: {max(len(self._steps) - 1, 0)}>"
 
     def _repr_html_(self) -> str:
-        rows = self.history.to_html(index=False, na_rep="–", border=0, float_format=lambda value: f"{value:.3g}")
         said = self.narrative() if self.advised else []
-        lines = "".join(f"<p><b>{sentence.label}:</b> {escape(sentence.text)}</p>\n" for sentence in said)
-        return f"<p>{escape(repr(self))}</p>\n{lines}{rows if self._steps else ''}"
+        return f"<p>{escape(repr(self))}</p>\n{_paragraphs(said)}{_rows(self.history) if self._steps else ''}"
 
     # --- what to do ---------------------------------------------------------------------------
 
@@ -258,9 +326,9 @@ class Study:
     def compare(self, against: None = None) -> StudyComparison: ...
 
     @overload
-    def compare(self, against: Study) -> Versus: ...
+    def compare(self, against: Study) -> StudyVersus: ...
 
-    def compare(self, against: Study | None = None) -> StudyComparison | Versus:
+    def compare(self, against: Study | None = None) -> StudyComparison | StudyVersus:
         """Predict the held-out runs, or the fitted ones where none is held out, and set them against what was measured.
 
         Args:
@@ -270,9 +338,31 @@ class Study:
             InputError: there is no run, or one lacks an input of the model.
         """
         if against is not None:
-            return versus(self.model, against.model, self._shown(), against._shown())
+            both = versus(self.model, against.model, self._shown(), against._shown())
+            return StudyVersus(replace(both.model, fitted=self._fitted), replace(both.other, fitted=against._fitted))
         compared = compare(self.model, self._shown())
-        return StudyComparison(compared.model, compared.predictions, compared.noise)
+        return StudyComparison(compared.model, compared.predictions, compared.noise, self._fitted)
+
+    def forecast(
+        self,
+        limits: float | Mapping[str, float],
+        cycles: int = 10,
+        coverage: float = 0.9,
+        *,
+        window: WindowChoice = "steady",
+    ) -> StudyForecast:
+        """When each node reaches its limit if the robot goes on as it does at the end of the last run.
+
+        Arguments and errors are those of `lptn.forecast`. The errors of the model are those that its fit knows, and the
+        gait is that of the log at its own rate.
+        """
+        if not self.runs:
+            raise InputError("study", "fit, holdout, test", "no run", "one log or more")
+        run = self.runs[-1]
+        noise = estimate_noise([bind(self.model, run)], self.model.nodes)
+        known = ModelUncertainty.of_table(self.model, self.file.fit, noise.floor)
+        ahead = forecast(self.model, run, limits, cycles, coverage, known, window=window, gait=self._gait(run))
+        return StudyForecast(**{one.name: getattr(ahead, one.name) for one in fields(ahead)})
 
     def predictions(self, step: int = -1) -> dict[str, list[Prediction]]:
         """What the model of a step predicts on every run: fitted ones as the fit leaves them, others freely.
@@ -312,7 +402,7 @@ class Study:
         self._needs_conclusive_data()
         number = max(len(self._steps) - 1, 0)
         if number not in self._diagnoses:
-            self._diagnoses[number] = self._diagnosis_of(self.model)
+            self._diagnoses[number] = self._diagnosis_of(self._searched_from)
         return self._diagnoses[number]
 
     def advise(self) -> Advice:
@@ -401,7 +491,7 @@ class Study:
         """
         self._needs_conclusive_data()
         history = improve(
-            self.model,
+            self._searched_from,
             self.data,
             most=most,
             ambient_error=self.ambient_error,
@@ -519,7 +609,7 @@ class Study:
         if not self._steps:
             self.fit()
         last = self.diagnose()
-        first = self._diagnoses.get(0) or self._diagnosis_of(self._steps[0].fit.model)
+        first = self._diagnoses.get(0) or self._diagnosis_of(self._loaded.model)
         self._diagnoses[0] = first
         return History(tuple(self._steps), first, last, history.rivals if history else ())
 
@@ -555,8 +645,29 @@ class Study:
         several = [logs] if isinstance(logs, str | Path | pd.DataFrame | Run) else list(logs)
         runs: list[Run] = []
         for number, log in enumerate(several, start=1):
-            runs += [log] if isinstance(log, Run) else self._loaded.runs([log], named=f"{name}{number}")
+            read = [log] if isinstance(log, Run) else self._loaded.runs([log], named=f"{name}{number}")
+            if isinstance(log, str | Path):
+                self._logs |= {run.source: log for run in read}
+            runs += read
         return runs
+
+    def _gait(self, run: Run) -> Gait | None:
+        """The gait at a log's end, from its joint speeds with their sign and at the log's own rate; of a file only."""
+        if run.source not in self._logs:
+            return None
+        loaded = self._loaded
+        inputs, outputs = needed_columns(loaded.model)
+        signed = [f"signed_velocity.{node}" for node in loaded.model.nodes]
+        last = read_log(
+            self._logs[run.source],
+            loaded.columns,
+            step=_FINEST,
+            inputs=inputs if loaded.guessing else (),  # for its guesses are what the model needs
+            outputs=outputs,
+            optional=signed,
+            guessing=loaded.guessing,
+        )[-1]
+        return find_gait([last.columns[name] for name in signed if last.has(name)], last.step)
 
     def _as_read(self, run: str) -> str:
         """The name of the run that a piece was cut from."""
@@ -623,6 +734,16 @@ class Study:
             executor=self.executor,
             report=logger.info,
         )
+
+
+def _paragraphs(said: Sequence[Sentence]) -> str:
+    """Sentences as HTML."""
+    return "".join(f"<p><b>{sentence.label}:</b> {escape(sentence.text)}</p>\n" for sentence in said)
+
+
+def _rows(table: pd.DataFrame) -> str:
+    """A table as HTML."""
+    return str(table.to_html(index=False, na_rep="–", border=0, float_format=lambda value: f"{value:.3g}"))
 
 
 def _with_setting(step: Step, key: str, setting: Setting) -> Step:

@@ -77,7 +77,8 @@ def test_compare_writes_the_agreed_json_and_a_picture(lptn: Lptn, short_log: Pat
     target, picture = tmp_path / "compare.json", tmp_path / "compare.png"
     status, out, _ = lptn("compare", MODEL, short_log, "--json", target, "--plot", picture)
     assert status == 0
-    assert "It fails worst where" in out
+    assert out.startswith("Error: RMSE ")
+    assert "Worst by operating condition:" in out
     written = json.loads(target.read_text())
     assert set(written["runs"]["short"]["nodes"]["heater1"]) >= {"rmse", "max", "mean"}
     assert set(written["all"]) == {"rmse", "max"}

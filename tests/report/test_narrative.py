@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from html import escape, unescape
 from pathlib import Path
-from textwrap import wrap
 from typing import cast
 
 import numpy as np
 import pytest
 
-import lptn
-from lptn.cli.improve import improve, show_history
+from lptn.cli.improve import show_history
 from lptn.diagnose.advice import Advice
 from lptn.diagnose.answers import Step
 from lptn.diagnose.experiment import Experiment
@@ -32,9 +29,6 @@ from lptn.report.captions import of_conditions
 from lptn.report.narrative import details, narrative, removed_in_words, short_name, size_in_words
 from lptn.report.shown import heat_fields
 from lptn.report.text import certainty, kelvin, significant, size_text
-from lptn.workbench.bench import Bench
-from lptn.workbench.content import content_of
-from lptn.workbench.opening import Opening
 from tests.report.two_joints import NODES, NOISE, Told, robot
 
 ROOT = Path(__file__).parents[2]
@@ -235,37 +229,6 @@ def test_details_say_which_data_chose_and_what_was_refused(missing: Told) -> Non
     assert f"Fitted as well, and not added: radiation to the surroundings at {NODES[1]} (31 %)." in text
     assert "The verdict holds for what the fit data cover: 10 min at" in text
     assert "not added" not in " ".join(details(replace(history, last=replace(history.last, refused=())), data))
-
-
-_STUDIES = {
-    "tclab": ("tclab/two_heaters.toml", "tclab/log.csv", 300.0),
-    "bldc_stators": ("bldc_stators/two_nodes.toml", "bldc_stators/Run3.csv", 120.0),
-    "pmsm": ("pmsm/winding.toml", "pmsm/log.csv", 3600.0),
-}
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("name", _STUDIES)
-def test_command_study_page_and_report_say_the_same_of_the_examples(
-    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    model, log, after = _STUDIES[name]
-    model, log = str(ROOT / "examples" / model), str(ROOT / "examples" / log)
-    improve(
-        Path(model), Path(log), holdout_after=after, report=tmp_path / "story.html", output=tmp_path / "better.toml"
-    )
-    printed = capsys.readouterr().out
-    study = lptn.Study(model, log, holdout_after=after)
-    study.improve()
-    said = study.narrative()
-    assert printed.splitlines()[: len(said)] == [str(sentence) for sentence in said]
-    assert sum(len(wrap(line, 80)) for line in printed.replace(str(tmp_path), "").splitlines()) <= 15
-    page = unescape((tmp_path / "story.html").read_text(encoding="utf-8")).replace("\N{NO-BREAK SPACE}", " ")
-    head = content_of(Bench(study, tmp_path, ""), Opening(Path(model), (Path(log),), holdout_after=after))["head"]
-    assert head["said"][:-1] == [(sentence.label, sentence.text) for sentence in said]
-    assert all(sentence.text in page and escape(sentence.text) in study._repr_html_() for sentence in said)
-    compared = study.compare()
-    assert kelvin(compared.all.rmse) in dict(head["said"])["Error"]
 
 
 def test_the_table_of_the_terminal_has_the_same_numbers(missing: Told, capsys: pytest.CaptureFixture[str]) -> None:

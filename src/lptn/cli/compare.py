@@ -21,8 +21,7 @@ from lptn.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from lptn.identify.comparison import Comparison, Versus
-    from lptn.study import Study
+    from lptn.study import Study, StudyComparison, StudyVersus
 
 _WORST = 5  # conditions listed
 
@@ -96,36 +95,32 @@ def _compare_with(study: Study, other: Study, json: Path | None, plot: Path | No
         write_whole(report, versus_html(result, " against ".join(result.names)))
 
 
-def _show_comparison(comparison: Comparison) -> None:
-    """Errors by run and node, and the conditions in which the model fails worst."""
+def _show_comparison(comparison: StudyComparison) -> None:
+    """The sentences, errors by run and node, and the conditions in which the model fails worst."""
     from lptn.cli.terminal import show_table
-    from lptn.report.tables import error_table, worst_condition
-    from lptn.report.text import bin_text, kelvin, signed_kelvin
+    from lptn.report.tables import condition_table, error_table
 
+    for sentence in comparison.narrative():
+        print(sentence)
     table = error_table(comparison)
     show_table(table.columns, table.rows)
+    worst = condition_table(comparison, _WORST)
+    if worst.rows:
+        show_table(worst.columns, worst.rows, "Worst by operating condition:")
     print("error = predicted − measured; noise alone: the RMSE that the sensor's noise alone would leave.")
-    print(f"All: RMSE {kelvin(comparison.all.rmse)}, max {kelvin(comparison.all.max)}.")
-    worst = sorted(comparison.conditions(), key=lambda condition: -condition.errors.rmse)[:_WORST]
-    largest = worst_condition(comparison)
-    if largest is not None:
-        is_far = largest[1]
-        print("It fails worst where:" if is_far else "It is nowhere wrong by much more than noise; most where:")
-    for condition in worst:
-        errors = condition.errors
-        where = f"{condition.node}, {bin_text(condition.quantity, condition.lower, condition.upper)}"
-        print(f"  {where}: RMSE {kelvin(errors.rmse)}, mean error {signed_kelvin(errors.mean)}")
 
 
-def _show_versus(result: Versus) -> None:
-    """Two models' errors by class of nodes and by run."""
+def _show_versus(result: StudyVersus) -> None:
+    """The sentences, and two models' errors by class of nodes and by run."""
     from lptn.cli.terminal import show_table
 
-    print(f"{result.names[0]} / {result.names[1]}")
-    for what, pairs in (("nodes", result.classes), ("run", result.runs)):
+    for sentence in result.narrative():
+        print(sentence)
+    one_run = len(result.runs) == 1  # its errors are those of all nodes
+    for what, pairs in (("nodes", result.classes), *([] if one_run else [("run", result.runs)])):
         rows = []
         for pair in pairs:
             mean, largest, square = (f"{mine:.2f} / {others:.2f} {unit}" for mine, others, unit in pair.figures)
             rows.append((pair.what, mean, largest, f"{pair.reduction:.0%}", square))
         show_table((what, ">mean |error|", ">max |error|", ">less", ">mean square"), rows)
-    print("error = predicted − measured; less: by how much the first model's largest error is below the second's.")
+    print(f"Errors (predicted − measured) of {result.names[0]} / {result.names[1]}; less: of the largest error.")

@@ -97,11 +97,13 @@ class Comparison(Tabular):
         model: the model.
         predictions: one for each run.
         noise: the sensors' noise, the least that any model can reach.
+        fitted: whether the model's parameters were fitted, and are not only those that somebody wrote.
     """
 
     model: Model
     predictions: tuple[Prediction, ...]
     noise: Noise
+    fitted: bool = True
 
     @cached_property
     def all(self) -> Errors:

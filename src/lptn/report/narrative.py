@@ -1,7 +1,7 @@
-"""What a study says, written once: terminal, workbench, report and Python show the same sentences.
+"""What is said of a search, a comparison and a forecast: terminal, workbench, report and Python show these sentences.
 
-First the verdict on the model as it is now, then what sets a place, a sensor, a limb or a run apart (findings), what
-all parts have in common (structure), what somebody added, the errors, and what to do next.
+Of a search, first the verdict on the model as it is now, then what sets a place, a sensor, a limb or a run apart
+(findings), what all parts have in common (structure), what somebody added, the errors, and what to do next.
 """
 
 from __future__ import annotations
@@ -10,6 +10,8 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
+from math import isfinite, sqrt
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -22,10 +24,13 @@ from lptn.diagnose.diagnosis import Diagnosis, is_met
 from lptn.diagnose.fit_statistics import MOST, WORTH, Removed, criterion_difference, explains
 from lptn.diagnose.improvement import History
 from lptn.effects.learned_heat import UNNAMED, LearnedHeat, goes_with
+from lptn.identify.comparison import Comparison, Versus
 from lptn.identify.data import DataSplit, Segment
 from lptn.identify.fitting import Fit
 from lptn.model.network import EffectDeclaration
-from lptn.report.shown import noise_alone
+from lptn.online.forecasting import Forecast
+from lptn.report.shown import noise_alone, worst_view
+from lptn.report.tables import FAR, interval_to_limit, settling_temperature, time_to_limit
 from lptn.report.text import (
     capitalised,
     certainty,
@@ -38,13 +43,26 @@ from lptn.report.text import (
     place_of,
     significant,
     size_text,
+    time_span,
     unit_text,
     value_in_words,
     window_text,
 )
 
 Label = Literal[
-    "Verdict", "Findings", "Best candidates", "Structure", "Added by hand", "Error", "Unexplained heat", "Next"
+    "Verdict",
+    "Findings",
+    "Best candidates",
+    "Structure",
+    "Added by hand",
+    "Error",
+    "Largest error",
+    "Not fitted",
+    "Unexplained heat",
+    "Load",
+    "Uncertainty",
+    "Sensors ignored",
+    "Next",
 ]
 
 HELPED = 0.99
@@ -277,7 +295,99 @@ def _first_sentence(text: str) -> str:
     return re.split(r"(?<=[.!?]) (?=[A-Z])", text, maxsplit=1)[0]
 
 
-# --- the details ----------------------------------------------------------------------------------------------
+# --- a model against logs, and against another model ---------------------------------------------------------
+
+
+_PLAIN = 0.5  # share of the RMSE from which its mean says to which side a model is off
+
+
+def comparison_narrative(comparison: Comparison) -> list[Sentence]:
+    """How far the predictions of a model are off, and where most."""
+    every, measured = comparison.all, [node for node in comparison.model.nodes if comparison.node(node).count]
+    noise = sqrt(sum(comparison.floor(node) ** 2 for node in measured) / len(measured))
+    error = f"RMSE {kelvin(every.rmse)}, largest error {kelvin(every.max)}; sensors' noise {kelvin(noise, 2)}."
+    return [Sentence("Error", error), largest_error(comparison), *_not_fitted(comparison)]
+
+
+def largest_error(comparison: Comparison) -> Sentence:
+    """The node and the run with the largest RMSE, and to which side the model is off there."""
+    number, node = worst_view(comparison)
+    prediction = comparison.predictions[number]
+    errors = comparison.node(node, prediction)
+    if errors.rmse <= FAR * comparison.floor(node):
+        return Sentence("Largest error", "Nowhere much larger than the sensors' noise.")
+    side = "hot" if errors.mean > 0 else "cold"
+    text = "" if abs(errors.mean) < _PLAIN * errors.rmse else f", predicted too {side}"
+    return Sentence("Largest error", f"At {node} in {prediction.segment.run.name}, RMSE {kelvin(errors.rmse)}{text}.")
+
+
+def versus_narrative(result: Versus) -> list[Sentence]:
+    """Which of two models predicts the same logs better, and by how much."""
+    (one, other), whole = result.names, result.classes[-1]
+    mine, others = map(sqrt, whole.square)
+    verdict = f"{one} and {other} predict equally well"
+    if not HELPED * others < mine < others / HELPED:
+        verdict = f"{one} predicts {'better' if mine < others else 'worse'} than {other}"
+    smaller = sum(pair.max[0] < pair.max[1] for pair in result.runs)
+    runs = f"in {smaller} of {len(result.runs)} runs the former has the smaller one"
+    error = f"RMSE {kelvin(mine)} against {kelvin(others)}, largest error {kelvin(whole.max[0])} against "
+    error += f"{kelvin(whole.max[1])}{f'; {runs}' if len(result.runs) > 1 else ''}."
+    both = (result.model, result.other)
+    return [Sentence("Verdict", f"{verdict}."), Sentence("Error", error), *_not_fitted(*both)]
+
+
+def _not_fitted(*comparisons: Comparison) -> list[Sentence]:
+    """Which models have the values that somebody wrote into their files."""
+    networks = [comparison.model.network for comparison in comparisons if not comparison.fitted]
+    if not networks:
+        return []
+    names = listed([Path(network.origin).name for network in networks])
+    plural = "are" if len(networks) > 1 else "is"
+    return [Sentence("Not fitted", f"{names} {plural} compared with the file's own values; run `lptn fit` first.")]
+
+
+# --- a forecast -------------------------------------------------------------------------------------------------
+
+
+_LATE = 60.0  # s before a log's end, that are worth a word
+
+
+def forecast_narrative(ahead: Forecast) -> list[Sentence]:
+    """Which node reaches its limit first and when, with what load, how sure, and which sensors were left out."""
+    window = ahead.window
+    cycles = f" ({window.cycles} gait cycles of {window.period:.3g} s)" if window.cycles and window.period else ""
+    load = f"Assumed to continue as over {window.why}{cycles}."
+    if ahead.late >= _LATE:
+        load += f" The forecast begins {time_span(ahead.late)} before the end of the log: later inputs are unknown."
+    said = [Sentence("Verdict", _first_limit(ahead)), Sentence("Load", load)]
+    said.append(Sentence("Uncertainty", f"{capitalised(ahead.trust)}."))
+    if ahead.doubts:
+        doubts = "; ".join(map(str, ahead.doubts))
+        text = f"{doubts}. From then on the forecast uses the model and the other sensors."
+        said.append(Sentence("Sensors ignored", text))
+    return said
+
+
+def _first_limit(ahead: Forecast) -> str:
+    """What passed its limit, what reaches its own next, or what comes nearest."""
+    nodes = list(ahead.nodes.values())
+    passed = [f"{one.node} ({one.limit:g} °C)" for one in nodes if one.time_to_limit == 0]
+    texts = [f"Above the limit now: {few(passed, FEW)}."] if passed else []
+    coming = sorted((one for one in nodes if one.reaches and one.time_to_limit > 0), key=lambda one: one.time_to_limit)
+    if coming:
+        first = coming[0]
+        next_ = "next" if passed else "first"
+        interval = f"{percent(ahead.coverage)} interval {interval_to_limit(first)}"
+        texts.append(f"{first.node} reaches {first.limit:g} °C {next_}, in {time_to_limit(first)} ({interval}).")
+    elif not passed:
+        nearest = max(nodes, key=lambda one: (one.chance, one.steady - one.limit))
+        settles = f", which settles at {settling_temperature(nearest)} °C" if isfinite(nearest.steady) else ""
+        text = f"Nearest to it is {nearest.node}{settles}; its limit is {nearest.limit:g} °C"
+        texts.append(f"No node reaches its limit. {text}.")
+    return " ".join(texts)
+
+
+# --- the details of a search ------------------------------------------------------------------------------------
 
 
 def details(history: History, data: DataSplit) -> list[str]:

@@ -30,6 +30,7 @@ from lptn.basics.style import (
 )
 from lptn.online.forecasting import Forecast, NodeForecast
 from lptn.online.monitoring import MonitoredRun, Monitoring
+from lptn.report.tables import time_to_limit
 
 # --- forecasts: temperatures so far and to come, with their interval and the limit --------------------------
 
@@ -70,7 +71,8 @@ def plot_forecast(
         ax.plot([one.low / 60, latest / 60], [one.limit] * 2, color=INK, linewidth=3.0, solid_capstyle="butt")
         ax.plot([one.time_to_limit / 60], [one.limit], "o", color=INK, markersize=4)
     ax.set_xlim(span[0] / 60, span[1] / 60)
-    ax.set_title(plain(f"{node}: {_time_to_limit(one)}"), size=TEXT, loc="left", pad=3)
+    settles = "" if one.reaches or not isfinite(one.steady) else f", {one.steady:.0f} °C"
+    ax.set_title(plain(f"{node}: {time_to_limit(one)}{settles}"), size=TEXT, loc="left", pad=3)
     ax.set_ylabel("temperature [°C]", size=SMALL)
     ax.set_xlabel("time from now [min]", size=SMALL)
     ax.margins(y=0.08)
@@ -115,14 +117,6 @@ def _span(forecast: Forecast, chosen: Sequence[NodeForecast]) -> tuple[float, fl
     until = min(_BEYOND * max(ends), float(forecast.time[-1])) if ends else float(forecast.time[-1])
     until = max(until, _LEAST)
     return max(float(forecast.log[0]), -until), until
-
-
-def _time_to_limit(one: NodeForecast) -> str:
-    if one.time_to_limit == 0:
-        return "at its limit"
-    if one.reaches:
-        return f"{one.time_to_limit / 60:.1f} min"
-    return f"never, {one.steady:.0f} °C" if isfinite(one.steady) else "never"
 
 
 # --- monitored runs: readings and predictions, their difference, and when each detector called --------------

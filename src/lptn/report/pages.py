@@ -15,7 +15,7 @@ from lptn.references import works_cited
 from lptn.report import captions
 from lptn.report.document import Picture, picture, render
 from lptn.report.heat_story import HeatStory, heat_line_picture, heat_map_picture, learned_picture
-from lptn.report.narrative import details, narrative
+from lptn.report.narrative import comparison_narrative, details, narrative, versus_narrative
 from lptn.report.page_diagnosis import detectability_figure, history_figure, probability_figure
 from lptn.report.page_figures import NAMES, conditions, fields, predictions, versus_bars
 from lptn.report.shown import effects_shown, error_fields, weighed_effects
@@ -33,7 +33,7 @@ from lptn.report.tables import (
     stretch_table,
     versus_table,
 )
-from lptn.report.text import for_people, kelvin
+from lptn.report.text import for_people
 
 # --- the whole story: log, fit, where it fails, what is missing, what tests it --------------------------------
 
@@ -210,8 +210,7 @@ def comparison_html(comparison: Comparison, title: str) -> str:
         tiles=tiles(runs, comparison),
         charts=charts.html(CHARTS),
         thinned=thinned,
-        rmse=kelvin(comparison.all.rmse),
-        largest=kelvin(comparison.all.max),
+        said=comparison_narrative(comparison),
         predictions=picture(caption, predictions(comparison)),
         maps=_conditions(comparison, None, "compared"),
         errors=error_table(comparison),
@@ -233,12 +232,9 @@ def versus_html(result: Versus, title: str) -> str:
     Returns:
         HTML text; the same arguments give the same text.
     """
-    whole = result.classes[-1]
-    better = sum(pair.max[0] < pair.max[1] for pair in result.runs)
     bars = (
         "Mean absolute error by class of joints (left) and largest error by run (right): "
-        f"{result.names[0]} (green, plain) beside {result.names[1]} (blue, hatched). "
-        f"Its largest error is the smaller one in {better} of {len(result.runs)} runs."
+        f"{result.names[0]} (green, plain) beside {result.names[1]} (blue, hatched)."
     )
     # The other model's worst nodes and runs, with the model's own lines where it has those nodes too.
     both = set(result.other.model.nodes) <= set(result.model.model.nodes)
@@ -254,8 +250,7 @@ def versus_html(result: Versus, title: str) -> str:
         charts=charts.html(CHARTS),
         thinned=thinned,
         names=result.names,
-        means=tuple(map(kelvin, whole.mean)),
-        largest=tuple(map(kelvin, whole.max)),
+        said=versus_narrative(result),
         bars=picture(bars, versus_bars(result)),
         predictions=picture(caption, predictions(given, best, names=names)),
         classes=versus_table("joints", result.classes),

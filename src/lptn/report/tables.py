@@ -15,10 +15,12 @@ from lptn.effects import Effect, catalogue
 from lptn.identify.comparison import Comparison, Condition, Pair
 from lptn.identify.data import Segment
 from lptn.identify.fitting import Fit
+from lptn.online.forecasting import Forecast, NodeForecast
 from lptn.references import cite, works_cited
 from lptn.report.shown import effects_shown
 from lptn.report.text import (
     NOTHING,
+    bin_text,
     experiment_for,
     kelvin,
     named,
@@ -55,7 +57,6 @@ class Table:
 # --- a comparison -----------------------------------------------------------------------------------------
 
 
-_WORST = 12  # conditions listed
 _LONG = 600.0  # s; longer times are in minutes, as in the figures
 
 
@@ -71,16 +72,14 @@ def error_table(comparison: Comparison) -> Table:
     return Table(("run", "node", ">RMSE", ">max |error|", ">mean error", ">noise alone"), tuple(rows))
 
 
-def condition_table(comparison: Comparison) -> Table:
+def condition_table(comparison: Comparison, most: int = 12) -> Table:
     """The conditions in which a model fails worst, worst first."""
     rows = []
-    for condition in sorted(conditions_of(comparison), key=lambda condition: -condition.errors.rmse)[:_WORST]:
+    for condition in sorted(conditions_of(comparison), key=lambda condition: -condition.errors.rmse)[:most]:
         errors = condition.errors
-        ends = (number(condition.lower, 3), number(condition.upper, 3))
-        cells = (kelvin(errors.rmse), kelvin(errors.max), signed_kelvin(errors.mean), str(errors.count))
-        rows.append((condition.node, condition.quantity, *ends, *cells))
-    heads = ("node", "condition", ">from", ">to", ">RMSE", ">max |error|", ">mean error", ">readings")
-    return Table(heads, tuple(rows))
+        cells = (kelvin(errors.rmse), kelvin(errors.max), signed_kelvin(errors.mean))
+        rows.append((condition.node, bin_text(condition.quantity, condition.lower, condition.upper), *cells))
+    return Table(("node", "condition", ">RMSE", ">max |error|", ">mean error"), tuple(rows))
 
 
 def conditions_of(comparison: Comparison) -> list[Condition]:
@@ -160,6 +159,49 @@ def data_table(jobs: Mapping[str, Sequence[Segment]]) -> Table:
             rows.append((*names, *size, job, start, window_text(segment.evaluation, segment), notes))
     heads = ("run", "file", "fingerprint", ">length", ">step", "used as", "start from", "errors counted", "notes")
     return Table(heads, tuple(rows))
+
+
+# --- a forecast -------------------------------------------------------------------------------------------
+
+
+def forecast_table(ahead: Forecast) -> Table:
+    """Each node with a limit: its temperature, when it reaches the limit, and where it settles."""
+    rows = tuple(
+        (
+            one.node,
+            f"{one.now:.1f} °C",
+            f"{one.limit:g} °C",
+            time_to_limit(one),
+            interval_to_limit(one),
+            settling_temperature(one),
+        )
+        for one in ahead.nodes.values()
+    )
+    heads = ("node", ">now", ">limit", ">time to limit", f">{percent(ahead.coverage)} interval", ">settles at [°C]")
+    return Table(heads, rows)
+
+
+def time_to_limit(one: NodeForecast) -> str:
+    """When a node reaches its limit, `passed` or `never`."""
+    if one.time_to_limit == 0:
+        return "passed"
+    return time_span(one.time_to_limit) if one.reaches else "never"
+
+
+def interval_to_limit(one: NodeForecast) -> str:
+    """The interval of that time; of `never` its probability."""
+    if one.time_to_limit == 0:
+        return ""
+    if not math.isfinite(one.low):
+        return f"never ({percent(1 - one.chance)})"
+    return f"{time_span(one.low)} to {time_span(one.high) if math.isfinite(one.high) else 'never'}"
+
+
+def settling_temperature(one: NodeForecast) -> str:
+    """Where a temperature settles, with its interval [°C]."""
+    if not math.isfinite(one.steady):
+        return "runs away"
+    return f"{one.steady:.0f} ({one.steady_low:.0f} to {one.steady_high:.0f})".replace("-", "−")
 
 
 # --- a forward selection ----------------------------------------------------------------------------------

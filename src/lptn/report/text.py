@@ -79,7 +79,7 @@ def unit_of(column: str) -> str:
 
 def time_span(seconds: float) -> str:
     """A length of time in s, min or h."""
-    if seconds < 600:
+    if seconds < 99.5:
         return f"{seconds:.3g} s"
     return f"{seconds / 60:.3g} min" if seconds < 36000 else f"{seconds / 3600:.3g} h"
 

@@ -13,11 +13,11 @@ from lptn.diagnose.answers import Step
 from lptn.diagnose.diagnosis import Diagnosis
 from lptn.diagnose.evidence import FirstOrder
 from lptn.effects import catalogue
-from lptn.identify.comparison import Errors
+from lptn.identify.comparison import Comparison, Errors
 from lptn.identify.data import Segment, Stretch
-from lptn.report.narrative import narrative, size_in_words
+from lptn.report.narrative import largest_error, narrative, size_in_words
 from lptn.report.shown import noise_alone
-from lptn.report.text import experiment_for, for_people, kelvin, named, percent, place_of, size_text, title_of
+from lptn.report.text import experiment_for, for_people, named, percent, place_of, size_text, title_of
 from lptn.study import Study
 from lptn.workbench.bench import Bench, key_of, name_of, names_of, segments
 from lptn.workbench.conditions import by_condition
@@ -26,7 +26,6 @@ from lptn.workbench.opening import Opening
 
 _JOB_NAMES = {"fit": "fitted", "holdout": "held out", "test": "test"}
 _PAIRS = 10  # of parameters: others go together less
-_PLAIN = 0.5  # share of its RMSE from which an error's mean says to which side it is
 
 
 def content_of(bench: Bench, opening: Opening) -> dict[str, Any]:
@@ -82,7 +81,7 @@ def _head(bench: Bench) -> dict[str, Any]:
         "given": _error(first),
         "now": _error(last),
         "floor": floor,
-        "said": [*((each.label, each.text) for each in said), ("Largest error", _worst(bench, floor))],
+        "said": [(each.label, each.text) for each in [*said, largest_error(_unseen(bench))]],
     }
 
 
@@ -90,23 +89,11 @@ def _error(step: Step) -> float:
     return step.holdout.rmse if step.holdout else step.fit.rmse
 
 
-def _worst(bench: Bench, floor: float) -> str:
-    """Where the model as it is now errs most, on data that no fit saw where there are any."""
-    study = bench.study
-    shown = segments(study)
-    judged = [key for key in shown if not key.startswith("fit")] or list(shown)
-    predictions = bench.predictions(len(study.steps) - 1)
-    errors = {
-        (node, key): Errors.of(predictions[key].error[row])
-        for key in judged
-        for row, node in enumerate(study.model.nodes)
-    }
-    errors = {place: summary for place, summary in errors.items() if summary.count}
-    (node, key), worst = max(errors.items(), key=lambda item: item[1].rmse)
-    if worst.rmse <= 2 * floor:
-        return "Nowhere much larger than the sensors’ noise."
-    side = "" if abs(worst.mean) < _PLAIN * worst.rmse else f", predicted too {'hot' if worst.mean > 0 else 'cold'}"
-    return f"At {node} in {shown[key].run.name}: {kelvin(worst.rmse)}{side}."
+def _unseen(bench: Bench) -> Comparison:
+    """The model as it is now on data that no fit saw, where there are any."""
+    predictions = bench.predictions(len(bench.study.steps) - 1)
+    judged = [prediction for key, prediction in predictions.items() if not key.startswith("fit")]
+    return Comparison(bench.study.model, tuple(judged or predictions.values()), bench.study.steps[0].fit.noise)
 
 
 # --- steps, tiles, parameters --------------------------------------------------------------------------------
