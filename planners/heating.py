@@ -24,7 +24,6 @@ Request = Literal["current", "torque"]
 _SAME: dict[str, Request] = {"current": "current", "current_abs": "current", "torque": "torque", "torque_abs": "torque"}
 """What each of a joint's inputs is: of a constant current RMS and mean magnitude are one, else the mean is less."""
 _POWER = "mechanical_power"
-_TYPICAL = 40.0  # degC, and any condition
 _TOLERANCE = 1e-7  # relative, of rates that are the same
 
 
@@ -115,7 +114,7 @@ class Heating:
     def in_squares(self) -> bool:
         """Whether all that the joints heat goes with the squares of the amounts."""
         function, size = self.function(), len(self.joints)
-        point = np.full(self.x.numel(), _TYPICAL), np.full(self.d.numel(), _TYPICAL)
+        point = np.full(self.x.numel(), 40.0), np.full(self.d.numel(), 40.0)  # degC, and any conditions
         small, large = (
             np.asarray(function(point[0], np.full(size, heat), point[1], self.model.values)[2].full())
             for heat in (1.0, 10.0)

@@ -5,7 +5,6 @@ Legs turn at the hip about x, at thigh and calf about y.
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
@@ -13,12 +12,12 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import Field, ValidationError
+from pydantic import Field
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.basics.files import text_of
-from lptn.basics.toml import Number, Strict, from_validation
+from lptn.basics.toml import Number, Strict, mistakes_by_line, toml_of
 
 PARTS = ("hip", "thigh", "calf")
 Vector = Annotated[list[Number], Field(min_length=3, max_length=3)]
@@ -270,15 +269,8 @@ def load_body(source: str | Path = "a1") -> Body:
     else:
         path = Path(source)
         text = text_of(path, "a file like a1.toml")
-    try:
-        return _body(_File.model_validate(tomllib.loads(text)))
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(path, "file", str(error), "TOML") from error
-    except ValidationError as error:
-        raise from_validation(error, path, text) from error
-
-
-def _body(tables: _File) -> Body:
+    with mistakes_by_line(path, text):
+        tables = _File.model_validate(toml_of(path, text))
     legs = tuple(_leg(name, np.array(at), tables.leg) for name, at in tables.hips.items())
     return Body(
         tables.name, legs, tables.trunk.mass, np.array(tables.trunk.centre), np.array(tables.torque_limit),

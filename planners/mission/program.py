@@ -31,7 +31,7 @@ _IPOPT = {
 _NO_PRICE = 1e8
 """Multiplier of a bound, in `TIME` per unit, that none has: 3000 years for a kelvin. On the way to an optimum they
 stayed below 1e5; where no plan keeps the limits they grow without end, and a step of IPOPT then takes a minute."""
-ELEMENTS, DEGREE, _GRADING = 4, 3, 1.5  # the temperatures change fastest when a piece begins
+ELEMENTS, DEGREE = 4, 3
 TIME, LOAD = 1000.0, 10.0  # s, kg: sizes that make the program's numbers about one
 _HASTE = 1e-4  # of plans that do equally much the faster is meant; too little to show in a price
 PARAMETERS = ("ambient", "carry", "deadline")
@@ -181,8 +181,8 @@ class Transcription:
 
 
 def _grid() -> FloatArray:
-    """Ends of the elements as shares of a segment."""
-    return np.asarray((np.arange(ELEMENTS + 1) / ELEMENTS) ** _GRADING)
+    """Ends of the elements as shares of a segment, nearer at its beginning, where temperatures change fastest."""
+    return np.asarray((np.arange(ELEMENTS + 1) / ELEMENTS) ** 1.5)
 
 
 @dataclass(frozen=True)

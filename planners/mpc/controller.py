@@ -37,7 +37,6 @@ _INSTEAD = {
     "stop": "its joint gets no more than its floor",
 }
 _MISSING, _STANDS, _CONTRADICTS = 1, 2, 3  # of a sensor, as in `c/lptn_mpc.h`
-_NO_SLACK = 1e-3  # K; less is the solver's own
 _NO_CUT = 5e-4  # of a request; a smaller cut is none to a person
 _SHORTCUT, _TOO_HOT, _NOT_BEST, _NOT_ALIVE = 1, 16, 32, 128
 
@@ -114,7 +113,9 @@ class Plan(Tabular):
         if self.status & _TOO_HOT:
             worst = self.slack.max(axis=0)
             where = ", ".join(
-                f"{node} by {over:.2g} K" for node, over in zip(self.limited, worst, strict=True) if over > _NO_SLACK
+                f"{node} by {over:.2g} K"
+                for node, over in zip(self.limited, worst, strict=True)
+                if over > 1e-3  # K; less is the solver's own
             )
             sentences.insert(0, f"a limit less its margin can't be met: {where}")
         return tuple(sentences)

@@ -15,7 +15,6 @@ from ..values import Values, in_order
 from .controller import Plan, TorqueMPC
 
 _WAITING, _LATE, _OVER, _BLIND = 1, 2, 4, 8
-_SHORTEST = 1e-6  # s; ticks are counted in 32 bits
 _MEANING = {
     _LATE: "the thermal problem has had no answer for two control periods; the last plan goes on",
     _OVER: "nor for its whole horizon; nothing but floors is admitted",
@@ -41,8 +40,9 @@ class ControlLoop:
 
     def __init__(self, mpc: TorqueMPC, tick: float = 0.001, *, background: bool = False) -> None:
         period = float(mpc.settings.stages[0])
-        if not _SHORTEST <= tick <= period:
-            expected = f"at least {_SHORTEST:g} s, at most {period:g} s"
+        shortest = 1e-6  # s; ticks are counted in 32 bits
+        if not shortest <= tick <= period:
+            expected = f"at least {shortest:g} s, at most {period:g} s"
             raise InputError(mpc.model.network.origin, "tick", f"{tick:g} s", expected)
         self.mpc, self.status = mpc, 0
         library: Any = mpc._library

@@ -20,8 +20,6 @@ from ..tasks import conditions_of, mistakes_with_line, start_of
 from ..values import ByPlace, Celsius, NotNegative, Positive, Seconds, by_place
 from .settings import LostSensor
 
-_MOST_STEPS = 400
-
 
 class TrackTable(Strict):
     kind: Literal["track"]
@@ -167,10 +165,11 @@ def _check_limits_at_rest(task: TrackTask, origin: str) -> None:
     check_limits_at_rest(task.model, origin, limits, task.start, idle, ends, air)
 
 
-def _refuse_many(steps: int, period: float, origin: str) -> None:
-    if steps > _MOST_STEPS:
+def _refuse_many(steps: int, period: float, origin: str, most: int = 400) -> None:
+    """Refuse a task of more steps than are planned at once: each is a stage of the solver."""
+    if steps > most:
         problem = f"{steps} steps of {period:g} s"
-        raise InputError(origin, "task.period", problem, f"at most {_MOST_STEPS}: a longer period, or a shorter task")
+        raise InputError(origin, "task.period", problem, f"at most {most}: a longer period, or a shorter task")
 
 
 def _request(file: TrackFile, model: Model, origin: str) -> Request:

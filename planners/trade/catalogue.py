@@ -33,8 +33,6 @@ from ..values import (
 )
 from .motors import MAGNET_COEFFICIENT, MOTORS, REFERENCE
 
-_ALPHA = 0.0039  # 1/K, copper; [Chen2017, eq. 2.5]
-
 
 class MotorLimits(Strict):
     """What a motor's data sheet limits; none where it is silent."""
@@ -237,7 +235,7 @@ resistance = {sheet.resistance!r}
 [[effects]]
 kind = "resistance_rise"
 at = "winding"
-alpha = {_ALPHA}
+alpha = 0.0039  # 1/K, copper; [Chen2017, eq. 2.5]
 reference = {REFERENCE}
 """
     return parse_model(text, Path(f"data sheet of {name}")).network

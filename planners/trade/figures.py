@@ -22,8 +22,6 @@ from .tables import GOALS
 from .torque_speed import TorqueSpeed
 
 LIMIT = "#D55E00"
-_FEW = 5  # lines that a legend leaves room for
-_LABEL_MARGIN = 0.12  # share of the axes, along each side, that is too narrow for a line's name
 RPM = 30 / np.pi
 """Revolutions a minute in a radian a second."""
 _COLOURS = ("#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8C6D31")
@@ -189,7 +187,7 @@ def _bounds(ax: Axes, design: Design, here: tuple[float, float]) -> None:
         shown, at = (
             ax.transAxes.inverted().transform(ax.transData.transform(coordinates)) for coordinates in (points, [here])
         )
-        inside = ((shown > _LABEL_MARGIN) & (shown < 1 - _LABEL_MARGIN)).all(axis=1)
+        inside = (np.abs(shown - 0.5) < 0.38).all(axis=1)  # of the axes; nearer to a side a line's name has no room
         if inside.any():
             farthest = points[inside][np.argmax(np.hypot(*(shown[inside] - at).T))]
             ax.clabel(drawn, fmt={level: name}, fontsize=SMALL, manual=[farthest])
@@ -210,7 +208,7 @@ def _curves(ax: Axes, result: StudyResult) -> None:
                 fontsize=SMALL, color=LIMIT, rotation=90, va="top")  # fmt: skip
     ax.set(xlabel="constant current [A]", ylabel="time to the limit [s]", yscale="log", xlim=(0, 1.3 * most))
     ax.set_title(f"Time until the winding is at {result.curves[0].limit:.0f} degC")
-    if not result.front or len(result.curves) <= _FEW:  # else the lines are those of the front, and there is no room
+    if not result.front or len(result.curves) <= 5:  # else the lines are those of the front, and there is no room
         ax.legend(frameon=False, fontsize=SMALL)
 
 

@@ -18,7 +18,6 @@ from .study import MotorChoice, StudyTables, TradeStudy, attachable, pipe_places
 from .tables import SWEPT, DutyTask, Sweep
 
 _NEEDED = {"mass": "kg", "volume": "m^3", "torque_constant": "N*m/A at 25 degC"}
-_MOST_FACTOR = 1e6  # kg of body on a motor without gear
 Tables = StudyTables[CatalogueMotor]
 
 
@@ -248,8 +247,8 @@ def _check_cycle(task: DutyTask, goal: str, path: Path) -> None:
             raise InputError(path, "task.speeds", f"{len(task.speeds)} speeds", expected)
     elif task.torque is not None or task.profile is not None or task.speeds is not None:
         raise InputError(path, "task", "a torque or speeds of its own", f"body_mass, gear and share for {task.kind}")
-    elif not 0 < task.factor < _MOST_FACTOR:
-        raise InputError(path, "task", f"{task.factor:g} kg", f"body_mass * share / gear below {_MOST_FACTOR:g} kg")
+    elif not 0 < task.factor < 1e6:  # kg of body on a motor without gear
+        raise InputError(path, "task", f"{task.factor:g} kg", "body_mass * share / gear below 1e+06 kg")
     if not task.torques.any():
         raise InputError(path, "task.profile", "no torque at all", "one part of the cycle at least above 0 N*m")
 

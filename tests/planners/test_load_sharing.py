@@ -296,6 +296,9 @@ def test_a_body_of_ones_own_is_read_and_its_mistakes_are_named(tmp_path: Path) -
     path.write_text(text.replace("mass = 6.001", "mass = -9.0"), encoding="utf-8")
     with pytest.raises(InputError, match=r"line \d+, trunk.mass: found -9.0"):
         load_body(path)
+    path.write_text(text.replace('name = "A1"', "name = "), encoding="utf-8")
+    with pytest.raises(InputError, match=r"line \d+: found .*; expected TOML"):
+        load_body(path)
     with pytest.raises(InputError, match=r'found "spot"'):
         load_body("spot")
 

@@ -24,7 +24,6 @@ from lptn.basics.own_folder import is_own_file, own_folder
 
 _LONGEST = 600.0  # s, of one compilation: what is compiled here takes seconds, on a busy machine a minute
 _DIGITS = 32  # of a hash in a library's name
-_EXPIRED = 30 * 86400.0  # s; what nobody asked for in a month is removed, or the cache would only grow
 
 
 @cache
@@ -100,7 +99,7 @@ _temporary: list[tempfile.TemporaryDirectory[str]] = []  # until the process end
 
 
 def _remove_expired(folder: Path) -> None:
-    oldest = time.time() - _EXPIRED
+    oldest = time.time() - 30 * 86400.0  # s; what nobody asked for in a month, or the cache would only grow
     for path in folder.glob("*.so"):
         with suppress(OSError):  # another process removes it
             if path.lstat().st_mtime < oldest:

@@ -7,7 +7,6 @@ from pathlib import Path
 
 # Characters of each part of a message: a line that can be read, whatever a broken file holds.
 _LONGEST = {"file": 300, "place": 200, "found": 300, "expected": 900}
-_LONGEST_VALUE = 60  # characters of a value that is quoted
 
 
 def one_line(text: object) -> str:
@@ -52,9 +51,9 @@ def _short(text: str, most: int) -> str:
     return text if len(text) <= most else text[: most - 1] + "…"
 
 
-def shown(found: object) -> str:
-    """A value from a file as TOML would have it, cut to a length that fits a line."""
-    return _short(_as_toml(found), _LONGEST_VALUE)
+def shown(found: object, most: int = 60) -> str:
+    """A value from a file as TOML would have it, cut to so many characters, which fit a line."""
+    return _short(_as_toml(found), most)
 
 
 def _as_toml(value: object) -> str:

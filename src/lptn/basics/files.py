@@ -31,9 +31,6 @@ def finite(content: Any) -> Any:
 # --- Files as they are read -----------------------------------------------------------------------
 
 
-_CHUNK = 1 << 20  # bytes read at once, and read beyond a bound
-
-
 def bytes_of(path: Path, bound: Bound, expected: str) -> bytes:
     """The content of a user's file, which may be a pipe or a device without end.
 
@@ -48,7 +45,7 @@ def bytes_of(path: Path, bound: Bound, expected: str) -> bytes:
     content = bytearray()
     try:
         with open(path, "rb", opener=_without_waiting) as stream:
-            while len(content) <= bound.most and (chunk := stream.read(_CHUNK)):
+            while len(content) <= bound.most and (chunk := stream.read(1 << 20)):  # bytes at once
                 content += chunk
             size = max(len(content), os.fstat(stream.fileno()).st_size)
     except (OSError, ValueError) as error:  # a ValueError of a path with a zero byte in it
@@ -99,9 +96,6 @@ try:
     import fcntl
 except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
-
-_ABANDONED = 3600.0  # s; no writer takes so long between making its file and renaming it
-_LONGEST_STEM = 48  # characters of a name in its temporary one: four bytes each at most, and 255 are allowed
 
 
 def write_whole(path: Path, content: str | bytes) -> None:
@@ -261,7 +255,7 @@ def _temporary_name(name: str) -> str:
 
 
 def _beginning(name: str) -> str:
-    return f".{name[:_LONGEST_STEM]}."
+    return f".{name[:48]}."  # of a character four bytes at most, and a name may have 255
 
 
 def _force_to_disk(folder: Path) -> None:
@@ -276,11 +270,11 @@ def _force_to_disk(folder: Path) -> None:
 
 def _remove_abandoned(target: Path) -> None:
     """Remove what killed processes left of the same file."""
-    beginning = _beginning(target.name)
+    beginning, oldest = _beginning(target.name), time.time() - 3600.0  # s; no writer takes so long to rename its file
     with suppress(OSError):
         for path in target.parent.iterdir():
             left = path.name.startswith(beginning) and path.name.endswith(".part")
-            if left and len(path.name) == len(beginning) + 17 and time.time() - path.stat().st_mtime > _ABANDONED:
+            if left and len(path.name) == len(beginning) + 17 and path.stat().st_mtime < oldest:
                 path.unlink()
 
 

@@ -51,9 +51,6 @@ def one_blas_thread(function: Callable[Arguments, Result]) -> Callable[Arguments
 # --- Processes that work for this one, and end with it --------------------------------------------
 
 
-_PARENT_CHECK = 1.0  # s between two checks that the parent still lives
-
-
 def pool_of(jobs: int) -> ProcessPoolExecutor:
     """Processes that fall silent at Ctrl-C, and that don't outlive a parent that was killed.
 
@@ -75,14 +72,14 @@ def begin_as_worker(parent: int) -> None:
     Args:
         parent: its number.
     """
+
+    def end_with_it() -> None:
+        while os.getppid() == parent:
+            time.sleep(1.0)  # s
+        os._exit(1)
+
     signal.signal(signal.SIGINT, lambda *_: os._exit(130))
-    threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
-
-
-def _end_with(parent: int) -> None:
-    while os.getppid() == parent:
-        time.sleep(_PARENT_CHECK)
-    os._exit(1)
+    threading.Thread(target=end_with_it, daemon=True).start()
 
 
 # --- Ctrl-C, but never inside CasADi ---------------------------------------------------------------
@@ -91,7 +88,6 @@ def _end_with(parent: int) -> None:
 # control is with this package again.
 
 
-_RETRY = 0.005  # s; CasADi's conversion of arguments takes less, and a person notices nothing
 _held_back = threading.Event()
 
 
@@ -117,14 +113,14 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
         raise KeyboardInterrupt
     if not _held_back.is_set():  # one is enough, however often it was pressed
         _held_back.set()
-        again = threading.Timer(_RETRY, _press_again, [number])
+
+        def press_again() -> None:
+            _held_back.clear()
+            signal.raise_signal(number)
+
+        again = threading.Timer(0.005, press_again)  # s; CasADi's conversion takes less, and a person notices nothing
         again.daemon = True
         again.start()
-
-
-def _press_again(number: int) -> None:
-    _held_back.clear()
-    signal.raise_signal(number)
 
 
 def _inside_casadi(frame: FrameType | None) -> bool:

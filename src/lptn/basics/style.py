@@ -39,8 +39,6 @@ MEASURED: dict[str, Any] = {"color": INK, "linewidth": 0.8, "zorder": 3}
 GIVEN: dict[str, Any] = {"color": "#0072B2", "linewidth": 1.8, "linestyle": (0, (5, 1.5))}
 BEST: dict[str, Any] = {"color": "#009E73", "linewidth": 2.4, "linestyle": "-"}
 
-_NOISE_IS_LIGHT = 5.0  # multiples of the noise up to which the colour scale reaches at least
-
 
 def new_figure(height: float) -> Figure:
     """An empty figure as wide as the page.
@@ -75,7 +73,7 @@ def plain(text: str) -> str:
 
 def rmse_norm(largest: float, noise: float) -> Normalize:
     """The colour scale from no error to the largest error [K] shown; errors like the noise [K] stay light."""
-    return Normalize(0.0, max(largest, _NOISE_IS_LIGHT * noise))
+    return Normalize(0.0, max(largest, 5.0 * noise))
 
 
 # --- A figure as SVG text that can stand inside an HTML page, the same bytes every time -----------
@@ -87,7 +85,6 @@ _SETTINGS: dict[Any, Any] = {
     "figure.autolayout": False,
     "figure.constrained_layout.use": False,
 }
-_POINTS = 72.0  # an inch, the unit of SVG files
 _NO_METADATA = {"Date": None, "Creator": None, "Format": None, "Type": None}
 _PATH = re.compile(r' d="([^"]*)"')
 _LONG_NUMBER = re.compile(r"(\d+\.\d\d)\d+")
@@ -127,7 +124,7 @@ def _laid_out(figure: Figure) -> Iterator[None]:
     engine, canvas, dpi = figure.get_layout_engine(), figure.canvas, figure.dpi
     if engine is not None:
         FigureCanvasSVG(figure)  # texts are as wide as SVG will have them
-        figure.dpi = _POINTS
+        figure.dpi = 72.0  # the unit of SVG files
         engine.execute(figure)
         figure.dpi = dpi
         figure.set_canvas(canvas)

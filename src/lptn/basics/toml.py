@@ -48,9 +48,8 @@ def locate(text: str, place: str) -> int | None:
             path = header
         else:
             path = header + _split(stripped.partition("=")[0].strip()) if "=" in stripped else []
-        depth = _common(path, keys)
-        if path and depth == len(path) and (best is None or depth > best[0]):
-            best = (depth, number)
+        if path and path == keys[: len(path)] and (best is None or len(path) > best[0]):
+            best = (len(path), number)
     return None if best is None else best[1]
 
 
@@ -69,19 +68,9 @@ def _split(place: str) -> list[str]:
     return [token.strip("\"'") for token in re.findall(r'"[^"]*"|\'[^\']*\'|\[\d+\]|[^."\'\[\]\s]+', place)]
 
 
-def _common(one: list[str], other: list[str]) -> int:
-    count = 0
-    for a, b in zip(one, other, strict=False):
-        if a != b:
-            break
-        count += 1
-    return count
-
-
 # --- Mistakes in a TOML file of the user, each said with its line, its key, what was found and what was expected ---
 
 
-_LARGEST_INTEGER = 2**63 - 1  # TOML promises 64 bits
 _KINDS = {
     "float_type": "a number",
     "finite_number": "a finite number",
@@ -124,7 +113,7 @@ def _check_integers(path: Path, content: object, place: str = "") -> None:
     elif isinstance(content, list):
         for number, inner in enumerate(content):
             _check_integers(path, inner, f"{place}[{number}]")
-    elif isinstance(content, int) and abs(content) > _LARGEST_INTEGER:
+    elif isinstance(content, int) and abs(content) > 2**63 - 1:  # TOML promises 64 bits
         problem = f"a whole number of {len(hex(content)) * 4 // 13} digits"
         raise InputError(path, place.lstrip("."), problem, "one of 18 digits at most")
 
@@ -139,16 +128,11 @@ def mistakes_by_line(path: Path, text: str) -> Iterator[None]:
     try:
         yield
     except ValidationError as error:
-        raise from_validation(error, path, text) from error
+        first = first_mistake(error)
+        place = place_of(first).lstrip(".") or "file"
+        raise with_line(InputError(path, place, found_in(first), expectation(first)), path, text) from error
     except InputError as error:
         raise with_line(error, path, text) from error
-
-
-def from_validation(error: ValidationError, path: Path, text: str) -> InputError:
-    """The first mistake that pydantic found, in the words of this file."""
-    first = first_mistake(error)
-    place = place_of(first).lstrip(".") or "file"
-    return with_line(InputError(path, place, found_in(first), expectation(first)), path, text)
 
 
 def first_mistake(error: ValidationError) -> Any:
@@ -162,17 +146,15 @@ def first_mistake(error: ValidationError) -> Any:
 def place_of(mistake: Any) -> str:
     """The keys at which pydantic found a mistake: `.nodes."*_calf".capacity`."""
     # A union reports each alternative with its own name in the path; only the file's own keys are wanted.
-    return "".join(_step(part) for part in mistake["loc"] if isinstance(part, int) or not _is_alternative(part))
+    names, beginnings = ("str", "float", "ParameterTable"), ("constrained", "dict[")
+    keys = (key for key in mistake["loc"] if isinstance(key, int) or not (key in names or key.startswith(beginnings)))
+    return "".join(map(_step, keys))
 
 
 def _step(key: str | int) -> str:
     if isinstance(key, int):
         return f"[{key}]"
     return f'."{key}"' if "." in key or is_glob(key) else f".{key}"
-
-
-def _is_alternative(part: str) -> bool:
-    return part in {"str", "float", "ParameterTable"} or part.startswith(("constrained", "dict["))
 
 
 def expectation(error: Any) -> str:
