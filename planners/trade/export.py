@@ -94,16 +94,6 @@ def _design(design: Design, intervals: Mapping[str, Interval]) -> dict[str, obje
     }
 
 
-def lines(result: StudyResult) -> Iterable[str]:
-    """What the command prints."""
-    yield headline(result)
-    rows = table(result)
-    widths = [max(len(cell) for cell in column) for column in zip(*rows, strict=True)]
-    for row in rows:
-        yield "  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip()
-    yield from remarks(result)
-
-
 def headline(result: StudyResult) -> str:
     """What was sought."""
     words, _, more = GOALS[result.study.question.goal]
@@ -150,13 +140,13 @@ def _columns(result: StudyResult) -> dict[str, Callable[[Design], str]]:
         columns["best in"] = lambda design: f"{intervals[design.option.name].best:.0%}"
     if any(gear.name for gear in result.study.gears):
         columns["ratio"] = lambda design: f"{design.ratio:.4g}"
-    columns |= {
-        "C [J/K]": lambda design: _text(design.capacity),
-        "R [K/W]": lambda design: _text(design.resistance),
-        "mass [g]": lambda design: f"{1e3 * design.mass:.0f}",
-        "volume [cm3]": lambda design: f"{1e6 * design.volume:.0f}",
-    }
-    if result.study.asks_for_prices and result.study.question.goal != "price":
+    columns |= {"C [J/K]": lambda design: _text(design.capacity), "R [K/W]": lambda design: _text(design.resistance)}
+    goal = result.study.question.goal  # which has a column already
+    if goal != "mass":
+        columns["mass [g]"] = lambda design: f"{1e3 * design.mass:.0f}"
+    if goal != "volume":
+        columns["volume [cm3]"] = lambda design: f"{1e6 * design.volume:.0f}"
+    if result.study.asks_for_prices and goal != "price":
         columns[f"price [{result.study.question.currency}]"] = lambda design: f"{design.price:.4g}"
     columns["winding [degC]"] = lambda design: f"{design.winding:.1f}"
     columns["active constraints"] = lambda design: ", ".join(design.binding) or "nothing"

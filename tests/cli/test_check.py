@@ -17,7 +17,7 @@ def test_one_screen_of_a_good_log(lptn: Lptn, model: Path, tmp_path: Path) -> No
     assert "monday.csv (CSV): 2400 samples of 1 s, 40 min" in out
     assert "not used: gain" in out
     assert "Could show, if present: " in out
-    assert "  drive_heat: not logged: powered.<node>" in out
+    assert "drive_heat (powered.<node>)" in out
     assert len(out.splitlines()) < 45
 
 

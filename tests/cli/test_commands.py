@@ -35,14 +35,14 @@ def test_presets_are_listed_and_written_and_read(lptn: Lptn, tmp_path: Path) -> 
     status, listed, _ = lptn("new")
     assert status == 0
     head, *rows = (re.split(" {2,}", line.strip()) for line in listed.splitlines())
-    assert head == ["preset", "nodes", "parameters", "what it is"]
-    assert ["quadruped --model single-node", "12", "64"] in [row[:3] for row in rows]
-    assert all(row[3].startswith(("A ", "One ", "The ")) for row in rows)
-    for number, (words, *_) in enumerate(rows):
+    assert head == ["preset", "what it is"]
+    assert all(what.startswith(("A ", "One ", "The ")) for _, what in rows)
+    for number, (words, what) in enumerate(rows):
         target = tmp_path / f"{number}.toml"
         assert lptn("new", *words.split(), "-o", target)[0] == 0
         network = read_model_file(target).network
-        assert [words, str(len(network.dynamic)), str(len(network.parameters))] == rows[number][:3]
+        count = len(network.dynamic)
+        assert what.endswith(f"({count} node{'s' * (count > 1)}, {len(network.parameters)} parameters)")
 
 
 def test_an_unknown_model_of_a_preset_is_refused(lptn: Lptn) -> None:

@@ -8,6 +8,7 @@ import os
 import shutil
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,7 @@ from rich.console import Console
 
 import lptn
 from lptn.cli import terminal
+from lptn.cli.main import main
 from lptn.cli.terminal import library_log_shown, show_table
 from tests.cli.conftest import Lptn
 from tests.diagnose.pair_runs import MODEL, table
@@ -38,6 +40,30 @@ def test_tables_cut_nothing_at_80_columns(watched: bool, monkeypatch: pytest.Mon
             assert letters == "".join(row[column] for row in ROWS)
     else:  # one line a row
         assert [" ".join(line.split()) for line in lines[1:]] == [" ".join(row) for row in ROWS]
+
+
+class _Watched(io.StringIO):
+    """A terminal."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+def test_sentences_are_wrapped_and_files_are_not(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    for words in (("motor",), ("new", "leg"), ("new", "u8-heat-sink")):
+        monkeypatch.setattr(sys, "stdout", watched := _Watched())
+        with pytest.raises(SystemExit, match="0"):
+            main(list(words))
+        assert tomllib.loads(watched.getvalue())
+    monkeypatch.setattr(sys, "stdout", watched := _Watched())
+    with terminal.spared_closed_pipes():
+        print("  An indented sentence " + "goes on " * 12)
+        print("A sentence " + "goes on " * 12)
+    indented, further, plain, rest = watched.getvalue().splitlines()
+    assert max(map(len, (indented, further, plain, rest))) <= 80
+    assert further.startswith("    goes")
+    assert rest.startswith("goes")
 
 
 def test_a_command_into_a_pipe_of_80_columns_names_its_nodes_whole(lptn: Lptn, tmp_path: Path) -> None:

@@ -352,18 +352,26 @@ def _show_excitation(excited: Excitation) -> None:
     )
 
 
+_NOT_LOGGED = "not logged: "  # how a reason of `Identifiability` begins
+
+
 def _show_identifiability(effects: Sequence[Identifiability]) -> None:
     """Which effects could show, and which not and why."""
     could = [assessment.effect for assessment in effects if assessment.identifiable]
     print(f"Could show, if present: {', '.join(could) or 'nothing'}.")
     reasons: dict[str, list[str]] = {}
+    not_logged = []
     for assessment in effects:
-        if not assessment.identifiable:
+        if assessment.why.startswith(_NOT_LOGGED):
+            not_logged.append(f"{assessment.effect} ({assessment.why.removeprefix(_NOT_LOGGED)})")
+        elif not assessment.identifiable:
             reasons.setdefault(assessment.why, []).append(assessment.effect)
-    if reasons:
+    if reasons or not_logged:
         print("Could not:")
     for why, names in reasons.items():
         print(f"  {', '.join(names)}: {why}")
+    if not_logged:
+        print(f"  For want of a column: {', '.join(not_logged)}")
     print("These are rules of thumb; `lptn diagnose` computes what the data can show.")
 
 
@@ -371,6 +379,7 @@ def _show_steps(model: Model, bound: BoundRun) -> None:
     """How fast the network is, and the steps that forward Euler could take with it."""
     import numpy as np
 
+    from lptn.report.text import short
     from lptn.simulate.bound_run import default_start
     from lptn.simulate.state_space import state_space
 
@@ -378,11 +387,8 @@ def _show_steps(model: Model, bound: BoundRun) -> None:
     finite = form.time_constants[np.isfinite(form.time_constants)]
     fastest, slowest = f"{form.time_constants[0]:.4g}", f"{finite.max():.4g}"
     spread = f"{fastest} s" if fastest == slowest else f"{fastest} to {slowest} s"
-    euler = f"stable to {form.euler_stable:.3g} s, within 0.1 K of exact ones to {form.euler_step(0.1):.2g} s"
-    print(
-        f"\nTime constants at the declared values: {spread}. Steps of forward Euler would stay {euler}; "
-        "Runge-Kutta steps, used here, are cut finer where they need to be."
-    )
+    euler = f"{short(form.euler_stable)} s (within 0.1 K to {short(form.euler_step(0.1))} s)"
+    print(f"\nTime constants at the declared values: {spread}; forward Euler is stable with steps to {euler}.")
 
 
 def _count(number: int, word: str) -> str:

@@ -116,11 +116,12 @@ def _show_versus(result: StudyVersus) -> None:
 
     for sentence in result.narrative():
         print(sentence)
-    one_run = len(result.runs) == 1  # its errors are those of all nodes
-    for what, pairs in (("nodes", result.classes), *([] if one_run else [("run", result.runs)])):
+    print(f"Errors (predicted − measured) of {' / '.join(result.names)}, and the reduction of the largest:")
+    classes = result.classes[:1] if len(result.classes) == 2 else result.classes  # of one class and all
+    runs = result.runs if len(result.runs) > 1 else []  # errors of one run are those of all nodes
+    for what, pairs in (("nodes", classes), *([("run", runs)] if runs else [])):
         rows = []
         for pair in pairs:
             mean, largest, square = (f"{mine:.2f} / {others:.2f} {unit}" for mine, others, unit in pair.figures)
-            rows.append((pair.what, mean, largest, f"{pair.reduction:.0%}", square))
-        show_table((what, ">mean |error|", ">max |error|", ">less", ">mean square"), rows)
-    print(f"Errors (predicted − measured) of {result.names[0]} / {result.names[1]}; less: of the largest error.")
+            rows.append((pair.what, mean, largest, f"{pair.reduction:.0%}".replace("-", "−"), square))
+        show_table((what, ">mean |error|", ">max |error|", ">reduction", ">mean square"), rows)

@@ -99,7 +99,7 @@ def _show_cosimulation(done: Cosimulation) -> None:
     steps, seconds = sum(len(run.run) for run in done.runs), sum(run.seconds for run in done.runs)
     simulated = sum(len(run.run) * run.run.step for run in done.runs)
     speed = simulated / max(seconds, 1e-9)
-    print(f"FMI {done.fmi}: {steps} steps in {seconds:.3g} s, {speed:.3g} times as fast as the robot.")
+    print(f"FMI {done.fmi}: {steps} steps in {seconds:.2g} s, {speed:,.0f} times as fast as the robot.")
 
 
 def _write_outputs(done: Cosimulation, path: Path) -> None:

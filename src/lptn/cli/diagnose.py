@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -49,7 +50,6 @@ def diagnose(
     check_outputs(json, inputs=(model, *logs, *(holdout or ())))
     check_inputs(model, *logs, *(holdout or ()))
     from lptn.cli.terminal import progress, write_json
-    from lptn.report.text import for_people
     from lptn.study import Study
 
     with progress("reading"), executor_of(jobs) as executor:
@@ -71,9 +71,7 @@ def diagnose(
     for sentence in said[1:]:
         if sentence.label not in IN_FULL:
             print(sentence)
-    for text in advice.sentences:
-        print(for_people(text))
-    show_heat(advice)
+    show_advice(advice)
     write_json(json, diagnosis.as_json() | advice.as_json())
 
 
@@ -96,7 +94,7 @@ def show_answers(diagnosis: Diagnosis) -> None:
         return
     rows = []
     for missing in diagnosis.steps:
-        same = ", ".join(named(*key) for key in missing.indistinguishable)
+        same = ", ".join(f"{effect} at {place}" for effect, place in missing.indistinguishable)
         rows.append((*missing.key, size_text(missing, missing.fit), percent(missing.probability), same))
     show_table(("effect", "at", "size", ">probability", "or"), rows)
     one_run = any("@" in (step.at or "") for step in diagnosis.steps)
@@ -112,11 +110,15 @@ _FEW = 3  # rivals named in a sentence; all of them are in the JSON and on the p
 _MOST_SEGMENTS = 8  # of unexplained heat, on the terminal
 
 
-def show_heat(advice: Advice) -> None:
-    """Every segment in which heat is unexplained, where there are several."""
+def show_advice(advice: Advice) -> None:
+    """What to do next, and every segment in which heat is unexplained."""
     from lptn.cli.terminal import show_table
     from lptn.report.tables import stretch_table
+    from lptn.report.text import for_people
 
+    shown = replace(advice, heat=[]) if len(advice.heat) > 1 else advice  # several are in the table
+    for text in shown.sentences:
+        print(for_people(text))
     if len(advice.heat) > 1:
         table = stretch_table(advice.heat[:_MOST_SEGMENTS])
         show_table(table.columns, table.rows, "Unexplained heat, most significant first (+: the model lacks it):")

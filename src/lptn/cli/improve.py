@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter as Option
 from cyclopts import validators
 
-from lptn.cli.diagnose import show_heat
+from lptn.cli.diagnose import show_advice
 from lptn.cli.options import (
     AmbientError,
     Holdout,
@@ -102,7 +102,6 @@ def improve(
 def show_details(history: History, data: DataSplit, advice: Advice) -> None:
     """The table of steps, what stands behind it, what the fit warns of, and all advice."""
     from lptn.report.narrative import details
-    from lptn.report.text import for_people
 
     print()
     show_history(history)
@@ -111,9 +110,7 @@ def show_details(history: History, data: DataSplit, advice: Advice) -> None:
         *(f"Warning: {warning}." for warning in history.best.fit.uncertainty.warnings),
     ):
         print(sentence)
-    for sentence in advice.sentences:
-        print(for_people(sentence))
-    show_heat(advice)
+    show_advice(advice)
 
 
 def show_history(history: History) -> None:

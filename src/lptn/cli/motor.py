@@ -25,7 +25,7 @@ def motor(
     Example: lptn motor drawing.toml -o motor.toml
     """
     from lptn.basics.files import write_whole
-    from lptn.cli.terminal import write_json
+    from lptn.cli.terminal import print_file, write_json
     from lptn.model.file import parse_model
     from lptn.model.model import Model
     from lptn.robots import motor_drawing as drawings
@@ -35,7 +35,7 @@ def motor(
     _check(geometry, sample, json)
     text = drawings.sample(sample or "inrunner") if geometry is None else model_text(drawings.load_geometry(geometry))
     if output is None:
-        print(text, end="")
+        print_file(text)
     elif geometry is None:
         write_beginning(output, text)
     else:

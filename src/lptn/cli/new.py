@@ -29,7 +29,7 @@ def new(
     Example: lptn new --urdf my_robot.urdf -o my_robot.toml
     """
     from lptn.basics.errors import InputError
-    from lptn.cli.terminal import show_table
+    from lptn.cli.terminal import print_file, show_table
 
     check_outputs(output, inputs=() if urdf is None else (urdf,))
     if urdf is not None:
@@ -44,15 +44,15 @@ def new(
 
         text = preset_text(preset, model)
     else:
-        show_table(("preset", ">nodes", ">parameters", "what it is"), _presets())
+        show_table(("preset", "what it is"), _presets())
         return
     if output is None:
-        print(text, end="")
+        print_file(text)
     else:
         write_beginning(output, text)
 
 
-def _presets() -> Iterator[tuple[str, str, str, str]]:
+def _presets() -> Iterator[tuple[str, str]]:
     """Each preset as it is typed, its size, and the sentence that its file begins with."""
     from lptn.references import cite
     from lptn.robots.presets import SIZES, presets, variants
@@ -62,7 +62,8 @@ def _presets() -> Iterator[tuple[str, str, str, str]]:
         for file, model_text in models.items():
             nodes, parameters = SIZES[file]
             what = cite(re.split(r"\.( (?=[A-Z])|$)", " ".join(_first_comment(model_text)))[0])
-            yield file.replace(".", " --model "), str(nodes), str(parameters), what
+            size = f"{nodes} node{'s' * (nodes > 1)}, {parameters} parameters"
+            yield file.replace(".", " --model "), f"{what} ({size})"
 
 
 def _first_comment(text: str) -> Iterator[str]:

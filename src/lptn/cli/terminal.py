@@ -199,6 +199,11 @@ def show_written(files: Mapping[str, Path | None]) -> None:
         print(f"Written: {', '.join(written)}.")
 
 
+def print_file(text: str) -> None:
+    """Print the text of a file; its lines stay whole, since a comment that is broken is no comment any more."""
+    (sys.stdout.write_file if isinstance(sys.stdout, _Output) else sys.stdout.write)(text)
+
+
 # --- Standard output that nobody reads any more, as in `lptn effects | head` ---------------------------------
 
 
@@ -220,8 +225,13 @@ class _Output:
         self._width = get_terminal_size().columns if stream.isatty() else None
 
     def write(self, text: str) -> int:
+        """Write sentences."""
         if self._width is not None and "\x1b" not in text:  # what rich has coloured it has broken as well
             text = "\n".join(self._broken(line) for line in text.split("\n"))
+        return self.write_file(text)
+
+    def write_file(self, text: str) -> int:
+        """Write a text whose lines stay as they are, such as that of a file."""
         try:
             return self._stream.write(text)
         except UnicodeEncodeError as error:  # a terminal of ASCII, or half a character of a file's name
@@ -232,8 +242,11 @@ class _Output:
             return len(text)
 
     def _broken(self, line: str) -> str:
-        """A line as long as the terminal is wide; a path or a name stays whole."""
-        return fill(line, self._width or 0, break_long_words=False, break_on_hyphens=False) or line
+        """A line as long as the terminal is wide, an indented one with a hanging indent; a name stays whole."""
+        indent = line[: len(line) - len(line.lstrip())]
+        further = f"{indent}  " if indent else ""
+        broken = fill(line, self._width or 0, subsequent_indent=further, break_long_words=False, break_on_hyphens=False)
+        return broken or line
 
     def flush(self) -> None:
         try:

@@ -27,9 +27,9 @@ def trade(
 
     Example: lptn trade u8.toml --json result.json --plot study.png
     """
-    from lptn.cli.terminal import progress, write_json
+    from lptn.cli.terminal import progress, show_table, write_json
     from lptn.planners.trade import load_study, solve_study
-    from lptn.planners.trade.export import as_json, lines
+    from lptn.planners.trade.export import as_json, headline, remarks, table
 
     check_outputs(json, plot, diagram, report, inputs=(study,))
     check_picture(plot)
@@ -43,7 +43,10 @@ def trade(
         from lptn.planners.trade.figures import torque_speed_figure
 
         write_figure(torque_speed_figure(result), diagram)
-    print("\n".join(lines(result)))
+    (choice, *numbers, constraints), *rows = table(result)
+    show_table((choice, *(f">{head}" for head in numbers), constraints), rows, headline(result))
+    for remark in remarks(result):
+        print(remark)
     if plot is not None:
         from lptn.planners.trade.figures import study_figure
 

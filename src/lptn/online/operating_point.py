@@ -178,7 +178,7 @@ def present_operating_point(
     """
     length, period = len(bound) * bound.run.step, gait.period
     steady = steady_seconds(bound, columns)
-    no_gait = "" if period else f" ({gait.why_not})"
+    no_gait = f" ({gait.why_not})" if window == "cycles" and not period else ""
     count: int | None = None
     if not isinstance(window, str):
         seconds = min(float(window), length)

@@ -273,7 +273,8 @@ def _next(steps: Sequence[Step], last: Diagnosis, kinds: Kinds, advice: Advice |
     if advice and advice.learned and advice.learned.offered:
         return f"That heat has no name, and can be learned as a curve. {advice.learned.offer}"
     if advice and advice.differing:
-        return advice.differing[0].sentence or advice.differing[0].text()
+        differs = advice.differing[0]
+        return f"Check this difference between the runs. {differs.sentence}" if differs.sentence else differs.text()
     if advice and advice.experiment:
         first = _first_sentence(advice.experiment.text())
         return first if advice.experiment.separates else f"{first.partition(': ')[0].rstrip('.')}."
@@ -323,7 +324,7 @@ def largest_error(comparison: Comparison) -> Sentence:
 
 def versus_narrative(result: Versus) -> list[Sentence]:
     """Which of two models predicts the same logs better, and by how much."""
-    (one, other), whole = result.names, result.classes[-1]
+    (one, other), whole = (f'"{name}"' for name in result.names), result.classes[-1]
     mine, others = map(sqrt, whole.square)
     verdict = f"{one} and {other} predict equally well"
     if not HELPED * others < mine < others / HELPED:
