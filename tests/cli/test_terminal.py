@@ -58,12 +58,12 @@ def test_sentences_are_wrapped_and_files_are_not(monkeypatch: pytest.MonkeyPatch
         assert tomllib.loads(watched.getvalue())
     monkeypatch.setattr(sys, "stdout", watched := _Watched())
     with terminal.spared_closed_pipes():
-        print("  An indented sentence " + "goes on " * 12)
-        print("A sentence " + "goes on " * 12)
+        print("  An indented sentence " + "onwards " * 12)
+        print("A sentence " + "onwards " * 12)
     indented, further, plain, rest = watched.getvalue().splitlines()
     assert max(map(len, (indented, further, plain, rest))) <= 80
-    assert further.startswith("    goes")
-    assert rest.startswith("goes")
+    assert further.startswith("    onwards")
+    assert rest.startswith("onwards")
 
 
 def test_a_command_into_a_pipe_of_80_columns_names_its_nodes_whole(lptn: Lptn, tmp_path: Path) -> None:
