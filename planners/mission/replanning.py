@@ -179,7 +179,7 @@ class MissionControl:
             self._advance(inputs, dt, moved)
         if self.mission.gives_up == "distance" and self.clock >= (self.mission.deadline or np.inf):
             self._first = len(self._left)
-            self._segments.clear(), self._pieces.clear()
+            del self._segments[:], self._pieces[:]
         ended = not self._segments and (not self.replanned or self.plan.verdict != "none")
         # Halfway down is no place to change the plan.
         on_the_way = bool(self._segments) and self._segments[0].is_transition
