@@ -33,7 +33,7 @@ from lptn.diagnose.answers import LIKELY, Key, Report, Step, named
 from lptn.diagnose.candidates import Candidate, candidates, possible_effects
 from lptn.diagnose.evidence import USUAL, ErrorsOfRuns, Evidence, FirstOrder, allowances, may_deviate, with_runs
 from lptn.diagnose.priors import in_occams_window, log_priors
-from lptn.diagnose.refits import ITERATIONS, RANKING, continued, unless_interrupted
+from lptn.diagnose.refits import RANKING, continued, unless_interrupted
 from lptn.effects import Effect
 from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit, finished, tolerant
@@ -41,7 +41,6 @@ from lptn.model.network import EffectDeclaration, Network
 from lptn.simulate.simulation import SimulationError
 
 _END_OF_VALLEY = 1e-6  # share of the cost; steps along a long valley gain little each
-_UNTIL_NONE = 12  # steps of the fit of all structure, after which what is none shows, and is fitted no longer
 _START = 0.3  # of its usual size, where the search for an effect that all may have starts: near none
 _EXACT = 6  # candidates that are fitted exactly in each round: closed form ranks well, and knows no curvature
 _WITHIN_REACH = -4.0
@@ -106,9 +105,7 @@ def composition(
         report: called with a sentence on what is being done.
     """
     search = _Search(given, data, errors or ErrorsOfRuns(), executor, report)
-    search.add_structure()
-    search.add_findings(most)
-    if search.findings:  # beside these, what all parts have may look different
+    for _ in range(2):  # beside what was found, what all parts have may look different
         search.add_structure()
         search.add_findings(most)
     return search.result()
@@ -151,7 +148,7 @@ class _Search:
             return
         self.report(f"fitting {len(more)} effects that every part may have, all at once")
         before = self.fit, self.structure, self.findings
-        fit = _continued(self.fit, network.with_effects(more), _UNTIL_NONE)
+        fit = _continued(self.fit, network.with_effects(more))
         if fit is not None:
             self.fit, self.structure = fit, [*self.structure, *more]
             try:
@@ -402,10 +399,10 @@ def _added(task: tuple[Fit, EffectDeclaration]) -> Fit | None:
     return _continued(base, base.model.network.with_effects([declared]))
 
 
-def _continued(base: Fit, network: Network, iterations: int = ITERATIONS) -> Fit | None:
+def _continued(base: Fit, network: Network) -> Fit | None:
     """The fit of another network from where one stands; `None` where it can't be simulated there, or is none."""
     try:
-        return continued(base, network, iterations)
+        return continued(base, network)
     except (SimulationError, InputError):  # too stiff; an effect on an edge that another one made
         return None
 

@@ -13,7 +13,7 @@ from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration, Network
 from lptn.simulate.bound_run import BoundRun, bind, default_start, start_from
 
-ITERATIONS = 25
+_ITERATIONS = 25
 RANKING = 3e-4  # share of the cost that decides no rank; what is kept is fitted to the end
 
 
@@ -22,7 +22,7 @@ def refit(base: Fit, declaration: EffectDeclaration) -> Fit:
     return continued(base, base.model.network.with_effects([declaration]))
 
 
-def continued(base: Fit, network: Network, iterations: int = ITERATIONS) -> Fit:
+def continued(base: Fit, network: Network) -> Fit:
     """Fit a network that differs from a fitted one by some effects, started from its solution; as far as ranking needs.
 
     What that fit held stays held, and what it fitted is fitted.
@@ -30,7 +30,6 @@ def continued(base: Fit, network: Network, iterations: int = ITERATIONS) -> Fit:
     Args:
         base: the fit to start from.
         network: the network to fit, to the same readings.
-        iterations: at most.
 
     Raises:
         KeyboardInterrupt: Ctrl-C ended the fit.
@@ -52,7 +51,7 @@ def continued(base: Fit, network: Network, iterations: int = ITERATIONS) -> Fit:
             symmetry_penalty=problem.symmetry_penalty,
             sigma=problem.sigma,
             guess=Point(values, starts),
-            iterations=iterations,
+            iterations=_ITERATIONS,
             precision=RANKING,
             free=[
                 index
