@@ -9,7 +9,8 @@
    Held-out runs move no parameter, and are weighed all the same: which of two fitted runs is the odd one, only another
    can tell.
 3. After each step everything is asked anew whether it is needed: a part that all seemed to have may have stood for one
-   that has it. So *made of* and *wrong* are asked twice, the second time beside what was found.
+   that has it. So *made of* and *wrong* are asked twice, the second time beside what was found. Of the two answers the
+   one stays that predicts held-out runs better, as they were logged.
 
 The search leaves to errors of runs, of sensors and of like parts what they usually are (`Problem.tolerance`); what it
 ends with is fitted by plain least squares, as the file's user does.
@@ -21,6 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from concurrent.futures import Executor
+from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -37,6 +39,7 @@ from lptn.diagnose.refits import RANKING, continued, unless_interrupted
 from lptn.effects import Effect
 from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit, finished, tolerant
+from lptn.identify.validation import holdout_errors
 from lptn.model.network import EffectDeclaration, Network
 from lptn.simulate.simulation import SimulationError
 
@@ -105,10 +108,16 @@ def composition(
         report: called with a sentence on what is being done.
     """
     search = _Search(given, data, errors or ErrorsOfRuns(), executor, report)
-    for _ in range(2):  # beside what was found, what all parts have may look different
-        search.add_structure()
-        search.add_findings(most)
-    return search.result()
+    search.add_structure()
+    search.add_findings(most)
+    again = search.copied()
+    again.add_structure()
+    if again.fit is search.fit:
+        return search.result()
+    again.add_findings(most)
+    made, other = search.result(), again.result()
+    before, after = (holdout_errors(one.fit, data.holdout) for one in (made, other))
+    return other if before is None or after is None or after.rmse < before.rmse else made
 
 
 class _Search:
@@ -137,6 +146,12 @@ class _Search:
     @property
     def added(self) -> list[EffectDeclaration]:
         return [*self.structure, *self.findings]
+
+    def copied(self) -> _Search:
+        """The same search, to go on with apart."""
+        other = copy(self)
+        other.structure, other.findings, other.needed = [*self.structure], dict(self.findings), dict(self.needed)
+        return other
 
     # --- made of ------------------------------------------------------------------------------------
 
