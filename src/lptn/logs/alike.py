@@ -138,10 +138,12 @@ def _shares_noise(log: Channels, one: str, other: str) -> bool:
     apart, pair = log.means(one) - log.means(other), [log.values[one], log.values[other]]
     if not np.isfinite(apart).all() or min(np.ptp(log.means(one)), np.ptp(log.means(other))) < _WARMED:
         return False
-    noise = float(np.nanstd(np.diff(pair[0] - pair[1]))) / np.sqrt(2)
+    rows = np.flatnonzero(np.isfinite(pair).all(axis=0))
+    if rows.size < FEWEST:
+        return False
+    noise = float(np.std(np.diff((pair[0] - pair[1])[rows]))) / np.sqrt(2)
     if np.std(apart) > (2 / np.sqrt(log.block) + _ROUNDED) * max(noise, _ROUNDING):
         return False
-    rows = np.flatnonzero(np.isfinite(pair).all(axis=0))
     # A bus that repeats a reading repeats those of all its sensors.
     rows = rows[np.append(True, np.any([np.diff(x[rows]) != 0 for x in pair], axis=0))]
     if rows.size < FEWEST:
