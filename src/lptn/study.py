@@ -709,7 +709,7 @@ class Study:
         refuse_doubtful([segment.run for segment in self.data.fit])
         for run, names in self.data.lacking().items():
             what = f"{names[0]} and {len(names) - 1} others" if len(names) > 2 else " and ".join(names)
-            logger.warning(f"{run} lacks {what}, which other runs have: no effect that needs them is looked for")
+            logger.warning(f"{run} lacks {what}, which other runs have: effects that need them are not tested")
 
     def _leave(self) -> None:
         """Keep what was undone as a branch, where the study goes another way now."""

@@ -371,7 +371,7 @@ def _show_identifiability(effects: Sequence[Identifiability]) -> None:
     for why, names in reasons.items():
         print(f"  {', '.join(names)}: {why}")
     if not_logged:
-        print(f"  For want of a column: {', '.join(not_logged)}")
+        print(f"  Columns missing: {', '.join(not_logged)}")
     print("These are rules of thumb; `lptn diagnose` computes what the data can show.")
 
 

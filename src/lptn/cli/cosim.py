@@ -36,9 +36,9 @@ def cosim(
     *logs: Path,
     model: Annotated[Path | None, Option(help="Model file to compare with; by default the one inside the FMU.")] = None,
     ramps: Annotated[
-        bool, Option(help="The FMU's inputs go in straight lines from sample to sample; the model's hold.", negative="")
+        bool, Option(help="Interpolate the FMU's inputs between samples; the model holds them.", negative="")
     ] = False,
-    trust: Annotated[bool, Option(help="Run the native code of an FMU from elsewhere.", negative="")] = False,
+    trust: Annotated[bool, Option(help="Allow native code of an FMU that lptn did not write.", negative="")] = False,
     parameters: Annotated[
         Path | None,
         Option(help="Parameter values for the FMU: an SSV file, as lptn fmu MODEL -o VALUES.ssv writes it."),

@@ -43,7 +43,7 @@ Each = Annotated[
     ),
 ]
 FitJobs = Annotated[
-    int, Option(name="--jobs", help="With --each: processes that fit robots.", validator=validators.Number(gte=1))
+    int, Option(name="--jobs", help="With --each: number of processes.", validator=validators.Number(gte=1))
 ]
 FitOutput = Annotated[
     Path | None, Option(name=["--output", "-o"], help="File to write the model to; with --each, a folder.")

@@ -47,7 +47,7 @@ Events = Annotated[
 Arrays = Annotated[
     bool,
     Option(
-        name="--arrays", help="Join what all joints have in common as arrays, such as torque[12]; FMI 3.", negative=""
+        name="--arrays", help="Combine the variables of all joints into arrays, such as torque[12]; FMI 3.", negative=""
     ),
 ]
 Reference = Annotated[

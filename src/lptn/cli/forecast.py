@@ -32,14 +32,22 @@ def forecast(
     /,
     *,
     limit: Annotated[
-        list[str], Option(help="degC for all joints, or NODE=degC, also by pattern; may be given again.", negative="")
+        list[str],
+        Option(
+            help="Limit in degC for all joints, or NODE=degC, also for a pattern of nodes; may be repeated.",
+            negative="",
+        ),
     ],
     window: Annotated[
         str,
         Option(help="The load assumed to continue: steady (since the last change), cycles, or a number of seconds."),
     ] = "steady",
-    cycles: Annotated[int, Option(help="Gait cycles of --window cycles.", validator=validators.Number(gte=1))] = 10,
-    coverage: Annotated[float, Option(help="Of the intervals.", validator=validators.Number(gt=0, lt=1))] = 0.9,
+    cycles: Annotated[
+        int, Option(help="Number of gait cycles with --window cycles.", validator=validators.Number(gte=1))
+    ] = 10,
+    coverage: Annotated[
+        float, Option(help="Probability of the intervals.", validator=validators.Number(gt=0, lt=1))
+    ] = 0.9,
     json: Json = None,
     plot: Picture = None,
     map: Map = None,  # noqa: A002 - the option's name

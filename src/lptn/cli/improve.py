@@ -36,7 +36,11 @@ if TYPE_CHECKING:
 
 Steps = Annotated[
     int,
-    Option(name="--steps", help="Findings to add at most, beside structure.", validator=validators.Number(gte=0)),
+    Option(
+        name="--steps",
+        help="Largest number of findings to add; structure is not counted.",
+        validator=validators.Number(gte=0),
+    ),
 ]
 
 

@@ -34,7 +34,7 @@ Healthy = Annotated[
     list[Path] | None,
     Option(
         name="--healthy",
-        help="Logs without a fault, like those to be watched: best those that the model was fitted on.",
+        help="Logs of the same kind without a fault, preferably those that the model was fitted on.",
         negative="",
         consume_multiple=True,
     ),
@@ -55,7 +55,7 @@ def monitor(
     ] = 0.01,
     calibration: Annotated[
         Path | None,
-        Option(help="File for what the healthy logs teach: written with --healthy, read without."),
+        Option(help="Calibration file: written with --healthy, read without it."),
     ] = None,
     json: Json = None,
     plot: Picture = None,
@@ -127,14 +127,14 @@ def _show_monitoring(result: Monitoring) -> None:
     rows = [cells for watched in result.runs for cells in _rows(watched)]
     if rows:
         show_table(("run", "sensor", "fault", "size", "since", "statistical", f"over {result.threshold:g} K"), rows)
-        print("Times are in s of each log's clock, of one since 1970 in s since the log's start.")
+        print("Times are in s on each log's clock, or since its start where that clock counts from 1970.")
     for watched in result.runs:
         if not (watched.threshold_alarms or watched.statistical_alarms):
             node = max(watched.largest_error, key=watched.largest_error.__getitem__)
             print(f"{watched.run.name}: no alarm; largest error {watched.largest_error[node]:.3g} K, {node}.")
     hours = result.calibration.healthy_hours
     learnt = f"come from {hours:.3g} h of healthy logs"
-    guessed = "are guesses: give the logs of the fit as --healthy"
+    guessed = "are guesses; pass the logs of the fit as --healthy to calibrate them"
     print(f"The statistical detector's limits {learnt if hours else guessed}.")
 
 

@@ -29,7 +29,7 @@ HtmlReport = Annotated[Path | None, Option(name="--report", help="HTML page to w
 Picture = Annotated[Path | None, Option(name="--plot", help="Picture to write: .png, .svg or .pdf.")]
 Holdout = Annotated[
     list[Path] | None,
-    Option(name="--holdout", help="Logs that no fit sees.", negative="", consume_multiple=True),
+    Option(name="--holdout", help="Held-out logs: no parameter is fitted to them.", negative="", consume_multiple=True),
 ]
 
 
@@ -47,7 +47,7 @@ HoldoutAfter = Annotated[
     float | str | None,
     Option(
         name="--holdout-after",
-        help="Hold out the fitted logs' own time from here on, in s; +300: 300 s after each log's start.",
+        help="Hold out the end of each fitted log, from this time in s; +300: from 300 s after its start.",
         converter=_time_or_after,
     ),
 ]
@@ -64,7 +64,7 @@ Map = Annotated[
     list[str] | None,
     Option(
         name="--map",
-        help="Other people's column: temperature.FR_calf=T3[degF]; may be given again. guess: by their names.",
+        help="Name of a log's column: temperature.FR_calf=T3[degF]; may be repeated. guess: by similar names.",
         negative="",
     ),
 ]
@@ -72,7 +72,7 @@ Rate = Annotated[
     float | None,
     Option(
         name="--rate",
-        help="Rows a second [Hz], of logs without a column of times.",
+        help="Rows per second [Hz], for logs without a time column.",
         validator=validators.Number(gt=0),
     ),
 ]
@@ -98,7 +98,7 @@ SurfaceError = Annotated[
     ),
 ]
 Jobs = Annotated[
-    int, Option(name="--jobs", help="Processes that refit candidates side by side.", validator=validators.Number(gte=1))
+    int, Option(name="--jobs", help="Number of processes that refit candidates.", validator=validators.Number(gte=1))
 ]
 
 
@@ -111,7 +111,7 @@ SymmetryPenalty = Annotated[
     float | Literal["auto"],
     Option(
         name="--symmetry-penalty",
-        help="Pull of left and right parameters towards each other; auto: the one best on held-out runs.",
+        help="Weight that pulls left and right parameters together; auto: the best one on held-out runs.",
         validator=_not_negative,
     ),
 ]
