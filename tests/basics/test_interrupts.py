@@ -32,6 +32,21 @@ except KeyboardInterrupt:
     print("heard behind", len(results))
 """
 
+WHILE_HELD_BACK = INSIDE_CASADI.replace(
+    "class Pressed:",
+    """
+import threading
+usual_start, started = threading.Timer.start, []
+
+def start(timer):  # the first timer runs out before its start is over, as on a busy machine
+    started.append(timer)
+    timer.function(*timer.args) if len(started) == 1 else usual_start(timer)
+
+threading.Timer.start = start
+
+class Pressed:""",
+)
+
 ELSEWHERE = """
 import os, signal
 from lptn.basics.processes import heard_interrupts
@@ -52,6 +67,10 @@ def _said(code: str) -> str:
 
 def test_an_interrupt_inside_casadi_is_heard_behind_it() -> None:
     assert _said(INSIDE_CASADI) == "heard behind 1\n"
+
+
+def test_an_interrupt_while_another_is_held_back_is_held_back_too() -> None:
+    assert _said(WHILE_HELD_BACK) == "heard behind 1\n"
 
 
 def test_an_interrupt_elsewhere_is_heard_at_once_and_the_usual_handler_comes_back() -> None:

@@ -127,7 +127,8 @@ def _inside_casadi(frame: FrameType | None) -> bool:
     """Whether CasADi was called more recently than this package, as it is while it converts what it was given."""
     while frame is not None:
         package = str(frame.f_globals.get("__name__", "")).partition(".")[0]
-        if package in ("casadi", "lptn"):
+        # An interrupt may come while this file holds another one back, which is inside CasADi still.
+        if package in ("casadi", "lptn") and frame.f_globals is not globals():
             return package == "casadi"
         frame = frame.f_back
     return False
