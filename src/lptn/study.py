@@ -8,7 +8,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import fields, replace
+from dataclasses import replace
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, overload
@@ -47,9 +47,6 @@ from lptn.logs.repeated import repeated_stretch
 from lptn.logs.run import Run
 from lptn.model.file import ModelFile, added
 from lptn.model.model import Model
-from lptn.online.forecasting import Forecast, forecast
-from lptn.online.operating_point import Gait, WindowChoice, find_gait
-from lptn.online.present import ModelUncertainty
 from lptn.simulate.bound_run import bind, needed_columns
 from lptn.simulate.simulation import simulate
 
@@ -57,6 +54,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from lptn.fmu.exporter import Exported
+    from lptn.online.forecasting import Forecast
+    from lptn.online.operating_point import Gait, WindowChoice
     from lptn.report.narrative import Sentence
 
 logger = logging.getLogger(__name__)
@@ -115,14 +114,24 @@ class StudyVersus(_Told, Versus):
         return versus_narrative(self)
 
 
-class StudyForecast(_Told, Forecast):
-    """Temperatures to come, with their sentences and their figure."""
+class StudyForecast(_Told):
+    """Temperatures to come, with their sentences and their figure.
+
+    Args:
+        result: the forecast.
+    """
+
+    def __init__(self, result: Forecast) -> None:
+        self.result = result
+
+    def __repr__(self) -> str:
+        return repr(self.result)
 
     def narrative(self) -> list[Sentence]:
         """Which node reaches its limit first, and when, in the sentences of the terminal."""
         from lptn.report.narrative import forecast_narrative
 
-        return forecast_narrative(self)
+        return forecast_narrative(self.result)
 
     def plot(self, node: str | None = None, ax: Axes | None = None) -> Axes:
         """Draw a node's readings so far, its temperatures [°C] to come with their interval, and its limit.
@@ -133,8 +142,8 @@ class StudyForecast(_Told, Forecast):
         """
         from lptn.report.online_figures import plot_forecast
 
-        first = min(self.nodes.values(), key=lambda one: (one.time_to_limit, one.low, -one.steady))
-        return plot_forecast(self, node or first.node, ax=ax)
+        first = min(self.result.nodes.values(), key=lambda one: (one.time_to_limit, one.low, -one.steady))
+        return plot_forecast(self.result, node or first.node, ax=ax)
 
 
 class Study:
@@ -356,13 +365,16 @@ class Study:
         Arguments and errors are those of `lptn.forecast`. The errors of the model are those that its fit knows, and the
         gait is that of the log at its own rate.
         """
+        from lptn.online.forecasting import forecast
+        from lptn.online.present import ModelUncertainty
+
         if not self.runs:
             raise InputError("study", "fit, holdout, test", "no run", "one log or more")
         run = self.runs[-1]
         noise = estimate_noise([bind(self.model, run)], self.model.nodes)
         known = ModelUncertainty.of_table(self.model, self.file.fit, noise.floor)
         ahead = forecast(self.model, run, limits, cycles, coverage, known, window=window, gait=self._gait(run))
-        return StudyForecast(**{one.name: getattr(ahead, one.name) for one in fields(ahead)})
+        return StudyForecast(ahead)
 
     def predictions(self, step: int = -1) -> dict[str, list[Prediction]]:
         """What the model of a step predicts on every run: fitted ones as the fit leaves them, others freely.
@@ -653,6 +665,8 @@ class Study:
 
     def _gait(self, run: Run) -> Gait | None:
         """The gait at a log's end, from its joint speeds with their sign and at the log's own rate; of a file only."""
+        from lptn.online.operating_point import find_gait
+
         if run.source not in self._logs:
             return None
         loaded = self._loaded

@@ -132,7 +132,7 @@ def test_all_media_say_the_same(name: str, tmp_path: Path, capsys: pytest.Captur
         forecast(better, log, limit=[f"{limit:.0f}"])
         ahead = fitted.forecast(float(f"{limit:.0f}"))
         _told(ahead.narrative(), _lines(capsys), ahead._repr_html_())
-        titles = [panel.get_title(loc="left") for panel in forecast_figure(ahead).axes]
+        titles = [panel.get_title(loc="left") for panel in forecast_figure(ahead.result).axes]
         never = "No node reaches its limit" in ahead.narrative()[0].text
         assert never == all(": never" in title for title in titles if title)
 

@@ -281,18 +281,13 @@ def _missing_lines(content: LogContent, proposed: Sequence[str]) -> Iterator[str
 def _lengths(runs: Sequence[Run]) -> str:
     if not runs:
         return "it can't be used yet"
+    from lptn.report.text import time_span
+
     steps = sum(len(run) for run in runs)
     first = runs[0]
     kind = "means" if first.averaged else "samples"
     pieces = f" in {len(runs)} pieces between gaps" if len(runs) > 1 else ""
-    return f"{steps} {kind} of {first.step:g} s, {_duration(steps * first.step)}{pieces}"
-
-
-_HOURS = 10.0  # from which a time is said in hours
-
-
-def _duration(seconds: float) -> str:
-    return f"{seconds / 3600:.3g} h" if seconds >= 3600 * _HOURS else f"{seconds / 60:.3g} min"
+    return f"{steps} {kind} of {first.step:g} s, {time_span(steps * first.step)}{pieces}"
 
 
 def _show_nodes(model: Model, bound_runs: Sequence[BoundRun]) -> None:
@@ -334,6 +329,7 @@ def _missing(runs: Sequence[FloatArray]) -> float:
 def _show_excitation(excited: Excitation) -> None:
     """What happens in the runs."""
     from lptn.effects.excitation import ZERO
+    from lptn.report.text import time_span
 
     load = "no load"
     if excited.levels:
@@ -346,7 +342,7 @@ def _show_excitation(excited: Excitation) -> None:
     )
     moving = f"base speed {base[0]:.2g} to {base[1]:.2g} m/s" if base else "base speed not logged"
     print(
-        f"\nIn {_duration(60 * excited.minutes)}: {load}; {_count(excited.cool_downs, 'cool-down')}; "
+        f"\nIn {time_span(60 * excited.minutes)}: {load}; {_count(excited.cool_downs, 'cool-down')}; "
         f"{_count(excited.steps, 'jump')} of load; up to {excited.rise:.3g} K above the surroundings, {change}; "
         f"{moving}."
     )

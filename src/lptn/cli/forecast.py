@@ -70,13 +70,13 @@ def forecast(
         ahead = study.forecast(limits, cycles, coverage, window=chosen)
     for sentence in ahead.narrative():
         print(sentence)
-    table = forecast_table(ahead)
+    table = forecast_table(ahead.result)
     show_table(table.columns, table.rows)
-    write_json(json, ahead.as_json())
+    write_json(json, ahead.result.as_json())
     if plot is not None:
         from lptn.report.online_figures import forecast_figure
 
-        write_figure(forecast_figure(ahead), plot)
+        write_figure(forecast_figure(ahead.result), plot)
 
 
 def _limits(words: list[str]) -> dict[str, float]:

@@ -6,13 +6,10 @@ from collections.abc import Sequence
 
 from lptn.diagnose.advice import Detectable
 from lptn.diagnose.improvement import History
-from lptn.identify.comparison import Comparison, Condition
+from lptn.identify.comparison import Comparison
 from lptn.identify.data import DataSplit
+from lptn.report.narrative import largest_error
 from lptn.report.shown import MOST, NOISE_BAND, initialisation_end, reaches, views
-from lptn.report.tables import worst_condition
-from lptn.report.text import bin_text, kelvin
-
-_PLAIN = 0.5  # share of the RMSE from which its mean is worth a word
 
 
 def of_history(history: History) -> str:
@@ -26,21 +23,9 @@ def of_conditions(given: Comparison, best: Comparison | None, which: str) -> str
     """Under the maps of where a model fails."""
     text = f"RMSE in K on the {which} runs by node and operating condition; the small numbers are each bin's range."
     for model, comparison in (("model as given" if best else "model", given), ("best model", best)):
-        if comparison is not None and (worst := worst_in_words(comparison)):
-            text += f" The {model} {worst}."
+        if comparison is not None:
+            text += f" Largest error of the {model}: {largest_error(comparison).text}"
     return text
-
-
-def worst_in_words(comparison: Comparison) -> str:
-    """Where a model errs most, such as `fails worst at ...`; an error like noise is none. Empty without bins."""
-    worst = worst_condition(comparison)
-    if worst is None:
-        return ""
-    cell, is_far = worst
-    if not is_far:
-        noise = kelvin(comparison.floor(cell.node), 2)
-        return f"is nowhere wrong by much more than noise ({noise} there), most at {_where_it_fails(cell)}"
-    return f"fails worst at {_where_it_fails(cell)}"
 
 
 def of_predictions(
@@ -87,11 +72,3 @@ OF_PROBABILITIES = (
     "How probable each effect is, beside all else in the model; green ones were added, hollow ones were not. Right of "
     "the dashed line one is missing more probably than not."
 )
-
-
-def _where_it_fails(cell: Condition) -> str:
-    """A condition, its error, and to which side."""
-    text = f"{cell.node}, {bin_text(cell.quantity, cell.lower, cell.upper)}, with {kelvin(cell.errors.rmse, 2)}"
-    if abs(cell.errors.mean) < _PLAIN * cell.errors.rmse:
-        return text
-    return f"{text}, predicted too {'hot' if cell.errors.mean > 0 else 'cold'}"

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from math import isfinite, sqrt
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -28,9 +28,8 @@ from lptn.identify.comparison import Comparison, Versus
 from lptn.identify.data import DataSplit, Segment
 from lptn.identify.fitting import Fit
 from lptn.model.network import EffectDeclaration
-from lptn.online.forecasting import Forecast
 from lptn.report.shown import noise_alone, worst_view
-from lptn.report.tables import FAR, interval_to_limit, settling_temperature, time_to_limit
+from lptn.report.tables import interval_to_limit, settling_temperature, time_to_limit
 from lptn.report.text import (
     capitalised,
     certainty,
@@ -48,6 +47,9 @@ from lptn.report.text import (
     value_in_words,
     window_text,
 )
+
+if TYPE_CHECKING:
+    from lptn.online.forecasting import Forecast
 
 Label = Literal[
     "Verdict",
@@ -299,6 +301,8 @@ def _first_sentence(text: str) -> str:
 # --- a model against logs, and against another model ---------------------------------------------------------
 
 
+FAR = 2.0
+"""Multiples of the noise from which an error is no longer called noise."""
 _PLAIN = 0.5  # share of the RMSE from which its mean says to which side a model is off
 
 

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from lptn.basics.parameters import ParameterInstance
 from lptn.basics.words import short_size
@@ -15,7 +16,6 @@ from lptn.effects import Effect, catalogue
 from lptn.identify.comparison import Comparison, Condition, Pair
 from lptn.identify.data import Segment
 from lptn.identify.fitting import Fit
-from lptn.online.forecasting import Forecast, NodeForecast
 from lptn.references import cite, works_cited
 from lptn.report.shown import effects_shown
 from lptn.report.text import (
@@ -34,6 +34,9 @@ from lptn.report.text import (
     unit_text,
     window_text,
 )
+
+if TYPE_CHECKING:
+    from lptn.online.forecasting import Forecast, NodeForecast
 
 
 @dataclass(frozen=True)
@@ -99,21 +102,6 @@ def conditions_of(comparison: Comparison) -> list[Condition]:
         else condition
         for condition in conditions
     ]
-
-
-FAR = 2.0
-"""Multiples of the noise from which an error is no longer called noise."""
-
-
-def worst_condition(comparison: Comparison) -> tuple[Condition, bool] | None:
-    """The condition with the largest error among those far above noise, and whether there are any; else of all.
-
-    `None` where nothing can be binned.
-    """
-    every = conditions_of(comparison)
-    far = [condition for condition in every if condition.errors.rmse > FAR * comparison.floor(condition.node)]
-    worst = max(far or every, key=lambda condition: condition.errors.rmse, default=None)
-    return None if worst is None else (worst, bool(far))
 
 
 def node_table(given: Comparison, best: Comparison | None) -> Table:
