@@ -18,7 +18,6 @@ from math import log, sqrt
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import block_diag
 from scipy.special import ndtr
 
 from lptn.basics.arrays import FloatArray
@@ -288,6 +287,8 @@ class Rivals:
     """
 
     def __init__(self, steps: Sequence[Step]) -> None:
+        from scipy.linalg import block_diag  # heavy, and few commands need it
+
         self.keys, self.fits = [step.key for step in steps], [step.fit for step in steps]
         known = [Evidence(fit, ()) for fit in self.fits]
         self._roots = []
