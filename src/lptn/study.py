@@ -25,7 +25,7 @@ from lptn.diagnose.diagnosis import Diagnosis, diagnose, for_search
 from lptn.diagnose.improvement import History, effects_added, improve, table_of_steps
 from lptn.diagnose.refits import refit
 from lptn.diagnose.unexplained_heat import UnexplainedHeat, unexplained_heat
-from lptn.identify.comparison import Comparison, Prediction, Versus, compare, predict, versus
+from lptn.identify.comparison import Prediction, compare, predict, versus
 from lptn.identify.data import (
     DataSplit,
     Log,
@@ -47,14 +47,12 @@ from lptn.logs.repeated import repeated_stretch
 from lptn.logs.run import Run
 from lptn.model.file import ModelFile, added
 from lptn.model.model import Model
+from lptn.report.results import StudyComparison, StudyForecast, StudyVersus, paragraphs, rows
 from lptn.simulate.bound_run import bind, needed_columns
 from lptn.simulate.simulation import simulate
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
     from lptn.fmu.exporter import Exported
-    from lptn.online.forecasting import Forecast
     from lptn.online.operating_point import Gait, WindowChoice
     from lptn.report.narrative import Sentence
 
@@ -64,86 +62,6 @@ _FINEST = 1e-3  # s; no robot logs its joints faster
 
 Logs = Log | Run | Iterable[Log | Run]
 """One log, or several: paths, data frames, or runs that were read before."""
-
-
-class _Told:
-    """What notebooks show of a result: its sentences."""
-
-    def narrative(self) -> list[Sentence]:
-        """The sentences of the terminal and of the report."""
-        raise NotImplementedError
-
-    def _repr_html_(self) -> str:
-        return _paragraphs(self.narrative())
-
-
-class StudyComparison(_Told, Comparison):
-    """A model against measurements, with its sentences and its figure."""
-
-    def narrative(self) -> list[Sentence]:
-        """How far the model is off and where most, in the sentences of terminal and report."""
-        from lptn.report.narrative import comparison_narrative
-
-        return comparison_narrative(self)
-
-    def _repr_html_(self) -> str:
-        return _paragraphs(self.narrative()) + _rows(self.to_pandas())
-
-    def plot(self, node: str | None = None, ax: Axes | None = None) -> Axes:
-        """Draw measured and predicted temperatures [°C] of one node over time.
-
-        Args:
-            node: its name; by default the node and run with the largest RMSE.
-            ax: where to draw; a new figure of pyplot's by default.
-
-        Raises:
-            InputError: no such node, or it is measured in none of the runs.
-        """
-        from lptn.report.comparison_figures import plot_temperatures
-
-        return plot_temperatures(self, node, ax=ax)
-
-
-class StudyVersus(_Told, Versus):
-    """A model against another, with its sentences."""
-
-    def narrative(self) -> list[Sentence]:
-        """Which model predicts better, in the sentences of terminal and report."""
-        from lptn.report.narrative import versus_narrative
-
-        return versus_narrative(self)
-
-
-class StudyForecast(_Told):
-    """Temperatures to come, with their sentences and their figure.
-
-    Args:
-        result: the forecast.
-    """
-
-    def __init__(self, result: Forecast) -> None:
-        self.result = result
-
-    def __repr__(self) -> str:
-        return repr(self.result)
-
-    def narrative(self) -> list[Sentence]:
-        """Which node reaches its limit first, and when, in the sentences of the terminal."""
-        from lptn.report.narrative import forecast_narrative
-
-        return forecast_narrative(self.result)
-
-    def plot(self, node: str | None = None, ax: Axes | None = None) -> Axes:
-        """Draw a node's readings so far, its temperatures [°C] to come with their interval, and its limit.
-
-        Args:
-            node: its name; by default the first to reach its limit.
-            ax: where to draw; a new figure of pyplot's by default.
-        """
-        from lptn.report.online_figures import plot_forecast
-
-        first = min(self.result.nodes.values(), key=lambda one: (one.time_to_limit, one.low, -one.steady))
-        return plot_forecast(self.result, node or first.node, ax=ax)
 
 
 class Study:
@@ -302,7 +220,7 @@ class Study:
 
     def _repr_html_(self) -> str:
         said = self.narrative() if self.advised else []
-        return f"<p>{escape(repr(self))}</p>\n{_paragraphs(said)}{_rows(self.history) if self._steps else ''}"
+        return f"<p>{escape(repr(self))}</p>\n{paragraphs(said)}{rows(self.history) if self._steps else ''}"
 
     # --- what to do ---------------------------------------------------------------------------
 
@@ -748,16 +666,6 @@ class Study:
             executor=self.executor,
             report=logger.info,
         )
-
-
-def _paragraphs(said: Sequence[Sentence]) -> str:
-    """Sentences as HTML."""
-    return "".join(f"<p><b>{sentence.label}:</b> {escape(sentence.text)}</p>\n" for sentence in said)
-
-
-def _rows(table: pd.DataFrame) -> str:
-    """A table as HTML."""
-    return str(table.to_html(index=False, na_rep="–", border=0, float_format=lambda value: f"{value:.3g}"))
 
 
 def _with_setting(step: Step, key: str, setting: Setting) -> Step:

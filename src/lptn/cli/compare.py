@@ -21,7 +21,8 @@ from lptn.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from lptn.study import Study, StudyComparison, StudyVersus
+    from lptn.report.results import StudyComparison, StudyVersus
+    from lptn.study import Study
 
 _WORST = 5  # conditions listed
 

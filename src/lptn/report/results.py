@@ -1,0 +1,105 @@
+"""What a study returns in a notebook: a comparison or a forecast with its sentences and its figure."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from html import escape
+from typing import TYPE_CHECKING
+
+import pandas as pd
+
+from lptn.identify.comparison import Comparison, Versus
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from lptn.online.forecasting import Forecast
+    from lptn.report.narrative import Sentence
+
+
+def paragraphs(said: Sequence[Sentence]) -> str:
+    """Sentences as HTML."""
+    return "".join(f"<p><b>{sentence.label}:</b> {escape(sentence.text)}</p>\n" for sentence in said)
+
+
+def rows(table: pd.DataFrame) -> str:
+    """A table as HTML."""
+    return str(table.to_html(index=False, na_rep="–", border=0, float_format=lambda value: f"{value:.3g}"))
+
+
+class _Told:
+    """What notebooks show of a result: its sentences."""
+
+    narrative: Callable[[], list[Sentence]]
+
+    def _repr_html_(self) -> str:
+        return paragraphs(self.narrative())
+
+
+class StudyComparison(_Told, Comparison):
+    """A model against measurements, with its sentences and its figure."""
+
+    def narrative(self) -> list[Sentence]:
+        """How far the model is off and where most, in the sentences of terminal and report."""
+        from lptn.report.narrative import comparison_narrative
+
+        return comparison_narrative(self)
+
+    def _repr_html_(self) -> str:
+        return paragraphs(self.narrative()) + rows(self.to_pandas())
+
+    def plot(self, node: str | None = None, ax: Axes | None = None) -> Axes:
+        """Draw measured and predicted temperatures [°C] of one node over time.
+
+        Args:
+            node: its name; by default the node and run with the largest RMSE.
+            ax: where to draw; a new figure of pyplot's by default.
+
+        Raises:
+            InputError: no such node, or it is measured in none of the runs.
+        """
+        from lptn.report.comparison_figures import plot_temperatures
+
+        return plot_temperatures(self, node, ax=ax)
+
+
+class StudyVersus(_Told, Versus):
+    """A model against another, with its sentences."""
+
+    def narrative(self) -> list[Sentence]:
+        """Which model predicts better, in the sentences of terminal and report."""
+        from lptn.report.narrative import versus_narrative
+
+        return versus_narrative(self)
+
+
+class StudyForecast(_Told):
+    """Temperatures to come, with their sentences and their figure.
+
+    Args:
+        result: the forecast.
+    """
+
+    def __init__(self, result: Forecast) -> None:
+        self.result = result
+
+    def __repr__(self) -> str:
+        return repr(self.result)
+
+    def narrative(self) -> list[Sentence]:
+        """Which node reaches its limit first, and when, in the sentences of the terminal."""
+        from lptn.report.narrative import forecast_narrative
+
+        return forecast_narrative(self.result)
+
+    def plot(self, node: str | None = None, ax: Axes | None = None) -> Axes:
+        """Draw a node's readings so far, its temperatures [°C] to come with their interval, and its limit.
+
+        Args:
+            node: its name; by default the first to reach its limit.
+            ax: where to draw; a new figure of pyplot's by default.
+        """
+        from lptn.report.online_figures import plot_forecast
+
+        first = min(self.result.nodes.values(), key=lambda one: (one.time_to_limit, one.low, -one.steady))
+        return plot_forecast(self.result, node or first.node, ax=ax)
