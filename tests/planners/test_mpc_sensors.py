@@ -198,6 +198,17 @@ def test_a_sensor_that_was_never_alive_is_not_believed(value: float, dither: flo
     assert min(plan.admitted[0] for plan in plans[-50:]) > 3.0  # of 5.9 A that hold the limit: the model goes on
 
 
+@pytest.mark.parametrize("dither", [0.0, 1.0])
+@pytest.mark.parametrize("value", [25.0, 30.0])
+def test_a_dead_sensor_is_named_however_little_is_known_of_the_model(value: float, dither: float) -> None:
+    """Where the air's resistance may be wrong tenfold no reading is too cold; but what is heated warms."""
+    unknown = {"resistance.ambient~knee": 50.0}
+    worst, plans = one_joint(lambda _, __, noise: value + dither * noise, standard_errors=unknown)
+    named = [k for k, plan in enumerate(plans) if plan.untrusted]
+    assert worst < 0
+    assert len(named) > 300, named[:3]
+
+
 @pytest.mark.parametrize(
     ("end", "seconds"), [(-50.0, 20.0), (-50.0, 100.0), (25.0, 100.0), (39.0, 100.0), (25.0, 300.0), (-94.0, 0.1)]
 )
