@@ -89,7 +89,8 @@ def show_answers(diagnosis: Diagnosis) -> None:
     if not diagnosis.steps:
         shares = dict(diagnosis.probabilities)
         others = [f"{named(*key)} {percent(share)}" for key, share in shares.items() if key != NOTHING]
-        text = f"Probability that nothing is missing, by the fit data: {percent(shares[NOTHING])}"
+        nothing = "nothing is missing" if diagnosis.verdict == "adequate" else "no effect of the catalogue explains it"
+        text = f"Probability that {nothing}, by the fit data: {percent(shares[NOTHING])}"
         print(f"{text}; next: {few(others, _FEW)}." if others else f"{text}.")
         return
     rows = []

@@ -13,7 +13,8 @@
    one stays that predicts held-out runs better, as they were logged.
 
 The search leaves to errors of runs, of sensors and of like parts what they usually are (`Problem.tolerance`); what it
-ends with is fitted by plain least squares, as the file's user does.
+ends with is fitted by plain least squares, as the file's user does. A finding whose size that fit does not tell from
+none is none: what goes with it is unexplained.
 
 Evidence decides throughout (`lptn.diagnose.evidence`).
 """
@@ -24,6 +25,7 @@ from collections.abc import Collection, Sequence
 from concurrent.futures import Executor
 from copy import copy
 from dataclasses import dataclass, replace
+from math import erf, sqrt
 
 import numpy as np
 from scipy.special import expit, softmax
@@ -53,6 +55,7 @@ _MOST_ROUNDS = 30  # of candidates; each adds, or frees a fit from a local minim
 FREED = 0.01  # share of the misfit by which a model is better from elsewhere that stood in a local minimum
 _SURE = 50.0  # logarithm of odds; what lies beyond is no surer
 _NONE = 0.01  # of its usual size, below which an effect is none
+_TOLD = 0.683  # confidence with which a size is told from none: from there on it is larger than its standard error
 
 
 @dataclass(frozen=True)
@@ -278,9 +281,11 @@ class _Search:
     def _take_out(self) -> None:
         """Take out what is none, then what the evidence is better without, the least needed first."""
         asked: set[Key] = set()
+        now: Evidence | None = None
         while True:
             self._take_out_none()
-            now = self._evidence(self.fit)
+            if now is None or now.fitted is not self.fit:
+                now = self._evidence(self.fit)
             needless = {declared: _log_odds_of_none(now, declared) for declared in self.added}
             left = [d for d in needless if (d.name, d.where) not in asked and needless[d] > _WITHIN_REACH]
             if not left:
@@ -291,12 +296,13 @@ class _Search:
             if without is None:
                 continue
             try:
-                needed = now.log_evidence - self._evidence(without[0], now).log_evidence
+                other = self._evidence(without[0], now)
             except SimulationError:
                 continue
-            self.needed[declared.name, declared.where] = needed
+            self.needed[declared.name, declared.where] = needed = now.log_evidence - other.log_evidence
             if needed <= 0:
                 self._take(*without)
+                now = other
 
     def _take_out_none(self) -> None:
         """Take out what is none: no rounding of the evidence keeps it."""
@@ -335,7 +341,17 @@ class _Search:
         self.report("fitting what was found to the end")
         self.fit = self._unless_too_stiff(tolerant(self.fit, None), self.fit)
         self._take_out()
-        fit = self._unless_too_stiff(finished(self.fit), self.fit)
+        self.fit = self._unless_too_stiff(finished(self.fit), self.fit)
+        while True:
+            told = {own: _told_from_none(self.fit, own) for own in self.added if not Step(self.fit, own).is_structure}
+            weakest = min(told, key=told.__getitem__, default=None)
+            if weakest is None or told[weakest] >= _TOLD or (without := self._without([weakest])) is None:
+                break
+            share = told[weakest] * (self.findings[weakest][0].probability if weakest in self.findings else 1.0)
+            self.refused = (*self.refused, Step(self.fit, weakest, probability=share, places=(weakest.at,)))
+            self._take(*without)
+            self.fit = self._unless_too_stiff(finished(self.fit), self.fit)
+        fit = self.fit
         evidence = self._evidence(fit)
         structure = []
         for one in self.structure:
@@ -432,6 +448,15 @@ def _is_none(fit: Fit, declared: EffectDeclaration) -> bool:
         own = values.get(declared.shared_name(shape.name)) if shape else None
         return own is not None and own.value <= (1.0 + _NONE) * own.declared.bounds[0]
     return abs(size.value - (amplitude.off or 0.0)) < _NONE * abs(size.declared.typical)
+
+
+def _told_from_none(fit: Fit, declared: EffectDeclaration) -> float:
+    """The confidence with which an effect's size is told from none, by its standard error in the fit that is used."""
+    size = Step(fit, declared).size_parameter
+    if size is None or size.name not in fit.standard_errors:  # there or not, or given
+        return 1.0
+    error = fit.standard_errors[size.name]
+    return float(erf(abs(size.value - (size.declared.off or 0.0)) / error / sqrt(2.0))) if error > 0 else 1.0
 
 
 def _log_odds_of_none(evidence: Evidence, declared: EffectDeclaration) -> float:
