@@ -331,6 +331,26 @@ def test_a_clock_that_goes_back_is_refused_as_before(log: Log, refuse: Refuse) -
     assert "line 32, column 'time': found 10 s after 29 s" in refuse(path, read_log, path)
 
 
+def _in_turn(first: list[int], second: list[int]) -> list[int]:
+    return [k for pair in zip(first, second, strict=True) for k in pair]
+
+
+@pytest.mark.parametrize(
+    "order",
+    [
+        _in_turn(list(range(0, N, 2)), list(range(N - 1, 0, -2))),
+        _in_turn(list(range(N // 2)), list(range(N // 2, N))),
+        _in_turn(list(range(N // 2, N)), list(range(N // 2))),
+        np.random.default_rng(1).permutation(N).tolist(),
+        [*range(20), *_in_turn(list(range(20, 30)), list(range(30, 40))), *range(40, N)],
+    ],
+)
+def test_rows_far_out_of_order_are_refused(log: Log, refuse: Refuse, order: list[int]) -> None:
+    """Their usual step is as large as the disorder; each was "out of order, by a few steps"."""
+    path = log(shuffled(order, [float(t) for t in TIME]))
+    assert "time that runs forwards" in refuse(path, read_log, path)
+
+
 # --- Clocks of the day ------------------------------------------------------------------------------------------
 
 

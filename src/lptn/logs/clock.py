@@ -19,7 +19,7 @@ FEWEST_ROWS = 10
 """Rows at different times, of which something can be said."""
 _DAY, _SUMMER_TIME = 86400.0, 3600.0  # s
 _LATEST = 1e20  # s, or in whatever unit was meant: times since 1970 in ns are below 2e18
-_FEW = 5.0  # usual steps, by which a row may lie before one above it: loggers of several threads write so
+_FEW = 5.0  # rows, and usual steps, by which a row may be out of order: loggers of several threads write so
 
 
 def in_order(time: FloatArray) -> IntArray | None:
@@ -27,8 +27,9 @@ def in_order(time: FloatArray) -> IntArray | None:
     steps = np.diff(time)
     if not (np.abs(time) < _LATEST).all() or not (steps < 0).any():  # the first is refused by `check_time`
         return None
-    ahead = np.maximum.accumulate(time) - time
-    return np.argsort(time, kind="stable") if ahead.max() <= _FEW * np.median(np.abs(steps)) else None
+    order, ahead = np.argsort(time, kind="stable"), np.maximum.accumulate(time) - time
+    by_few = np.abs(order - np.arange(time.size)).max() <= _FEW and ahead.max() <= _FEW * np.median(np.abs(steps))
+    return order if by_few else None
 
 
 def check_time(table: Table, key: str, source: ColumnSource, time: FloatArray) -> tuple[IntArray, tuple[str, ...]]:
