@@ -6,6 +6,7 @@ import itertools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Annotated, Any, Generic, TypeVar
 
 from pydantic import BeforeValidator, ConfigDict, Field
@@ -91,11 +92,12 @@ class StudyTables(Strict, Generic[Motor]):
 
 
 class TradeStudy(StudyTables[MotorChoice]):
-    """A whole study, with its motors found; `origin` is its file, for messages."""
+    """A whole study, with its motors found; `origin` is its file, for messages, `files` are those that it names."""
 
     model_config = ConfigDict(populate_by_name=True)
 
     origin: str
+    files: tuple[Path, ...] = ()
 
     @property
     def unit(self) -> str:

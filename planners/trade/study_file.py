@@ -45,7 +45,9 @@ def parse_study(text: str, path: Path) -> TradeStudy:
         if "gears" in tables.model_fields_set:
             _check_gears(tables, path)
             tables.task = tables.task.model_copy(update={"gear": 1.0})
-        study = TradeStudy(**dict(tables) | {"motors": motors, "origin": str(path)})
+        named = (*_catalogues(tables), *(motor.model for motor in tables.motors if motor.model))
+        files = tuple(path.parent / name for name in named)
+        study = TradeStudy(**dict(tables) | {"motors": motors, "origin": str(path), "files": files})
         _check(study, path)
         return study
 
@@ -53,11 +55,15 @@ def parse_study(text: str, path: Path) -> TradeStudy:
 # --- motors -------------------------------------------------------------------------------------
 
 
+def _catalogues(tables: Tables) -> list[str]:
+    names = tables.question.catalogue
+    return [names] if isinstance(names, str) else names
+
+
 def _chosen_motors(tables: Tables, path: Path) -> list[tuple[str, CatalogueMotor]]:
     """Each motor with the place that asks for it: a name or pattern of the catalogue, or a motor of the study's own."""
     catalogue = known_motors()
-    names = tables.question.catalogue
-    for name in [names] if isinstance(names, str) else names:
+    for name in _catalogues(tables):
         if not (path.parent / name).is_file():
             raise InputError(path, "study.catalogue", f'"{name}"', "a CSV or TOML file beside the study")
         catalogue |= read_catalogue(path.parent / name)

@@ -294,6 +294,16 @@ OUTPUTS = [
     _bad("output", "plan {model} {task} --json {task}", "would be lost"),
     _bad("output", "plan {model} {task} --emit-c {log}", "a folder"),
     _bad("output", "trade {study} --json {study}", "would be lost"),
+    _bad(
+        "output",
+        "trade {study} --json {motors_csv}",
+        "would be lost",
+        motors_csv="name,mass\nX,1\n",
+        study_toml=("[task]", 'catalogue = ["motors.csv"]\n[task]'),
+    ),
+    _bad("output", "monitor {model} {log} --calibration {kept} --json {kept}", "would be lost"),
+    _bad("output", "monitor {model} {log} --healthy {other} --calibration {other}", "would be lost"),
+    _bad("output", "cosim {model} {log} --parameters {task} --json {task}", "would be lost"),
     _bad("output", "cosim {model} {log} -o {out}.txt", ".csv or .parquet"),
 ]
 

@@ -58,7 +58,7 @@ def cosim(
     Example: lptn cosim motor.fmu friday.csv --map tau=torque.knee --map T_case=temperature.knee --trust
     """
     needs_logs(logs)
-    check_outputs(output, plot, json, inputs=(fmu, *logs, *(() if model is None else (model,))))
+    check_outputs(output, plot, json, inputs=(fmu, *logs, *filter(None, (model, parameters))))
     if output is not None:
         check_ending(output)
     check_picture(plot)

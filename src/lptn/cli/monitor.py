@@ -71,7 +71,9 @@ def monitor(
     Example: lptn monitor fitted.toml today.parquet --threshold 10 --healthy monday.parquet tuesday.parquet
     """
     needs_logs(logs)
-    check_outputs(json, plot, calibration if healthy else None, inputs=(model, *logs, *(healthy or ())))
+    read, written = (None, calibration) if healthy else (calibration, None)
+    inputs = (model, *logs, *(healthy or ()), *(() if read is None else (read,)))
+    check_outputs(json, plot, written, inputs=inputs)
     check_picture(plot)
     check_inputs(model, *logs, *(healthy or ()))
     from lptn.cli.terminal import progress, write_json

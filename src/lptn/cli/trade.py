@@ -35,6 +35,7 @@ def trade(
     check_picture(plot)
     check_picture(diagram)
     asked = load_study(study)
+    check_outputs(json, plot, diagram, report, inputs=asked.files)
     with progress("reading") as say:
         result = solve_study(asked, say)
     if not result.designs:
