@@ -9,14 +9,14 @@ import pytest
 
 from lptn.basics.arrays import FloatArray
 from tests.hardening import monitored_faults
-from tests.hardening.monitored_faults import BEGIN, FAULTS, Fault, at, loose, watched
+from tests.hardening.monitored_faults import BEGIN, FAULTS, SENSORS, Fault, at, loose, watched
 
 
 def blamed(
-    seed: int, mode: str, faults: list[str], noise: float = 0.1, robot: str = "leg"
+    seed: int, mode: str, faults: list[str], sensors: str = "usual", robot: str = "leg"
 ) -> tuple[dict[str, tuple[str, ...]], set[str]]:
     """The healthy channels that are blamed, by fault; and the faults that are called."""
-    said = watched(robot, seed, noise, [mode], faults)
+    said = watched(robot, seed, SENSORS[sensors], [mode], faults)
     return (
         {fault: answer.blamed for (_, fault), answer in said.items() if answer.blamed},
         {fault for (_, fault), answer in said.items() if answer.called},
@@ -44,10 +44,10 @@ def test_of_16_faults_none_is_put_on_a_healthy_channel(seed: int, mode: str) -> 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("seed", "noise"), [(1, 0.1), (1, 0.005), (3, 0.1), (3, 0.005)])
-def test_a_model_that_is_off_is_not_a_healthy_channels_fault(seed: int, noise: float) -> None:
+@pytest.mark.parametrize(("seed", "sensors"), [(1, "usual"), (1, "fine"), (3, "usual"), (3, "fine")])
+def test_a_model_that_is_off_is_not_a_healthy_channels_fault(seed: int, sensors: str) -> None:
     """Every value 10 % off, and healthy logs that teach: it was in three and four logs of 18."""
-    wrongly, called = blamed(seed, "taught", list(FAULTS), noise)
+    wrongly, called = blamed(seed, "taught", list(FAULTS), sensors)
     assert wrongly == {}
     assert len(called) >= 14
     assert "healthy" not in called
@@ -69,7 +69,7 @@ def test_a_sensor_that_goes_part_of_the_way_to_the_air_is_no_load(seed: int, mon
 @pytest.mark.slow
 def test_what_a_failed_sensor_reads_is_named() -> None:
     """A share of the air, and a constant, were drifts."""
-    said = watched("leg", 3, 0.1, ["taught"], list(FAULTS))
+    said = watched("leg", 3, SENSORS["usual"], ["taught"], list(FAULTS))
     assert said["taught", "come loose by 60 %"].called == ("disconnected",)
     assert said["taught", "stuck with dither"].called == ("stuck",)
 
