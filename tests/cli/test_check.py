@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import pytest
+
 from tests.cli.conftest import Lptn
 from tests.diagnose.pair_runs import table
 
@@ -164,3 +166,17 @@ def test_what_is_the_same_of_all_logs_is_said_once(lptn: Lptn, model: Path, tmp_
     assert out.index("\nAll logs:\n") > out.index("friday.csv")
     _, one, _ = lptn("check", model, logs[0])
     assert "All logs:" not in one
+
+
+@pytest.mark.parametrize("key", ["temperature.aa", "torqe.a", "time.3", "temperature.*"])
+def test_a_mapping_of_nothing_is_one_line(lptn: Lptn, model: Path, tmp_path: Path, key: str) -> None:
+    table().to_csv(tmp_path / "monday.csv", index=False)
+    status, _, err = lptn("check", model, tmp_path / "monday.csv", "--map", f"{key}=gain")
+    assert (status, len(err.splitlines())) == (2, 1)
+    assert key in err
+
+
+def test_a_mapping_to_nothing_is_said(lptn: Lptn, model: Path, tmp_path: Path) -> None:
+    table().to_csv(tmp_path / "monday.csv", index=False)
+    status, out, _ = lptn("check", model, tmp_path / "monday.csv", "--map", "power.a=gain")
+    assert (status, "power.a: mapped to a column that is not in the log; left out." in out) == (0, True)

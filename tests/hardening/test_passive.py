@@ -191,6 +191,59 @@ def test_a_byte_with_an_offset_is_doubted_and_its_line_corrects_it(offset: float
     assert (not left, bool(np.abs(taken - true).max() < 1.0)) == (True, True)
 
 
+JOINTS = ("base", "elbow", "wrist")
+
+
+def _arm(start: float | tuple[float, ...] = 18.0, seed: int = 0, load: float = 1.0) -> pd.DataFrame:
+    """45 min of an arm in air of 18 degC, whose joints warm each other, are moved by turns, and rest by turns."""
+    rng, time = np.random.default_rng(seed), np.arange(2700.0)
+    heat = rng.choice([0.0, 2.0, 5.0, 9.0], size=(45, 3)) * [1.5, 1.0, 0.4]  # W
+    heat[[10, 11, 12, 13, 14, 30, 31, 32, 33, 34]] = 0.0
+    current = np.sqrt(heat / WINDING)[(time // 60).astype(int)] * np.sqrt(load)
+    capacities, outside, between = np.array([800.0, 300.0, 120.0]), np.array([2.5, 5.0, 9.0]), np.array([3.0, 4.0])
+    warm = np.empty((time.size, 3))
+    warm[0] = start
+    for k in range(time.size - 1):
+        flow = (warm[k, 1:] - warm[k, :-1]) / between
+        power = WINDING * current[k] ** 2 - (warm[k] - 18.0) / outside + np.append(flow, 0) - np.append(0, flow)
+        warm[k + 1] = warm[k] + power / capacities
+    log = pd.DataFrame({"time": time, "temperature.ambient": 18.0})
+    for k, joint in enumerate(JOINTS):
+        log[f"current.{joint}"], log[f"temperature.{joint}"] = current[:, k], warm[:, k] + rng.normal(0, 0.1, time.size)
+    return log
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("whole", [True, False], ids=["bytes", "fine"])
+@pytest.mark.parametrize(
+    ("shifted", "offset"), [(("elbow",), 40.0), (("wrist",), 30.0), (("base", "wrist"), 40.0), (JOINTS, 30.0)]
+)
+def test_an_offset_shows_though_neighbours_warm_the_joint(
+    shifted: tuple[str, ...], offset: float, whole: bool, seed: int
+) -> None:
+    log = _arm(seed=seed)
+    for joint in shifted:
+        log[f"temperature.{joint}"] = log[f"temperature.{joint}"].round(0 if whole else 2) + offset
+    issues = [issue for issue in read_log(log, strict=False)[0].issues if issue.kind == "offset"]
+    of_air = shifted == JOINTS and not whole  # nothing says then that it is rather the sensors
+    assert {issue.key for issue in issues} == {f"temperature.{joint}" for joint in (() if of_air else shifted)}
+    for issue in issues:
+        assert issue.corrected is not None
+        assert issue.corrected.offset == pytest.approx(-offset, abs=1.0)
+    meant = {issue.key: issue.corrected for issue in issues if issue.corrected}
+    assert not read_log(log, meant)[0].issues
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("start", [58.0, 48.0, (58.0, 48.0, 48.0), (18.0, 58.0, 18.0), (30.0, 35.0, 48.0)])
+@pytest.mark.parametrize("whole", [True, False], ids=["bytes", "fine"])
+def test_a_joint_that_was_warm_has_no_offset(start: float | tuple[float, ...], whole: bool, seed: int) -> None:
+    log = _arm(start, seed, load=3.5)  # which hardly lets it cool
+    for name in log.filter(like="temperature."):
+        log[name] = log[name].round(0 if whole else 2)
+    assert not [issue.sentence for issue in read_log(log)[0].issues]
+
+
 def test_a_hot_knee_that_cools_has_no_offset() -> None:
     time, current, true = _knee(start=65.0)
     assert not _read(_log(time, current, np.round(true)))[1]

@@ -107,7 +107,10 @@ def test_map_options_are_read(text: str, key: str, source: ColumnSource) -> None
     assert parse_map_option(text) == (key, source)
 
 
-@pytest.mark.parametrize("text", ["temperature.a", "=T1", "temperature.a=", "a=T1", "torque.a=M[degC]"])
+PATTERNS = [f"{key}=T1" for key in ("temperature.*", "temperature.?_hip", "torque.{leg}_hip", "temperature.a[1]")]
+
+
+@pytest.mark.parametrize("text", ["temperature.a", "=T1", "temperature.a=", "a=T1", "torque.a=M[degC]", *PATTERNS])
 def test_a_wrong_map_option_is_named(refuse: object, text: str) -> None:
     assert callable(refuse)
     refuse("--map", parse_map_option, text)

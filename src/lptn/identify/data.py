@@ -15,8 +15,9 @@ from lptn.basics.errors import InputError
 from lptn.basics.places import is_of_run
 from lptn.effects import catalogue
 from lptn.logs.columns import ColumnSource, parse_map_option
-from lptn.logs.joining import ONE_CLOCK
+from lptn.logs.joining import ONE_CLOCK, SECOND_TIME
 from lptn.logs.reading import GUESSED, ROWS_UNKNOWN, read_log
+from lptn.logs.resampling import raw_keys
 from lptn.logs.run import Run
 from lptn.logs.streams import ANOTHER_SOURCE
 from lptn.model.file import ModelFile, read_model_file
@@ -422,7 +423,13 @@ def load_model(path: str | Path, mapped: Sequence[str] = ()) -> LoadedModel:
     pairs = dict(_pair(text) for text in mapped if text.strip() != GUESS)
     file = read_model_file(Path(path))
     errors = {name: entry.error for name, entry in file.fit.parameters.items() if entry.error is not None}
-    return LoadedModel(file, Model(file.network, errors), pairs, any(text.strip() == GUESS for text in mapped))
+    loaded = LoadedModel(file, Model(file.network, errors), pairs, any(text.strip() == GUESS for text in mapped))
+    columns = [*loaded.model.inputs, *(f"temperature.{node}" for node in loaded.model.nodes)]
+    usable = {key for column in (*columns, *optional_columns(loaded.model)) for key in (column, *raw_keys(column))}
+    for key in pairs.keys() - usable - {"time", SECOND_TIME}:  # a slip of the pen would be without effect, in silence
+        expected = f"a quantity at a place of the model, such as {' or '.join(columns[::-1][:3])}"
+        raise InputError("--map", key, "nothing that the model could use", expected)
+    return loaded
 
 
 def optional_columns(model: Model) -> list[str]:

@@ -67,7 +67,7 @@ def to_si(values: FloatArray, quantity: str, unit: str | None) -> FloatArray:
 
 # --- Where a quantity stands in a log --------------------------------------------------------------
 
-_KEY = re.compile(r"time|[A-Za-z_]\w*\.[^\s.]+")
+_KEY = re.compile(r"time|[A-Za-z_]\w*\.[^\s.*?{}\[\]]+")  # of one place: a column is not that of several
 
 
 def is_key(name: str) -> bool:

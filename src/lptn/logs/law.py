@@ -7,16 +7,19 @@ By block means a part with a heat capacity follows
 with its load q, what surrounds it and the speed of its joint, by least squares. A reading that stands, or that is the
 air's, is right where the part would have stayed so; it is none where what the law adds up to over that stretch is far
 beyond what the law is off elsewhere in as long a time. A load that from some row on makes another heat for its square
-is in another unit from there on. A temperature whose law is better with another joint's load is that joint's. And a
-part at rest would settle where its law says, or its sensor has an offset.
+is in another unit from there on. A temperature whose law is better with another joint's load is that joint's. And
+where a log begins warm, without any constant c, its parts cool as warm ones do, or stay as parts at rest under a sensor
+with an offset.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
+from numpy.lib.stride_tricks import sliding_window_view
 
 from lptn.basics.arrays import BoolArray, FloatArray, IntArray
 from lptn.logs.channels import GAP, SHORTEST, STILL, Channels, spans, standing
@@ -29,6 +32,7 @@ _CONDUCTANCE, _HEATS = 1 / 500, 0.1
 """1/s, of a conductance to a capacity, and K/s of heat, as they are likely: where a log does not tell two of them
 apart, neither is large."""
 _NOISE, _LEAST = 0.1, 1e-4  # K, of a step, with which the first fit is made; that a log without any has
+_HIDDEN = 600.0  # s, in which a mass that no sensor reads, as a housing behind its winding, follows the part
 _FAR = 2.0  # standard deviations, from which on what is off counts by its size alone
 _REWEIGHTED = 6  # least squares whose weights make them least absolute errors: a fall is far off, and rare
 
@@ -39,8 +43,8 @@ class Warming(NamedTuple):
     Args:
         rows: blocks before those steps from block to block in which all is known, (m,).
         moved: K from that block to the next, (m,).
-        design: s between them, times the load's square, 1, air less temperature, other temperatures less it, and size
-            of the speed where it is logged: (m, columns).
+        design: s between them, times the load's square, 1, air less temperature, other temperatures less it, that of a
+            mass that no sensor reads less it, and size of the speed where it is logged: (m, columns).
         likely: what their coefficients may be, (columns,).
     """
 
@@ -74,6 +78,12 @@ class Warming(NamedTuple):
         coefficients[kept] = found * self.likely[kept]
         return coefficients, off
 
+    def over(self, steps: int) -> Warming:
+        """The same of so many steps at a time, where they follow each other, and without a constant heat."""
+        first = np.flatnonzero(self.rows[steps - 1 :] - self.rows[: 1 - steps] == steps - 1)
+        moved, design = (sliding_window_view(x, steps, axis=0).sum(axis=-1)[first] for x in (self.moved, self.design))
+        return Warming(self.rows[first], moved, design, np.where(np.arange(self.likely.size) == 1, 0.0, self.likely))
+
 
 def warming(log: Channels, key: str, load: str) -> Warming | None:
     """How a part of temperature `key` warms beside its load; `None` where the log is too short to tell."""
@@ -86,9 +96,11 @@ def warming(log: Channels, key: str, load: str) -> Warming | None:
     columns = [log.means(load), np.ones(warm.size), *(log.means(other) - warm for other in around)]
     if AMBIENT not in around:
         columns.insert(2, -warm)
+    apart = np.diff(log.means("time"))
+    columns.append(pd.Series(warm).ewm(com=_HIDDEN / float(np.median(apart)), adjust=False).mean().to_numpy() - warm)
     if speed in log.values:
         columns.append(log.means(speed))
-    table, apart = np.column_stack(columns), np.diff(log.means("time"))
+    table = np.column_stack(columns)
     moved, design = np.diff(warm), 0.5 * (table[:-1] + table[1:])
     rows = np.flatnonzero(np.isfinite(moved) & np.isfinite(design).all(axis=1) & (apart < GAP * np.median(apart)))
     if rows.size < _FEWEST:
@@ -101,12 +113,40 @@ def warming(log: Channels, key: str, load: str) -> Warming | None:
     return Warming(rows, moved[rows], design[rows] * apart[rows, None], likely)
 
 
-def settles(log: Channels, key: str) -> float:
-    """By how much a part would stay warmer than the air without its load [K]; NaN where the log does not tell."""
-    part = {name: log.values[name] for name in ("time", key, AMBIENT, log.load_of(place_of(key))) if name}
-    law = warming(Channels(part), key, log.load_of(place_of(key))) if len(part) == 4 else None
-    heat, drift, leaves = law.fitted()[0] if law else (0.0, 0.0, 0.0)
-    return float(drift / leaves) if heat > 0 and leaves > 0 else np.nan
+# --- Whether parts were at rest, as warm as the air, where a log begins ---------------------------------
+
+_WINDOW = 10  # steps that are added up: in one, a part at rest would lose less than a coarse sensor rounds
+_ROUNDING = 0.41  # of a sensor's step: √(2/12), by which rounding scatters the difference of two readings
+_AT_REST, _WORKED = 1.5, 0.2
+"""K, by which sensors of a robot at rest differ, and share of their warmth, by which parts do that worked together:
+standard deviations."""
+
+
+def rest_evidence(log: Channels, warm: Mapping[str, float], *, all_warm: bool) -> float:
+    r"""Log likelihood ratio that some parts begin at rest, and their sensors read too much, to that no sensor does.
+
+    The sensors begin `warm` [K] above the air, and read as much too much as the middle one; `all_warm` where no other
+    does. Either way no part has heat but by its load and speed. So parts that were warm cool without a load, each from
+    where its work had left it; parts at rest stay, and are alike, whatever an offset says. Both fit the law of each
+    part with as many coefficients: of logs without an offset at most one in :math:`e^x` has a ratio above x (Markov's
+    inequality). NaN where no part has a law.
+    """
+    above, evidence = float(np.median(list(warm.values()))), np.nan
+    shifted = log.with_channels({key: log.values[key] - above for key in warm})
+    for key in (key for key in log.sensors if log.load_of(place_of(key))):
+        laws = [warming(told, key, log.load_of(place_of(key))) for told in (log, shifted)]
+        off = [law.over(_WINDOW).fitted()[1] for law in laws if law]
+        if len(off) == 2:
+            noise = min(MAD_TO_SIGMA * float(np.median(np.abs(one))) for one in off)
+            sizes = [np.abs(one) / max(noise, _ROUNDING * log.sensors[key].step, _NOISE) for one in off]
+            # Large errors count by their size alone, and each step once of the windows that it is in.
+            right, other = (np.where(x < _FAR, 0.5 * x**2, _FAR * (x - 0.5 * _FAR)).sum() / _WINDOW for x in sizes)
+            evidence = float(np.nansum([evidence, right - other]))
+    if all_warm:
+        worked, spread = _WORKED * above, float(np.var(list(warm.values())))
+        alike = np.log(worked / _AT_REST) + 0.5 * spread * (worked**-2 - _AT_REST**-2)
+        evidence += (len(warm) - 1) * float(alike)
+    return evidence
 
 
 # --- Whose heat a temperature follows ---------------------------------------------------------------

@@ -246,6 +246,7 @@ def issues_of(
             of_column = _suspect_power(log, key)
         issues += [*of_column, *_suspect_silence(log, key, said, predicted)]
     issues += [*copies_in(log, twice), *_suspect_ambient(log)]
-    if not any(issue.key.startswith("temperature.") and issue.kind == "unit" for issue in issues):
+    dead_air = any(one.whole for one in silent.get(AMBIENT, []))
+    if not dead_air and not any(quantity_of(issue.key) == "temperature" and issue.kind == "unit" for issue in issues):
         issues += suspect_starts(log)
     return (*issues, *_suspect_gains(log, {issue.key for issue in issues}))

@@ -221,6 +221,8 @@ def choose_columns(
         there = [column for column in optional if column not in predicted]
         there = [c for c in there if not any(_absent(table, sources, key) for key in raw_keys(c, sources))]
         inputs = (*inputs, *there)
+        lost = [key for key in columns if key not in predicted and key != "time" and _absent(table, sources, key)]
+        notes += tuple(f"{key}: mapped to a column that is not in the log; left out." for key in lost)
     require(("time",))
     inputs, outputs = tuple(dict.fromkeys(inputs)), tuple(dict.fromkeys(outputs))
     raw = dict.fromkeys(key for column in (*inputs, *outputs) for key in raw_keys(column, sources))
