@@ -13,8 +13,8 @@
    one stays that predicts held-out runs better, as they were logged.
 
 The search leaves to errors of runs, of sensors and of like parts what they usually are (`Problem.tolerance`); what it
-ends with is fitted by plain least squares, as the file's user does. A finding whose size that fit does not tell from
-none is none: what goes with it is unexplained.
+ends with is fitted by plain least squares, as the file's user does. What is told is there more probably than not, and
+no finding is smaller than its standard error in that fit: else what goes with it is unexplained.
 
 Evidence decides throughout (`lptn.diagnose.evidence`).
 """
@@ -53,9 +53,7 @@ _WITHIN_REACH = -4.0
 up to four."""
 _MOST_ROUNDS = 30  # of candidates; each adds, or frees a fit from a local minimum
 FREED = 0.01  # share of the misfit by which a model is better from elsewhere that stood in a local minimum
-_SURE = 50.0  # logarithm of odds; what lies beyond is no surer
 _NONE = 0.01  # of its usual size, below which an effect is none
-_TOLD = 0.683  # confidence with which a size is told from none: from there on it is larger than its standard error
 
 
 @dataclass(frozen=True)
@@ -343,27 +341,32 @@ class _Search:
         self._take_out()
         self.fit = self._unless_too_stiff(finished(self.fit), self.fit)
         while True:
-            told = {own: _told_from_none(self.fit, own) for own in self.added if not Step(self.fit, own).is_structure}
-            weakest = min(told, key=told.__getitem__, default=None)
-            if weakest is None or told[weakest] >= _TOLD or (without := self._without([weakest])) is None:
+            evidence = self._evidence(self.fit)
+            told = [self._as_told(own, evidence) for own in self.added]
+            untold = [step for step in told if not step.likely or _size_in_errors(step) < 1.0]
+            least = min(untold, key=lambda step: step.probability, default=None)
+            if least is None or (without := self._without(least.declarations)) is None:
                 break
-            share = told[weakest] * (self.findings[weakest][0].probability if weakest in self.findings else 1.0)
-            self.refused = (*self.refused, Step(self.fit, weakest, probability=share, places=(weakest.at,)))
+            self.refused = self.refused if least.is_structure else (*self.refused, least)
             self._take(*without)
             self.fit = self._unless_too_stiff(finished(self.fit), self.fit)
-        fit = self.fit
-        evidence = self._evidence(fit)
-        structure = []
-        for one in self.structure:
-            odds = min(-_log_odds_of_none(evidence, one), _SURE)
-            if odds == -np.inf:  # there or not: by the fit without it
-                odds = min(self.needed.get((one.name, one.where), 0.0), _SURE)
-            share = float(expit(odds))
-            structure.append(Step(fit, one, log_odds=odds, probability=share, places=(one.at,), at_its_place=share))
-        findings = tuple(replace(step, fit=fit, declaration=one) for one, (step, _) in self.findings.items())
-        rivals = next(((step, *others) for step, others in self.findings.values() if others), ())
+        structure, findings = told[: len(self.structure)], told[len(self.structure) :]
         structure.sort(key=lambda step: -step.log_odds)
-        return Composition(fit, findings, tuple(structure), rivals, self.refused, self.before, evidence)
+        rivals = next(((step, *others) for step, others in self.findings.values() if others), ())
+        return Composition(self.fit, tuple(findings), tuple(structure), rivals, self.refused, self.before, evidence)
+
+    def _as_told(self, declared: EffectDeclaration, evidence: Evidence) -> Step:
+        """An effect as it is in the fit that is used, and how probable it is, with a size that is told from none."""
+        if declared in self.findings:
+            step = replace(self.findings[declared][0], fit=self.fit, declaration=declared)
+        else:
+            odds = -_log_odds_of_none(evidence, declared)
+            if odds == -np.inf:  # there or not: by the fit without it
+                odds = self.needed.get((declared.name, declared.where), 0.0)
+            share = float(expit(odds))
+            step = Step(self.fit, declared, odds, share, (declared.at,), at_its_place=share)
+        sure = erf(_size_in_errors(step) / sqrt(2.0))
+        return replace(step, probability=sure * step.probability, at_its_place=sure * step.at_its_place)
 
 
 def with_priors(one: Candidate, amplitude: float | None, shape: float | None) -> EffectDeclaration:
@@ -450,13 +453,13 @@ def _is_none(fit: Fit, declared: EffectDeclaration) -> bool:
     return abs(size.value - (amplitude.off or 0.0)) < _NONE * abs(size.declared.typical)
 
 
-def _told_from_none(fit: Fit, declared: EffectDeclaration) -> float:
-    """The confidence with which an effect's size is told from none, by its standard error in the fit that is used."""
-    size = Step(fit, declared).size_parameter
-    if size is None or size.name not in fit.standard_errors:  # there or not, or given
-        return 1.0
-    error = fit.standard_errors[size.name]
-    return float(erf(abs(size.value - (size.declared.off or 0.0)) / error / sqrt(2.0))) if error > 0 else 1.0
+def _size_in_errors(step: Step) -> float:
+    """The size of what sets a part apart, in its standard errors; infinite for structure, and without a size."""
+    size = step.size_parameter
+    error = step.fit.standard_errors.get(size.name, 0.0) if size else 0.0
+    if step.is_structure or size is None or error == 0.0:
+        return np.inf
+    return abs(size.value - (size.declared.off or 0.0)) / error
 
 
 def _log_odds_of_none(evidence: Evidence, declared: EffectDeclaration) -> float:
