@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +20,7 @@ from lptn.online.living_sensors import LivingSensors
 from lptn.online.present import ModelUncertainty, not_alive
 from lptn.simulate.bound_run import bind
 from tests.builders import make_run
-from tests.hardening.plants import AIR, ROBOTS, Plant
+from tests.hardening.plants import AIR, ROBOTS, Plant, Robot, windings
 from tests.identify.truth import TRUTH, network, truth_run
 
 NOISE, SINCE = 0.15, 600
@@ -198,3 +200,54 @@ def test_nor_is_one_believed_beside_a_model_that_nobody_fitted(name: str, value:
 @pytest.mark.parametrize("name", ["knee", "motor", "leg"])
 def test_a_healthy_sensor_beside_a_model_that_nobody_fitted_is_alive(name: str) -> None:
     assert not forecast(*_driven(name, None, 0.1), 80.0).doubts
+
+
+# --- nodes that no sensor tells of: no colder than what surrounds them, no warmer than their heat allows --------------
+
+
+def _warmed(robot: Robot, start: float, by: float = 1.0) -> Plant:
+    """A robot at its start [degC]; its losses more, its cooling less by a factor."""
+    return Plant(replace(robot, loss=by * robot.loss, to_air=robot.to_air / by), start, 2.0)
+
+
+UNREAD = {
+    "leg whose thigh nobody reads": (replace(ROBOTS["leg"](), measured=(0, 2)), AIR),
+    "leg that comes from work": (replace(ROBOTS["leg"](), measured=(0, 2)), 50.0),
+    "motor whose housing is read": (replace(ROBOTS["motor"](), measured=(1,)), AIR),
+    "windings whose housings are read": (windings(), AIR),
+}
+SPOILT: dict[str, Callable[[float, FloatArray], FloatArray]] = {
+    "healthy": lambda _, true: true,
+    "one lost, the others dead": lambda t, true: np.append(np.full(1, np.nan if t > 60 else true[0]), 0 * true[1:] + 5),
+    "dead at -40": lambda _, true: 0 * true - 40,
+    "dead at 5": lambda _, true: 0 * true + 5,
+    "dead at 40": lambda _, true: 0 * true + 40,
+    "die at 0, one after the other": lambda t, true: np.where(t > 400 + 30 * np.arange(true.size), 0.0, true),
+    "swapped": lambda _, true: true[::-1],
+    "drift down": lambda t, true: true - 0.03 * t,
+}
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("spoilt", SPOILT)
+@pytest.mark.parametrize("name", UNREAD)
+def test_no_node_is_estimated_colder_than_all_around_it_nor_warmer_than_its_heat(name: str, spoilt: str) -> None:
+    (robot, start), rng = UNREAD[name], np.random.default_rng(8)
+    plant, hottest = _warmed(robot.off_by(0.1, "signs", rng), start), _warmed(robot, start, 2.0)
+    model = Model(parse_model(robot.toml(), Path("robot.toml")).network)
+    estimator, rows = Estimator(model, noise=0.1), [model.nodes.index(node) for node in robot.nodes]
+    asked = 0.6 * robot.asked * rng.uniform(0, 1.6, (8, len(robot.driven)))
+    for k in range(450):
+        read = SPOILT[spoilt](2.0 * k, plant.temperature[list(robot.measured)])
+        read = read + rng.normal(0, 0.1, read.size)
+        inputs = {"temperature.ambient": AIR}
+        inputs |= {f"current.{robot.nodes[i]}": asked[max(k - 1, 0) // 60, j] for j, i in enumerate(robot.driven)}
+        readings = {robot.nodes[node]: value for node, value in zip(robot.measured, read.tolist(), strict=True)}
+        estimate = estimator.update(inputs, readings, 2.0 * (k > 0))
+        unread = [n for n, node in enumerate(robot.nodes) if node not in readings or node in estimate.untrusted]
+        found = estimate.temperatures[rows][unread]
+        assert (found >= AIR - 0.5).all(), f"{2 * k} s: {found}"
+        beyond = found - hottest.temperature[unread]
+        assert (beyond <= 6 * 5).all(), f"{2 * k} s: {found}"  # standard deviations of what is not known at the start
+        plant.step(asked[k // 60])
+        hottest.step(asked[k // 60])

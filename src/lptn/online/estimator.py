@@ -17,7 +17,7 @@ from lptn.basics.parameters import Transform
 from lptn.identify.noise import LEAST_NOISE
 from lptn.model.model import Model
 from lptn.online.augmented_model import AugmentedModel, ModelError, Sizes, by_node, refuse_negative
-from lptn.online.living_sensors import ERROR, LivingSensors
+from lptn.online.living_sensors import ABOVE, ERROR, LivingSensors
 from lptn.online.quantisation import as_gaussian, noise_and_steps
 from lptn.simulate.bound_run import BoundRun
 
@@ -104,8 +104,8 @@ UNKNOWN = 0.3  # standard deviation of a learnt parameter's coordinate: some 30 
 _WALK = 0.05  # how far a learnt parameter's coordinate walks in an hour
 _HOUR, _DAY = 3600.0, 86400.0  # s; what was known a day ago is worth no more than a new start
 _GAP = 600.0  # s; inputs that are held for longer are nobody's: what is known of temperatures begins anew
-_REMEMBERED = ("mean", "covariance", "resting", "last_inputs", "without", "deviations", "woken", "settles",
-               "once_trusted", "used")  # fmt: skip
+_REMEMBERED = ("mean", "covariance", "resting", "last_inputs", "coldest", "began", "without", "deviations", "woken",
+               "settles", "once_trusted", "used")  # fmt: skip
 _PLAUSIBLE = 6.0  # standard deviations of what may be wrong with the model; more is not learnt of it
 
 
@@ -117,7 +117,9 @@ class Estimator:
 
     It leans on no sensor that is not alive (`lptn.online.living_sensors`): beside the estimate goes the model alone
     since the start, that takes in no reading. What contradicts it is left out, `Estimate.untrusted` says why, and
-    what the sensor taught is taken back. Drifts and small offsets are found by `lptn.monitor`.
+    what the sensor taught is taken back. Until a sensor has moved as the model does it tells of its own node alone. A
+    node that no sensor tells is never estimated colder than all that surrounds it and the coldest start of a sensor
+    that lives, nor warmer than its heat allows. Drifts and small offsets are found by `lptn.monitor`.
 
     Args:
         model: the model, at the values to start from.
@@ -196,7 +198,13 @@ class Estimator:
         self._only_doubtful = np.zeros(layout.size, dtype=bool)
         self._only_doubtful[layout.air] = not learn_air
         self._only_doubtful[layout.parameters] = ~self._learnt
+        self._of_node = np.full(layout.size, -1)  # the node to which each state belongs, -1 for what all have in common
+        self._of_node[layout.states] = self._owners
+        for errors in (layout.heat, layout.bias):
+            self._of_node[errors] = range(errors.stop - errors.start)
         self._resting = np.full(1, math.nan)
+        self._coldest = np.full(1, math.inf)  # degC, of all that has surrounded the nodes, and of starts that are known
+        self._surroundings = model.surroundings
         self._last_inputs = np.full(len(model.inputs), math.nan)
         self._mean = np.full(layout.size, np.nan)
         self._covariance = np.zeros((len(self._mean), len(self._mean)))
@@ -205,6 +213,7 @@ class Estimator:
         """What is known of the sensors; `None` where they are not watched."""
         nodes = len(model.nodes)
         self._without = np.zeros(layout.size)  # by how much the state of the model alone differs
+        self._began = np.zeros(nodes)  # degC, at which the model alone began
         self._deviations = np.zeros(nodes)  # K, standard deviation of the model alone
         self._woken = np.zeros(nodes)  # K, of a sensor that was never trusted: of what it read, carried on by the model
         self._settles = np.zeros(nodes)  # s, time constants of the nodes
@@ -255,8 +264,12 @@ class Estimator:
             dt, y, np.where(alone, reference, predicted), np.where(alone, self._deviations**2, variance), reference,
             self._deviations, np.zeros(y.size), self._settles,
         )  # fmt: skip
+        lived = self._once_trusted.any()
         for node in np.flatnonzero(np.isfinite(y)):
-            self._follow(self.sensors, int(node), float(y[node]), bool(alone[node]), u)
+            self._follow(self.sensors, int(node), float(y[node]), bool(alone[node]))
+        if not lived and self._once_trusted.any():
+            for node in np.flatnonzero(~self._used & ~self.sensors.lost):
+                self._begin_like_others(int(node))
         return self._correct(y, np.isfinite(y) & ~self.sensors.lost)
 
     def advance(self, inputs: Mapping[str, float], dt: float) -> None:
@@ -339,7 +352,7 @@ class Estimator:
         if self.sensors is not None:
             self.sensors.restore(np.array(state["sensors"], dtype=float))
 
-    def _follow(self, sensors: LivingSensors, node: int, reading: float, alone: bool, u: FloatArray) -> None:
+    def _follow(self, sensors: LivingSensors, node: int, reading: float, alone: bool) -> None:
         """After a node's sensor was judged: use it, or take back what it taught.
 
         It was judged by its own reading [degC] `alone` if it had never been trusted.
@@ -348,15 +361,14 @@ class Estimator:
         if not sensors.lost[node]:
             if alone:
                 self._begin_node(node, reading, noise)
+                self._began[node] = reading
             self._used[node] = True
-            self._once_trusted[node] |= sensors.trusted[node]
+            if sensors.trusted[node]:
+                self._once_trusted[node], self._coldest = True, np.minimum(self._coldest, self._began[node])
         elif not sensors.agrees[node] and not self._once_trusted[node]:
             # It says nothing of its node: robots start near one temperature. What it reads now may wake.
             if not alone:
-                others = np.arange(len(self.model.nodes)) != node
-                air = u[(self._is_temperature > 0) & np.isfinite(u)]
-                near = self._mean[: others.size][others] if others.any() else air
-                self._begin_node(node, near.mean() if near.size else self._mean[node], _UNREAD)
+                self._begin_like_others(node)
             predicted, by_state = self.augmented.readings(self._mean)
             self._woken[node] = reading - (predicted + by_state @ self._without)[node]
             self._deviations[node], self._used[node] = noise, False
@@ -371,13 +383,22 @@ class Estimator:
             self._without[kept] = without
             self._covariance[kept, kept] = self._read_as[self._owners[kept]]
 
+    def _begin_like_others(self, node: int) -> None:
+        """A node of which no sensor tells began as warm as those whose sensors live, and while there are none as the
+        others, or what surrounds them if that is warmer. Since then it was warmed as the model says."""
+        lives = self._once_trusted
+        others = np.delete(self._began, node) if self._began.size > 1 else self._began
+        start = self._began[lives].mean() if lives.any() else np.maximum(others.mean(), self._coldest[0])
+        warmed = self._mean[node] + self._without[node] - self._began[node]
+        self._began[node] = start
+        self._begin_node(node, start + warmed, _UNMEASURED if lives.any() else _UNREAD)
+
     def _begin_node(self, node: int, temperature: float, deviation: float) -> None:
         """A node as it is known at a temperature [degC] with an error [K], the model's errors unknown."""
-        layout, states = self.augmented.layout, np.flatnonzero(self._owners == node)
-        errors = [where.start + node for where in (layout.heat, layout.bias) if where.stop > where.start]
-        self._mean[states], self._mean[errors] = temperature, 0.0
+        rows = np.flatnonzero(self._of_node == node)
+        self._mean[rows] = np.where(rows < self.augmented.layout.states.stop, temperature, 0.0)
         self._deviations[node], self._woken[node] = deviation, 0.0
-        self._forget(np.concatenate([states, errors]).astype(int))
+        self._forget(rows)
 
     def _forget(self, rows: IntArray) -> None:
         """Rows of the state of which nothing is known but what the model alone says."""
@@ -391,11 +412,15 @@ class Estimator:
         """Start at the first readings; without any at the ambient, far from sure."""
         model, layout = self.model, self.augmented.layout
         seen = np.isfinite(y)
-        near = y[seen] if seen.any() else u[(self._is_temperature > 0) & np.isfinite(u)]
-        if near.size == 0:
+        known = y[seen] if seen.any() else u[(self._is_temperature > 0) & np.isfinite(u)]
+        if known.size == 0:
             raise InputError(model.network.origin, "first update", "no reading of any node", "one reading at least")
-        nodes = np.where(seen, y, near.mean())
-        elsewhere = _UNMEASURED if seen.any() else _UNREAD
+        near = float(known.mean())
+        self._coldest[0] = math.inf if model.network.prescribed else near
+        self._surround(np.full(len(model.states), near), u)
+        warmer = max(near, self._coldest[0])
+        nodes = np.where(seen, y, warmer)
+        elsewhere = max(_UNMEASURED, warmer - near) if seen.any() else _UNREAD
         scatter = np.where(seen, self._read_as, elsewhere**2)
         z, spread = np.zeros(layout.size), self.augmented.errors.copy()
         z[layout.states], spread[layout.states] = nodes[self._owners], scatter[self._owners]
@@ -406,17 +431,30 @@ class Estimator:
             prior = self._covariance[layout.parameters, layout.parameters]
         self._covariance = np.diag(spread)
         self._covariance[layout.parameters, layout.parameters] = prior
-        self._resting = np.array([nodes.mean()])
+        self._resting = np.array([near])
         self._mean = z
-        self._without[:] = 0.0
+        self._without[:], self._began = 0.0, nodes
         self._deviations = np.sqrt(np.diag(self._covariance)[: len(model.nodes)])
         self._once_trusted[:], self._used[:], self._woken[:] = False, False, 0.0
         if self.sensors is not None:
             self.sensors = LivingSensors(self._noise, self._step)
 
+    def _surround(self, states: FloatArray, u: FloatArray) -> None:
+        """Remember the coldest of what surrounds the nodes, unless some of it is not known."""
+        felt = self._surroundings(states, u, self.model.values).full()
+        self._coldest[0] = np.nan_to_num(felt, nan=-math.inf).min(initial=self._coldest[0])
+
+    def _keep_passive(self) -> None:
+        """A node that no sensor in use reads is no colder than all around it was, no warmer than its heat allows."""
+        unread = np.flatnonzero(~self._used)
+        alone = np.maximum(self._mean[unread] + self._without[unread], self._coldest)
+        self._mean[unread] = np.clip(self._mean[unread], self._coldest, alone + ABOVE * self._deviations[unread])
+        self._without[unread] = alone - self._mean[unread]
+
     def _advance(self, u: FloatArray, dt: float) -> None:
         if dt == 0:
             return
+        self._surround(self._mean[self.augmented.layout.states], u)
         u, rates, nodes = np.where(np.isnan(u), self._resting, u), self.augmented.rates, len(self.model.nodes)
         if self._change.any():
             # What was learnt of the missing heat counts for less after a change of load. Before the first update the
@@ -443,6 +481,8 @@ class Estimator:
         self._without = step.transition @ self._without
         self._covariance = step.transition @ self._covariance @ step.transition.T + step.added
         self._since_correction = step.transition @ self._since_correction
+        if self.sensors is not None:
+            self._keep_passive()
 
     def _correct(self, y: FloatArray, taken: BoolArray) -> Estimate:
         """Take in the readings that are `taken`; innovations are those of all."""
@@ -463,6 +503,8 @@ class Estimator:
         gain = cho_solve(factor, (self._covariance @ h.T).T, check_finite=False).T
         # What is only doubtful, not learnt, keeps its value; Joseph's form holds for that gain too.
         gain[self._only_doubtful] = 0.0
+        if self.sensors is not None:  # one that has not shown yet that it lives teaches of nothing but its own node
+            gain[(self._of_node[:, None] != np.flatnonzero(taken)) & ~self.sensors.trusted[taken]] = 0.0
         kept = np.eye(self.size) - gain @ h
         after = kept @ self._covariance @ kept.T + (gain * variance) @ gain.T
         self._covariance = 0.5 * (after + after.T)
@@ -473,6 +515,8 @@ class Estimator:
             self._mean[where] = np.clip(self._mean[where], middle - most[where], middle + most[where])
         self._mean[layout.parameters] = np.clip(self._mean[layout.parameters], *self._bounds)
         self._without += before - self._mean  # the model alone stays where it was
+        if self.sensors is not None:
+            self._keep_passive()
         self.last = Correction(self._since_correction, h, gain, covariance, surprise)
         self._since_correction = np.eye(self.size)
         return self._estimate(innovation, spreads)
