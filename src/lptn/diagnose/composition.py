@@ -361,8 +361,8 @@ class _Search:
             step = replace(self.findings[declared][0], fit=self.fit, declaration=declared)
         else:
             odds = -_log_odds_of_none(evidence, declared)
-            if odds == -np.inf:  # there or not: by the fit without it
-                odds = self.needed.get((declared.name, declared.where), 0.0)
+            if odds < -_WITHIN_REACH:  # or there or not: by the fit without it
+                odds = self.needed.get((declared.name, declared.where), max(odds, 0.0))
             share = float(expit(odds))
             step = Step(self.fit, declared, odds, share, (declared.at,), at_its_place=share)
         sure = erf(_size_in_errors(step) / sqrt(2.0))
