@@ -143,6 +143,7 @@ class Study:
         """What was set of parameters, the latest last."""
         self._steps: list[Step] = []
         self._undone: list[Step] = []
+        self._attempts: list[tuple[object, Step, Step]] = []  # the effect, the step before it, and the step with it
         self._branches: tuple[tuple[Step, ...], ...] = ()
         self._diagnoses: dict[int, Diagnosis] = {}  # by the number of the step
         self._searched: tuple[int, History] | None = (
@@ -246,7 +247,7 @@ class Study:
         self._needs_fit_data()
         done, trials = fit_split(self.model, self.data, symmetry_penalty, checkpoint=checkpoint, report=logger.info)
         self.symmetry_trials = tuple(trials)
-        self._append(replace(self._steps.pop(), fit=done) if self._steps else Step(done))
+        self._append((replace(self._steps.pop(), fit=done) if self._steps else Step(done)).judged_on(self.data))
         return done
 
     @overload
@@ -294,11 +295,11 @@ class Study:
         ahead = forecast(self.model, run, limits, cycles, coverage, known, window=window, gait=self._gait(run))
         return StudyForecast(ahead)
 
-    def predictions(self, step: int = -1) -> dict[str, list[Prediction]]:
+    def predictions(self, step: int | Step = -1) -> dict[str, list[Prediction]]:
         """What the model of a step predicts on every run: fitted ones as the fit leaves them, others freely.
 
         Args:
-            step: its number in `steps`; the last by default.
+            step: its number in `steps`, or an attempt; the last step by default.
 
         Returns:
             Predictions by the jobs of their runs, `"fit"`, `"holdout"` and `"test"`.
@@ -308,7 +309,7 @@ class Study:
         """
         if not self._steps:
             raise InputError("study", "predictions", "no fitted model", "fit() before")
-        fit = self._steps[step].fit
+        fit = (self._steps[step] if isinstance(step, int) else step).fit
         fitted = [
             Prediction(segment, bound, path.readings, path.held, path.states[:, 0])
             for segment, bound, start in zip(self.data.fit, fit.problem.bound_runs, fit.point.starts, strict=True)
@@ -359,19 +360,39 @@ class Study:
         Raises:
             InputError: there is no such effect, it can't stand there, or there is nothing to fit.
         """
+        step = self.attempt(effect, at, run=run, settings=settings)
+        self._leave()
+        return self._append(step)
+
+    def attempt(
+        self, effect: str | Step, at: str = "", *, run: str = "", settings: Mapping[str, str | float] | None = None
+    ) -> Step:
+        """Fit the step that `add` would take, and do not take it: `add` then takes this one, without another fit.
+
+        Arguments and errors are those of `add`.
+        """
         if not self._steps:
             self.fit()
-        last = self._steps[-1].fit
+        last, asked = self._steps[-1], (effect, at, run, dict(settings or {}))
+        for earlier, before, done in self._attempts:
+            if before is last and earlier == asked:
+                return done
         if isinstance(effect, str):
-            step = Step(last, added(self.file, effect, at, run, settings).network.effects[-1])
+            step = Step(last.fit, added(self.file, effect, at, run, settings).network.effects[-1])
         else:
             step = effect
         if step.declaration is None:
             raise InputError("study", "add", "the model as given", "an effect's key, or an answer of diagnose()")
         logger.info("fitting %s at %s", step.effect, step.at)
-        done = finished(refit(last, step.declaration))
-        self._leave()
-        return self._append(replace(step, fit=done))
+        fitted = finished(refit(last.fit, step.declaration))
+        done = replace(step, fit=fitted).judged_on(self.data)
+        self._attempts.append((asked, last, done))
+        return done
+
+    @property
+    def attempts(self) -> tuple[Step, ...]:
+        """What `attempt` fitted beside the model as it is now."""
+        return tuple(done for _, before, done in self._attempts if self._steps and before is self._steps[-1])
 
     def undo(self) -> Study:
         """Take the last added effect back."""
@@ -618,7 +639,7 @@ class Study:
         fitted = bool(self._steps)
         self._searched = None
         self._branches = ()
-        for outdated in (self._steps, self._undone, self._diagnoses):
+        for outdated in (self._steps, self._undone, self._attempts, self._diagnoses):
             outdated.clear()
         if fitted:
             self.fit()
@@ -650,8 +671,8 @@ class Study:
             self._undone.clear()
 
     def _append(self, step: Step) -> Step:
-        """Take a step, with its errors."""
-        self._steps.append(step.judged_on(self.data))
+        """Take a step."""
+        self._steps.append(step)
         self._diagnoses.pop(len(self._steps) - 1, None)
         self._searched = None
         return self._steps[-1]

@@ -23,9 +23,8 @@ from statistics import median
 import numpy as np
 from playwright.sync_api import Browser, CDPSession, Page, sync_playwright
 
-from lptn.identify.comparison import Errors
 from lptn.workbench.bench import News
-from lptn.workbench.lines import Attempt, RunLines
+from lptn.workbench.lines import RunLines
 from lptn.workbench.opening import Opening
 from lptn.workbench.server import serve
 from lptn.workbench.session import Session
@@ -47,17 +46,13 @@ ANSWER: dict[str, object] = {
     "looks_like": "",
     "separate_by": "",
     "same": [],
-    "tried": True,
-    "linearised": False,
+    "tried": "fan at node0",
 }
 ANSWERS = {
     "verdict": "missing",
     "answers": [ANSWER],
     "refused": [],
-    "scored": [],
-    "before": 1.0,
-    "fitted": 1.0,
-    "step": 5.0,
+    "weighed": [],
 }
 
 
@@ -92,8 +87,7 @@ def session(nodes: int, readings: int) -> Session:
     made = Session(Opening(Path("made_up.toml"), ()))
     news = News(runs={"fit 0": RunLines(names, time_s, measured, inputs)})
     news.predicted["fit 0", "as given"] = measured + 0.5
-    error = Errors.of(np.full(readings, 0.1))
-    news.attempts["fit 0", "fan at node0"] = Attempt(time_s[::5], measured[:, ::5] + 0.1, linearised=False, error=error)
+    news.predicted["fit 0", "fan at node0"] = measured + 0.1
     made._heard_shown(content, news)
     return made
 

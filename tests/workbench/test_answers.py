@@ -1,15 +1,22 @@
-"""The answers on the page: what Try draws is what Add does, and both are told with the sizes of the terminal."""
+"""The answers on the page: what Try shows is what Add does, and both have the sizes that the terminal prints."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
+from lptn.diagnose.answers import Key
 from lptn.report.text import size_text
 from lptn.workbench.bench import Bench, name_of
 from lptn.workbench.content import content_of
-from tests.workbench.conftest import OPENING
+from lptn.workbench.opening import Opening
+from lptn.workbench.orders import Add, Plain, Try
+from lptn.workbench.tour import EXAMPLES
+from tests.workbench.conftest import EXAMPLE, OPENING
 
 
 @pytest.fixture(scope="module")
@@ -23,20 +30,74 @@ def asked(tmp_path_factory: pytest.TempPathFactory) -> Bench:
     return bench
 
 
+def _stator(_: Path) -> Opening:
+    folder = EXAMPLE.parent / "bldc_stators"
+    return Opening(folder / "two_nodes.toml", (folder / "Run1.csv",), holdout_after=300)
+
+
+CASES: dict[str, tuple[Callable[[Path], Opening], tuple[Key, ...]]] = {
+    "two heaters": (lambda _: OPENING, ()),
+    "two heaters with two effects": (lambda _: OPENING, (("sensor_lag", "*"), ("conduction", "heater1~heater2"))),
+    "a stator": (_stator, ()),
+    "a leg": (EXAMPLES["leg"].opening, ()),
+}
+"""How each study is opened, and what was added before it is diagnosed."""
+_NEXT = 3  # candidates that no diagnosis fitted, of each case
+
+
 @pytest.mark.long
-def test_try_draws_what_add_does(asked: Bench) -> None:
-    study = asked.study
+@pytest.mark.parametrize("case", CASES)
+def test_add_keeps_what_try_showed(case: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Answers and less probable candidates alike, on the page's own numbers and lines."""
+    opening, added = CASES[case]
+    files = opening(tmp_path)
+    study = files.study()
+    study.fit()
+    for effect, at in added:
+        study.add(effect, at)
+    bench = Bench(study, tmp_path, "")
+    bench.do(Plain(what="diagnose"))
+    bench.look_closer()
     diagnosis = study.diagnosed
     assert diagnosis is not None
-    assert len(diagnosis.steps) > 1
-    answers = {each["key"]: each for each in content_of(asked, OPENING)["answers"]["answers"]}
-    for answer in diagnosis.steps:
-        tried, added = answers[name_of(answer)], study.add(answer)
-        assert not tried["linearised"]
-        assert added.holdout is not None
-        assert tried["holdout"] == pytest.approx(added.holdout.rmse, rel=0.02)
-        assert tried["fit"] == pytest.approx(added.fit.rmse, rel=0.02)
-        study.undo()
+    answers, lines = [step.key for step in diagnosis.steps], bench.news().predicted
+    for key in [*answers, *(one.candidate.key for one in bench.weighed_only[:_NEXT])]:
+        shown = _shown(bench, files, key)
+        assert bool(shown["tried"]) == (key in answers)
+        bench.do(Try(what="try", effect=key[0], at=key[1]))
+        tried = _shown(bench, files, key)
+        lines |= bench.news().predicted
+        with monkeypatch.context() as no_other_fit:
+            no_other_fit.setattr("lptn.study.refit", None)
+            bench.do(Add(what="add", effect=key[0], at=key[1]))
+        row = content_of(bench, files)["steps"][-1]
+        assert {name: tried[name] for name in row} == row
+        name = content_of(bench, files)["now"]
+        assert name == tried["tried"]
+        for segment, prediction in bench.predictions(-1).items():
+            np.testing.assert_array_equal(prediction.readings, lines[segment, name])
+        bench.do(Plain(what="undo"))
+
+
+def _shown(bench: Bench, files: Opening, key: Key) -> dict[str, Any]:
+    """What the page shows of a candidate."""
+    answers = content_of(bench, files)["answers"]
+    return next(each for each in answers["answers"] + answers["weighed"] if (each["effect"], each["at"]) == key)
+
+
+def test_a_fit_that_was_tried_is_of_the_data_and_the_model_as_they_are() -> None:
+    study = OPENING.study()
+    study.fit()
+    before = study.attempt("sensor_lag", "*")
+    assert study.attempt("sensor_lag", "*") is before
+    assert [step.key for step in study.attempts] == [("sensor_lag", "*")]
+    study.leave_out("log", 100.0, 200.0)
+    assert not study.attempts
+    assert study.attempt("sensor_lag", "*").fit.rmse != before.fit.rmse
+    study.add("conduction", "heater1~heater2")
+    assert not study.attempts
+    study.undo()
+    assert study.attempts
 
 
 def test_an_answer_has_its_kind_size_and_probability(asked: Bench) -> None:
@@ -44,8 +105,9 @@ def test_an_answer_has_its_kind_size_and_probability(asked: Bench) -> None:
     assert diagnosis is not None
     content = content_of(asked, OPENING)
     shown = content["answers"]
-    assert [each["key"] for each in shown["answers"]] == [name_of(step) for step in diagnosis.steps]
-    for each, step in zip(shown["answers"], diagnosis.steps, strict=True):
+    likeliest = sorted(diagnosis.steps, key=lambda step: -step.probability)
+    assert [each["key"] for each in shown["answers"]] == [name_of(step) for step in likeliest]
+    for each, step in zip(shown["answers"], likeliest, strict=True):
         assert each["kind"] == ("structure" if step.is_structure else "finding")
         assert each["size"] == size_text(step, step.fit)
         assert "±" in each["size"]

@@ -8,8 +8,7 @@ import pytest
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.basics.lines import thinned
-from lptn.identify.comparison import Errors
-from lptn.workbench.lines import _BLOCK, Attempt, RunLines, packed
+from lptn.workbench.lines import _BLOCK, RunLines, packed
 from tests.workbench.conftest import unpacked
 
 TIME: FloatArray = np.linspace(0.0, 10_000.2, 100_003)
@@ -64,13 +63,11 @@ def test_a_long_window_keeps_every_peak_without_reading_the_log_again(start: flo
     measured = rng.normal(0.0, 1.0, (1, TIME.size))
     measured[0, [50_000, 60_007, -1]] = 90.0, -80.0, 50.0
     measured[0, 70_000:71_000] = np.nan
-    wave = np.sin(TIME[::50])[None, :]
-    attempt = Attempt(TIME[::50], wave, linearised=False, error=Errors.of(wave))
     lines = RunLines(("hip",), TIME, measured, {"torque.hip": rng.normal(0.0, 1.0, TIME.size)})
-    lines = lines.with_line("as given", np.zeros((1, TIME.size))).with_answers({"fan": attempt}, None)
-    first = lines.window("hip", {"now": "as given"}, start, stop, points=100, attempt="fan")
+    lines = lines.with_line("as given", np.zeros((1, TIME.size))).with_line("fan", np.sin(TIME)[None, :])
+    first = lines.window("hip", {"now": "as given", "attempt": "fan"}, start, stop, points=100)
     measured[:] = 0.0  # what is asked again is drawn from what was kept, and from single readings of the log
-    again = lines.window("hip", {"now": "as given"}, start, stop, points=100, attempt="fan")
+    again = lines.window("hip", {"now": "as given", "attempt": "fan"}, start, stop, points=100)
     for shown in (first, again):
         assert np.nanmax(shown["measured"]) == 90.0
         assert (np.diff(shown["time"]) > 0).all()

@@ -2,30 +2,21 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import numpy as np
-
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.diagnose.answers import Key, Step
-from lptn.diagnose.diagnosis import Diagnosis, for_search
 from lptn.diagnose.evidence import FirstOrder
-from lptn.diagnose.previews import Previews
-from lptn.diagnose.refits import refit
 from lptn.diagnose.unexplained_heat import UnexplainedHeat
-from lptn.identify.comparison import Errors, Prediction, predict
+from lptn.identify.comparison import Prediction
 from lptn.identify.data import Segment
 from lptn.report.network_course import NetworkCourse
-from lptn.simulate.bound_run import BoundRun
 from lptn.study import Study
-from lptn.workbench.lines import Attempt, RunLines
-from lptn.workbench.orders import Add, Back, Cut, Keep, Order, Plain, Set
-
-logger = logging.getLogger("lptn")
+from lptn.workbench.lines import RunLines
+from lptn.workbench.orders import Add, Back, Cut, Keep, Order, Plain, Set, Try
 
 _MOST_WEIGHED = 12  # candidates beyond the answers; what is less probable helps nobody
 JOBS = ("fit", "holdout", "test")
@@ -39,14 +30,12 @@ class News:
     Args:
         runs: by segment, without any model's line; where there are some, all older lines are of other data.
         predicted: by segment and model.
-        attempts: by segment and answer; they replace all older ones.
         heat: by segment; it replaces all older one.
         networks: what the model as it is now predicts, by segment; it replaces all older ones.
     """
 
     runs: dict[str, RunLines] = field(default_factory=dict)
     predicted: dict[tuple[str, str], FloatArray] = field(default_factory=dict)
-    attempts: dict[tuple[str, str], Attempt] = field(default_factory=dict)
     heat: dict[str, UnexplainedHeat] = field(default_factory=dict)
     networks: dict[str, NetworkCourse] = field(default_factory=dict)
 
@@ -62,8 +51,6 @@ class Bench:
 
     def __init__(self, study: Study, folder: Path, fingerprint: str) -> None:
         self.study, self.folder, self.fingerprint = study, folder, fingerprint
-        self.attempts: dict[str, dict[tuple[str, str], Attempt]] = {}
-        """Lines of the answers to the diagnosis of each model, by segment and answer."""
         self.heat: dict[str, dict[str, UnexplainedHeat]] = {}
         """Unexplained heat of each model, by segment."""
         self._predictions: dict[str, dict[str, Prediction]] = {}
@@ -83,9 +70,10 @@ class Bench:
         """
         if isinstance(order, Plain):
             self._plain(order, on_step)
-        elif isinstance(order, Add):
+        elif isinstance(order, Add | Try):
             answer = next((step for step in self._answers if step.key == (order.effect, order.at)), None)
-            self.study.add(answer or order.effect, "" if answer else order.at)
+            take = self.study.add if isinstance(order, Add) else self.study.attempt
+            take(answer or order.effect, "" if answer else order.at)
         elif isinstance(order, Cut):
             self._cut(order)
         elif isinstance(order, Set):
@@ -141,15 +129,16 @@ class Bench:
 
     def _forget(self) -> None:
         """All that was worked out of other data."""
-        for results in (self.attempts, self.heat, self._predictions, self._sent):
+        for results in (self.heat, self._predictions, self._sent):
             results.clear()
 
     def look_closer(self) -> None:
-        """What takes time and may come after a diagnosis: what each answer would change, heat, the next experiment."""
+        """What takes time and may come after a diagnosis: each answer added alone, heat, the next experiment."""
         name = self.model
         if self.study.diagnosed is None:
             return
-        self.attempts[name] = self.tries() | self._attempted(self.study.diagnosed)
+        for answer in self._answers:
+            self.study.attempt(answer)
         if name not in self.heat:
             heat = self.study.unexplained_heat()
             self.heat[name] = {f"fit {number}": estimate for number, estimate in enumerate(heat)}
@@ -165,53 +154,6 @@ class Bench:
         others = [one for one in diagnosis.weighed if one.amplitude and one.candidate.key not in refitted]
         return others[:_MOST_WEIGHED]
 
-    def tries(self) -> dict[tuple[str, str], Attempt]:
-        """What all runs would look like with each answer: fitted where that is done, else to first order."""
-        if self.study.diagnosed is None:
-            return {}
-        if self.model not in self.attempts:
-            self.attempts[self.model] = self._linearised(self.study.diagnosed)
-        return self.attempts[self.model]
-
-    def _linearised(self, diagnosis: Diagnosis) -> dict[tuple[str, str], Attempt]:
-        """To first order alone: there as soon as the answers are."""
-        answers = {step.key for step in diagnosis.steps}
-        shown = [one for one in diagnosis.weighed if one.amplitude and one.candidate.key in answers]
-        candidates = [*shown, *self.weighed_only]
-        if not candidates:
-            return {}
-        first_order, coarse = Previews(diagnosis.fit, candidates), for_search(self.study.data)
-        runs = list(zip(diagnosis.fit.problem.bound_runs, first_order.of_fitted_runs(), strict=True))
-        try:
-            for segment in (*coarse.holdout, *coarse.test):
-                predicted = first_order.of(segment)
-                runs.append((predicted[0].bound, np.array([prediction.readings for prediction in predicted])))
-        except InputError as error:  # a run lacks what a candidate goes by
-            logger.info("held-out runs are tried once they are refitted: %s", error)
-        return {
-            (name, key_of(one.candidate.key)): _attempt(bound, readings, linearised=True)
-            for name, (bound, of_all) in zip(segments(self.study), runs, strict=False)
-            for one, readings in zip(candidates, of_all, strict=True)
-        }
-
-    def _attempted(self, diagnosis: Diagnosis) -> dict[tuple[str, str], Attempt]:
-        """What the page's runs would look like with each answer added alone."""
-        coarse = for_search(self.study.data)
-        lines = {}
-        for step in diagnosis.steps:
-            assert step.declaration is not None
-            alone = refit(diagnosis.fit, step.declaration)
-            problem = alone.problem
-            fitted = [
-                (bound, bound.measured + error)
-                for bound, error in zip(problem.bound_runs, alone.residuals, strict=True)
-            ]
-            others = [predict(alone.model, segment, problem.sigma) for segment in (*coarse.holdout, *coarse.test)]
-            runs = [*fitted, *((prediction.bound, prediction.readings) for prediction in others)]
-            for segment, (bound, readings) in zip(segments(self.study), runs, strict=True):
-                lines[segment, name_of(step)] = _attempt(bound, readings, linearised=False)
-        return lines
-
     # --- what there is to show ------------------------------------------------------------------
 
     @property
@@ -219,15 +161,19 @@ class Bench:
         """What the model as it is now is called on the page: its effects, one after the other."""
         return names_of(self.study.steps)[-1] if self.study.steps else ""
 
+    def name_tried(self, step: Step) -> str:
+        """What the model as it is now would be called with an attempt added."""
+        return names_of((*self.study.steps, step))[-1]
+
     @property
     def _answers(self) -> tuple[Step, ...]:
         return self.study.diagnosed.steps if self.study.diagnosed else ()
 
-    def predictions(self, number: int) -> dict[str, Prediction]:
-        """What the model of a step predicts, by segment."""
-        name = names_of(self.study.steps)[number]
+    def predictions(self, step: int | Step) -> dict[str, Prediction]:
+        """What the model of a step, or of an attempt, predicts, by segment."""
+        name = names_of(self.study.steps)[step] if isinstance(step, int) else self.name_tried(step)
         if name not in self._predictions:
-            by_job = self.study.predictions(number)
+            by_job = self.study.predictions(step)
             of_all = [prediction for job in JOBS for prediction in by_job[job]]
             self._predictions[name] = dict(zip(segments(self.study), of_all, strict=True))
         return self._predictions[name]
@@ -238,15 +184,16 @@ class Bench:
         if not self.study.steps:
             return news
         nodes = tuple(self.study.model.nodes)
-        for number in {0, len(self.study.steps) - 1}:
-            name = names_of(self.study.steps)[number]
-            for segment, prediction in self.predictions(number).items():
+        models: dict[str, int | Step] = {self.name_tried(step): step for step in self.study.attempts}
+        names = names_of(self.study.steps)
+        models |= {names[0]: 0, names[-1]: len(names) - 1}
+        for name, step in models.items():
+            for segment, prediction in self.predictions(step).items():
                 if (segment, "") not in self._sent:
                     news.runs[segment] = RunLines.of(prediction, nodes)
                 if (segment, f"model {name}") not in self._sent:
                     news.predicted[segment, name] = prediction.readings
                 self._sent |= {(segment, ""), (segment, f"model {name}")}
-        news.attempts = self.tries()
         news.heat = self.heat.get(self.model, {})
         last = len(self.study.steps) - 1
         now = self.study.steps[last].fit.model
@@ -268,13 +215,6 @@ def name_of(step: Step) -> str:
 def key_of(key: Key) -> str:
     """What the page calls an effect at a place."""
     return f"{key[0]} at {key[1]}"
-
-
-def _attempt(bound: BoundRun, readings: FloatArray, *, linearised: bool) -> Attempt:
-    run = bound.run
-    middles = run.time + (run.step / 2 if run.averaged else 0.0)  # a mean over a step is what was there in its middle
-    error = Errors.of(np.where(bound.counted, readings - bound.measured, np.nan))
-    return Attempt(middles, readings, linearised, error)
 
 
 def names_of(steps: tuple[Step, ...]) -> list[str]:

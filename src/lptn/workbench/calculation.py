@@ -83,6 +83,7 @@ def _done(pipe: Connection, bench: Bench, opening: Opening, order: Order | Keep)
         bench.do(order, found)
         if order.what == "diagnose":
             _show(pipe, bench, opening)  # the answers, before the rest of them is worked out
+            _save(bench, opening)  # they stay where somebody stops the rest
         if order.what in ("diagnose", "improve"):
             bench.look_closer()
         _save(bench, opening)
@@ -138,9 +139,9 @@ def _opened(pipe: Connection, opening: Opening, sessions: Path, after_a_stop: bo
         if is_own_file(folder / STUDY):
             stored = io.BytesIO((folder / STUDY).read_bytes())
             if pickle.load(stored) == _written_by(fingerprint):
-                kept, attempts, heat = pickle.load(stored)
+                kept, heat = pickle.load(stored)
                 if vars(kept).keys() == vars(study).keys():  # else it is of other code of the same version
-                    bench.study, bench.attempts, bench.heat = kept, attempts, heat
+                    bench.study, bench.heat = kept, heat
                     return bench
     except FileNotFoundError:
         pass
@@ -178,7 +179,7 @@ def _save(bench: Bench, opening: Opening) -> None:
         model=str(opening.model), logs=logs, stretches=list(study.stretches), steps=steps, settings=list(study.settings)
     )
     write_whole(bench.folder / STEPS, done.model_dump_json(indent=2) + "\n")
-    stored = pickle.dumps(_written_by(bench.fingerprint)) + pickle.dumps((study, bench.attempts, bench.heat))
+    stored = pickle.dumps(_written_by(bench.fingerprint)) + pickle.dumps((study, bench.heat))
     write_whole(bench.folder / STUDY, stored)
 
 

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import math
 import shlex
-from collections.abc import Mapping
 from itertools import combinations
 from typing import Any
 
 from lptn.basics.equations import equations_of
-from lptn.diagnose.answers import Step
+from lptn.diagnose.answers import Key, Step
 from lptn.diagnose.diagnosis import Diagnosis
-from lptn.diagnose.evidence import FirstOrder
 from lptn.effects import catalogue
 from lptn.identify.comparison import Comparison, Errors
 from lptn.identify.data import Segment, Stretch
@@ -19,9 +16,8 @@ from lptn.report.narrative import largest_error, narrative, size_in_words
 from lptn.report.shown import noise_alone
 from lptn.report.text import experiment_for, for_people, named, percent, place_of, size_text, title_of
 from lptn.study import Study
-from lptn.workbench.bench import Bench, key_of, name_of, names_of, segments
+from lptn.workbench.bench import Bench, key_of, names_of, segments
 from lptn.workbench.conditions import by_condition
-from lptn.workbench.lines import Attempt
 from lptn.workbench.opening import Opening
 
 _JOB_NAMES = {"fit": "fitted", "holdout": "held out", "test": "test"}
@@ -190,76 +186,47 @@ def _correlations(step: Step) -> list[dict[str, Any]]:
 
 
 def _answers(study: Study, diagnosis: Diagnosis, bench: Bench) -> dict[str, Any]:
-    tries = bench.tries()
     shown = []
-    for step in diagnosis.steps:
+    for step in sorted(diagnosis.steps, key=lambda step: -step.probability):
         effect = catalogue()[step.effect or ""]
-        own = {segment: line for (segment, of), line in tries.items() if of == name_of(step)}
-        errors = {segment: line.error for segment, line in own.items()}
         shown.append(
             _place(step)
+            | _tried(bench, step.key)
             | {
-                "key": name_of(step),
                 "kind": "structure" if step.is_structure else "finding",
-                "fit": _pooled(errors, "fit"),
-                "holdout": _pooled(errors, "holdout"),
                 "details": size_in_words(step, step.fit),
                 "equations": equations_of(effect.__doc__ or ""),
                 "looks_like": effect.signature.looks_like,
                 "separate_by": experiment_for(effect),
                 "same": [named(*key) for key in step.indistinguishable],
-                "tried": bool(own),
-                "linearised": any(line.linearised for line in own.values()),
             }
         )
-    before = diagnosis.holdout.rmse if diagnosis.holdout else diagnosis.fit.rmse
-    seconds = diagnosis.fit.problem.bound_runs[0].run.step
     return {
         "verdict": diagnosis.verdict,
         "answers": shown,
         "refused": [_place(step) for step in diagnosis.refused],
-        "weighed": [_weighed(one, tries) for one in bench.weighed_only],
-        "before": before,
-        "fitted": diagnosis.fit.rmse,
-        "step": seconds,
+        "weighed": [_named(*one.candidate.key) | _tried(bench, one.candidate.key) for one in bench.weighed_only],
     }
 
 
 def _place(step: Step) -> dict[str, Any]:
     """What an effect that was fitted is called, how large and how probable it is."""
-    return {
-        "effect": step.effect,
-        "at": step.at,
-        "title": title_of(step.effect or ""),
-        "place": place_of(step.at or ""),
+    return _named(*step.key) | {
         "size": size_text(step, step.fit),
         "probable": percent(step.probability),
     }
 
 
-def _weighed(one: FirstOrder, tries: Mapping[tuple[str, str], Attempt]) -> dict[str, Any]:
-    """A candidate that was weighed to first order alone, with the errors that it would leave."""
-    effect, at = one.candidate.key
-    key = key_of((effect, at))
-    own = {segment: line.error for (segment, of), line in tries.items() if of == key}
-    return {
-        "effect": effect,
-        "at": at,
-        "key": key,
-        "title": title_of(effect),
-        "place": place_of(at),
-        "fit": _pooled(own, "fit"),
-        "holdout": _pooled(own, "holdout"),
-        "tried": True,
-        "linearised": True,
-    }
+def _named(effect: str, at: str) -> dict[str, Any]:
+    return {"effect": effect, "at": at, "title": title_of(effect), "place": place_of(at)}
 
 
-def _pooled(errors: Mapping[str, Errors], job: str) -> float | None:
-    """RMSE [K] of the runs of a job together; `None` without any."""
-    some = [summary for segment, summary in errors.items() if segment.startswith(job) and summary.count]
-    count = sum(summary.count for summary in some)
-    return math.sqrt(sum(summary.count * summary.rmse**2 for summary in some) / count) if count else None
+def _tried(bench: Bench, key: Key) -> dict[str, Any]:
+    """The model with an effect added alone, where that was fitted: its name, and the errors that *Add* leaves."""
+    step = next((step for step in bench.study.attempts if step.key == key), None)
+    if step is None:
+        return {"key": key_of(key), "tried": ""}
+    return step_content(step) | {"key": key_of(key), "tried": bench.name_tried(step)}
 
 
 # --- data -----------------------------------------------------------------------------------------------------

@@ -13,30 +13,13 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.basics.lines import joined, thinned
 from lptn.diagnose.unexplained_heat import UnexplainedHeat
-from lptn.identify.comparison import Errors, Prediction
+from lptn.identify.comparison import Prediction
 
 _MARGIN = 1  # readings beyond a window on either side, so that a line runs to the plot's edge
 _BLOCK = 64  # readings of which the smallest and the largest are kept: long windows are drawn from a 64th of the log
 
 _Key = tuple[str, ...]
 _Read = Callable[[Any], FloatArray]  # the values of a line at an index of the run's readings
-
-
-@dataclass(frozen=True)
-class Attempt:
-    """What a run would look like with an answer added.
-
-    Args:
-        time: s, (m,), in the steps of a search.
-        readings: degC, (nodes, m).
-        linearised: to first order; else the answer was refitted.
-        error: of the readings that count.
-    """
-
-    time: FloatArray
-    readings: FloatArray
-    linearised: bool
-    error: Errors
 
 
 @dataclass(frozen=True)
@@ -49,7 +32,6 @@ class RunLines:
         measured: degC, (nodes, n), NaN where missing.
         inputs: the log's other columns, (n,) each.
         predicted: degC, (nodes, n), by what names the model.
-        attempts: by answer.
         heat: unexplained heat, where it was worked out.
     """
 
@@ -58,7 +40,6 @@ class RunLines:
     measured: FloatArray
     inputs: Mapping[str, FloatArray]
     predicted: Mapping[str, FloatArray] = field(default_factory=dict)
-    attempts: Mapping[str, Attempt] = field(default_factory=dict)
     heat: UnexplainedHeat | None = None
     _extremes: dict[_Key, FloatArray] = field(default_factory=dict, init=False, repr=False, compare=False)
 
@@ -75,9 +56,9 @@ class RunLines:
         """The same with what a model predicts."""
         return replace(self, predicted={**self.predicted, model: readings})
 
-    def with_answers(self, attempts: Mapping[str, Attempt], heat: UnexplainedHeat | None) -> RunLines:
-        """The same with what a diagnosis says, in place of what an older one said."""
-        return replace(self, attempts=attempts, heat=heat)
+    def with_heat(self, heat: UnexplainedHeat | None) -> RunLines:
+        """The same with the heat that a diagnosis says, in place of what an older one said."""
+        return replace(self, heat=heat)
 
     def inputs_of(self, node: str) -> list[str]:
         """The inputs that act at a node: its own, then those of the robot and the air, which all nodes have."""
@@ -107,7 +88,6 @@ class RunLines:
         start: float | None = None,
         stop: float | None = None,
         points: int = 1500,
-        attempt: str = "",
     ) -> dict[str, FloatArray]:
         """The lines of one node from `start` to `stop` [s], all at the same times, NaN where something is missing.
 
@@ -117,12 +97,11 @@ class RunLines:
             start: s; the run's begin by default.
             stop: s; the run's end by default.
             points: at most about so many.
-            attempt: an answer whose line is wanted besides.
 
         Raises:
             InputError: no such node.
         """
-        lines = self._lines(node, models, attempt)
+        lines = self._lines(node, models)
         size = self.time.size
         first = 0 if start is None else max(int(np.searchsorted(self.time, start)) - _MARGIN, 0)
         last = size if stop is None else int(np.searchsorted(self.time, stop, side="right")) + _MARGIN
@@ -137,7 +116,7 @@ class RunLines:
             at, thin = self._of_blocks(lines, first, last, blocks)
         return {"time": at} | {key[0]: values for key, values in zip(lines, thin, strict=True)}
 
-    def _lines(self, node: str, models: Mapping[str, str], attempt: str) -> dict[_Key, _Read]:
+    def _lines(self, node: str, models: Mapping[str, str]) -> dict[_Key, _Read]:
         """What is drawn of a node, by the name on the page and what else tells a line from the run's others."""
         row = self._row(node)
         measured = self.measured[row]
@@ -145,9 +124,6 @@ class RunLines:
         readings: dict[_Key, _Read] = {
             (name, node, of): self.predicted[of][row].__getitem__ for name, of in models.items()
         }
-        if attempt in self.attempts:
-            tried = self.attempts[attempt]
-            readings["attempt", node, attempt] = self._between(tried.time, tried.readings[row])
         lines: dict[_Key, _Read] = {("measured", node): measured.__getitem__}
         for (name, *of), read in readings.items():
             lines[name, *of] = read

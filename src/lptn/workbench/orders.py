@@ -24,12 +24,21 @@ class Open(_Order):
     name: Literal["tclab", "leg"]
 
 
-class Add(_Order):
+class _Effect(_Order):
+    effect: str = Field(min_length=1, max_length=100)
+    at: str = Field(min_length=1, max_length=300)
+
+
+class Add(_Effect):
     """Add an effect, an answer of the last diagnosis or any other, and fit again."""
 
     what: Literal["add"]
-    effect: str = Field(min_length=1, max_length=100)
-    at: str = Field(min_length=1, max_length=300)
+
+
+class Try(_Effect):
+    """Fit what `Add` would add, without adding it; `Add` then takes this fit."""
+
+    what: Literal["try"]
 
 
 class Cut(_Order):
@@ -71,7 +80,7 @@ class Keep(_Order):
     steps: tuple[tuple[str, str], ...]
 
 
-Order = Plain | Open | Add | Cut | Set | Back
+Order = Plain | Open | Add | Try | Cut | Set | Back
 order: TypeAdapter[Order] = TypeAdapter(Annotated[Order, Field(discriminator="what")])
 """Checks what the page sent."""
 
@@ -111,4 +120,4 @@ class LinesAsked(BaseModel):
     start: FiniteFloat | None = None
     stop: FiniteFloat | None = None
     points: int = Field(default=1500, ge=10, le=20000)
-    attempt: str = ""
+    attempt: str = ""  # the name of a model that was tried

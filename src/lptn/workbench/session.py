@@ -38,6 +38,7 @@ _WORDS = {
     "improve": "adding what is missing, step by step",
     "keep": "adding the steps so far",
     "add": "fitting with the effect added",
+    "try": "fitting with the effect added, to try it",
     "report": "writing the report",
     "fmu": "building the FMU",
     "leave_out": "fitting without the stretch",
@@ -188,8 +189,7 @@ class Session:
         for (segment, model), readings in news.predicted.items():
             lines[segment] = lines[segment].with_line(model, readings)
         for segment in lines:
-            attempts = {answer: line for (where, answer), line in news.attempts.items() if where == segment}
-            lines[segment] = lines[segment].with_answers(attempts, news.heat.get(segment))
+            lines[segment] = lines[segment].with_heat(news.heat.get(segment))
         self._lines, self._networks = lines, news.networks
 
     def _heard_done(self) -> None:
@@ -240,10 +240,8 @@ class Session:
         lines, models = self._lines_of(asked.segment)
         if models["given"] == models["now"]:
             del models["given"]
-        return {
-            node: lines.window(node, models, asked.start, asked.stop, asked.points, asked.attempt)
-            for node in asked.node
-        }
+        models |= {"attempt": asked.attempt}
+        return {node: lines.window(node, models, asked.start, asked.stop, asked.points) for node in asked.node}
 
     def special(self, asked: SpecialAsked) -> Special:
         """What is special in a stretch, at a node, to the error of the model as it is now.

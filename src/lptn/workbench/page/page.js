@@ -11,7 +11,7 @@ const BUSY = 400, IDLE = 1500, HIDDEN = 6000;  // ms between two questions
 const place = id => document.getElementById(id);
 
 export const page = {
-  state: {}, picked: [], attempt: "", shown: "now", by: "run", part: "", edited: "", failed: "", clicked: false, step: 0, other: {},
+  state: {}, picked: [], attempt: "", pinned: "", shown: "now", by: "run", part: "", edited: "", failed: "", clicked: false, step: 0, other: {},
   async order(order) { page.failed = await post("/order", order); await ask(); },
   async stop() { page.failed = await post("/stop", {}); await ask(); },
   pick(segment, node, beside = false) {
@@ -67,7 +67,9 @@ function take(state) {
   const known = new Set(state.segments?.map(each => each.key));
   page.picked = page.picked.filter(each => known.has(each.segment) && state.nodes.includes(each.node));
   if (!page.picked.length && state.tiles) page.picked = [sections.worst(state)];
-  if (!sections.triable(state).some(each => each.key === page.attempt)) page.attempt = "";
+  const tried = sections.triable(state).map(each => each.key);
+  if (tried.includes(page.pinned)) page.attempt = page.pinned;  // a fit that was ordered to be tried is there
+  else if (!tried.includes(page.attempt)) page.attempt = "";
   draw();
 }
 

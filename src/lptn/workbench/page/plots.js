@@ -31,10 +31,11 @@ export class Plots {
   // Views that are picked; of which models, runs and answers their lines are.
   draw() {
     const { state, picked, attempt } = this.page;
+    this.tried = triable(state).find(each => each.key === attempt);
     this.drawBar();
     const wanted = picked.map(each => ({ ...each, id: `${each.segment} ${each.node}` }));
     for (const [id, view] of this.views) if (!wanted.some(each => each.id === id)) { view.remove(); this.views.delete(id); }
-    this.what = JSON.stringify([state.now, state.given, state.head.now, state.stretches, state.answers?.answers.map(each => each.linearised), state.advice.length, wanted.length > 1, attempt]);
+    this.what = JSON.stringify([state.now, state.given, state.head.now, state.stretches, state.advice.length, wanted.length > 1, this.tried?.tried]);
     wanted.forEach((each, k) => {
       if (!this.views.has(each.id)) this.views.set(each.id, new View(this, each));
       const { element } = this.views.get(each.id);
@@ -57,7 +58,7 @@ export class Plots {
   }
 
   async ask(segment, views) {
-    const { attempt } = this.page, wanted = views.map(view => view.wanted), zoomed = this.windows[segment];
+    const attempt = this.tried?.tried ?? "", wanted = views.map(view => view.wanted), zoomed = this.windows[segment];
     const points = Math.ceil(POINTS * devicePixelRatio * Math.max(...views.map(view => view.stack.clientWidth)));
     const asked = new URLSearchParams({ segment, points, attempt });
     if (zoomed) { asked.set("start", zoomed[0]); asked.set("stop", zoomed[1]); }
@@ -151,12 +152,12 @@ class View {
 
   // Charts are made anew where there are other lines than before, or another look.
   show(lines) {
-    const { run, plots } = this, { state, attempt, picked } = plots.page, [min, max] = this.window;
+    const { run, plots } = this, { state, picked } = plots.page, [min, max] = this.window;
     const tile = state.tiles[this.segment]?.now[state.nodes.indexOf(this.node)];
     this.title.textContent = `${this.node} in ${run.run} (${run.job})${tile ? `: RMSE ${kelvin(tile.rmse)}` : ""}`;
-    const tries = triable(state), tried = "attempt" in lines && tries.find(each => each.key === attempt);
-    if (tried) this.title.append(h("small", null, ` – dotted: with ${placed(tried)}${tried.linearised ? ", by the linearised model" : ", refitted"}`));
-    if (tries.length && !tried) lines.attempt = lines["error attempt"] = Array(lines.time.length).fill(null);
+    const tried = "attempt" in lines && plots.tried;
+    if (tried) this.title.append(h("small", null, ` – dotted: with ${placed(tried)}`));
+    if (triable(state).length && !tried) lines.attempt = lines["error attempt"] = Array(lines.time.length).fill(null);
     const made = JSON.stringify([Object.keys(lines).sort(), picked.length > 1, this.look]);
     if (made !== this.made) {
       this.made = made;

@@ -58,7 +58,7 @@ export function steps(page) {
   const error = step => held ? step.holdout : step.fit;
   const tried = triable(page.state).find(each => each.key === page.attempt);
   const finding = busy?.found ?? [];
-  const rows = [...steps, ...finding.map(step => ({ ...step, attempt: true })), ...(tried ? [{ ...tried, name: `${tried.linearised ? "linearised" : "try"}: ${placed(tried)}`, attempt: true }] : []), ...undone.map(step => ({ ...step, undone: true }))];
+  const rows = [...steps, ...finding.map(step => ({ ...step, attempt: true })), ...(tried ? [{ ...tried, name: `try: ${placed(tried)}`, attempt: true }] : []), ...undone.map(step => ({ ...step, undone: true }))];
   const most = Math.max(...rows.map(error).filter(Number.isFinite)) || 1;
   const bar = (step, number) => {
     const filled = h("i", { className: step.attempt ? "attempt" : number === 0 ? "zero" : "" }), floor = h("u", { title: `the sensors’ noise: ${kelvin(head.floor)}` });
@@ -170,7 +170,9 @@ export function missing(page) {
   if (!answers) return [title,
     h("p", null, "What every part may have is fitted at once; then what sets one place, sensor or run apart is sought, and each gets a probability."),
     h("div", { className: "row" }, ask("diagnose", "Find what is missing", true), ask("improve", "Find and add automatically")), other];
-  const change = each => each.fit == null ? "" : ` · alone: ${each.holdout != null ? "held out" : "fitted"} ${digits(each.holdout != null ? answers.before : answers.fitted)} → ${kelvin(each.holdout ?? each.fit)}`;
+  const error = step => step.holdout ?? step.fit, now = state.steps.at(-1);
+  const change = each => each.tried ? `alone: ${each.holdout != null ? "held out" : "fitted"} ${digits(error(now))} → ${kelvin(error(each))}` : "";
+  const best = answers.answers.find(each => each.tried && error(each) < error(now));  // the most probable one that helps
   const tryable = (each, ...more) => h("li", {
     onmouseenter: () => each.tried && !page.pinned && page.attemptTo(each.key),
     onmouseleave: () => page.pinned || page.attemptTo(""),
@@ -178,14 +180,18 @@ export function missing(page) {
     h("div", { className: "name" },
       h("span", null, h("b", null, each.title), placed(each).slice(each.title.length)),
       h("button", {
-        id: `try ${each.key}`, disabled: !each.tried, ariaPressed: page.attempt === each.key,
-        onclick: () => { page.pinned = page.pinned === each.key ? "" : each.key; page.attemptTo(page.pinned); },
+        id: `try ${each.key}`, disabled: !each.tried && busy, ariaPressed: page.attempt === each.key,
+        onclick: () => {
+          page.pinned = page.pinned === each.key ? "" : each.key;
+          if (each.tried) page.attemptTo(page.pinned);
+          else page.order({ what: "try", effect: each.effect, at: each.at });
+        },
       }, "Try"),
-      h("button", { id: `add ${each.key}`, className: each === answers.answers[0] ? "first" : "", disabled: busy, onclick: () => { page.pinned = ""; page.order({ what: "add", effect: each.effect, at: each.at }); } }, "Add")),
+      h("button", { id: `add ${each.key}`, className: each === best ? "first" : "", disabled: busy, onclick: () => { page.pinned = ""; page.order({ what: "add", effect: each.effect, at: each.at }); } }, "Add")),
     ...more);
-  const weighed = each => tryable(each, h("span", { className: "soft" }, `${each.holdout != null ? "held out" : "fitted"} ${digits(each.holdout != null ? answers.before : answers.fitted)} → about ${kelvin(each.holdout ?? each.fit)}`));
+  const weighed = each => tryable(each, h("span", { className: "soft" }, change(each)));
   const answer = each => tryable(each,
-    h("div", null, [each.size, `${each.probable} probable`].filter(text => text).join(", "), h("span", { className: "soft" }, change(each))),
+    h("div", null, [each.size, `${each.probable} probable`].filter(text => text).join(", "), h("span", { className: "soft" }, each.tried && ` · ${change(each)}`)),
     each.same.length ? h("div", { className: "soft" }, `or ${each.same.join(" or ")}: these data cannot distinguish them`) : null,
     h("details", { id: `more ${each.key}` }, h("summary", null, "Equation, signs, experiment"),
       each.equations.map(equation => h("div", { className: "equation" }, equation)),
@@ -199,15 +205,15 @@ export function missing(page) {
       const own = answers.answers.filter(each => each.kind === kind);
       return own.length ? [h("h3", null, label), h("ol", { className: "answers" }, own.map(answer))] : null;
     }),
-    answers.answers.some(each => each.linearised) && h("p", null, h("small", null, "Try shows the linearised model until the fits are drawn.")),
     answers.refused.length ? h("details", { id: "refused" }, h("summary", null, "Fitted as well, and not added"),
       h("ul", { className: "plain" }, answers.refused.map(each => h("li", null, `${placed(each)}: ${each.size ? `${each.size}, ` : ""}${each.probable} probable`)))) : null,
-    answers.weighed.length ? h("details", { id: "weighed" }, h("summary", null, "Weighed to first order: the next best"),
-      h("p", null, h("small", null, "Not fitted: Try shows what the linearised model would do; Add fits it.")),
+    answers.weighed.length ? h("details", { id: "weighed" }, h("summary", null, "Less probable: not fitted so far"),
+      h("p", null, h("small", null, "Try fits one of them, and Add keeps that fit.")),
       h("ol", { className: "answers" }, answers.weighed.map(weighed))) : null,
-    answers.answers.length ? h("p", null, h("small", null, `Sizes and probabilities are given all other answers; errors are those of each added alone, on means over ${digits(answers.step, 2)} s, in which answers are sought. What is added is fitted to all readings.`)) : null,
+    answers.answers.length ? h("p", null, h("small", null, "Size and probability: with all answers in the model. Error: with this answer alone added and fitted; Add keeps that fit.")) : null,
     state.advice.length ? h("details", { id: "advice", open: true }, h("summary", null, "What to do next"), state.advice.map(text => h("p", null, h("small", null, text)))) : null,
-    h("div", { className: "row" }, ask("improve", "Find and add automatically")), other];
+    // After a finished search there is nothing to add, and a second search finds the same.
+    answers.answers.length ? h("div", { className: "row" }, ask("improve", "Find and add automatically", !best && !busy)) : null, other];
 }
 
 // What was chosen here stays chosen while the section is made anew, as it is when an answer comes in the meantime.

@@ -10,8 +10,8 @@ const STEPS = [
   { at: ".stack", words: "Its plots: what was measured, what the model says, and the error between them. Drag to zoom in.", done: (page, plots) => Object.keys(plots.windows).length },
   { at: "[id='whole']", words: "Hover to read values. Back to the whole run with this button, or with the key 0.", done: (page, plots) => !Object.keys(plots.windows).length },
   { at: "#diagnose", words: "Now find the missing effects: those of all parts, and those that set one apart.", done: page => page.state.answers },
-  { at: ".answers li", words: "What is wrong at one place stands first, then what all parts have. Put the mouse on an answer, or press Try: the plots and the dashed bar show what it alone would change.", done: page => page.attempt },
-  { at: ".answers button.first", words: "Add it. The model is fitted again, and the error falls.", done: page => page.state.steps.length > 1 },
+  { at: ".answers li", words: "First the findings, which set one place apart, then what all parts have in common. Put the mouse on an answer, or press Try: plots and dashed bar show the model with this answer alone.", done: page => page.attempt },
+  { at: ".answers button.first", words: "Add it: the model that you tried is kept, and the error falls.", done: page => page.state.steps.length > 1 },
   { at: "#improve", words: "The error fell. Undo it, and press “Find and add automatically”: all answers are added, one after the other, and the errors fall.", done: page => page.state.head.now <= FALLEN * page.state.head.given },
 ];
 
