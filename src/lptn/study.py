@@ -703,14 +703,15 @@ def _refuse_twice(groups: dict[str, list[Run]]) -> None:
     Raises:
         InputError: the same data stand in two places.
     """
-    places: dict[str, tuple[str, str]] = {}
+    places: dict[tuple[str, float], tuple[str, str]] = {}
     for job, runs in groups.items():
-        for source, digest in {run.source: run.fingerprint for run in runs}.items():
-            if digest in places:
-                before, where = places[digest]
+        for run in runs:
+            data = run.fingerprint, float(run.time[0])  # pieces of one log begin at times of their own
+            if data in places:
+                before, where = places[data]
                 same = f"the same data as {before} ({where})"
-                raise InputError(source, job, same, "each log once: to fit, to hold out, or for the test")
-            places[digest] = source, job
+                raise InputError(run.source, job, same, "each log once: to fit, to hold out, or for the test")
+            places[data] = run.source, job
     jobs = [(job, run) for job, runs in groups.items() for run in runs]
     for number, (job, run) in enumerate(jobs):
         for before, earlier in jobs[:number]:
