@@ -111,6 +111,20 @@ def test_a_leg_whose_columns_do_not_say_which_leg_it_is(write: Write) -> None:
     assert "temperature.FR_calf" not in guessed(write(table), INPUTS, two_legs)
 
 
+@pytest.mark.parametrize("places", [("膝", "髋"), ("колено", "бедро"), ("Hüfte", "Müde"), ("ö", "å")])
+def test_names_of_any_script(write: Write, places: tuple[str, str]) -> None:
+    """Letters beyond A to Z were none: a node without another had no name, which was a traceback."""
+    path = write({"time": TIME, **{f"{place} temp": WARM for place in places}})
+    guesses = guessed(path, (), tuple(f"temperature.{place}" for place in places))
+    assert guesses == {f"temperature.{place}": f"{place} temp|" for place in places}
+
+
+@pytest.mark.parametrize("places", [("/", "FR_hip"), ("\\", "+"), ("\u202e", "motor")])
+def test_a_name_without_a_letter_is_not_guessed(write: Write, places: tuple[str, str]) -> None:
+    path = write({"time": TIME, "temp": WARM, "motor_temp": WARM, "hip temp": WARM})
+    assert f"temperature.{places[0]}" not in guessed(path, (), tuple(f"temperature.{place}" for place in places))
+
+
 def test_two_names_as_good_as_each_other_are_left_to_the_user(write: Write) -> None:
     path = write({"time": TIME, "FR_calf_temp1": WARM, "FR_calf_temp2": WARM})
     assert "temperature.FR_calf" not in guessed(path, (), ("temperature.FR_calf", "temperature.FR_hip"))

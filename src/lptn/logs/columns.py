@@ -419,7 +419,7 @@ UNITS: Mapping[str, Mapping[str, str]] = {
 """What names end in, by quantity, in lower case with words apart, and the unit that it means."""
 
 _BRACKETED = re.compile(r"[\[(]\s*([^\[\]()]+?)\s*[\])]\s*$")
-_WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+|°|µ|%")
+_WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+|°|µ|%|[^\W\d_a-zA-Zµ²³]+")  # at last letters of any script
 _OTHER_UNITS = frozenset(("%", "v", "mv", "hz", "w m", "deg", "rad", "h", "pa", "bar", "n", "m", "mm", "kg", "j"))
 """Units, written in the same way, of what no model asks for."""
 

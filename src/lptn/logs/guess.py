@@ -284,7 +284,7 @@ def _by_place(
 
 def _by_last_word(missing: Sequence[str], names: Names, places: Sequence[str]) -> Choice:
     """`hip temp` for FR_hip, in a model of one leg: names of a last word alone, if there is one for each node."""
-    last = {place: words_of(place)[-1] for place in places}
+    last = {place: "".join(words_of(place)[-1:]) for place in places}  # of a name such as "/" nothing
     if not 1 < len(places) == len(set(last.values())) or list(last.values()) == places:
         return {}
     ends = _by_place(missing, names, places, {place: {word, *_PLACES.get(word, ())} for place, word in last.items()})
