@@ -59,12 +59,19 @@ FAULTS: dict[str, Fault] = {
     "opens through a filter of 2 s": lambda t, x, _: np.where(t > 2400, -50 + 90 * _dies(t - 2400, 2), x),
     "a filter that begins 117 K above": lambda t, x, _: x + 117 * np.exp(-t / 20),
     "a filter that begins 60 K below": lambda t, x, _: x - 60 * np.exp(-t / 12),
+    "goes to 0 slowly and comes back": lambda t, x, _: np.where((t > 900) & (t < 2100), x * _dies(t - 900, 60), x),
+    "goes to 0 slowly for good": lambda t, x, _: np.where(t > 2000, x * _dies(t - 2000, 60), x),
+    "goes to -20 slowly and comes back": lambda t, x, _: np.where(
+        (t > 1500) & (t < 3000), (x + 20) * _dies(t - 1500, 45) - 20, x
+    ),
     "comes loose": lambda t, x, r: np.where(t > 1800, r.normal(25 + 15 * _dies(t - 1800, 100), 0.05), x),
     "jumps by 30 K": lambda t, x, _: np.where(t > 2000, x + 30, x),
     "jumps down by 12 K": lambda t, x, _: np.where(t > 2000, x - 12, x),
     "in degF from the middle on": lambda t, x, _: np.where(t > 1900, 1.8 * x + 32, x),
     "turns at 44 K": lambda _, x, __: np.where(np.round(x * 64) >= 44 * 64, x - 44, x),
     "turns at 40 K": lambda _, x, __: np.where(x >= 40, x - 40, x),
+    "turns at 32 K": lambda _, x, __: np.where(x >= 32, x - 32, x),
+    "turns at 29 and 58 K": lambda _, x, __: x % 29,
     "falls to 25.0 for 20 s": lambda t, x, _: np.where(t % 300 < 20, 25.0, x),
     "rises to 99.5 for 7 s": lambda t, x, _: np.where(t % 200 < 7, 99.5, x),
 }

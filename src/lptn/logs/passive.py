@@ -38,7 +38,9 @@ def off(log: Channels, key: str, values: FloatArray) -> list[Silence]:
         kept[slice(*part.calm(begin, end, cuts))] = True
     out = np.zeros(values.size, dtype=bool)
     out[there[~kept]] = True
-    turn = part.turn(cuts, kept)
+    if turn := part.turn(cuts, kept):  # each leap says how often the counter has turned
+        turns = np.append(0.0, np.cumsum(np.where(cuts == 1, np.round(np.diff(part.readings) / turn), 0.0)))
+        out[there] = turns != turns[np.argmax(kept)]
     return [Silence.at(log.time, "wrap", turn, out)] if turn else _named(log.time, values, out, part.every)
 
 
@@ -100,6 +102,12 @@ class _Part:
             rows = round(window / self.every)
             if 2 <= rows < self.readings.size:
                 self._cut_slow(cuts, window, rows)
+        # A part may begin as cold, and warm up, but goes there at no rate; noise doesn't bring it back.
+        below = self.coldest - _COLDER - self.readings
+        cold, back = below > 0, below <= -self.least
+        gone = cold[np.maximum.accumulate(np.where(cold | back, np.arange(cold.size), 0))]
+        gone &= np.maximum.accumulate(~gone)
+        cuts[gone[1:] & gone[:-1] | (gone[1:] != gone[:-1]) & (cuts == 0)] = 2
         return cuts
 
     def _cut_slow(self, cuts: IntArray, window: float, rows: int) -> None:
