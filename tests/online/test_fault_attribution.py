@@ -67,6 +67,19 @@ def test_a_sensor_that_goes_part_of_the_way_to_the_air_is_no_load(seed: int, mon
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(
+    ("robot", "seed", "mode"),
+    [("leg", 1011, "fitted"), ("leg", 1012, "taught"), ("leg", 1012, "fitted"), ("motor", 1013, "taught")],
+)
+def test_the_rounding_of_a_sensor_that_stands_is_no_fault(robot: str, seed: int, mode: str) -> None:
+    """Steps of 1 K at 10 Hz: rounding was taken for white noise, of which an hour is none, and a load was blamed."""
+    faults = ["healthy", "drift of +0.01 K/s", "current 1.5 times too large"]
+    wrongly, called = blamed(seed, mode, faults, "steps", robot)
+    assert wrongly == {}
+    assert called == {*faults} - {"healthy"}
+
+
+@pytest.mark.slow
 def test_what_a_failed_sensor_reads_is_named() -> None:
     """A share of the air, and a constant, were drifts."""
     said = watched("leg", 3, SENSORS["usual"], ["taught"], list(FAULTS))

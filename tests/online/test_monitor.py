@@ -161,6 +161,21 @@ def test_a_reading_that_stands_still_with_its_node_is_healthy(model: Model, cali
 
 
 @pytest.mark.long
+def test_the_longer_a_coarse_sensor_stands_the_less_each_reading_says(model: Model) -> None:
+    run = log(5)
+    slow, fine = (dict(run.columns) for _ in range(2))
+    for name in ("temperature.a", "temperature.b"):
+        slow[name] = np.round(25 + 0.1 * (run.columns[name] - 25))
+        fine[name] = truth_run(3000.0, noise=0.15, seed=5).columns[name]
+    moving, standing, fine_ones = (
+        np.array(uncalibrated(model, [one], None).noise)
+        for one in (run, replace(run, columns=slow), replace(run, columns=fine, resolution={}))
+    )
+    assert (standing > 1.5 * moving).all()
+    assert (moving >= np.sqrt(1 / 12)).all()
+    assert fine_ones == pytest.approx(0.15, rel=0.1)
+
+
 def test_a_dropout_is_called_after_ten_seconds(model: Model, calibration: Calibration) -> None:
     watched = seen(model, calibration, log(4, lambda since, readings: np.where(since > 0, np.nan, readings)))
     for alarms in (watched.statistical_alarms, watched.threshold_alarms):

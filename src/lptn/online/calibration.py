@@ -37,6 +37,7 @@ from lptn.online.fault_bank import (
     gaussian_estimator,
     warming_by_loads,
 )  # fmt: skip
+from lptn.online.quantisation import LEAST_NOISE
 from lptn.simulate.bound_run import BoundRun, bind
 
 FALSE_ALARMS = 0.01
@@ -97,7 +98,7 @@ def calibrate(
     """
     if not runs or not false_alarms > 0:
         raise ValueError("calibrate: expected one healthy run or more, and a rate of false alarms above 0")
-    noise = tuple(estimate_noise([bind(model, run) for run in runs], model.nodes).floor.tolist())
+    noise = _noise(model, runs)
     some = np.unique(np.linspace(0, len(runs) - 1, min(len(runs), _SEARCH_RUNS)).round().astype(int))
     error = _likeliest(model, noise, [coarsely_bound(model, runs[index], _SEARCH_STEP) for index in some], report)
     weights = list[FloatArray]()
@@ -136,8 +137,28 @@ def uncalibrated(model: Model, runs: Sequence[Run], rmse: float | None) -> Calib
     error = ModelError(size, _FIRST_HEAT_TIME, _FIRST_SIZES["change"], size, 2 * _FIRST_AIR, inputs)
     limits: dict[Kind, float] = dict.fromkeys(KINDS, _UNTRIED)
     limits["lag"] = _LEAST_LIMIT  # of a fault whose course is known, and which explains more than any other
-    noise = tuple(estimate_noise(bound_runs, model.nodes).floor.tolist())
-    return Calibration(nodes=tuple(model.nodes), healthy_hours=0.0, limits=limits, noise=noise, model_error=error)
+    return Calibration(
+        nodes=tuple(model.nodes),
+        healthy_hours=0.0,
+        limits=limits,
+        noise=_noise(model, runs),
+        model_error=error,
+    )
+
+
+def _noise(model: Model, runs: Sequence[Run]) -> tuple[float, ...]:
+    """Noise of each sensor in the detector's steps [K], as if each reading had its own.
+
+    What rounding adds stays as long as the temperature is in one cell, so that all readings of a cell say as much of it
+    as one.
+    """
+    noise = estimate_noise([bind(model, run) for run in runs], model.nodes)
+    readings = [coarsely_bound(model, run, STEP).measured for run in runs]
+    step = noise.step if noise.left is None else noise.left
+    moved = sum(np.nansum(np.abs(np.diff(one, axis=1)), axis=1) for one in readings)  # K
+    count = sum(np.isfinite(one).sum(axis=1) for one in readings)
+    in_a_cell = np.maximum(count * step / np.maximum(np.maximum(moved, step), LEAST_NOISE), 1.0)
+    return tuple(np.hypot(noise.floor, step * np.sqrt((in_a_cell - 1) / 12)).tolist())
 
 
 # --- Limits that healthy logs pass rarely ---------------------------------------------------------
