@@ -251,6 +251,15 @@ def test_a_joint_that_was_warm_has_no_offset(start: float | tuple[float, ...], w
     assert not [issue.sentence for issue in read_log(log)[0].issues]
 
 
+@pytest.mark.parametrize("warm", [30.4, 40.4, 22.5])
+def test_a_computer_that_is_warm_by_itself_has_no_offset(warm: float) -> None:
+    for seed in range(3):
+        noise = np.random.default_rng(seed).normal(0, 0.3, 2700)
+        log = _arm(seed=seed).assign(**{"temperature.pc": 18.0 + warm + noise})
+        (run,) = read_log(log.round({"temperature.pc": 0}))
+        assert "offset" not in {issue.kind for issue in run.issues}
+
+
 def test_a_hot_knee_that_cools_has_no_offset() -> None:
     time, current, true = _knee(start=65.0)
     assert not _read(_log(time, current, np.round(true)))[1]

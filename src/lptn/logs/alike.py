@@ -36,8 +36,11 @@ def without_held_rows(log: Channels) -> tuple[Channels, list[Issue]]:
         if last - first < _HELD_ROWS or time[last] - time[first] < _HELD:
             continue
         beside = np.r_[max(first - _AROUND, 0) : first, last : min(last + _AROUND, alike.size)]
-        moves = [_back_and_forth(x[beside + 1] - x[beside]) for x in measured if x[first] != 0]
-        shares = [(beside.size - count + 1) / (beside.size + 2) for count in moves]
+        moved = (x[beside + 1] - x[beside] for x in measured if x[first] != 0)
+        moves = [x[np.abs(x) > 0] for x in moved]
+        # What is noise turns back in every second move, on average.
+        noise = [min(x.size, 2 * int(np.count_nonzero(x[1:] * x[:-1] < 0))) for x in moves]
+        shares = [(beside.size - count + 1) / (beside.size + 2) for count in noise]
         telling = [share for share in shares if share < 1 - _NEW]
         if len(telling) >= _SEVERAL and (last - first) * np.log(telling).sum() < np.log(_SURE):
             held.append(time[last] - time[first])
@@ -50,12 +53,6 @@ def without_held_rows(log: Channels) -> tuple[Channels, list[Issue]]:
     column, remedy = log.sources["time"].columns[0], "these rows are left out"
     issue = Issue("time", column, problem, remedy, certain=False, kind="held", stretch=(start, stop))
     return log.with_channels({key: np.where(rows, np.nan, x) for key, x in channels.items()}), [issue]
-
-
-def _back_and_forth(moves: FloatArray) -> int:
-    """How many of a channel's moves are noise: on average, every second one turns back."""
-    moves = moves[np.abs(moves) > 0]
-    return min(moves.size, 2 * int(np.count_nonzero(moves[1:] * moves[:-1] < 0)))
 
 
 # --- Channels that say the same -------------------------------------------------------------------

@@ -347,10 +347,7 @@ def _rows(sheet: Any) -> Iterator[list[str]]:
     for number, values in enumerate(sheet.iter_rows(values_only=True), start=1):
         if number > _MOST_ROWS:  # the library fills up to whatever number a row has
             raise ValueError(f"a row beyond {_MOST_ROWS}")
-        yield ["" if value is None else str(_plain(value)).replace("\n", " ").strip() for value in values]
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, datetime.time):
-        value = datetime.datetime.combine(datetime.date.min, value) - datetime.datetime.min
-    return value.total_seconds() if isinstance(value, datetime.timedelta) else value
+        midnight = datetime.datetime.min
+        cells = [midnight.combine(midnight, x) - midnight if isinstance(x, datetime.time) else x for x in values]
+        cells = [x.total_seconds() if isinstance(x, datetime.timedelta) else x for x in cells]
+        yield ["" if x is None else str(x).replace("\n", " ").strip() for x in cells]

@@ -129,11 +129,12 @@ def rest_evidence(log: Channels, warm: Mapping[str, float], *, all_warm: bool) -
     does. Either way no part has heat but by its load and speed. So parts that were warm cool without a load, each from
     where its work had left it; parts at rest stay, and are alike, whatever an offset says. Both fit the law of each
     part with as many coefficients: of logs without an offset at most one in :math:`e^x` has a ratio above x (Markov's
-    inequality). NaN where no part has a law.
+    inequality). NaN where none of these parts has a law: a computer is warm by heat of its own.
     """
     above, evidence = float(np.median(list(warm.values()))), np.nan
     shifted = log.with_channels({key: log.values[key] - above for key in warm})
-    for key in (key for key in log.sensors if log.load_of(place_of(key))):
+    loaded = [key for key in log.sensors if log.load_of(place_of(key))]
+    for key in loaded if not warm.keys().isdisjoint(loaded) else ():
         laws = [warming(told, key, log.load_of(place_of(key))) for told in (log, shifted)]
         off = [law.over(_WINDOW).fitted()[1] for law in laws if law]
         if len(off) == 2:

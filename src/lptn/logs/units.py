@@ -371,7 +371,7 @@ def _suspect_rest(
     if degf:
         problem = f"begins at {start + room:.4g} degC where the surroundings have {room:.4g} degC, {stays}, "
         issues.append(in_unit(key, source, "degF", f"{problem}which looks like degF", certain=False))
-    if byte or not degf:
+    if not degf or (byte and np.isfinite(evidence)):
         what = f"a byte with an offset of {offset:g}" if byte else "an offset, or heat that is not logged"
         problem = f"begins {start:.3g} K above the surroundings{' in whole numbers' * byte}, {stays}: {what}?"
         meant = replace(source, offset=-offset if byte else -float(f"{start:.3g}"))
