@@ -59,6 +59,7 @@ class Connected(Closing):
         with ExitStack() as stack:
             opened = OpenedSystem(path)
             stack.callback(opened.close)
+            stack.enter_context(opened.named())
             self.structure = opened.structure
             files = opened.structure.components
             self.together = not held and all(_serves(file, trust) for file in files.values())

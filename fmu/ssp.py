@@ -7,7 +7,8 @@ import math
 import os
 import tempfile
 import zipfile
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -364,10 +365,27 @@ class OpenedSystem:
                 self._folder = tempfile.TemporaryDirectory(prefix="lptn-ssp-", ignore_cleanup_errors=True)
                 unpack_files(bytes_of(self.path, ARCHIVE, _EXPECTED), self.path, Path(self._folder.name))
                 file = Path(self._folder.name) / _ROOT
-            self.structure = _structure(_read(file, "ssd:SystemStructureDescription"), file, self.path)
+            with self.named():
+                self.structure = _structure(_read(file, "ssd:SystemStructureDescription"), file, self.path)
         except BaseException:
             self.close()
             raise
+
+    @contextmanager
+    def named(self) -> Iterator[None]:
+        """Within it what is wrong with a file that was unpacked is said of the archive, and of the file's place in it.
+
+        Raises:
+            InputError: as it was raised within.
+        """
+        try:
+            yield
+        except InputError as error:
+            folder = None if self._folder is None else self._folder.name
+            if folder is None or not error.file.startswith(folder):
+                raise
+            inside = error.file.removeprefix(folder).lstrip("/\\")
+            raise InputError(self.path, f"{inside}, {error.place}", error.found, error.expected) from error
 
     def close(self) -> None:
         """Remove what was unpacked."""

@@ -13,6 +13,7 @@ from lptn.basics.bounds import Bound
 from lptn.basics.errors import InputError
 from lptn.fmu import export
 from lptn.fmu.archive import Unpacked
+from lptn.fmu.connected import Connected
 from lptn.fmu.ssp import OpenedSystem
 from lptn.model.file import parse_model
 from lptn.robots.presets import presets
@@ -136,6 +137,26 @@ def test_no_source_of_an_archive_leads_out_of_it(source: str, tmp_path: Path) ->
         with pytest.raises(InputError, match="leads out of the archive"):
             OpenedSystem(packed(tmp_path, text))
     OpenedSystem(packed(tmp_path, system("resources/../resources/one.fmu"))).close()
+
+
+@pytest.mark.parametrize(
+    ("text", "place"),
+    [
+        (system("resources"), "resources"),
+        (system("SystemStructure.ssd"), "SystemStructure.ssd"),
+        (system("resources/two.fmu"), "resources/two.fmu"),
+        (system("resources/one.fmu", inside='<ssd:ParameterBindings><ssd:ParameterBinding source="x.ssv"/>'
+                '</ssd:ParameterBindings>'), "x.ssv"),
+        ("<a", "SystemStructure.ssd"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_within_an_archive_is_said_of_it_and_not_of_where_it_was_unpacked(
+    text: str, place: str, tmp_path: Path
+) -> None:
+    path = packed(tmp_path, text)
+    with pytest.raises(InputError) as said:
+        Connected(path, trust=True)
+    assert str(said.value).startswith(f"{path}: {place}, ")
 
 
 @pytest.mark.parametrize("source", ["", "x.fmu%00", "/etc/passwd", "file:///etc/passwd", "http://host/x.fmu"])
