@@ -1,16 +1,13 @@
-"""Task files of `lptn plan`: which planner answers one, what all of them have in common, and where the answer goes.
-
-A kind of task is an object with `read` and `run`, which turn the parsed file into a task and a task into an answer. The
-answer shows itself as a table, a figure, JSON and text.
-"""
+"""Task files of `lptn plan`: which planner answers one, and what all of them have in common."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar, runtime_checkable
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
 import numpy as np
 
@@ -50,34 +47,21 @@ class Answer(Protocol):
         ...
 
 
-class Kind(Protocol[Task]):
-    """One kind of task, chosen by `kind = "..."` in the table `[task]` of the task file."""
+@dataclass(frozen=True)
+class Kind(Generic[Task]):
+    """One kind of task, chosen by `kind = "..."` in the table `[task]` of the task file.
 
-    def read(self, table: Mapping[str, Any], origin: str, model: Model) -> Task:
-        """A task from the whole parsed task file.
+    Args:
+        read: (the whole parsed task file, its name, the model) -> a task; raises `InputError` where something in it
+            can't be used. The name is for messages, and for paths beside it.
+        run: task -> its answer. What can't be met is said in the answer, it is no exception.
+        emit_c: (task, folder) -> the files of its step as C code for a robot, in the order a person reads them; `None`
+            for a kind that has none. The folder is made if missing.
+    """
 
-        Args:
-            table: the parsed TOML document; `table["task"]["kind"]` has chosen this kind.
-            origin: the task file, for messages and for paths beside it.
-            model: the model that the task is about.
-
-        Raises:
-            InputError: something in it can't be used.
-        """
-        ...
-
-    def run(self, task: Task) -> Answer:
-        """Solve a task. What can't be met is said in the answer, it is no exception."""
-        ...
-
-
-@runtime_checkable
-class EmitsC(Protocol):
-    """A kind that can also write its step as C code for a robot (`lptn plan --emit-c DIR`)."""
-
-    def emit_c(self, task: Any, folder: Path) -> list[Path]:
-        """Write the C files into a folder, made if missing; returns the files, in the order a person reads them."""
-        ...
+    read: Callable[[Mapping[str, Any], str, Model], Task]
+    run: Callable[[Task], Answer]
+    emit_c: Callable[[Task, Path], list[Path]] | None = None
 
 
 _WHERE = {
@@ -159,9 +143,6 @@ def conditions_of(given: Mapping[str, float], heat: Heating, asked: FloatArray, 
     return values
 
 
-# --- where the answer goes -----------------------------------------------------------------------
-
-
 def check_folder(folder: Path | None, kind: Kind[Any], origin: str) -> None:
     """Refuse a folder for C code that can't be made, and a kind of task that has no C code.
 
@@ -170,14 +151,9 @@ def check_folder(folder: Path | None, kind: Kind[Any], origin: str) -> None:
     """
     if folder is None:
         return
-    if not isinstance(kind, EmitsC):
+    if kind.emit_c is None:
         raise InputError(origin, "--emit-c", "a kind of task without a controller step", 'kind = "track" or "limit"')
     if folder.exists() and not folder.is_dir():
         raise InputError(folder, "--emit-c", "a file", "a folder")
     if not folder.absolute().parent.is_dir():
         raise InputError(folder, "--emit-c", "no such folder", "a folder in one that exists")
-
-
-def write_c(kind: Kind[Any], task: Any, folder: Path) -> list[Path]:
-    """Write a kind's C code into a folder that `check_folder` has passed; the files that were written."""
-    return list(kind.emit_c(task, folder)) if isinstance(kind, EmitsC) else []

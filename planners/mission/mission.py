@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -40,10 +40,6 @@ class Activity:
     load: Range = (0.0, 0.0)
     posture: Mapping[str, Range] = field(default_factory=dict)
     pieces: int = 1
-
-    @property
-    def travels(self) -> bool:
-        return self.distance is not None
 
     @property
     def chooses_load(self) -> bool:
@@ -112,6 +108,12 @@ class Mission:
     utmost: Mapping[str, float] = field(default_factory=dict)
     transitions: Mapping[tuple[str, str], Transition] = field(default_factory=dict)
     begins: str = ""
+
+    @property
+    def names(self) -> list[str]:
+        """Of the activities, for people: `walk 1`, `stand 1`, `walk 2`."""
+        done = [activity.do for activity in self.activities]
+        return [f"{do} {1 + done[:number].count(do)}" for number, do in enumerate(done)]
 
     @property
     def fastest(self) -> float:
@@ -185,6 +187,45 @@ class MissionSegment:
         return self.carries >= 0
 
 
+class Piece(NamedTuple):
+    """A segment with what was chosen for it: time [s], speed [m/s], load [kg], a value for each posture of its gait."""
+
+    segment: MissionSegment
+    time: float
+    speed: float
+    load: float
+    posture: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """Pieces of a mission one after another.
+
+    Args:
+        segments: the pieces.
+        time: of each [s].
+        speed: in each [m/s].
+        load: in each [kg].
+        posture: in each, a value for each posture of its gait.
+    """
+
+    segments: list[MissionSegment]
+    time: FloatArray
+    speed: FloatArray
+    load: FloatArray
+    posture: list[tuple[float, ...]]
+
+    @property
+    def total(self) -> float:
+        """Time of the whole [s]."""
+        return float(self.time.sum())
+
+    def pieces(self) -> list[Piece]:
+        """The pieces one by one."""
+        numbers = self.time.tolist(), self.speed.tolist(), self.load.tolist()
+        return [Piece(*row) for row in zip(self.segments, *numbers, self.posture, strict=True)]
+
+
 def segments_of(mission: Mission, rests: Collection[int] | None = None) -> list[MissionSegment]:
     """The pieces of a mission in order, with transitions, and the rests that the planner may insert.
 
@@ -195,8 +236,7 @@ def segments_of(mission: Mission, rests: Collection[int] | None = None) -> list[
     """
     segments: list[MissionSegment] = []
     piece = -1
-    for number, activity in enumerate(mission.activities):
-        named = f"{activity.do} {1 + sum(earlier.do == activity.do for earlier in mission.activities[:number])}"
+    for number, (named, activity) in enumerate(zip(mission.names, mission.activities, strict=True)):
         for part in range(activity.pieces):
             piece += 1
             allowed = rests is None or piece in rests
@@ -209,9 +249,10 @@ def segments_of(mission: Mission, rests: Collection[int] | None = None) -> list[
                 segments.append(MissionSegment("rest", -1, mission.rest, 0.0, False, time, still, before=piece))
             name = named if activity.pieces == 1 else f"{named}, part {part + 1} of {activity.pieces}"
             low, high = (limit / activity.pieces for limit in activity.duration)
+            travels = activity.distance is not None
             length = low if activity.distance is None else activity.distance / activity.pieces
             posture = tuple(activity.posture[key] for key in activity.gait.postures)
-            segments.append(MissionSegment(name, number, activity.gait, length, activity.travels, (low, high), posture))
+            segments.append(MissionSegment(name, number, activity.gait, length, travels, (low, high), posture))
     return _with_transitions(mission, segments, free_rests=rests is None)
 
 

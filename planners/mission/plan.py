@@ -10,7 +10,7 @@ import numpy as np
 from lptn.basics.arrays import FloatArray
 from lptn.basics.places import class_of
 
-from .mission import Mission, MissionSegment, segments_of, with_complete_start
+from .mission import Mission, Schedule, segments_of, with_complete_start
 from .program import Goal, MissionProgram, MissionSolution
 from .rests import solved
 from .simulation import Course, simulate_plan
@@ -37,17 +37,12 @@ class PassedLimit:
 
 
 @dataclass(frozen=True, repr=False)
-class MissionPlan:
-    """The answer to a mission.
+class MissionPlan(Schedule):
+    """The answer to a mission: a schedule without rests of no length, and further.
 
     Args:
         mission: what was asked.
         verdict: whether it can be done.
-        segments: the pieces, rests of no length left out.
-        time: of each [s].
-        speed: in each [m/s].
-        load: in each [kg].
-        posture: in each, a value for each posture of its gait.
         share: of each activity that is done.
         course: temperatures along it, from the replay in fine steps.
         coarse: greatest temperature of each limited node as the program has it [degC].
@@ -63,11 +58,6 @@ class MissionPlan:
 
     mission: Mission
     verdict: Verdict
-    segments: list[MissionSegment]
-    time: FloatArray
-    speed: FloatArray
-    load: FloatArray
-    posture: list[tuple[float, ...]]
     share: FloatArray
     course: Course
     coarse: dict[str, float]
@@ -80,11 +70,6 @@ class MissionPlan:
     def __repr__(self) -> str:
         pieces = f"{len(self.segments)} piece{'s' * (len(self.segments) != 1)}"
         return f"<MissionPlan of {self.mission.name}: {self.verdict}, {pieces}, {self.total:.0f} s>"
-
-    @property
-    def total(self) -> float:
-        """Time of the whole [s]."""
-        return float(self.time.sum())
 
     @property
     def late(self) -> float:
@@ -139,7 +124,7 @@ class MissionPlan:
             for segment, activity in zip(segments, activities, strict=True)
         ])  # fmt: skip
         middle = [tuple((low + high) / 2 for low, high in segment.posture) for segment in segments]
-        course = simulate_plan(mission, segments, time, speed, load, middle)
+        course = simulate_plan(mission, Schedule(segments, time, speed, load, middle))
         first: PassedLimit | None = None
         for node, limit in mission.limits.items():
             over = np.flatnonzero(course.states[mission.model.places.index(node)] > limit + _EXACT)
@@ -267,30 +252,29 @@ def _finished(
 def _plan(
     program: MissionProgram, verdict: Verdict, solution: MissionSolution, lowered: float, raised: float | None
 ) -> MissionPlan:
-    mission, kept = program.mission, np.flatnonzero(solution.time > 0.05)  # s; shorter pieces are solver dust
-    segments = [program.segments[k] for k in kept.tolist()]
-    time, speed, load = solution.time[kept], solution.speed[kept], solution.load[kept]
-    posture = [solution.posture[k] for k in kept.tolist()]
-    course = simulate_plan(mission, segments, time, speed, load, posture)
+    kept = np.flatnonzero(solution.time > 0.05)  # s; shorter pieces are solver dust
+    segments, posture = [solution.segments[k] for k in kept], [solution.posture[k] for k in kept]
+    schedule = Schedule(segments, solution.time[kept], solution.speed[kept], solution.load[kept], posture)
+    course = simulate_plan(program.mission, schedule)
     return MissionPlan(
-        mission, verdict, segments, time, speed, load, posture, solution.share, course, program.peaks(solution),
-        lowered, solution.prices, raised, solution.status,
+        **vars(schedule), mission=program.mission, verdict=verdict, share=solution.share, course=course,
+        coarse=program.peaks(solution), lowered=lowered, prices=solution.prices, raise_needed=raised,
+        status=solution.status,
     )  # fmt: skip
 
 
 def _resting(program: MissionProgram, failed: MissionSolution) -> MissionPlan:
     """All drives off until the deadline: the safest plan there is."""
     mission = program.mission
-    rest = next((segment for segment in program.segments if segment.gait is mission.rest), None)
-    segments = [] if rest is None else [rest]
+    segments = [segment for segment in program.segments if segment.gait is mission.rest][:1]
     time = np.full(len(segments), mission.deadline or mission.longest_rest)
     still = np.zeros(len(segments))
-    posture = [tuple(low for low, _ in segment.posture) for segment in segments]
-    course = simulate_plan(mission, segments, time, still, still, posture)
-    share = np.zeros(len(mission.activities))
+    schedule = Schedule(segments, time, still, still, [tuple(low for low, _ in rest.posture) for rest in segments])
     return MissionPlan(
-        mission, "none", segments, time, still, still, posture, share, course, {}, 0.0, {}, None, failed.status
-    )
+        **vars(schedule), mission=mission, verdict="none", share=np.zeros(len(mission.activities)),
+        course=simulate_plan(mission, schedule), coarse={}, lowered=0.0, prices={}, raise_needed=None,
+        status=failed.status,
+    )  # fmt: skip
 
 
 def peaks_of(mission: Mission, course: Course) -> dict[str, float]:

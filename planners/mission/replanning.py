@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from math import ceil
 
@@ -14,7 +14,7 @@ from lptn.basics.errors import InputError
 from lptn.online import Estimator, ModelError
 
 from .gait import REST, Gait
-from .mission import Activity, Mission, MissionSegment
+from .mission import Activity, Mission, Piece, Schedule
 from .plan import MissionPlan, peaks_of, plan_mission
 from .simulation import simulate_plan
 
@@ -126,8 +126,7 @@ class MissionControl:
         self._loads: dict[int, float] = {}  # of what has begun
         self._measured: dict[str, FloatArray] = {}  # by gait: integrals of squares, as measured and by the table
         self._air = mission.ambient
-        self._segments: list[MissionSegment] = []
-        self._pieces: list[tuple[float, float, float, tuple[float, ...]]] = []  # time, speed, load, posture of each
+        self._ahead: list[Piece] = []  # of the plan in force, the present one first
         self._gone = 0.0  # s of the present piece, at its planned speed
         self._doing = mission.begins  # the gait that the robot is in
         self._looked = -np.inf
@@ -146,10 +145,9 @@ class MissionControl:
     def done(self) -> dict[str, float]:
         """Share of each activity that is done; of what stays, of its least time."""
         shares = {}
-        for number, activity in enumerate(self.mission.activities):
+        for name, activity, left in zip(self.mission.names, self.mission.activities, self._left, strict=True):
             whole = activity.distance or activity.duration[0]
-            named = f"{activity.do} {1 + sum(a.do == activity.do for a in self.mission.activities[:number])}"
-            shares[named] = 1 - max(self._left[number], 0.0) / whole if whole else 1.0
+            shares[name] = 1 - max(left, 0.0) / whole if whole else 1.0
         return shares
 
     @property
@@ -175,82 +173,78 @@ class MissionControl:
         self.clock += dt
         air = [inputs[name] for name in self.mission.model.inputs if name.startswith("temperature.") and name in inputs]
         self._air = max(air, default=self._air)
-        if dt > 0 and self._segments:
+        if dt > 0 and self._ahead:
             self._advance(inputs, dt, moved)
-        if self.mission.gives_up == "distance" and self.clock >= (self.mission.deadline or np.inf):
+        mission, limits = self.mission, self.mission.limits
+        if mission.gives_up == "distance" and self.clock >= (mission.deadline or np.inf):
             self._first = len(self._left)
-            del self._segments[:], self._pieces[:]
-        ended = not self._segments and (not self.replanned or self.plan.verdict != "none")
-        # Halfway down is no place to change the plan.
-        on_the_way = bool(self._segments) and self._segments[0].is_transition
-        limits = self.mission.limits
+            self._ahead.clear()
+        now = self._ahead[0].segment if self._ahead else None
         too_hot = any(estimate.temperature(node)[0] > limit for node, limit in limits.items())
-        works = bool(self._segments) and self._segments[0].gait.name != REST
-        time_to_look = self.clock >= self._looked + self._period or (works and too_hot)
-        due = ended or (time_to_look and not on_the_way)
+        works = now is not None and now.gait.name != REST
+        due = self.clock >= self._looked + self._period or (works and too_hot)
+        if now is None:
+            due |= not self.replanned or self.plan.verdict != "none"
+        elif now.is_transition:
+            due = False  # halfway down is no place to change the plan
         if due and self._first < len(self._left):
             self._look(inputs)
             self._looked = self.clock
         if self._first >= len(self._left):
             return Order("finished", "rest", finished=True)
-        return self._order()
+        if not self._ahead:
+            return Order("rest", "rest", seconds=self._period)
+        piece, onto = self._ahead[0], None
+        seconds = max(piece.time - self._gone, 0.0)
+        if piece.segment.is_transition and len(self._ahead) > 1:
+            onto = self._ahead[1]
+        gait = (onto or piece).segment.gait
+        posture = dict(zip(gait.postures, (onto or piece).posture, strict=True))
+        speed = 0.0 if onto else piece.speed
+        return Order(piece.segment.name, gait.name, speed, (onto or piece).load, posture, seconds)
 
     # --- how far it is ------------------------------------------------------------------------
 
     def _advance(self, inputs: Mapping[str, float], dt: float, moved: float | None) -> None:
         """Count what was done. What a plan leaves out is over when the plan goes on to something else, or ends."""
-        segment, (time, speed, load, posture) = self._segments[0], self._pieces[0]
+        segment, time, speed, load, posture = self._ahead[0]
         done = dt if not segment.travels or moved is None else moved / speed
         self._gone += done
         if not segment.is_transition:
             self._doing = segment.gait.name
-        self._learn(segment.gait.name, speed, load, posture, inputs, dt)
+        # What the gait's inputs are, beside what its table says.
+        table = _gaits_of(self.mission)[segment.gait.name].at(speed, load, posture)
+        sums = self._measured.setdefault(segment.gait.name, np.zeros((2, table.size)))
+        measured = np.array([inputs.get(column, np.nan) for column in self.mission.model.inputs])
+        finite = np.isfinite(measured)
+        sums[:, finite] += dt * np.stack([measured, table])[:, finite] ** 2
         if segment.activity >= 0:
             self._left[segment.activity] -= done * speed if segment.travels else dt
             self._spent[segment.activity] += dt
             self._loads[segment.activity] = load
         if self._gone >= time - _FEWEST / 2:
             self._gone = max(self._gone - time, 0.0)
-            del self._segments[0], self._pieces[0]
+            del self._ahead[0]
             if segment.activity >= 0:
-                later = [following.activity for following in self._segments if following.activity >= 0]
+                later = [piece.segment.activity for piece in self._ahead if piece.segment.activity >= 0]
                 self._first = later[0] if later else len(self._left)
         while self._first < len(self._left) and self._is_over(self._first):
             self._first += 1
-        while self._segments and 0 <= self._segments[0].activity < self._first:
+        while self._ahead and 0 <= self._ahead[0].segment.activity < self._first:
             self._gone = 0.0
-            del self._segments[0], self._pieces[0]
+            del self._ahead[0]
 
-    def _learn(
-        self, name: str, speed: float, load: float, posture: Sequence[float], inputs: Mapping[str, float], dt: float
-    ) -> None:
-        table = _gaits_of(self.mission)[name].at(speed, load, posture)
-        sums = self._measured.setdefault(name, np.zeros((2, table.size)))
-        measured = np.array([inputs.get(column, np.nan) for column in self.mission.model.inputs])
-        finite = np.isfinite(measured)
-        sums[0, finite] += dt * measured[finite] ** 2
-        sums[1, finite] += dt * table[finite] ** 2
-
-    def _corrected(self) -> dict[str, Gait]:
-        """By name what the mission's tables prescribe, with inputs as large as they were measured to be."""
-        trusted = 60.0  # s for which a gait's table counts against what is measured
-        gaits = _gaits_of(self.mission)
-        # No gait prescribes temperatures or the base's speed.
-        prescribed = [not column.startswith(("temperature.", "speed.")) for column in self.mission.model.inputs]
-        for name, (measured, table) in self._measured.items():
-            cells = gaits[name].cells
-            typical = trusted * (cells**2).reshape(-1, cells.shape[-1]).mean(axis=0)
-            corrected = (typical > 0) & prescribed
-            factor = np.ones(typical.size)
-            factor[corrected] = np.sqrt((measured + typical)[corrected] / (table + typical)[corrected])
-            gaits[name] = replace(gaits[name], cells=cells * factor)
-        return gaits
+    def _is_over(self, number: int) -> bool:
+        activity, left = self.mission.activities[number], self._left[number]
+        if activity.distance is not None:
+            return left <= _FEWEST * activity.speed[0]
+        return left <= _FEWEST and activity.duration[1] - self._spent[number] <= _FEWEST
 
     # --- what is left -------------------------------------------------------------------------
 
     def remaining(self) -> Mission:
         """What is left as a mission of its own, from the estimate, with what was learnt."""
-        mission, estimator, gaits = self.mission, self.estimator, self._corrected()
+        mission, estimator, gaits = self.mission, self.estimator, self._corrected_gaits()
         activities = tuple(
             self._rest_of(number, gaits) for number in range(self._first, len(self._left)) if not self._is_over(number)
         )
@@ -275,16 +269,24 @@ class MissionControl:
             begins=self._doing,
         )
 
-    def _is_over(self, number: int) -> bool:
-        activity, left = self.mission.activities[number], self._left[number]
-        if activity.distance is not None:
-            return left <= _FEWEST * activity.speed[0]
-        return left <= _FEWEST and activity.duration[1] - self._spent[number] <= _FEWEST
+    def _corrected_gaits(self) -> dict[str, Gait]:
+        """By name what the mission's tables prescribe, with inputs as large as they were measured to be."""
+        trusted = 60.0  # s for which a gait's table counts against what is measured
+        gaits = _gaits_of(self.mission)
+        # No gait prescribes temperatures or the base's speed.
+        prescribed = [not column.startswith(("temperature.", "speed.")) for column in self.mission.model.inputs]
+        for name, (measured, table) in self._measured.items():
+            cells = gaits[name].cells
+            typical = trusted * (cells**2).reshape(-1, cells.shape[-1]).mean(axis=0)
+            corrected = (typical > 0) & prescribed
+            factor = np.ones(typical.size)
+            factor[corrected] = np.sqrt((measured + typical)[corrected] / (table + typical)[corrected])
+            gaits[name] = replace(gaits[name], cells=cells * factor)
+        return gaits
 
     def _rest_of(self, number: int, gaits: Mapping[str, Gait]) -> Activity:
         activity, left = self.mission.activities[number], self._left[number]
-        begun = number in self._loads
-        load = (self._loads[number],) * 2 if begun else activity.load
+        load = (self._loads[number],) * 2 if number in self._loads else activity.load
         now = replace(activity, gait=gaits[activity.gait.name], load=load)
         if activity.distance is not None:
             pieces = max(1, ceil(activity.pieces * left / activity.distance))
@@ -296,74 +298,52 @@ class MissionControl:
 
     def _look(self, inputs: Mapping[str, float]) -> None:
         """Plan what is left anew where the plan in force would pass a limit, or is held up by none any more."""
-        self._margins = self._margins_now(inputs)
+        # What the temperatures may be off by a period from now [K], at most half the way from the air to a limit: a
+        # greater margin would forbid what teaches the model.
+        deviations, places = self.estimator.deviations_ahead(inputs, self._period), self.mission.model.places
+        self._margins = {
+            node: min(self._sure * float(deviations[places.index(node)]), 0.5 * max(limit - self._air, 0.0))
+            for node, limit in self.mission.limits.items()
+        }
         left = self.remaining()
         why = self._reason(left)
-        if why:
-            self._adopt(plan_mission(left, explain=not self.replanned), why)
+        if not why:
+            return
+        plan = plan_mission(left, explain=not self.replanned)
+        self._gone = 0.0
+        self.replanned.append(Replanned(self.clock, why, plan, self.clock + plan.total))
+        # Its activities are numbered as in what was left, here as in the whole mission.
+        undone = [number for number in range(self._first, len(self._left)) if not self._is_over(number)]
+        self._ahead = plan.pieces()
+        for k, piece in enumerate(self._ahead):
+            if piece.segment.activity >= 0:
+                number = undone[piece.segment.activity]
+                self._ahead[k] = piece._replace(
+                    segment=replace(piece.segment, activity=number, name=self.mission.names[number])
+                )
+        if not self._ahead and plan.verdict != "none":
+            self._first = len(self._left)  # too little is left, or there is no time for it
 
     def _reason(self, left: Mission) -> str:
         """Why the plan in force does not do for what is left, in words; nothing where it does."""
         if not self.replanned:
             return "the start"
-        if not self._segments or self.plan.verdict == "none":
+        if not self._ahead or self.plan.verdict == "none":
             return "the plan had come to its end"
-        peaks = self._peaks_ahead(left)
+        gaits, (segments, time, speed, load, posture) = _gaits_of(left), zip(*self._ahead, strict=True)
+        now = [replace(segment, gait=gaits.get(segment.gait.name, segment.gait)) for segment in segments]
+        times = np.array(time)
+        times[0] = max(times[0] - self._gone, _FEWEST)
+        course = simulate_plan(left, Schedule(now, times, np.array(speed), np.array(load), list(posture)))
+        peaks = peaks_of(left, course)
         nearest = min(peaks, key=lambda node: left.limits[node] - peaks[node])
         spare = left.limits[nearest] - peaks[nearest]
         said = f"{nearest} would get to {peaks[nearest]:.1f} degC, {abs(spare):.1f} K"
         its = f"its limit of {self.mission.limits[nearest]:g} degC less a margin of {self._margins[nearest]:.1f} K"
         if spare < -self._apart:
             return f"{said} above {its}"
-        seconds = sum(time for time, *_ in self._pieces) - self._gone
-        slower = seconds > left.fastest + _FEWEST or self.plan.verdict == "cut"
+        slower = sum(time) - self._gone > left.fastest + _FEWEST or self.plan.verdict == "cut"
         return f"{said} below {its}" if spare > self._apart and slower else ""
-
-    def _margins_now(self, inputs: Mapping[str, float]) -> dict[str, float]:
-        """What the temperatures may be off by a period from now, by node [K].
-
-        At most half the way from the air to a limit: a greater margin would forbid what teaches the model.
-        """
-        deviations = self.estimator.deviations_ahead(inputs, self._period)
-        places, air = self.mission.model.places, self._air
-        return {
-            node: min(self._sure * float(deviations[places.index(node)]), 0.5 * max(limit - air, 0.0))
-            for node, limit in self.mission.limits.items()
-        }
-
-    def _peaks_ahead(self, left: Mission) -> dict[str, float]:
-        """Peaks of the limited nodes if the plan in force goes on [degC]."""
-        gaits = _gaits_of(left)
-        segments = [replace(segment, gait=gaits.get(segment.gait.name, segment.gait)) for segment in self._segments]
-        time, speed, load, posture = zip(*self._pieces, strict=True)
-        times = np.array(time)
-        times[0] = max(times[0] - self._gone, _FEWEST)
-        return peaks_of(left, simulate_plan(left, segments, times, np.array(speed), np.array(load), posture))
-
-    def _adopt(self, plan: MissionPlan, why: str) -> None:
-        self._segments = [self._renumbered(segment) for segment in plan.segments]
-        self._pieces = list(zip(plan.time.tolist(), plan.speed.tolist(), plan.load.tolist(), plan.posture, strict=True))
-        self._gone = 0.0
-        self.replanned.append(Replanned(self.clock, why, plan, self.clock + plan.total))
-        if not self._segments and plan.verdict != "none":
-            self._first = len(self._left)  # too little is left, or there is no time for it
-
-    def _renumbered(self, segment: MissionSegment) -> MissionSegment:
-        """A piece of what was left, with the number of its activity in the whole mission."""
-        if segment.activity < 0:
-            return segment
-        open_ones = [number for number in range(self._first, len(self._left)) if not self._is_over(number)]
-        number = open_ones[segment.activity]
-        return replace(segment, activity=number, name=list(self.done)[number])
-
-    def _order(self) -> Order:
-        if not self._segments:
-            return Order("rest", "rest", seconds=self._period)
-        name, left = self._segments[0].name, max(self._pieces[0][0] - self._gone, 0.0)
-        onto = int(self._segments[0].is_transition and len(self._segments) > 1)
-        segment, (_, speed, load, posture) = self._segments[onto], self._pieces[onto]
-        named = dict(zip(segment.gait.postures, posture, strict=True))
-        return Order(name, segment.gait.name, 0.0 if onto else speed, load, named, left)
 
     def text(self) -> str:
         """How it went so far, a line for each plan."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil
 
@@ -12,7 +11,7 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.bounds import Bound
 from lptn.simulate.dynamics import fastest_rate
 
-from .mission import Mission, MissionSegment, first_rest
+from .mission import Mission, Schedule, first_rest
 
 _BLOCK = 32  # steps that one call takes
 _STEPS = Bound(500_000, "steps")  # of a plan: a day by a part of 0.4 s; a mission with so many takes half a minute
@@ -37,36 +36,12 @@ class Course:
     settled: int
 
 
-def inputs_of(
-    mission: Mission, segment: MissionSegment, speed: float, load: float, posture: Sequence[float] = ()
-) -> FloatArray:
-    """The model's inputs in a segment, shape (inputs,)."""
-    inputs = segment.gait.at(speed, load, posture)
-    for row, column in enumerate(mission.model.inputs):
-        if column.startswith("temperature."):
-            inputs[row] = mission.ambient
-        elif column == "speed.base":
-            inputs[row] = speed
-    return inputs
-
-
-def simulate_plan(
-    mission: Mission,
-    segments: Sequence[MissionSegment],
-    time: FloatArray,
-    speed: FloatArray,
-    load: FloatArray,
-    posture: Sequence[Sequence[float]] | None = None,
-) -> Course:
+def simulate_plan(mission: Mission, schedule: Schedule) -> Course:
     """Simulate a plan.
 
     Args:
         mission: model, start, ambient.
-        segments: the pieces.
-        time: of each [s].
-        speed: of each [m/s].
-        load: of each [kg].
-        posture: of each, a value for each posture of its gait.
+        schedule: the pieces.
 
     Raises:
         InputError: the model is so fast that the plan would take too many steps.
@@ -75,16 +50,18 @@ def simulate_plan(
     run = model.run(_BLOCK)
     clock, states, ends = [0.0], [mission.start[:, None]], []
     count = 0
-    postures = posture or [()] * len(segments)
-    for segment, duration, v, m, q in zip(
-        segments, time.tolist(), speed.tolist(), load.tolist(), postures, strict=True
-    ):
-        u = inputs_of(mission, segment, v, m, q)
+    for segment, duration, speed, load, posture in schedule.pieces():
+        u = segment.gait.at(speed, load, posture)
+        for row, column in enumerate(model.inputs):
+            if column.startswith("temperature."):
+                u[row] = mission.ambient
+            elif column == "speed.base":
+                u[row] = speed
         # A Runge-Kutta step that is half of the fastest time constant is exact to 1e-4.
         fastest = max(fastest_rate(model, states[-1][:, -1], u, values), 1e-12)
         step = min(1.0, 0.5 / fastest)  # s
         blocks = max(1, ceil(duration / (_BLOCK * step)))
-        why = f"a time constant of {step / 0.5:.2g} s in a plan of {time.sum():.4g} s"
+        why = f"a time constant of {step / 0.5:.2g} s in a plan of {schedule.total:.4g} s"
         _STEPS.check(count + blocks * _BLOCK, model.network.origin, why)
         h = duration / (_BLOCK * blocks)
         begin = clock[-1]
@@ -94,6 +71,6 @@ def simulate_plan(
             clock += (begin + h * (block * _BLOCK + np.arange(1, _BLOCK + 1))).tolist()
         count += blocks * _BLOCK
         ends.append(count)
-    leading = first_rest(mission, list(segments))
+    leading = first_rest(mission, schedule.segments)
     settled = ends[min(leading, len(ends) - 1)] if ends else 0
     return Course(np.array(clock), np.hstack(states), ends, ends[leading - 1] if leading else 0, settled)

@@ -33,7 +33,7 @@ def plan(
     from lptn.cli.terminal import progress, write_json
     from lptn.model.file import read_model_file
     from lptn.model.model import Model
-    from lptn.planners.tasks import check_folder, kind_of, load_task, write_c
+    from lptn.planners.tasks import check_folder, kind_of, load_task
 
     check_outputs(output, json, plot, report, inputs=(model, task))
     if output is not None:
@@ -56,6 +56,6 @@ def plan(
 
         write_whole(report, plan_html(answer, f"{model.stem}: {task.stem}"))
     write_json(json, answer.as_json())
-    if emit_c is not None:
-        for path in write_c(kind, asked, emit_c):
+    if emit_c is not None and kind.emit_c is not None:
+        for path in kind.emit_c(asked, emit_c):
             print(f"wrote {path}")
