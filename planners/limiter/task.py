@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import inf, isinf
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -16,8 +15,8 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.toml import Strict
 from lptn.model.model import Model
 
-from ..heating import Request, requested_by
-from ..tasks import conditions_of, mistakes_with_line, start_of
+from ..heating import Request
+from ..tasks import Kind, conditions_of, mistakes_with_line, start_of
 from ..values import ByPlace, Celsius, Positive, by_place
 from .emit import emit
 from .limiter import Limiter
@@ -150,35 +149,28 @@ class LimitAnswer:
         return "\n".join(lines)
 
 
-class LimitKind:
-    """`kind = "limit"`."""
+def _read(table: Mapping[str, Any], origin: str, model: Model) -> LimitTask:
+    """A task from the whole parsed task file.
 
-    def read(self, table: Mapping[str, Any], origin: str, model: Model) -> LimitTask:
-        """A task from the whole parsed task file.
+    Raises:
+        InputError: something in it can't be used.
+    """
+    with mistakes_with_line(origin):
+        file = LimitFile.model_validate(dict(table))
+        by_place(file.limits, model.places, origin, "limits")
+        limiter = Limiter(model, file.limits, request=file.task.request, current_limits=file.current_limits or inf,
+                          horizons=(*sorted(set(file.task.horizons)), inf))  # fmt: skip
+        levels = by_place(file.load, limiter.joints, origin, "load")
+        load = np.array([levels.get(joint, 0.0) for joint in limiter.joints])
+        around = conditions_of(file.conditions, limiter.heating, load, origin)
+        return LimitTask(limiter, file.task.name, start_of(file.start, model, origin), load, around)
 
-        Raises:
-            InputError: something in it can't be used.
-        """
-        with mistakes_with_line(origin):
-            file = LimitFile.model_validate(dict(table))
-            by_place(file.limits, model.places, origin, "limits")
-            request = file.task.request or requested_by(model)
-            limiter = Limiter(model, file.limits, request=request, horizons=(*sorted(set(file.task.horizons)), inf),
-                              current_limits=file.current_limits or inf)  # fmt: skip
-            levels = by_place(file.load, limiter.joints, origin, "load")
-            load = np.array([levels.get(joint, 0.0) for joint in limiter.joints])
-            around = conditions_of(file.conditions, limiter.heating, load, origin)
-            return LimitTask(limiter, file.task.name, start_of(file.start, model, origin), load, around)
 
-    def run(self, task: LimitTask) -> LimitAnswer:
-        """The admissible values now."""
-        limiter = task.limiter
-        scales = [limiter.largest_scale(task.x, task.load, seconds, task.conditions) for seconds in limiter.horizons]
-        return LimitAnswer(task, limiter.admissible(task.x, task.load, task.conditions), np.array(scales))
-
-    def emit_c(self, task: LimitTask, folder: Path) -> list[Path]:
-        """The limiter as C."""
-        return emit(task.limiter, folder, task.x, task.load, task.conditions)
+def _run(task: LimitTask) -> LimitAnswer:
+    """The admissible values now."""
+    limiter = task.limiter
+    scales = [limiter.largest_scale(task.x, task.load, seconds, task.conditions) for seconds in limiter.horizons]
+    return LimitAnswer(task, limiter.admissible(task.x, task.load, task.conditions), np.array(scales))
 
 
 def _named(seconds: float) -> str:
@@ -189,4 +181,4 @@ def _short(value: float) -> str:
     return "no limit" if isinf(value) or value > _NO_LIMIT else f"{value:.3g}"
 
 
-plan_kind = LimitKind()
+plan_kind = Kind(_read, _run, lambda task, folder: emit(task.limiter, folder, task.x, task.load, task.conditions))

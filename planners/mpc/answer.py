@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from math import inf
 from pathlib import Path
@@ -13,9 +12,8 @@ import numpy as np
 import pandas as pd
 
 from lptn.basics.arrays import FloatArray
-from lptn.model.model import Model
 
-from ..heating import heating
+from ..tasks import Kind
 from .controller import TorqueMPC
 from .reference import ReferenceProgram
 from .settings import settle
@@ -34,7 +32,6 @@ class TrackAnswer:
         admitted: RMS values, shape (steps, joints).
         temperatures: of the states at the n + 1 ends of the steps [degC], shape (states, steps + 1).
         limits: degC by node, the margin not taken off.
-        slack: by how much each limit is passed at the end of each step [K], shape (steps, limited nodes).
         cost: 0 for all that was asked, 1 for nothing.
         solver: which found it.
         given_up: in words.
@@ -44,15 +41,15 @@ class TrackAnswer:
     admitted: FloatArray
     temperatures: FloatArray
     limits: dict[str, float]
-    slack: FloatArray
     cost: float
     solver: str
     given_up: tuple[str, ...]
 
     @property
-    def joints(self) -> tuple[str, ...]:
-        """Names, in order."""
-        return heating(self.task.model, self.task.request).joints
+    def slack(self) -> FloatArray:
+        """By how much each limit is passed at the end of each step [K], shape (steps, limited nodes)."""
+        rows = [self.task.heating.model.places.index(node) for node in self.limits]
+        return np.asarray(np.maximum(self.temperatures[rows, 1:].T - np.array(list(self.limits.values())), 0.0))
 
     @property
     def shares(self) -> FloatArray:
@@ -63,126 +60,160 @@ class TrackAnswer:
 
     def table(self) -> pd.DataFrame:
         """A row a step: what was asked, what is admitted, temperatures at its end, slack."""
-        task, model = self.task, self.task.model
-        unit = heating(model, task.request).unit
+        task, heat, slack = self.task, self.task.heating, self.slack
         columns: dict[str, object] = {"time [s]": task.period * np.arange(len(task.asked))}
-        for number, joint in enumerate(self.joints):
-            columns[f"requested.{joint} [{unit}]"] = task.asked[:, number]
-            columns[f"{task.request}.{joint} [{unit}]"] = self.admitted[:, number]
-        for number, node in enumerate(model.places):
+        for number, joint in enumerate(heat.joints):
+            columns[f"requested.{joint} [{heat.unit}]"] = task.asked[:, number]
+            columns[f"{heat.request}.{joint} [{heat.unit}]"] = self.admitted[:, number]
+        for number, node in enumerate(heat.model.places):
             columns[f"temperature.{node} [degC]"] = self.temperatures[number, 1:]
         for number, node in enumerate(self.limits):
-            columns[f"slack.{node} [K]"] = self.slack[:, number]
+            columns[f"slack.{node} [K]"] = slack[:, number]
         return pd.DataFrame(columns)
 
     def figure(self) -> Figure:
-        """Asked and admitted values, temperatures with their limits, slack."""
-        from .figure import track_figure
+        """For each joint its request and what is admitted above, its temperature with its limit below.
 
-        return track_figure(self.task, self.joints, self.admitted, self.temperatures, self.limits)
+        Drawn are the twelve joints that get the smallest share.
+        """
+        from matplotlib.lines import Line2D
+
+        from lptn.basics.style import (
+            BEST,
+            GIVEN,
+            INK,
+            LIMIT,
+            MEASURED,
+            SMALL,
+            TEXT,
+            dress,
+            new_figure,
+            plain,
+            time_axis,
+        )
+
+        task, heat, limits = self.task, self.task.heating, self.limits
+        shares = np.nan_to_num(self.shares, nan=1.0)
+        chosen = sorted(int(number) for number in np.argsort(shares, kind="stable")[:12])
+        columns, rows = min(3, len(chosen)), -(-len(chosen) // 3)
+        figure = new_figure(2.8 * rows + 0.5)
+        axes = figure.subplots(2 * rows, columns, squeeze=False, sharex=True, sharey=False)
+        ends, label = time_axis(np.arange(len(task.asked) + 1, dtype=float) * task.period)
+        temperatures = dict(zip(heat.model.places, self.temperatures, strict=False))
+        for ax in axes.ravel():
+            ax.set_visible(False)
+        for place, number in enumerate(chosen):
+            row, column = divmod(place, columns)
+            upper, lower = axes[2 * row, column], axes[2 * row + 1, column]
+            joint = heat.joints[number]
+            upper.set_visible(True)
+            upper.stairs(np.abs(task.asked[:, number]), ends, baseline=None, color=INK, linewidth=MEASURED["linewidth"])
+            upper.stairs(np.abs(self.admitted[:, number]), ends, baseline=None, color=BEST["color"], linewidth=1.8)
+            upper.set_ylim(bottom=0)
+            upper.set_title(plain(joint), size=TEXT, loc="left", pad=3)
+            if joint in temperatures:
+                lower.set_visible(True)
+                lower.plot(ends, temperatures[joint], **GIVEN)
+                lower.margins(y=0.12)
+            if joint in temperatures and joint in limits:
+                over = np.maximum(temperatures[joint], limits[joint])
+                lower.axhline(limits[joint], color=LIMIT, linewidth=1.2)
+                lower.fill_between(ends, limits[joint], over, color=LIMIT, alpha=0.35, linewidth=0)
+            if column == 0:
+                upper.set_ylabel(f"{heat.request} [{heat.unit.replace('*', '·')}]", size=SMALL)
+                lower.set_ylabel("temp. [°C]", size=SMALL)
+            if place + columns >= len(chosen):
+                lower.set_xlabel(label, size=SMALL)
+                lower.tick_params(labelbottom=True)
+            dress(upper)
+            dress(lower)
+        handles = [
+            Line2D([], [], color=INK, linewidth=0.8, label="requested"),
+            Line2D([], [], color=BEST["color"], linewidth=1.8, label="admitted"),
+            Line2D([], [], label="temperature", **GIVEN),
+            Line2D([], [], color=LIMIT, linewidth=1.2, label="limit"),
+        ]
+        if any(temperatures[node][1:].max() > limit for node, limit in limits.items()):
+            handles.append(Line2D([], [], color=LIMIT, alpha=0.35, linewidth=6, label="slack"))
+        figure.legend(handles=handles, loc="outside upper center", ncols=5, fontsize=SMALL, frameon=False)
+        return figure
 
     def as_json(self) -> dict[str, object]:
         """The plan by joint and node, in SI and degC."""
-        task = self.task
-        nodes = {
-            node: {"limit": limit, "hottest": float(self.temperatures[task.model.places.index(node)].max()),
-                   "slack": float(self.slack[:, number].max())}
-            for number, (node, limit) in enumerate(self.limits.items())
-        }  # fmt: skip
+        task, heat = self.task, self.task.heating
+        hottest = dict(zip(heat.model.places, self.temperatures.max(axis=1).tolist(), strict=False))
+        slack = dict(zip(self.limits, self.slack.max(axis=0).tolist(), strict=True))
         return {
             "kind": "track",
-            "name": task.name,
-            "request": task.request,
+            "name": task.file.task.name,
+            "request": heat.request,
             "period": task.period,
             "cost": self.cost,
             "solver": self.solver,
             "given_up": list(self.given_up),
             "joints": {
-                joint: {"share": float(self.shares[number]), "requested": task.asked[:, number].tolist(),
-                        "admitted": self.admitted[:, number].tolist()}
-                for number, joint in enumerate(self.joints)
+                joint: {"share": share, "requested": asked, "admitted": admitted}
+                for joint, share, asked, admitted in zip(
+                    heat.joints, self.shares.tolist(), task.asked.T.tolist(), self.admitted.T.tolist(), strict=True
+                )
             },
-            "nodes": nodes,
-        }  # fmt: skip
+            "nodes": {
+                node: {"limit": limit, "hottest": hottest[node], "slack": slack[node]}
+                for node, limit in self.limits.items()
+            },
+        }
 
     def text(self) -> str:
         """What was given up, what each joint gets, what limits it."""
+        task, nodes, unit = self.task, self.task.heating.model.nodes, self.task.heating.unit
         lines = [f"Given up: {sentence}." for sentence in self.given_up]
         lines += [f"{'joint':16} {'share admitted':>14} {'least':>9} {'hottest':>10} {'limit':>7}"]
-        hottest = self.temperatures.max(axis=1)
-        unit = heating(self.task.model, self.task.request).unit
-        for number, joint in enumerate(self.joints):
-            node = self.task.model.nodes.index(joint) if joint in self.task.model.nodes else None
-            share = f"{self.shares[number]:14.1%}" if np.isfinite(self.shares[number]) else f"{'-':>14}"
-            least = np.abs(self.admitted[:, number]).min()
-            warm = "" if node is None else f" {hottest[node]:7.1f} °C {self.limits.get(joint, inf):7.5g}"
-            lines.append(f"{joint:16} {share} {least:5.3g} {unit}{warm}".replace(" inf", "   -"))
-        lines.append(f"Over {self.task.duration:g} s in steps of {self.task.period:g} s; {self.solver}.")
+        hottest, least = self.temperatures.max(axis=1), np.abs(self.admitted).min(axis=0)
+        for joint, part, smallest in zip(task.heating.joints, self.shares, least, strict=True):
+            share = f"{part:14.1%}" if np.isfinite(part) else f"{'-':>14}"
+            warm = ""
+            if joint in nodes:
+                warm = f" {hottest[nodes.index(joint)]:7.1f} °C {self.limits.get(joint, inf):7.5g}"
+            lines.append(f"{joint:16} {share} {smallest:5.3g} {unit}{warm}".replace(" inf", "   -"))
+        steps = len(task.asked)
+        lines.append(f"Over {task.period * steps:g} s in steps of {task.period:g} s; {self.solver}.")
         return "\n".join(lines)
 
 
-class TrackKind:
-    """`kind = "track"`."""
-
-    def read(self, table: Mapping[str, Any], origin: str, model: Model) -> TrackTask:
-        """A task from the whole parsed task file.
-
-        Raises:
-            InputError: something in it can't be used.
-        """
-        return read_task(table, origin, model)
-
-    def run(self, task: TrackTask) -> TrackAnswer:
-        """The optimum over the whole task, a stage for each period; by IPOPT where the C solver can't be had."""
-        settings = task.settings | {"horizon": task.duration, "stages": len(task.asked)}
-        try:
-            mpc = TorqueMPC(task.model, task.file.limits, **settings, model_error=0.0, level=0.5)
-        except (OSError, CalledProcessError):
-            return _by_ipopt(task, settings, "there is no C compiler")
-        plan = mpc.step(task.start[: len(task.model.nodes)], task.asked, task.conditions)
-        if not plan.converged:
-            return _by_ipopt(task, settings, "the C solver did not converge")
-        solver = "the full request stays cool" if plan.full else f"interior point in C, {plan.iterations} iterations"
-        return _answer(task, plan.currents, plan.temperatures, mpc.settings.limits, plan.cost, solver, plan.given_up)
-
-    def emit_c(self, task: TrackTask, folder: Path) -> list[Path]:
-        """The controller of the table `[controller]` as C, with a `main.c` that runs it."""
-        table = task.file.controller
-        mpc = TorqueMPC(task.model, task.file.limits, **task.settings, horizon=table.horizon, stages=table.stages,
-                        noise=table.noise, resolution=table.resolution, level=table.level,
-                        model_error=table.model_error, lost_sensor=table.lost_sensor)  # fmt: skip
-        return mpc.emit(folder, task.start, task.asked, task.conditions)
+def _track(task: TrackTask) -> TrackAnswer:
+    """The optimum over the whole task, a stage for each period; by IPOPT where the C solver can't be had."""
+    heat, steps = task.heating, len(task.asked)
+    settings = task.settings | {"horizon": task.period * steps, "stages": steps, "model_error": 0.0, "level": 0.5}
+    try:
+        mpc = TorqueMPC(heat.model, task.file.limits, request=heat.request, **settings)
+    except (OSError, CalledProcessError):
+        return _by_ipopt(task, settings, "there is no C compiler")
+    plan = mpc.step(task.start[: len(heat.model.nodes)], task.asked, task.conditions)
+    if not plan.converged:
+        return _by_ipopt(task, settings, "the C solver did not converge")
+    solver = "the full request stays cool" if plan.full else f"interior point in C, {plan.iterations} iterations"
+    return TrackAnswer(task, plan.currents, plan.temperatures, mpc.settings.limits, plan.cost, solver, plan.given_up)
 
 
 def _by_ipopt(task: TrackTask, settings: dict[str, Any], why: str) -> TrackAnswer:
-    heat = heating(task.model, task.request)
-    given = {key: value for key, value in settings.items() if key != "request"}
-    spread = settle(
-        heat, task.file.limits, **given, noise=0.1, resolution=0.0, level=0.5, model_error=0.0, standard_errors={}
-    )
-    solution = ReferenceProgram(heat, spread).solve(task.start, task.asked, task.conditions)
+    spread = settle(task.heating, task.file.limits, **settings)
+    solution = ReferenceProgram(task.heating, spread).solve(task.start, task.asked, task.conditions)
     given_up = () if solution.converged else ("IPOPT did not converge either; this plan is not proven best",)
     slack = zip(spread.limits, solution.slack.max(axis=0), strict=True)
-    worst = {node: over for node, over in slack if over > 1e-3}  # K; less is the solver's own
+    worst = ", ".join(f"{node} by {over:.2g} K" for node, over in slack if over > 1e-3)  # K; less is the solver's own
     if worst:
-        where = ", ".join(f"{node} by {over:.2g} K" for node, over in worst.items())
-        given_up = (f"a limit less its margin can't be met: {where}", *given_up)
-    return _answer(task, np.sqrt(solution.scale) * task.asked, solution.temperatures, spread.limits, solution.cost,
-                   f"IPOPT, for {why}", given_up)  # fmt: skip
+        given_up = (f"a limit less its margin can't be met: {worst}", *given_up)
+    return TrackAnswer(
+        task, np.sqrt(solution.scale) * task.asked, solution.temperatures, spread.limits, solution.cost,
+        f"IPOPT, for {why}", given_up,
+    )  # fmt: skip
 
 
-def _answer(
-    task: TrackTask,
-    admitted: FloatArray,
-    temperatures: FloatArray,
-    limits: dict[str, float],
-    cost: float,
-    solver: str,
-    given_up: tuple[str, ...],
-) -> TrackAnswer:
-    rows = [task.model.places.index(node) for node in limits]
-    over = temperatures[rows, 1:].T - np.array(list(limits.values()))
-    return TrackAnswer(task, admitted, temperatures, limits, np.maximum(over, 0.0), cost, solver, given_up)
+def _emit_c(task: TrackTask, folder: Path) -> list[Path]:
+    """The controller of the table `[controller]` as C, with a `main.c` that runs it."""
+    heat, controller = task.heating, task.file.controller.model_dump()
+    mpc = TorqueMPC(heat.model, task.file.limits, request=heat.request, **task.settings, **controller)
+    return mpc.emit(folder, task.start, task.asked, task.conditions)
 
 
-plan_kind = TrackKind()
+plan_kind = Kind(read_task, _track, _emit_c)

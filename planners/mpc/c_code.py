@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import ctypes
 import math
+import re
 from collections.abc import Mapping, Sequence
 from importlib.resources import files
-from typing import Any, NamedTuple
+from typing import Any
 
 import casadi as ca
 
@@ -18,7 +19,6 @@ from ..heating import Heating
 
 SOLVER = ("lptn_mpc.h", "lptn_mpc.c", "linear.inc", "living.inc", "observe.inc", "bounds.inc", "newton.inc",
           "interior.inc", "lptn_loop.h", "lptn_loop.c")  # fmt: skip
-_D, _I = ctypes.c_double, ctypes.c_int
 _LIVING = ("STANDS", "SHORTEST", "LEAST_CHANCE", "COARSEST", "ERROR", "BELOW", "BELOW_IF_LOST", "MISLEADS", "ABOVE",
            "NOISE", "LEAST", "LEAST_SHARE", "FEWEST")  # fmt: skip
 _GLUE = """\
@@ -54,8 +54,8 @@ def sources(heating: Heating, limits: int, stages: int) -> dict[str, str]:
         "N": stages,
         # Iterations between linearisations: more where only the temperatures make the problem not linear.
         "REPEAT": 4 if heating.in_squares else 1,
-        "W": _padded(states + joints),
-        "NXP": _padded(states),
+        "W": -(-(states + joints) // 4) * 4,  # a row's width in whole vectors of four
+        "NXP": -(-states // 4) * 4,
         "NA": slope.nnz(),
         "NB": heated.nnz(),
         "HEAT_OUT": states + slope.nnz() + 2 * heated.nnz() + joints,
@@ -90,11 +90,6 @@ def python_library(made: Mapping[str, str]) -> ctypes.CDLL:
     return compiled({**made, "glue.c": _GLUE}, "glue.c")
 
 
-def _padded(width: int) -> int:
-    """A row's width in whole vectors of four."""
-    return -(-width // 4) * 4
-
-
 def _pattern(slope: ca.Sparsity, heated: ca.Sparsity) -> str:
     lines = ["/* Where a state's rate depends on another state, and which joint heats which state. */"]
     for name, transposed in (("slope", slope), ("heated", heated)):
@@ -124,82 +119,25 @@ def _kinds(conditions: Sequence[str]) -> str:
 # --- structs ------------------------------------------------------------------------------------
 
 
-class Structs(NamedTuple):
-    """Classes of the structs."""
-
-    settings: type[ctypes.Structure]
-    state: type[ctypes.Structure]
-    result: type[ctypes.Structure]
-
-
-def structs(heating: Heating, limits: int, stages: int) -> Structs:
-    """Classes for one model: names and order are those of `c/lptn_mpc.h`."""
-    nodes = len(heating.model.nodes)
-    x, u, d, p = heating.x.numel(), len(heating.joints), len(heating.conditions), heating.p.numel()
-    settings = [
-        ("stage", _D * stages),
-        ("limit", _D * limits),
-        ("node", _I * limits),
-        ("owner", _I * x),
-        *((name, _D * u) for name in ("weight", "most", "rate", "floor")),
-        ("p", _D * (p + 1)),
-        ("recovery", _D * limits),
-        *((name, _D) for name in ("smoothing", "linear", "quadratic", "noise", "grain", "sigmas")),
-        ("doubt", _D * x),
-        ("gain_doubt", _D * x),
-        ("settles", _D * nodes),
-        ("tolerance", _D),
-        *((name, _I) for name in ("iterations", "warm", "lost_sensor")),
-    ]
-    elements = x + 2 * nodes
-    sensors = [
-        ("clock", _D),
-        *((name, _D * nodes) for name in
-          ("last", "since", "evidence", "grain", "moves", "due", "agreed_for")),
-        ("regression", _D * 6 * nodes),
-        *((name, _D * nodes) for name in ("contradicted_for", "last_seen")),
-        *((name, _I * nodes) for name in ("stands", "agrees", "proven", "trusted", "lost")),
-    ]  # fmt: skip
-    reference = [
-        ("x", _D * x),
-        *((name, _D * nodes) for name in ("bias", "gain")),
-        *((name, _D * x) for name in ("raised", "deviation")),
-        ("lacks", _D * 3 * nodes),
-    ]
-    state = [
-        *((name, _D * x) for name in ("x", "bias", "gain")),
-        ("spread", _D * elements * elements),
-        ("made", _D * nodes),
-        *((name, _struct("Reference", reference)) for name in ("model", "recent")),
-        ("renewed", _D),
-        ("woken", _D * nodes),
-        ("hotter", _D * x),
-        ("returns", _D * nodes),
-        *((name, _I * nodes) for name in ("read", "guessed", "once_trusted", "used")),
-        ("applied", _D * u),
-        ("conditions", _D * (d + 1)),
-        ("scale", _D * u * stages),
-        ("asked", _D * u),
-        ("share", _D * u),
-        ("started", _I),
-        ("sensors", _struct("Sensors", sensors)),
-    ]
-    result = [
-        ("admitted", _D * u),
-        ("plan", _D * u * stages),
-        ("x", _D * x * (stages + 1)),
-        ("slack", _D * limits * stages),
-        ("margin", _D * limits),
-        *((name, _D) for name in ("cost", "worst", "error", "gap")),
-        *((name, _I) for name in ("iterations", "linearisations", "status")),
-        ("doubt", _D * nodes),
-        ("sensor", _I * nodes),
-    ]
-    return Structs(_struct("Settings", settings), _struct("State", state), _struct("Result", result))
-
-
-def _struct(name: str, fields: list[Any]) -> type[ctypes.Structure]:
-    return type(name, (ctypes.Structure,), {"_fields_": fields})
+def structs(made: Mapping[str, str]) -> dict[str, type[Any]]:
+    """Classes of the structs that `lptn_mpc.h` declares, by name, for the sizes of these sources."""
+    sizes = {name: int(value) for name, value in re.findall(r"#define LPTN_(\w+) (\d+)", made["sizes.h"])}
+    sizes["NZ"] = sizes["NX"] + 2 * sizes["NN"]
+    declared = re.sub(r"/\*.*?\*/", "", made["lptn_mpc.h"], flags=re.DOTALL)
+    kinds: dict[str, Any] = {"double": ctypes.c_double, "int": ctypes.c_int}
+    for body, name in re.findall(r"typedef struct \{(.*?)\} (\w+);", declared, re.DOTALL):
+        fields = []
+        for line in body.split(";")[:-1]:  # such as `double p[LPTN_NP + 1], scale[LPTN_N][LPTN_NU]`
+            kind, members = line.split(maxsplit=1)
+            for member in members.split(","):
+                field, *lengths = re.findall(r"[^\[\]]+", member.strip())
+                array = kinds[kind]
+                for length in reversed(lengths):
+                    terms = (term.strip().removeprefix("LPTN_") for term in length.split("+"))
+                    array *= sum(sizes[term] if term in sizes else int(term) for term in terms)
+                fields.append((field, array))
+        kinds[name] = type(name, (ctypes.Structure,), {"_fields_": fields})
+    return kinds
 
 
 def settings_header(settings: ctypes.Structure) -> str:

@@ -241,14 +241,13 @@ class TorqueMPC:
         self._library: Any = python_library(self.sources)
         self._library.lptn_mpc_step.restype = None
         self._library.lptn_mpc_sizes.restype = ctypes.c_longlong
-        kinds = structs(self.heating, limited, count)
-        sizes = [ctypes.sizeof(kind) for kind in kinds]
-        expected = [self._library.lptn_mpc_sizes(number) for number in range(4)]
+        kinds = structs(self.sources)
+        kept = [kinds[f"lptn_mpc_{name}"] for name in ("settings", "state", "result")]
+        sizes, expected = [ctypes.sizeof(kind) for kind in kept], list(map(self._library.lptn_mpc_sizes, range(4)))
         if sizes != expected[:3]:
             raise RuntimeError(f"structs of {sizes} bytes in Python, {expected[:3]} in C")
-        self._settings = kinds.settings()
+        self._settings, self._state, self._result = (kind() for kind in kept)
         self._fill(self._settings)
-        self._state, self._result = kinds.state(), kinds.result()
         self._work = ctypes.create_string_buffer(int(expected[3]) + 64)
         self._measured, self._request = np.empty(len(model.nodes)), np.empty((count, len(self.joints)))
         self._conditions, self._applied = np.empty((count, len(self.conditions))), np.empty(len(self.joints))

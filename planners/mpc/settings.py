@@ -108,22 +108,24 @@ def settle(
     period: float,
     horizon: float,
     stages: int,
-    margin: float,
-    weights: Each,
-    current_limits: Each,
-    rates: Each,
-    floors: Each,
-    priorities: Each,
-    recovery: float | None,
-    smoothing: float,
-    noise: float,
-    resolution: float,
     level: float,
     model_error: float,
-    standard_errors: Mapping[str, float],
+    weights: Each = 1.0,
+    current_limits: Each = math.inf,
+    rates: Each = 0.0,
+    floors: Each = 0.0,
+    priorities: Each = 0.0,
+    recovery: float | None = None,
+    smoothing: float = 0.0,
+    margin: float = 0.0,
+    noise: float = 0.1,
+    resolution: float = 0.0,
+    standard_errors: Mapping[str, float] | None = None,
     lost_sensor: LostSensor = "model",
 ) -> Settings:
     """Check settings and spread them.
+
+    The arguments are those of `TorqueMPC`.
 
     Raises:
         InputError: an unknown place, or a number that can't be used.
@@ -169,7 +171,7 @@ def settle(
         resolution,
         level,
         model_error,
-        *_doubts(heating, bounds, model_error, standard_errors),
+        *_doubts(heating, bounds, model_error, standard_errors or {}),
         np.where((forgets > 0) & (forgets < day), forgets, day),
         lost_sensor,
     )

@@ -14,11 +14,15 @@ from lptn.basics.errors import InputError
 from lptn.basics.toml import Strict
 from lptn.model.model import Model
 
-from ..heating import Request, heating, requested_by
+from ..heating import Heating, Request, heating, requested_by
 from ..reach import check_limits_at_rest
 from ..tasks import conditions_of, mistakes_with_line, start_of
 from ..values import ByPlace, Celsius, NotNegative, Positive, Seconds, by_place
 from .settings import LostSensor
+
+_REQUESTS: tuple[Request, ...] = ("torque", "current")
+_OF_JOINTS = ("current_limits", "weights", "rates", "floors", "priorities")
+"""Tables of numbers by joint, arguments of `TorqueMPC`."""
 
 
 class TrackTable(Strict):
@@ -68,45 +72,30 @@ class TrackTask:
     """What is asked, in steps of one period.
 
     Args:
-        model: the model.
-        name: for the figure.
-        request: what is asked of a joint.
-        period: length of a step [s].
+        heating: the model, and what is asked of its joints.
         asked: RMS torque [N*m] or current [A], shape (steps, joints).
         conditions: the model's other inputs, shape (steps, conditions).
         start: states [degC].
         file: the tables, for limits, weights and the controller.
     """
 
-    model: Model
-    name: str
-    request: Request
-    period: float
+    heating: Heating
     asked: FloatArray
     conditions: FloatArray
     start: FloatArray
     file: TrackFile
 
     @property
-    def duration(self) -> float:
-        """Of the whole task [s]."""
-        return self.period * len(self.asked)
+    def period(self) -> float:
+        """Length of a step [s]."""
+        return self.file.task.period
 
     @property
     def settings(self) -> dict[str, Any]:
-        """Arguments of `TorqueMPC` apart from model, limits and horizon."""
-        return {
-            "request": self.request,
-            "current_limits": self.file.current_limits or float("inf"),
-            "weights": self.file.weights or 1.0,
-            "rates": self.file.rates or 0.0,
-            "floors": self.file.floors or 0.0,
-            "priorities": self.file.priorities or 0.0,
-            "period": self.period,
-            "margin": self.file.task.margin,
-            "recovery": self.file.task.recovery,
-            "smoothing": self.file.task.smoothing,
-        }
+        """Arguments of `TorqueMPC` that the file gives, apart from model, limits, request and horizon."""
+        table = self.file.task
+        own = {"period": table.period, "margin": table.margin, "recovery": table.recovery, "smoothing": table.smoothing}
+        return own | {name: values for name in _OF_JOINTS if (values := getattr(self.file, name))}
 
 
 def read_task(table: Mapping[str, Any], origin: str, model: Model) -> TrackTask:
@@ -117,8 +106,10 @@ def read_task(table: Mapping[str, Any], origin: str, model: Model) -> TrackTask:
     """
     with mistakes_with_line(origin):
         file = TrackFile.model_validate(dict(table))
-        request = _request(file, model, origin)
-        heat = heating(model, request)
+        named = [what for what in _REQUESTS if any(getattr(phase, what) for phase in file.phases)]
+        if len(named) > 1:
+            raise InputError(origin, "phases", "torque and current", "one of the two in all phases")
+        heat = heating(model, named[0] if named else requested_by(model))
         period = file.task.period
         asked: list[FloatArray] = []
         around: list[FloatArray] = []
@@ -128,41 +119,28 @@ def read_task(table: Mapping[str, Any], origin: str, model: Model) -> TrackTask:
                 place = f"phases[{number}].duration"
                 raise InputError(origin, place, f"{phase.duration:g}", f"a multiple of {period:g} s")
             _refuse_many(len(asked) + steps, period, origin)
-            levels = by_place(getattr(phase, request), heat.joints, origin, f"phases[{number}].{request}")
-            given = file.conditions | phase.conditions
+            given = getattr(phase, heat.request)
+            levels = by_place(given, heat.joints, origin, f"phases[{number}].{heat.request}")
             amounts = np.array([levels.get(joint, 0.0) for joint in heat.joints])
             asked += [amounts] * steps
-            around += [conditions_of(given, heat, amounts, origin)] * steps
-        by_place(file.limits, model.places, origin, "limits")
-        for name in ("current_limits", "weights", "rates", "floors", "priorities"):
+            around += [conditions_of(file.conditions | phase.conditions, heat, amounts, origin)] * steps
+        limits = by_place(file.limits, model.places, origin, "limits")
+        for name in _OF_JOINTS:
             by_place(getattr(file, name), heat.joints, origin, name)
-        repeated = file.task.repeat
-        _refuse_many(len(asked) * repeated, period, origin)
+        _refuse_many(len(asked) * file.task.repeat, period, origin)
         start = start_of(file.start, model, origin)
-        rows, others = np.array(asked * repeated), np.array(around * repeated)
-        task = TrackTask(model, file.task.name, request, period, rows, others, start, file)
-    _check_limits_at_rest(task, origin)
-    return task
-
-
-def _check_limits_at_rest(task: TrackTask, origin: str) -> None:
-    """Refuse a limit that a node passes though no torque at all is given.
-
-    Raises:
-        InputError: the node, and what warms it.
-    """
-    heat = heating(task.model, task.request)
+        task = TrackTask(heat, np.array(asked * file.task.repeat), np.array(around * file.task.repeat), start, file)
     rates, none = heat.rate_function(), np.zeros(len(heat.joints))
 
     def idle(time: float, x: FloatArray) -> FloatArray:
-        given = task.conditions[min(int(time / task.period), len(task.conditions) - 1)]
-        return np.asarray(rates(x, none, given, task.model.values).full()).ravel()
+        given = task.conditions[min(int(time / period), len(task.conditions) - 1)]
+        return np.asarray(rates(x, none, given, model.values).full()).ravel()
 
-    columns = [(number, name) for number, name in enumerate(heat.conditions) if name.startswith("temperature.")]
-    air = {name: float(task.conditions[:, number].max()) for number, name in columns}
-    limits = by_place(task.file.limits, task.model.places, origin, "limits")
-    ends = np.asarray(task.period * np.arange(1, len(task.asked) + 1), dtype=np.float64)
-    check_limits_at_rest(task.model, origin, limits, task.start, idle, ends, air)
+    hottest = zip(heat.conditions, task.conditions.max(axis=0).tolist(), strict=True)
+    air = {name: most for name, most in hottest if name.startswith("temperature.")}
+    ends = np.asarray(period * np.arange(1, len(task.asked) + 1), dtype=np.float64)
+    check_limits_at_rest(model, origin, limits, start, idle, ends, air)
+    return task
 
 
 def _refuse_many(steps: int, period: float, origin: str, most: int = 400) -> None:
@@ -170,13 +148,3 @@ def _refuse_many(steps: int, period: float, origin: str, most: int = 400) -> Non
     if steps > most:
         problem = f"{steps} steps of {period:g} s"
         raise InputError(origin, "task.period", problem, f"at most {most}: a longer period, or a shorter task")
-
-
-def _request(file: TrackFile, model: Model, origin: str) -> Request:
-    """Torque or current, whichever the phases name."""
-    torque, current = (any(getattr(phase, what) for phase in file.phases) for what in ("torque", "current"))
-    if torque and current:
-        raise InputError(origin, "phases", "torque and current", "one of the two in all phases")
-    if not torque and not current:
-        return requested_by(model)
-    return "torque" if torque else "current"

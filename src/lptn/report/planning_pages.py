@@ -63,16 +63,16 @@ def _charts_of(answer: Answer) -> Charts | None:
 
 
 def _track(answer: TrackAnswer) -> Charts:
-    task = answer.task
+    task, heat = answer.task, answer.task.heating
     ends = task.period * np.arange(len(task.asked) + 1, dtype=float)
     unit = _time_unit(float(ends[-1]))
     values: dict[str, FloatArray] = {}
     views = []
-    nodes = list(task.model.places)
-    for name in dict.fromkeys([*answer.joints, *nodes]):
+    nodes = list(heat.model.places)
+    for name in dict.fromkeys([*heat.joints, *nodes]):
         lines: dict[str, FloatArray] = {}
-        if name in answer.joints:
-            number = answer.joints.index(name)
+        if name in heat.joints:
+            number = heat.joints.index(name)
             for key, column in (("requested", np.abs(task.asked)), ("admitted", np.abs(answer.admitted))):
                 lines[key] = np.append(column[:, number], np.nan)
         if name in nodes:
@@ -81,9 +81,9 @@ def _track(answer: TrackAnswer) -> Charts:
         at, thin = thinned(ends, np.array(list(lines.values())), POINTS)
         values[name] = at / unit
         views.append(View((name,), name, name, dict(zip(lines, thin, strict=True))))
-    heat_unit = unit_text(answer.table().columns[1].partition("[")[2].rstrip("]"))
+    unit_asked = unit_text(heat.unit)
     asked = Line("requested", "requested", "measured", steps=True), Line("admitted", "admitted", "given", steps=True)
-    panels = (ChartPanel(f"{task.request} [{heat_unit}]", heat_unit, asked, 170), _TEMPERATURE)
+    panels = (ChartPanel(f"{heat.request} [{unit_asked}]", unit_asked, asked, 170), _TEMPERATURE)
     return Charts(_time_label(unit), panels, views, values, {"joint": [view.keys[0] for view in views]})
 
 
