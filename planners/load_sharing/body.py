@@ -5,11 +5,11 @@ Legs turn at the hip about x, at thigh and calf about y.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from pydantic import Field
@@ -19,9 +19,10 @@ from lptn.basics.errors import InputError
 from lptn.basics.files import text_of
 from lptn.basics.toml import Number, Strict, mistakes_by_line, toml_of
 
+from ..values import NotNegative, Positive
+
 PARTS = ("hip", "thigh", "calf")
 Vector = Annotated[list[Number], Field(min_length=3, max_length=3)]
-_Positive = Annotated[Number, Field(gt=0)]
 GRAVITY = 9.81  # m/s²
 _AXES = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 1.0, 0.0]])
 
@@ -96,20 +97,19 @@ class Body:
 
     def legs_at(self, angles: FloatArray) -> list[LegState]:
         """The legs at joint angles [rad], shape (3 legs,), in the order of `joints`."""
-        return [_at(leg, own) for leg, own in zip(self.legs, np.reshape(angles, (-1, 3)), strict=True)]
-
-
-def _at(leg: Leg, angles: FloatArray) -> LegState:
-    turned, origin = np.eye(3), np.zeros(3)
-    origins, axes, centres = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
-    for k, angle in enumerate(angles.tolist()):
-        origin = origin + turned @ leg.joints[k]
-        axes[k] = turned @ _AXES[k]
-        c, s = np.cos(angle), np.sin(angle)
-        about = [[1, 0, 0], [0, c, -s], [0, s, c]] if k == 0 else [[c, 0, s], [0, 1, 0], [-s, 0, c]]
-        turned = turned @ np.array(about)
-        origins[k], centres[k] = origin, origin + turned @ leg.centres[k]
-    return LegState(origin + turned @ leg.foot, centres, origins, axes)
+        states = []
+        for leg, own in zip(self.legs, np.reshape(angles, (-1, 3)).tolist(), strict=True):
+            turned, origin = np.eye(3), np.zeros(3)
+            origins, axes, centres = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+            for k, angle in enumerate(own):
+                origin = origin + turned @ leg.joints[k]
+                axes[k] = turned @ _AXES[k]
+                c, s = np.cos(angle), np.sin(angle)
+                about = [[1, 0, 0], [0, c, -s], [0, s, c]] if k == 0 else [[c, 0, s], [0, 1, 0], [-s, 0, c]]
+                turned = turned @ np.array(about)
+                origins[k], centres[k] = origin, origin + turned @ leg.centres[k]
+            states.append(LegState(origin + turned @ leg.foot, centres, origins, axes))
+        return states
 
 
 # --- standing ------------------------------------------------------------------------------------
@@ -184,9 +184,17 @@ def statics(body: Body, stance: Stance) -> Statics:
     Raises:
         ValueError: angles of the wrong number, a leg that the body hasn't, numbers that can't be.
     """
+    if np.shape(stance.angles) != (len(body.joints),) or not np.isfinite(stance.angles).all():
+        raise ValueError(f"angles: found shape {np.shape(stance.angles)}; expected {len(body.joints)} numbers [rad]")
     names = [leg.name for leg in body.legs]
     standing = names if stance.standing is None else list(stance.standing)
-    _check(body, stance, standing, names)
+    unknown = [name for name in standing if name not in names]
+    if unknown or len(standing) < 3:
+        wrong = unknown[0] if unknown else f"{len(standing)} legs"
+        raise ValueError(f"standing: found {wrong}; expected three or more of {', '.join(names)}")
+    for name, least in (("load", 0.0), ("friction", 1e-3), ("least_normal", 0.0)):
+        if not least <= (value := getattr(stance, name)) < np.inf:
+            raise ValueError(f"{name}: found {value:g}; expected {least:g} or more")
     # The world's vertical in the trunk's frame.
     level = np.cos(stance.pitch)
     up = np.array([-np.sin(stance.pitch), np.sin(stance.roll) * level, np.cos(stance.roll) * level])
@@ -213,24 +221,11 @@ def statics(body: Body, stance: Stance) -> Statics:
     return Statics(balance, weight, lever, idle, up, [name in standing for name in names], most)
 
 
-def _check(body: Body, stance: Stance, standing: list[str], names: list[str]) -> None:
-    if np.shape(stance.angles) != (len(body.joints),) or not np.isfinite(stance.angles).all():
-        raise ValueError(f"angles: found shape {np.shape(stance.angles)}; expected {len(body.joints)} numbers [rad]")
-    unknown = [name for name in standing if name not in names]
-    if unknown or len(standing) < 3:
-        wrong = unknown[0] if unknown else f"{len(standing)} legs"
-        raise ValueError(f"standing: found {wrong}; expected three or more of {', '.join(names)}")
-    for name, value, least in (("load", stance.load, 0.0), ("friction", stance.friction, 1e-3),
-                               ("least_normal", stance.least_normal, 0.0)):  # fmt: skip
-        if not (np.isfinite(value) and value >= least):
-            raise ValueError(f"{name}: found {value:g}; expected {least:g} or more")
-
-
 # --- files --------------------------------------------------------------------------------------
 
 
 class _Link(Strict):
-    mass: _Positive
+    mass: Positive
     centre: Vector
 
 
@@ -245,8 +240,8 @@ class _LegTable(Strict):
 
 class _File(Strict):
     name: str
-    torque_limit: Annotated[list[_Positive], Field(min_length=3, max_length=3)]
-    foot_radius: Annotated[Number, Field(ge=0)] = 0.0
+    torque_limit: Annotated[list[Positive], Field(min_length=3, max_length=3)]
+    foot_radius: NotNegative = 0.0
     trunk: _Link
     leg: _LegTable
     hips: Annotated[dict[str, Vector], Field(min_length=3)]
@@ -271,23 +266,18 @@ def load_body(source: str | Path = "a1") -> Body:
         text = text_of(path, "a file like a1.toml")
     with mistakes_by_line(path, text):
         tables = _File.model_validate(toml_of(path, text))
-    legs = tuple(_leg(name, np.array(at), tables.leg) for name, at in tables.hips.items())
+    links = [getattr(tables.leg, part) for part in PARTS]
+    legs = []
+    for name, at in tables.hips.items():
+        # The left leg's values mirrored for a leg whose hip is on the right, the hip's for one at the rear.
+        mirror = np.array([1.0, 1.0 if at[1] >= 0 else -1.0, 1.0])
+        centres = np.array([link.centre for link in links]) * mirror
+        centres[0, 0] *= 1.0 if at[0] >= 0 else -1.0
+        joints = np.array([at, np.array(tables.leg.thigh_at) * mirror, np.array(tables.leg.calf_at) * mirror])
+        legs.append(
+            Leg(name, joints, np.array(tables.leg.foot_at) * mirror, np.array([link.mass for link in links]), centres)
+        )
     return Body(
-        tables.name, legs, tables.trunk.mass, np.array(tables.trunk.centre), np.array(tables.torque_limit),
+        tables.name, tuple(legs), tables.trunk.mass, np.array(tables.trunk.centre), np.array(tables.torque_limit),
         tables.foot_radius,
     )  # fmt: skip
-
-
-def _leg(name: str, at: FloatArray, table: _LegTable) -> Leg:
-    """The left leg's values mirrored for a leg whose hip is on the right, the hip's for one at the rear."""
-    mirror = np.array([1.0, 1.0 if at[1] >= 0 else -1.0, 1.0])
-    links: Mapping[str, Any] = {part: getattr(table, part) for part in PARTS}
-    centres = np.array([links[part].centre for part in PARTS]) * mirror
-    centres[0, 0] *= 1.0 if at[0] >= 0 else -1.0
-    return Leg(
-        name,
-        np.array([at, np.array(table.thigh_at) * mirror, np.array(table.calf_at) * mirror]),
-        np.array(table.foot_at) * mirror,
-        np.array([links[part].mass for part in PARTS]),
-        centres,
-    )

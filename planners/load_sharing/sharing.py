@@ -121,7 +121,7 @@ class LoadSharing:
             ValueError: the stance doesn't fit the body.
         """
         equations, start = statics(self.body, stance), self._temperatures.start(temperatures)
-        program = _ForceProgram(equations, stance)
+        program = _ForceProgram(equations, stance, self._limits)
         forces = program.least_torque(equations.equal())
         best = self._sharing_of("coolest", equations, stance, start, forces, 0)
         for number in range(1, rounds + 1):
@@ -129,7 +129,7 @@ class LoadSharing:
             there, gains = self._temperatures.at(start, best.torques, horizon)
             gains = gains.clip(min=0.0)
             unloaded = there - gains @ best.torques**2
-            forces = program.coolest(unloaded, gains, self._limits, best.forces)
+            forces = program.coolest(unloaded, gains, best.forces)
             candidate = self._sharing_of("coolest", equations, stance, start, forces, number)
             if np.isfinite(candidate.time) and candidate.time > 0:
                 gained = candidate.time > best.time * (1 + 1e-4)
@@ -152,7 +152,7 @@ class LoadSharing:
             StanceError: no forces within friction cones and torque limits hold the robot.
         """
         equations, start = statics(self.body, stance), self._temperatures.start(temperatures)
-        forces = _ForceProgram(equations, stance).least_torque(equations.equal())
+        forces = _ForceProgram(equations, stance, self._limits).least_torque(equations.equal())
         return self._sharing_of("least_torque", equations, stance, start, forces, 1)
 
     def _sharing_of(
@@ -191,51 +191,49 @@ class _ForceProgram:
     Args:
         statics: the equations of the stance.
         stance: friction and least normal force.
+        limits: by node [degC], infinite for none; shape (nodes,).
     """
 
-    def __init__(self, statics: Statics, stance: Stance) -> None:
-        self._statics = statics
-        legs, joints = len(statics.standing), statics.most.size
-        scaled = ca.SX.sym("f", 3 * legs)
-        worst = ca.SX.sym("worst")
+    def __init__(self, statics: Statics, stance: Stance, limits: FloatArray) -> None:
+        legs, joints, stands = len(statics.standing), statics.most.size, np.array(statics.standing)
+        self._limited, self._limits = np.isfinite(limits), limits
+        scaled, worst = ca.SX.sym("f", 3 * legs), ca.SX.sym("worst")
         torques = ca.DM(statics.idle) + ca.mtimes(ca.DM(statics.lever), scaled * _FORCE)
-        self._w, self._scaled, self._worst, self._torques = ca.vertcat(scaled, worst), scaled, worst, torques
-        cones, normals = self._contacts(stance)
-        self._rows = ca.vertcat((ca.mtimes(ca.DM(statics.balance), scaled * _FORCE) - statics.weight) / _FORCE, cones)
-        self._low = np.concatenate([np.zeros(6), np.full(legs, -np.inf)])
-        self._high = np.zeros(6 + legs)
-        self._normals = normals
-        self._least = np.where(statics.standing, stance.least_normal, 0.0)
-        self._joints = joints
-        self._solvers: dict[int, Any] = {}
-
-    def _contacts(self, stance: Stance) -> tuple[Any, Any]:
-        """The friction cone of each foot, at most zero, and its normal force."""
-        up, cones, normals = ca.DM(self._statics.up), [], []
+        up, cones, normals = ca.DM(statics.up), [], []
         rounded = 1e-8  # the tip of the cone, whose slope has no value there
-        for k, stands in enumerate(self._statics.standing):
-            force = self._scaled[3 * k : 3 * k + 3]
-            normal = ca.dot(up, force)
-            along = force - normal * up
-            cones.append(ca.sqrt(ca.sumsqr(along) + rounded) - stance.friction * normal if stands else ca.SX(-1))
-            normals.append(normal)
-        return ca.vertcat(*cones), ca.vertcat(*normals)
+        for k, force in enumerate(ca.vertsplit(scaled, 3)):
+            normals.append(ca.dot(up, force))
+            along = ca.sqrt(ca.sumsqr(force - normals[k] * up) + rounded)
+            cones.append(along - stance.friction * normals[k] if stands[k] else ca.SX(-1))
+        balance = (ca.mtimes(ca.DM(statics.balance), scaled * _FORCE) - statics.weight) / _FORCE
+        rows = ca.vertcat(balance, *cones, torques, ca.vertcat(*normals) * _FORCE)
+        least = np.where(stands, stance.least_normal, 0.0)
+        self._low = np.concatenate([np.zeros(6), np.full(legs, -np.inf), -statics.most, least])
+        self._high = np.concatenate([np.zeros(6 + legs), statics.most, np.full(legs, np.inf)])
+        self._reach = np.append(np.where(np.repeat(stands, 3), np.inf, 0.0), np.inf)
+        w, squares = ca.vertcat(scaled, worst), ca.sumsqr(torques)
+        nodes = int(self._limited.sum())
+        above, gains = ca.SX.sym("above", nodes), ca.SX.sym("gains", nodes, joints)
+        hot = above + ca.mtimes(gains, torques**2) - worst
+        # Of two sharings equally good the one with less torque is meant: 1e-6 K/(N·m)².
+        coolest = {"p": ca.vertcat(above, ca.vec(gains)), "f": worst + 1e-6 * squares, "g": ca.vertcat(rows, hot)}
+        self._coolest = ca.nlpsol("share", "ipopt", {"x": w, **coolest}, _OPTIONS)
+        effort = {"f": 1e-2 * squares + worst**2, "g": rows}
+        self._least = ca.nlpsol("share", "ipopt", {"x": w, **effort}, _OPTIONS)
 
-    def coolest(self, warm: FloatArray, gains: FloatArray, limits: FloatArray, near: FloatArray) -> FloatArray:
+    def coolest(self, warm: FloatArray, gains: FloatArray, near: FloatArray) -> FloatArray:
         """Forces [N], shape (legs, 3), that keep the node nearest to its limit farthest from it.
 
         Args:
             warm: temperatures at the horizon without any torque [degC], shape (nodes,).
             gains: what each squared torque adds [K/(N·m)²], shape (nodes, joints), none below zero.
-            limits: shape (nodes,) [degC], infinite for none.
             near: forces to start from [N].
 
         Raises:
             StanceError: no forces hold the robot.
         """
-        counts = np.isfinite(limits)
-        p = np.concatenate([(warm - limits)[counts], gains[counts].T.ravel()])
-        return self._solve(int(counts.sum()), p, near)
+        p = np.concatenate([(warm - self._limits)[self._limited], gains[self._limited].T.ravel()])
+        return self._solved(self._coolest, p, near)
 
     def least_torque(self, near: FloatArray) -> FloatArray:
         """Forces [N], shape (legs, 3), with the least sum of squared torques.
@@ -243,33 +241,16 @@ class _ForceProgram:
         Raises:
             StanceError: no forces hold the robot.
         """
-        return self._solve(0, np.zeros(0), near)
+        return self._solved(self._least, np.zeros(0), near)
 
-    def _solver(self, nodes: int) -> Any:
-        """The program for so many limited nodes; without any, the sum of squared torques is what counts."""
-        if nodes not in self._solvers:
-            above, gains = ca.SX.sym("above", nodes), ca.SX.sym("gains", nodes, self._joints)
-            squares = ca.sumsqr(self._torques)
-            # Of two sharings equally good the one with less torque is meant: 1e-6 K/(N·m)².
-            cost = self._worst + 1e-6 * squares if nodes else 1e-2 * squares + self._worst**2
-            hot = above + ca.mtimes(gains, self._torques**2) - self._worst
-            free = ca.vertcat(self._rows, self._torques, self._normals * _FORCE, hot)
-            problem = {"x": self._w, "p": ca.vertcat(above, ca.vec(gains)), "f": cost, "g": free}
-            self._solvers[nodes] = ca.nlpsol("share", "ipopt", problem, _OPTIONS)
-        return self._solvers[nodes]
-
-    def _solve(self, nodes: int, p: FloatArray, near: FloatArray) -> FloatArray:
-        most, legs = self._statics.most, len(self._statics.standing)
-        stands = np.repeat(self._statics.standing, 3)
-        reach = np.append(np.where(stands, np.inf, 0.0), np.inf)
-        low = np.concatenate([self._low, -most, self._least, np.full(nodes, -np.inf)])
-        high = np.concatenate([self._high, most, np.full(legs, np.inf), np.zeros(nodes)])
-        solver = self._solver(nodes)
+    def _solved(self, solver: Any, p: FloatArray, near: FloatArray) -> FloatArray:
+        nodes = solver.size1_in("lbg") - self._low.size  # whose limits count
+        low, high = np.append(self._low, np.full(nodes, -np.inf)), np.append(self._high, np.zeros(nodes))
         x0 = np.append(near.ravel() / _FORCE, 0.0)
-        solution = solver(x0=x0, p=p, lbx=-reach, ubx=reach, lbg=low, ubg=high)
+        solution = solver(x0=x0, p=p, lbx=-self._reach, ubx=self._reach, lbg=low, ubg=high)
         if not solver.stats()["success"]:
             raise StanceError(
                 f"stance: no forces within friction cones and torque limits ({solver.stats()['return_status']}); "
                 "expected the centre of mass above the standing feet, and a load that the joints can bear"
             )
-        return np.asarray(solution["x"].full().ravel()[:-1].reshape(legs, 3) * _FORCE)
+        return np.asarray(solution["x"].full().ravel()[:-1].reshape(near.shape) * _FORCE)

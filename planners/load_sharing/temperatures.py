@@ -38,30 +38,27 @@ class StandingTemperatures:
         torque_constant: float | None = None,
     ) -> None:
         self.model = model
-        self._values, self._joints = model.values, list(joints)
+        self._values = model.values
         self._constant = np.zeros(len(model.inputs))
         self._weights = np.zeros((len(model.inputs), len(joints)))
+        given = dict(inputs or {})
         for row, column in enumerate(model.inputs):
-            self._fill(row, column, ambient, dict(inputs or {}), torque_constant)
+            quantity, _, place = column.partition(".")
+            if column in given:
+                self._constant[row] = given[column]
+            elif quantity == "temperature":
+                self._constant[row] = ambient
+            elif place in joints and quantity in ("torque", "torque_abs", "current", "current_abs"):
+                per_unit = 1.0 if quantity.startswith("torque") else torque_constant
+                if per_unit is None:
+                    raise InputError(model.network.origin, column, "no torque constant", "torque_constant in N·m/A")
+                self._weights[row, joints.index(place)] = 1 / per_unit
+            elif quantity == "powered":
+                self._constant[row] = 1.0
+            elif column != "speed.base" and quantity not in ("torque", "velocity", "velocity_rms", "mechanical_power"):
+                raise InputError(model.network.origin, column, "no value", f'inputs = {{"{column}": …}}')
         if not self._weights.any():
             raise InputError(model.network.origin, "inputs", "no torque or current of any joint", ", ".join(joints))
-
-    def _fill(self, row: int, column: str, ambient: float, given: dict[str, float], constant: float | None) -> None:
-        quantity, _, place = column.partition(".")
-        if column in given:
-            self._constant[row] = given[column]
-        elif quantity == "temperature":
-            self._constant[row] = ambient
-        elif place in self._joints and quantity in ("torque", "torque_abs", "current", "current_abs"):
-            if not quantity.startswith("torque") and constant is None:
-                raise InputError(self.model.network.origin, column, "no torque constant", "torque_constant in N·m/A")
-            self._weights[row, self._joints.index(place)] = (
-                1.0 if quantity.startswith("torque") else 1.0 / (constant or 1.0)
-            )
-        elif quantity == "powered":
-            self._constant[row] = 1.0
-        elif column != "speed.base" and quantity not in ("torque", "velocity", "velocity_rms", "mechanical_power"):
-            raise InputError(self.model.network.origin, column, "no value", f'inputs = {{"{column}": …}}')
 
     def start(self, temperatures: float | Mapping[str, float]) -> FloatArray:
         """States [degC] from one temperature, or from one for each node.
@@ -70,19 +67,14 @@ class StandingTemperatures:
             InputError: a node has none.
         """
         nodes = self.model.nodes
-        if isinstance(temperatures, Mapping):
-            missing = [node for node in nodes if node not in temperatures]
-            if missing:
-                raise InputError("temperatures", missing[0], "no temperature", f"one of each of {', '.join(nodes)}")
-            by_node = np.array([float(temperatures[node]) for node in nodes])
-        else:
-            by_node = np.full(len(nodes), float(temperatures))
-        if not np.isfinite(by_node).all():
-            node = nodes[int(np.argmin(np.isfinite(by_node)))]
-            raise InputError(
-                "temperatures", node, "no number", "a temperature [degC]; the limit where there is no reading"
-            )
-        return np.asarray(by_node[np.array(self.model.owners)])
+        given = temperatures if isinstance(temperatures, Mapping) else dict.fromkeys(nodes, temperatures)
+        for node in nodes:
+            if node not in given:
+                raise InputError("temperatures", node, "no temperature", f"one of each of {', '.join(nodes)}")
+            if not np.isfinite(given[node]):
+                expected = "a temperature [degC]; the limit where there is no reading"
+                raise InputError("temperatures", node, "no number", expected)
+        return np.asarray(np.array([float(given[node]) for node in nodes])[np.array(self.model.owners)])
 
     def reached(self, start: FloatArray, torques: FloatArray, limits: FloatArray, horizon: float) -> tuple[float, int]:
         """When the first node passes its limit [s], and which; infinity and -1 where none does within the horizon.
