@@ -17,13 +17,13 @@ from circuits import Circuit
 from matplotlib.figure import Figure
 from scipy.optimize import brentq
 from table import networks
-from textbook import U8_RATED_TORQUE
+from textbook import U8_RATED_TORQUE, U8_RESISTANCE
 
 from lptn.basics.files import write_whole
 from lptn.basics.style import BEST, GIVEN, INK, SMALL, dress, new_figure
 from lptn.planners.trade.motors import ENAMEL_LIMIT, U8
 
-K_T, R, MOST = U8.torque_constant.value, U8.resistance.value, U8.most_current.value
+K_T, R, MOST = U8.torque_constant, U8_RESISTANCE, U8.limits.given["current"]
 VOLTAGES = (22.2, 44.4)  # V: 6S and 12S, the two of the data sheet's table
 TIMES = (20.0, 60.0, 180.0)  # s
 
@@ -55,7 +55,7 @@ def figure() -> Figure:
         speeds = np.linspace(0.0, no_load_speed(voltage), 200)
         torque = np.minimum([most_torque(speed, voltage) for speed in speeds], K_T * MOST)
         ax.plot(speeds, torque, **style, label=f"{voltage:g} V, at most {MOST:.0f} A")
-    ax.axhspan(0.0, U8_RATED_TORQUE.value, color=BEST["color"], alpha=0.15, lw=0, label="continuous, data sheet")
+    ax.axhspan(0.0, U8_RATED_TORQUE, color=BEST["color"], alpha=0.15, lw=0, label="continuous, data sheet")
     for seconds in TIMES:
         held = bearable(networks()[1], seconds)
         ax.axhline(held, color=INK, lw=0.7, ls=":")

@@ -9,6 +9,8 @@ from circuits import Circuit
 from row import Row
 from textbook import (
     U8_RATED_TORQUE,
+    U8_RESISTANCE,
+    U10_RESISTANCE,
     biot_number,
     box_volume,
     conduction_resistance,
@@ -28,9 +30,8 @@ from textbook import (
 from lptn.planners.trade.motors import U8, U10
 
 INCH = 0.0254
-K_T, K_T_ROUNDED = U8.torque_constant.value, 0.1
-STALL = U8.most_current.value
-R_U8, R_U10 = U8.resistance.value, U10.resistance.value
+K_T, K_T_ROUNDED = U8.torque_constant, 0.1
+STALL = U8.limits.given["current"]
 PACKAGE = 7.0 * 3.5 * 2.5 * INCH**3  # m³
 SYSTEM_MASS = 0.867  # kg
 LAMINATIONS = 28.0  # W/(m K), steel along the sheets
@@ -61,9 +62,9 @@ def rows(unaltered: Circuit) -> list[Row]:
 
 def _torque(unaltered: Circuit) -> list[Row]:
     r_th = unaltered.steady(1e-6) - 21.5
-    r_th /= copper_loss(1e-6, R_U8)
-    m8, m10 = U8.mass.value, U10.mass.value
-    rated = rated_current(U8_RATED_TORQUE.value, K_T)
+    r_th /= copper_loss(1e-6, U8_RESISTANCE)
+    m8, m10 = U8.mass, U10.mass
+    rated = rated_current(U8_RATED_TORQUE, K_T)
     sat = "with 35 A; i_sat is not given, and 35 A is the U10's continuous rating"
     return [
         Row(
@@ -87,10 +88,10 @@ def _torque(unaltered: Circuit) -> list[Row]:
             "N·m/(kg √K)",
             None,
             None,
-            thermal_specific_torque(K_T, m8, r_th, R_U8),
+            thermal_specific_torque(K_T, m8, r_th, U8_RESISTANCE),
             note=f"R_th is not given; the network's is {r_th:.3f} K/W",
         ),
-        Row("eq. 2.4", "copper loss at 11 A", "W", 22.506, copper_loss(11.0, R_U8), tolerance=5e-4),
+        Row("eq. 2.4", "copper loss at 11 A", "W", 22.506, copper_loss(11.0, U8_RESISTANCE), tolerance=5e-4),
         Row(
             "eq. 2.5",
             "temperature coefficient: text against a/b of table 3.1",
@@ -120,7 +121,7 @@ def _torque(unaltered: Circuit) -> list[Row]:
 
 
 def _materials() -> list[Row]:
-    length = wire_length(R_U8, 1e-3)
+    length = wire_length(U8_RESISTANCE, 1e-3)
     area = wire_surface(length, 1e-3)
     # Neither h nor V nor k is given. Laminations conduct 28 W/(m K), a stator of this motor fills 20 to 40 cm³, and no
     # value of h is taken: what the printed number says of h is told instead.
@@ -131,7 +132,7 @@ def _materials() -> list[Row]:
             "film resistance, 10 W/(m² K) on the motor's cylinder",
             "K/W",
             None,
-            convection_resistance(10.0, cylinder_surface(U8.diameter.value, U8.length.value)),
+            convection_resistance(10.0, cylinder_surface(U8.diameter, U8.length)),
             note="h is not given; 10 W/(m² K) is a textbook's free convection",
         ),
         Row(
@@ -175,7 +176,7 @@ def _materials() -> list[Row]:
 def _appendix() -> list[Row]:
     table = propellers()
     watts, efficiency = _worst_propeller()
-    hot = copper_loss(STALL, winding_resistance(R_U8, 105.0))
+    hot = copper_loss(STALL, winding_resistance(U8_RESISTANCE, 105.0))
     return [
         Row(
             "table A.1",
@@ -207,7 +208,7 @@ def _appendix() -> list[Row]:
             tolerance=0.0,
             note="38 to 45 degC after 10 min; 131 to 360 W; two propellers have no row of 100 %",
         ),
-        Row("appendix A.2", "U10: loss at 35 A over the U8's", "1", None, R_U10 / R_U8),
+        Row("appendix A.2", "U10: loss at 35 A over the U8's", "1", None, U10_RESISTANCE / U8_RESISTANCE),
         Row("appendix A.3", "torque sensor: 2000 in-lb", "N·m", 225.0, 2000 * 0.112984829, tolerance=0.5),
         Row(
             "appendix A.3 b",
@@ -230,9 +231,9 @@ def _appendix() -> list[Row]:
 
 
 def _packages() -> list[Row]:
-    increase = 100 * (SYSTEM_MASS / U8.mass.value - 1)
-    box8 = box_volume(U8.diameter.value, U8.length.value)
-    box10 = box_volume(U10.diameter.value, U10.length.value)
+    increase = 100 * (SYSTEM_MASS / U8.mass - 1)
+    box8 = box_volume(U8.diameter, U8.length)
+    box10 = box_volume(U10.diameter, U10.length)
     return [
         Row(
             "chapter 5 c",
@@ -258,7 +259,7 @@ def _packages() -> list[Row]:
             "U10 over U8: mass",
             "%",
             167.0,
-            100 * U10.mass.value / U8.mass.value,
+            100 * U10.mass / U8.mass,
             tolerance=1.0,
             note="a ratio, not an increase",
         ),
@@ -271,6 +272,8 @@ def _packages() -> list[Row]:
             tolerance=4.0,
             note="a ratio, not an increase",
         ),
-        Row("chapter 5 h", "U10 over U8: torque per root of loss", "1", None, (R_U8 / R_U10) ** 0.5),
-        Row("chapter 5 i", "the same per mass", "1", None, (R_U8 / R_U10) ** 0.5 * U8.mass.value / U10.mass.value),
+        Row("chapter 5 h", "U10 over U8: torque per root of loss", "1", None, (U8_RESISTANCE / U10_RESISTANCE) ** 0.5),
+        Row(
+            "chapter 5 i", "the same per mass", "1", None, (U8_RESISTANCE / U10_RESISTANCE) ** 0.5 * U8.mass / U10.mass
+        ),
     ]

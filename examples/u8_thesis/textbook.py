@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import math
 
-from lptn.planners.trade.motors import MAGNET_COEFFICIENT, REFERENCE, Datum
+from lptn.planners.trade.motors import MAGNET_COEFFICIENT, REFERENCE
 
 COPPER_COEFFICIENT = 0.0039
 """Temperature coefficient of copper's resistance [1/K], [Chen2017, eq. 2.5] (0.0039 in its tables)."""
 COPPER_RESISTIVITY = 1.68e-8
 """Resistivity of copper at 20 degC [ohm m]; the value that gives the wire length of [Chen2017, sec. 3.2.1]."""
-U8_RATED_TORQUE = Datum(1.01, "N*m", "[Chen2017, table A.1]: maximum continuous torque")
+U8_RATED_TORQUE = 1.01
+"""Maximum continuous torque of the U8 [N·m], [Chen2017, table A.1]."""
+U8_RESISTANCE, U10_RESISTANCE = 0.186, 0.095
+"""Of the windings at 25 degC [ohm], [Chen2017, table A.1; appendix A.2]."""
 
 
 def torque_constant(at_reference: float, temperature: float, coefficient: float = MAGNET_COEFFICIENT) -> float:

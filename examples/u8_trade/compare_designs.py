@@ -52,15 +52,15 @@ SINK, FAN = (
     (353.0, 0.225),
 )  # J/K, K/W: fitted to what is said of the exchanger, examples/u8_thesis/facts.py
 CANDIDATES = (
-    Candidate("U8 alone", "U8", None, U8.mass.value, "#0072B2"),
+    Candidate("U8 alone", "U8", None, U8.mass, "#0072B2"),
     Candidate("U8, thesis's exchanger, still air", "U8", SINK, THESIS, "#56B4E9", (0, (5, 1.5))),
     Candidate("U8, thesis's exchanger, fan", "U8", FAN, THESIS, "#56B4E9", (0, (1, 1))),
     # [Chen2017, chapter 5]: "similar thermal capacitance and resistance" as the sink: only pipes are added.
     Candidate(
-        "U8, prosthesis's structure as the sink", "U8", SINK, U8.mass.value + PIPES, "#CC79A7", (0, (4, 1, 1, 1))
+        "U8, prosthesis's structure as the sink", "U8", SINK, U8.mass + PIPES, "#CC79A7", (0, (4, 1, 1, 1))
     ),
     Candidate("U8, a sink without any resistance", "U8", (1500.0, 0.01), float("nan"), INK, (0, (1, 2))),
-    Candidate("U10 alone", "U10", None, U10.mass.value, "#009E73"),
+    Candidate("U10 alone", "U10", None, U10.mass, "#009E73"),
 )
 
 
@@ -74,7 +74,7 @@ def held(candidate: Candidate, durations: tuple[float, ...] = DURATIONS) -> list
     """Torque [N·m] that a candidate holds for each duration [s]: 105 degC at the winding, 35 A, 260 W in the pipes."""
     problem = DesignProblem(option_of(candidate), candidate.sink)
     solutions = [problem.solve({"duration": duration}) for duration in durations]
-    return [solution.objective if solution.success else float("nan") for solution in solutions]
+    return [solution.value if solution.success else float("nan") for solution in solutions]
 
 
 def time_held(candidate: Candidate, torque: float) -> float:
@@ -84,7 +84,7 @@ def time_held(candidate: Candidate, torque: float) -> float:
     text = text.replace("duration = 60", f"torque = {torque}") + "[limits]\ncurrent = 60\n"
     (option,) = parse_study(text, Path("comparison")).options()
     solution = DesignProblem(option, candidate.sink).solve()
-    return solution.objective if solution.success else float("nan")
+    return solution.value if solution.success else float("nan")
 
 
 def figure(curves: dict[str, list[float]]) -> Figure:

@@ -190,11 +190,14 @@ def _sweep_points(problem: DesignProblem, near: DesignSolution | None, sweep: Sw
                 break
             continue
         near = solution
-        values, option = solution.variables, problem.option
-        amount = values[sweep.against] if sweep.against in BUDGETS else amount  # a design need not use up its budget
-        capacity, resistance = (values[name] if option.has_sink else None for name in ("capacity", "resistance"))
-        others = (values[name] for name in ("ratio", "mass", "volume", "price"))
-        points.append(FrontPoint(amount, solution.objective, option.name, capacity, resistance, *others))
+        if sweep.against in BUDGETS:
+            amount = getattr(solution, sweep.against)  # a design need not use up its budget
+        points.append(
+            FrontPoint(
+                amount, solution.value, problem.option.name, solution.capacity, solution.resistance, solution.ratio,
+                solution.mass, solution.volume, solution.price,
+            )
+        )  # fmt: skip
     by_amount = {round(point.amount, 6 if sweep.against == "mass" else 9): point for point in points}
     return tuple(sorted(by_amount.values(), key=lambda point: point.amount))
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from math import ceil, log, log1p
 
 import numpy as np
@@ -12,7 +12,7 @@ from lptn.basics.errors import InputError
 
 from .motors import ENAMEL_LIMIT
 from .plant import CAPACITY, RESISTANCE
-from .problem import DesignProblem, DesignSolution, Relaxed
+from .problem import DesignNumbers, DesignProblem, DesignSolution, Relaxed
 from .simulation import Simulator, check_design, peak_temperatures
 from .study import Option
 
@@ -21,17 +21,11 @@ BUDGETS: tuple[Relaxed, ...] = ("mass", "volume", "price")
 
 
 @dataclass(frozen=True, repr=False)
-class Design:
-    """A feasible choice at its best.
+class Design(DesignNumbers):
+    """A feasible choice at its best: its numbers, and further.
 
     Args:
         option: the discrete choice, its gear's ratio as it was found.
-        value: of the goal, in its unit.
-        capacity, resistance: of the sink [J/K, K/W]; `None` without one.
-        ratio: of the gear.
-        mass, volume, price: of motor, gear and cooling [kg, m³].
-        torque: peak torque behind the gear [N·m].
-        duration: of the hold or the cycle [s].
         winding: the highest winding temperature [degC].
         current: the highest current [A].
         binding: names of the active constraints.
@@ -46,15 +40,6 @@ class Design:
     """
 
     option: Option
-    value: float
-    capacity: float | None
-    resistance: float | None
-    ratio: float
-    mass: float
-    volume: float
-    price: float
-    torque: float
-    duration: float
     winding: float
     current: float
     binding: tuple[str, ...]
@@ -76,13 +61,6 @@ class Design:
         sought = study.question.goal in ("held_torque", "time_to_limit", "worst_temperature")
         active = len(self.binding) + (study.question.goal == "worst_temperature")
         return active > 2 * self.option.has_sink + sought + ("most.ratio" in self.parameters)
-
-    @property
-    def sink(self) -> tuple[float, float] | None:
-        """Its capacity [J/K] and resistance [K/W], `None` without one."""
-        if self.capacity is None or self.resistance is None:
-            return None
-        return self.capacity, self.resistance
 
 
 @dataclass(frozen=True)
@@ -131,32 +109,24 @@ class Refusal:
 
 def design_of(problem: DesignProblem, solution: DesignSolution) -> Design:
     """A converged solution as a design, with its sensitivities."""
-    values = solution.variables
-    gear = problem.option.gear.model_copy(update={"ratio": [values["ratio"]] * 2})
+    gear = problem.option.gear.model_copy(update={"ratio": [solution.ratio] * 2})
     option = replace(problem.option, gear=gear)
-    sink = (values["capacity"], values["resistance"]) if option.has_sink else None
     winding = [problem.plant.states.index(node) for node in option.motor.winding_nodes]
-    hottest, current = check_design(option, sink, values["torque"], values["duration"], solution.states[:, 0])
+    hottest, current = check_design(option, solution)
     return Design(
-        option,
-        solution.objective,
-        sink[0] if sink else None,
-        sink[1] if sink else None,
-        values["ratio"],
-        values["mass"],
-        values["volume"],
-        values["price"],
-        values["torque"],
-        values["duration"],
-        float(solution.states[winding].max()),
-        current,
-        solution.binding,
-        {name: (value, problem.parameters.units[name]) for name, value in problem.parameters.defaults.items()},
-        solution.gradient,
-        _sink_sensitivities(option, sink) if sink else {},
-        hottest,
-        solution.times,
-        solution.states,
+        **{each.name: getattr(solution, each.name) for each in fields(DesignNumbers)},
+        option=option,
+        winding=float(solution.states[winding].max()),
+        current=current,
+        binding=solution.binding,
+        parameters={
+            name: (value, problem.parameters.units[name]) for name, value in problem.parameters.defaults.items()
+        },
+        sensitivities=solution.gradient,
+        sink_sensitivities=_sink_sensitivities(option, solution.sink) if solution.sink else {},
+        checked=hottest,
+        times=solution.times,
+        states=solution.states,
     )
 
 

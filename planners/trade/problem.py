@@ -11,13 +11,13 @@ thermal runaway does no harm, since the states are found together with the desig
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any, Literal, cast
 
 import casadi as ca
 import numpy as np
 
-from lptn.basics.arrays import BoolArray, FloatArray
+from lptn.basics.arrays import FloatArray
 
 from .plant import CAPACITY, RESISTANCE, Load, Parameters, Plant
 from .study import Option
@@ -33,74 +33,78 @@ Relaxed = Literal["winding", "magnet", "current", "voltage", "speed", "pipe_powe
 
 @dataclass
 class NonlinearProgram:
-    """A nonlinear program as it is gathered by name: variables, and expressions that must be zero or at most zero."""
+    """A nonlinear program as it is gathered: variables by name, and expressions that must be zero or at most zero."""
 
-    names: list[str] = field(default_factory=list)
-    symbols: list[Any] = field(default_factory=list)
-    starts: list[float] = field(default_factory=list)
-    lowers: list[float] = field(default_factory=list)
-    uppers: list[float] = field(default_factory=list)
+    symbols: dict[str, Any] = field(default_factory=dict)
+    numbers: list[tuple[float, float, float]] = field(default_factory=list)
+    """Start, least and greatest of each variable."""
     expressions: list[Any] = field(default_factory=list)
-    labels: list[str] = field(default_factory=list)
-    equalities: list[bool] = field(default_factory=list)
+    rows: list[tuple[str, bool]] = field(default_factory=list)
+    """For each scalar row of the expressions its label, and whether it must be zero."""
 
-    def variable(self, name: str, start: float, lower: float, upper: float) -> Any:
+    def variable(self, name: str, start: float, least: float, greatest: float) -> Any:
         """A new variable's symbol."""
-        symbol = ca.SX.sym(name)
-        self.names.append(name)
-        self.symbols.append(symbol)
-        self.starts.append(start)
-        self.lowers.append(lower)
-        self.uppers.append(upper)
-        return symbol
+        self.symbols[name] = ca.SX.sym(name)
+        self.numbers.append((start, least, greatest))
+        return self.symbols[name]
 
     def constrain(self, expression: Any, label: str, *, equal: bool = False) -> None:
         """Demand an expression to be at most zero, or zero."""
-        rows = int(expression.shape[0])
         self.expressions.append(expression)
-        self.equalities += [equal] * rows
-        self.labels += [label] * rows
+        self.rows += [(label, equal)] * int(expression.shape[0])
 
     def index(self, name: str) -> int:
         """Where a variable stands."""
-        return self.names.index(name)
-
-    @property
-    def w(self) -> Any:
-        return ca.vertcat(*self.symbols)
-
-    @property
-    def g(self) -> Any:
-        return ca.vertcat(*self.expressions)
-
-    @property
-    def equal(self) -> BoolArray:
-        return np.array(self.equalities)
-
-    @property
-    def start(self) -> FloatArray:
-        return np.array(self.starts)
-
-    @property
-    def bounds(self) -> tuple[FloatArray, FloatArray]:
-        """Least and greatest of each variable, fresh copies."""
-        return np.array(self.lowers), np.array(self.uppers)
+        return list(self.symbols).index(name)
 
     def active(self, values: FloatArray, tolerance: float = 1e-5) -> list[str]:
         """Labels of the inequalities that reach zero but for a relative tolerance, without repetition."""
-        rows = zip(self.labels, self.equalities, values, strict=True)
-        return list(dict.fromkeys(label for label, equal, value in rows if not equal and value > -tolerance))
+        reached = [label for (label, equal), value in zip(self.rows, values, strict=True)
+                   if not equal and value > -tolerance]  # fmt: skip
+        return list(dict.fromkeys(reached))
 
 
 @dataclass(frozen=True)
-class DesignSolution:
-    """What IPOPT found.
+class DesignNumbers:
+    """What a design is in numbers.
+
+    Args:
+        value: of the goal, in its unit.
+        capacity, resistance: of the sink [J/K, K/W]; `None` without one.
+        ratio: of the gear.
+        mass, volume, price: of motor, gear and cooling [kg, m³].
+        torque: peak torque behind the gear [N·m].
+        duration: of the hold or the cycle [s].
+    """
+
+    value: float
+    capacity: float | None
+    resistance: float | None
+    ratio: float
+    mass: float
+    volume: float
+    price: float
+    torque: float
+    duration: float
+
+    @property
+    def sink(self) -> tuple[float, float] | None:
+        """Its capacity [J/K] and resistance [K/W], `None` without one."""
+        if self.capacity is None or self.resistance is None:
+            return None
+        return self.capacity, self.resistance
+
+
+_NUMBERS = [each.name for each in fields(DesignNumbers)]
+
+
+@dataclass(frozen=True)
+class DesignSolution(DesignNumbers):
+    """What IPOPT found: a design's numbers, and further.
 
     Args:
         success: whether it converged; if not, nothing else means anything.
         status: IPOPT's return status.
-        objective: the goal's value in its unit.
-        variables: mass, volume, price, torque, duration, capacity, resistance, ratio.
         slack: by how much each limit was moved, in its unit.
         gradient: derivative of the goal to each parameter by name; empty unless it converged.
         binding: names of the active constraints.
@@ -111,71 +115,12 @@ class DesignSolution:
 
     success: bool
     status: str
-    objective: float
-    variables: dict[str, float]
     slack: dict[str, float]
     gradient: dict[str, float]
     binding: tuple[str, ...]
     states: FloatArray
     times: FloatArray
     raw: FloatArray
-
-
-@dataclass(frozen=True)
-class DesignTrajectory:
-    """States at the ends of the elements, load in each, and the ends' times as shares of the duration."""
-
-    states: list[Any]
-    loads: list[Load]
-    share: FloatArray
-
-    @property
-    def ends(self) -> list[tuple[Any, Load]]:
-        """State and load at the end of each element."""
-        return list(zip(self.states[1:], self.loads, strict=True))
-
-    @property
-    def both_ends(self) -> list[tuple[Any, Load]]:
-        """State and load at the beginning and at the end of each element."""
-        return [*zip(self.states[:-1], self.loads, strict=True), *self.ends]
-
-
-def transcribe(program: NonlinearProgram, plant: Plant, torque: Any, duration: Any) -> DesignTrajectory:
-    """Add a task's states and heat balance to a program.
-
-    Args:
-        program: gains variables and equalities.
-        plant: rates and states.
-        torque: peak torque behind the gear [N·m], an expression.
-        duration: of the hold or the cycle [s], an expression.
-    """
-    task = plant.option.study.task
-    degree, hold_elements = 3, 16
-    grading = 1.6 if task.is_hold else 1.0  # shorter elements at the beginning, where a hold changes fastest
-    parts = np.tile(task.operation, (hold_elements if task.is_hold else task.repeats or 1, 1))
-    elements, n = len(parts), len(plant.states)
-    share = (np.arange(elements + 1) / elements) ** grading * (task.repeats or 1)
-    # K below and above the air: beyond runaway the steady state's formula turns negative.
-    low, high = min(task.ambient, task.start) - 5.0, max(task.ambient, task.start) + 1000.0
-    warm = task.ambient + 20.0  # to start from
-
-    def state(name: str) -> Any:
-        return ca.vertcat(*[program.variable(f"{name}.{i}", warm, low, high) for i in range(n)])
-
-    derivative, _, _ = ca.collocation_coeff(ca.collocation_points(degree, "radau"))
-    start = plant.parameters.add("start", task.start, "degC")
-    path = [state("x0") if task.repeats is None else ca.repmat(start, n, 1)]
-    loads = [Load(torque * share, *motion) for share, *motion in parts.tolist()]
-    for k, load in enumerate(loads):
-        stages = [state(f"x{k + 1}s{j}") for j in range(degree)]
-        h = duration * float(share[k + 1] - share[k])
-        for j in range(degree):
-            slope = ca.mtimes(ca.horzcat(path[-1], *stages), derivative[:, j])
-            program.constrain(slope - h * plant.rates(stages[j], load), "heat balance", equal=True)
-        path.append(stages[-1])
-    if task.repeats is None:
-        program.constrain(path[-1] - path[0], "heat balance", equal=True)
-    return DesignTrajectory(path, loads, share)
 
 
 class DesignProblem:
@@ -194,32 +139,32 @@ class DesignProblem:
         self.parameters, self._program = Parameters(), NonlinearProgram()
         self._slack: dict[str, Any] = {}
         self._given = given_design is not None and option.has_sink
-        capacity, resistance = self._design(given_design)
-        gear = option.gear
-        ratio = self._sought("ratio", gear.ratio, "1") if gear.is_sought else None
+        capacity = resistance = ca.SX(1.0)
+        if given_design is not None and option.has_sink:
+            capacity, resistance = (
+                self.parameters.add(name, value, unit)
+                for name, value, unit in zip((CAPACITY, RESISTANCE), given_design, ("J/K", "K/W"), strict=True)
+            )
+        elif option.has_sink:
+            sink = option.study.sink
+            capacity = self._sought("capacity", sink.capacity, "J/K")
+            resistance = self._sought("resistance", sink.resistance, "K/W")
+        ratio = self._sought("ratio", option.gear.ratio, "1") if option.gear.is_sought else None
         self.plant = Plant(option, self.parameters, capacity, resistance, ratio)
         self._limits = {
             name: self.parameters.add(f"limit.{name}", value, LIMITS[name] or option.study.question.currency)
             for name, value in option.limits.items()
         }
         self._task()
-        self._course = transcribe(self._program, self.plant, self._torque, self._duration)
+        self._transcribe()
         self._limit_all()
         self._build()
 
     # --- building -----------------------------------------------------------------------------
 
-    def _design(self, given: tuple[float, float] | None) -> tuple[Any, Any]:
-        """Capacity and resistance of the sink; sought ones as logarithms, which are well scaled and positive."""
-        if not self.option.has_sink:
-            return ca.SX(1.0), ca.SX(1.0)
-        if given is not None:
-            return self.parameters.add(CAPACITY, given[0], "J/K"), self.parameters.add(RESISTANCE, given[1], "K/W")
-        sink = self.option.study.sink
-        return self._sought("capacity", sink.capacity, "J/K"), self._sought("resistance", sink.resistance, "K/W")
-
     def _sought(self, name: str, bounds: Sequence[float], unit: str) -> Any:
-        """A number of the design between two bounds, which are parameters."""
+        """A number of the design between two bounds, which are parameters; as a logarithm it is positive, and well
+        scaled."""
         low, high = (
             self.parameters.add(f"{end}.{name}", value, unit)
             for end, value in zip(("least", "most"), bounds, strict=True)
@@ -249,15 +194,40 @@ class DesignProblem:
         else:
             self._duration = self.parameters.add("duration", task.time, "s")
 
+    def _transcribe(self) -> None:
+        """States at the ends of the elements, the load in each, the ends' times as shares of the duration; and the
+        heat balance that holds the states together."""
+        task, n = self.option.study.task, len(self.plant.states)
+        degree, hold_elements = 3, 16
+        grading = 1.6 if task.is_hold else 1.0  # shorter elements at the beginning, where a hold changes fastest
+        parts = np.tile(task.operation, (hold_elements if task.is_hold else task.repeats or 1, 1))
+        self._share = (np.arange(len(parts) + 1) / len(parts)) ** grading * (task.repeats or 1)
+        # K below and above the air: beyond runaway the steady state's formula turns negative.
+        low, high = min(task.ambient, task.start) - 5.0, max(task.ambient, task.start) + 1000.0
+        warm = task.ambient + 20.0  # to start from
+
+        def state(name: str) -> Any:
+            return ca.vertcat(*[self._program.variable(f"{name}.{i}", warm, low, high) for i in range(n)])
+
+        derivative, _, _ = ca.collocation_coeff(ca.collocation_points(degree, "radau"))
+        start = self.parameters.add("start", task.start, "degC")
+        self._states = [state("x0") if task.repeats is None else ca.repmat(start, n, 1)]
+        self._loads = [Load(self._torque * share, *motion) for share, *motion in parts.tolist()]
+        for k, load in enumerate(self._loads):
+            stages = [state(f"x{k + 1}s{j}") for j in range(degree)]
+            h = self._duration * float(self._share[k + 1] - self._share[k])
+            for j in range(degree):
+                slope = ca.mtimes(ca.horzcat(self._states[-1], *stages), derivative[:, j])
+                self._program.constrain(slope - h * self.plant.rates(stages[j], load), "heat balance", equal=True)
+            self._states.append(stages[-1])
+        if task.repeats is None:
+            self._program.constrain(self._states[-1] - self._states[0], "heat balance", equal=True)
+
     def _limit(self, name: str, values: Any) -> None:
         """`values` at most the limit of this name, which a slack can move by multiples of its size."""
         if name in self._limits:
             self._slack[name] = self._program.variable(f"slack.{name}", 0.0, 0.0, 0.0)
             self._program.constrain((values - self._limits[name]) / self._size(name) - self._slack[name], name)
-
-    def _limit_size(self, name: str, values: list[Any], signed: bool) -> None:
-        """The same for the size of values that may have either sign."""
-        self._limit(name, ca.vertcat(*values, *([-value for value in values] if signed else [])))
 
     def _size(self, name: str) -> float:
         if name == "torque":
@@ -265,18 +235,22 @@ class DesignProblem:
         return max(abs(self.parameters.defaults[f"limit.{name}"]), 1e-6)
 
     def _limit_all(self) -> None:
-        plant, motor, goal, ends = self.plant, self.option.motor, self.option.study.question.goal, self._course.ends
+        plant, motor, task = self.plant, self.option.motor, self.option.study.task
+        begins, ends = (list(zip(states, self._loads, strict=True)) for states in (self._states[:-1], self._states[1:]))
+
+        def size_of(values: list[Any], signed: bool) -> Any:
+            return ca.vertcat(*values, *([-value for value in values] if signed else []))
+
         windings = ca.vertcat(*[plant.temperatures(x, motor.winding_nodes) for x, _ in ends])
         self._limit("winding", windings)
         self._limit("magnet", ca.vertcat(*[plant.temperatures(x, motor.magnet_nodes) for x, _ in ends]))
-        task = self.option.study.task
-        self._limit_size("current", [plant.current(x, load) for x, load in ends], bool(task.accelerations.any()))
-        reverses = bool((task.motion < 0).any())
-        self._limit_size("voltage", [plant.voltage(x, load) for x, load in self._course.both_ends], reverses)
+        currents, voltages = [plant.current(*at) for at in ends], [plant.voltage(*at) for at in (*begins, *ends)]
+        self._limit("current", size_of(currents, signed=bool(task.accelerations.any())))
+        self._limit("voltage", size_of(voltages, signed=bool((task.motion < 0).any())))
         self._limit("speed", plant.ratio * float(np.abs(task.motion).max()))
         if self.option.has_sink:
             self._limit("pipe_power", ca.vertcat(*[plant.pipe_power(x, load) for x, load in ends]))
-        if goal == "worst_temperature":
+        if self.option.study.question.goal == "worst_temperature":
             self._worst = self._program.variable("worst", 0.6, -1.0, 20.0)
             self._program.constrain(windings / _WORST_SCALE - self._worst, "worst")
         if self._given:
@@ -287,34 +261,27 @@ class DesignProblem:
         if self.option.has_sink:
             self._program.constrain(plant.fin_share - 1, "fins")
 
-    def _objective(self) -> tuple[Any, float]:
-        """What is minimised, and the factor that turns it back into the goal's own unit."""
-        goal = self.option.study.question.goal
-        if goal == "held_torque":
-            return -self._torque / self._torque_scale, -self._torque_scale
-        if goal == "time_to_limit":
-            return -self._duration / self._time_scale, -self._time_scale
-        if goal == "worst_temperature":
-            return self._worst, _WORST_SCALE
-        scale = {"mass": 1.0, "volume": 1e-3, "price": max(self.option.fixed_price, 1.0)}[goal]
-        return {"mass": self.plant.mass, "volume": self.plant.volume, "price": self.plant.price}[goal] / scale, scale
-
     def _build(self) -> None:
-        objective, self._unit = self._objective()
+        plant = self.plant
+        # What is minimised, and the factor that turns it back into the goal's own unit.
+        objective, self._unit = {
+            "held_torque": lambda: (-self._torque / self._torque_scale, -self._torque_scale),
+            "time_to_limit": lambda: (-self._duration / self._time_scale, -self._time_scale),
+            "worst_temperature": lambda: (self._worst, _WORST_SCALE),
+            "mass": lambda: (plant.mass, 1.0),
+            "volume": lambda: (plant.volume / 1e-3, 1e-3),
+            "price": lambda: (plant.price / max(self.option.fixed_price, 1.0), max(self.option.fixed_price, 1.0)),
+        }[self.option.study.question.goal]()
         weight = self.parameters.add("weight", 1.0, "1")  # 0 while the least relaxation is sought
         # Of two designs equally good the lighter one is meant; its weight is too small to show in a sensitivity.
-        tidy = 0 if self._given else 1e-6 * self.plant.mass
+        tidy = 0 if self._given else 1e-6 * plant.mass
         cost = weight * (objective + tidy) + (1 - weight) * ca.sum1(ca.vertcat(*self._slack.values()))
-        w, p, g = self._program.w, self.parameters.stacked, self._program.g
+        w, g = ca.vertcat(*self._program.symbols.values()), ca.vertcat(*self._program.expressions)
+        p = self.parameters.stacked
         self._solver = ca.nlpsol("trade", "ipopt", {"x": w, "p": p, "f": cost, "g": g}, _OPTIONS)
-        plant = self.plant
-        shown = {
-            "objective": objective * self._unit, "mass": plant.mass, "volume": plant.volume, "price": plant.price,
-            "torque": self._torque, "duration": self._duration, "capacity": plant.capacity,
-            "resistance": plant.resistance, "ratio": plant.ratio,
-        }  # fmt: skip
-        self._shown = list(shown)
-        self._look = ca.Function("look", [w, p], [ca.vertcat(*shown.values()), ca.horzcat(*self._course.states), g])
+        numbers = (objective * self._unit, plant.capacity, plant.resistance, plant.ratio, plant.mass, plant.volume,
+                   plant.price, self._torque, self._duration)  # fmt: skip
+        self._look = ca.Function("look", [w, p], [ca.vertcat(*numbers), ca.horzcat(*self._states), g])
 
     # --- solving ------------------------------------------------------------------------------
 
@@ -332,7 +299,7 @@ class DesignProblem:
                 of their sizes, that makes the rest possible.
             near: a solution to start from.
         """
-        lower, upper = self._program.bounds
+        start, lower, upper = np.array(self._program.numbers).T
         for name in relax:
             changed = {**(changed or {}), "weight": 0.0}
             # How far a limit is looked for, in multiples of its size.
@@ -340,23 +307,22 @@ class DesignProblem:
             if name == "torque":
                 most = 0.999 * self.parameters.defaults["torque"] / self._torque_scale
             upper[self._program.index(f"slack.{name}")] = most
-        p, equal = self.parameters.values(changed), self._program.equal
-        starts = [] if near is None else [near.raw]
-        for start in (*starts, self._program.start, self._second_start()):
-            done = self._solver(
-                x0=start, p=p, lbx=lower, ubx=upper, lbg=np.where(equal, 0.0, -np.inf), ubg=np.zeros(equal.size)
-            )
+        p = self.parameters.values(changed)
+        least = np.where([equal for _, equal in self._program.rows], 0.0, -np.inf)
+        starts = [start, self._second_start(start)] if near is None else [near.raw, start, self._second_start(start)]
+        for begin in starts:
+            done = self._solver(x0=begin, p=p, lbx=lower, ubx=upper, lbg=least, ubg=0.0)
             solution = self._read(done, p)
             # A relaxation that IPOPT calls infeasible is not tried again: what matters then is what does help.
             if solution.success or (relax and solution.status == "Infeasible_Problem_Detected"):
                 break
         return solution
 
-    def _second_start(self) -> FloatArray:
+    def _second_start(self, start: FloatArray) -> FloatArray:
         """Everything hot, the sink as large as may be, the demand low."""
-        start, sink = self._program.start, self.option.study.sink
+        start, sink = start.copy(), self.option.study.sink
         best = {"capacity": float(np.log(sink.capacity[1])), "resistance": float(np.log(sink.resistance[0]))}
-        for index, name in enumerate(self._program.names):
+        for index, name in enumerate(self._program.symbols):
             if name.startswith("x"):
                 start[index] += 40.0
             elif name in ("torque", "duration"):
@@ -366,26 +332,24 @@ class DesignProblem:
 
     def _read(self, done: Mapping[str, Any], p: FloatArray) -> DesignSolution:
         stats = self._solver.stats()
-        shown, path, g = self._look(done["x"], p)
-        values = dict(zip(self._shown, shown.full().ravel().tolist(), strict=True))
-        point = done["x"].full().ravel()
-        success = bool(stats["success"])
+        success, point = bool(stats["success"]), done["x"].full().ravel()
+        values, path, g = (value.full() for value in self._look(done["x"], p))
+        numbers: dict[str, Any] = dict(zip(_NUMBERS, values.ravel().tolist(), strict=True))
+        if not self.option.has_sink:
+            numbers |= {"capacity": None, "resistance": None}
         # CasADi's multipliers of parameters carry the opposite sign of the derivative; those of a failed solve lie.
         slope = -done["lam_p"].full().ravel() * self._unit
-        gradient = dict(zip(self.parameters.symbols, slope.tolist(), strict=True)) if success else {}
-        active = self._program.active(g.full().ravel())
         return DesignSolution(
-            success,
-            str(stats["return_status"]),
-            values.pop("objective"),
-            values,
-            {name: float(point[self._program.index(f"slack.{name}")]) * self._size(name) for name in self._slack},
-            gradient,
-            tuple(name for name in active if name != "worst"),
-            path.full(),
-            self._course.share * values["duration"],
-            point,
-        )
+            **numbers,
+            success=success,
+            status=str(stats["return_status"]),
+            slack={name: float(point[self._program.index(f"slack.{name}")]) * self._size(name) for name in self._slack},
+            gradient=dict(zip(self.parameters.symbols, slope.tolist(), strict=True)) if success else {},
+            binding=tuple(name for name in self._program.active(g.ravel()) if name != "worst"),
+            states=path,
+            times=self._share * numbers["duration"],
+            raw=point,
+        )  # fmt: skip
 
     def relaxable(self) -> list[Relaxed]:
         """Limits that can be moved, and the torque where it is given."""

@@ -15,6 +15,7 @@ from lptn.basics.arrays import FloatArray
 from lptn.model.model import rk4
 
 from .plant import Load, Parameters, Plant
+from .problem import DesignSolution
 from .study import Option
 
 _CYCLE_STEPS = 2  # of RK4 at least, in each part of a cycle
@@ -140,27 +141,18 @@ class Simulator:
         return current, voltage
 
 
-def check_design(
-    option: Option, sink: tuple[float, float] | None, torque: float, duration: float, start: FloatArray
-) -> tuple[float, float]:
+def check_design(option: Option, design: DesignSolution) -> tuple[float, float]:
     """The task of a study on one design: highest winding temperature [degC] and highest current [A].
 
     A task that repeats for ever starts from the periodic state that was found, and runs one cycle.
-
-    Args:
-        option: the discrete choice.
-        sink: its capacity [J/K] and resistance [K/W], `None` without one.
-        torque: peak torque behind the gear [N·m].
-        duration: of the hold or the cycle [s].
-        start: states [degC], shape (number of states,).
     """
     simulator = Simulator(option)
     task = option.study.task
-    capacity, resistance = sink or (1.0, 1.0)
-    part = duration / len(task.shape)
-    loads = task.operation * (torque, 1.0, 1.0)
-    steps = max(simulator.substeps(part, capacity, resistance, torque), 400 if task.is_hold else _CYCLE_STEPS)
-    x = start[:, None]
+    capacity, resistance = design.sink or (1.0, 1.0)
+    part = design.duration / len(task.shape)
+    loads = task.operation * (design.torque, 1.0, 1.0)
+    steps = max(simulator.substeps(part, capacity, resistance, design.torque), 400 if task.is_hold else _CYCLE_STEPS)
+    x = design.states[:, :1]
     hottest, most = float(simulator.winding(x)[0]), 0.0
     run = simulator.step.mapaccum(steps)
     for _ in range(task.repeats or 1):

@@ -18,7 +18,7 @@ from lptn.basics.toml import Strict
 from lptn.model.network import LinkDeclaration, Network, NodeDeclaration
 
 from ..values import Mass, TorqueConstant, Volume
-from .catalogue import CatalogueMotor
+from .motors import CatalogueMotor
 from .sink import MATERIALS, Air, SinkMetal, blown_air, fin_efficiency, fin_mass, sink_volume, still_air
 from .tables import (
     GOALS,

@@ -13,7 +13,8 @@ from lptn.model.file import parse_model, read_model_file
 from lptn.model.network import Network
 from lptn.robots.presets import presets
 
-from .catalogue import CatalogueMotor, data_sheet_network, known_motors, read_catalogue
+from .catalogue import read_catalogue
+from .motors import MOTORS, CatalogueMotor, data_sheet_network
 from .study import MotorChoice, StudyTables, TradeStudy, attachable, pipe_places
 from .tables import SWEPT, DutyTask, Sweep
 
@@ -62,7 +63,7 @@ def _catalogues(tables: Tables) -> list[str]:
 
 def _chosen_motors(tables: Tables, path: Path) -> list[tuple[str, CatalogueMotor]]:
     """Each motor with the place that asks for it: a name or pattern of the catalogue, or a motor of the study's own."""
-    catalogue = known_motors()
+    catalogue = dict(MOTORS)
     for name in _catalogues(tables):
         if not (path.parent / name).is_file():
             raise InputError(path, "study.catalogue", f'"{name}"', "a CSV or TOML file beside the study")

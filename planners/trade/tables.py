@@ -46,7 +46,7 @@ from ..values import (
     Volume,
 )
 from . import profiles
-from .catalogue import MotorLimits
+from .motors import MotorLimits
 
 Goal = Literal["held_torque", "time_to_limit", "worst_temperature", "mass", "volume", "price"]
 Cooling = Literal["none", "passive", "fan"]

@@ -79,7 +79,7 @@ def intervals(
             }
             solution = asked.solve(_built(asked, drawn), near=near if near.success else None)
             if solution.success:
-                values[row, number] = solution.objective
+                values[row, number] = solution.value
     best = values.argmax(axis=0) if worst < 0 else values.argmin(axis=0)
     ends = (1 - uncertainty.level) / 2, (1 + uncertainty.level) / 2
     result = {}

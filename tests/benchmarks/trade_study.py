@@ -63,8 +63,8 @@ def main() -> None:
         "200 × 200 grid, plain NumPy": timed(lambda: plain.held_torque(c, r, DURATION, LIMIT)),
     }
     print(f"one program: built {1e3 * build:.0f} ms, solved {1e3 * cold:.0f} ms, again nearby {1e3 * warm:.0f} ms")
-    print(f"  {optimum.objective:.6f} N·m at C = {optimum.variables['capacity']:.2f} J/K, ", end="")
-    print(f"R = {optimum.variables['resistance']:.4f} K/W; at 600 g {moved.objective:.6f} N·m")
+    print(f"  {optimum.value:.6f} N·m at C = {optimum.capacity:.2f} J/K, ", end="")
+    print(f"R = {optimum.resistance:.4f} K/W; at 600 g {moved.value:.6f} N·m")
     print(f"whole study, {len(study.options())} choices and the front: {all_choices:.1f} s, {len(whole.front)} points")
     for name, (torque, seconds) in grids.items():
         best = int(torque.argmax())

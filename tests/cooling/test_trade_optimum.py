@@ -91,7 +91,7 @@ def test_multipliers_agree_with_finite_differences(goal: str, task: str, limits:
         step = 2e-3 * abs(value)
         ends = [problem.solve({name: value + side * step}, near=optimum) for side in (1, -1)]
         assert all(end.success for end in ends)
-        difference = (ends[0].objective - ends[1].objective) / (2 * step)
+        difference = (ends[0].value - ends[1].value) / (2 * step)
         assert optimum.gradient[name] == pytest.approx(difference, rel=0.01), name
         assert difference != 0.0
 

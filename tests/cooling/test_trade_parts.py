@@ -22,25 +22,27 @@ from tests.cooling.studies import study
 EXAMPLES = Path(__file__).parents[2] / "examples" / "u8_trade"
 
 
-def test_motor_data_have_units_and_sources() -> None:
+def test_motor_data_are_complete_and_have_sources() -> None:
     for motor in motors.MOTORS.values():
-        for name in ("mass", "diameter", "length", "torque_constant", "resistance", "most_current", "winding_limit"):
-            datum = getattr(motor, name)
-            assert datum.value > 0
-            assert datum.unit
-            assert "[Chen2017" in datum.source
+        for number in (motor.mass, motor.package, motor.constant, *motor.limits.given.values()):
+            assert number is not None
+            assert number > 0
+        assert set(motor.limits.given) == {"winding", "magnet", "current"}
+        assert motor.source is not None
+        for said in ("mass", "size", "100 rpm/V", "current", "[Chen2017"):
+            assert said in motor.source
 
 
 def test_torque_metrics() -> None:
-    k8, k10 = U8.torque_constant.value, U10.torque_constant.value
+    k8, k10 = U8.torque_constant, U10.torque_constant
     assert k8 * 11 == pytest.approx(1.050, abs=5e-4)
-    assert textbook.peak_specific_torque(0.1, 35, U8.mass.value) == pytest.approx(14.6, abs=0.05)
-    assert textbook.peak_specific_torque(k10, 35, U10.mass.value) == pytest.approx(8.36, abs=0.01)
+    assert textbook.peak_specific_torque(0.1, 35, U8.mass) == pytest.approx(14.6, abs=0.05)
+    assert textbook.peak_specific_torque(k10, 35, U10.mass) == pytest.approx(8.36, abs=0.01)
     assert textbook.thermal_specific_torque(0.1, 0.24, 2.976, 0.186) == pytest.approx(0.560, abs=5e-4)
     assert textbook.torque_constant(1.0, 105.0) == pytest.approx(0.904)
     assert textbook.winding_resistance(1.0, 105.0) == pytest.approx(1.312)
     assert textbook.rated_current(1.01, k8) == pytest.approx(10.58, abs=0.005)
-    assert U8.volume == pytest.approx(158.8e-6, rel=1e-3)
+    assert U8.package == pytest.approx(158.8e-6, rel=1e-3)
 
 
 def test_fin_spacing_is_where_a_given_volume_sheds_most_heat() -> None:

@@ -28,7 +28,7 @@ from tests.sources.row import Check, Verdict, above, below, differs, equal, prin
 COUNTED = "tests/cooling/test_thesis_table.py"
 NETWORKS = "tests/cooling/test_thesis_networks.py"
 TRADE = "tests/cooling/test_trade_parts.py"
-K_T = U8.torque_constant.value
+K_T = U8.torque_constant
 PULSE = np.array([1.0])  # s
 _CLOSE = 5e-4  # relative: ours against a number worked out apart to four digits
 
@@ -97,13 +97,13 @@ def magnet() -> Iterable[Check]:
     factor = float(TorqueConstantDrop().factor(105.0, _p(kappa=0.0012, reference=25.0)))
     yield equal("constant at 105 over 25 degC", factor**-0.5, 0.904)
     yield equal("the example's", _of("textbook").torque_constant(1.0, 105.0), 0.904)
-    yield printed("limit of the magnets here", U8.magnet_limit.value, "150", "degC")
+    yield printed("limit of the magnets here", U8.limits.given["magnet"], "150", "degC")
 
 
 @row("S1-E2.7", "convection", "Q = hA (T - T_surr), R = 1/(hA); no h given")
 def convection() -> Iterable[Check]:
     text = _of("textbook")
-    area = text.cylinder_surface(U8.diameter.value, U8.length.value)
+    area = text.cylinder_surface(U8.diameter, U8.length)
     resistance = text.convection_resistance(10.0, area)
     network = Network("one", (node("a", 100.0), AMBIENT), (link("a", "ambient", resistance),))
     rate = float(Model(network).rhs([50.0], [20.0], Model(network).values)[0])
@@ -241,8 +241,8 @@ def data_sheet_u8() -> Iterable[Check]:
         "stall torque by 100 rpm/V", _formula("table A.1"), "3.2", "N·m", "the sheet's own ratio is 0.0914 N·m/A"
     )
     yield above("V/R", 22.2 / 0.186, 35.0, "A", "35 A is not what 22.2 V drive through the winding")
-    yield printed("mass here", 1e3 * U8.mass.value, "240", "g")
-    yield printed("resistance here", 1e3 * U8.resistance.value, "186", "mΩ")
+    yield printed("mass here", 1e3 * U8.mass, "240", "g")
+    yield printed("resistance here", 1e3 * _of("textbook").U8_RESISTANCE, "186", "mΩ")
 
 
 @row("S1-TA.1p", "propeller table", "33 rows; g/W; surface 38 to 45 °C after 10 min", more=COUNTED)
@@ -260,11 +260,11 @@ def propellers() -> Iterable[Check]:
 
 @row("S1-TA.2", "U10's data sheet", "400 g, 95 mΩ, 35 A for 180 s, Φ86.8 × 35.5 mm", more=TRADE)
 def data_sheet_u10() -> Iterable[Check]:
-    yield printed("mass", 1e3 * U10.mass.value, "400", "g")
-    yield printed("resistance", 1e3 * U10.resistance.value, "95", "mΩ")
-    yield printed("diameter", 1e3 * U10.diameter.value, "86.8", "mm")
-    yield printed("length", 1e3 * U10.length.value, "35.5", "mm")
-    yield printed("current", U10.most_current.value, "35", "A")
+    yield printed("mass", 1e3 * U10.mass, "400", "g")
+    yield printed("resistance", 1e3 * _of("textbook").U10_RESISTANCE, "95", "mΩ")
+    yield printed("diameter", 1e3 * U10.diameter, "86.8", "mm")
+    yield printed("length", 1e3 * U10.length, "35.5", "mm")
+    yield printed("current", U10.limits.given["current"], "35", "A")
 
 
 @row("S1-TA.3", "torque sensor", "2000 in-lb = 225 Nm; 60 to 160 °F = 15 to 72 °C", Verdict.CORRECTED, more=COUNTED)
@@ -503,7 +503,7 @@ def sweep() -> Iterable[Check]:
 
 @row("S1-A2", "exchanger or bigger motor", "chapter 5", more="tests/cooling/test_trade_optimum.py")
 def exchanger_or_bigger_motor() -> Iterable[Check]:
-    yield equal("loss at 35 A, U10", 35.0**2 * U10.resistance.value, 116.4, "W", 1e-3)
+    yield equal("loss at 35 A, U10", 35.0**2 * _of("textbook").U10_RESISTANCE, 116.4, "W", 1e-3)
     yield equal("torque per √W, U10", 0.0955 / math.sqrt(0.095), 0.310, "N·m/√W", 1e-3)
     yield equal("torque per √W, U8", 0.0955 / math.sqrt(0.186), 0.2214, "N·m/√W", 1e-3)
     held = _held()
