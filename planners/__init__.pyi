@@ -1,7 +1,7 @@
 from .limiter.limiter import Limiter as Limiter
-from .mission.replanning import MissionControl as MissionControl
 from .mpc.controller import Plan as Plan
 from .mpc.controller import TorqueMPC as TorqueMPC
 from .mpc.loop import ControlLoop as ControlLoop
+from .replanning import MissionControl as MissionControl
 
 __all__: list[str]

@@ -6,7 +6,6 @@ from .mission import Activity, Mission, MissionSegment, Transition
 from .mission_file import read_mission
 from .plan import MissionPlan, plan_mission
 from .program import MissionProgram, MissionSolution
-from .replanning import MissionControl, Order, Replanned
 
 __all__ = [
     "Activity",
@@ -14,13 +13,10 @@ __all__ = [
     "LogPart",
     "Mission",
     "MissionAnswer",
-    "MissionControl",
     "MissionPlan",
     "MissionProgram",
     "MissionSegment",
     "MissionSolution",
-    "Order",
-    "Replanned",
     "Transition",
     "gait_from_logs",
     "gait_from_tables",

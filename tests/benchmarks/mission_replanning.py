@@ -27,7 +27,8 @@ import numpy as np
 
 from lptn.basics.arrays import FloatArray
 from lptn.model.model import Model
-from lptn.planners.mission import Mission, MissionControl, Order, plan_kind, plan_mission
+from lptn.planners.mission import Mission, plan_kind, plan_mission
+from lptn.planners.replanning import MissionControl, Order
 from lptn.virtual import Forcing, Robot
 from lptn.virtual import Network as TrueNetwork
 from tests.planners.truth import model_of, true_robot

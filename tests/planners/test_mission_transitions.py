@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from lptn.basics.errors import InputError
-from lptn.planners.mission import Mission, MissionControl, MissionPlan, MissionProgram, plan_kind, plan_mission
+from lptn.planners import MissionControl
+from lptn.planners.mission import Mission, MissionPlan, MissionProgram, plan_kind, plan_mission
 from tests.planners import mission_truth as truth
 
 DOWN = {"from": "*", "to": "rest", "duration": 8, "torque": truth.FOLDING, "velocity": {"*": 0.0}}

@@ -9,7 +9,8 @@ import pytest
 
 from lptn.basics.errors import InputError
 from lptn.model.model import Model
-from lptn.planners.mission import Mission, MissionControl, Order, plan_kind, plan_mission
+from lptn.planners.mission import Mission, plan_kind, plan_mission
+from lptn.planners.replanning import MissionControl, Order
 from tests.planners import mission_truth as truth
 
 WALK = {"do": "walk", "distance": 300, "load": 4, "pieces": 2}

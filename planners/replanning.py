@@ -13,10 +13,10 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.online import Estimator, ModelError
 
-from .gait import REST, Gait
-from .mission import Activity, Mission, Piece, Schedule
-from .plan import MissionPlan, peaks_of, plan_mission
-from .simulation import simulate_plan
+from .mission.gait import REST, Gait
+from .mission.mission import Activity, Mission, Piece, Schedule
+from .mission.plan import MissionPlan, peaks_of, plan_mission
+from .mission.simulation import simulate_plan
 
 _FEWEST = 0.5  # s; what takes less is done
 
