@@ -131,28 +131,26 @@ def solve_study(study: TradeStudy, report: Report = lambda _: None) -> StudyResu
     Raises:
         InputError: a motor's network can't be driven, or lacks what a sink needs.
     """
-    designs: list[Design] = []
+    solved: list[tuple[DesignProblem, Design]] = []
     refusals: list[Refusal] = []
-    problems: list[tuple[DesignProblem, DesignSolution | None]] = []
+    tried: list[tuple[DesignProblem, DesignSolution | None]] = []
     for option in study.options():
         report(f"solving {option.name}")
         problem = DesignProblem(option)
         solution = problem.solve()
+        tried.append((problem, solution if solution.success else None))
         if solution.success:
-            designs.append(design_of(problem, solution))
-            problems.append((problem, solution))
+            solved.append((problem, design_of(problem, solution)))
         else:
             refusals.append(refusal_of(problem))
-            problems.append((problem, None))
     better = GOALS[study.question.goal][2]
-    designs.sort(key=lambda design: (-design.value if better else design.value, design.mass))
-    by_name = {problem.option.name: problem for problem, _ in problems}
-    solved = [(by_name[design.option.name], design) for design in designs]
-    result = StudyResult(study, tuple(designs), tuple(refusals), intervals=intervals(study, solved, report))
+    solved.sort(key=lambda pair: (-pair[1].value if better else pair[1].value, pair[1].mass))
+    designs = tuple(design for _, design in solved)
+    result = StudyResult(study, designs, tuple(refusals), intervals=intervals(study, solved, report))
     if study.sweep is None:
         return result
     by_option: dict[str, tuple[FrontPoint, ...]] = {}
-    for problem, near in problems:
+    for problem, near in tried:
         report(f"sweeping {study.sweep.against} for {problem.option.name}")
         by_option[problem.option.name] = _sweep_points(problem, near, study.sweep)
     points = [point for points in by_option.values() for point in points]
@@ -177,12 +175,16 @@ def _front_of(points: list[FrontPoint], more_is_better: bool, cheap_first: int) 
 
 def _sweep_points(problem: DesignProblem, near: DesignSolution | None, sweep: Sweep) -> tuple[FrontPoint, ...]:
     """One option's answers; where more is harder, or less is, up to the first amount that is too hard."""
-    parameter = _swept_parameter(problem, sweep.against)
-    if parameter is None:
-        return ()
-    points, eases = [], SWEPT[sweep.against].eases
+    against, study = sweep.against, problem.option.study
+    parameter = {"torque": "torque", "duration": "duration", "ratio": "gear.ratio"}.get(against, f"limit.{against}")
+    if parameter not in problem.parameters.symbols:
+        if against == "ratio":
+            return ()  # a choice without a gear, or whose ratio is sought
+        expected = f"limits.{against} = …, to be swept"
+        raise InputError(study.origin, "pareto.against", f'"{against}" without a limit', expected)
+    points, eases = [], SWEPT[against].eases
     for amount in (sweep.values[::-1] if eases > 0 else sweep.values).tolist():
-        if sweep.against in BUDGETS and amount < problem.option.least(sweep.against):
+        if against in BUDGETS and amount < problem.option.least(against):
             break
         solution = problem.solve({parameter: amount}, near=near)
         if not solution.success:
@@ -190,25 +192,13 @@ def _sweep_points(problem: DesignProblem, near: DesignSolution | None, sweep: Sw
                 break
             continue
         near = solution
-        if sweep.against in BUDGETS:
-            amount = getattr(solution, sweep.against)  # a design need not use up its budget
+        if against in BUDGETS:
+            amount = getattr(solution, against)  # a design need not use up its budget
         points.append(
             FrontPoint(
                 amount, solution.value, problem.option.name, solution.capacity, solution.resistance, solution.ratio,
                 solution.mass, solution.volume, solution.price,
             )
         )  # fmt: skip
-    by_amount = {round(point.amount, 6 if sweep.against == "mass" else 9): point for point in points}
+    by_amount = {round(point.amount, 6 if against == "mass" else 9): point for point in points}
     return tuple(sorted(by_amount.values(), key=lambda point: point.amount))
-
-
-def _swept_parameter(problem: DesignProblem, against: str) -> str | None:
-    """The parameter that a sweep moves, `None` for a choice without it; a limit that was left open is a mistake."""
-    name = {"torque": "torque", "duration": "duration", "ratio": "gear.ratio"}.get(against, f"limit.{against}")
-    if name in problem.parameters.symbols:
-        return name
-    study = problem.option.study
-    if against != "ratio":
-        expected = f"limits.{against} = …, to be swept"
-        raise InputError(study.origin, "pareto.against", f'"{against}" without a limit', expected)
-    return None

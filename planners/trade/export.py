@@ -8,17 +8,17 @@ from dataclasses import asdict
 import numpy as np
 
 from .answer import StudyResult
-from .designs import Design, IsoMap
+from .designs import Design
 from .tables import GOALS
-from .torque_speed import TorqueSpeed
 from .uncertainty import Interval
 
 _NOT_OF_THE_DESIGN = ("least.", "most.", "weight", "longest", "copper_loss.torque_constant")
 
 
 def as_json(result: StudyResult) -> dict[str, object]:
-    """The whole answer; units are in the names' documentation, all SI and degC."""
+    """The whole answer, all SI and degC; numbers that are not finite become null when it is written."""
     words, _, more = GOALS[result.study.question.goal]
+    grid = result.iso_map
     return {
         "study": result.study.question.name,
         "currency": result.study.question.currency,
@@ -47,29 +47,26 @@ def as_json(result: StudyResult) -> dict[str, object]:
             }
             for curve in result.curves
         ],
-        "map": _map(result.iso_map),
-        "torque_speed": [_torque_speed(characteristic) for characteristic in result.torque_speed],
+        # Winding temperature over (C, R) for the best choice with a sink; `winding[i][j]` at resistance i, capacity j.
+        "map": grid
+        and {
+            "option": grid.option.name,
+            "torque": grid.torque,
+            "capacity": grid.capacity.tolist(),
+            "resistance": grid.resistance.tolist(),
+            "winding": grid.winding.tolist(),
+        },
+        # Torque [N·m] that is held for each duration [s] at each speed [rad/s]: for ever null, null for none.
+        "torque_speed": [
+            {
+                "option": diagram.name,
+                "speed": diagram.speed.tolist(),
+                "durations": diagram.durations.tolist(),
+                "torque": diagram.torque.tolist(),
+            }
+            for diagram in result.torque_speed
+        ],
     }
-
-
-def _torque_speed(characteristic: TorqueSpeed) -> dict[str, object]:
-    """Torque [N·m] that is held for each duration [s] (null: for ever) at each speed [rad/s]; null for none."""
-    durations = [time if np.isfinite(time) else None for time in characteristic.durations.tolist()]
-    torque = [[value if np.isfinite(value) else None for value in row] for row in characteristic.torque.tolist()]
-    return {
-        "option": characteristic.name,
-        "speed": characteristic.speed.tolist(),
-        "durations": durations,
-        "torque": torque,
-    }
-
-
-def _map(grid: IsoMap | None) -> dict[str, object] | None:
-    """Winding temperature over (C, R) for the best choice with a sink; `winding[i][j]` at resistance i, capacity j."""
-    if grid is None:
-        return None
-    axes = {"capacity": grid.capacity.tolist(), "resistance": grid.resistance.tolist()}
-    return {"option": grid.option.name, "torque": grid.torque, **axes, "winding": grid.winding.tolist()}
 
 
 def _design(design: Design, intervals: Mapping[str, Interval]) -> dict[str, object]:
@@ -89,8 +86,7 @@ def _design(design: Design, intervals: Mapping[str, Interval]) -> dict[str, obje
         "degenerate": design.degenerate,
         "sensitivities": design.sensitivities,
         "of_sink": design.sink_sensitivities,
-        # Its ends are null where limits can't be kept.
-        "interval": interval and {key: end if np.isfinite(end) else None for key, end in asdict(interval).items()},
+        "interval": interval and asdict(interval),  # its ends are infinite where limits can't be kept
     }
 
 
@@ -117,9 +113,17 @@ def remarks(result: StudyResult) -> Iterable[str]:
             yield f"{design.option.name}: caution, {why}; its sensitivities are not unique"
     for refusal in result.refusals:
         yield f"{refusal.option.name}: no feasible design; it would need {refusal}"
-    if result.designs:
-        yield from _sensitivity_lines(result.designs[0], words, unit)
-        yield from _sink_lines(result, unit)
+    for best in result.designs[:1]:
+        yield f"Sensitivities of {words}, {best.option.name}, the design re-optimised:"
+        for name, slope, relative in strongest(best):
+            value, its_unit = best.parameters[name]
+            step = "K" if its_unit == "degC" else "%"
+            yield f"  {name} {value:.4g} {its_unit}: {slope:+.4g} {unit} per {its_unit} ({relative:+.2f} % per {step})"
+    for design in result.designs:
+        if design.sink_sensitivities and design.option.name in result.drawn:
+            gram, resistance = design.sink_sensitivities["mass"] / 1e3, design.sink_sensitivities["resistance"]
+            numbers = f"{gram:+.3g} {unit} per g of slab, {resistance:+.3g} {unit} per K/W"
+            yield f"  {design.option.name}, the sink as it is: {numbers}"
     if result.front:
         first, last = result.front[0], result.front[-1]
         against = result.study.sweep.against if result.study.sweep else ""
@@ -177,19 +181,3 @@ def strongest(design: Design, most: int = 6, least: float = 1e-4) -> list[tuple[
         if abs(relative) > least:
             sensitivities.append((name, slope, relative))
     return sorted(sensitivities, key=lambda sensitivity: -abs(sensitivity[2]))[:most]
-
-
-def _sensitivity_lines(design: Design, words: str, unit: str) -> Iterable[str]:
-    yield f"Sensitivities of {words}, {design.option.name}, the design re-optimised:"
-    for name, slope, relative in strongest(design):
-        value, its_unit = design.parameters[name]
-        step = "K" if its_unit == "degC" else "%"
-        yield f"  {name} {value:.4g} {its_unit}: {slope:+.4g} {unit} per {its_unit} ({relative:+.2f} % per {step})"
-
-
-def _sink_lines(result: StudyResult, unit: str) -> Iterable[str]:
-    for design in result.designs:
-        if design.sink_sensitivities and design.option.name in result.drawn:
-            gram, resistance = design.sink_sensitivities["mass"] / 1e3, design.sink_sensitivities["resistance"]
-            numbers = f"{gram:+.3g} {unit} per g of slab, {resistance:+.3g} {unit} per K/W"
-            yield f"  {design.option.name}, the sink as it is: {numbers}"

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from lptn.basics.errors import InputError
-from lptn.basics.style import INK, SMALL, TEXT, dress, new_figure, plain
+from lptn.basics.style import INK, LIMIT, PALETTE, SMALL, TEXT, dress, new_figure, plain
 
 from .answer import StudyResult
 from .designs import Design
@@ -21,10 +21,8 @@ from .study import Option, TradeStudy
 from .tables import GOALS
 from .torque_speed import TorqueSpeed
 
-LIMIT = "#D55E00"
 RPM = 30 / np.pi
 """Revolutions a minute in a radian a second."""
-_COLOURS = ("#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8C6D31")
 _DASHES = ("-", (0, (5, 1.5)), (0, (1, 1)), (0, (4, 1, 1, 1)), (0, (2, 1)), (0, (8, 1, 1, 1, 1, 1)))
 _AXES = {
     "mass": (1e3, "mass [g]"), "volume": (1e6, "package volume [cm³]"), "price": (1.0, "price [{currency}]"),
@@ -122,7 +120,7 @@ def _look(result: StudyResult, name: str) -> dict[str, Any]:
     option = options[name]
     style = styles.index(_style(option))
     return {
-        "color": _COLOURS[motors.index(option.motor.name) % len(_COLOURS)],
+        "color": PALETTE[motors.index(option.motor.name) % len(PALETTE)],
         "linestyle": _DASHES[style % len(_DASHES)],
     }
 

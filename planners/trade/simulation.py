@@ -6,8 +6,6 @@ would have to follow for an hour; maps and curves of it take Rosenbrock steps, w
 
 from __future__ import annotations
 
-from typing import Any
-
 import casadi as ca
 import numpy as np
 
@@ -23,7 +21,7 @@ _HOT = 2000.0  # degC; what runs away is held here instead of overflowing
 
 
 class Simulator:
-    """An option's own rates in fixed steps of RK4, for many designs side by side.
+    """An option's own rates in fixed steps, for many designs side by side.
 
     Args:
         option: the discrete choice, with a given ratio of its gear.
@@ -40,22 +38,19 @@ class Simulator:
         self._by_torque = driven_by == "torque"
         drive = ca.SX.sym("drive", len(Load._fields)) if self._by_torque else ca.SX.sym("drive")
         load = Load(*ca.vertsplit(drive)) if self._by_torque else None
-        rates = plant.rates_at_current(x, drive) if load is None else plant.rates(x, load)
-        f = ca.Function("f", [x, drive, capacity, resistance, parameters.stacked], [rates])
         numbers = parameters.values()
-
-        def slope(state: Any) -> Any:
-            return f(state, drive, capacity, resistance, numbers)
-
-        names = [x, drive, capacity, resistance, h]
-        self.step = ca.Function("step", names, [ca.fmin(rk4(slope, x, h), _HOT)])
+        rates = plant.rates_at_current(x, drive) if load is None else plant.rates(x, load)
+        given = [drive, capacity, resistance]
+        f = ca.Function("f", [x, *given, parameters.stacked], [rates])
+        rates = f(x, *given, numbers)
+        self.step = ca.Function(
+            "step", [x, *given, h], [ca.fmin(rk4(lambda state: f(state, *given, numbers), x, h), _HOT)]
+        )
+        self._rates = ca.Function("rates", [x, *given], [rates])
+        self._jacobian = ca.Function("jacobian", [x, *given], [ca.densify(ca.jacobian(rates, x))])
         amperes, volts = (drive, 0) if load is None else (plant.current(x, load), plant.voltage(x, load))
         electric = ca.substitute(ca.vertcat(amperes, volts), parameters.stacked, numbers)
         self._electric = ca.Function("electric", [x, drive], [electric])
-        self._rates = ca.Function("rates", [x, drive, capacity, resistance], [slope(x)])
-        self._jacobian = ca.Function(
-            "jacobian", [x, drive, capacity, resistance], [ca.densify(ca.jacobian(slope(x), x))]
-        )
         self._winding = [plant.states.index(node) for node in option.motor.winding_nodes]
         self._magnet = [plant.states.index(node) for node in option.motor.magnet_nodes]
 
@@ -73,15 +68,12 @@ class Simulator:
         still = np.zeros((len(Load._fields) - 1, rows.shape[1]))
         return np.vstack([rows, still]) if self._by_torque and len(rows) == 1 else rows
 
-    def fastest(self, capacity: float, resistance: float, drive: float = 0.0) -> float:
-        """The fastest rate [1/s] of a design at the air's temperature."""
+    def substeps(self, duration: float, capacity: float, resistance: float, drive: float = 0.0) -> int:
+        """How many equal steps of RK4 a duration [s] needs for the fastest rate of a design in the air."""
         cold = np.full(len(self.plant.states), self.option.study.task.ambient)
         jacobian = self._jacobian(cold, self._drive(drive), capacity, resistance).full()
-        return float(np.abs(np.linalg.eigvals(jacobian)).max())
-
-    def substeps(self, duration: float, capacity: float, resistance: float, drive: float = 0.0) -> int:
-        """How many equal steps of RK4 a duration [s] needs for the fastest rate of a design."""
-        longest = 0.5 / self.fastest(capacity, resistance, drive)  # s; RK4 is then good to 1e-4
+        fastest = float(np.abs(np.linalg.eigvals(jacobian)).max())  # 1/s
+        longest = 0.5 / fastest  # s; RK4 is then good to 1e-4
         return max(1, int(np.ceil(duration / longest)))
 
     def is_stiff(
@@ -95,8 +87,7 @@ class Simulator:
         self, x: FloatArray, drive: FloatArray, capacity: FloatArray, resistance: FloatArray, h: FloatArray
     ) -> FloatArray:
         """States after one step of RK4, shape (number of states, number of cases), all arguments for all cases."""
-        rows = [self._drive(drive), *(values[None, :] for values in (capacity, resistance, h))]
-        return np.asarray(self.step(x, *rows).full())
+        return np.asarray(self.step(x, self._drive(drive), capacity[None], resistance[None], h[None]).full())
 
     def advance_implicitly(
         self, x: FloatArray, drive: FloatArray, capacity: FloatArray, resistance: FloatArray, h: FloatArray
@@ -105,35 +96,38 @@ class Simulator:
 
         Source: Verwer, Spee, Blom and Hundsdorfer, SIAM J. Sci. Comput. 20 (1999) 1456: ROS2.
         """
-        rows = [self._drive(drive), *(values[None, :] for values in (capacity, resistance))]
         gamma = 1 - 0.5**0.5  # makes the method L-stable
-        system = np.eye(len(x)) - gamma * h[:, None, None] * self._jacobians(x, rows)
-        first = np.linalg.solve(system, self._rates(x, *rows).full().T[:, :, None])
+        rates, slope = self._linearised(x, drive, capacity, resistance)
+        system = np.eye(len(x)) - gamma * h[:, None, None] * slope
+        first = np.linalg.solve(system, rates)
         middle = np.minimum(x + h * first[:, :, 0].T, _HOT)
-        second = np.linalg.solve(system, self._rates(middle, *rows).full().T[:, :, None] - 2 * first)
+        ahead = self._rates(middle, self._drive(drive), capacity[None], resistance[None]).full().T[:, :, None]
+        second = np.linalg.solve(system, ahead - 2 * first)
         return np.minimum(x + h * (1.5 * first + 0.5 * second)[:, :, 0].T, _HOT)
 
-    def _jacobians(self, x: FloatArray, rows: list[FloatArray]) -> FloatArray:
-        """Slope of the rates in the states [1/s], shape (cases, states, states)."""
-        n, cases = x.shape
-        return np.asarray(self._jacobian(x, *rows).full().reshape(n, cases, n).transpose(1, 0, 2))
+    def _linearised(
+        self, x: FloatArray, drive: FloatArray, capacity: FloatArray, resistance: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Rates [K/s], shape (cases, states, 1), and their slope in the states [1/s], shape (cases, states, states)."""
+        (n, cases), rows = x.shape, (self._drive(drive), capacity[None], resistance[None])
+        slope = self._jacobian(x, *rows).full().reshape(n, cases, n).transpose(1, 0, 2)
+        return self._rates(x, *rows).full().T[:, :, None], slope
 
     def steady(self, drive: FloatArray, capacity: FloatArray, resistance: FloatArray) -> FloatArray:
         """States that no longer change, shape (number of states, number of cases); infinite where there are none.
 
         By Newton's method; beyond runaway the balance has a root below the air's temperature, which is no state.
         """
-        n, cases = len(self.plant.states), capacity.size
-        x = np.full((n, cases), self.option.study.task.ambient + 20.0)
-        rows = [self._drive(drive), *(values[None, :] for values in (capacity, resistance))]
+        ambient = self.option.study.task.ambient
+        x = np.full((len(self.plant.states), capacity.size), ambient + 20.0)
         for _ in range(30):
-            slope = self._jacobians(x, rows)
-            step = np.linalg.solve(slope, self._rates(x, *rows).full().T[:, :, None])[:, :, 0].T
+            rates, slope = self._linearised(x, drive, capacity, resistance)
+            step = np.linalg.solve(slope, rates)[:, :, 0].T
             x = x - step
             if np.abs(step).max() < 1e-9 * np.abs(x).max():
                 break
         stable = np.linalg.eigvals(slope).real.max(axis=1) < 0
-        return np.where(stable & (x.min(axis=0) > self.option.study.task.ambient - 1.0), x, np.inf)
+        return np.where(stable & (x.min(axis=0) > ambient - 1.0), x, np.inf)
 
     def electric(self, x: FloatArray, drive: FloatArray | float) -> tuple[FloatArray, FloatArray]:
         """Current [A] and supply voltage [V] for each case, each of shape (number of cases,)."""

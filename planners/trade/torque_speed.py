@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -60,55 +61,50 @@ def torque_speed(design: Design, speeds: int = 49, unlimited: float = 40.0) -> T
     speed = np.linspace(0.0, min(ends) / ratio, speeds)
     durations = np.array([0.0, *(time for time in _DURATIONS if time < study.task.longest), study.task.longest, np.inf])
     most = limits.get("current", unlimited) * option.motor.torque_constant * ratio
-    shape = durations.size, speed.size
-    held = _held(design, limits, np.tile(speed, durations.size), np.repeat(durations, speed.size), most)
-    # Copper warms before the magnets do: the voltage that is needed may be largest on the way.
-    return TorqueSpeed(option.name, speed, durations, np.minimum.accumulate(held.reshape(shape)))
-
-
-def _held(
-    design: Design, limits: dict[str, float], speed: FloatArray, durations: FloatArray, most: float
-) -> FloatArray:
-    """The torque [N·m] that each speed bears for its duration [s], by halving; NaN where not even none."""
-    holds = _Endurance(design, limits, speed, durations)
-    low, high = np.zeros(speed.size), np.full(speed.size, most)
-    is_held_idle = holds(low)
-    for _ in range(14):  # to 1e-4 of the largest torque
+    holds = _endurance(design, limits, np.tile(speed, durations.size), np.repeat(durations, speed.size))
+    low, high = np.zeros(durations.size * speed.size), np.full(durations.size * speed.size, most)
+    held_idle = holds(low)
+    for _ in range(14):  # halvings: to 1e-4 of the largest torque
         middle = (low + high) / 2
         good = holds(middle)
         low, high = np.where(good, middle, low), np.where(good, high, middle)
-    return np.where(is_held_idle, low, np.nan)
+    held = np.where(held_idle, low, np.nan).reshape(durations.size, speed.size)
+    # Copper warms before the magnets do: the voltage that is needed may be largest on the way.
+    return TorqueSpeed(option.name, speed, durations, np.minimum.accumulate(held))
 
 
-class _Endurance:
-    """Whether points of torque and speed keep the limits for so long, looked at after each step."""
+def _endurance(
+    design: Design, limits: dict[str, float], speed: FloatArray, durations: FloatArray
+) -> Callable[[FloatArray], BoolArray]:
+    """Whether torques [N·m] at these speeds keep the limits for so long, looked at after each step."""
+    simulator, task = Simulator(design.option), design.option.study.task
+    capacity, resistance = (np.full(speed.size, value) for value in design.sink or (1.0, 1.0))
+    start = np.full((len(simulator.plant.states), speed.size), task.start)
+    ever = np.isinf(durations)
 
-    def __init__(self, design: Design, limits: dict[str, float], speed: FloatArray, durations: FloatArray) -> None:
-        self.simulator, self.limits = Simulator(design.option), limits
-        self.speed, self.durations = speed, durations
-        self.capacity, self.resistance = (np.full(speed.size, value) for value in design.sink or (1.0, 1.0))
-        task = design.option.study.task
-        self.ambient = task.ambient
-        self.start = np.full((len(self.simulator.plant.states), speed.size), task.start)
+    def within(x: FloatArray, drive: FloatArray) -> BoolArray:
+        current, voltage = simulator.electric(np.where(np.isfinite(x), x, task.ambient), drive)
+        reached = {
+            "winding": simulator.winding(x),
+            "magnet": simulator.magnet(x),
+            "current": current,
+            "voltage": voltage,
+        }
+        kept = [value <= limits.get(name, np.inf) * (1 + 1e-9) for name, value in reached.items()]
+        return np.asarray(np.all(kept, axis=0))
 
-    def __call__(self, torque: FloatArray) -> BoolArray:
-        drive = np.vstack([torque, self.speed, np.zeros(torque.size)])
-        good = self._within(self.start, drive)
-        ever = np.isinf(self.durations)
-        rows = drive[:, ever], self.capacity[ever], self.resistance[ever]
-        good[ever] &= self._within(self.simulator.steady(*rows), drive[:, ever])
-        # Beyond a thermal runaway long steps mean nothing; before, short ones have passed a limit.
-        x, rows = self.start[:, ~ever], (drive[:, ~ever], self.capacity[~ever], self.resistance[~ever])
-        # Shorter steps at the beginning, where a hold changes fastest.
+    def holds(torque: FloatArray) -> BoolArray:
+        drive = np.vstack([torque, speed, np.zeros(torque.size)])
+        good = within(start, drive)
+        lasting, short = drive[:, ever], drive[:, ~ever]
+        good[ever] &= within(simulator.steady(lasting, capacity[ever], resistance[ever]), lasting)
+        x = start[:, ~ever]
+        # Beyond a thermal runaway long steps mean nothing; before, short ones have passed a limit. A hold changes
+        # fastest at the beginning, where steps are shorter.
         for share in np.diff((np.arange(61) / 60) ** 2):
-            x = self.simulator.advance_implicitly(x, *rows, share * self.durations[~ever])
-            good[~ever] &= self._within(x, drive[:, ~ever])
+            h = share * durations[~ever]
+            x = simulator.advance_implicitly(x, short, capacity[~ever], resistance[~ever], h)
+            good[~ever] &= within(x, short)
         return good
 
-    def _within(self, x: FloatArray, drive: FloatArray) -> BoolArray:
-        simulator = self.simulator
-        current, voltage = simulator.electric(np.where(np.isfinite(x), x, self.ambient), drive)
-        values = simulator.winding(x), simulator.magnet(x), current, voltage
-        reached = dict(zip(("winding", "magnet", "current", "voltage"), values, strict=True))
-        within = [value <= self.limits.get(name, np.inf) * (1 + 1e-9) for name, value in reached.items()]
-        return np.asarray(np.all(within, axis=0))
+    return holds

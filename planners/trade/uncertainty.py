@@ -16,9 +16,8 @@ from .designs import BUDGETS, Design
 from .plant import CAPACITY, RESISTANCE
 from .problem import DesignProblem
 from .study import TradeStudy
-from .tables import GOALS, StandardError
+from .tables import GOALS, StandardError, StudyUncertainty
 
-_TEMPERATURE = "degC"
 Key = tuple[str, str]
 """A parameter that is drawn: of which motor (empty for what all choices share), and its name."""
 
@@ -59,8 +58,12 @@ def intervals(
     uncertainty = study.uncertainty
     if uncertainty is None or not solved:
         return {}
-    errors = [_errors_of(problem, study) for problem, _ in solved]
-    _refuse_unused(study, solved)
+    names = list(dict.fromkeys(name for problem, _ in solved for name in problem.parameters.symbols))
+    for pattern in uncertainty.errors:
+        if not matching(pattern, names):  # it would be an uncertainty that is silently left out
+            expected = f"one of {', '.join(names)}, or a pattern of them"
+            raise InputError(study.origin, f'uncertainty.errors."{pattern}"', "no such number", expected)
+    errors = [_errors_of(problem, uncertainty) for problem, _ in solved]
     keys = sorted({key for parameters in errors for key in parameters})
     draws = np.zeros((uncertainty.draws, 0))
     if keys:
@@ -72,11 +75,10 @@ def intervals(
         report(f"drawing what is not known for {design.option.name}")
         asked = problem if study.question.goal in BUDGETS else DesignProblem(design.option, design.sink)
         near = asked.solve()
-        for number, draw in enumerate(draws):
-            drawn = {
-                key[1]: _drawn(asked, key[1], standard_error, draw[keys.index(key)])
-                for key, standard_error in error.items()
-            }
+        columns = [keys.index(key) for key in error]
+        for number, draw in enumerate(draws[:, columns]):
+            drawn = {name: _drawn(asked, name, of, normal)
+                     for (_, name), of, normal in zip(error, error.values(), draw, strict=True)}  # fmt: skip
             solution = asked.solve(_built(asked, drawn), near=near if near.success else None)
             if solution.success:
                 values[row, number] = solution.value
@@ -90,37 +92,24 @@ def intervals(
     return result
 
 
-def _errors_of(problem: DesignProblem, study: TradeStudy) -> dict[Key, StandardError]:
+def _errors_of(problem: DesignProblem, uncertainty: StudyUncertainty) -> dict[Key, StandardError]:
     """Standard errors of a program's parameters, and whether each is relative; a fit's unless the study says."""
-    assert study.uncertainty is not None
     motor, names = problem.option.motor, list(problem.parameters.symbols)
     errors = {name: StandardError(error, False) for name, error in motor.standard_errors.items() if name in names}
-    for pattern, error in study.uncertainty.errors.items():
+    for pattern, error in uncertainty.errors.items():
         for name in matching(pattern, names):
-            if error.is_relative and problem.parameters.units[name] == _TEMPERATURE:
-                place = f'uncertainty.errors."{pattern}"'
-                raise InputError(
-                    study.origin, place, f"{error.size:g} of {name}, a temperature", '{ value = …, unit = "K" }'
-                )
+            if error.is_relative and problem.parameters.units[name] == "degC":
+                place, found = f'uncertainty.errors."{pattern}"', f"{error.size:g} of {name}, a temperature"
+                raise InputError(problem.option.study.origin, place, found, '{ value = …, unit = "K" }')
             errors[name] = error
     own = {parameter.name for parameter in problem.plant.model.parameters}
     return {(motor.name if name in own else "", name): error for name, error in errors.items() if error.size > 0}
 
 
-def _refuse_unused(study: TradeStudy, solved: Sequence[tuple[DesignProblem, Design]]) -> None:
-    """A pattern that means nothing would be an uncertainty that is silently left out."""
-    assert study.uncertainty is not None
-    names = list(dict.fromkeys(name for problem, _ in solved for name in problem.parameters.symbols))
-    for pattern in study.uncertainty.errors:
-        if not matching(pattern, names):
-            expected = f"one of {', '.join(names)}, or a pattern of them"
-            raise InputError(study.origin, f'uncertainty.errors."{pattern}"', "no such number", expected)
-
-
 def _drawn(problem: DesignProblem, name: str, error: StandardError, normal: float) -> float:
     """A parameter as it is in one draw: what is positive by its nature is lognormal with its value as the median."""
     value, (size, relative) = problem.parameters.defaults[name], error
-    if problem.parameters.units[name] == _TEMPERATURE or value <= 0:
+    if problem.parameters.units[name] == "degC" or value <= 0:
         return value + normal * size * (abs(value) if relative else 1.0)
     share = size if relative else size / value
     drawn = value * float(np.exp(normal * np.sqrt(np.log1p(share**2))))
