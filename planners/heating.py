@@ -100,15 +100,19 @@ class Heating:
 
         `heat` are the squares of the amounts: what goes with the square, as most of it does, is linear in it.
         """
-        heat = ca.SX.sym("heat", len(self.joints))
-        root = _root_of(heat)
-        none, added = _added(self.rates, self.amount)
-        by_amount = ca.jacobian(self.rates, self.amount)
-        slope = ca.jacobian(self.rates, self.x)
-        by_heat = ca.mtimes(by_amount, ca.diag(1 / (2 * root)))
-        expressions = [ca.densify(none), slope.T, by_heat.T, added.T, ca.densify(self.gain)]
-        results = ca.cse(ca.substitute(expressions, [self.amount], [root]))
-        return ca.Function("lptn_heat", [self.x, heat, self.d, self.p], results)
+
+        def make() -> ca.Function:
+            heat = ca.SX.sym("heat", len(self.joints))
+            root = _root_of(heat)
+            none, added = _added(self.rates, self.amount)
+            by_amount = ca.jacobian(self.rates, self.amount)
+            slope = ca.jacobian(self.rates, self.x)
+            by_heat = ca.mtimes(by_amount, ca.diag(1 / (2 * root)))
+            expressions = [ca.densify(none), slope.T, by_heat.T, added.T, ca.densify(self.gain)]
+            results = ca.cse(ca.substitute(expressions, [self.amount], [root]))
+            return ca.Function("lptn_heat", [self.x, heat, self.d, self.p], results)
+
+        return self.model.made_once(("heat and slopes", self.request), make)
 
     @property
     def in_squares(self) -> bool:

@@ -114,16 +114,16 @@ def mistakes_with_line(origin: str) -> Iterator[None]:
         yield
 
 
-def start_of(given: Mapping[str, float], model: Model, origin: str) -> FloatArray:
-    """Temperatures of all states at the start [degC].
+def start_of(given: Mapping[str, float], model: Model, origin: str, table: str = "start") -> FloatArray:
+    """Temperatures of all states at the start [degC], from those of a table by node or pattern.
 
     Raises:
         InputError: a node is left out.
     """
-    by_node = by_place(given, model.nodes, origin, "start")
+    by_node = by_place(given, model.nodes, origin, table)
     missing = [node for node in model.nodes if node not in by_node]
     if missing:
-        raise InputError(origin, "start", f"no temperature of {missing[0]}", 'one of each node, such as "*" = 25')
+        raise InputError(origin, table, f"no temperature of {missing[0]}", 'one of each node, such as "*" = 25')
     nodes = np.array([by_node[node] for node in model.nodes])
     return np.asarray(nodes[np.array(model.owners)])
 

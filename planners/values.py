@@ -14,6 +14,7 @@ from lptn.basics.errors import InputError
 from lptn.basics.places import matching
 from lptn.basics.toml import Number
 from lptn.basics.units import convert
+from lptn.model.model import Model
 
 _LEAST = 1e-12  # SI; the inverse of a smaller quantity would overflow the squares that solvers form
 LONGEST = 86400.0  # s, a day: fine simulations take steps of a second
@@ -132,6 +133,22 @@ def checked_by_place(
         if math.isnan(number) or (math.isinf(number) and not infinite) or number < least:
             raise InputError("settings", f"{table}.{pattern}", f"{value}", f"a number from {least:g} up")
     return {place: spread[place] for place in places if place in spread}
+
+
+def limits_of(given: Each, model: Model) -> dict[str, float]:
+    """Limits [degC] by place of a model, in its order.
+
+    Args:
+        given: one number, or numbers by name or pattern of nodes, or of what else the model gives a temperature of.
+        model: whose places they are for.
+
+    Raises:
+        InputError: a pattern that matches nothing, a number out of range, or no limit at all.
+    """
+    limits = checked_by_place(given, model.places, "limits")
+    if not limits:
+        raise InputError(model.network.origin, "limits", "none", f"a limit for one of {', '.join(model.places)}")
+    return limits
 
 
 def in_order(values: Values, names: Sequence[str], what: str, missing: float) -> FloatArray:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import inf
-from typing import NamedTuple
 
 import numpy as np
 
@@ -27,13 +26,6 @@ _CONDITIONS: Mapping[str, Range] = {
     "powered.*": (1.0, 1.0),
     "power.*": (16.0, 26.0),  # W: the quadruped's onboard computer
 }
-
-
-class Episode(NamedTuple):
-    """One episode: torques (or currents) that are asked, shape (steps, joints); conditions, (steps, conditions)."""
-
-    asked: FloatArray
-    conditions: FloatArray
 
 
 @dataclass(frozen=True)
@@ -80,20 +72,20 @@ class Task:
             if not names and pattern in self.conditions:
                 raise InputError("task", f'conditions."{pattern}"', "no such column", ", ".join(heating.conditions))
             spans |= dict.fromkeys(names, span)
-        for column in heating.conditions:
-            if column not in spans and not column.startswith("velocity_rms."):
-                raise InputError("task", "conditions", f"no range for {column}", f'{{"{column}": (least, most)}}')
-        ends = [np.array(spans.get(column, (0.0, 0.0))) for column in heating.conditions]
+        ranges = np.empty((len(heating.conditions), 2))
         for row, column in enumerate(heating.conditions):
-            if column not in spans:
-                mean = column.replace("velocity_rms.", "velocity.")
-                ends[row] = SINE * np.array(spans.get(mean, _CONDITIONS["velocity.*"]))
-        return np.array(ends).reshape(-1, 2)
+            if column in spans:
+                ranges[row] = spans[column]
+            elif (mean := _mean_of(column)) is not None:
+                ranges[row] = SINE * np.array(spans.get(mean, _CONDITIONS["velocity.*"]))
+            else:
+                raise InputError("task", "conditions", f"no range for {column}", f'{{"{column}": (least, most)}}')
+        return ranges
 
     def draw(
         self, rng: np.random.Generator, heating: Heating, rated: FloatArray, ranges: FloatArray, period: float
-    ) -> Episode:
-        """One episode.
+    ) -> tuple[FloatArray, FloatArray]:
+        """One episode: what is asked [N·m or A], shape (steps, joints), and the conditions, shape (steps, conditions).
 
         Args:
             rng: draws it.
@@ -102,33 +94,30 @@ class Task:
             ranges: see `ranges`.
             period: seconds of a step.
         """
-        steps = max(1, round(self.seconds / period))
-        asked = np.zeros((steps, len(rated)))
-        conditions = np.zeros((steps, len(ranges)))
-        air = [column.startswith("temperature.") for column in heating.conditions]
+        steps, columns = max(1, round(self.seconds / period)), heating.conditions
+        asked, conditions = np.zeros((steps, len(rated))), np.zeros((steps, len(ranges)))
+        air = [column.startswith("temperature.") for column in columns]
+        moves = [column.startswith(("velocity", "speed.")) for column in columns]
         kept, begin = rng.uniform(*ranges.T), 0
         while begin < steps:
             end = min(steps, begin + max(1, round(rng.uniform(*self.phase) / period)))
             works = rng.random() >= self.rest
             shares = rng.uniform(*self.load) * rng.uniform(1 - self.scatter, 1 + self.scatter, len(rated))
             drawn = np.where(air, kept, rng.uniform(*ranges.T))
+            if not works:
+                drawn[moves] = 0.0  # who rests doesn't move
+            for row, column in enumerate(columns):
+                if (mean := _mean_of(column)) in columns:
+                    drawn[row] = SINE * drawn[columns.index(mean)]
             asked[begin:end] = works * shares * rated
-            conditions[begin:end] = _as_sines(drawn, heating.conditions, works)
+            conditions[begin:end] = drawn
             begin = end
-        return Episode(asked, conditions)
+        return asked, conditions
 
 
-def _as_sines(drawn: FloatArray, columns: tuple[str, ...], works: bool) -> FloatArray:
-    """Conditions of a phase: who rests doesn't move, and RMS velocities follow mean ones."""
-    values = {
-        column: value if works or not column.startswith(("velocity", "speed.")) else 0.0
-        for column, value in zip(columns, drawn.tolist(), strict=True)
-    }
-    for column in columns:
-        mean = column.replace("velocity_rms.", "velocity.")
-        if column != mean and mean in values:
-            values[column] = SINE * values[mean]
-    return np.array([values[column] for column in columns])
+def _mean_of(column: str) -> str | None:
+    """The mean speed's column of an RMS one, `None` of another."""
+    return column.replace("velocity_rms.", "velocity.") if column.startswith("velocity_rms.") else None
 
 
 def rated_load(heating: Heating, limits: Mapping[str, float], ranges: FloatArray) -> FloatArray:

@@ -17,7 +17,7 @@ from lptn.model.array_function import ArrayFunction
 from lptn.model.model import Model
 
 from ..heating import Request, heating, requested_by
-from ..values import Each, checked_by_place
+from ..values import Each, limits_of
 from .robots import HOT, Robots
 from .task import Task, rated_load
 
@@ -78,7 +78,7 @@ class TorqueVectorEnv(VectorEnv[Observation, Array, Array]):
         if self.heating.request != requested_by(model):
             expected = f'"{requested_by(model)}", which the model\'s columns hold'
             raise InputError("environment", "request", f'"{request}"', expected)
-        bounds = checked_by_place(limits, model.places, "limits")
+        bounds = limits_of(limits, model)
         self._ranges = self.task.ranges(self.heating)
         self.rated = rated_load(self.heating, bounds, self._ranges)
         self._limited = np.array([model.places.index(node) for node in bounds])
@@ -89,10 +89,8 @@ class TorqueVectorEnv(VectorEnv[Observation, Array, Array]):
         heat = self.heating
         driven = ca.Function("driven", [heat.x, heat.amount, heat.d, heat.p], [ca.densify(heat.inputs)])
         self._inputs = ArrayFunction(driven, num_envs)
-        largest = driven(
-            np.full(len(model.states), HOT), self.task.load[1] * self.rated, self._ranges[:, 1], model.values
-        )
-        largest = largest.full().ravel()
+        hot, most = np.full(len(model.states), HOT), self.task.load[1] * self.rated
+        largest = driven(hot, most, self._ranges[:, 1], model.values).full().ravel()
         self.robots = Robots(model, num_envs, period, largest, spread)
         self.steps = max(1, round(self.task.seconds / period))
         self._random = [np.random.default_rng() for _ in range(num_envs)]
@@ -142,14 +140,13 @@ class TorqueVectorEnv(VectorEnv[Observation, Array, Array]):
     def _begin(self, chosen: Array) -> None:
         for k in np.flatnonzero(chosen):
             rng = self._random[k]
-            course = self.task.draw(rng, self.heating, self.rated, self._ranges, self.period)
-            air = 25.0 if self._air is None else float(course.conditions[0, self._air])
+            asked, around = self.task.draw(rng, self.heating, self.rated, self._ranges, self.period)
+            air = 25.0 if self._air is None else float(around[0, self._air])
             self.robots.draw(int(k), air + rng.uniform(*self.task.start), rng)
             # One row more than there are steps: what is seen at the end, where nothing is asked.
-            self._courses[k, :-1] = course.asked
-            self._around[k, :-1] = course.conditions
-            self._around[k, -1] = course.conditions[-1]
-            self._sums[k, 1:-1] = np.cumsum(course.asked**2, axis=0)
+            self._courses[k, :-1] = asked
+            self._around[k, :-1], self._around[k, -1] = around, around[-1]
+            self._sums[k, 1:-1] = np.cumsum(asked**2, axis=0)
             self._sums[k, -1] = self._sums[k, -2]
         self._step[chosen], self._over[chosen] = 0, False
 

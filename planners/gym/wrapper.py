@@ -15,7 +15,7 @@ from lptn.basics.errors import InputError
 from lptn.logs.resampling import raw_keys, reduce_blocks, sample_values
 from lptn.model.model import Model
 
-from ..values import Each, checked_by_place
+from ..values import Each, limits_of
 from .robots import Robots
 from .torque import LARGEST, UNIT
 
@@ -66,7 +66,7 @@ class ThermalWrapper(gymnasium.Wrapper[npt.NDArray[Any], Any, npt.NDArray[Any], 
         inner = env.observation_space
         if not isinstance(inner, spaces.Box) or len(inner.shape) != 1:
             raise InputError("environment", "observation_space", str(inner), "a Box of one dimension")
-        bounds = checked_by_place(limits, model.places, "limits")
+        bounds = limits_of(limits, model)
         self._limited = np.array([model.places.index(node) for node in bounds])
         self._limits = np.array(list(bounds.values()))
         self._columns, self._start, self._ambient = columns, start, ambient
@@ -107,10 +107,9 @@ class ThermalWrapper(gymnasium.Wrapper[npt.NDArray[Any], Any, npt.NDArray[Any], 
 
     def _inputs(self) -> FloatArray:
         """The window's samples reduced to the network's inputs."""
-        names = self._window[0]
-        raw = {name: np.array([sample[name] for sample in self._window]) for name in names}
         air = [column for column in self._model.inputs if column.startswith("temperature.")]
-        raw = {column: np.full(len(self._window), self._ambient) for column in air} | raw
+        raw = {column: np.full(len(self._window), self._ambient) for column in air}
+        raw |= {name: np.array([sample[name] for sample in self._window]) for name in self._window[0]}
         values = []
         for column in self._model.inputs:
             missing = [key for key in raw_keys(column, raw) if key not in raw]

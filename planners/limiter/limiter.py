@@ -20,12 +20,11 @@ import numpy as np
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.bounds import Bound
-from lptn.basics.errors import InputError
 from lptn.model.model import Model, rk4
 
 from ..compiled import CompiledFunction, c_code
 from ..heating import Heating, Request, heating, requested_by
-from ..values import Each, Values, checked_by_place, in_order
+from ..values import Each, Values, checked_by_place, in_order, limits_of
 
 HORIZONS = (10.0, 60.0, 300.0, inf)
 """Seconds for which a torque is asked; infinite: continuous."""
@@ -71,9 +70,7 @@ class Limiter:
         self.model = model
         self.heating: Heating = heating(model, requested_by(model) if request is None else request)
         self.joints, self.conditions, self.horizons = self.heating.joints, self.heating.conditions, tuple(horizons)
-        bounds = checked_by_place(limits, model.places, "limits")
-        if not bounds:
-            raise InputError(model.network.origin, "limits", "none", f"a limit for one of {', '.join(model.places)}")
+        bounds = limits_of(limits, model)
         self.limits = np.array([bounds.get(place, _UNLIMITED) for place in model.places])
         most = checked_by_place(current_limits, self.joints, "current_limits", infinite=True)
         self.most = np.minimum([most.get(joint, inf) for joint in self.joints], _UNLIMITED)

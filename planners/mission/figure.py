@@ -7,11 +7,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from lptn.basics.places import class_of
-from lptn.basics.style import FAINT, INK, LIMIT, SMALL, TEXT, dress, new_figure, plain, time_axis
+from lptn.basics.style import FAINT, INK, LIMIT, PALETTE, SMALL, TEXT, dress, new_figure, plain, time_axis
 
 from .plan import MissionPlan
 
-_COLOURS = ("#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8C6D31")
 _VERDICTS = {
     "met": "all done",
     "late": "all done, after the deadline",
@@ -41,7 +40,7 @@ def _temperatures(ax: Axes, plan: MissionPlan) -> None:
         group = class_of(node)
         label = None if group in seen else plain(group)
         seen.add(group)
-        colour = _COLOURS[classes.index(group) % len(_COLOURS)]
+        colour = PALETTE[classes.index(group) % len(PALETTE)]
         ax.plot(time, plan.course.states[row], lw=1.0, color=colour, label=label)
     for limit in sorted(set(plan.mission.limits.values())):
         held = [class_of(node) for node, most in plan.mission.limits.items() if most == limit]
@@ -68,17 +67,17 @@ def _speed_and_load(ax: Axes, plan: MissionPlan) -> None:
     ax.set(xlabel=time_axis(plan.course.time)[1], ylabel="speed [m/s]")
     ax.set_ylim(0, max(1.15 * float(plan.speed.max(initial=0.0)), 0.1))
     other = ax.twinx()
-    other.stairs(plan.load, edges * scale, color=_COLOURS[0], lw=1.4, ls=(0, (5, 1.5)), baseline=None)
+    other.stairs(plan.load, edges * scale, color=PALETTE[0], lw=1.4, ls=(0, (5, 1.5)), baseline=None)
     other.set_ylim(0, max(1.3 * float(plan.load.max(initial=0.0)), 0.1))
-    other.set_ylabel("load [kg]", color=_COLOURS[0])
-    other.tick_params(labelsize=SMALL, colors=_COLOURS[0])
+    other.set_ylabel("load [kg]", color=PALETTE[0])
+    other.tick_params(labelsize=SMALL, colors=PALETTE[0])
     other.spines["top"].set_visible(False)
     dress(ax)
 
 
 def _prices(ax: Axes, plan: MissionPlan) -> None:
     shown = list(plan.class_prices.items())[:8][::-1]
-    ax.barh(range(len(shown)), [price for _, price in shown], 0.6, color=_COLOURS[0])
+    ax.barh(range(len(shown)), [price for _, price in shown], 0.6, color=PALETTE[0])
     ax.set_yticks(range(len(shown)), [plain(name) for name, _ in shown])
     what = "work gained" if plan.verdict == "cut" else "time saved"
     ax.set_xlabel(f"{what} by one kelvin more of the limit [s/K]")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,6 @@ from lptn.basics.places import matching
 from lptn.logs.columns import ColumnSource
 from lptn.logs.reading import read_log
 from lptn.logs.resampling import reduce_blocks
-from lptn.logs.run import Run
 from lptn.model.model import Model
 
 REST = "rest"
@@ -135,8 +134,8 @@ def gait_from_tables(
         InputError: a quantity is missing, a table has the wrong shape, a pattern matches no input of the model.
     """
     place = place or f"gaits.{name}"
-    axes = {key: np.array(values, dtype=float) for key, values in (postures or {}).items()}
-    shape = (*(knots.size for knots in axes.values()), len(loads), len(speeds))
+    bare = _bare(name, speeds, loads, postures)
+    shape = tuple(knots.size for knots in bare.axes)
     tables: dict[str, FloatArray] = {}
     for quantity, by_place in given.items():
         if not isinstance(by_place, Mapping):
@@ -150,28 +149,30 @@ def gait_from_tables(
                 places = ", ".join(c.partition(".")[2] for c in columns) or f"no {quantity} at all: the model has none"
                 raise InputError(origin, where, "a pattern that matches no input of the model", f"some of {places}")
             tables |= dict.fromkeys(matched, _table(values, shape, origin, where))
-    return _gait(name, np.array(speeds, dtype=float), np.array(loads, dtype=float), axes, tables, model, origin, place)
+    return _filled(bare, tables, model, origin, place)
 
 
-def _gait(
+def _bare(
     name: str,
-    speeds: FloatArray,
-    loads: FloatArray,
-    postures: Mapping[str, FloatArray],
-    tables: Mapping[str, FloatArray],
-    model: Model,
-    origin: str,
-    place: str,
+    speeds: Sequence[float],
+    loads: Sequence[float],
+    postures: Mapping[str, Sequence[float]] | None,
 ) -> Gait:
+    """A gait of which nothing is known but where its cells are."""
+    axes = {key: np.array(values, dtype=float) for key, values in (postures or {}).items()}
+    return Gait(name, np.array(speeds, dtype=float), np.array(loads, dtype=float), np.zeros(0), axes)
+
+
+def _filled(bare: Gait, tables: Mapping[str, FloatArray], model: Model, origin: str, place: str) -> Gait:
     """A gait from one table of shape (*postures, loads, speeds) by input column; what follows from others is filled in.
 
     Raises:
         InputError: an input of the model has no table, or a table swings below zero between its cells.
     """
-    columns = {column: _of(column, tables, name, origin, place) for column in model.inputs}
-    shape = (*(knots.size for knots in postures.values()), loads.size, speeds.size)
+    columns = {column: _of(column, tables, bare.name, origin, place) for column in model.inputs}
+    shape = tuple(knots.size for knots in bare.axes)
     cells = np.stack([np.broadcast_to(table, shape) for table in columns.values()], axis=-1)
-    gait = Gait(name, speeds, loads, np.ascontiguousarray(cells, dtype=float), dict(postures))
+    gait = replace(bare, cells=np.ascontiguousarray(cells, dtype=float))
     for column, least in zip(columns, gait.least().tolist(), strict=True):
         if least < -1e-6 * max(float(np.abs(columns[column]).max()), 1e-9):  # more than rounding
             raise InputError(
@@ -274,70 +275,64 @@ def gait_from_logs(
     Raises:
         InputError: a log can't be used, or no log comes near a cell.
     """
-    named = {key: np.array(values, dtype=float) for key, values in (postures or {}).items()}
-    axes = [*named.values(), np.array(loads, dtype=float), np.array(speeds, dtype=float)]
-    titles = [*named, "kg", "m/s"]
+    bare = _bare(name, speeds, loads, postures)
+    axes, moves = bare.axes, bare.speeds.size > 1
     needed = [c for c in model.inputs if c.partition(".")[0] not in ("temperature", "speed")]
-    asked = [*needed, *(["speed.base"] if axes[-1].size > 1 else [])]
+    asked = [*needed, *(["speed.base"] if moves else [])]
     measured: list[FloatArray] = []
     for part in parts:
         runs = read_log(part.file, columns, inputs=asked)
-        begin = float(runs[0].time[0])
-        still = [*(part.posture[key] for key in named), part.load]
-        measured += [_windows(run, part, run.time - begin, asked, window, still) for run in runs]
+        still = [*(part.posture[key] for key in bare.postures), part.load]
+        for run in runs:
+            since = run.time - float(runs[0].time[0])
+            keep = (since >= part.start) & (since < part.end)
+            factor = max(1, round(window / run.step))
+            reduced = [reduce_blocks(column, run.columns[column][keep], factor) for column in asked]
+            measured.append(np.column_stack([*reduced, np.tile(still, (reduced[0].size, 1))]))
     rows = np.vstack(measured)
     rows = rows[np.isfinite(rows).all(axis=1)]
     constants = rows[:, len(asked) :]  # postures and load; the speed is measured
-    at = np.column_stack([constants, rows[:, len(needed)] if axes[-1].size > 1 else np.zeros(len(rows))])
-    bounded = axes if axes[-1].size > 1 else axes[:-1]
-    for k, knots in enumerate(bounded):
+    at = np.column_stack([constants, rows[:, len(needed)] if moves else np.zeros(len(rows))])
+    for k, knots in enumerate(axes if moves else axes[:-1]):
         reach = 0.1 * float(np.ptp(knots)) + 1e-9  # a tenth of the cells' range, in which a window still tells of them
         inside = (at[:, k] >= knots[0] - reach) & (at[:, k] <= knots[-1] + reach)
         rows, at = rows[inside], at[inside]
-    _refuse_empty(name, at, axes, titles, origin)
-    weights = np.ones((len(rows), 1))
-    for values, knots in zip(at.T, axes, strict=True):
-        weights = (weights[:, :, None] * weights_at(values, knots)[:, None, :]).reshape(len(rows), -1)
+    _refuse_empty(bare, at, origin)
+    weights = _over_cells([weights_at(values, knots) for values, knots in zip(at.T, axes, strict=True)])
     cells, _, rank, _ = np.linalg.lstsq(weights, rows[:, : len(needed)])
     if rank < weights.shape[1]:
+        found = f"{weights.shape[1]} cells, {rank} of them determined"
         expected = "speeds in the logs that differ enough to tell the cells apart, or fewer cells"
-        raise InputError(
-            origin, f"gaits.{name}.speeds", f"{weights.shape[1]} cells, {rank} of them determined", expected
-        )
+        raise InputError(origin, f"gaits.{name}.speeds", found, expected)
     shape = [knots.size for knots in axes]
     tables = {column: cells[:, k].reshape(shape).clip(min=0.0) for k, column in enumerate(needed)}
-    return _gait(name, axes[-1], axes[-2], named, tables, model, origin, f"gaits.{name}")
+    return _filled(bare, tables, model, origin, f"gaits.{name}")
 
 
-def _windows(
-    run: Run, part: LogPart, since: FloatArray, columns: Sequence[str], window: float, still: Sequence[float]
-) -> FloatArray:
-    """Each window's values of the columns, then what does not change in a part; shape (windows, columns + still)."""
-    factor = max(1, round(window / run.step))
-    keep = (since >= part.start) & (since < part.end)
-    reduced = [reduce_blocks(column, run.columns[column][keep], factor) for column in columns]
-    return np.column_stack([*reduced, np.tile(still, (reduced[0].size, 1))])
+def _over_cells(by_axis: Sequence[FloatArray]) -> FloatArray:
+    """Weights of the cells, shape (windows, cells), from those along each axis, shape (windows, knots)."""
+    weights = np.ones((len(by_axis[0]), 1))
+    for along in by_axis:
+        weights = (weights[:, :, None] * along[:, None, :]).reshape(len(weights), -1)
+    return weights
 
 
-def _refuse_empty(
-    name: str, at: FloatArray, axes: Sequence[FloatArray], titles: Sequence[str], origin: str, least: float = 3.0
-) -> None:
+def _refuse_empty(bare: Gait, at: FloatArray, origin: str, least: float = 3.0) -> None:
     """Every cell needs windows around it, weighted by how near they are; `at` tells where each window lies, shape
     (windows, axes)."""
-    count = np.ones((len(at), 1))
-    for values, knots in zip(at.T, axes, strict=True):
-        # For each cell 1 at its knot, 0 at the neighbours.
-        near = np.stack([np.interp(values, knots, hat) for hat in np.eye(knots.size)], axis=1)
-        count = (count[:, :, None] * near[:, None, :]).reshape(len(at), -1)
-    windows = count.sum(axis=0).reshape([knots.size for knots in axes])
-    if (windows < least).any():
-        cell = np.unravel_index(int(windows.argmin()), windows.shape)
-        where = [
-            f"{title} {knots[k]:g}" if title not in ("kg", "m/s") else f"{knots[k]:g} {title}"
-            for title, knots, k in zip(titles, axes, cell, strict=True)
-            if title != "m/s" or knots.size > 1
-        ]
-        raise InputError(
-            origin, f"gaits.{name}.logs", f"{windows[cell]:.1f} windows near {' at '.join(where)}",
-            f"{least:g} or more around each cell, or other cells",
-        )  # fmt: skip
+    # For each cell 1 at its knot, 0 at the neighbours.
+    near = [
+        np.stack([np.interp(values, knots, hat) for hat in np.eye(knots.size)], axis=1)
+        for values, knots in zip(at.T, bare.axes, strict=True)
+    ]
+    windows = _over_cells(near).sum(axis=0).reshape([knots.size for knots in bare.axes])
+    if (windows >= least).all():
+        return
+    cell = np.unravel_index(int(windows.argmin()), windows.shape)
+    *postures, load, speed = (knots[k] for knots, k in zip(bare.axes, cell, strict=True))
+    where = [f"{name} {value:g}" for name, value in zip(bare.postures, postures, strict=True)] + [f"{load:g} kg"]
+    where += [f"{speed:g} m/s"] * (bare.speeds.size > 1)
+    raise InputError(
+        origin, f"gaits.{bare.name}.logs", f"{windows[cell]:.1f} windows near {' at '.join(where)}",
+        f"{least:g} or more around each cell, or other cells",
+    )  # fmt: skip

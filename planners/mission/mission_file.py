@@ -8,27 +8,30 @@ from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
 from pydantic import (
+    AfterValidator,
     BaseModel,
+    BeforeValidator,
     ConfigDict,
     Field,
-    TypeAdapter,
     ValidationError,
     ValidatorFunctionWrapHandler,
     WrapValidator,
 )
 
 from lptn.basics.arrays import FloatArray
-from lptn.basics.errors import InputError, shown
+from lptn.basics.errors import InputError
 from lptn.basics.places import matching
 from lptn.basics.toml import Number, Strict
 from lptn.logs.columns import parse_columns
 from lptn.model.model import Model
 
 from ..reach import check_limits_at_rest
-from ..tasks import mistakes_with_line
+from ..tasks import mistakes_with_line, start_of
 from ..values import LONGEST, Celsius, ExtraMass, Length, NotNegative, Positive, Seconds, Speed, by_place
 from .gait import REST, Gait, LogPart, gait_from_logs, gait_from_tables
 from .mission import Activity, GivesUp, Mission, Range, Transition
+
+# --- tables and keys ----------------------------------------------------------------------------
 
 
 def _one_or_two(given: Any, validate: ValidatorFunctionWrapHandler) -> Any:
@@ -38,18 +41,28 @@ def _one_or_two(given: Any, validate: ValidatorFunctionWrapHandler) -> Any:
         raise ValueError("a number, or [least, most]") from error
 
 
-Of = TypeVar("Of")
-OneOrTwo = Annotated[Of | Annotated[list[Of], Field(min_length=2, max_length=2)] | None, WrapValidator(_one_or_two)]
-"""A number, or the least and the greatest."""
+def _rising(values: list[float]) -> list[float]:
+    if np.any(np.diff(values) <= 0):
+        raise ValueError("rising numbers")
+    return values
 
-# --- tables and keys ----------------------------------------------------------------------------
+
+def _by_pattern(given: Any) -> Any:
+    return given if isinstance(given, Mapping) and set(given) != {"value", "unit"} else {"*": given}
+
+
+Of = TypeVar("Of")
+Pair = Annotated[list[Of], Field(min_length=2, max_length=2)]
+OneOrTwo = Annotated[Of | Pair[Of] | None, WrapValidator(_one_or_two)]
+"""A number, or the least and the greatest."""
+Cells = Annotated[list[Of], Field(min_length=1, max_length=12), AfterValidator(_rising)]
 
 
 class MissionTable(Strict):
     kind: Literal["mission"] = "mission"
     name: str = "mission"
     ambient: Celsius = 25.0
-    start: Any = None  # a temperature, or one for each of some patterns of nodes
+    start: Annotated[dict[str, Celsius], BeforeValidator(_by_pattern)] = Field(default={})  # else the ambient's
     deadline: Seconds | None = None
     longest_rest: Annotated[Number, Field(ge=0, le=86400)] = 900.0
     carry: ExtraMass = 0.0
@@ -60,9 +73,7 @@ class MissionTable(Strict):
 class ActivityTable(Strict):
     do: str
     distance: Length | None = None
-    duration: Annotated[
-        Seconds | Annotated[list[NotNegative], Field(min_length=2, max_length=2)] | None, WrapValidator(_one_or_two)
-    ] = None
+    duration: Annotated[Seconds | Pair[NotNegative] | None, WrapValidator(_one_or_two)] = None
     speed: OneOrTwo[Speed] = None
     load: OneOrTwo[ExtraMass] = None
     posture: dict[str, OneOrTwo[Number]] = Field(default_factory=dict)
@@ -81,9 +92,9 @@ class GaitTable(BaseModel):
     """Further keys are quantities (`torque`, `velocity`, `power`, …): for each pattern of places a table."""
 
     model_config = ConfigDict(extra="allow")
-    speeds: Annotated[list[Speed], Field(min_length=1, max_length=12)] | None = None
-    loads: Annotated[list[ExtraMass], Field(min_length=1, max_length=12)] = [0.0]
-    postures: dict[str, Annotated[list[Number], Field(min_length=1, max_length=12)]] = Field(default_factory=dict)
+    speeds: Cells[Speed] | None = None
+    loads: Cells[ExtraMass] = [0.0]
+    postures: dict[str, Cells[Number]] = Field(default_factory=dict)
     logs: Annotated[list[LogTable], Field(min_length=1)] | None = None
     window: Annotated[Number, Field(ge=2, le=600)] = 10.0
 
@@ -95,7 +106,7 @@ class TransitionTable(BaseModel):
     before: str = Field(alias="from")
     to: str
     duration: Annotated[Number, Field(gt=0, le=600)]
-    loads: Annotated[list[ExtraMass], Field(min_length=1, max_length=12)] = [0.0]
+    loads: Cells[ExtraMass] = [0.0]
 
 
 class MissionFile(Strict):
@@ -122,74 +133,44 @@ def read_mission(table: Mapping[str, Any], origin: str, model: Model) -> Mission
         InputError: something in it can't be used; with its line where the file is there.
     """
     with mistakes_with_line(origin):
-        return _mission(MissionFile.model_validate(dict(table)), origin, model)
+        tables = MissionFile.model_validate(dict(table))
+        task = tables.task
+        gaits = {name: _gait(name, gait, tables, model, origin) for name, gait in tables.gaits.items()}
+        activities = tuple(
+            _activity(activity, f"activities[{k}]", gaits, origin) for k, activity in enumerate(tables.activities)
+        )
+        limits = by_place(tables.limits, model.places, origin, "limits")
+        times = [activity.least_time for activity in activities]
+        if sum(times) > LONGEST:
+            found = f"{sum(times):.3g} s in all, at the greatest speeds"
+            expected = f"a day at most, {LONGEST:g} s: fine simulations take steps of a second"
+            raise InputError(origin, f"activities[{times.index(max(times))}]", found, expected)
+        warm = task.start if "*" in task.start else {"*": task.ambient} | task.start
+        start = start_of(warm, model, origin, "task.start")
+        hot = any(start[model.places.index(node)] > most for node, most in limits.items())
+        rest = gaits.get(REST) if task.longest_rest > 0 or hot else None
+        if rest is None and (task.longest_rest > 0 or hot):
+            expected = f"[gaits.{REST}], or longest_rest = 0 and a start below the limits"
+            raise InputError(origin, "gaits", "no gait rest", expected)
+        if task.carry > sum(activity.load[1] for activity in activities if activity.chooses_load):
+            expected = "as much as the activities with load = [least, most] can take together"
+            raise InputError(origin, "task.carry", f"{task.carry:g} kg", expected)
+        if task.begins and task.begins not in gaits:
+            raise InputError(origin, "task.begins", f'"{task.begins}"', f"one of {', '.join(gaits)}")
+        unlimited = 3600.0  # s, the longest rest of a mission without rests and deadline that begins too hot
+        mission = Mission(
+            model, activities, rest, task.longest_rest or task.deadline or unlimited, limits, start, task.ambient,
+            task.deadline, task.carry, task.gives_up, task.name, origin,
+            transitions=_transitions(tables.transitions, gaits, activities, model, origin), begins=task.begins,
+        )  # fmt: skip
+        off = np.array([task.ambient if name.startswith("temperature.") else 0.0 for name in model.inputs])
 
+        def idle(_: float, x: FloatArray) -> FloatArray:
+            return np.asarray(model.rhs(x, off, model.values).full()).ravel()
 
-def _mission(tables: MissionFile, origin: str, model: Model) -> Mission:
-    task = tables.task
-    gaits = {name: _gait(name, gait, tables, model, origin) for name, gait in tables.gaits.items()}
-    activities = tuple(
-        _activity(activity, f"activities[{k}]", gaits, origin) for k, activity in enumerate(tables.activities)
-    )
-    limits = by_place(tables.limits, model.places, origin, "limits")
-    times = [activity.least_time for activity in activities]
-    if sum(times) > LONGEST:
-        found = f"{sum(times):.3g} s in all, at the greatest speeds"
-        expected = f"a day at most, {LONGEST:g} s: fine simulations take steps of a second"
-        raise InputError(origin, f"activities[{times.index(max(times))}]", found, expected)
-    start = _start(task, model, origin)
-    hot = any(start[model.places.index(node)] > most for node, most in limits.items())
-    rest = gaits.get(REST) if task.longest_rest > 0 or hot else None
-    if rest is None and (task.longest_rest > 0 or hot):
-        expected = f"[gaits.{REST}], or longest_rest = 0 and a start below the limits"
-        raise InputError(origin, "gaits", "no gait rest", expected)
-    if task.carry > sum(activity.load[1] for activity in activities if activity.chooses_load):
-        expected = "as much as the activities with load = [least, most] can take together"
-        raise InputError(origin, "task.carry", f"{task.carry:g} kg", expected)
-    if task.begins and task.begins not in gaits:
-        raise InputError(origin, "task.begins", f'"{task.begins}"', f"one of {', '.join(gaits)}")
-    unlimited = 3600.0  # s, the longest rest of a mission without rests and deadline that begins too hot
-    mission = Mission(
-        model, activities, rest, task.longest_rest or task.deadline or unlimited, limits, start, task.ambient,
-        task.deadline, task.carry, task.gives_up, task.name, origin,
-        transitions=_transitions(tables.transitions, gaits, activities, model, origin), begins=task.begins,
-    )  # fmt: skip
-    _check_limits_at_rest(mission)
-    return mission
-
-
-def _check_limits_at_rest(mission: Mission) -> None:
-    """Refuse a limit that a node passes though everything is switched off all the time.
-
-    Raises:
-        InputError: the node, and what warms it.
-    """
-    model = mission.model
-    off = np.array([mission.ambient if name.startswith("temperature.") else 0.0 for name in model.inputs])
-
-    def idle(_: float, x: FloatArray) -> FloatArray:
-        return np.asarray(model.rhs(x, off, model.values).full()).ravel()
-
-    ends = np.array([mission.deadline or mission.fastest])
-    air = {"task.ambient": mission.ambient}
-    check_limits_at_rest(model, mission.origin, mission.limits, mission.start, idle, ends, air)
-
-
-def _start(task: MissionTable, model: Model, origin: str) -> FloatArray:
-    """Temperatures at the start by state; what no pattern names has the ambient's."""
-    nodes = np.full(len(model.nodes), task.ambient)
-    single = not isinstance(task.start, Mapping) or set(task.start) == {"value", "unit"}
-    given = {"*": task.ambient if task.start is None else task.start} if single else task.start
-    for pattern, value in given.items():
-        matched = matching(pattern, model.nodes)
-        if not matched:
-            raise InputError(origin, f'task.start."{pattern}"', "no such place", f"some of {', '.join(model.nodes)}")
-        try:
-            nodes[[model.nodes.index(node) for node in matched]] = TypeAdapter(Celsius).validate_python(value)
-        except ValidationError as error:
-            place = "task.start" if single else f'task.start."{pattern}"'
-            raise InputError(origin, place, shown(value), "a temperature in degC, -80 to 500") from error
-    return np.asarray(nodes[np.array(model.owners)])
+        ends = np.array([task.deadline or mission.fastest])
+        check_limits_at_rest(model, origin, limits, start, idle, ends, {"task.ambient": task.ambient})
+        return mission
 
 
 # --- gaits and activities -----------------------------------------------------------------------
@@ -197,10 +178,6 @@ def _start(task: MissionTable, model: Model, origin: str) -> FloatArray:
 
 def _gait(name: str, table: GaitTable, tables: MissionFile, model: Model, origin: str) -> Gait:
     speeds = [0.0] if table.speeds is None else table.speeds
-    named = {f"postures.{key}": values for key, values in table.postures.items()}
-    for key, values in {"speeds": speeds, "loads": table.loads, **named}.items():
-        if np.any(np.diff(values) <= 0):
-            raise InputError(origin, f"gaits.{name}.{key}", str(values), "rising numbers")
     given = dict(table.model_extra or {})
     if table.logs is None:
         return gait_from_tables(name, speeds, table.loads, given, model, origin, table.postures)
@@ -236,8 +213,6 @@ def _transitions(
             ends.append(matching(pattern, list(gaits)))
             if not ends[-1]:
                 raise InputError(origin, f"{place}.{key}", f'"{pattern}"', f"some of {', '.join(gaits)}")
-        if np.any(np.diff(table.loads) <= 0):
-            raise InputError(origin, f"{place}.loads", str(table.loads), "rising numbers")
         heaviest = max(activity.load[1] for activity in activities)
         if len(table.loads) > 1 and not table.loads[0] <= heaviest <= table.loads[-1]:
             expected = f"cells from the least load to the greatest of the activities, {heaviest:g} kg"
@@ -262,28 +237,25 @@ def _activity(table: ActivityTable, place: str, gaits: Mapping[str, Gait], origi
         expected = "a distance [m], for it has speeds" if travels else "a duration [s], for its gait has no speeds"
         raise InputError(origin, place, "a duration" if travels else "a distance", expected)
     load = _range(table.load, gait.loads, f"{place}.load", "kg", origin)
-    posture = _postures(table.posture, gait, f"{place}.posture", origin)
+    for key in table.posture:
+        if key not in gait.postures:
+            some = ", ".join(gait.postures)
+            expected = f"some of {some}" if some else f"none, for {gait.name} has no postures"
+            raise InputError(origin, f"{place}.posture.{key}", "a posture that the gait has not", expected)
+    posture = {
+        key: _range(table.posture.get(key), knots, f"{place}.posture.{key}", "", origin)
+        for key, knots in gait.postures.items()
+    }
     if travels:
         speed = _range(table.speed, gait.speeds, f"{place}.speed", "m/s", origin)
         return Activity(table.do, gait, table.distance, (0.0, 0.0), speed, load, posture, table.pieces or 3)
-    if table.duration is None or table.speed is not None:
-        raise InputError(origin, place, "no duration" if table.duration is None else "a speed", "a duration [s]")
     given = table.duration
-    duration = (given[0], given[1]) if isinstance(given, list) else (given, given)
-    if duration[1] <= 0 or duration[1] < duration[0]:
+    if given is None or table.speed is not None:
+        raise InputError(origin, place, "no duration" if given is None else "a speed", "a duration [s]")
+    least, most = given if isinstance(given, list) else (given, given)
+    if most <= 0 or most < least:
         raise InputError(origin, f"{place}.duration", str(given), "a time [s], or the least and the most")
-    return Activity(table.do, gait, None, duration, (0.0, 0.0), load, posture, table.pieces or 1)
-
-
-def _postures(given: Mapping[str, float | list[float] | None], gait: Gait, place: str, origin: str) -> dict[str, Range]:
-    """Least and most of each posture of a gait; all of its cells' range where nothing is said."""
-    for key in given:
-        if key not in gait.postures:
-            expected = (
-                f"some of {', '.join(gait.postures)}" if gait.postures else f"none, for {gait.name} has no postures"
-            )
-            raise InputError(origin, f"{place}.{key}", "a posture that the gait has not", expected)
-    return {key: _range(given.get(key), knots, f"{place}.{key}", "", origin) for key, knots in gait.postures.items()}
+    return Activity(table.do, gait, None, (least, most), (0.0, 0.0), load, posture, table.pieces or 1)
 
 
 def _range(given: float | list[float] | None, cells: FloatArray, place: str, unit: str, origin: str) -> Range:
@@ -291,8 +263,8 @@ def _range(given: float | list[float] | None, cells: FloatArray, place: str, uni
     low, high = float(cells[0]), float(cells[-1])
     if given is None:
         return (low, low) if unit == "kg" else (low, high)
-    chosen = (given[0], given[1]) if isinstance(given, list) else (given, given)
-    if not low - 1e-9 <= chosen[0] <= chosen[1] <= high + 1e-9:
+    least, most = given if isinstance(given, list) else (given, given)
+    if not low - 1e-9 <= least <= most <= high + 1e-9:
         unit = f" {unit}" if unit else ""
         raise InputError(origin, place, f"{given}{unit}", f"within {low:g} to {high:g}{unit}, the gait's cells")
-    return chosen
+    return least, most

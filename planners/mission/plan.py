@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -21,15 +21,8 @@ _EXACT = 0.005  # K by which a replayed plan may pass a limit
 _COUNTS = 1e-3  # s/K; smaller multipliers are solver dust
 
 
-@dataclass(frozen=True)
-class PassedLimit:
-    """The first limit that a mission passes.
-
-    Args:
-        node: whose limit it is.
-        time: when [s].
-        name: of the piece in which it is passed.
-    """
+class PassedLimit(NamedTuple):
+    """The first limit that a mission passes: whose it is, when [s], and the name of the piece in which it is passed."""
 
     node: str
     time: float

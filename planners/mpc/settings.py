@@ -16,7 +16,7 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 
 from ..heating import Heating
-from ..values import Each, checked_by_place
+from ..values import Each, checked_by_place, limits_of
 
 LostSensor = Literal["model", "derate", "stop"]
 """What a joint gets whose node has lost its sensor; the order is that of `c/lptn_mpc.h`."""
@@ -27,26 +27,16 @@ BAND = 10.0  # K above its limit at which a node, by default, is to cool as fast
 
 @dataclass(frozen=True)
 class Settings:
-    """Settings spread over a model's places.
+    """Settings of `TorqueMPC`, whose arguments they are, spread over a model's places, and what follows from them.
 
     Args:
         stages: lengths [s], shape (stages,).
         limits: degC by node; the margin is not taken off yet.
-        margin: K that planning stays below each limit beside what the estimate's covariance asks for.
-        weights: of a squared deviation of each joint, shape (joints,).
-        currents: limits [A], shape (joints,), infinite for none.
-        rates: largest change of the request's unit per second, shape (joints,), 0 for none.
-        floors: of the request's unit that each joint gets whatever gets hot, shape (joints,).
-        recovery: time constant with which a node comes down from above its limit [s], shape (limited nodes,).
-        smoothing: time constant with which a joint's share of its request rises while the same is asked [s].
-        noise: of a reading, standard deviation [K].
-        resolution: step of the readings [K].
-        level: probability with which a node at its limit is to be below it.
-        model_error: relative; 0: readings are taken as they are, and nothing is learnt of what the model lacks.
+        weights, currents, rates, floors: of the joints, shape (joints,); infinite currents, rates of 0: no limits.
+        recovery: of the limited nodes, shape (limited nodes,).
         doubt: heat that the model may lack, as a rate of each state [K/s].
         gain_doubt: relative error of the controlled heat of each state.
         settles: time in which each node forgets how warm the whole robot began [s].
-        lost_sensor: what a joint gets whose node has lost its sensor.
         tolerance: on the duality gap; the cost of admitting nothing is 1.
         iterations: of the solver, at most.
         warm: of them, from the last plan; the others are kept for a cold start.
@@ -132,9 +122,7 @@ def settle(
         ValueError: period, horizon or number of stages can't be.
     """
     model = heating.model
-    bounds = checked_by_place(limits, model.places, "limits")
-    if not bounds:
-        raise InputError(model.network.origin, "limits", "none", f"a limit for one of {', '.join(model.places)}")
+    bounds = limits_of(limits, model)
     for place, value in (
         ("margin", margin), ("recovery", recovery or 0.0), ("smoothing", smoothing), ("noise", noise),
         ("resolution", resolution), ("model_error", model_error),

@@ -32,6 +32,7 @@ SHADE, NOISE = "0.93", "0.85"
 ERROR = "error [K]:\npredicted\n− measured"
 """The label of every axis of errors."""
 LIMIT = "#CC0000"  # of limits and alarms, and of nothing else
+PALETTE = ("#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8C6D31")  # of things that only have to differ
 RMSE_MAP: Colormap = colormaps["cividis_r"]  # light is good, dark is bad, on a grey printer too
 
 # Blue and green look alike in grey, so each has a dash pattern of its own.
