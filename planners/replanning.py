@@ -194,14 +194,11 @@ class MissionControl:
             return Order("finished", "rest", finished=True)
         if not self._ahead:
             return Order("rest", "rest", seconds=self._period)
-        piece, onto = self._ahead[0], None
-        seconds = max(piece.time - self._gone, 0.0)
-        if piece.segment.is_transition and len(self._ahead) > 1:
-            onto = self._ahead[1]
-        gait = (onto or piece).segment.gait
-        posture = dict(zip(gait.postures, (onto or piece).posture, strict=True))
-        speed = 0.0 if onto else piece.speed
-        return Order(piece.segment.name, gait.name, speed, (onto or piece).load, posture, seconds)
+        piece = self._ahead[0]
+        onto = self._ahead[1] if piece.segment.is_transition and len(self._ahead) > 1 else piece
+        gait, speed = onto.segment.gait, piece.speed if onto is piece else 0.0
+        posture, seconds = dict(zip(gait.postures, onto.posture, strict=True)), max(piece.time - self._gone, 0.0)
+        return Order(piece.segment.name, gait.name, speed, onto.load, posture, seconds)
 
     # --- how far it is ------------------------------------------------------------------------
 
