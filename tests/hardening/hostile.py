@@ -10,6 +10,7 @@ import argparse
 import gzip
 import io
 import os
+import re
 import shlex
 import shutil
 import signal
@@ -22,6 +23,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from decimal import Decimal
 from functools import partial
 from itertools import chain
 from pathlib import Path
@@ -171,6 +173,13 @@ cosim x.fmu log.csv --trust --parameters values.ssv | values.ssv
 new --urdf robot.urdf -o out.toml | robot.urdf
 """
 """Commands, each with the file that is spoilt, the model file by default."""
+RESULTS = """
+fit model.toml log.csv -o
+compare model.toml log.csv --report
+plan model.toml task.toml --json
+fit model.toml --each log.csv other.csv -o
+plan model.toml task.toml --emit-c
+"""
 PATHS = """link/x.csv
 model.toml/x.csv
 $(printf 'x%.0s' {1..300}).csv
@@ -198,6 +207,8 @@ def _any_file() -> Iterator[Case]:
         for words in ("check model.toml {}", "plan model.toml {}", "new --urdf {}", "cosim {} log.csv"):
             yield Case(f"the path {path}", words.replace("{}", path), {"link": _link("link")})
         yield Case(f"the result {path}", f"simulate model.toml log.csv -o {path}", {"link": _link("link")})
+    for path in ("no/out", "log.csv/out", "/proc/1/out", "/dev/full", "/dev/stdout", "%s%n", "\U0001f525"):
+        yield from (Case(f"the result {path}", f"{words} '{path}'") for words in RESULTS.strip().splitlines())
 
 
 # --- one kind of file -----------------------------------------------------------------------------------------
@@ -218,6 +229,9 @@ def _models() -> Iterator[Case]:
     many = "".join(f"[nodes.n{k}]\ncapacity = 300\n" for k in range(3000))
     many += "".join(f'[[links]]\nbetween = ["n{k}", "motor"]\nresistance = 3\n' for k in range(3000))
     kinds["3,000 nodes"] = _changed("model.toml", "[[links]]", f"{many}[[links]]")
+    node = '[nodes."{0}"]\ncapacity = 3\n[[links]]\nbetween = ["{0}", "motor"]\nresistance = 3\n[[links]]'
+    nodes = ("a b", "a'b", "\u00f6", "%s", "/", "..", "ambient", "__init__", "Motor", "$(id)", "<b>", "-o", "0")
+    kinds |= {f"a node {text!r}": _changed("model.toml", "[[links]]", node.format(text)) for text in nodes}
     odd = ("", "x" * 255, "a/b", "../../up", "'", '\\"', "\U0001f525" * 70, "\\u0000", "a\\nb", "*/ #error", "%s")
     kinds |= {f"the name {text[:8]!r}": _changed("model.toml", name, f'name = "{text}"') for text in odd}
     for kind, files in kinds.items():
@@ -225,6 +239,17 @@ def _models() -> Iterator[Case]:
                       "fmu model.toml -o y.fmu && {lptn} cosim y.fmu log.csv",
                       "plan model.toml task.toml --emit-c c"):  # fmt: skip
             yield Case(kind, words, files)
+
+
+_ENTITY = '<!DOCTYPE r [<!ENTITY x SYSTEM "file:///etc/passwd">]>'
+_DIRECTORY: dict[str, tuple[int, bytes]] = {
+    "files that are encrypted": (8, b"\1"),
+    "a method that is none": (10, b"\x63"),
+    "sums that lie": (16, b"abcd"),
+    "sizes that lie": (24, b"\x0a\0\0\0"),
+    "files that overlap": (42, bytes(4)),
+}
+"""Bytes of each file's entry in the directory of an archive, and what stands in their place."""
 
 
 def _fmus() -> Iterator[tuple[str, Make]]:
@@ -257,7 +282,56 @@ def _fmus() -> Iterator[tuple[str, Make]]:
         yield f"a file {name[:12]!r} inside", partial(holding, {name: b"x"})
 
 
+def _described() -> Iterator[tuple[str, Make]]:
+    def matched(old: str, new: str, path: Path, good: Path) -> None:
+        with zipfile.ZipFile(good) as fmu:
+            xml = fmu.read("modelDescription.xml").decode()
+        archive({"modelDescription.xml": re.sub(old, new, xml)}, path, like=good)
+
+    def directory(at: int, value: bytes, path: Path, good: Path) -> None:
+        content = bytearray(good.read_bytes())
+        for entry in re.finditer(b"PK\1\2", bytes(content)):
+            content[entry.start() + at : entry.start() + at + len(value)] = value
+        path.write_bytes(content)
+
+    for old, new in {
+        'modelIdentifier="[^"]*': 'modelIdentifier="../../out',
+        'valueReference="[^"]*': 'valueReference="4294967296',
+        'start="[^"]*': 'start="NaN',
+        'stepSize="[^"]*': 'stepSize="1e-300',
+        'stopTime="[^"]*': 'stopTime="1e300',
+        'Variable name="[^"]*': 'Variable name="a',
+        'index="[^"]*': 'index="99999999',
+        "<fmiModelDescription": f'{_ENTITY}<fmiModelDescription x="&x;"',
+    }.items():
+        yield f"a description with {new[:30]}", partial(matched, old, new)
+    for name, change in _DIRECTORY.items():
+        yield f"an archive of {name}", partial(directory, *change)
+
+
+def _connected(*ends: str, times: int = 1) -> str:
+    """Two FMUs, connected from one connector to another, each `component.variable`."""
+    pairs = [(*start.split(".", 1), *end.split(".", 1)) for start, end in zip(ends[::2], ends[1::2], strict=True)]
+    line = '<ssd:Connection startElement="{}" startConnector="{}" endElement="{}" endConnector="{}"/>'
+    lines = "".join(line.format(*pair) for pair in pairs) * times
+    connections = f"<ssd:Connections>{lines}</ssd:Connections></ssd:System>"
+    return ssd("x.fmu", "x.fmu").replace("</ssd:System>", connections)
+
+
 def _systems() -> Iterator[Case]:
+    warm, load = "temperature.motor", "torque.motor"
+    for name, text in {
+        "connected to itself": _connected(f"c0.{warm}", f"c0.{load}"),
+        "connected in a circle": _connected(f"c0.{warm}", f"c1.{load}", f"c1.{warm}", f"c0.{load}"),
+        "connected to nobody": _connected(f"c0.{warm}", f"x.{load}"),
+        "connected to an output": _connected(f"c0.{warm}", f"c1.{warm}"),
+        "connected 100,000 times": _connected(f"c0.{warm}", f"c1.{load}", times=100_000),
+        "a system within itself": ssd("system.ssd"),
+        "systems within systems": ssd("x.fmu").replace("<ssd:Elements>", '<ssd:Elements><ssd:System name="t">' * 400),
+        "an entity of a file": _ENTITY + ssd("x.fmu").replace('name="s"', 'name="&x;"'),
+    }.items():
+        yield Case(name, "cosim system.ssd log.csv --trust", {"system.ssd": text})
+
     def packed(text: str, path: Path, good: Path) -> None:
         archive({"SystemStructure.ssd": text}, path, like=good)
 
@@ -285,6 +359,27 @@ def _robots() -> Iterator[tuple[str, str]]:
     for name in ("x" * 300, "\U0001f525", "../../up", "&quot;'", "&#10;", ""):
         yield f"a joint {name[:8]!r}", URDF.replace('name="j"', f'name="{name}"')
         yield f"a robot {name[:8]!r}", URDF.replace('name="arm"', f'name="{name}"')
+    for file in ("../../../../etc/passwd", "file:///dev/zero", "http://127.0.0.1:9/x.stl", "package://..", "x" * 5000):
+        mesh = f'<link name="b"><collision><geometry><mesh filename="{file}"/></geometry></collision></link>'
+        yield f"a mesh {file[:20]!r}", URDF.replace('<link name="b"/>', mesh)
+    for name, head in {
+        "a file": 'SYSTEM "file:///etc/passwd"',
+        "zeros": 'SYSTEM "/dev/zero"',
+        "100 kB": f'"{"x" * 100_000}"',
+    }.items():
+        yield (
+            f"an entity of {name}",
+            f"<!DOCTYPE r [<!ENTITY x {head}>]>{URDF.replace('<link', '&x;' * 5000 + '<link', 1)}",
+        )
+    for mass in ("nan", "-5", "1e300"):
+        inertia = f'<link name="b"><inertial><mass value="{mass}"/></inertial></link>'
+        yield f"a mass of {mass}", URDF.replace('<link name="b"/>', inertia)
+    yield "a joint that mimics itself", URDF.replace("<limit", '<mimic joint="j"/><limit')
+    yield "two roots", URDF * 2
+    yield (
+        "100,000 attributes",
+        URDF.replace('name="a"/>', 'name="a" ' + " ".join(f'a{k}="1"' for k in range(100_000)) + "/>"),
+    )
     yield "a far origin", URDF.replace("<limit", '<origin xyz="1e200 1e200 1e300"/><limit')
     yield "a chain in a circle", URDF.replace('parent link="a"', 'parent link="b"')
 
@@ -307,6 +402,16 @@ name = "single motor" | name = "\\u001b[2J\\u202e"
 ["motor", "ambient"] | ["motor", "motor"]
 resistance = 0.15 | resistance = 1e300
 torque_constant = 0.84 | torque_constant = 1e-300
+[[links]] | x = {a = 1, a = 2}\n[[links]]
+[nodes.motor] | [nodes.motor]\n[nodes.motor]
+[[links]] | [nodes.a]\ncapacity = 3\n[nodes.b]\ncapacity = 3\n[[links]]\nbetween = ["a", "b"]\n[[links]]
+resistance = 0.15 | resistance = -0.15
+unit = "J/K" | unit = "m/s"
+[nodes.motor] | links = 5\n[nodes.motor]
+[nodes.motor] | effects = [[]]\n[nodes.motor]
+[nodes.motor] | [columns]\ntime = "temperature.motor"\n[nodes.motor]
+[nodes.motor] | [columns]\n"temperature.motor" = { column = ["a", "b"] }\n[nodes.motor]
+[nodes.motor] | [fit.parameters]\n"capacity.motor" = { value = 300, standard_error = inf }\n[nodes.motor]
 """
 MAPS = """
 temperature.motor=temperature.motor[;;;]
@@ -322,7 +427,7 @@ torque.motor=torque.motor[J^99999999]
 torque.motor=[[]]
 time=time[rows=never]
 """
-TASKS = """
+TASKS = r"""
 mission.toml | distance = 50 | distance = 1e9
 mission.toml | distance = 50 | distance = 1e15
 mission.toml | distance = 50 | distance = 1e-9
@@ -335,6 +440,28 @@ track.toml | duration = 100 | duration = 1e-300
 track.toml | { "*" = 4 } | { "*" = 1e12 }
 task.toml | [10, 60] | [1e15]
 task.toml | [10, 60] | [1e-300]
+task.toml | [10, 60] | [nan]
+task.toml | [10, 60] | []
+task.toml | "*" = 60 | "*" = 10
+task.toml | "*" = 60 | "../x" = 60
+task.toml | kind = "limit" | kind = "../x"
+track.toml | { "*" = 4 } | {}
+mission.toml | speeds = [0.2, 0.6] | speeds = [0.6, 0.2]
+mission.toml | [2, 3] | [nan, 3]
+mission.toml | motor = 60 | motor = 20
+study.toml | duration = 120 | duration = 1e15
+study.toml | torque = 1.68 | torque = 1e12
+study.toml | torque = 1.68 | torque = nan
+study.toml | name = "U8" | name = "../../etc/passwd"
+study.toml | [20, 1500] | [1500, 20]
+study.toml | [20, 1500] | [1e-300, 1e300]
+study.toml | [task] | catalogue = "/dev/zero"\n[task]
+drawing.toml | slots = 12 | slots = 1000000000
+drawing.toml | slots = 12 | slots = -12
+kept.json | [0.1] | [NaN]
+kept.json | "inputs": {} | "inputs": {"torque.motor": 1e300}
+kept.json | "heat_time": 600.0 | "heat_time": 0
+kept.json | 1.5 | 1e999
 """
 WORDS = """
 forecast model.toml log.csv --limit {}
@@ -344,6 +471,9 @@ fit model.toml log.csv --rate {}
 fit model.toml log.csv --holdout-after {}
 fmu model.toml -o out.fmu --step {}
 add model.toml {} --at motor
+add model.toml constant_heat --at {}
+monitor model.toml log.csv --threshold {}
+open model.toml log.csv --no-browser --port {}x
 """
 
 
@@ -354,8 +484,39 @@ def _bomb(path: Path, _: Path) -> None:
             stream.write(b"0" * 1_000_000)
 
 
+def _parquet(kind: str, path: Path, _: Path) -> None:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    count = range(200)
+    time, torque = pa.array(map(float, count)), pa.array([1.0] * 200)
+    torques = {
+        "dictionary": lambda: pa.array(["1.5", "word"] * 100).dictionary_encode(),
+        "nested": lambda: pa.array([{"a": [1.0]}] * 200),
+        "decimal": lambda: pa.array([Decimal(10) ** 60] * 200, pa.decimal256(76, 0)),
+    }
+    times = {
+        "duration": lambda: pa.array(count, pa.duration("s")),
+        "uint64": lambda: pa.array([2**63 + k for k in count], pa.uint64()),
+        "date": lambda: pa.array(count, pa.date32()),
+    }
+    time, torque = times.get(kind, lambda: time)(), torques.get(kind, lambda: torque)()
+    warm, air = pa.array([25.0] * 200), pa.array([22.0] * 200)
+    pq.write_table(pa.table([time, warm, torque, air], names=HEAD.strip().split(",")), path)
+    if kind == "cut":
+        os.truncate(path, path.stat().st_size - 300)
+
+
 def _text_logs() -> Iterator[tuple[str, bytes]]:
     head, rows = HEAD.encode(), b"".join(b"%d,25,1,22\n" % k for k in range(200))
+    yield "names alone", head
+    yield "one row", head + b"0,25,1,22\n"
+    yield "rows of two times in turn", head + b"".join(b"%d,25,1,22\n" % (k if k % 2 else 999 - k) for k in range(200))
+    yield "a million short lines", head + b"1\n" * 1_000_000
+    yield "a million empty lines", head + b"\n" * 1_000_000 + rows
+    yield "commas alone", head + b",,,\n" * 1000
+    yield "UTF-32", (head + rows).decode().encode("utf-32")
+    yield "markup in a name", head.replace(b"\n", b",<script>alert(1)</script>\n") + rows.replace(b"\n", b",1\n")
     yield "a quote without an end", head + rows + b'"' + rows * 500
     yield "a quote in the names", head.replace(b"torque", b'"torque') + rows
     yield "NUL within", (head + rows).replace(b"100,25", b"100,2\x005")
@@ -382,6 +543,8 @@ def _text_logs() -> Iterator[tuple[str, bytes]]:
 
 def _logs() -> Iterator[tuple[str, str, Make]]:
     yield from ((name, "log.csv", content) for name, content in _text_logs())
+    for kind in ("dictionary", "nested", "decimal", "duration", "uint64", "date", "cut"):
+        yield f"a Parquet file, {kind}", "log.parquet", partial(_parquet, kind)
     wide = ",".join(f"c{k}" for k in range(300_000))
     yield "300,000 columns", "log.csv", f"time,{wide}\n" + ",".join(["0"] * 300_001) + "\n"
     yield "2 GB of zeros in a .gz", "log.csv.gz", _bomb
@@ -406,17 +569,15 @@ def _texts() -> Iterator[Case]:
 
 def _one_kind() -> Iterator[Case]:
     yield from chain(_models(), _systems(), _texts())
-    for name, make in _fmus():
+    for name, make in (*_fmus(), *_described()):
         for words in ("cosim x.fmu log.csv --trust", "cosim system.ssd log.csv --trust", "fmu x.fmu -o out.ssp"):
             yield Case(name, words, {"x.fmu": make})
     for name, text in _robots():
         yield Case(name, "new --urdf robot.urdf -o out.toml", {"robot.urdf": text})
+    commands = {"study.toml": "trade", "drawing.toml": "motor", "kept.json": "monitor model.toml log.csv --calibration"}
     for line in TASKS.strip().splitlines():
-        file, old, new = line.split(" | ")
-        yield Case(new, f"plan model.toml {file}", _changed(file, old, new))
-    for old, new in (("duration = 120", "duration = 1e15"), ("torque = 1.68", "torque = 1e12")):
-        yield Case(new, "trade study.toml", _changed("study.toml", old, new))
-    yield Case("1e9 slots", "motor drawing.toml", _changed("drawing.toml", "slots = 12", "slots = 1000000000"))
+        file, old, new = line.replace("\\n", "\n").split(" | ")
+        yield Case(new, f"{commands.get(file, 'plan model.toml')} {file}", _changed(file, old, new))
     for name, file, make in _logs():
         yield from (Case(name, f"{words} model.toml {file}", {file: make}) for words in ("check", "fit"))
     for words in WORDS.strip().splitlines():
