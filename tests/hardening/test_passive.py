@@ -251,6 +251,14 @@ def test_a_joint_that_was_warm_has_no_offset(start: float | tuple[float, ...], w
     assert not [issue.sentence for issue in read_log(log)[0].issues]
 
 
+def test_an_offset_shows_beside_air_of_a_clock_of_its_own() -> None:
+    log = _arm()
+    log["temperature.elbow"] = log["temperature.elbow"].round() + 40
+    beside = pd.DataFrame({"time": np.arange(0.5, 2700, 5), "temperature.ambient": 18.0})
+    both = pd.concat([log.drop(columns="temperature.ambient"), beside]).sort_values("time", ignore_index=True)
+    assert [issue.key for issue in read_log(both)[0].issues] == ["temperature.elbow"]
+
+
 @pytest.mark.parametrize("warm", [30.4, 40.4, 22.5])
 def test_a_computer_that_is_warm_by_itself_has_no_offset(warm: float) -> None:
     for seed in range(3):

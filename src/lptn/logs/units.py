@@ -339,8 +339,7 @@ def suspect_starts(log: Channels) -> list[Issue]:
         return [in_unit(AMBIENT, sources[AMBIENT], "degF", problem, certain=around or warm_air > _NO_ROOM)]
     # Sensors that begin warmer than the air and hardly cool: their parts were warm, or at rest as the air.
     above, evidence, issues = {key: start - room for key, start in starts.items()}, dict[object, float](), list[Issue]()
-    warm = {key: x for key, x in above.items() if x > _COOLS}
-    warm = {k: x for k, x in warm.items() if np.nanmin(log.values[k] - log.values[AMBIENT]) > x - _COOLS}
+    warm = {k: x for k, x in above.items() if x > _COOLS and sensors[k].least > sensors[k].first - _COOLS}
     for key, start in ((key, x) for key, x in warm.items() if key in free and not sources[key].offset):
         group = tuple(other for other in warm if abs(warm[other] - start) <= _ALIKE)
         if group not in evidence:
