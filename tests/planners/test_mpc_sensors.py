@@ -538,3 +538,16 @@ def test_readings_taken_as_they_are_may_stand() -> None:
         plan = mpc.step([30.0, 40.0, 50.0], [1.0, 1.0, 1.0], {"temperature.ambient": 30.0})
     assert plan.untrusted == {}
     assert plan.temperatures[:, 0].tolist() == [30.0, 40.0, 50.0]
+
+
+@pytest.mark.parametrize("value", [-40.0, 0.0])
+@pytest.mark.parametrize("name", ["leg", "motor", "windings"])
+def test_no_plan_begins_colder_than_all_around_at_a_node_without_a_sensor(name: str, value: float) -> None:
+    robot = plants.windings() if name == "windings" else plants.ROBOTS[name]()
+    read = {"leg": ("FR_hip", "FR_calf"), "motor": ("motor_case",)}.get(name, ("hip_case", "thigh_case", "calf_case"))
+    model = Model(parse_model(robot.toml(), Path("robot.toml")).network)
+    mpc = TorqueMPC(model, {"*": LIMIT}, request="current", current_limits=1.5 * robot.asked, period=PERIOD)
+    rows = [row for row, node in enumerate(model.nodes) if node not in read]
+    for _ in range(60):
+        plan = mpc.step(dict.fromkeys(read, value), np.full(len(mpc.joints), robot.asked), np.array([plants.AIR]))
+        assert (plan.temperatures[rows, 0] >= plants.AIR - 0.1).all()
