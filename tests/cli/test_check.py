@@ -1,9 +1,11 @@
-"""`lptn check`: one screen, the lines that mend, JSON, and status 2 where another command would refuse."""
+"""`lptn check`: an answer of fifteen lines, details, the lines that mend, JSON, status 2 where others would refuse."""
 
 from __future__ import annotations
 
 import json
+import shlex
 from pathlib import Path
+from textwrap import wrap
 
 import pytest
 
@@ -11,16 +13,34 @@ from tests.cli.conftest import Lptn
 from tests.diagnose.pair_runs import table
 
 
-def test_one_screen_of_a_good_log(lptn: Lptn, model: Path, tmp_path: Path) -> None:
+def test_a_good_log_has_an_answer_and_details(lptn: Lptn, model: Path, tmp_path: Path) -> None:
     log = tmp_path / "monday.csv"
     table().assign(gain=1.0).to_csv(log, index=False)
-    status, out, err = lptn("check", model, log)
+    status, answer, err = lptn("check", model, log)
     assert (status, err) == (0, "")
-    assert "monday.csv (CSV): 2400 samples of 1 s, 40 min" in out
+    assert "monday.csv (CSV): 2400 samples of 1 s, 40 min" in answer
+    labels = ["Verdict", "Model", "monday.csv (CSV)", "Sensors", "Excitation", "Effects", "Next"]
+    assert [line.partition(":")[0] for line in answer.splitlines() if "WRONG?" not in line] == labels
+    assert len(answer.splitlines()) <= 8
+    _, out, _ = lptn("check", model, log, "--details")
+    assert out.startswith(answer)
     assert "not used: gain" in out
     assert "Could show, if present: " in out
     assert "drive_heat (powered.<node>)" in out
     assert len(out.splitlines()) < 45
+
+
+def test_the_answer_ends_with_the_next_command(lptn: Lptn, model: Path, tmp_path: Path) -> None:
+    days = ("monday", "tuesday", "friday")
+    for number, day in enumerate(days):
+        table().iloc[: 1100 + number].to_csv(tmp_path / f"{day}.csv", index=False)
+    logs = [tmp_path / f"{day}.csv" for day in days]
+    for some, behind in ((logs[:1], ["--holdout-after", "+770"]), (logs, [str(logs[1]), "--holdout", str(logs[2])])):
+        _, answer, _ = lptn("check", model, *some)
+        assert "nothing looks wrong" in answer.splitlines()[0]
+        assert sum(len(wrap(line.replace(str(tmp_path), ""), 80)) for line in answer.splitlines()) <= 15
+        command = shlex.split(answer.splitlines()[-1].partition(": ")[2])
+        assert command == ["lptn", "improve", str(model), str(logs[0]), *behind, "-o", "better.toml"]
 
 
 def test_a_log_with_gaps_is_in_pieces(lptn: Lptn, model: Path, tmp_path: Path) -> None:
@@ -34,7 +54,7 @@ def test_what_a_slow_sensor_misses_is_counted_by_its_own_interval(lptn: Lptn, mo
     data.loc[data.index % 2 == 1, "temperature.a"] = None
     data.loc[600:1199, "temperature.a"] = None
     data.to_csv(tmp_path / "monday.csv", index=False)
-    out = lptn("check", model, tmp_path / "monday.csv")[1]
+    out = lptn("check", model, tmp_path / "monday.csv", "--details")[1]
     assert "temperature.a: logged every 2 s; 1 gap up to 602 s." in out
     assert [line.split()[-3] for line in out.splitlines() if line.startswith(("a  ", "b  "))] == ["25%", "0%"]
 
@@ -78,6 +98,7 @@ def test_what_can_not_be_right_is_shown_and_refused(lptn: Lptn, model: Path, tmp
     status, out, err = lptn("check", model, log, "--json", target)
     assert status == 2
     assert out.count("which look like kelvin") == 2  # all of them, where other commands say the first
+    assert out.startswith("Verdict: The log can't be used yet.\n")
     assert err.count("\n") == 1
     assert '--map "temperature.a=temperature.a[K]"' in err
     assert not target.exists()
@@ -93,7 +114,12 @@ def test_columns_are_proposed_and_taken_on_request(lptn: Lptn, model: Path, tmp_
         }
     log = tmp_path / "monday.csv"
     table().rename(columns=names).to_csv(log, index=False)
-    status, out, err = lptn("check", model, log)
+    status, answer, err = lptn("check", model, log)
+    assert answer.startswith("Verdict: The log can't be used yet.\n")
+    assert len(answer.splitlines()) <= 15
+    assert "    and 3 more: --details\n" in answer
+    assert "or write --map guess" in answer
+    status, out, err = lptn("check", model, log, "--details")
     assert status == 2
     assert 'time = { column = "t_s", unit = "s" }' in out
     assert '"torque.a" = "tau_a"' in out
@@ -126,13 +152,14 @@ def test_two_logs_joined(lptn: Lptn, model: Path, tmp_path: Path) -> None:
     status, out, _ = lptn("check", model, f"{tmp_path / 'warm.csv'}+moved.csv@5")
     assert status == 0
     assert "warm.csv+moved.csv@5 (CSV joined with CSV)" in out
+    _, out, _ = lptn("check", model, f"{tmp_path / 'warm.csv'}+moved.csv@5", "--details")
     assert "its clock set forward by 5 s, as given" in out
 
 
 def test_a_model_without_a_log(lptn: Lptn, model: Path) -> None:
     status, out, _ = lptn("check", model)
     assert status == 0
-    assert "Model pair: nodes a, b" in out
+    assert "Model: pair, 2 nodes (a, b), " in out
 
 
 def test_check_draws_the_network(lptn: Lptn, model: Path, tmp_path: Path) -> None:
@@ -163,7 +190,7 @@ def test_what_is_the_same_of_all_logs_is_said_once(lptn: Lptn, model: Path, tmp_
     _, out, _ = lptn("check", model, *logs)
     assert all(out.count(f"{log.name} (CSV)") == 1 for log in logs)
     assert out.count("  Some columns may be what is missing.") == out.count("write behind the command") == 1
-    assert out.index("\nAll logs:\n") > out.index("friday.csv")
+    assert out.index("All logs:\n") > out.index("friday.csv")
     _, one, _ = lptn("check", model, logs[0])
     assert "All logs:" not in one
 

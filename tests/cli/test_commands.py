@@ -35,14 +35,14 @@ def test_presets_are_listed_and_written_and_read(lptn: Lptn, tmp_path: Path) -> 
     status, listed, _ = lptn("new")
     assert status == 0
     head, *rows = (re.split(" {2,}", line.strip()) for line in listed.splitlines())
-    assert head == ["preset", "what it is"]
-    assert all(what.startswith(("A ", "One ", "The ")) for _, what in rows)
-    for number, (words, what) in enumerate(rows):
+    assert head == ["preset", "nodes", "parameters", "what it is"]
+    assert len(rows) < 15
+    assert max(map(len, listed.splitlines())) <= 80
+    for number, (words, nodes, parameters, _) in enumerate(rows):
         target = tmp_path / f"{number}.toml"
         assert lptn("new", *words.split(), "-o", target)[0] == 0
         network = read_model_file(target).network
-        count = len(network.dynamic)
-        assert what.endswith(f"({count} node{'s' * (count > 1)}, {len(network.parameters)} parameters)")
+        assert (int(nodes), int(parameters)) == (len(network.dynamic), len(network.parameters))
 
 
 def test_an_unknown_model_of_a_preset_is_refused(lptn: Lptn) -> None:
@@ -75,7 +75,7 @@ def test_fit_writes_values_errors_and_the_fingerprint(lptn: Lptn, short_log: Pat
 @pytest.mark.long
 def test_compare_writes_the_agreed_json_and_a_picture(lptn: Lptn, short_log: Path, tmp_path: Path) -> None:
     target, picture = tmp_path / "compare.json", tmp_path / "compare.png"
-    status, out, _ = lptn("compare", MODEL, short_log, "--json", target, "--plot", picture)
+    status, out, _ = lptn("compare", MODEL, short_log, "--details", "--json", target, "--plot", picture)
     assert status == 0
     assert out.startswith("Error: RMSE ")
     assert "Worst by operating condition:" in out

@@ -26,7 +26,9 @@ def add(
     ] = None,
     output: Output,
 ) -> None:
-    """Add an effect to a model file, at its typical size, or as it is set.
+    """Add an effect to a model file.
+
+    It has its typical size, or what --set gives it.
 
     Example: lptn add leg.toml forced_convection --at "*" -o next.toml
     """

@@ -18,12 +18,21 @@ _ROLE = re.compile(r":math:`([^`]*)`")
 _EMPHASIS = re.compile(r"\*(\w+)\*")
 
 
-def show_effects(key: str | None) -> None:
+def show_effects(key: str | None, details: bool = True) -> None:
     """The catalogue, or one effect of it.
+
+    Args:
+        key: of the effect; all by default.
+        details: whether to print titles, or of one effect options, rivals and sources, too.
 
     Raises:
         InputError: no effect has this key.
     """
+    if key is None and not details:
+        for site in SITES:
+            print(f"{site}: {', '.join(name for name, effect in catalogue().items() if effect.site == site)}")
+        print("`lptn effects KEY` describes one; --details has a line on each.")
+        return
     if key is None:
         listed = ((name, effect.title, effect.site) for name, effect in catalogue().items())
         show_table(("effect", "what it is", "at"), listed)
@@ -45,14 +54,14 @@ def show_effects(key: str | None) -> None:
     for line in (
         f"Acts on: {where_text(effect)}.",
         f"Log columns: {columns_text(effect)}.",
-        *(f"Option: {option}" for option in options_text(effect)),
         f"Looks like: {effect.signature.looks_like}.",
-        f"A log shows it with: {effect.excitation.needs}.",
         f"Separate it by: {_sentence(effect.signature.separate_by)}",
-        *_confused(effect),
-        *_references(effect),
     ):
         print(line)
+    if details:
+        options = (f"Option: {option}" for option in options_text(effect))
+        needs = f"A log shows it with: {effect.excitation.needs}."
+        print(*options, needs, *_confused(effect), *_references(effect), sep="\n")
 
 
 def catalogue_json(key: str | None) -> dict[str, object]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import shlex
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter as Option
 
 from lptn.basics.errors import InputError
-from lptn.cli.options import Json, Map, Rate, check_inputs, check_outputs, column_options
+from lptn.cli.options import Details, Json, Map, Rate, check_inputs, check_outputs, column_options
 
 if TYPE_CHECKING:
     from lptn.basics.arrays import FloatArray
@@ -32,11 +33,14 @@ def check(
     *logs: Path,
     guess: Guessing = False,
     drawing: Drawing = None,
+    details: Details = False,
     json: Json = None,
     map: Map = None,  # noqa: A002 - the option's name
     rate: Rate = None,
 ) -> None:
-    """Summarise a model file and logs, report what is wrong with them, and list the identifiable effects.
+    """Check logs for what is wrong or missing.
+
+    Also says what they hold, and how many effects they could show.
 
     Two logs of one run are one: temperatures.csv+currents.csv; +currents.csv@12.4 with its clock 12.4 s forward
 
@@ -54,20 +58,27 @@ def check(
     loaded = load_model(model, [*column_options(map, rate), *([GUESS] if guess else [])])
     with progress("reading"):
         contents = [_content(loaded, log) for log in logs]
-    _show_model(loaded.model)
-    if contents:
-        _show_logs(contents, loaded.guessing)
     result: dict[str, object] = {"model": str(model), "nodes": loaded.model.nodes, "inputs": loaded.model.inputs}
     result["logs"] = [content.as_json() for content in contents]
     runs = [run for content in contents for run in content.runs]
+    if contents:
+        print(f"Verdict: {_verdict(contents)}")
+    _show_model(loaded.model)
+    mapped = tuple(text.partition("=")[0] for text in map or ())
+    _show_logs(contents, lambda content: _urgent(content, loaded.guessing, mapped, whole=details), whole=details)
     if runs:
         bound_runs = [bind(loaded.model, run) for run in runs]
-        _show_nodes(loaded.model, bound_runs)
         excited = excitation(runs, loaded.model.nodes)
         effects = identifiability(loaded.model, runs, excited)
+        _show_sensors(loaded.model, bound_runs)
         _show_excitation(excited)
-        _show_identifiability(effects)
-        _show_steps(loaded.model, bound_runs[0])
+        _show_effects(effects)
+        print("Next: " + _next(model, contents))
+        if details:
+            _show_logs(contents, _notes, whole=True)
+            _show_nodes(loaded.model, bound_runs)
+            _show_identifiability(effects)
+            _show_steps(loaded.model, bound_runs[0])
         warn_of_absent_runs(loaded.model.network, runs)
         result |= {"excitation": excited.as_json(), "effects": [assessment.as_json() for assessment in effects]}
     _refuse(contents)
@@ -120,6 +131,11 @@ class LogContent:
     refused: InputError | None = None
     missing: tuple[str, ...] = ()
     currents: tuple[str, ...] = ()
+
+    @property
+    def usable(self) -> bool:
+        """Whether other commands take it."""
+        return self.refused is None and not any(issue.certain for run in self.runs for issue in run.issues)
 
     @property
     def wrong(self) -> list[str]:
@@ -214,44 +230,93 @@ def _content(loaded: LoadedModel, log: Path) -> LogContent:
 
 
 _MANY = 12  # names in a row
+_FITTED = 0.7  # share of a single log's time that is proposed for the fit
+_FEW = 3  # logs, proposals and names that the answer has; the details have all
+
+
+def _verdict(contents: Sequence[LogContent]) -> str:
+    """Whether the logs can be used."""
+    unusable = sum(not content.usable for content in contents)
+    suspect = sum(len(content.wrong) for content in contents if content.usable)
+    logs = {1: "the log", 2: "both logs"}.get(len(contents), f"all {len(contents)} logs")
+    if unusable:
+        which = f"{unusable} of {len(contents)} logs" if len(contents) > 1 else "the log"
+        return f"{which[0].upper()}{which[1:]} can't be used yet."
+    if suspect:
+        return f"{_count(suspect, 'thing')} in {logs} may be wrong, see below."
+    return f"{logs[0].upper()}{logs[1:]} can be used, and nothing looks wrong."
+
+
+def _next(model: Path, contents: Sequence[LogContent]) -> str:
+    """What to do next."""
+    from lptn.report.text import short
+
+    if not all(content.usable for content in contents):
+        return "Mend what is refused."
+    if any(content.wrong for content in contents):
+        return "Compare these lines with what you know of the robot; mend the log, or say it in the model file."
+    logs = [str(content.path) for content in contents]
+    held_out = ["--holdout", logs[-1]]
+    if len(logs) == 1:
+        held_out = ["--holdout-after", f"+{short(_FITTED * sum(len(run) * run.step for run in contents[0].runs))}"]
+    return shlex.join(["lptn", "improve", str(model), *(logs[:-1] or logs), *held_out, "-o", "better.toml"])
 
 
 def _show_model(model: Model) -> None:
     """What a model needs."""
-    print(f"Model {model.network.name}: nodes {', '.join(model.nodes)}; {len(model.free)} free parameters.")
-    print(f"Inputs: {_some(model.inputs)}.")
+    few = _some(model.inputs, _FEW)
+    nodes = f"{_count(len(model.nodes), 'node')} ({_some(model.nodes)})"
+    print(f"Model: {model.network.name}, {nodes}, {_count(len(model.free), 'free parameter')}; inputs {few}.")
     for column in model.started:
         print(f"{column} is no column of the log: it is estimated from each run's first readings.")
 
 
-def _show_logs(contents: Sequence[LogContent], guessing: bool) -> None:
-    """What each log holds and what is wrong with it; what is the same of all logs, once."""
-    lines = [list(_lines(content, guessing)) for content in contents]
+def _show_logs(contents: Sequence[LogContent], lines_of: Callable[[LogContent], Iterator[str]], *, whole: bool) -> None:
+    """Each log with lines of its own; those that all logs have in common, once."""
+    lines = [list(lines_of(content)) for content in contents]
     common = set(lines[0]).intersection(*lines[1:]) if len(lines) > 1 else set()
+    quiet = 0
     for content, own in zip(contents, lines, strict=True):
-        print(f"\n{content.path.name} ({content.kind}): {_lengths(content.runs)}")
+        own = [line for line in own if line not in common]
+        quiet += not own
+        if own or whole or quiet <= _FEW:
+            print(f"{content.path.name} ({content.kind}): {_lengths(content.runs)}")
         for line in own:
-            if line not in common:
-                print(line)
+            print(line)
+    if quiet > _FEW and not whole:
+        print(f"and {_count(quiet - _FEW, 'more log')}")
     if common:
-        print("\nAll logs:")
+        print("All logs:")
         for line in lines[0]:
             if line in common:
                 print(line)
 
 
-def _lines(content: LogContent, guessing: bool) -> Iterator[str]:
-    """What is wrong with a log, and the lines that would map what is missing."""
+def _notes(content: LogContent) -> Iterator[str]:
+    """What else was noticed in a log."""
     if content.unused:
         yield f"  {'not used' if content.used else 'columns'}: {_some(content.unused)}"
     yield from (f"  {note}" for note in content.notes)
-    yield from (f"  WRONG? {sentence}" for sentence in content.wrong)
-    if content.guesses and not guessing:
-        use = "what is missing" if content.missing else "speeds, by which `lptn diagnose` can ask for more effects"
+
+
+def _urgent(content: LogContent, guessing: bool, mapped: Sequence[str], *, whole: bool) -> Iterator[str]:
+    """What is wrong with a log, what became of `--map`, and the lines that would map what is missing."""
+    most = None if whole else _FEW
+    if content.unused and not content.used:
+        yield f"  columns: {_some(content.unused)}"
+    yield from (f"  WRONG? {sentence}" for sentence in content.wrong[:most])
+    if len(content.wrong) > len(content.wrong[:most]):
+        yield f"  WRONG? and {len(content.wrong) - _FEW} more: --details"
+    yield from (f"  {note}" for note in content.notes if note.partition(":")[0] in mapped and not whole)
+    if content.guesses and not guessing and (whole or content.missing):
+        use = "what is missing" if content.missing else "speeds, by which `lptn diagnose` can test more effects"
         yield f"  Some columns may be {use}. If so, put into the model file, under [columns]:"
-        yield from (f"    {guess.line}   # {guess.why}" for guess in content.guesses)
-        yield f"  or write behind the command: {' '.join(guess.option for guess in content.guesses)}"
-        yield "  or --map guess, which uses all of them."
+        yield from (f"    {guess.line}   # {guess.why}" for guess in content.guesses[:most])
+        if len(content.guesses) > len(content.guesses[:most]):
+            yield f"    and {len(content.guesses) - _FEW} more: --details"
+        else:
+            yield f"  or write behind the command: {' '.join(guess.option for guess in content.guesses)}"
+        yield "  or write --map guess behind the command, which uses all of them."
     if content.refused is not None:
         yield from _missing_lines(content, () if guessing else tuple(guess.key for guess in content.guesses))
 
@@ -288,6 +353,34 @@ def _lengths(runs: Sequence[Run]) -> str:
     kind = "means" if first.averaged else "samples"
     pieces = f" in {len(runs)} pieces between gaps" if len(runs) > 1 else ""
     return f"{steps} {kind} of {first.step:g} s, {time_span(steps * first.step)}{pieces}"
+
+
+def _show_sensors(model: Model, bound_runs: Sequence[BoundRun]) -> None:
+    """All temperatures together, and nodes without a sensor."""
+    import numpy as np
+
+    from lptn.identify.noise import estimate_noise
+
+    measured = np.concatenate([bound.measured for bound in bound_runs], axis=1)
+    there = np.isfinite(measured).any(axis=1)
+    floors = estimate_noise(bound_runs, model.nodes).floor[there]
+    without = [node for node, has_sensor in zip(model.nodes, there, strict=True) if not has_sensor]
+    noise = "–".join(dict.fromkeys(f"{value:.2g}" for value in (floors.min(), floors.max())))
+    text = f"{np.nanmin(measured):.1f} to {np.nanmax(measured):.1f} °C, noise {noise} K"
+    print(f"Sensors: {text}{f'; not measured: {_some(without, _FEW)}' if without else ''}.")
+
+
+def _show_effects(effects: Sequence[Identifiability]) -> None:
+    """How many effects could show, and which columns would add most to them."""
+    could = [assessment.effect for assessment in effects if assessment.identifiable]
+    needs: dict[str, int] = {}
+    for assessment in effects:
+        if assessment.why.startswith(_NOT_LOGGED):
+            column = assessment.why.removeprefix(_NOT_LOGGED)
+            needs[column] = needs.get(column, 0) + 1
+    columns = sorted(needs, key=lambda column: -needs[column])[:_FEW]
+    more = f"; more with columns such as {', '.join(columns)}" if columns else ""
+    print(f"Effects: {len(could)} of {len(effects)} could show if present{more}.")
 
 
 def _show_nodes(model: Model, bound_runs: Sequence[BoundRun]) -> None:
@@ -333,7 +426,7 @@ def _show_excitation(excited: Excitation) -> None:
 
     load = "no load"
     if excited.levels:
-        load = f"{_count(excited.levels, 'level')} of load, at rest {excited.still:.0%} of the time"
+        load = f"{_count(excited.levels, 'level')} of load, at rest {100 * excited.still:.0f} % of the time"
     base = excited.ranges.get("speed.base")
     change = (
         f"which change by up to {excited.ambient:.2g} K within a run"
@@ -342,7 +435,7 @@ def _show_excitation(excited: Excitation) -> None:
     )
     moving = f"base speed {base[0]:.2g} to {base[1]:.2g} m/s" if base else "base speed not logged"
     print(
-        f"\nIn {time_span(60 * excited.minutes)}: {load}; {_count(excited.cool_downs, 'cool-down')}; "
+        f"Excitation: {time_span(60 * excited.minutes)}, {load}; {_count(excited.cool_downs, 'cool-down')}; "
         f"{_count(excited.steps, 'jump')} of load; up to {excited.rise:.3g} K above the surroundings, {change}; "
         f"{moving}."
     )
@@ -391,6 +484,6 @@ def _count(number: int, word: str) -> str:
     return f"{number or 'no'} {word}{'' if number == 1 else 's'}"
 
 
-def _some(names: Sequence[str]) -> str:
-    more = len(names) - _MANY
-    return ", ".join(names[:_MANY]) + (f" and {more} more" if more > 0 else "")
+def _some(names: Sequence[str], most: int = _MANY) -> str:
+    more = len(names) - most
+    return ", ".join(names[:most]) + (f" and {more} more" if more > 0 else "")

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter as Option
 
 from lptn.cli.options import (
+    Details,
     Json,
     Map,
     Picture,
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from lptn.report.results import StudyComparison, StudyVersus
     from lptn.study import Study
 
-_WORST = 5  # conditions listed
+_WORST = 6  # rows of a table in the answer; the details have all
 
 
 def compare(
@@ -32,13 +33,16 @@ def compare(
     /,
     *logs: Path,
     against: Annotated[Path | None, Option(help="Another model file, to predict the same logs with.")] = None,
+    details: Details = False,
     json: Json = None,
     plot: Picture = None,
     report: Annotated[Path | None, Option(help="HTML report to write.")] = None,
     map: Map = None,  # noqa: A002 - the option's name
     rate: Rate = None,
 ) -> None:
-    """Predict logs and show where the model fails, or how much better it is than another.
+    """Predict logs, and show the errors.
+
+    With --against: how much better the model predicts them than another.
 
     Example: lptn compare fitted.toml friday.parquet --plot friday.png
 
@@ -55,18 +59,18 @@ def compare(
         study = Study(model, holdout=logs, columns=column_options(map, rate))
         other = None if against is None else Study(against, holdout=logs, columns=column_options(map, rate))
     if other is None:
-        _compare(study, json, plot, report)
+        _compare(study, details, json, plot, report)
     else:
         _compare_with(study, other, json, plot, report)
 
 
-def _compare(study: Study, json: Path | None, plot: Path | None, report: Path | None) -> None:
+def _compare(study: Study, details: bool, json: Path | None, plot: Path | None, report: Path | None) -> None:
     from lptn.basics.files import write_whole
     from lptn.cli.terminal import progress, write_json
 
     with progress("comparing"):
         comparison = study.compare()
-    _show_comparison(comparison)
+    _show_comparison(comparison, details)
     write_json(json, comparison.as_json())
     if plot is not None:
         from lptn.report.comparison_figures import comparison_figure
@@ -96,19 +100,19 @@ def _compare_with(study: Study, other: Study, json: Path | None, plot: Path | No
         write_whole(report, versus_html(result, " against ".join(result.names)))
 
 
-def _show_comparison(comparison: StudyComparison) -> None:
-    """The sentences, errors by run and node, and the conditions in which the model fails worst."""
+def _show_comparison(comparison: StudyComparison, details: bool) -> None:
+    """The sentences, errors by run and node, and among the details the conditions in which the model fails worst."""
     from lptn.cli.terminal import show_table
     from lptn.report.tables import condition_table, error_table
 
     for sentence in comparison.narrative():
         print(sentence)
-    table = error_table(comparison)
+    table = error_table(comparison, None if details else _WORST)
     show_table(table.columns, table.rows)
-    worst = condition_table(comparison, _WORST)
-    if worst.rows:
+    worst = condition_table(comparison)
+    if worst.rows and details:
         show_table(worst.columns, worst.rows, "Worst by operating condition:")
-    print("error = predicted − measured; noise alone: the RMSE that the sensor's noise alone would leave.")
+    print("error = predicted − measured; noise alone: RMSE from sensor noise alone.")
 
 
 def _show_versus(result: StudyVersus) -> None:

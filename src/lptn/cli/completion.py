@@ -22,7 +22,9 @@ def add_completion(app: cyclopts.App) -> None:
     def install_completion(
         *, shell: Annotated[Shell | None, Option(help="By default the one that $SHELL names.")] = None
     ) -> None:
-        """Let the TAB key complete commands and options from the next shell on.
+        """Complete commands and options with the TAB key.
+
+        From the next shell on.
 
         Example: lptn --install-completion --shell bash
         """

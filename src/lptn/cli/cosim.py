@@ -49,9 +49,10 @@ def cosim(
     map: Map = None,  # noqa: A002
     rate: Rate = None,
 ) -> None:
-    """Drive an FMU with logs, or FMUs connected by an .ssd or .ssp file; compare with the model and what was measured.
+    """Drive an FMU, or connected FMUs, with logs.
 
-    An FMU of anybody's: --map says which column drives an input or is compared with an output, by the FMU's names.
+    Its outputs are compared with the model and with what was measured. FMUs are connected by an .ssd or .ssp file.
+    For an FMU from elsewhere, --map says which column drives an input or is compared with an output.
 
     Example: lptn cosim leg.fmu friday.parquet -o outputs.csv --plot friday.png
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from lptn.cli.options import (
     AmbientError,
+    Details,
     Holdout,
     HoldoutAfter,
     Jobs,
@@ -37,12 +38,15 @@ def diagnose(
     ambient_error: AmbientError = None,
     torque_error: TorqueError = None,
     surface_error: SurfaceError = None,
+    details: Details = False,
     json: Json = None,
     jobs: Jobs = 1,
     map: Map = None,  # noqa: A002 - the option's name
     rate: Rate = None,
 ) -> None:
-    """Name the missing effects with place, size and probability, and what the data cannot distinguish from them.
+    """Name the effects that are missing, and where.
+
+    With size, probability, and what the data can't distinguish from them.
 
     Example: lptn diagnose leg.toml monday.parquet --holdout friday.parquet --json found.json
     """
@@ -69,17 +73,18 @@ def diagnose(
     print(said[0])
     show_answers(diagnosis)
     for sentence in said[1:]:
-        if sentence.label not in IN_FULL:
+        if sentence.label not in IN_TABLE:
             print(sentence)
-    show_advice(advice)
+    if details:
+        show_advice(advice)
     write_json(json, diagnosis.as_json() | advice.as_json())
 
 
-IN_FULL = ("Findings", "Best candidates", "Structure", "Unexplained heat")  # which are printed whole
+IN_TABLE = ("Findings", "Best candidates", "Structure")
 
 
 def show_answers(diagnosis: Diagnosis) -> None:
-    """A table of what is missing, by the names that `lptn add` takes; of nothing, how probable that is."""
+    """A table of what is missing, by the names that `lptn add` takes; without answers, how probable none is."""
     from lptn.cli.terminal import show_table
     from lptn.diagnose.answers import NOTHING
     from lptn.report.text import few, kelvin, named, percent, size_text

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter as Option
 
-from lptn.cli.options import Json, check_outputs
+from lptn.cli.options import Details, Json, check_outputs
 
 
 def effects(
@@ -15,6 +15,7 @@ def effects(
     /,
     *,
     markdown: Annotated[Path | None, Option(help="Write the whole catalogue as a page of Markdown.")] = None,
+    details: Details = False,
     json: Json = None,
 ) -> None:
     """List the catalogue of effects, or show one.
@@ -27,7 +28,7 @@ def effects(
 
     check_outputs(markdown, json)
     if markdown is None or key is not None:
-        show_effects(key)
+        show_effects(key, details)
     write_json(json, catalogue_json(key))
     if markdown is not None:
         write_whole(markdown, catalogue_markdown())

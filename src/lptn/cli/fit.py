@@ -13,6 +13,7 @@ from cyclopts import validators
 
 from lptn.basics.errors import InputError
 from lptn.cli.options import (
+    Details,
     Holdout,
     HoldoutAfter,
     Json,
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
 
     from lptn.fleet.fleet import Fleet
     from lptn.fleet.work import Outcome
+    from lptn.identify.comparison import Errors
     from lptn.identify.fitting import Checkpoint, Fit
     from lptn.identify.validation import SymmetryTrial
 
@@ -59,16 +61,19 @@ def fit(
     holdout: Holdout = None,
     holdout_after: HoldoutAfter = None,
     symmetry_penalty: SymmetryPenalty = 0.0,
+    details: Details = False,
     json: Json = None,
     jobs: FitJobs = 1,
     map: Map = None,  # noqa: A002 - the option's name
     rate: Rate = None,
 ) -> None:
-    """Fit the free parameters; Ctrl-C keeps the best point so far, and the same command goes on from it.
+    """Fit the free parameters of a model.
 
-    With --each, one model a robot goes into the folder as it comes, then a
-    table of all. A robot that can't be fitted is named in one line, and the
-    exit status is 1. The same command goes on where it was stopped.
+    Ctrl-C keeps the best point so far; the same command continues from it.
+
+    With --each, each robot is fitted on its own: the folder gets one model a
+    robot, and a table of all. A robot that can't be fitted is named in one
+    line, and the exit status is 1.
 
     Example: lptn fit leg.toml monday.parquet --holdout friday.parquet -o fitted.toml
 
@@ -77,7 +82,8 @@ def fit(
     if each is None:
         if jobs > 1:
             raise InputError("command line", "--jobs", "no --each beside it", "one process for one fit")
-        _fit_one(model, logs, output, holdout or [], holdout_after, symmetry_penalty, json, column_options(map, rate))
+        mapped = column_options(map, rate)
+        _fit_one(model, logs, output, holdout or [], holdout_after, symmetry_penalty, details, json, mapped)
         return
     if logs or holdout:
         beside = "LOGS" if logs else "--holdout"
@@ -95,6 +101,7 @@ def _fit_one(
     holdout: list[Path],
     holdout_after: float | str | None,
     symmetry_penalty: float | Literal["auto"],
+    details: bool,
     json: Path | None,
     mapped: list[str],
 ) -> None:
@@ -104,7 +111,6 @@ def _fit_one(
     check_inputs(model, *logs, *holdout)
     from lptn.cli.terminal import progress, write_json
     from lptn.identify.fitting import Checkpoint, fingerprint_of
-    from lptn.report.text import kelvin
     from lptn.study import Study
 
     with progress("reading"):
@@ -125,9 +131,7 @@ def _fit_one(
         done = study.fit(symmetry_penalty=symmetry_penalty, checkpoint=checkpoint)
     held_out = study.steps[-1].holdout
     _show_symmetry_trials(study.symmetry_trials)
-    _show_fit(done)
-    if held_out is not None:
-        print(f"Held out: RMSE {kelvin(held_out.rmse)}, max {kelvin(held_out.max)}.")
+    _show_fit(done, held_out, None if details else _PARAMETERS)
     if output is not None:
         study.save(output)
     tried = [{"weight": trial.symmetry_penalty, "rmse_holdout": trial.holdout.rmse} for trial in study.symmetry_trials]
@@ -145,23 +149,33 @@ def _show_symmetry_trials(trials: Sequence[SymmetryTrial]) -> None:
         show_table((">symmetry penalty", ">fit", ">held out"), rows)
 
 
-def _show_fit(done: Fit) -> None:
-    """Values with standard errors, and what the data leave open."""
-    from lptn.cli.terminal import show_table
-    from lptn.report.text import kelvin
+_PARAMETERS = 6  # in the answer; the details and the written file have all
+_FLOORS = 3  # sensors whose noise is said
 
+
+def _show_fit(done: Fit, held_out: Errors | None, most: int | None) -> None:
+    """Errors, what the data leave open, and values with standard errors; of many parameters the least certain."""
+    from lptn.cli.terminal import show_table
+    from lptn.report.text import few, kelvin
+
+    floors = zip(done.model.nodes, done.noise.floor, done.problem.measured, strict=True)
+    floor = few([f"{node} {value:.2g}" for node, value, has_sensor in floors if has_sensor], _FLOORS)
+    print(f"RMSE {kelvin(done.rmse)}; the sensors' noise alone: {floor} K. Search: {done.status}.")
+    if held_out is not None:
+        print(f"Held out: RMSE {kelvin(held_out.rmse)}, max {kelvin(held_out.max)}.")
+    for warning in done.uncertainty.warnings:
+        print(f"Warning: {warning}.")
     rows = []
-    for index in done.problem.free:
-        parameter = done.model.parameters[index]
+    free = [done.model.parameters[index] for index in done.problem.free]
+    if most is not None and len(free) > most:
+        print(f"The {most} least certain of {len(free)} parameters:")
+        doubt = {one.name: done.standard_errors[one.name] / max(abs(one.value), sys.float_info.min) for one in free}
+        free = sorted(free, key=lambda one: -doubt[one.name])[:most]
+    for parameter in free:
         error = done.standard_errors[parameter.name]
         spread = f"{error:.2g}" if math.isfinite(error) else "not determined"
         rows.append((parameter.name, f"{parameter.value:.4g}", spread, parameter.declared.unit))
     show_table(("parameter", ">value", "± standard error", "unit"), rows)
-    floors = zip(done.model.nodes, done.noise.floor, done.problem.measured, strict=True)
-    floor = ", ".join(f"{node} {value:.2g}" for node, value, has_sensor in floors if has_sensor)
-    print(f"RMSE {kelvin(done.rmse)}; the sensors' noise alone: {floor} K. Search: {done.status}.")
-    for warning in done.uncertainty.warnings:
-        print(f"Warning: {warning}.")
 
 
 # --- each robot of a fleet --------------------------------------------------------------------------------

@@ -116,9 +116,10 @@ def fmu(
     compiler: Annotated[str, Option(help="auto, zig or cc.")] = "auto",
     json: Json = None,
 ) -> None:
-    """Write a model as an FMU: Model Exchange and Co-Simulation in native code, for other people's simulators.
+    """Write a model as an FMU for other simulators.
 
-    To an .ssv file go the values of all its parameters; to an .ssd or .ssp file a system of FMUs that are there.
+    Model Exchange and Co-Simulation, in native code. An .ssv file gets the values of all parameters; an .ssd or .ssp
+    file gets a system of FMUs that exist.
 
     Example: lptn fmu fitted.toml -o leg.fmu --fmi 3 --platforms linux64,win64
 

@@ -53,7 +53,9 @@ def forecast(
     map: Map = None,  # noqa: A002 - the option's name
     rate: Rate = None,
 ) -> None:
-    """Say when each joint reaches a temperature limit if the robot goes on as it does at the log's end.
+    """Forecast when each joint reaches its limit.
+
+    The robot is assumed to go on as at the log's end.
 
     Example: lptn forecast fitted.toml now.parquet --limit 60
     """

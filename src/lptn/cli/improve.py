@@ -11,6 +11,7 @@ from cyclopts import validators
 from lptn.cli.diagnose import show_advice
 from lptn.cli.options import (
     AmbientError,
+    Details,
     Holdout,
     HoldoutAfter,
     Jobs,
@@ -56,16 +57,16 @@ def improve(
     ambient_error: AmbientError = None,
     torque_error: TorqueError = None,
     surface_error: SurfaceError = None,
-    details: Annotated[
-        bool, Option(help="Print the table of steps, and all that is known of each.", negative="")
-    ] = False,
+    details: Details = False,
     json: Json = None,
     report: Annotated[Path | None, Option(help="HTML report to write.")] = None,
     jobs: Jobs = 1,
     map: Map = None,  # noqa: A002 - the option's name
     rate: Rate = None,
 ) -> None:
-    """Find the missing effects, add them and refit; print verdict, findings, errors and the next step.
+    """Find the missing effects, add them and refit.
+
+    Prints the verdict, what was added, the errors, and what to do next.
 
     Example: lptn improve leg.toml monday.parquet --holdout friday.parquet -o better.toml --report story.html
     """

@@ -20,7 +20,9 @@ def motor(
     ] = None,
     json: Json = None,
 ) -> None:
-    """Make a model file from a motor's drawing; without one, print a drawing's file to begin with.
+    """Make a model file from a motor's drawing.
+
+    Without a drawing, print a drawing's file to begin with.
 
     Example: lptn motor drawing.toml -o motor.toml
     """

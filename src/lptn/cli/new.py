@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated
 
@@ -20,9 +18,9 @@ def new(
     urdf: Annotated[Path | None, Option(help="A model for the robot of this URDF, in place of a ready one.")] = None,
     output: OptionalOutput = None,
 ) -> None:
-    """Write a model file to begin with: a ready one, or one made of a URDF; without either, list the ready ones.
+    """Write a model file to begin with.
 
-    A file that is there already is kept, for it may have been edited.
+    A preset, or one made from a URDF; without either, the presets are listed. A file that exists is not replaced.
 
     Example: lptn new quadruped --model single-node -o baseline.toml
 
@@ -44,30 +42,12 @@ def new(
 
         text = preset_text(preset, model)
     else:
-        show_table(("preset", "what it is"), _presets())
+        from lptn.robots.presets import PRESETS
+
+        rows = ((name.replace(".", " --model "), *map(str, about)) for name, about in PRESETS.items())
+        show_table(("preset", ">nodes", ">parameters", "what it is"), rows)
         return
     if output is None:
         print_file(text)
     else:
         write_beginning(output, text)
-
-
-def _presets() -> Iterator[tuple[str, str]]:
-    """Each preset as it is typed, its size, and the sentence that its file begins with."""
-    from lptn.references import cite
-    from lptn.robots.presets import SIZES, presets, variants
-
-    for name, text in presets().items():
-        models = {name: text} | {f"{name}.{model}": other for model, other in variants(name).items()}
-        for file, model_text in models.items():
-            nodes, parameters = SIZES[file]
-            what = cite(re.split(r"\.( (?=[A-Z])|$)", " ".join(_first_comment(model_text)))[0])
-            size = f"{nodes} node{'s' * (nodes > 1)}, {parameters} parameters"
-            yield file.replace(".", " --model "), f"{what} ({size})"
-
-
-def _first_comment(text: str) -> Iterator[str]:
-    for line in text.splitlines():
-        if not line.startswith("#"):
-            return
-        yield line.removeprefix("#").strip()

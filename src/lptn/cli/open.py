@@ -48,12 +48,12 @@ def open(  # noqa: A001 - the command's name
     map: Map = None,  # noqa: A002 - the option's name
     rate: Rate = None,
 ) -> None:
-    """Open the workbench in the browser: where the model fails, what is missing, add it, and watch the error fall.
+    """Open the workbench in the browser.
 
-    The page is served on this machine to this machine alone. What is done there is kept: the same command goes on from
-    it. Ctrl-C ends it.
+    It shows where the model fails and what is missing, and adds it. The page is served on this machine, to this
+    machine alone. Its work is kept: the same command continues it. Ctrl-C ends it.
 
-    Without a model it offers two examples, as a tour of five minutes.
+    Without a model it offers a tour of two examples, five minutes each.
 
     Example: lptn open leg.toml monday.parquet --holdout friday.parquet
     """

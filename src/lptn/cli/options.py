@@ -26,6 +26,7 @@ Output = Annotated[Path, Option(name=["--output", "-o"], help="File to write.")]
 OptionalOutput = Annotated[Path | None, Option(name=["--output", "-o"], help="File to write the model to.")]
 Json = Annotated[Path | None, Option(name="--json", help="File to write the result to, for programs.")]
 HtmlReport = Annotated[Path | None, Option(name="--report", help="HTML page to write; its charts zoom.")]
+Details = Annotated[bool, Option(name="--details", help="Print all that is known, below the answer.", negative="")]
 Picture = Annotated[Path | None, Option(name="--plot", help="Picture to write: .png, .svg or .pdf.")]
 Holdout = Annotated[
     list[Path] | None,

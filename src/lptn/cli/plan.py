@@ -25,7 +25,9 @@ def plan(
         Path | None, Option(name="--emit-c", help="Folder to write the controller step to, as C for the robot.")
     ] = None,
 ) -> None:
-    """Plan torque, speeds or loads so that nothing gets too hot, as a task file asks.
+    """Plan torque, speeds or loads within limits.
+
+    A task file says what is planned, and which temperatures may not be passed.
 
     Example: lptn plan quadruped.toml track.toml -o plan.csv --json plan.json --plot plan.png
     """

@@ -20,7 +20,9 @@ def report(
     map: Map = None,  # noqa: A002 - the option's name
     rate: Rate = None,
 ) -> None:
-    """Tell the whole story in one HTML file: log, fit, where it fails, what is missing, errors on held-out data.
+    """Write the whole analysis as one HTML file.
+
+    Logs, fit, where the model fails, what is missing, errors on held-out data.
 
     Example: lptn report leg.toml monday.parquet --holdout friday.parquet -o story.html
     """

@@ -17,7 +17,9 @@ def simulate(
     map: Map = None,  # noqa: A002 - the option's name
     rate: Rate = None,
 ) -> None:
-    """Predict a log's temperatures and write them as a log (.csv or .parquet).
+    """Predict a log's temperatures, and write them.
+
+    The file is a log itself, .csv or .parquet.
 
     Example: lptn simulate fitted.toml friday.parquet -o predicted.csv
     """

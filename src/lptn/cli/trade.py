@@ -23,7 +23,9 @@ Diagram = Annotated[
 def trade(
     study: Path, /, *, json: Result = None, plot: Picture = None, diagram: Diagram = None, report: HtmlReport = None
 ) -> None:
-    """Solve a trade study of motor, gear and cooling: best designs, what limits them, Pareto front, sensitivities.
+    """Solve a trade study of motor, gear and cooling.
+
+    Best designs, what limits them, the Pareto front, sensitivities.
 
     Example: lptn trade u8.toml --json result.json --plot study.png
     """

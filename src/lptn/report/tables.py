@@ -63,16 +63,21 @@ class Table:
 _LONG = 600.0  # s; longer times are in minutes, as in the figures
 
 
-def error_table(comparison: Comparison) -> Table:
-    """Errors of one model by run and node."""
-    rows = []
+def error_table(comparison: Comparison, most: int | None = None) -> Table:
+    """Errors of one model by run and node; of more than `most` rows those with the largest RMSE."""
+    rows: list[tuple[float, tuple[str, ...]]] = []
     for prediction in comparison.predictions:
         for node in comparison.model.nodes:
             errors = comparison.node(node, prediction)
             if errors.count:
                 cells = (kelvin(errors.rmse), kelvin(errors.max), signed_kelvin(errors.mean))
-                rows.append((prediction.segment.run.name, node, *cells, kelvin(comparison.floor(node), 2)))
-    return Table(("run", "node", ">RMSE", ">max |error|", ">mean error", ">noise alone"), tuple(rows))
+                row = prediction.segment.run.name, node, *cells, kelvin(comparison.floor(node), 2)
+                rows.append((errors.rmse, row))
+    shown = rows
+    if most is not None and len(rows) > most:
+        shown = sorted(rows, key=lambda one: -one[0])[:most]
+    heads = ("run", "node", ">RMSE", ">max |error|", ">mean error", ">noise alone")
+    return Table(heads, tuple(row for _, row in shown))
 
 
 def condition_table(comparison: Comparison, most: int = 12) -> Table:

@@ -6,22 +6,22 @@ from importlib.resources import files
 
 from lptn.basics.errors import InputError
 
-SIZES = {
-    "heated-block": (1, 5),
-    "leg": (3, 14),
-    "leg.full": (3, 32),
-    "leg.single-node": (3, 17),
-    "quadruped": (13, 133),
-    "quadruped.coupled": (13, 81),
-    "quadruped.single-node": (12, 64),
-    "quadruped.windings": (26, 123),
-    "single-motor": (1, 4),
-    "single-motor.full": (1, 11),
-    "u10": (3, 10),
-    "u8": (3, 10),
-    "u8-heat-sink": (4, 13),
+PRESETS = {
+    "heated-block": (1, 5, "a block heated evenly"),
+    "leg": (3, 14, "three joints, coupled"),
+    "leg.full": (3, 32, "with all the source's effects"),
+    "leg.single-node": (3, 17, "three separate motors"),
+    "quadruped": (13, 133, "12 joints and the computer"),
+    "quadruped.coupled": (13, 81, "no laws of motion"),
+    "quadruped.single-node": (12, 64, "12 separate motors"),
+    "quadruped.windings": (26, 123, "winding and housing each"),
+    "single-motor": (1, 4, "one motor in air"),
+    "single-motor.full": (1, 11, "with all the source's effects"),
+    "u10": (3, 10, "U10 motor, stalled"),
+    "u8": (3, 10, "U8 motor, stalled"),
+    "u8-heat-sink": (4, 13, "U8 motor with heat pipes"),
 }
-"""Nodes and parameters of each file, so that a list of them need not make every network; a test counts them."""
+"""Nodes, parameters and what it is, of each file; a list of them need not make every network. A test counts them."""
 
 
 def presets() -> dict[str, str]:
