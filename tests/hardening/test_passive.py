@@ -251,10 +251,11 @@ def test_a_joint_that_was_warm_has_no_offset(start: float | tuple[float, ...], w
     assert not [issue.sentence for issue in read_log(log)[0].issues]
 
 
-def test_an_offset_shows_beside_air_of_a_clock_of_its_own() -> None:
+@pytest.mark.parametrize("every", [5.0, 60.0, 120.0])
+def test_an_offset_shows_beside_air_of_a_clock_of_its_own(every: float) -> None:
     log = _arm()
     log["temperature.elbow"] = log["temperature.elbow"].round() + 40
-    beside = pd.DataFrame({"time": np.arange(0.5, 2700, 5), "temperature.ambient": 18.0})
+    beside = pd.DataFrame({"time": np.arange(0.5, 2700, every), "temperature.ambient": 18.0})
     both = pd.concat([log.drop(columns="temperature.ambient"), beside]).sort_values("time", ignore_index=True)
     assert [issue.key for issue in read_log(both)[0].issues] == ["temperature.elbow"]
 

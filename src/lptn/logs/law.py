@@ -27,7 +27,7 @@ from lptn.logs.columns import AMBIENT, place_of
 from lptn.logs.scatter import MAD_TO_SIGMA
 
 _FEWEST = 30  # blocks that tell a law
-_THERE = 0.9  # share of the blocks in which a neighbour has readings
+_THERE, _SELDOM = 0.9, 10  # share of the blocks in which a neighbour is known, and blocks between two of its readings
 _CONDUCTANCE, _HEATS = 1 / 500, 0.1
 """1/s, of a conductance to a capacity, and K/s of heat, as they are likely: where a log does not tell two of them
 apart, neither is large."""
@@ -90,12 +90,13 @@ def warming(log: Channels, key: str, load: str) -> Warming | None:
     if log.block == 0 or not np.isfinite(log.means(key)).any():
         return None
     warm, speed = log.means(key), f"velocity.{place_of(load)}"
-    around = [other for other in log.of("temperature") if other != key]
-    around = [other for other in around if np.isfinite(log.means(other)).mean() > _THERE]
-    around.sort(key=lambda other: other != AMBIENT)
-    columns = [log.means(load), np.ones(warm.size), *(log.means(other) - warm for other in around)]
-    if AMBIENT not in around:
-        columns.insert(2, -warm)
+    around = {AMBIENT: np.zeros(warm.size)}  # where no air is logged
+    for other in (other for other in log.of("temperature") if other != key):
+        read = log.means(other)
+        if np.isnan(read).any():  # what is read more seldom than once a block lies between its readings
+            read = np.asarray(pd.Series(read).interpolate(limit=_SELDOM, limit_area="inside"), np.float64)
+        around |= {other: read} if np.isfinite(read).mean() > _THERE else {}
+    columns = [log.means(load), np.ones(warm.size), *(read - warm for read in around.values())]
     apart = np.diff(log.means("time"))
     columns.append(pd.Series(warm).ewm(com=_HIDDEN / float(np.median(apart)), adjust=False).mean().to_numpy() - warm)
     if speed in log.values:
