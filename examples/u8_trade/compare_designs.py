@@ -56,9 +56,7 @@ CANDIDATES = (
     Candidate("U8, thesis's exchanger, still air", "U8", SINK, THESIS, "#56B4E9", (0, (5, 1.5))),
     Candidate("U8, thesis's exchanger, fan", "U8", FAN, THESIS, "#56B4E9", (0, (1, 1))),
     # [Chen2017, chapter 5]: "similar thermal capacitance and resistance" as the sink: only pipes are added.
-    Candidate(
-        "U8, prosthesis's structure as the sink", "U8", SINK, U8.mass + PIPES, "#CC79A7", (0, (4, 1, 1, 1))
-    ),
+    Candidate("U8, prosthesis's structure as the sink", "U8", SINK, U8.mass + PIPES, "#CC79A7", (0, (4, 1, 1, 1))),
     Candidate("U8, a sink without any resistance", "U8", (1500.0, 0.01), float("nan"), INK, (0, (1, 2))),
     Candidate("U10 alone", "U10", None, U10.mass, "#009E73"),
 )

@@ -135,7 +135,7 @@ class LoadSharing:
                 gained = candidate.time > best.time * (1 + 1e-4)
             else:
                 gained = candidate.time > best.time or candidate.margin > best.margin + 1e-3
-            best = candidate if (candidate.time, candidate.margin) > (best.time, best.margin) else best
+            best = max(best, candidate, key=lambda sharing: (sharing.time, sharing.margin))
             if not gained:
                 break
         return best

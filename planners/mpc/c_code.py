@@ -121,7 +121,8 @@ def _kinds(conditions: Sequence[str]) -> str:
 
 def structs(made: Mapping[str, str]) -> dict[str, type[Any]]:
     """Classes of the structs that `lptn_mpc.h` declares, by name, for the sizes of these sources."""
-    sizes = {name: int(value) for name, value in re.findall(r"#define LPTN_(\w+) (\d+)", made["sizes.h"])}
+    numbers = re.findall(r"#define LPTN_(\w+) (\d+)", made["sizes.h"] + made["lptn_mpc.h"])
+    sizes = {name: int(value) for name, value in numbers}
     sizes["NZ"] = sizes["NX"] + 2 * sizes["NN"]
     declared = re.sub(r"/\*.*?\*/", "", made["lptn_mpc.h"], flags=re.DOTALL)
     kinds: dict[str, Any] = {"double": ctypes.c_double, "int": ctypes.c_int}

@@ -56,12 +56,8 @@ class ControlLoop:
         self._pointers = [ctypes.c_void_p(array.ctypes.data) for array in arrays]
         self._pool = ThreadPoolExecutor(1, "thermal controller") if background else None
         self._solving: Future[None] | None = None
-        self._plan: Plan | None = None
-
-    @property
-    def plan(self) -> Plan | None:
+        self.plan: Plan | None = None
         """The last answer of the thermal problem, `None` before the first."""
-        return self._plan
 
     @property
     def scale(self) -> FloatArray:
@@ -72,7 +68,7 @@ class ControlLoop:
     def given_up(self) -> tuple[str, ...]:
         """In words, what could not be had at the last tick, and by the last plan."""
         own = tuple(text for bit, text in _MEANING.items() if self.status & bit)
-        return own + (self._plan.given_up if self._plan is not None else ())
+        return own + (self.plan.given_up if self.plan is not None else ())
 
     def update(
         self, asked: Values, temperatures: Values, conditions: Values = (), applied: Values | None = None
@@ -120,4 +116,4 @@ class ControlLoop:
         mpc, none = self.mpc, ctypes.c_void_p(None)
         settings, state, result = (ctypes.byref(structure) for structure in (mpc._settings, mpc._state, mpc._result))
         if self._c_think(settings, self._loop, state, mpc._work, none, result):
-            self._plan = mpc._answer()
+            self.plan = mpc._answer()

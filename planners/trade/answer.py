@@ -13,7 +13,7 @@ from lptn.basics.errors import InputError
 from .designs import BUDGETS, Design, IsoMap, LimitCurve, Refusal, design_of, iso_map, limit_curves, refusal_of
 from .problem import DesignProblem, DesignSolution
 from .study import TradeStudy
-from .tables import GOALS, SWEPT, Sweep
+from .tables import SWEPT, Sweep
 from .torque_speed import TorqueSpeed, torque_speed
 from .uncertainty import Interval, intervals
 
@@ -60,7 +60,7 @@ class StudyResult:
         counts = f"{len(self.designs)} of {len(self.designs) + len(self.refusals)} choices feasible"
         if not self.designs:
             return f"<StudyResult: {counts}>"
-        words, unit = GOALS[self.study.question.goal][0], self.study.unit
+        words, unit, _ = self.study.goal
         return f"<StudyResult: {counts}, best {self.best.option.name}, {words} {self.best.value:.4g} {unit}>"
 
     @property
@@ -143,7 +143,7 @@ def solve_study(study: TradeStudy, report: Report = lambda _: None) -> StudyResu
             solved.append((problem, design_of(problem, solution)))
         else:
             refusals.append(refusal_of(problem))
-    better = GOALS[study.question.goal][2]
+    better = study.goal[2]
     solved.sort(key=lambda pair: (-pair[1].value if better else pair[1].value, pair[1].mass))
     designs = tuple(design for _, design in solved)
     result = StudyResult(study, designs, tuple(refusals), intervals=intervals(study, solved, report))

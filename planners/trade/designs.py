@@ -12,11 +12,11 @@ from lptn.basics.errors import InputError
 
 from .motors import ENAMEL_LIMIT
 from .plant import CAPACITY, RESISTANCE
-from .problem import DesignNumbers, DesignProblem, DesignSolution, Relaxed
+from .problem import DesignNumbers, DesignProblem, DesignSolution
 from .simulation import Simulator, check_design, peak_temperatures
 from .study import Option
 
-BUDGETS: tuple[Relaxed, ...] = ("mass", "volume", "price")
+BUDGETS: tuple[str, ...] = ("mass", "volume", "price")
 """What a design spends."""
 
 
@@ -144,34 +144,25 @@ def _sink_sensitivities(option: Option, sink: tuple[float, float]) -> dict[str, 
 
 def refusal_of(problem: DesignProblem) -> Refusal:
     """Each limit that would make an infeasible problem feasible if it alone were moved; else several together."""
-    single = []
-    for name in _candidate_limits(problem):
-        moved = problem.solve(relax=[name])
-        if moved.success:
-            single.append(_obstacle(problem, name, moved))
+    given, units, names = problem.parameters.defaults, problem.parameters.units, problem.relaxable()
+
+    def obstacles(relaxed: list[str]) -> list[Obstacle]:
+        """These limits where the least relaxation moves them; none where it does not help."""
+        moved = problem.solve(relax=relaxed)
+        keys = {name: name if name == "torque" else f"limit.{name}" for name in relaxed if moved.success}
+        signs = {"torque": -1.0}  # less torque is easier, more of a limit
+        return [
+            Obstacle(name, given[key], given[key] + signs.get(name, 1.0) * moved.slack[name], units[key])
+            for name, key in keys.items()
+        ]
+
+    # Where there is not even mass for the parts, no other limit could help alone.
+    short = [name for name in BUDGETS if given.get(f"limit.{name}", np.inf) < problem.option.least(name)]
+    alone = names if not short else short if len(short) == 1 else []
+    single = [obstacle for name in alone for obstacle in obstacles([name])]
     single.sort(key=lambda obstacle: obstacle.move)
-    together: list[Obstacle] = []
-    if not single:
-        moved = problem.solve(relax=problem.relaxable())
-        if moved.success:
-            together = [_obstacle(problem, name, moved) for name in problem.relaxable()]
-            together = [obstacle for obstacle in together if obstacle.move > 1e-4]  # the others did not move
+    together = [] if single else [obstacle for obstacle in obstacles(names) if obstacle.move > 1e-4]  # others stayed
     return Refusal(problem.option, tuple(single), tuple(together))
-
-
-def _candidate_limits(problem: DesignProblem) -> list[Relaxed]:
-    """Limits that could help alone: where there is not even mass for the parts, no other one does."""
-    p, names = problem.parameters.defaults, problem.relaxable()
-    short = [name for name in BUDGETS if p.get(f"limit.{name}", np.inf) < problem.option.least(name)]
-    if not short:
-        return names
-    return short if len(short) == 1 else []
-
-
-def _obstacle(problem: DesignProblem, name: Relaxed, moved: DesignSolution) -> Obstacle:
-    p = problem.parameters
-    key = name if name == "torque" else f"limit.{name}"
-    return Obstacle(name, p.defaults[key], problem.limit(name, moved), p.units[key])
 
 
 # --- maps and curves ----------------------------------------------------------------------------

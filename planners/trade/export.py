@@ -9,7 +9,6 @@ import numpy as np
 
 from .answer import StudyResult
 from .designs import Design
-from .tables import GOALS
 from .uncertainty import Interval
 
 _NOT_OF_THE_DESIGN = ("least.", "most.", "weight", "longest", "copper_loss.torque_constant")
@@ -17,12 +16,12 @@ _NOT_OF_THE_DESIGN = ("least.", "most.", "weight", "longest", "copper_loss.torqu
 
 def as_json(result: StudyResult) -> dict[str, object]:
     """The whole answer, all SI and degC; numbers that are not finite become null when it is written."""
-    words, _, more = GOALS[result.study.question.goal]
+    words, unit, more = result.study.goal
     grid = result.iso_map
     return {
         "study": result.study.question.name,
         "currency": result.study.question.currency,
-        "goal": {"name": result.study.question.goal, "words": words, "unit": result.study.unit, "more_is_better": more},
+        "goal": {"name": result.study.question.goal, "words": words, "unit": unit, "more_is_better": more},
         "best": result.designs[0].option.name if result.designs else None,
         "designs": [_design(design, result.intervals) for design in result.designs],
         "refused": [
@@ -92,7 +91,7 @@ def _design(design: Design, intervals: Mapping[str, Interval]) -> dict[str, obje
 
 def headline(result: StudyResult) -> str:
     """What was sought."""
-    words, _, more = GOALS[result.study.question.goal]
+    words, _, more = result.study.goal
     return f"{result.study.question.name}: {'most' if more else 'least'} {words}, best choice first"
 
 
@@ -104,7 +103,7 @@ def table(result: StudyResult) -> list[tuple[str, ...]]:
 
 def remarks(result: StudyResult) -> Iterable[str]:
     """Cautions, what was refused, sensitivities, the ends of the front."""
-    words, unit = GOALS[result.study.question.goal][0], result.study.unit
+    words, unit, _ = result.study.goal
     for design in result.designs:
         if abs(design.checked - design.winding) > 0.5:  # K between the program's few elements and fine steps
             yield f"{design.option.name}: caution, a simulation in fine steps reaches {design.checked:.1f} degC"
@@ -133,7 +132,7 @@ def remarks(result: StudyResult) -> Iterable[str]:
 
 def _columns(result: StudyResult) -> dict[str, Callable[[Design], str]]:
     """The table's columns: those that the study asks about."""
-    words, unit = GOALS[result.study.question.goal][0], result.study.unit
+    words, unit, _ = result.study.goal
     columns: dict[str, Callable[[Design], str]] = {
         "choice": lambda design: design.option.name,
         f"{words} [{unit}]": lambda design: f"{design.value:.4g}",

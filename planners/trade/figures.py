@@ -18,7 +18,6 @@ from .designs import Design
 from .export import strongest
 from .sink import fin_mass, sink_volume
 from .study import Option, TradeStudy
-from .tables import GOALS
 from .torque_speed import TorqueSpeed
 
 RPM = 30 / np.pi
@@ -227,6 +226,6 @@ def _sensitivities(ax: Axes, result: StudyResult) -> None:
     ax.set_yticks(rows, [plain(name) + (", per K" if units[name] == "degC" else "") for name in names])
     ax.set_ylim(-0.5, max(len(names), 3) - 0.5)
     ax.axvline(0.0, color=INK, lw=0.8)
-    ax.set_xlabel(f"% of the {GOALS[result.study.question.goal][0]} per %")
+    ax.set_xlabel(f"% of the {result.study.goal[0]} per %")
     ax.set_title("Sensitivities", pad=20)  # pt: the legend stands between it and the bars
     ax.legend(frameon=False, fontsize=SMALL, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
-from typing import Any, Literal, cast
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -28,7 +28,6 @@ _OPTIONS: dict[str, Any] = {
     "print_time": False,
     "ipopt": {"print_level": 0, "sb": "yes", "tol": 1e-10, "max_iter": 200, "bound_relax_factor": 0},
 }
-Relaxed = Literal["winding", "magnet", "current", "voltage", "speed", "pipe_power", "mass", "volume", "price", "torque"]
 
 
 @dataclass
@@ -288,7 +287,7 @@ class DesignProblem:
     def solve(
         self,
         changed: Mapping[str, float] | None = None,
-        relax: Sequence[Relaxed] = (),
+        relax: Sequence[str] = (),
         near: DesignSolution | None = None,
     ) -> DesignSolution:
         """Solve it.
@@ -351,13 +350,7 @@ class DesignProblem:
             raw=point,
         )  # fmt: skip
 
-    def relaxable(self) -> list[Relaxed]:
+    def relaxable(self) -> list[str]:
         """Limits that can be moved, and the torque where it is given."""
         given = "torque" in self.parameters.symbols
-        return [cast(Relaxed, name) for name in self._slack if given or name != "torque"]
-
-    def limit(self, name: Relaxed, moved: DesignSolution) -> float:
-        """What a limit, or the torque, would have to be."""
-        if name == "torque":
-            return self.parameters.defaults["torque"] - moved.slack["torque"]
-        return self.parameters.defaults[f"limit.{name}"] + moved.slack[name]
+        return [name for name in self._slack if given or name != "torque"]

@@ -100,9 +100,10 @@ class TradeStudy(StudyTables[MotorChoice]):
     files: tuple[Path, ...] = ()
 
     @property
-    def unit(self) -> str:
-        """Of the goal."""
-        return GOALS[self.question.goal][1] or self.question.currency
+    def goal(self) -> tuple[str, str, bool]:
+        """What is sought in words, its unit, and whether more of it is better."""
+        words, unit, more = GOALS[self.question.goal]
+        return words, unit or self.question.currency, more
 
     @property
     def torque(self) -> float | None:

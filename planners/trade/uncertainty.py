@@ -16,7 +16,7 @@ from .designs import BUDGETS, Design
 from .plant import CAPACITY, RESISTANCE
 from .problem import DesignProblem
 from .study import TradeStudy
-from .tables import GOALS, StandardError, StudyUncertainty
+from .tables import StandardError, StudyUncertainty
 
 Key = tuple[str, str]
 """A parameter that is drawn: of which motor (empty for what all choices share), and its name."""
@@ -69,7 +69,7 @@ def intervals(
     if keys:
         # The same draws each time, so that an answer can be had again.
         draws = ndtri(qmc.Sobol(len(keys), seed=1).random(uncertainty.draws))
-    worst = -np.inf if GOALS[study.question.goal][2] else np.inf
+    worst = -np.inf if study.goal[2] else np.inf
     values = np.full((len(solved), uncertainty.draws), worst)
     for row, ((problem, design), error) in enumerate(zip(solved, errors, strict=True)):
         report(f"drawing what is not known for {design.option.name}")
@@ -118,11 +118,8 @@ def _drawn(problem: DesignProblem, name: str, error: StandardError, normal: floa
 
 def _built(problem: DesignProblem, drawn: dict[str, float]) -> dict[str, float]:
     """The draw, and what it does to a sink whose fins and metal are given rather than its resistance and capacity."""
-    p = problem.parameters.defaults
-    if RESISTANCE not in p:
+    given, now = problem.parameters.defaults, problem.parameters.defaults | drawn
+    if RESISTANCE not in given:
         return drawn
-    ratio: Callable[[str], float] = lambda name: drawn.get(name, p[name]) / p[name]  # noqa: E731
-    return drawn | {
-        RESISTANCE: drawn.get(RESISTANCE, p[RESISTANCE]) / ratio("film"),
-        CAPACITY: drawn.get(CAPACITY, p[CAPACITY]) * ratio("specific_heat") * ratio("density"),
-    }
+    film, heat, density = (now[name] / given[name] for name in ("film", "specific_heat", "density"))
+    return drawn | {RESISTANCE: now[RESISTANCE] / film, CAPACITY: now[CAPACITY] * heat * density}
