@@ -8,6 +8,7 @@ import pytest
 
 from lptn.basics.errors import InputError
 from lptn.fleet.robots import robots_of
+from lptn.logs.reading import ENDINGS
 
 
 def _touch(*paths: Path) -> None:
@@ -21,6 +22,15 @@ def test_a_file_is_a_robot_and_a_folder_of_logs_is_one(tmp_path: Path) -> None:
     _touch(alone, first, second, tmp_path / "anymal" / "notes.txt", tmp_path / "anymal" / ".hidden.csv")
     robots = robots_of([alone, tmp_path / "anymal"])
     assert [(robot.name, robot.logs) for robot in robots] == [("spot", (alone,)), ("anymal", (first, second))]
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_a_log_of_any_format_is_a_robots_but_for_plain_text(tmp_path: Path, ending: str) -> None:
+    first, log = tmp_path / "spot" / "a.csv", tmp_path / "spot" / f"b{ending}"
+    _touch(first, log)
+    (robot,) = robots_of([tmp_path / "spot"])
+    assert robot.logs == ((first,) if ending.startswith(".txt") else (first, log))
+    assert robots_of([log])[0].name == "b"
 
 
 def test_a_folder_of_folders_is_a_shelf_of_robots(tmp_path: Path) -> None:

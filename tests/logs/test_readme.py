@@ -7,8 +7,8 @@ import tomllib
 from pathlib import Path
 
 import lptn.logs
-from lptn.basics.errors import LOG_FILE
 from lptn.logs.columns import ColumnSource, parse_columns, parse_map_option
+from lptn.logs.reading import ENDINGS
 
 PAGE = (Path(lptn.logs.__file__).parent / "README.md").read_text()
 
@@ -36,5 +36,5 @@ def test_its_options_are_read() -> None:
 
 
 def test_it_names_every_ending() -> None:
-    for ending in re.findall(r"\.(\w+)", LOG_FILE):
-        assert ending in PAGE.lower()
+    for ending in ENDINGS:
+        assert f"`{ending.removesuffix('.gz')}`" in PAGE, ending

@@ -24,11 +24,12 @@ from hypothesis import strategies as st
 from lptn.basics.bounds import Bound
 from lptn.basics.errors import InputError
 from lptn.logs import tables
-from lptn.logs.reading import read_log
+from lptn.logs.reading import OPENERS, read_log
 from tests.logs.ulog_bytes import FORMATS, battery, definitions, esc_status, header
 
 Refuse = Callable[..., str]
-ENDINGS = (".csv", ".csv.gz", ".xlsx", ".parquet", ".mcap", ".db3", ".ulg")
+ENDINGS = (*(endings[0] for endings in OPENERS), ".csv.gz", ".db3")
+"""One of each format, and what is packed or stored in another way."""
 MAGIC = {
     ".csv": b"time,temperature.a\n",
     ".xlsx": b"PK\x03\x04",
@@ -275,9 +276,9 @@ def test_a_log_of_a_robot_that_stands_is_read(tmp_path: Path) -> None:
     assert run.time.size == count // 100
 
 
-@pytest.mark.parametrize("ending", ["csv", "csv.gz", "parquet", "xlsx", "mcap", "db3", "ulg"])
+@pytest.mark.parametrize("ending", ENDINGS)
 def test_a_pipe_is_not_waited_for(tmp_path: Path, refuse: Refuse, ending: str) -> None:
-    path = tmp_path / f"log.{ending}"
+    path = tmp_path / f"log{ending}"
     os.mkfifo(path)
     assert "a pipe or a device" in refuse(path, read_log, path)
 

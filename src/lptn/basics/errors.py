@@ -17,9 +17,8 @@ def one_line(text: object) -> str:
     )
 
 
-# What is expected where a file of the two kinds that most commands read is not one.
 MODEL_FILE = "a model file (`lptn new` writes one)"
-LOG_FILE = "a .csv, .tsv, .txt, .xlsx, .parquet, .mcap, .db3 or .ulg file, or the folder of a ROS 2 bag"
+"""What is expected where a file is none."""
 
 
 class InputError(ValueError):

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter as Option
 from cyclopts import Token, validators
 
-from lptn.basics.errors import LOG_FILE, MODEL_FILE, InputError
+from lptn.basics.errors import MODEL_FILE, InputError
 from lptn.basics.files import real_path, text_of
 
 if TYPE_CHECKING:
@@ -150,7 +150,7 @@ def check_inputs(model: Path, *logs: Path) -> None:
     text_of(model, MODEL_FILE)
     for log in logs:
         if "+" not in str(log) and not log.exists():
-            raise InputError(log, "log", "no such file", LOG_FILE)
+            raise InputError(log, "log", "no such file", "the path of a log")
 
 
 def check_outputs(*paths: Path | None, inputs: Iterable[Path] = ()) -> None:

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from lptn.basics.errors import InputError
+from lptn.logs.reading import ENDINGS
 
 # No .txt: beside logs that is what somebody wrote about them.
-_ENDINGS = (".csv", ".csv.gz", ".tsv", ".xlsx", ".parquet", ".mcap", ".db3", ".ulg", ".ulog")
+_ENDINGS = tuple(ending for ending in ENDINGS if not ending.startswith(".txt"))
 _BAG = "metadata.yaml"  # what makes a folder a log: a ROS 2 bag
 
 
@@ -74,7 +75,7 @@ def _is_bag(place: Path) -> bool:
 def _stem(path: Path) -> str:
     if path.is_dir():
         return path.resolve().name
-    ending = next((ending for ending in (".csv.gz", path.suffix) if path.name.endswith(ending)), "")
+    ending = next((ending for ending in ENDINGS if path.name.endswith(ending)), path.suffix)
     return path.name.removesuffix(ending).lstrip(".") or "robot"
 
 

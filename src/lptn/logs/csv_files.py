@@ -32,8 +32,6 @@ from lptn.logs.columns import is_number
 from lptn.logs.layout import LOOKED_AT, Layout, find_layout, holds_values, is_value, names_of, width_of
 from lptn.logs.tables import Bounded, Table, most_unpacked, one_line_if_broken, require_package, too_large
 
-ENDINGS = (".csv", ".tsv", ".txt", ".csv.gz", ".tsv.gz", ".txt.gz")
-
 _ENCODING = "utf-8"
 _LONGEST = 1 << 24
 """Characters of a line, and of what is looked through for a table: 100,000 columns with long names have as many, and

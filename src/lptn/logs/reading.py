@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from lptn.basics.arrays import FloatArray
-from lptn.basics.errors import LOG_FILE, InputError
+from lptn.basics.errors import InputError
 from lptn.logs.alike import duplicates, without_held_rows
 from lptn.logs.bags import open_bag
 from lptn.logs.channels import Channels, quantisation_step
@@ -26,7 +26,6 @@ from lptn.logs.columns import (
     as_line_or_option,
     place_of,
 )
-from lptn.logs.csv_files import ENDINGS as CSV_ENDINGS
 from lptn.logs.csv_files import open_csv, open_spreadsheet
 from lptn.logs.guess import format_note, guess, refuse_exchanged
 from lptn.logs.issue import Issue
@@ -55,14 +54,18 @@ from lptn.logs.ulog import open_ulog
 # --- A log opened by its path: one file or folder, or two logs of one run that are joined ---------
 
 _PAIR = re.compile(r"(?P<first>.+?)\+(?P<second>[^+]+?)(?:@(?P<shift>[-+]?\d+(?:\.\d+)?))?")
-_OPENERS: Mapping[tuple[str, ...], Callable[[Path], Table]] = {
-    CSV_ENDINGS: open_csv,
+OPENERS: Mapping[tuple[str, ...], Callable[[Path], Table]] = {
+    (".csv", ".tsv", ".txt", ".csv.gz", ".tsv.gz", ".txt.gz"): open_csv,
     (".parquet",): open_parquet,
     (".xlsx", ".xlsm"): open_spreadsheet,
     (".mcap", ".db3"): open_bag,
     (".ulg", ".ulog"): open_ulog,
 }
-"""How a file is opened, by the end of its name."""
+"""How a file is opened, by the end of its name: the one list of formats."""
+ENDINGS = tuple(chain(*OPENERS))
+_PLAIN = [ending for ending in ENDINGS if not ending.endswith(".gz")]
+LOG_FILE = f"a {', '.join(_PLAIN[:-1])} or {_PLAIN[-1]} file, or the folder of a ROS 2 bag"
+"""What is expected where a file is no log."""
 
 
 def open_log(path: Path, columns: Mapping[str, ColumnSource]) -> tuple[Table, dict[str, ColumnSource]]:
@@ -90,14 +93,14 @@ def open_table(path: Path) -> Table:
         InputError: there is no such file, its format is not known, or it can't be read.
     """
     if not path.exists():
-        raise InputError(path, "log", "no such file", LOG_FILE)
+        raise InputError(path, "log", "no such file", "the path of a log")
     if path.is_dir() and not (path / "metadata.yaml").is_file():
         raise InputError(path, "log", "a folder", f"{LOG_FILE} with its metadata.yaml")
     if path.is_dir():
         return open_bag(path)
     if not path.is_file():  # which may never end, or never begin, and is read once
         raise InputError(path, "log", "a pipe or a device", LOG_FILE)
-    for endings, opened in _OPENERS.items():
+    for endings, opened in OPENERS.items():
         if path.name.endswith(endings):
             return opened(path)
     raise InputError(path, "log", f"the ending '{path.suffix}'", LOG_FILE)
@@ -133,7 +136,7 @@ def run_name(path: Path) -> str:
     if log.is_dir():
         return log.name
     name = log.name.removesuffix(".gz")
-    return name.rpartition(".")[0] if name.endswith(tuple(chain(*_OPENERS))) else name
+    return name.rpartition(".")[0] if name.endswith(ENDINGS) else name
 
 
 # --- Which of a log's columns a model needs, and what to say when one is not there ----------------
@@ -296,10 +299,8 @@ def read_log(
     a step holds about one sample. Where the entry of `time` says that rows are means, both are means over the row.
 
     Args:
-        log: a `.csv`, `.tsv`, `.txt` (each perhaps `.gz`), `.xlsx`, `.parquet`, `.mcap`, `.db3` or `.ulg` file, the
-            folder of a ROS 2 bag, two logs of one run, `a.csv+b.csv@12.5` (see
-            `lptn.logs.joining`), or a data frame with a column `time`
-            [s], or an index of times.
+        log: a file of a format in `OPENERS`, the folder of a ROS 2 bag, two logs of one run, `a.csv+b.csv@12.5` (see
+            `lptn.logs.joining`), or a data frame with a column `time` [s], or an index of times.
         columns: where the quantities stand, for a log whose columns are not called `<quantity>.<place>`.
         name: what the run of a data frame is called; files have names of their own.
         step: s, of the runs; None for the log's own or 1 s, whichever is longer.
