@@ -15,6 +15,7 @@ from lptn.effects.base import Site
 from lptn.effects.excitation import INPUTS_VARY, Excitation
 from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration
+from lptn.references import citations
 from lptn.simulate.bound_run import bind
 from lptn.simulate.simulation import simulate
 from tests.builders import (
@@ -109,6 +110,12 @@ def test_docstring_has_the_equation_and_its_source(kind: type[Effect]) -> None:
     text = inspect.getdoc(kind) or ""
     assert ".. math::" in text
     assert "Source:" in text
+
+
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind.__module__.startswith("lptn.")], ids=_named)
+def test_works_of_its_source_are_cited_in_the_docstring_and_stand_in_the_bibliography(kind: type[Effect]) -> None:
+    cited = {citation.reference.key for citation in citations(kind.source)}
+    assert cited <= {citation.reference.key for citation in citations(kind.__doc__ or "")}
 
 
 @every

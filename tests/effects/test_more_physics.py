@@ -23,7 +23,7 @@ N, STEP = 900, 1.0
 
 
 def _columns(seed: int = 2) -> dict[str, FloatArray]:
-    """Inputs that jump once a minute, and an ambient that rises."""
+    """Every input feature of a joint and of the robot, jumping once a minute, and an ambient that rises."""
     rng = np.random.default_rng(seed)
 
     def jumping(least: float, most: float) -> FloatArray:
@@ -42,6 +42,9 @@ def _columns(seed: int = 2) -> dict[str, FloatArray]:
         "power.battery": jumping(-50, 400),
         "speed.fan": jumping(0, 3),
         "irradiance.global": jumping(0, 900),
+        "velocity.a": jumping(0, 8),
+        "current.a": jumping(-9, 9),
+        "speed.base": jumping(0, 3),
     }
     return place | {"temperature.ambient": 20.0 + 8.0 * np.arange(N) / N}
 
