@@ -35,8 +35,8 @@ EXPLAINED = """\
 Program and peer run one after the other on the same data, as single processes. The ratio says how many times better
 ours is: their time over ours, or our lasting over theirs. A quick run is one sample of each: times below a second
 scatter by some ten percent, more on a busy machine. Refitting each candidate is worked out from as many as `--most`
-says, spread evenly, where it is given. Benchmarks without a peer are listed in
-[CONTRIBUTING](../../CONTRIBUTING.md)."""
+says, spread evenly, where it is given. Benchmarks without a peer are listed
+[with all trials](../README.md)."""
 
 
 @dataclass(frozen=True)
