@@ -11,20 +11,33 @@ from pathlib import Path
 
 import pytest
 
+import lptn
 from tests.docs.pages import ROOT, Page
 
 _SERVES = "lptn open"  # until Ctrl-C; `tests/workbench` opens it
 
 
+FRONT = Page("README.md", (ROOT / "README.md").read_text(encoding="utf-8"))
+
+
 def commands() -> list[str]:
     """What the front page tells to type, in its order; what installs, and the tests themselves, are running already."""
-    front = Page("README.md", (ROOT / "README.md").read_text(encoding="utf-8"))
-    lines = [line for block in front.blocks("") for line in block.splitlines()]
+    lines = [line for block in FRONT.blocks("") for line in block.splitlines()]
     return [line for line in lines if line.startswith("lptn ") and not line.startswith(_SERVES)]
 
 
 def test_the_front_page_has_its_commands() -> None:
     assert commands()
+
+
+@pytest.mark.long
+def test_the_front_page_shows_what_its_command_prints() -> None:
+    """Word for word, but for lines that are broken, and an end that is left out."""
+    (shown,) = (block for block in FRONT.blocks("") if block.startswith("Verdict: "))
+    tclab = ROOT / "examples" / "tclab"
+    study = lptn.Study(tclab / "two_heaters.toml", fit=tclab / "log.csv", holdout_after=300)
+    printed = " ".join(map(str, study.improve().narrative()))
+    assert printed.startswith(" ".join(shown.split()).removesuffix("…"))
 
 
 @pytest.mark.slow
