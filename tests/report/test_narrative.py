@@ -95,7 +95,7 @@ def test_what_nothing_explains_is_not_called_found(missing: Told) -> None:
     assert "Best candidates" in said
     assert "Findings" not in said
     assert said["Unexplained heat"].startswith(f"Most significant at {NODES[1]} from 150 to 300 s, about 4 W")
-    assert said["Next"].startswith("Find out what happened there")
+    assert said["Next"].startswith("Look for a cause there")
     alone = replace(history, steps=history.steps[:1], last=replace(history.first, verdict="unexplained"))
     assert "Best candidates" in _said(alone)
 
@@ -151,7 +151,7 @@ def test_what_was_added_by_hand_and_did_not_help_is_not_a_finding(adequate: Told
         said = _said(_by_hand(outcome, Radiation(), NODES[1]))
         assert said["Added by hand"] == f"Radiation at {NODES[1]} (no help)."
         assert said["Verdict"].startswith("With or without the added effects the model ")
-        assert said["Next"] == "Take out what did not help."
+        assert said["Next"] == "Undo the added effects, which did not help."
         assert "Findings" not in said
     assert f"still lacks constant heat at {NODES[0]} (" in said["Verdict"]
 
@@ -185,7 +185,7 @@ def test_held_out_runs_that_differ_are_named_in_verdict_and_next_step(adequate: 
     differs = replace(history.last, verdict="unexplained", steps=())
     said = _said(replace(history, last=differs))
     assert "but not the held-out data" in said["Verdict"]
-    assert said["Next"].startswith("Find out what differs in the runs that no fit used")
+    assert said["Next"].startswith("Find the difference between fitted and held-out runs")
 
 
 def test_a_likely_candidate_that_would_predict_worse_is_named_with_its_size(missing: Told) -> None:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from lptn.simulate.bound_run import BoundRun
 
 Drawing = Annotated[Path | None, Option(name="--drawing", help="Picture of the network to write: .svg.")]
-Guessing = Annotated[bool, Option(name="--guess", help="Take the proposed columns, as --map guess does.", negative="")]
+Guessing = Annotated[bool, Option(name="--guess", help="Use the proposed columns, like --map guess.", negative="")]
 
 
 def check(
@@ -322,7 +322,7 @@ def _urgent(content: LogContent, guessing: bool, mapped: Sequence[str], *, whole
 
 
 def _missing_lines(content: LogContent, proposed: Sequence[str]) -> Iterator[str]:
-    """What the model needs and no name points to, and how to say where it stands."""
+    """Quantities that the model needs and no column's name matches, and how to map them."""
     left = [key for key in content.missing if key not in proposed]
     if not left:
         return

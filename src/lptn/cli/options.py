@@ -56,7 +56,7 @@ Test = Annotated[
     list[Path] | None,
     Option(
         name="--test",
-        help="Logs that choose nothing: the final model predicts them once.",
+        help="Test logs: only the final model predicts them.",
         negative="",
         consume_multiple=True,
     ),
@@ -65,7 +65,7 @@ Map = Annotated[
     list[str] | None,
     Option(
         name="--map",
-        help="Name of a log's column: temperature.FR_calf=T3[degF]; may be repeated. guess: by similar names.",
+        help="Which column is a quantity: temperature.FR_calf=T3[degF]; may be repeated. guess: by similar names.",
         negative="",
     ),
 ]
@@ -80,21 +80,21 @@ Rate = Annotated[
 AmbientError = Annotated[
     float | None,
     Option(
-        help="How far the ambient sensor may be off in each run [K]; 0.3 by default, 0 for one that is exact.",
+        help="Standard error of the ambient sensor in each run [K]; 0.3 by default, 0 if exact.",
         validator=validators.Number(gte=0),
     ),
 ]
 TorqueError = Annotated[
     float | None,
     Option(
-        help="How far torques or currents may be off in each run, as a share; 0.015 by default, 0 for exact ones.",
+        help="Relative standard error of torques or currents in each run; 0.015 by default, 0 if exact.",
         validator=validators.Number(gte=0),
     ),
 ]
 SurfaceError = Annotated[
     float | None,
     Option(
-        help="How far a surface's loss may be off in each run, as a share; 0.03 by default, 0 for still or logged air.",
+        help="Relative standard error of a surface's heat loss in each run; 0.03 by default, 0 in still or logged air.",
         validator=validators.Number(gte=0),
     ),
 ]

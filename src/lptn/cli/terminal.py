@@ -170,7 +170,7 @@ def show_table(heads: Sequence[str], rows: Iterable[Sequence[str]], title: str =
     On a terminal long names and texts are folded; into a pipe or a file each row is one line, as wide as it has to be.
 
     Args:
-        heads: of the columns; those of numbers begin with ">", which stands them to the right.
+        heads: of the columns; those of numbers begin with ">", which aligns them right.
         rows: the cells.
         title: a line above it.
     """

@@ -89,7 +89,7 @@ class Advice:
 
     @property
     def sentences(self) -> list[str]:
-        """What a person wants to read, most urgent first; `heat` has every stretch, not the surest alone."""
+        """Sentences for people, the most urgent first; `heat` has every interval, not only the most significant."""
         sentences = [*([self.rows] if self.rows else []), *(difference.text() for difference in self.differing)]
         if self.heat:
             sentences.append(f"Unexplained heat, most significant {self.heat[0].text()}.")
@@ -122,7 +122,7 @@ def advise(first: Diagnosis, last: Diagnosis, data: DataSplit, report: Report = 
         report: called with a sentence on what is being done.
     """
     report("looking for what is left, and for the next experiment")
-    # What is missing shows in held-out runs as well: as long as it is not added, nothing is said of the runs.
+    # A missing effect also shows in held-out runs: runs are compared only once all effects have been added.
     added = last is not first or first.verdict != "missing"
     heat = WanderingHeat(last.fit)
     return Advice(
@@ -136,7 +136,7 @@ def advise(first: Diagnosis, last: Diagnosis, data: DataSplit, report: Report = 
 
 
 def _rows_as_means(last: Fit, data: DataSplit) -> str:
-    """That slow rows which were read as samples are clearly more probable as means, held-out ones as well.
+    """Slow rows that were read as samples and are clearly more probable as means, in held-out runs as well.
 
     Half a row late is what a lag looks like, too, so that this is for those to decide who know the logger.
     """
@@ -158,7 +158,7 @@ def _rows_as_means(last: Fit, data: DataSplit) -> str:
 
 
 def _as_means(segments: Sequence[Segment]) -> tuple[Segment, ...]:
-    """The same runs, those slow rows as means of which nobody has said what they are."""
+    """The same runs, with slow rows whose kind is not stated read as means."""
     return tuple(
         replace(one, run=replace(one.run, averaged=True))
         if any(note.startswith(ROWS_UNKNOWN) for note in one.run.notes)

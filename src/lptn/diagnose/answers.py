@@ -21,7 +21,7 @@ Key = tuple[str, str]
 NOTHING: Key = ("", "")
 """The answer that nothing is missing."""
 Report = Callable[[str], None]
-"""Called with a sentence on what is being done."""
+"""Called with a sentence about the current work."""
 
 
 LIKELY = 0.5

@@ -1,4 +1,4 @@
-"""What a machine is made of, and what is wrong with it beyond that.
+"""The structure of a machine, and the findings that set its parts apart.
 
 1. *Made of*: what every part may have (`Effect.common`) goes into the model at once, everywhere, each size and time
    constant with its prior, and its bound at none. One fit; then what the data don't need is taken out again, the
@@ -79,7 +79,7 @@ class Composition:
 
     @property
     def steps(self) -> tuple[Step, ...]:
-        """All that was added, what sets one part apart first, but for an exchange that one of these stands on."""
+        """All added effects, findings first, except an exchange that one of these effects changes."""
         found = [declared for step in self.findings for declared in step.declarations]
 
         def later(step: Step) -> bool:
@@ -98,7 +98,7 @@ def composition(
     executor: Executor | None = None,
     report: Report = lambda _: None,
 ) -> Composition:
-    """Find what a machine is made of, and what is wrong with it.
+    """Find the structure of a machine, and the findings that set its parts apart.
 
     Args:
         given: the fitted model.
@@ -270,14 +270,14 @@ class _Search:
         return self._unless_too_stiff(tolerant(fit, self._evidence(fit).tolerance, precision=RANKING), fit)
 
     def _unless_too_stiff(self, fit: Fit, before: Fit) -> Fit:
-        """A fit gone on with, or the one before where the new one is too stiff for a held-out run."""
+        """The continued fit, or the one before where the new one is too stiff for a held-out run."""
         wide = with_runs(unless_interrupted(fit), self.data.holdout)
         return fit if np.isfinite(wide.problem.cost(wide.z)) else before
 
     # --- needed? ------------------------------------------------------------------------------------
 
     def _take_out(self) -> None:
-        """Take out what is none, then what the evidence is better without, the least needed first."""
+        """Remove effects of size zero, then those without which the evidence is higher, the least needed first."""
         asked: set[Key] = set()
         now: Evidence | None = None
         while True:
@@ -303,7 +303,7 @@ class _Search:
                 now = other
 
     def _take_out_none(self) -> None:
-        """Take out what is none: no rounding of the evidence keeps it."""
+        """Remove effects of size zero, whatever the rounding errors of the evidence."""
         while gone := [declared for declared in self.added if _is_none(self.fit, declared)]:
             without = self._without(gone)
             if without is None:
@@ -323,7 +323,7 @@ class _Search:
         fit = _continued(self.fit, self.given.model.network.with_effects(rest))
         if fit is None:
             return None
-        # A size that is not told from none may hold a long valley together: only the end of it tells.
+        # A size that can't be distinguished from zero may flatten the optimum: only a finished fit decides.
         return self._unless_too_stiff(finished(fit, _END_OF_VALLEY), fit) if to_the_end else fit, rest
 
     def _take(self, fit: Fit, rest: list[EffectDeclaration]) -> None:
@@ -414,7 +414,7 @@ def is_at_chosen_bound(fit: Fit, declared: EffectDeclaration) -> bool:
 
 
 def _judged(steps: Sequence[Step], shares: Sequence[float]) -> list[Step]:
-    """The steps with their probabilities, those of their places, and what they can't be told from."""
+    """The steps with their probabilities, those of their places, and the effects they can't be distinguished from."""
     window = {steps[number].key for number in in_occams_window(np.array(shares))}
     judged = []
     for step, share in zip(steps, shares, strict=True):
@@ -463,7 +463,7 @@ def _size_in_errors(step: Step) -> float:
 
 
 def _log_odds_of_none(evidence: Evidence, declared: EffectDeclaration) -> float:
-    """To first order; infinite for what is there or not, which only a fit can tell."""
+    """To first order; infinite for an effect that is either present or not, which only a fit can decide."""
     amplitude = declared.effect.amplitude()
     if amplitude is None or amplitude.on is not None:
         return float("inf")

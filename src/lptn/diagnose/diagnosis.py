@@ -1,4 +1,4 @@
-"""What a fitted model lacks: how far it is beyond noise, what it is made of, what is wrong beyond that; a verdict.
+"""What a fitted model lacks: its error beyond noise, structure, findings, and a verdict.
 
 The model is fitted as it stands, on means over 5 s. Where that leaves more than noise, `lptn.diagnose.composition` says
 what is missing. The verdict: `"adequate"` if no more is left than noise and usual errors of the log leave, in held-out
@@ -92,7 +92,7 @@ class Diagnosis(Tabular):
 
     @cached_property
     def weighed(self) -> list[FirstOrder]:
-        """All that the fitted model may lack, to first order, the most probable first; worked out when asked for."""
+        """All candidates that the fitted model may lack, to first order, most probable first; computed on first use."""
         return weighed(self.fit)
 
     @property
@@ -102,7 +102,7 @@ class Diagnosis(Tabular):
 
     @property
     def only_held_out_runs_object(self) -> bool:
-        """Whether the fitted runs have nothing against the model, and held-out runs have."""
+        """Whether the model agrees with the fitted runs, but not with held-out runs."""
         return self.verdict == "unexplained" and not self.steps and is_met(self.lack_of_fit)
 
     @property
@@ -238,7 +238,7 @@ def examine(
             for step in steps
         )
         if share < LIKELY or (given.holdout and last.holdout and last.holdout.rmse > given.holdout.rmse):
-            # Improbable, or an offer that nobody should use: as logged, held-out runs are predicted worse.
+            # Improbable, or harmful: as logged, held-out runs are predicted worse.
             steps, refused, rivals, remaining = (), (*steps, *refused), (), verdict
     return Diagnosis(verdict, remaining, base, given.holdout, lack, steps, rivals, refused)
 

@@ -63,7 +63,7 @@ _MIXTURE = (1.0, 3.0, 10.0, 30.0), (0.5, 0.3, 0.15, 0.05)
 _ROUNDS = 4  # of how large errors are, and how many are independent, each by the other
 _CHANCE = 0.05  # of one log in twenty it is said that it needs more than what every log may be off by
 _FINER = (-1.0, 14.0)  # logarithm of how much more precise errors are than the fit leaves them, see `_precision`
-_LEAST = 1e-6  # share of a trace that is left beside all else, below which nothing can be said of its size
+_LEAST = 1e-6  # share of a trace not explained by other parameters, below which its size can't be estimated
 
 
 @dataclass(frozen=True)
@@ -218,7 +218,7 @@ class Evidence:
         self._squares = float(off @ off)
         self.left, weights = np.zeros(n), np.ones(n)
         self._groups: list[_Group] = []
-        # What the fitted runs say comes first; held-out runs, and how far they are off, are judged by that.
+        # The fitted runs come first; held-out runs are judged by the model fitted to them.
         runs, count = problem.bound_runs, len(self.fitted.problem.bound_runs)
         of_both = (slice(0, n_fitted), runs[:count]), (slice(n_fitted, n), runs[count:])
         for number, (rows, bound_runs) in enumerate(of_both):
@@ -345,7 +345,7 @@ class Evidence:
         return covariance
 
     def _variance(self, row: int) -> float:
-        """Of a free parameter, in its unit, beside all else."""
+        """Of a free parameter, in its unit, with all others free."""
         slope = float(self.fit.problem.slope(self.fit.point.values)[row])
         return max(float(self.covariance[row, row]) * slope**2, np.finfo(float).tiny)
 

@@ -1,4 +1,4 @@
-"""The next experiment: of the runs that the logs show to be possible, the one that best tells rivals apart.
+"""The next experiment: of the runs that the logs show to be possible, the one that best separates two hypotheses.
 
 Rivals are effects that the old data can't tell apart. Each rival predicts a proposed run, and may change its parameters
 as far as the old data leave them free to meet the other's prediction: their covariance beside all else (`Evidence`) is
@@ -37,13 +37,13 @@ from lptn.simulate.simulation import Sensitivities, SimulationError, sensitiviti
 STEP = 10.0
 """s, of a proposed run; short against the time constants of a joint."""
 POWER = 0.8
-"""Share of all logs in which what is planned for is to be seen, as is usual where experiments are planned."""
+"""Statistical power: the share of logs in which the planned difference should show, as usual in such designs."""
 _BEYOND = 10.0
 """K, how far a proposed run may go beyond what the logs show to be safe: above their hottest reading, and in a room
 that is colder or warmer than theirs."""
 
 
-# --- What can be asked of a robot: loads and speeds that its logs have shown --------------------------------
+# --- What a robot can do: loads and speeds that its logs have shown --------------------------------
 
 
 _LOADS = ("torque", "current", "torque_abs", "current_abs")
@@ -542,7 +542,7 @@ def propose(
     allowed: Sequence[Move] | None = None,
     most: int = 4,
 ) -> Experiment | None:
-    """The run that best tells rivals apart, of those that the fitted logs show to be possible.
+    """The run that best separates rivals, of those that the fitted logs show to be possible.
 
     Each rival's parameters may move as far as the old data let them to meet the other's prediction; what is left
     between the two, in units of the sensors' noise, is made to decide as many pairs as it may.

@@ -110,7 +110,7 @@ class Removed:
 
 
 # --- How far errors are beyond noise, over means of a minute: there noise averages out, a missing effect does not --
-# How verdicts change with each number was asked of measured logs in the examples, with 1.5 times and two thirds of it.
+# The sensitivity of verdicts to each number was tested on the examples' logs, with 1.5 times and two thirds of it.
 
 
 BLOCK = 60.0
@@ -174,7 +174,7 @@ def noise_of_means(clean: FloatArray, white: float, step: float, size: int, logs
 
 
 def minute_means(fit: Fit, runs: Sequence[RunErrors]) -> dict[str, MinuteMeans]:
-    """What each node's errors are over minutes, beside what its sensor would leave of a perfect model.
+    """Each node's errors over minutes, and those that its sensor's noise alone would leave.
 
     Args:
         fit: has the sensors' noise.
@@ -234,7 +234,7 @@ def explains(share: float, base: Fit, larger: Fit) -> bool:
 
 
 def explained_elsewhere(base: Fit, before: Errors | None, after: Errors | None) -> bool:
-    """Whether enough of the held-out error beyond noise goes, too, or none is left beyond noise.
+    """Whether enough of the held-out error beyond noise is removed as well, or none is left beyond noise.
 
     True where nothing is held out.
 

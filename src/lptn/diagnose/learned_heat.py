@@ -35,7 +35,7 @@ from lptn.logs.run import Run
 from lptn.model.heat_balance import input_column
 from lptn.model.network import EffectDeclaration
 
-_DAY = 86400.0  # s; the time of day is asked of logs of a day and more, whose clock is taken for the day's
+_DAY = 86400.0  # s; the time of day is an input for logs of a day and more, whose clock is assumed to be the day's
 TIME_OF_DAY = "time of day"
 
 
@@ -142,7 +142,7 @@ class LearnedCurve:
 
 
 def learned_curve(first: Diagnosis, last: Diagnosis, data: DataSplit, heat: WanderingHeat) -> LearnedCurve | None:
-    """The likeliest curve over one input in the model as given, or, where none is offered there, beside all found.
+    """The most probable curve over one input in the model as given, or, if there is none, with all findings added.
 
     What the catalogue offers where it does not explain may imitate a heat without a name, and hide what that goes with.
 

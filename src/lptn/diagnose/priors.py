@@ -1,4 +1,4 @@
-"""Prior odds: how often a candidate is what is missing, beside the others."""
+"""Prior odds: how often a candidate occurs, relative to the others."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def log_priors(candidates: Sequence[Candidate]) -> FloatArray:
 
 
 def _level(candidate: Candidate, most: int) -> tuple[str, float]:
-    """The level of a candidate's place, and how usual it is beside the others of its effect."""
+    """The level of a candidate's place, and how often it occurs relative to the effect's other places."""
     if len(candidate.places) > 1:
         level = "all" if candidate.pattern == EVERYWHERE or len(candidate.places) == most else "class"
     else:

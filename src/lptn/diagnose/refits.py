@@ -1,4 +1,4 @@
-"""A fitted model with one effect more, or less, fitted again from where it stood."""
+"""A fitted model with one effect more, or less, fitted again from the previous solution."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from lptn.model.network import EffectDeclaration, Network
 from lptn.simulate.bound_run import BoundRun, bind, default_start, start_from
 
 _ITERATIONS = 25
-RANKING = 3e-4  # share of the cost that decides no rank; what is kept is fitted to the end
+RANKING = 3e-4  # share of the cost below which ranks don't change; effects that are kept are fitted to the end
 
 
 def refit(base: Fit, declaration: EffectDeclaration) -> Fit:

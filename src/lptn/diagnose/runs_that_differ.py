@@ -107,14 +107,14 @@ class RunDifference:
         return f"{text} The run can't tell that from: {names}." if others else text
 
     def as_json(self) -> dict[str, object]:
-        """The difference as other tools read it; what is `null` is not known."""
+        """The difference as other tools read it; `null` where a value is unknown."""
         best = dict.fromkeys(("effect", "at", "amplitude"))
         errors = {"rmse_before": self.rmse_before, "rmse_after": None, "rmse_fit": self.rmse_fit}
         table = {"run": self.run} | best | errors | (self.causes[0].as_json() if self.causes else {})
         return table | {"indistinguishable": [one.as_json() for one in self.causes[1:]], "text": self.text()}
 
 
-# --- The procedure: what a run lacks beside the fitted model ---------------------------------------
+# --- The procedure: how a run differs from the fitted model ---------------------------------------
 
 
 @one_blas_thread
@@ -182,7 +182,7 @@ def _causes(alone: Fit, exact: int) -> list[tuple[EffectDeclaration, Fit]]:
 # --- Words ----------------------------------------------------------------------------------------
 
 
-_NEARLY_ONE = 0.1  # a share: a factor that differs from one by less is said to the third decimal, and asks nobody why
+_NEARLY_ONE = 0.1  # a share: a factor that differs from one by less is given to the third decimal, without a question
 _PLAIN = "in {run}{at}: {title}, {amplitude}"
 
 

@@ -78,7 +78,7 @@ class UnexplainedHeat:
 
 @dataclass(frozen=True)
 class HeatPeak:
-    """One stretch of time in which heat is surely unexplained at one node.
+    """One interval in which heat at one node is significantly unexplained.
 
     Args:
         run: name of the run.
@@ -117,7 +117,7 @@ class HeatPeak:
         return f"at {self.node} from {start:.0f} to {stop:.0f} s"
 
     def as_json(self) -> dict[str, object]:
-        """The stretch as other tools read it; times in s of the log's clock."""
+        """The interval as other tools read it; times in s of the log's clock."""
         return {"run": self.run, "node": self.node, "from": self.start, "to": self.stop, "watts": self.heat}
 
 
@@ -225,8 +225,8 @@ def largest(runs: Sequence[UnexplainedHeat]) -> HeatPeak | None:
 # --- The linear model: a fitted run in blocks of time, with heat at each measured node as an input --
 
 
-_BLOCK = 10.0  # s; heat that comes and goes faster can't be told from noise, where a joint takes minutes to warm
-_SLOW = 300.0  # s; the share of a rounding error that stays so long can't be told from heat
+_BLOCK = 10.0  # s; faster changes of heat can't be distinguished from noise, since a joint takes minutes to warm
+_SLOW = 300.0  # s; the share of a rounding error that lasts so long can't be distinguished from heat
 
 
 @dataclass(frozen=True)

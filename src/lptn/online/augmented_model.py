@@ -83,7 +83,7 @@ def by_node(sizes: Sizes, nodes: Sequence[str]) -> FloatArray:
 
 
 class Layout(NamedTuple):
-    """Where each kind of state stands in the augmented state vector z.
+    """The position of each kind of state in the augmented state vector z.
 
     The model's own states [degC]; wandering and lasting heat that the model lacks at each node [W]; the logarithm of a
     factor on all conductances to prescribed temperatures; errors of inputs; coordinates of doubtful parameters.
@@ -226,7 +226,7 @@ class AugmentedModel:
         self._reading = _BufferedCall(reading, [self._z, values], [self._read, self._read_by])
 
     def step(self, z: FloatArray, u: FloatArray, h: float) -> Step:
-        """Advance by `h` seconds with the inputs held, in as many RK4 steps as the fastest rate asks for."""
+        """Advance by `h` seconds at constant inputs, in as many RK4 steps as the fastest rate needs."""
         self._z[:], self._u[:], self._h[0] = z, u, h
         self._stages()
         states = self.layout.states

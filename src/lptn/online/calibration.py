@@ -56,7 +56,7 @@ _Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
 class Calibration(BaseModel, frozen=True, extra="forbid"):
-    """What the statistical detector goes by, as it stands in a file.
+    """The statistical detector's calibration, as it is stored in a file.
 
     Args:
         nodes: of the model, in order.

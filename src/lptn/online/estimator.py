@@ -103,7 +103,7 @@ _HIDDEN = 2.0  # K; of a hidden state about its node
 UNKNOWN = 0.3  # standard deviation of a learnt parameter's coordinate: some 30 %, as far as data sheets are off
 _WALK = 0.05  # how far a learnt parameter's coordinate walks in an hour
 _HOUR, _DAY = 3600.0, 86400.0  # s; what was known a day ago is worth no more than a new start
-_GAP = 600.0  # s; inputs that are held for longer are nobody's: what is known of temperatures begins anew
+_GAP = 600.0  # s; inputs older than this are invalid: the temperature estimates start again
 _REMEMBERED = ("mean", "covariance", "resting", "last_inputs", "coldest", "began", "without", "deviations", "woken",
                "settles", "once_trusted", "used")  # fmt: skip
 _PLAUSIBLE = 6.0  # standard deviations of what may be wrong with the model; more is not learnt of it
@@ -236,7 +236,7 @@ class Estimator:
         return cls(fit.model, noise=noise, step=step, error=error, learn=learn, covariance=covariance)
 
     def update(self, inputs: Mapping[str, float], readings: Mapping[str, float | None], dt: float) -> Estimate:
-        """Advance by `dt` with the inputs held, then take in the readings.
+        """Advance by `dt` at constant inputs, then use the readings.
 
         Args:
             inputs: a value for each of the model's input columns; others are left aside.
@@ -256,7 +256,7 @@ class Estimator:
         if self.sensors is None:
             return self._correct(y, np.isfinite(y))
         predicted, by_state = self.augmented.readings(self._mean)
-        # Of a sensor that was never trusted only what it reads itself tells anything.
+        # A sensor that was never trusted is judged by its own readings alone.
         alone = self.sensors.lost & ~self._once_trusted
         reference = predicted + by_state @ self._without + self._woken
         variance = np.einsum("ij,jk,ik->i", by_state, self._covariance, by_state)

@@ -147,7 +147,7 @@ _BEGINS = [0, 1, *range(2, _STATES, 2)]  # the states in which an offset, a drif
 
 
 class FaultStatistics(NamedTuple):
-    """What speaks for a fault that begins with each reading.
+    """The evidence for a fault that begins with each reading.
 
     weight: for an offset, a drift, a lag, √ of twice the logarithm of the likelihood ratio, in standard deviations; 0
     where a lag is less likely than no fault; shape (n, 3, nodes). load: logarithm of the Bayes factor for heat at a
@@ -245,9 +245,9 @@ def _log_bayes_factor(score: FloatArray, information: FloatArray, variance: Floa
     return np.asarray(0.5 * (variance * score**2 / with_prior - np.log(with_prior)))
 
 
-# --- Where to look: the first fault that stands out -----------------------------------------------
+# --- Where to look: the first significant fault -----------------------------------------------
 
-_SETTLED = 240.0  # s behind an alarm: by then offset and drift can be told apart
+_SETTLED = 240.0  # s after an alarm: by then an offset can be distinguished from a drift
 
 
 def first_alarm(
@@ -308,7 +308,7 @@ def first_alarm(
 
 
 def loads(model: Model) -> dict[str, str]:
-    """The input that tells what heats a joint, by node."""
+    """The input that heats a joint, by node."""
     columns = [(*column.partition(".")[::2], column) for column in model.inputs]
     return {place: column for quantity, place, column in reversed(columns)
             if quantity in INPUTS and place in model.nodes}  # fmt: skip
@@ -531,7 +531,7 @@ def faults(given: Suspicion, limits: Limits, inputs: Collection[str], *, taught:
     while (first := first_alarm(given.estimator(1.0), given.run, given.measured, limits, inputs)) is not None:
         called = {name for alarm in found for name in (alarm.node, alarm.channel)}
         told, after = _attributed(given, first, called, taught)
-        # A sensor can't be judged by a load that is wrong; and no channel is told twice.
+        # A sensor can't be judged with a wrong load; and no channel is reported twice.
         twice = any((alarm.channel or alarm.node) in called for alarm in told)
         if twice or (not first.channel and first.node in called):
             told, after = [], given.without([given.model.nodes.index(first.node)], -np.inf)  # what that leaves
@@ -546,7 +546,7 @@ def _attributed(given: Suspicion, alarm: Alarm, called: Collection[str], taught:
     None where the model's own errors, or an input that is `called` already, explain as much; beside it the run with
     what was found, or without the sensor's readings.
     """
-    # Where readings say that the model errs by less than was to be feared, they tell more.
+    # If the readings show that the model is better than assumed, they are more informative.
     given = given if taught else max((replace(given, share=share) for share in _SHARES), key=Suspicion.nats)
     row = given.model.nodes.index(alarm.node)
     without = given.without([row], alarm.onset)
@@ -565,11 +565,11 @@ def _attributed(given: Suspicion, alarm: Alarm, called: Collection[str], taught:
     if best.gain <= DECIDES or any(answer.what in called for answer in likely):
         return [], given if alarm.channel else without
     if len(likely) > 1:
-        # The sensor is not believed, and the rest is as the likeliest of the others says.
+        # The sensor is not used, and the rest follows the most probable of the other hypotheses.
         after = (others[0] if best is sensor else best).after.without([row], alarm.onset)
         return [replace(undecided(alarm, f"{best.what} or {likely[1].what}"), channel="")], after
     if not taught and best.alarms[0].kind == "input" and len(best.alarms) == 1:
-        # Without healthy logs nobody knows how wrong the model is about a node's heat.
+        # Without healthy logs the model's error in a node's heat is unknown.
         return [undecided(best.alarms[0], f"{best.what} or the model")], best.after
     return best.alarms, best.after
 

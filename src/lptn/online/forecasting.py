@@ -65,7 +65,7 @@ class NodeForecast:
 
 @dataclass(frozen=True, repr=False)
 class Forecast:
-    """Temperatures to come with the operating point held.
+    """Future temperatures at a constant operating point.
 
     Args:
         nodes: one for each place with a limit, by name.
@@ -133,7 +133,7 @@ class Forecast:
         }
 
 
-# --- The operating point held: temperatures to come -----------------------------------------------
+# --- Future temperatures at a constant operating point -----------------------------------------------
 
 _FIRST_STEP, _LAST_STEP, _GROWTH = 5.0, 300.0, 1.05  # s; fine at first, where a limit may be near
 _TIME_CONSTANTS = 5.0  # of the slowest heat flow, after which less than 1 % of the way is left
@@ -247,7 +247,7 @@ def forecast(
 
 
 def _held(estimator: Estimator, point: OperatingPoint) -> tuple[FloatArray, FloatArray, FloatArray, bool]:
-    """Carry the present forwards with the operating point held.
+    """Simulate from the present state at a constant operating point.
 
     The operating point is known as the mean over a window, so its error is one more state; besides, the inputs go
     on to vary as they did in that window.

@@ -21,8 +21,8 @@ from lptn.basics.arrays import BoolArray, FloatArray
 from lptn.logs.silence import CHANCE
 
 ERROR = 0.2
-"""Relative error of heat flows in the model that tests sensors, whatever is told of it: a model is rarely worse, and a
-better one gains nothing that would be worth a healthy sensor."""
+"""Relative error of heat flows in the model that tests sensors, whatever its stated accuracy: a model is rarely worse,
+and a better one gains nothing that would be worth a healthy sensor."""
 BELOW = 3.5
 """Standard deviations below the reference. Chance makes a model so wrong in one node of 4000, sensors fail oftener."""
 BELOW_IF_LOST = 2.0
@@ -38,7 +38,7 @@ LEAST_SHARE = 0.1
 follow it, however little is known of the model. No model of a machine is wrong tenfold."""
 FEWEST = 4  # readings; the regression of one on the other needs two, its scatter more
 STANDS = float(-np.log(CHANCE))
-"""Evidence that makes a sensor one that stands, as for whole logs."""
+"""Evidence from which a sensor counts as frozen, as for whole logs."""
 SHORTEST = 60.0  # s; nothing thermal is lost in less
 LEAST_CHANCE = 1e-3  # of one reading like the one before: no single one decides
 COARSEST = 5.0  # K; steps that a sensor may have of which nothing is known yet
@@ -173,7 +173,7 @@ class LivingSensors:
         self.stands = np.where(seen, same & (self.stands | ((self.evidence > STANDS) & lasting)), self.stands)
 
     def why_not(self, node: int) -> str:
-        """Why a sensor is not believed at present, in words; "" where it is, or has not yet shown that it lives."""
+        """Why a sensor is not used at present, in words; "" where it is used, or has not yet shown that it works."""
         if self.stands[node]:
             return f"has read {self.last[node]:.6g} degC, bit for bit, for {self.clock - self.since[node]:.0f} s"
         if self.lost[node]:

@@ -26,7 +26,7 @@ from lptn.simulate.simulation import simulate
 THRESHOLD = 10.0
 """K; the threshold of [QuadrupedLPTN, application 2]."""
 NOTICED = 0.5
-"""K; thermistors and platinum sensors are off by so much themselves, so nobody would act on less."""
+"""K; the usual tolerance of thermistors and platinum sensors, below which an alarm is useless."""
 
 
 def first_at_each_sensor(alarms: Iterable[Alarm]) -> tuple[Alarm, ...]:
@@ -146,7 +146,7 @@ def known_faults(runs: Sequence[Run], nodes: Sequence[str]) -> list[list[Alarm]]
                 continue
             start, stop = issue.stretch or (float(runs[pieces[0]].time[0]), float(runs[pieces[-1]].time[-1]))
             piece = max((number for number in pieces if runs[number].time[0] <= start), default=pieces[0])
-            time = min(start + STILL, stop)  # what stands for so long is seen to stand
+            time = min(start + STILL, stop)  # readings that are constant for so long count as frozen
             kind: Kind = "input" if is_input else _KINDS[issue.kind]
             alarms[piece].append(
                 Alarm(place, kind, time, start, detail=issue.problem, channel=issue.key if is_input else "")

@@ -26,7 +26,7 @@ from lptn.simulate.simulation import simulate, substeps
 
 # --- How far a model is to be trusted -------------------------------------------------------------
 
-_UNKNOWN_ERROR = 1.0  # K; of a model of which nobody says how well it fitted
+_UNKNOWN_ERROR = 1.0  # K; of a model without a stated RMSE
 _LEAST_ERROR = 0.1  # K; no model is better on a run that it never saw
 _FIT_OVERCONFIDENCE = 2.0  # times the standard errors: of another activity a fit knows less than of those that it saw
 _AT_BOUND = 1e-3  # in the fit's coordinates; nearer to a bound than this a parameter is at it
@@ -91,7 +91,7 @@ class ModelUncertainty:
 
     @classmethod
     def nothing(cls, model: Model) -> ModelUncertainty:
-        """Of a model that nobody fitted: so far off are data sheets and presets, and 1 K besides."""
+        """Of a model that was never fitted: the usual error of data sheets and presets, and 1 K."""
         source = f"no fit is known; errors of {UNKNOWN:.0%} of each parameter and of {_UNKNOWN_ERROR:g} K are assumed"
         error = np.full(len(model.nodes), _UNKNOWN_ERROR)
         return cls(UNKNOWN**2 * np.eye(len(model.free)), error, source, learns=False)
@@ -100,12 +100,12 @@ class ModelUncertainty:
 # --- The present, estimated from the log so far ---------------------------------------------------
 
 _MEMORY = 3600.0  # s of the log that are looked at: some time constants of a joint
-_HEAT_TIME = 1800.0  # s over which the heat that a model lacks stays alike
-_SAMPLED = 50  # steps of a run at which it is asked what a parameter does
+_HEAT_TIME = 1800.0  # s; correlation time of the heat that a model lacks
+_SAMPLED = 50  # steps of a run at which sensitivities to parameters are computed
 _AIR = 0.1  # relative error of all conductances to the air in one run: a draught, a load on the back
 _SCALES = 2.0 ** np.arange(-1, 12)  # of missing heat that are tried, times the size that the fit's errors suggest
 _CONSISTENT = 2.0  # mean square of innovations in standard deviations: 1 of a consistent filter, by chance never 2
-_WORST_SCALE = 4.0  # up to which missing heat is not told by a log whose sensors may be at fault
+_WORST_SCALE = 4.0  # up to which missing heat can't be estimated from a log whose sensors may be faulty
 _USUAL_SCALE = 1.5  # on a run that it never saw a model is that much worse than where it was fitted
 
 
@@ -149,7 +149,7 @@ def present(model: Model, run: Run, uncertainty: ModelUncertainty) -> tuple[Esti
 
 
 def _missing_heat(model: Model, bound: BoundRun, uncertainty: ModelUncertainty) -> FloatArray:
-    """The size that the model's uncertainty suggests [W], for as long as it stays alike, shape (nodes,)."""
+    """The size that the model's uncertainty suggests [W], during its correlation time, shape (nodes,)."""
     a = model.state_jacobian(default_start(model, bound), bound.inputs.mean(axis=1), model.values).full()
     nodes, (_, integral) = len(model.nodes), zero_order_hold(a, _HEAT_TIME)
     capacities = model.values[[model.network.capacities[node] for node in model.nodes]]
@@ -189,7 +189,7 @@ def _estimator(
     )
 
 
-# --- Sensors that are not believed ----------------------------------------------------------------
+# --- Sensors that are not used ----------------------------------------------------------------
 
 _FAULT = 6.0
 """Standard deviations of an offset, drift or lag that is called: chance among some thousand onsets at some ten sensors,
@@ -199,7 +199,7 @@ _MISSING = 60.0  # s without a reading at the end of a log, that is worth a word
 
 @dataclass(frozen=True)
 class Doubt:
-    """A sensor that is not believed.
+    """A sensor that is not used.
 
     Args:
         node: whose sensor.

@@ -15,7 +15,7 @@ from lptn.report.shown import MOST, NOISE_BAND, initialisation_end, reaches, vie
 def of_history(history: History) -> str:
     """Under the falling errors."""
     last = len(history.steps) - 1
-    held = "the held-out errors say how good it is" if history.best.holdout else "no held-out errors check it"
+    held = "judge it by the held-out errors" if history.best.holdout else "no data were held out to test it"
     return f"RMSE from the model as given (step 0, blue) to the best model (step {last}, green); {held}."
 
 
@@ -62,13 +62,13 @@ def of_detectability(sizes: Sequence[Detectable]) -> str:
     rows = reaches(sizes)
     hidden = sum(reach.easiest.share_of_typical >= 1 for reach in rows)
     return (
-        "The dot is the place where an effect shows most easily, the end of the line where it hides best. An effect "
-        "that was not found is smaller than that, or absent; right of the dashed line even one of typical size could "
-        f"hide ({hidden} of {len(rows)} effects wherever they are)."
+        "The dot is the place where the smallest effect would be detected, the end of the line the place where only "
+        "the largest would. An effect that was not found is smaller, or absent. Right of the dashed line even one of "
+        f"typical size could be missed ({hidden} of {len(rows)} effects wherever they are)."
     )
 
 
 OF_PROBABILITIES = (
-    "How probable each effect is, beside all else in the model; green ones were added, hollow ones were not. Right of "
-    "the dashed line one is missing more probably than not."
+    "Probability of each effect, given all others in the model; green: added, hollow: not added. Right of the dashed "
+    "line an effect is more probably missing than not."
 )

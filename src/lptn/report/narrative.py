@@ -193,7 +193,9 @@ def _verdict(steps: Sequence[Step], last: Diagnosis, kinds: Kinds) -> str:
     if last.verdict == "adequate":
         return f"{subject} is adequate; what remains is {allowance_in_words(last)}."
     if last.only_held_out_runs_object:
-        return f"{subject} meets the fit data to within noise, but not the held-out data, which contain something else."
+        return (
+            f"{subject} predicts the fit data to within noise, but not the held-out data, which contain another effect."
+        )
     if last.verdict == "missing":
         if len(steps) == 1:
             return f"{subject} lacks the effects below, which explain most of its error."
@@ -268,7 +270,7 @@ def _next(steps: Sequence[Step], last: Diagnosis, kinds: Kinds, advice: Advice |
     if advice and advice.rows:
         return advice.rows
     if kinds.idle and not (kinds.findings or kinds.structure or kinds.helped or kinds.fitted or kinds.learned):
-        return "Take out what did not help."
+        return "Undo the added effects, which did not help."
     if last.verdict == "missing":
         answer = _short_and_sure(last.steps[0])
         return f"Add {answer if len(steps) > 1 else 'the effects above'}, and see whether the held-out error falls."
@@ -285,12 +287,12 @@ def _next(steps: Sequence[Step], last: Diagnosis, kinds: Kinds, advice: Advice |
         return f"One experiment would separate the names. {experiment_for(type(effect))}"
     unseen = [pair for pair in _errors(steps[0], steps[-1]) if pair[0] != "fitted"]
     if last.only_held_out_runs_object or any(after > before for _, before, after in unseen):
-        return "Find out what differs in the runs that no fit used, and fit on runs like them as well."
+        return "Find the difference between fitted and held-out runs, and fit on runs like the held-out ones, too."
     if last.verdict == "adequate":
         return "Use the model; compare it again when the robot works harder, faster or in other air."
     return (
-        "Find out what happened there that the log does not record: touch, water, a fan, a moved sensor, a load "
-        "without a column. Log it, or leave that segment out."
+        "Look for a cause there that was not logged: touch, water, a fan, a moved sensor, an unlogged load. "
+        "Log it, or leave that segment out."
     )
 
 

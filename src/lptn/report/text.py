@@ -155,7 +155,7 @@ def value_in_words(value: float, error: float, unit: str) -> str:
 
 
 def few(items: Sequence[str], most: int) -> str:
-    """A list that nobody has to read to its end: `a, b and 7 others` where one more than `most` is too many."""
+    """A list, shortened to `a, b and 7 others` where it has more than one item beyond `most`."""
     return listed(items if len(items) <= most + 1 else [*items[:most], f"{len(items) - most} others"])
 
 

@@ -1,4 +1,4 @@
-"""A study on the workbench: it does what the page orders, and knows what the page has to be told of it."""
+"""A study on the workbench: carries out the page's orders, and collects what the page shows."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from lptn.study import Study
 from lptn.workbench.lines import RunLines
 from lptn.workbench.orders import Add, Back, Cut, Keep, Order, Plain, Set, Try
 
-_MOST_WEIGHED = 12  # candidates beyond the answers; what is less probable helps nobody
+_MOST_WEIGHED = 12  # candidates beyond the answers; less probable ones are useless
 JOBS = ("fit", "holdout", "test")
 """What a run may be there for, in the order in which a page shows them."""
 
 
 @dataclass
 class News:
-    """Lines that the page's side does not have yet.
+    """Lines that were not sent to the page yet.
 
     Args:
         runs: by segment, without any model's line; where there are some, all older lines are of other data.

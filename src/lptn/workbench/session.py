@@ -1,4 +1,4 @@
-"""A session: the process that holds the study, what it told so far, and its state as every tab sees it."""
+"""A session: the process with the study, its messages so far, and its state as every tab sees it."""
 
 from __future__ import annotations
 
@@ -34,22 +34,22 @@ _GRACE = 2.0  # s in which a process that was ended is gone
 _BEGINNING = "reading"
 _WORDS = {
     "fit": "fitting the model as given",
-    "diagnose": "asking what is missing",
-    "improve": "adding what is missing, step by step",
+    "diagnose": "searching for missing effects",
+    "improve": "adding missing effects, step by step",
     "keep": "adding the steps so far",
     "add": "fitting with the effect added",
     "try": "fitting with the effect added, to try it",
     "report": "writing the report",
     "fmu": "building the FMU",
-    "leave_out": "fitting without the stretch",
-    "hold_out": "fitting without the stretch",
-    "fit_on": "fitting the stretch alone",
-    "use_again": "fitting with the stretch",
+    "leave_out": "fitting without the interval",
+    "hold_out": "fitting without the held-out interval",
+    "fit_on": "fitting the interval alone",
+    "use_again": "fitting with the interval",
     "use_all": "fitting all data again",
-    "undo": "taking back",
+    "undo": "undoing the last step",
     "redo": "adding again",
     "back": "going back",
-    "set": "fitting with the parameter as it was set",
+    "set": "fitting with the changed parameter",
 }
 
 

@@ -51,14 +51,15 @@ EXAMPLES = {
     "tclab": Example(
         "Two heaters, measured",
         "Ten minutes of a heater board with two transistors and two sensors. The model has each heater lose heat to "
-        "the air, and no more; it is fitted to the first five minutes and held against the rest.",
-        "The sensors lag behind the heaters, and heat passes from one heater to the other: neither was in the model.",
+        "the air, and nothing else; it is fitted to the first five minutes and tested on the rest.",
+        "The sensors lag behind the heaters, and the losses differ from one constant resistance: the model had "
+        "neither. The log can't tell these losses from heat that passes between the heaters.",
         _heaters,
     ),
     "leg": Example(
         "A robot's leg, with a secret",
-        "Three joints of a virtual leg: two runs to fit, one held out. The robot that made the logs shares no code "
-        "with the model, and does one thing that the model does not know.",
+        "Three joints of a virtual leg: two runs to fit, one held out. The simulation behind the logs shares no code "
+        "with the model, and has one effect that the model lacks.",
         "The thigh's cooling grows with the robot's speed: forced convection, which the model did not have.",
         _leg,
     ),

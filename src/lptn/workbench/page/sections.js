@@ -84,9 +84,9 @@ export function steps(page) {
       h("button", { id: "redo", disabled: busy || !undone.length, onclick: () => page.order({ what: "redo" }) }, "Redo"),
       finding.length ? h("small", null, "The steps so far; Stop keeps them. ") : null,
       h("small", null, `Bars: RMSE on ${held ? "held-out" : "fitted"} data; the mark is the sensors’ noise.`)),
-    state.branches.length ? h("details", { id: "branches" }, h("summary", null, `${state.branches.length} other ${state.branches.length > 1 ? "ways that were" : "way that was"} left`),
+    state.branches.length ? h("details", { id: "branches" }, h("summary", null, `${state.branches.length} other ${state.branches.length > 1 ? "branches" : "branch"}`),
       h("ul", { className: "plain" }, state.branches.map((branch, number) => h("li", { className: "row" },
-        h("button", { id: `back ${number}`, disabled: busy, onclick: () => page.order({ what: "back", number }) }, "Go back to it"),
+        h("button", { id: `back ${number}`, disabled: busy, onclick: () => page.order({ what: "back", number }) }, "Restore"),
         `${branch.map(step => step.name).join(", then ")}: ${kelvin(error(branch.at(-1)))}`)))) : null,
   ];
 }
@@ -135,11 +135,11 @@ export function where(page) {
   const choice = (name, label) => h("button", { id: `show ${name}`, ariaPressed: shown === name, onclick: () => page.show(name) }, label);
   const grouping = (by, label) => h("button", { id: `by ${by}`, ariaPressed: page.by === by, onclick: () => page.group(by) }, label);
   const bar = h("div", { className: "row" }, h("h2", { style: "margin: 0" }, "Where it fails"), grouping("run", "by run"), grouping("condition", "by condition"), state.given !== state.now && [choice("given", "as given"), choice("now", "now")]);
-  const said = "RMSE in K; + the model is too hot (orange), − too cold (blue), the stronger the more is beyond the sensors’ noise. A tile opens its plot, with Shift beside the others.";
+  const said = "RMSE in K; + the model is too hot (orange), − too cold (blue), darker where further beyond the sensors’ noise. A tile opens its plot; with Shift, below the others.";
   if (page.by === "condition") {
     const columns = state.conditions[shown], groups = [...new Set(columns.map(each => each.group))];
     const which = state.segments.some(each => each.job !== "fitted") ? "held-out data" : "fitted data";
-    return [bar, h("p", null, h("small", null, `${said} All ${which}, by what went on; loads and speeds are the joint’s own.`)),
+    return [bar, h("p", null, h("small", null, `${said} All ${which}, by operating condition; loads and speeds are the joint’s own.`)),
       h("div", { className: "tiles" }, h("table", null,
         h("thead", null,
           h("tr", null, h("td"), groups.map(group => h("th", { scope: "colgroup", colSpan: columns.filter(each => each.group === group).length, className: "job" }, group))),
@@ -168,7 +168,7 @@ export function missing(page) {
   const title = h("h2", null, "What is missing");
   const other = addAnother(page);
   if (!answers) return [title,
-    h("p", null, "What every part may have is fitted at once; then what sets one place, sensor or run apart is sought, and each gets a probability."),
+    h("p", null, "Effects that every part may have are fitted at once. Then effects at one place, sensor or run are tested. Each gets a probability."),
     h("div", { className: "row" }, ask("diagnose", "Find what is missing", true), ask("improve", "Find and add automatically")), other];
   const error = step => step.holdout ?? step.fit, now = state.steps.at(-1);
   const change = each => each.tried ? `alone: ${each.holdout != null ? "held out" : "fitted"} ${digits(error(now))} → ${kelvin(error(each))}` : "";
@@ -196,12 +196,12 @@ export function missing(page) {
     h("details", { id: `more ${each.key}` }, h("summary", null, "Equation, signs, experiment"),
       each.equations.map(equation => h("div", { className: "equation" }, equation)),
       each.details && h("p", null, `${capital(each.details)}.`),
-      h("p", null, `Without it: ${each.looks_like}.`),
+      h("p", null, `Without this effect: ${each.looks_like}.`),
       h("p", null, `An experiment that separates it from others: ${each.separate_by}.`)));
   return [title,
-    h("p", null, { adequate: "Nothing that these data show is missing.", missing: "", unexplained: "The catalogue does not explain the remaining error." }[answers.verdict],
+    h("p", null, { adequate: "These data show no missing effect.", missing: "", unexplained: "The catalogue does not explain the remaining error." }[answers.verdict],
       answers.answers.length ? "" : " No effect of the catalogue helps."),
-    ...[["finding", "Findings: what sets a place, a sensor or a run apart"], ["structure", "Structure: what all parts have in common"]].map(([kind, label]) => {
+    ...[["finding", "Findings: effects at one place, sensor or run"], ["structure", "Structure: effects that all parts have"]].map(([kind, label]) => {
       const own = answers.answers.filter(each => each.kind === kind);
       return own.length ? [h("h3", null, label), h("ol", { className: "answers" }, own.map(answer))] : null;
     }),
@@ -270,7 +270,7 @@ function parameterTable(page) {
       field("set value", "value", Number(each.value.toPrecision(6))), field("set least", "at least", each.bounds[0]), field("set most", "at most", each.bounds[1]), unit(each),
       h("button", { id: "set", className: "first", disabled: busy }, "Fit again"),
       h("button", { id: "set other", type: "button", disabled: busy, onclick: order(each.free) }, each.free ? "Fix it there, and fit the rest" : "Free it"),
-      each.together.length ? h("small", null, `Bounds, and whether it is fixed, go for ${listed(each.together)}, too: they are declared together.`) : null)));
+      each.together.length ? h("small", null, `The bounds, and whether it is fixed, also apply to ${listed(each.together)}: they are declared together.`) : null)));
   };
   return h("details", { id: "parameters" }, h("summary", null, `${fitted} fitted parameters, ${parameters.length - fitted} fixed`),
     parts.length > 1 && h("select", { id: "part", ariaLabel: "node or link", onchange: event => page.partOf(event.target.value) },
