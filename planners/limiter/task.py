@@ -93,10 +93,9 @@ class LimitAnswer:
 
         What nothing limits is drawn to the top.
         """
-        from matplotlib import colormaps
         from matplotlib.lines import Line2D
 
-        from lptn.basics.style import INK, SMALL, dress, new_figure, plain
+        from lptn.basics.style import BAD, INK, SMALL, dress, new_figure, plain
 
         limiter = self.task.limiter
         figure, width = new_figure(3.2), 0.84  # inch; of a joint's bars
@@ -104,11 +103,11 @@ class LimitAnswer:
         count, places = len(limiter.horizons), np.arange(len(limiter.joints))
         limited = self.admissible[self.admissible < _NO_LIMIT]
         top = 1.15 * max(float(limited.max(initial=0.0)), float(np.abs(self.task.load).max(initial=0.0)), 1e-9)
-        shades = colormaps["cividis"](np.linspace(0.1, 0.9, count))
+        shades = np.linspace(1.0, 0.25, count)
         for number, seconds in enumerate(limiter.horizons):
             at = places + width * ((number + 0.5) / count - 0.5)
             shown = np.minimum(self.admissible[:, number], top)
-            ax.bar(at, shown, width / count, color=shades[number], label=_named(seconds))
+            ax.bar(at, shown, width / count, color=BAD, alpha=shades[number], label=_named(seconds))
         ax.hlines(np.abs(self.task.load), places - width / 2, places + width / 2, color=INK, linewidth=1.4)
         ax.set_xticks(places, [plain(joint) for joint in limiter.joints], size=SMALL, rotation=30, ha="right")
         ax.set_ylim(0, top)

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from lptn.basics.places import class_of
-from lptn.basics.style import FAINT, INK, LIMIT, PALETTE, SMALL, TEXT, dress, new_figure, plain, time_axis
+from lptn.basics.style import FAINT, INK, LIMIT, PALETTE, SHADE, SMALL, TEXT, dress, new_figure, plain, time_axis
 
 from .plan import MissionPlan
 
@@ -48,7 +48,7 @@ def _temperatures(ax: Axes, plan: MissionPlan) -> None:
         named = ", ".join(dict.fromkeys(held))
         ax.annotate(f"limit of {plain(named)}", (0.005, limit), (0, 2), xycoords=("axes fraction", "data"),
                     textcoords="offset points", fontsize=SMALL, color=LIMIT)  # fmt: skip
-    ax.set_ylabel("temperature [degC]")
+    ax.set_ylabel("temperature [°C]")
     ax.set_ylim(top=max([*plan.mission.limits.values(), float(plan.course.states.max())]) + 4)
     ax.legend(frameon=False, fontsize=SMALL, ncols=len(classes), loc="lower right")
     dress(ax)
@@ -59,7 +59,7 @@ def _speed_and_load(ax: Axes, plan: MissionPlan) -> None:
     scale = 1 / 60 if time_axis(plan.course.time)[1].endswith("[min]") else 1.0
     for segment, begin, end in zip(plan.segments, edges[:-1] * scale, edges[1:] * scale, strict=True):
         if segment.gait is plan.mission.rest:
-            ax.axvspan(begin, end, color="0.9", lw=0)
+            ax.axvspan(begin, end, color=SHADE, lw=0)
             if end - begin > 0.05 * edges[-1] * scale:
                 ax.annotate("rest", ((begin + end) / 2, 0.5), xycoords=("data", "axes fraction"), ha="center",
                             fontsize=SMALL, color=FAINT)  # fmt: skip

@@ -6,12 +6,11 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from lptn.basics.errors import InputError
-from lptn.basics.style import INK, LIMIT, PALETTE, SMALL, TEXT, dress, new_figure, plain
+from lptn.basics.style import BAD, FAINT, INK, LIMIT, PALETTE, PAPER, SMALL, TEXT, dress, new_figure, plain
 
 from .answer import StudyResult
 from .designs import Design
@@ -28,7 +27,7 @@ _AXES = {
     "torque": (1.0, "torque [N·m]"), "duration": (1.0, "duration [s]"), "voltage": (1.0, "supply voltage [V]"),
     "ratio": (1.0, "gear ratio"), "held_torque": (1.0, "held torque [N·m]"),
     "time_to_limit": (1.0, "time to the limit [s]"),
-    "worst_temperature": (1.0, "worst winding temperature [degC]"),
+    "worst_temperature": (1.0, "worst winding temperature [°C]"),
 }  # fmt: skip
 
 
@@ -92,12 +91,12 @@ def torque_speed_figure(result: StudyResult) -> Figure:
 def _torque_speed(ax: Axes, diagram: TorqueSpeed) -> None:
     """Bands between the torques of two durations, the darker the shorter."""
     speed = RPM * diagram.speed
-    shades = colormaps["cividis"](np.linspace(0.1, 0.95, len(diagram.durations)))
+    shades = np.linspace(1.0, 0.15, len(diagram.durations))
     torque = np.nan_to_num(diagram.torque)
     for row in range(len(diagram.durations)):
         below = torque[row + 1] if row + 1 < len(torque) else np.zeros(speed.size)
         label = duration_words(diagram.durations[row])
-        ax.fill_between(speed, below, torque[row], color=shades[row], lw=0, label=label)
+        ax.fill_between(speed, below, torque[row], color=BAD, alpha=shades[row], lw=0, label=label)
     ax.set(xlim=(0, speed[-1]), ylim=(0, 1.05 * float(torque.max())))
 
 
@@ -152,7 +151,7 @@ def _map(ax: Axes, result: StudyResult) -> None:
     # Before the contours: their labels cut gaps that hold on the axes' scale of that moment only.
     ax.set(xscale="log", yscale="log", xlabel="sink capacity C [J/K]", ylabel="sink resistance R_h [K/W]")
     ax.set(xlim=option.study.sink.capacity, ylim=option.study.sink.resistance)
-    lines = ax.contour(grid.capacity, grid.resistance, grid.winding, levels=8, colors="0.35", linewidths=1.0)
+    lines = ax.contour(grid.capacity, grid.resistance, grid.winding, levels=8, colors=FAINT, linewidths=1.0)
     spread = float(np.ptp(grid.winding[np.isfinite(grid.winding)]))
     decimals = max(0, int(np.ceil(1 - np.log10(max(spread, 1e-6)))))  # that tell the contours apart
     ax.clabel(lines, fontsize=SMALL, fmt=f"%.{decimals}f")
@@ -160,7 +159,7 @@ def _map(ax: Axes, result: StudyResult) -> None:
     ax.plot(*here, "o", ms=7, color=_look(result, option.name)["color"], zorder=6, clip_on=False)
     ax.annotate("design", here, (7, 7), textcoords="offset points", fontsize=SMALL)
     peak = "Mean" if option.study.task.repeats is None else "Hottest"
-    ax.set_title(f"{peak} winding [degC] at {design.torque:.3g} N·m\n{plain(option.name)}; shaded: can't be built")
+    ax.set_title(f"{peak} winding [°C] at {design.torque:.3g} N·m\n{plain(option.name)}; shaded: can't be built")
 
 
 def _bounds(ax: Axes, design: Design, here: tuple[float, float]) -> None:
@@ -204,7 +203,7 @@ def _curves(ax: Axes, result: StudyResult) -> None:
     ax.annotate("most current", (most, 0.98), (3, 0), xycoords=("data", "axes fraction"), textcoords="offset points",
                 fontsize=SMALL, color=LIMIT, rotation=90, va="top")  # fmt: skip
     ax.set(xlabel="constant current [A]", ylabel="time to the limit [s]", yscale="log", xlim=(0, 1.3 * most))
-    ax.set_title(f"Time until the winding is at {result.curves[0].limit:.0f} degC")
+    ax.set_title(f"Time until the winding is at {result.curves[0].limit:.0f} °C")
     if not result.front or len(result.curves) <= 5:  # else the lines are those of the front, and there is no room
         ax.legend(frameon=False, fontsize=SMALL)
 
@@ -221,7 +220,7 @@ def _sensitivities(ax: Axes, result: StudyResult) -> None:
         place = rows + (0.5 * (len(shown) - 1) - number) * thickness
         colour = _look(result, design.option.name)["color"]
         hatch = "////" if design.option.has_sink else None
-        ax.barh(place, values, thickness, color=colour, hatch=hatch, ec="white", lw=0, label=plain(design.option.name))
+        ax.barh(place, values, thickness, color=colour, hatch=hatch, ec=PAPER, lw=0, label=plain(design.option.name))
     units = {name: unit for design in shown for name, (_, unit) in design.parameters.items()}
     ax.set_yticks(rows, [plain(name) + (", per K" if units[name] == "degC" else "") for name in names])
     ax.set_ylim(-0.5, max(len(names), 3) - 0.5)

@@ -9,6 +9,7 @@ import logging
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
+from functools import partial
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, overload
@@ -269,7 +270,8 @@ class Study:
             both = versus(self.model, against.model, self._shown(), against._shown())
             return StudyVersus(replace(both.model, fitted=self._fitted), replace(both.other, fitted=against._fitted))
         compared = compare(self.model, self._shown())
-        return StudyComparison(compared.model, compared.predictions, compared.noise, self._fitted)
+        as_given = partial(compare, self._steps[0].fit.model, self._shown()) if len(self._steps) > 1 else None
+        return StudyComparison(compared.model, compared.predictions, compared.noise, self._fitted, as_given)
 
     def forecast(
         self,

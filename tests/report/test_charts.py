@@ -17,7 +17,6 @@ from lptn.planners.trade import solve_study
 from lptn.report.charts import ChartPanel, Charts, Line, View, packed
 from lptn.report.pages import story_html
 from lptn.report.planning_pages import plan_html, trade_html
-from lptn.report.svg import ticks
 from lptn.robots.presets import presets
 from tests.cooling.studies import HELD, study
 from tests.report.two_joints import NODES, Told
@@ -62,14 +61,6 @@ def test_text_of_users_cannot_end_the_data() -> None:
     match = re.search(r'id="one-data">(.*)</script>', html)
     assert match is not None
     assert json.loads(match[1])["views"][0]["title"] == name
-
-
-def test_ticks_are_round_and_inside() -> None:
-    for low, high in ((0.0, 1.0), (-3.2, 7.7), (19.9, 20.1), (0.0, 7200.0), (1e5, 9e5)):
-        marks = ticks(low, high, 6)
-        assert 2 <= len(marks) <= 7
-        assert all(low - 1e-9 <= value <= high + 1e-9 for value in marks)
-    assert ticks(0.01, 10.0, 6, log=True) == [0.01, 0.1, 1.0, 10.0]
 
 
 @pytest.mark.long

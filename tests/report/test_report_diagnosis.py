@@ -18,7 +18,7 @@ from lptn.identify.comparison import compare
 from lptn.model.network import EffectDeclaration
 from lptn.report import captions
 from lptn.report.diagnosis_figures import plot_detectability
-from lptn.report.heat_figures import fields_figure
+from lptn.report.heat_figures import field_figures
 from lptn.report.heat_story import HeatStory, chosen_links, heat_line_picture, heat_map_picture
 from lptn.report.shown import InputLink, error_fields, heat_fields, reaches, worst_runs
 from lptn.report.tables import effects_table, node_table, refused_table
@@ -56,10 +56,12 @@ def test_errors_by_node_and_time_are_the_means_of_the_errors(missing: Told) -> N
     size = round(field.seconds / STEP)
     block = slice(counted[0] + 2 * size, counted[0] + 3 * size)
     np.testing.assert_allclose(field.values[:, 2], error[:, block].mean(axis=1))
-    figure = fields_figure([field], [field], "error [K]", 0.1)
-    assert _labels(figure) == {"time [s]", "error [K]"}
-    drawn = figure.axes[0].images[0]
-    assert drawn.norm.vmax == pytest.approx(-drawn.norm.vmin)  # type: ignore[operator]
+    (figure,) = field_figures([field], [field], "K", 0.1)
+    assert _labels(figure) == {"time [s]"}
+    (legend,) = figure.legends
+    sizes = [text.get_text() for text in legend.get_texts()]
+    assert [size[1:] for size in sizes[:3]] == [size[1:] for size in reversed(sizes[3:])]
+    assert all(size.endswith(" K") for size in sizes)
 
 
 def test_heat_within_its_band_is_drawn_as_none(heat: HeatStory) -> None:
@@ -156,6 +158,7 @@ def test_too_cold_is_hatched_so_that_grey_shows_it(missing: Told) -> None:
     comparison = compare(missing[0].steps[0].fit.model, missing[1].holdout)
     (field,) = error_fields(comparison)
     cold = replace(field, values=np.where(np.arange(field.values.shape[1]) % 4 == 1, -1.0, 1.0) * [[1.0], [0.1]])
-    drawn = fields_figure([cold], [], "error [K]", 0.1).axes[0]
-    assert {patch.get_y() for patch in drawn.patches} == {0.0}  # type: ignore[attr-defined]
-    assert len(drawn.patches) == int((cold.values[0] < 0).sum())
+    (figure,) = field_figures([cold], [], "K", 0.1)
+    (hatched,) = (patch.get_path() for patch in figure.axes[0].patches if patch.get_hatch())
+    assert np.asarray(hatched.vertices)[:, 1].max() <= 1.0
+    assert (np.asarray(hatched.codes) == hatched.MOVETO).sum() == (cold.values[0] < 0).sum()

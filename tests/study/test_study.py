@@ -93,7 +93,19 @@ def test_a_study_without_logs_compares_nothing() -> None:
 def test_a_comparison_is_drawn_by_itself(study: lptn.Study) -> None:
     axes = study.compare().plot()
     assert "°C" in axes.get_ylabel()
-    assert len(axes.get_lines()) >= 2
+    assert [line.get_label() for line in axes.get_lines()] == ["measured", "model"]
+    assert [below.get_ylabel() for below in axes.figure.axes[1:]] == ["error [K]"]
+
+
+@pytest.mark.long
+def test_a_comparison_is_drawn_beside_the_model_as_given(study: lptn.Study) -> None:
+    study.add("conduction", at="heater1~heater2")
+    try:
+        own = study.compare().plot("heater2")
+        assert [line.get_label() for line in own.get_lines()] == ["measured", "model as given", "best model"]
+        assert study.compare().plot(ax=own) is own
+    finally:
+        study.undo()
 
 
 @pytest.mark.parametrize("make", [lambda study: study, lambda study: study.compare(), lambda study: study.steps[0]])

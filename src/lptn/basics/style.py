@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import io
 import re
 import sys
@@ -13,10 +14,8 @@ from typing import Any
 
 import matplotlib
 from markupsafe import Markup, escape
-from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_svg import FigureCanvasSVG
-from matplotlib.colors import Colormap, Normalize
 from matplotlib.figure import Figure
 
 from lptn.basics.lines import decimated as decimated
@@ -27,18 +26,30 @@ from lptn.basics.lines import time_axis as time_axis
 
 WIDTH = 9.0  # inch; fills a laptop's page and still prints legibly on A4
 TEXT, SMALL, TINY = 9.0, 8.0, 6.5  # pt
-INK, FAINT = "black", "0.55"
-SHADE, NOISE = "0.93", "0.85"
-ERROR = "error [K]:\npredicted\n− measured"
-"""The label of every axis of errors."""
-LIMIT = "#CC0000"  # of limits and alarms, and of nothing else
-PALETTE = ("#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8C6D31")  # of things that only have to differ
-RMSE_MAP: Colormap = colormaps["cividis_r"]  # light is good, dark is bad, on a grey printer too
+
+COLOURS = {
+    "ink": "#141413", "soft": "#56564f", "paper": "#ffffff", "rule": "#cfcfca", "shade": "#ededed", "noise": "#d4d4d4",
+    "given": "#0072b2", "best": "#00795a", "heat": "#c2500a", "limit": "#cc0000",
+    "bad": "#12355b", "hot": "#c8480a", "cold": "#0a64ad",
+    "colour2": "#b0568f", "colour3": "#b86e00", "colour4": "#2f8fc0", "colour5": "#7a5a20", "colour6": "#555555",
+    "colour7": "#7b4fc4",
+}  # fmt: skip
+"""Each colour of a figure by the name of the pages' CSS variable, which has another value in the dark."""
+
+INK, FAINT, PAPER, RULE = COLOURS["ink"], COLOURS["soft"], COLOURS["paper"], COLOURS["rule"]
+SHADE, NOISE = COLOURS["shade"], COLOURS["noise"]
+HOT, COLD = COLOURS["hot"], COLOURS["cold"]  # of what is too much, and of what is too little
+BAD = COLOURS["bad"]  # of sizes: the stronger, the larger
+LIMIT = COLOURS["limit"]  # of limits and alarms, and of nothing else
+PALETTE = (COLOURS["given"], COLOURS["best"], *(COLOURS[f"colour{number}"] for number in range(2, 8)))
+"""Colours of things that only have to differ."""
+ERROR = "error [K]"
+"""The label of every axis of errors; error = predicted − measured."""
 
 # Blue and green look alike in grey, so each has a dash pattern of its own.
 MEASURED: dict[str, Any] = {"color": INK, "linewidth": 0.8, "zorder": 3}
-GIVEN: dict[str, Any] = {"color": "#0072B2", "linewidth": 1.8, "linestyle": (0, (5, 1.5))}
-BEST: dict[str, Any] = {"color": "#009E73", "linewidth": 2.4, "linestyle": "-"}
+GIVEN: dict[str, Any] = {"color": COLOURS["given"], "linewidth": 1.8, "linestyle": (0, (5, 1.5))}
+BEST: dict[str, Any] = {"color": COLOURS["best"], "linewidth": 2.0, "linestyle": "-"}
 
 
 def new_figure(height: float) -> Figure:
@@ -56,15 +67,29 @@ def new_axes(height: float) -> Axes:
     Args:
         height: in inch.
     """
+    return new_panels(height)[0]
+
+
+def new_panels(*heights: float) -> list[Axes]:
+    """Axes above each other, as wide as the page, in a figure of `pyplot`.
+
+    Args:
+        heights: in inch, one for each.
+    """
     from matplotlib import pyplot  # documents, which may be made in any thread, do without it
 
-    return pyplot.subplots(figsize=(WIDTH, height), layout="constrained")[1]
+    size = WIDTH, sum(heights)
+    _, axes = pyplot.subplots(
+        len(heights), figsize=size, height_ratios=heights, sharex=True, squeeze=False, layout="constrained"
+    )
+    return list(axes[:, 0])
 
 
 def dress(ax: Axes) -> None:
     """Give axes the common look: no box, small ticks."""
     ax.spines[["top", "right"]].set_visible(False)
-    ax.tick_params(labelsize=SMALL)
+    ax.spines[["left", "bottom"]].set_color(FAINT)
+    ax.tick_params(labelsize=SMALL, color=FAINT)
 
 
 def plain(text: str) -> str:
@@ -72,9 +97,12 @@ def plain(text: str) -> str:
     return text.replace("$", r"\$")
 
 
-def rmse_norm(largest: float, noise: float) -> Normalize:
-    """The colour scale from no error to the largest error [K] shown; errors like the noise [K] stay light."""
-    return Normalize(0.0, max(largest, 5.0 * noise))
+_STRENGTHS = 20  # that are told apart in a map
+
+
+def strength(share: float) -> float:
+    """How opaque a colour is drawn for a share of the scale's end, so that few different ones are in a map."""
+    return round(min(max(share, 0.0), 1.0) * _STRENGTHS) / _STRENGTHS
 
 
 # --- A figure as SVG text that can stand inside an HTML page, the same bytes every time -----------
@@ -87,12 +115,20 @@ _SETTINGS: dict[Any, Any] = {
     "figure.constrained_layout.use": False,
 }
 _NO_METADATA = {"Date": None, "Creator": None, "Format": None, "Type": None}
-_PATH = re.compile(r' d="([^"]*)"')
+_NOT_FOR_PAGES = re.compile(r"<metadata>.*?</metadata>|<style[^>]*>.*?</style>", re.DOTALL)
+_BETWEEN = re.compile(r">\s*\n\s*<")
+_TAG = re.compile(r"<[^>]*>")  # text of users stands between tags, and no tag has a bracket in it
+_NAME = re.compile(r'(?<=id=")[^"]+|(?<=href="#)[^"]+|(?<=url\(#)[^)]+')
 _LONG_NUMBER = re.compile(r"(\d+\.\d\d)\d+")
+_NOT_SAID = re.compile(r"""(?<=<g) id="[^"]*"|xlink:|font-family:[^;"]*;? ?| transform="rotate\(-0 [^"]*"|\n""")
+_VARIABLES = {colour: f"var(--{name})" for name, colour in COLOURS.items()} | {"#000000": "var(--ink)"}
+_COLOUR = re.compile("|".join(_VARIABLES))
 
 
 def inline_svg(figure: Figure, label: str) -> Markup:
-    """The figure as an `<svg>` element.
+    """The figure as an `<svg>` element for a page, whose style sheet gives its font and each of `COLOURS`.
+
+    Text stays text. No name in it is that of something in another figure, and nothing in it changes from day to day.
 
     Args:
         figure: the figure.
@@ -103,17 +139,22 @@ def inline_svg(figure: Figure, label: str) -> Markup:
         # The text stays text, and the reader's machine has fonts that this one may lack.
         warnings.filterwarnings("ignore", message="Glyph .* missing from font")
         with _laid_out(figure):
-            figure.savefig(written, format="svg", metadata=_NO_METADATA)
-    text = written.getvalue()
-    # The prolog names a DTD on another machine; the page has no use for it.
-    text = text[text.index("<svg") :]
-    text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
-    head, body = text[: text.index(">")], text[text.index(">") :]
-    head = re.sub(r' (width|height)="[^"]*"', "", head)
-    # Several figures share a page: names that nothing refers to would only clash.
-    body = re.sub(r'<g id="[^"]*"', "<g", body)
-    body = _PATH.sub(lambda path: _LONG_NUMBER.sub(r"\1", path[0]), body)  # two decimals: a hundredth of a point
-    return Markup(head + f' role="img" aria-label="{escape(label)}"' + body)
+            figure.savefig(written, format="svg", metadata=_NO_METADATA, transparent=True)
+    # The prolog names a DTD on another machine; a style element would hold for the whole page.
+    text = _BETWEEN.sub("><", _NOT_FOR_PAGES.sub("", written.getvalue()))
+    body = text[text.index(">", text.index("<svg")) + 1 :]
+    own = hashlib.sha256(f"{label}{body}".encode()).hexdigest()[:6]
+    names: dict[str, str] = {}
+
+    def for_page(tag: re.Match[str]) -> str:
+        said = _NOT_SAID.sub("", tag[0])
+        said = _NAME.sub(lambda name: names.setdefault(name[0], f"f{own}-{len(names)}"), said)
+        said = _LONG_NUMBER.sub(r"\1", said)  # two decimals: a hundredth of a point
+        return _COLOUR.sub(lambda colour: _VARIABLES[colour[0]], said)
+
+    wide, high = (72 * size for size in figure.get_size_inches())  # pt, the unit of SVG files
+    head = f'viewBox="0 0 {wide:g} {high:g}" role="img" aria-label="{escape(label)}"'
+    return Markup(f'<svg class="chart" {head}>{_TAG.sub(for_page, body)}')
 
 
 @contextmanager

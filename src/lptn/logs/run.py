@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
 from math import isfinite, nan
 
 import numpy as np
@@ -20,6 +21,7 @@ LATEST_FIRST = 30.0
 
 _OTHER_CLOCK = 1e6
 """s, 12 days: no log is that long, so a clock that shows more did not begin with the log."""
+_SINCE_1970 = 3e8, 1e10  # s, from 1979 to 2286: clocks that count from 1970
 
 
 @dataclass(frozen=True)
@@ -84,6 +86,11 @@ class Run:
         """
         start = self.log_start if isfinite(self.log_start) else float(self.time[0])
         return start if abs(start) > _OTHER_CLOCK else 0.0
+
+    @property
+    def began(self) -> datetime | None:
+        """The time of day at `origin`, where the log's clock counts from 1970, as those of computers do."""
+        return datetime.fromtimestamp(self.origin, UTC) if _SINCE_1970[0] < self.origin < _SINCE_1970[1] else None
 
     @property
     def elapsed(self) -> FloatArray:

@@ -9,13 +9,13 @@ import base64
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from datetime import datetime
 from typing import Any, Literal
 
 import numpy as np
 from markupsafe import Markup
 
 from lptn.basics.arrays import FloatArray
-from lptn.report.svg import plain
 
 POINTS = 1000
 """About how many points a line keeps: the smallest and the largest reading of each of 500 stretches."""
@@ -80,6 +80,7 @@ class View:
         lines: values by the lines' names, as long as those across, NaN where missing.
         shaded: stretches across that are shaded.
         floor: half-width of a band around zero in the panels that have zero.
+        began: the time of day where the values across are zero.
     """
 
     keys: tuple[str, ...]
@@ -88,6 +89,7 @@ class View:
     lines: Mapping[str, FloatArray]
     shaded: Sequence[tuple[float, float]] = ()
     floor: float | None = None
+    began: datetime | None = None
 
 
 @dataclass(frozen=True)
@@ -141,6 +143,7 @@ class Charts:
                     "lines": {line: packed(values) for line, values in view.lines.items()},
                     "shaded": [[float(f"{end:.7g}") for end in stretch] for stretch in view.shaded],
                     "floor": view.floor,
+                    "began": view.began and view.began.timestamp(),
                 }
                 for view in self.views
             ],
@@ -171,4 +174,4 @@ def sizes_in_words(seconds: float) -> str:
     """What a chart says of how its lines were thinned, `seconds` being the longest stretch; empty for none."""
     if not seconds:
         return ""
-    return f"Of every {plain(float(f'{seconds:.3g}'))} s at most, each line keeps its smallest and its largest reading."
+    return f"Of every {float(f'{seconds:.3g}'):g} s at most, each line keeps its smallest and its largest reading."

@@ -4,25 +4,25 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
-from math import ceil
+from itertools import zip_longest
+from math import ceil, sqrt
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.cm import ScalarMappable
-from matplotlib.colors import Normalize
 from matplotlib.figure import Figure, FigureBase
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 
 from lptn.basics.style import (
+    BAD,
     BEST,
     ERROR,
     GIVEN,
+    INK,
     MEASURED,
     NOISE,
-    RMSE_MAP,
+    PAPER,
     SHADE,
     SMALL,
     TEXT,
@@ -31,8 +31,9 @@ from lptn.basics.style import (
     dress,
     new_axes,
     new_figure,
+    new_panels,
     plain,
-    rmse_norm,
+    strength,
     time_axis,
 )
 from lptn.identify.comparison import Comparison, Condition, Pair, Prediction, Versus
@@ -70,19 +71,16 @@ def plot_temperatures(
     with_legend = ax is None
     ax = new_axes(2.6) if ax is None else ax
     prediction = given.predictions[run]
-    time, label = _shaded_time(ax, prediction)
+    time = _shaded_time(ax, prediction)
     measured = prediction.bound.measured[given.model.nodes.index(node)]
     ax.plot(*decimated(time, measured), label="measured", **MEASURED)
-    for comparison, style in ((given, GIVEN), (best, BEST)):
-        if comparison is not None:
-            readings = comparison.predictions[run].readings[comparison.model.nodes.index(node)]
-            rmse = kelvin(comparison.node(node, comparison.predictions[run]).rmse)
-            ax.plot(*decimated(time, readings), label=f"predicted, RMSE {rmse}", **style)
+    for comparison, style, name in _models(given, best, NAMES):
+        readings = comparison.predictions[run].readings[comparison.model.nodes.index(node)]
+        ax.plot(*decimated(time, readings), label=name, **style)
     if with_legend:
         ax.legend(frameon=False, fontsize=SMALL)
     ax.set_title(plain(f"{node}, run {prediction.segment.run.name}"), size=TEXT, loc="left", pad=3)
     ax.set_ylabel("temperature [°C]", size=SMALL)
-    ax.set_xlabel(label, size=SMALL)
     return ax
 
 
@@ -99,31 +97,77 @@ def plot_errors(
     """
     run, node = worst_view(given, node, run)
     ax = new_axes(2.0) if ax is None else ax
-    time, label = _shaded_time(ax, given.predictions[run])
+    time = _shaded_time(ax, given.predictions[run])
     band = NOISE_BAND * given.floor(node)
-    ax.axhspan(-band, band, color=NOISE, linewidth=0)
-    for comparison, style in ((given, GIVEN), (best, BEST)):
-        if comparison is not None:
-            error = comparison.predictions[run].error[comparison.model.nodes.index(node)]
-            ax.plot(*decimated(time, error), **style | {"linewidth": 0.8})
+    ax.axhspan(-band, band, color=NOISE, linewidth=0, label="sensor noise")
+    errors = []
+    for comparison, style, name in _models(given, best, NAMES):
+        prediction = comparison.predictions[run]
+        error = prediction.error[comparison.model.nodes.index(node)]
+        ax.plot(*decimated(time, error), label=name, **style | {"linewidth": 0.8, "linestyle": "-"})
+        errors.append(kelvin(comparison.node(node, prediction).rmse))
+    ax.set_title(f"RMSE {' → '.join(errors)}", size=SMALL, loc="right", pad=2)
     ax.set_ylabel(ERROR, size=SMALL)
-    ax.set_xlabel(label, size=SMALL)
-    ax.margins(x=0.01)
     return ax
 
 
-def _shaded_time(ax: Axes, prediction: Prediction) -> tuple[Any, str]:
-    """The run's time in the unit of the axis, and the axis label; the initialisation window is shaded."""
+def _models(
+    given: Comparison, best: Comparison | None, names: tuple[str, str]
+) -> list[tuple[Comparison, dict[str, Any], str]]:
+    """One or two comparisons, how their lines look, and what they are called."""
+    if best is None:
+        return [(given, GIVEN, "model")]
+    return [(given, GIVEN, plain(names[0])), (best, BEST, plain(names[1]))]
+
+
+def _shaded_time(ax: Axes, prediction: Prediction) -> Any:
+    """The run's time in the unit of the axis, which gets its label; the initialisation window is shaded."""
     time, label = time_axis(prediction.bound.run.elapsed)
     end = initialisation_end(prediction)
     if end is not None:
         stop = end / (60 if label.endswith("[min]") else 1)
         ax.axvspan(float(time[0]), stop, color=SHADE, zorder=0, linewidth=0, label="finds the start")
+    ax.set_xlabel(label, size=SMALL)
+    ax.set_xlim(float(time[0]), float(time[-1]))
     dress(ax)
-    return time, label
+    return time
+
+
+def plot_predictions(
+    given: Comparison,
+    node: str | None = None,
+    run: int | None = None,
+    best: Comparison | None = None,
+    axes: Sequence[Axes] | None = None,
+) -> Sequence[Axes]:
+    """Measured and predicted temperature [°C] of a node over a run, and the error [K] below.
+
+    Args:
+        given: a model's comparison.
+        node: its name; by default the node with the largest RMSE.
+        run: the number of the run in the comparison; by default the node's worst.
+        best: another model's comparison on the same runs.
+        axes: where to draw, the upper and the lower; by default new ones, with a legend.
+
+    Returns:
+        The upper and the lower axes.
+
+    Raises:
+        InputError: the node is not measured there.
+    """
+    run, node = worst_view(given, node, run)
+    upper, lower = new_panels(2.4, 1.4) if axes is None else axes
+    plot_temperatures(given, node, run, best, upper).set_xlabel("")
+    plot_errors(given, node, run, best, lower)
+    lower.sharex(upper)
+    upper.tick_params(labelbottom=False)
+    if axes is None:
+        upper.legend(frameon=False, fontsize=SMALL)
+    return upper, lower
 
 
 _PANEL, _LEGEND = 2.9, 0.35  # inch
+_LETTERS = 36  # that fit above one of three panels side by side
 
 
 def predictions_figure(
@@ -162,16 +206,17 @@ def _draw_predictions(
         ax.set_axis_off()
     for place, (run, node) in enumerate(chosen):
         row, column = 2 * (place // columns), place % columns
-        upper, lower = grid[row, column], grid[row + 1, column]
-        for ax in (upper, lower):
-            ax.set_axis_on()
-        lower.sharex(upper)
-        plot_temperatures(given, node, run, best, upper).set_xlabel("")
-        upper.tick_params(labelbottom=False)
-        plot_errors(given, node, run, best, lower)
+        upper, lower = plot_predictions(given, node, run, best, list(grid[row : row + 2, column]))
+        upper.set_axis_on()
+        lower.set_axis_on()
+        most, title = _LETTERS * 3 // columns, f"{node}, run {given.predictions[run].segment.run.name}"
+        title = title if len(title) <= most else f"{title[: most - 1]}…"
+        upper.set_title(plain(title), size=TEXT, loc="left", pad=3)
+        if column:
+            upper.set_ylabel("")
+            lower.set_ylabel("")
     handles: list[Line2D | Patch] = [Line2D([], [], label="measured", **MEASURED)]
-    handles.append(Line2D([], [], label=plain(names[0]) if best else "model", **GIVEN))
-    handles += [Line2D([], [], label=plain(names[1]), **BEST)] if best else []
+    handles += [Line2D([], [], label=name, **style) for _, style, name in _models(given, best, names)]
     if any(initialisation_end(prediction) is not None for prediction in given.predictions):
         handles.append(Patch(color=SHADE, label="finds the start"))
     handles.append(Patch(color=NOISE, label="sensor noise"))
@@ -181,134 +226,118 @@ def _draw_predictions(
 # --- where a model fails: RMSE by node and operating condition ----------------------------------------------
 
 
-_TALLEST = 9.0  # inch; what fits on a printed page
-_ROW, _FRAME = 0.29, 0.55  # inch: a node's row, and what surrounds the rows of a panel
-_DARK = 0.45  # luminance below which writing must be white
+_ROW, _FRAME = 0.3, 0.35  # inch: a node's row, and what surrounds the rows of a map
+_NOISE_IS_LIGHT = (
+    2.0  # multiples of the noise up to which the scale of colours reaches at least; it begins at the noise
+)
+_ON_DARK = 0.55  # strength of a colour from which writing on it takes the paper's colour
 
 
 def plot_conditions(
-    comparison: Comparison, quantity: str, ax: Axes | None = None, norm: Normalize | None = None
+    comparison: Comparison, cells: Sequence[Condition], most: float | None = None, ax: Axes | None = None
 ) -> Axes:
-    """RMSE [K] of each node in bins of an operating condition, from low to high.
+    """RMSE [K] of each node in bins of an operating condition, from low to high; the stronger the colour, the larger.
 
     Args:
         comparison: the model's comparison.
-        quantity: the condition, as in `comparison.conditions()`, long times in minutes.
+        cells: of one quantity, as in `comparison.conditions()`.
+        most: RMSE beyond the noise that the strongest colour stands for [K]; by default the largest of these cells.
         ax: where to draw; by default new axes.
-        norm: the colour scale; by default one of these cells.
     """
-    cells = [cell for cell in conditions_of(comparison) if cell.quantity == quantity]
     nodes = list(dict.fromkeys(cell.node for cell in cells))
-    ax = new_axes(_height(1, len(nodes))) if ax is None else ax
-    _draw_cells(ax, quantity, cells, nodes, norm or _norm(comparison, cells))
-    return ax
-
-
-def condition_figures(given: Comparison, best: Comparison | None = None) -> list[Figure]:
-    """Maps of RMSE [K], a row for each quantity; the given model left, the best right, on one colour scale.
-
-    Args:
-        given: the given model's comparison.
-        best: the best model's on the same runs; without it the given model's quantities stand two in a row.
-
-    Returns:
-        Figures that each fit a printed page; none where nothing can be binned.
-    """
-    rows, nodes = _rows(given, best)
-    if not rows:
-        return []
-    norm = _norm(given, [cell for row in rows for panel in row for cell in panel.cells])
-    size = max(1, int(_TALLEST / _height(1, len(nodes))))
-    figures = []
-    for first in range(0, len(rows), size):
-        chunk = rows[first : first + size]
-        figures.append(new_figure(_height(len(chunk), len(nodes))))
-        _draw_rows(figures[-1], chunk, nodes, norm)
-    return figures
-
-
-@dataclass(frozen=True)
-class _Panel:
-    """One quantity's cells for one model, and what stands above them."""
-
-    quantity: str
-    cells: tuple[Condition, ...]
-    heading: str = ""
-    colour: str = "black"
-
-
-def _rows(given: Comparison, best: Comparison | None = None) -> tuple[list[tuple[_Panel, ...]], list[str]]:
-    """The panels of both models, or of one alone, in rows of two; and the nodes that have a cell."""
-    left = _panels(given, NAMES[0] if best else "", GIVEN["color"] if best else "black")
-    nodes = list(dict.fromkeys(cell.node for panel in left for cell in panel.cells))
-    if best is None:
-        return [tuple(left[place : place + 2]) for place in range(0, len(left), 2)], nodes
-    right = {panel.quantity: panel for panel in _panels(best, NAMES[1], BEST["color"])}
-    return [(panel, right[panel.quantity]) for panel in left], nodes
-
-
-def _panels(comparison: Comparison, heading: str, colour: str) -> list[_Panel]:
-    cells = conditions_of(comparison)
-    # A quantity that no node splits into bins (a load that is on or off) only repeats the node's own error.
-    count = Counter((cell.quantity, cell.node) for cell in cells)
-    quantities = dict.fromkeys(cell.quantity for cell in cells if count[cell.quantity, cell.node] > 1)
-    return [
-        _Panel(quantity, tuple(cell for cell in cells if cell.quantity == quantity), heading, colour)
-        for quantity in quantities
-    ]
-
-
-def _norm(comparison: Comparison, cells: Sequence[Condition]) -> Normalize:
-    """One colour scale for all cells."""
-    return rmse_norm(max(cell.errors.rmse for cell in cells), max(comparison.floor(cell.node) for cell in cells))
-
-
-def _height(rows: int, nodes: int) -> float:
-    return rows * (_FRAME + _ROW * nodes)
-
-
-def _draw_rows(figure: FigureBase, rows: Sequence[tuple[_Panel, ...]], nodes: Sequence[str], norm: Normalize) -> None:
-    grid = figure.subplots(len(rows), 2, squeeze=False)
-    for number, row in enumerate(rows):
-        for column in range(2):
-            ax = grid[number, column]
-            if column == len(row):
-                ax.set_axis_off()
-                continue
-            panel = row[column]
-            _draw_cells(ax, panel.quantity, panel.cells, nodes, norm)
-            if panel.heading:
-                ax.set_title(panel.heading, size=SMALL, loc="right", pad=3, color=panel.colour, weight="bold")
-                ax.set_yticklabels([plain(node) if column == 0 else "" for node in nodes])
-    bar = figure.colorbar(ScalarMappable(norm, RMSE_MAP), ax=grid, fraction=0.025, pad=0.01, aspect=30)
-    bar.set_label("RMSE [K]", size=TEXT)
-    bar.ax.tick_params(labelsize=SMALL)
-
-
-def _draw_cells(ax: Axes, quantity: str, cells: Sequence[Condition], nodes: Sequence[str], norm: Normalize) -> None:
+    ax = new_axes(_FRAME + _ROW * len(nodes)) if ax is None else ax
+    most = most or _scale(comparison, cells)
     for row, node in enumerate(nodes):
         of_node = [cell for cell in cells if cell.node == node]
+        width = 1.0 / len(of_node)
         for place, cell in enumerate(of_node):
-            _draw_cell(ax, cell, place / len(of_node), row, 1.0 / len(of_node), norm)
+            share = strength(_beyond_noise(comparison, cell) / most)
+            ax.add_patch(Rectangle((place * width, row), width, 1.0, facecolor=BAD, alpha=share, linewidth=0))
+            ink, middle = PAPER if share > _ON_DARK else INK, (place + 0.5) * width
+            ends = f"{short(cell.lower)} to {short(cell.upper)}"
+            for text, down, size in ((significant(cell.errors.rmse, 2), 0.32, SMALL), (ends, 0.76, TINY)):
+                ax.text(middle, row + down, text, ha="center", va="center", size=size, color=ink, in_layout=False)
+            if place:
+                ax.plot([place * width] * 2, [row, row + 1], color=PAPER, linewidth=1.0)
+    for row in range(1, len(nodes)):
+        ax.axhline(row, color=PAPER, linewidth=1.0)
     ax.set_xlim(0.0, 1.0)
     ax.set_ylim(len(nodes), 0.0)
     ax.set_xticks([])
     ax.set_yticks([row + 0.5 for row in range(len(nodes))], [plain(node) for node in nodes])
     ax.tick_params(length=0, labelsize=SMALL)
     ax.spines[:].set_visible(False)
-    unit = "" if "[" in quantity else " [as logged]"
-    ax.set_title(f"{quantity}{unit}, low to high", size=SMALL, loc="left", pad=3)
+    unit = "" if "[" in cells[0].quantity else " [as logged]"
+    ax.set_title(f"{cells[0].quantity}{unit}, low to high", size=SMALL, loc="left", pad=3)
+    return ax
 
 
-def _draw_cell(ax: Axes, cell: Condition, left: float, top: float, width: float, norm: Normalize) -> None:
-    colour = RMSE_MAP(norm(cell.errors.rmse))
-    luminance = 0.299 * colour[0] + 0.587 * colour[1] + 0.114 * colour[2]
-    ink = "white" if luminance < _DARK else "black"
-    ax.add_patch(Rectangle((left, top), width, 1.0, facecolor=colour, edgecolor="white", linewidth=1.0))
-    middle = left + width / 2
-    ax.text(middle, top + 0.32, significant(cell.errors.rmse, 2), ha="center", va="center", size=SMALL, color=ink)
-    ends = f"{short(cell.lower)} to {short(cell.upper)}"
-    ax.text(middle, top + 0.76, ends, ha="center", va="center", size=TINY, color=ink)
+def condition_figures(given: Comparison, best: Comparison | None = None) -> list[Figure]:
+    """Maps of RMSE [K] by node and operating condition, all on one scale of colours.
+
+    Args:
+        given: the given model's comparison.
+        best: the best model's on the same runs.
+
+    Returns:
+        A figure for each quantity, the given model left and the best one right; without a best one, two quantities
+        side by side. None where nothing can be sorted into bins.
+    """
+    rows, most = _condition_rows(given, best)
+    figures = []
+    for row in rows:
+        figures.append(new_figure(_row_height(row)))
+        axes = figures[-1].subplots(1, 2)
+        _draw_row(axes, given, row, most)
+        if best:
+            axes[1].set_yticks([])
+            for ax, heading, style in zip(axes, NAMES, (GIVEN, BEST), strict=True):
+                ax.set_title(heading, size=SMALL, loc="right", pad=3, color=style["color"], weight="bold")
+    return figures
+
+
+_Row = Sequence[list[Condition]]
+"""One or two maps side by side."""
+
+
+def _condition_rows(given: Comparison, best: Comparison | None = None) -> tuple[list[_Row], float]:
+    """The maps of both models, or of one alone, in rows of two; RMSE that the strongest colour stands for [K]."""
+    left, right = _by_quantity(given), _by_quantity(best) if best else {}
+    cells = [cell for of_quantity in (*left.values(), *right.values()) for cell in of_quantity]
+    maps = list(left.values())
+    rows: list[_Row] = [maps[place : place + 2] for place in range(0, len(maps), 2)]
+    if best:
+        rows = [(left[quantity], right[quantity]) for quantity in left if quantity in right]
+    return rows, _scale(given, cells) if rows else 1.0
+
+
+def _by_quantity(comparison: Comparison) -> dict[str, list[Condition]]:
+    cells = conditions_of(comparison)
+    # A quantity that no node splits into bins (a load that is on or off) only repeats the node's own error.
+    count = Counter((cell.quantity, cell.node) for cell in cells)
+    quantities = dict.fromkeys(cell.quantity for cell in cells if count[cell.quantity, cell.node] > 1)
+    return {quantity: [cell for cell in cells if cell.quantity == quantity] for quantity in quantities}
+
+
+def _scale(comparison: Comparison, cells: Sequence[Condition]) -> float:
+    least = _NOISE_IS_LIGHT * max(comparison.floor(cell.node) for cell in cells)
+    return max(least, *(_beyond_noise(comparison, cell) for cell in cells))
+
+
+def _beyond_noise(comparison: Comparison, cell: Condition) -> float:
+    return sqrt(max(cell.errors.rmse**2 - comparison.floor(cell.node) ** 2, 0.0))
+
+
+def _row_height(row: _Row) -> float:
+    return _FRAME + _ROW * max(len({cell.node for cell in cells}) for cells in row)
+
+
+def _draw_row(axes: Sequence[Axes], comparison: Comparison, row: _Row, most: float) -> None:
+    for ax, cells in zip_longest(axes, row):
+        if cells:
+            plot_conditions(comparison, cells, most, ax)
+        else:
+            ax.set_axis_off()
 
 
 def comparison_figure(comparison: Comparison) -> Figure:
@@ -317,15 +346,13 @@ def comparison_figure(comparison: Comparison) -> Figure:
     At most six nodes and runs are drawn in time: the worst.
     """
     chosen = worst_views(comparison)
-    rows, nodes = _rows(comparison)
-    above, below = _predictions_height(len(chosen)), _height(len(rows), len(nodes))
-    figure = new_figure(above + below)
-    if not rows:
-        _draw_predictions(figure, chosen, comparison, None, NAMES)
-        return figure
-    upper, lower = figure.subfigures(2, 1, height_ratios=[above, below], squeeze=False)[:, 0]
+    rows, most = _condition_rows(comparison)
+    heights = [_predictions_height(len(chosen)), *map(_row_height, rows)]
+    figure = new_figure(sum(heights))
+    upper, *lower = figure.subfigures(len(heights), 1, height_ratios=heights, squeeze=False)[:, 0]
     _draw_predictions(upper, chosen, comparison, None, NAMES)
-    _draw_rows(lower, rows, nodes, _norm(comparison, [cell for row in rows for panel in row for cell in panel.cells]))
+    for below, row in zip(lower, rows, strict=True):
+        _draw_row(below.subplots(1, 2), comparison, row, most)
     return figure
 
 
@@ -350,7 +377,7 @@ def plot_pairs(
     for which, (colour, hatch, shift) in enumerate(styles):
         values = [size[which] for size in sizes]
         bars = ax.barh(
-            places + shift, values, 0.38, color=colour, hatch=hatch, edgecolor="white", label=plain(names[which])
+            places + shift, values, 0.38, color=colour, hatch=hatch, edgecolor=PAPER, label=plain(names[which])
         )
         ax.bar_label(bars, fmt="%.2f", padding=2, fontsize=SMALL)
     ax.set_yticks(places, [plain(pair.what) for pair in pairs], fontsize=SMALL)
@@ -361,10 +388,13 @@ def plot_pairs(
 
 def versus_figure(result: Versus) -> Figure:
     """Mean absolute error by class and largest error by run, both models side by side."""
-    figure = new_figure(1.9 + 0.32 * max(len(result.classes), len(result.runs)))
+    rows = max(len(result.classes), len(result.runs))
+    figure = new_figure(0.9 + 0.4 * rows)
     left, right = figure.subplots(1, 2, width_ratios=(1.0, 1.5))
     plot_pairs(result.classes, [pair.mean for pair in result.classes], result.names, left)
     plot_pairs(result.runs, [pair.max for pair in result.runs], result.names, right)
+    for ax, pairs in ((left, result.classes), (right, result.runs)):
+        ax.set_ylim(len(pairs) - rows - 0.5, len(pairs) - 0.5)  # bars of both are as thick, and begin at the top
     left.set_xlabel("mean |predicted − measured| [K]", size=TEXT)
     right.set_xlabel("max |predicted − measured| [K]", size=TEXT)
     bars, names = left.get_legend_handles_labels()

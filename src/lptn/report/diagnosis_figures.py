@@ -3,31 +3,34 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from textwrap import wrap
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
-from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 
-from lptn.basics.style import BEST, FAINT, GIVEN, INK, SMALL, TEXT, dress, new_axes, plain
+from lptn.basics.style import BEST, FAINT, GIVEN, INK, PAPER, SMALL, TEXT, dress, new_axes, new_figure, plain
 from lptn.basics.words import short_size
 from lptn.diagnose.advice import Detectable
 from lptn.diagnose.answers import LIKELY, Step
 from lptn.diagnose.improvement import History
 from lptn.report.shown import noise_alone, reaches, weighed_effects
-from lptn.report.text import named, place_of, title_of, unit_text
+from lptn.report.text import kelvin, named, place_of, title_of, unit_text
 
 # --- the history: how the errors fall from step to step -----------------------------------------------------
 
 
-HISTORY_HEIGHT = 3.2  # inch
-_FRAME = 0.75  # inch, around the rows of a figure
+_HISTORY = 3.2  # inch
+_FRAME, _ROW = 0.75, 0.2  # inch: around the rows of a figure, and a row
+_LETTERS = 140  # that fit below the axes side by side
 _WIDE = 8.0  # ratio of errors above which only a logarithmic axis shows them all
 _STYLES: dict[str, dict[str, Any]] = {
     "fit data": {"color": FAINT, "linestyle": "--", "marker": "o"},
     "held-out data": {"color": INK, "linestyle": "-", "marker": "s"},
-    "test data": {"color": INK, "linestyle": ":", "marker": "^", "markerfacecolor": "white"},
+    "test data": {"color": INK, "linestyle": ":", "marker": "^", "markerfacecolor": PAPER},
 }
 
 
@@ -38,7 +41,7 @@ def plot_history(history: History, ax: Axes | None = None) -> Axes:
         history: the steps of a forward selection.
         ax: where to draw; by default new axes.
     """
-    ax = new_axes(HISTORY_HEIGHT) if ax is None else ax
+    ax = new_axes(_HISTORY) if ax is None else ax
     noise, best = noise_alone(history.best.fit), len(history.steps) - 1
     shown = [noise]
     for name, style in _STYLES.items():
@@ -54,18 +57,28 @@ def plot_history(history: History, ax: Axes | None = None) -> Axes:
         shown += [rmse for _, rmse in points]
     ax.axhline(noise, color=FAINT, linewidth=0.8)
     across = ax.get_yaxis_transform()
-    ax.text(1.0, noise, "sensor noise alone", transform=across, ha="right", va="bottom", size=SMALL)
+    said = f"sensor noise alone, {kelvin(noise, 2)}"
+    ax.text(1.0, noise, said, transform=across, ha="right", va="bottom", size=SMALL)
     if max(shown) > _WIDE * min(shown):
         ax.set_yscale("log")
         _plain_numbers(ax.yaxis, (1.0, 2.0, 5.0))
     else:
         ax.set_ylim(bottom=0.0)
-    ax.set_xticks(range(len(history.steps)), [_label(number, step) for number, step in enumerate(history.steps)])
+    letters = max(_LETTERS // len(history.steps), 8)
+    labels = [_label(number, step, letters) for number, step in enumerate(history.steps)]
+    ax.set_xticks(range(len(history.steps)), labels)
     ax.set_xlim(-0.5, len(history.steps) - 0.5)
     ax.set_ylabel("RMSE [K]", size=TEXT)
     ax.legend(frameon=False, fontsize=SMALL)
     dress(ax)
     return ax
+
+
+def history_figure(history: History) -> Figure:
+    """`plot_history` for a document."""
+    figure = new_figure(_HISTORY)
+    plot_history(history, figure.add_subplot())
+    return figure
 
 
 def _rmse(step: Step, data: str) -> float | None:
@@ -75,23 +88,21 @@ def _rmse(step: Step, data: str) -> float | None:
     return None if errors is None else errors.rmse
 
 
-def _label(number: int, step: Step) -> str:
+def _label(number: int, step: Step, letters: int) -> str:
     if step.effect is None or step.at is None:
         return f"{number}\nas given"
-    return f"{number}\n+ {title_of(step.effect)}\n{plain(place_of(step.at))}"
+    lines = [str(number), *wrap(f"+ {title_of(step.effect)}", letters), *wrap(place_of(step.at), letters)]
+    return plain("\n".join(lines))
 
 
 def _plain_numbers(axis: Axis, ticks: Sequence[float]) -> None:
     """A logarithmic axis that says 0.2 and 50, not powers of ten."""
     axis.set_major_locator(LogLocator(subs=ticks))
     axis.set_major_formatter(StrMethodFormatter("{x:g}"))
-    axis.set_minor_formatter(NullFormatter())
+    axis.set_minor_locator(NullLocator())
 
 
 # --- how probable each effect is ------------------------------------------------------------------------------
-
-
-_BAR_ROW = 0.2  # inch
 
 
 def plot_probabilities(history: History, ax: Axes | None = None) -> Axes:
@@ -102,10 +113,10 @@ def plot_probabilities(history: History, ax: Axes | None = None) -> Axes:
         ax: where to draw; by default new axes.
     """
     shown = weighed_effects(history)
-    ax = new_axes(_FRAME + _BAR_ROW * len(shown)) if ax is None else ax
+    ax = new_axes(_FRAME + _ROW * len(shown)) if ax is None else ax
     for row, step in enumerate(shown):
         colour = BEST["color"]
-        fill = {"color": colour} if step in history.steps else {"facecolor": "white", "edgecolor": colour}
+        fill = {"color": colour} if step in history.steps else {"facecolor": PAPER, "edgecolor": colour}
         ax.barh(row, step.probability, height=0.65, linewidth=0.8, **fill)
     ax.axvline(LIKELY, color=INK, linewidth=1.2, linestyle="--")
     ax.set_xlim(0.0, 1.0)
@@ -117,17 +128,18 @@ def plot_probabilities(history: History, ax: Axes | None = None) -> Axes:
     return ax
 
 
+def probability_figure(history: History) -> Figure:
+    """`plot_probabilities` for a document."""
+    figure = new_figure(_FRAME + _ROW * len(weighed_effects(history)))
+    plot_probabilities(history, figure.add_subplot())
+    return figure
+
+
 # --- what the data could have shown: the smallest size of each effect that they would reveal ----------------
 
 
-_REACH_ROW = 0.2  # inch
 _LEAST_REACH, _MOST_REACH = 1e-3, 1e3  # shares of the typical size beyond which nobody asks for more
 _HIDDEN = 1.0  # share of the typical size from which an effect could hide
-
-
-def detectability_height(sizes: Sequence[Detectable]) -> float:
-    """Height of `plot_detectability` [inch]."""
-    return _FRAME + _REACH_ROW * len(reaches(sizes))
 
 
 def plot_detectability(sizes: Sequence[Detectable], ax: Axes | None = None) -> Axes:
@@ -137,14 +149,16 @@ def plot_detectability(sizes: Sequence[Detectable], ax: Axes | None = None) -> A
         sizes: of `lptn.diagnose.advice.smallest`.
         ax: where to draw; by default new axes.
     """
-    ax = new_axes(detectability_height(sizes)) if ax is None else ax
     rows = reaches(sizes)
+    ax = new_axes(_FRAME + _ROW * len(rows)) if ax is None else ax
+    ends = [(reach.easiest.share_of_typical, reach.hardest.share_of_typical) for reach in rows]
+    low, high = np.clip(np.array(ends), _LEAST_REACH, _MOST_REACH).T
+    places, seen = np.arange(len(rows)), low < _HIDDEN
+    ax.hlines(places, low, high, color=FAINT, linewidth=1.2, zorder=1)
+    ax.plot(high, places, "|", color=FAINT, markersize=7, zorder=2)
+    for these, face in ((seen, INK), (~seen, PAPER)):
+        ax.plot(low[these], places[these], "o", color=INK, markerfacecolor=face, markersize=5, zorder=2)
     for row, reach in enumerate(rows):
-        low, high = np.clip([reach.easiest.share_of_typical, reach.hardest.share_of_typical], _LEAST_REACH, _MOST_REACH)
-        ax.plot([low, high], [row, row], color=FAINT, linewidth=1.2, zorder=1)
-        face = INK if reach.easiest.share_of_typical < _HIDDEN else "white"
-        ax.plot(low, row, "o", color=INK, markerfacecolor=face, markersize=5, zorder=2)
-        ax.plot(high, row, "|", color=FAINT, markersize=7, zorder=2)
         size = f"{short_size(reach.easiest.smallest)} {unit_text(reach.easiest.unit)}".removesuffix(" 1")
         where = plain(f"{size}, {place_of(reach.easiest.at)}")
         ax.text(1.01, row, where, transform=ax.get_yaxis_transform(), va="center", size=SMALL)
@@ -158,3 +172,10 @@ def plot_detectability(sizes: Sequence[Detectable], ax: Axes | None = None) -> A
     dress(ax)
     ax.tick_params(axis="y", labelsize=SMALL, length=0)
     return ax
+
+
+def detectability_figure(sizes: Sequence[Detectable]) -> Figure:
+    """`plot_detectability` for a document."""
+    figure = new_figure(_FRAME + _ROW * len(reaches(sizes)))
+    plot_detectability(sizes, figure.add_subplot())
+    return figure

@@ -43,7 +43,7 @@ def render(template: str, **content: object) -> str:
         finalize=lambda value: _UNIT_BEHIND.sub("\u00a0", value) if type(value) is str else value,
     )
     # Style sheet and script are ours; as templates they would be read for braces.
-    style = Markup(_text("uplot/uPlot.css") + _text("style.css"))
+    style = Markup("".join(map(_text, ("uplot/uPlot.css", "colours.css", "style.css"))))
     made = f"{date.today().isoformat()} with {', '.join(f'{name} {version(name)}' for name in _VERSIONS)}"
     made += f", Python {platform.python_version()}"
     return environment.get_template(template).render(css=style, script=_script(), made=made, **content)

@@ -6,19 +6,21 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from matplotlib import colormaps
 from matplotlib.axes import Axes
-from matplotlib.cm import ScalarMappable
-from matplotlib.colors import Colormap, Normalize
 from matplotlib.figure import Figure
-from matplotlib.patches import Rectangle
+from matplotlib.patches import Patch, PathPatch
+from matplotlib.path import Path
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.style import (
     BEST,
+    COLD,
     FAINT,
     GIVEN,
+    HOT,
     INK,
+    PAPER,
+    RULE,
     SHADE,
     SMALL,
     TEXT,
@@ -27,95 +29,100 @@ from lptn.basics.style import (
     new_axes,
     new_figure,
     plain,
+    strength,
     time_axis,
 )
+from lptn.diagnose.learned_heat import LearnedCurve
 from lptn.diagnose.unexplained_heat import HeatPeak, UnexplainedHeat
 from lptn.logs.run import Run
+from lptn.report.comparison_figures import NAMES
 from lptn.report.shown import Field, InputLink, worst_runs
 from lptn.report.text import for_people, unit_of
 
 # --- maps of nodes by time: where and when a model fails, and where and when it lacks heat ------------------
 
 
-_ROW, _FRAME = 0.24, 0.75  # inch: a node's row, and what surrounds the rows of a map
-_LEAST = 1.6  # inch; what the colour bar's label needs
+_ROW, _FRAME, _LEGEND = 0.24, 0.65, 0.3  # inch: a node's row, what surrounds the rows of a map, the colours' meaning
 _HATCHED = 0.2  # share of the colour scale from which blue is hatched, so that it can be told from red in grey
-_DEEP = 2.5  # multiples of that from which the hatching must be white to be seen
-_BOTH: Colormap = colormaps["RdBu_r"].with_extremes(bad="0.8")  # red for more, blue for less, grey for unknown
 
 
-def plot_field(field: Field, norm: Normalize | None = None, ax: Axes | None = None) -> Axes:
-    """One run's map of nodes by time; what is clearly negative is hatched, for a grey printer.
+def plot_field(field: Field, most: float | None = None, ax: Axes | None = None) -> Axes:
+    """One run's map of nodes by time: too much red, too little blue, hatched where that is clear, for a grey printer.
 
     Args:
         field: the values.
-        norm: the colour scale; by default one of this field.
+        most: the value that the strongest colours stand for; by default the largest.
         ax: where to draw; by default new axes.
     """
     ax = new_axes(_height(field)) if ax is None else ax
-    norm = norm or _norm([field], 0.0)
-    ends = np.array([field.start, field.start + field.seconds * field.values.shape[1]])
-    (first, last), label = time_axis(ends)
-    rows = len(field.nodes)
-    extent = (first, last, rows, 0.0)
-    ax.imshow(field.values, aspect="auto", extent=extent, cmap=_BOTH, norm=norm, interpolation="nearest")
-    _hatch(ax, field, (first, last), _HATCHED * float(norm.vmin or 0.0))
-    for row in range(1, rows):
-        ax.axhline(row, color="white", linewidth=1.0)
+    most = most or float(np.nanmax(np.abs(field.values), initial=0.0)) or 1.0
+    rows, columns = field.values.shape
+    edges, label = time_axis(field.start + field.seconds * np.arange(columns + 1))
+    shares = np.sign(field.values) * np.vectorize(strength)(np.abs(field.values) / most)
+    boxes: dict[float, list[list[tuple[float, float]]]] = {}  # of one strength; `inf` where nothing is known
+    for row, own in enumerate(np.where(np.isfinite(shares), shares, np.inf)):
+        starts = np.flatnonzero(np.append(True, own[1:] != own[:-1]))
+        for start, stop in zip(starts, [*starts[1:], columns], strict=True):
+            left, right, top, low = edges[start], edges[stop], row + 0.03, row + 0.97
+            boxes.setdefault(float(own[start]), []).append([(left, top), (right, top), (right, low), (left, low)])
+    for share, corners in boxes.items():
+        if share:
+            path = Path.make_compound_path(*(Path([*box, box[0]], closed=True) for box in corners))
+            for patch in _colours(share):
+                ax.add_patch(PathPatch(path, **patch))
+    for row in range(rows):
+        ax.axhline(row, color=RULE, linewidth=0.5, zorder=0)
+    ax.set_xlim(edges[0], edges[-1])
+    ax.set_ylim(rows, 0.0)
     ax.set_yticks([row + 0.5 for row in range(rows)], [plain(node) for node in field.nodes])
-    ax.tick_params(labelsize=SMALL)
+    dress(ax)
+    ax.spines["left"].set_visible(False)
     ax.tick_params(axis="y", length=0)
     ax.set_xlabel(label, size=SMALL)
     ax.set_title(plain(f"run {field.run}"), size=SMALL, loc="left", pad=3)
     return ax
 
 
-def fields_figure(given: Sequence[Field], best: Sequence[Field], label: str, least: float) -> Figure:
-    """The worst runs of the given model, above each other; the best model's beside them on one colour scale.
+_BOX: dict[str, Any] = {"linewidth": 0, "antialiased": False}  # no seams between neighbours
+
+
+def _colours(share: float) -> list[dict[str, Any]]:
+    """How boxes of a strength are filled, those of too little with hatching on top."""
+    if np.isinf(share):
+        return [_BOX | {"facecolor": RULE}]
+    filled: list[dict[str, Any]] = [_BOX | {"facecolor": HOT if share > 0 else COLD, "alpha": abs(share)}]
+    hatch: dict[str, Any] = {"fill": False, "hatch": "////", "edgecolor": PAPER, "linewidth": 0}
+    return [*filled, hatch] if share < -_HATCHED else filled
+
+
+def field_figures(given: Sequence[Field], best: Sequence[Field], unit: str, least: float) -> list[Figure]:
+    """The worst runs of the given model, a figure each; the best model's beside them on one colour scale.
 
     Args:
         given: of the given model.
         best: of the best model on the same runs; empty where there is none.
-        label: of the colour bar, with its unit.
+        unit: of the values.
         least: what the colour scale reaches at least, so that noise stays pale.
     """
-    chosen = worst_runs(given)
-    heights = [_height(given[place]) for place in chosen]
-    figure = new_figure(max(sum(heights), _LEAST))
-    grid = figure.subplots(len(chosen), 2 if best else 1, squeeze=False, height_ratios=heights)
-    norm = _norm([*given, *best], least)
-    for axes, place in zip(grid, chosen, strict=True):
-        plot_field(given[place], norm, axes[0])
+    most = max(least, *(float(np.nanmax(np.abs(field.values), initial=0.0)) for field in [*given, *best])) or 1.0
+    chosen, figures = worst_runs(given), []
+    for place in chosen:
+        figures.append(new_figure(_height(given[place]) + _LEGEND * (place == chosen[-1])))
+        axes = figures[-1].subplots(1, 2 if best else 1, squeeze=False)[0]
+        plot_field(given[place], most, axes[0])
         if best:
-            plot_field(best[place], norm, axes[1]).set_yticklabels([])
-            for ax, heading, style in zip(axes, ("model as given", "best model"), (GIVEN, BEST), strict=True):
+            plot_field(best[place], most, axes[1]).set_yticklabels([])
+            for ax, heading, style in zip(axes, NAMES, (GIVEN, BEST), strict=True):
                 ax.set_title(heading, size=SMALL, loc="right", pad=3, color=style["color"], weight="bold")
-    bar = figure.colorbar(ScalarMappable(norm, _BOTH), ax=grid, fraction=0.025, pad=0.01, aspect=20)
-    bar.set_label(label, size=SMALL)
-    bar.ax.tick_params(labelsize=SMALL)
-    return figure
+    steps = (-1.0, -0.5, -0.25, 0.25, 0.5, 1.0)
+    handles: list[Any] = [tuple(Patch(**patch) for patch in _colours(share)) for share in steps]
+    names = [f"{share * most:+.2g} {unit}".replace("-", "−") for share in steps]
+    figures[-1].legend(handles, names, loc="outside lower center", ncols=6, frameon=False, fontsize=SMALL)
+    return figures
 
 
 def _height(field: Field) -> float:
     return _FRAME + _ROW * len(field.nodes)
-
-
-def _norm(fields: Sequence[Field], least: float) -> Normalize:
-    largest = max(least, *(float(np.nanmax(np.abs(field.values), initial=0.0)) for field in fields))
-    return Normalize(-largest, largest)
-
-
-def _hatch(ax: Axes, field: Field, span: tuple[float, float], below: float) -> None:
-    width = (span[1] - span[0]) / field.values.shape[1]
-    for row, values in enumerate(field.values):
-        low = np.concatenate([[False], values < below, [False]]).astype(np.int8)
-        edges = np.flatnonzero(np.diff(low)).reshape(-1, 2)
-        for start, stop in edges:
-            ink = "white" if float(np.mean(values[start:stop])) < _DEEP * below else "0.25"
-            corner = (span[0] + start * width, row)
-            ax.add_patch(
-                Rectangle(corner, (stop - start) * width, 1.0, fill=False, hatch="///", edgecolor=ink, linewidth=0)
-            )
 
 
 # --- one node's unexplained heat over time, above the inputs that it goes with ------------------------------
@@ -141,24 +148,28 @@ def plot_heat(
         ax: where to draw; by default new axes.
     """
     ax = new_axes(_HEAT) if ax is None else ax
-    unit, label = _time_unit(given.time)
+    time, label = time_axis(given.time - given.origin)
+    unit = 60.0 if label.endswith("[min]") else 1.0
     if peak is not None:
-        ax.axvspan(peak.elapsed[0] / unit, peak.elapsed[1] / unit, color=SHADE, zorder=0)
-    for heat, style, name in ((given, GIVEN, "model as given" if best else "model"), (best, BEST, "best model")):
+        ax.axvspan(peak.elapsed[0] / unit, peak.elapsed[1] / unit, color=SHADE, zorder=0, linewidth=0)
+    for heat, style, name in ((given, GIVEN, NAMES[0] if best else "model"), (best, BEST, NAMES[1])):
         if heat is not None and node in heat.nodes:
             row = heat.nodes.index(node)
-            low, high = heat.heat[row] - heat.sure_band[row], heat.heat[row] + heat.sure_band[row]
-            ax.fill_between((heat.time - heat.origin) / unit, low, high, color=style["color"], alpha=0.18, linewidth=0)
-            line: dict[str, Any] = style | {"linewidth": 1.4, "label": f"{name} with its 95 % band"}
-            ax.plot((heat.time - heat.origin) / unit, heat.heat[row], **line)
+            _band(ax, (heat.time - heat.origin) / unit, heat.heat[row], heat.sure_band[row], style, name)
+    ax.set_xlabel(label, size=SMALL)
+    ax.set_xlim(time[0], time[-1])
+    ax.set_title(plain(f"{node}, run {given.run}"), size=TEXT, loc="left", pad=3)
+    return ax
+
+
+def _band(ax: Axes, x: FloatArray, heat: FloatArray, band: FloatArray, style: dict[str, Any], name: str) -> None:
+    """Unexplained heat [W] with its 95 % band, and what they are called."""
+    ax.fill_between(x, heat - band, heat + band, color=style["color"], alpha=0.2, linewidth=0)
+    ax.plot(x, heat, **style | {"linewidth": 1.4, "label": f"{name} with its 95 % band"})
     ax.axhline(0.0, color=FAINT, linewidth=0.8)
     ax.set_ylabel("unexplained heat [W]", size=SMALL)
-    ax.set_xlabel(label, size=SMALL)
-    ax.set_xlim((given.time[0] - given.origin) / unit, (given.time[-1] - given.origin) / unit)
-    ax.set_title(plain(f"{node}, run {given.run}"), size=TEXT, loc="left", pad=3)
     ax.legend(frameon=False, fontsize=SMALL, loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=2)
     dress(ax)
-    return ax
 
 
 def heat_figure(
@@ -183,11 +194,12 @@ def heat_figure(
     figure = new_figure(sum(heights) + 0.3)
     axes = figure.subplots(len(heights), 1, squeeze=False, sharex=True, height_ratios=heights)[:, 0]
     label = plot_heat(given, node, best, peak, axes[0]).get_xlabel()
-    unit, _ = _time_unit(given.time)
+    unit = 60.0 if label.endswith("[min]") else 1.0
     for ax, link in zip(axes[1:], links, strict=True):
         if peak is not None:
-            ax.axvspan(peak.elapsed[0] / unit, peak.elapsed[1] / unit, color=SHADE, zorder=0)
-        ax.plot(*decimated(run.elapsed / unit, run.columns[link.column]), color=INK, linewidth=0.7)
+            ax.axvspan(peak.elapsed[0] / unit, peak.elapsed[1] / unit, color=SHADE, zorder=0, linewidth=0)
+        inside = (run.time >= given.time[0]) & (run.time <= given.time[-1])
+        ax.plot(*decimated(run.elapsed[inside] / unit, run.columns[link.column][inside]), color=INK, linewidth=0.7)
         ax.set_ylabel(f"[{unit_of(link.column)}]", size=SMALL)
         what = f"{link.column}, whose square" if link.squared else f"{link.column}, which"
         title = for_people(f"{what} correlates with the heat by {link.correlation:+.2f}")
@@ -199,7 +211,23 @@ def heat_figure(
     return figure
 
 
-def _time_unit(time: FloatArray) -> tuple[float, str]:
-    """Seconds in a unit of the time axis, and the axis label."""
-    label = time_axis(time)[1]
-    return 60.0 if label.endswith("[min]") else 1.0, label
+def plot_learned(curve: LearnedCurve, ax: Axes | None = None) -> Axes:
+    """Unexplained heat [W] as a curve over the input that it goes with, with its 95 % band.
+
+    Args:
+        curve: of `lptn.diagnose.learned_heat`.
+        ax: where to draw; by default new axes.
+    """
+    ax = new_axes(_HEAT) if ax is None else ax
+    _band(ax, curve.values, curve.heat, curve.band, BEST, "learned")
+    column = curve.inputs[0].column
+    ax.set_xlabel(plain(f"{column} [{unit_of(column)}]"), size=SMALL)
+    ax.set_title(plain(curve.inputs[0].node), size=TEXT, loc="left", pad=3)
+    return ax
+
+
+def learned_figure(curve: LearnedCurve) -> Figure:
+    """`plot_learned` for a document."""
+    figure = new_figure(_HEAT)
+    plot_learned(curve, figure.add_subplot())
+    return figure

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from lptn.basics.style import inline_svg
 from lptn.basics.words import listed
 from lptn.diagnose.improvement import History
 from lptn.diagnose.learned_heat import LearnedCurve
@@ -20,7 +21,7 @@ from lptn.diagnose.unexplained_heat import (
 from lptn.identify.fitting import Fit
 from lptn.logs.columns import quantity_of
 from lptn.report.document import Picture, picture
-from lptn.report.page_figures import fields, heat_curve, heat_line
+from lptn.report.heat_figures import field_figures, heat_figure, learned_figure
 from lptn.report.shown import MOST_INPUTS, MOST_RUNS, InputLink, heat_fields, input_links
 from lptn.report.text import for_people, number
 
@@ -117,7 +118,8 @@ def heat_map_picture(story: HeatStory) -> Picture | None:
     if story.peak is None:
         return None
     least = _PALE * float(np.median(np.concatenate([estimate.sure_band.ravel() for estimate in story.given])))
-    drawings = fields(heat_fields(story.given), heat_fields(story.best), "W of unexplained heat", least)
+    figures = field_figures(heat_fields(story.given), heat_fields(story.best), "W", least)
+    drawings = [inline_svg(figure, "unexplained heat by node and time") for figure in figures]
     text = "Heat that the model lacks (red) or has too much of (blue, hatched); blank where zero lies within the 95 % "
     text += f"band over all nodes and times. With the model as given {story.where}"
     text += f"; with the best one {story.left or 'none stands out'}." if story.best else "."
@@ -131,7 +133,8 @@ def heat_line_picture(story: HeatStory) -> Picture:
     """The worst node's heat in its run, above the inputs that it goes with."""
     best = story.best[story.run] if story.best else None
     run = story.fit.problem.bound_runs[story.run].run
-    drawing = heat_line(run, story.given[story.run], story.node, best, story.peak, story.links)
+    figure = heat_figure(run, story.given[story.run], story.node, best, story.peak, story.links)
+    drawing = inline_svg(figure, f"unexplained heat of {story.node} over time, and inputs")
     text = f"The heat that {story.node} lacks over time, with its 95 % band over all nodes and times; "
     text += "shaded where it is clearest."
     if story.peak is None:
@@ -141,7 +144,10 @@ def heat_line_picture(story: HeatStory) -> Picture:
 
 def learned_picture(curve: LearnedCurve | None) -> Picture | None:
     """The curve over the input that unexplained heat goes with; none where it goes with none that can be learned."""
-    return picture(for_people(curve.text()), heat_curve(curve)) if curve and curve.step else None
+    if not curve or not curve.step:
+        return None
+    drawing = inline_svg(learned_figure(curve), f"unexplained heat over {curve.inputs[0].column}")
+    return picture(for_people(curve.text()), drawing)
 
 
 def _inputs(links: Sequence[InputLink]) -> str:

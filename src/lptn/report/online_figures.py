@@ -13,8 +13,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from lptn.basics.style import (
-    BEST,
     ERROR,
+    FAINT,
     GIVEN,
     INK,
     LIMIT,
@@ -65,13 +65,13 @@ def plot_forecast(
     ax.plot(forecast.log[past] / 60, forecast.measured[row][past], **MEASURED)
     ax.plot(minutes[shown], forecast.temperature[row][shown], **GIVEN)
     ax.axhline(one.limit, color=LIMIT, linewidth=1.2)
-    ax.axvline(0.0, color="0.6", linewidth=0.8)
+    ax.axvline(0.0, color=FAINT, linewidth=0.8)
     if one.reaches and one.time_to_limit > 0:
         latest = one.high if isfinite(one.high) else span[1] * 1.05
         ax.plot([one.low / 60, latest / 60], [one.limit] * 2, color=INK, linewidth=3.0, solid_capstyle="butt")
         ax.plot([one.time_to_limit / 60], [one.limit], "o", color=INK, markersize=4)
     ax.set_xlim(span[0] / 60, span[1] / 60)
-    settles = "" if one.reaches or not isfinite(one.steady) else f", {one.steady:.0f} °C"
+    settles = "" if one.reaches or not isfinite(one.steady) else f"; settles at {one.steady:.0f} °C"
     ax.set_title(plain(f"{node}: {time_to_limit(one)}{settles}"), size=TEXT, loc="left", pad=3)
     ax.set_ylabel("temperature [°C]", size=SMALL)
     ax.set_xlabel("time from now [min]", size=SMALL)
@@ -126,7 +126,7 @@ _MOST_SENSORS = 6
 _MONITOR_PANEL, _MONITOR_LEGEND = 2.9, 0.35  # inch
 _THRESHOLD: dict[str, Any] = {"color": LIMIT, "linewidth": 1.0, "linestyle": (0, (1, 1))}
 _THRESHOLD_ALARM: dict[str, Any] = {"color": LIMIT, "linewidth": 1.4}
-_STATISTICAL_ALARM: dict[str, Any] = {"color": BEST["color"], "linewidth": 1.4, "linestyle": (0, (4, 2))}
+_STATISTICAL_ALARM: dict[str, Any] = {"color": LIMIT, "linewidth": 1.4, "linestyle": (0, (5, 2))}
 
 
 def plot_monitored(monitored: MonitoredRun, node: str, threshold: float | None = None, ax: Axes | None = None) -> Axes:
@@ -164,6 +164,7 @@ def plot_monitored(monitored: MonitoredRun, node: str, threshold: float | None =
     title = f"{node}, run {monitored.run.name}: {' or '.join(kinds) or 'no alarm'}"
     ax.set_title(plain(title), size=TEXT, loc="left", pad=3)
     ax.set_xlabel(label, size=SMALL)
+    ax.set_xlim(float(time[0]), float(time[-1]))
     dress(ax)
     return ax
 

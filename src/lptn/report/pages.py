@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from markupsafe import Markup
+
+from lptn.basics.style import inline_svg
 from lptn.diagnose.advice import Advice, smallest
 from lptn.diagnose.improvement import History
 from lptn.effects import Effect, catalogue
@@ -13,11 +16,12 @@ from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit
 from lptn.references import works_cited
 from lptn.report import captions
+from lptn.report.comparison_figures import NAMES, condition_figures, predictions_figure, versus_figure
+from lptn.report.diagnosis_figures import detectability_figure, history_figure, probability_figure
 from lptn.report.document import Picture, picture, render
+from lptn.report.heat_figures import field_figures
 from lptn.report.heat_story import HeatStory, heat_line_picture, heat_map_picture, learned_picture
 from lptn.report.narrative import comparison_narrative, details, narrative, versus_narrative
-from lptn.report.page_diagnosis import detectability_figure, history_figure, probability_figure
-from lptn.report.page_figures import NAMES, conditions, fields, predictions, versus_bars
 from lptn.report.shown import effects_shown, error_fields, weighed_effects
 from lptn.report.story_charts import CHARTS, network_picture, shown_runs, tiles, time_charts
 from lptn.report.tables import (
@@ -106,7 +110,7 @@ def story_html(
         charts=charts.html(CHARTS),
         thinned=thinned,
         history=history_table(history),
-        fall=picture(captions.of_history(history), history_figure(history)) if all_best else None,
+        fall=_fall(history) if all_best else None,
         conditions=_conditions(given, best, which),
         errors=_errors(given, best, which),
         nodes=node_table(given, best),
@@ -118,7 +122,7 @@ def story_html(
         more_stretches=max(len(left) - _FEW, 0),
         hiding=heat.hiding,
         more_than_noise=history.remaining != "adequate",
-        predictions=picture(captions.of_predictions(given, best, data, which), predictions(given, best)),
+        predictions=picture(captions.of_predictions(given, best, data, which), _predictions(given, best)),
         told=effects_table(history),
         refused=refused_table(history),
         probabilities=_probabilities(history),
@@ -166,25 +170,39 @@ def _effects_named(history: History) -> list[type[Effect]]:
 
 
 def _conditions(given: Comparison, best: Comparison | None, which: str) -> Picture | None:
-    drawings = conditions(given, best)
+    drawings = [inline_svg(figure, "RMSE by node and condition") for figure in condition_figures(given, best)]
     return picture(captions.of_conditions(given, best, which), *drawings) if drawings else None
 
 
 def _errors(given: Comparison, best: Comparison | None, which: str) -> Picture:
     noise = max(given.floor(node) for node in given.model.nodes)
-    drawings = fields(error_fields(given), error_fields(best) if best else [], "K", _PALE * noise)
-    return picture(captions.of_errors(which), *drawings)
+    figures = field_figures(error_fields(given), error_fields(best) if best else [], "K", _PALE * noise)
+    return picture(captions.of_errors(which), *(inline_svg(figure, "errors by node and time") for figure in figures))
+
+
+def _predictions(given: Comparison, best: Comparison | None = None, names: tuple[str, str] = NAMES) -> Markup:
+    figure = predictions_figure(given, best, names=names)
+    return inline_svg(figure, "measured and predicted temperatures, and errors")
+
+
+def _fall(history: History) -> Picture:
+    drawing = inline_svg(history_figure(history), "RMSE of each step on fit, held-out and test data")
+    return picture(captions.of_history(history), drawing)
 
 
 def _probabilities(history: History) -> Picture | None:
     if not weighed_effects(history):
         return None
-    return picture(captions.OF_PROBABILITIES, probability_figure(history))
+    drawing = inline_svg(probability_figure(history), "probability of each effect that was fitted")
+    return picture(captions.OF_PROBABILITIES, drawing)
 
 
 def _detectability(history: History) -> Picture | None:
     sizes = smallest(history.last.weighed)
-    return picture(captions.of_detectability(sizes), detectability_figure(sizes)) if sizes else None
+    if not sizes:
+        return None
+    drawing = inline_svg(detectability_figure(sizes), "smallest size of each effect that would show")
+    return picture(captions.of_detectability(sizes), drawing)
 
 
 # --- one model against logs: where it fails, without a diagnosis ----------------------------------------------
@@ -211,7 +229,7 @@ def comparison_html(comparison: Comparison, title: str) -> str:
         charts=charts.html(CHARTS),
         thinned=thinned,
         said=comparison_narrative(comparison),
-        predictions=picture(caption, predictions(comparison)),
+        predictions=picture(caption, _predictions(comparison)),
         maps=_conditions(comparison, None, "compared"),
         errors=error_table(comparison),
         conditions=condition_table(comparison),
@@ -251,8 +269,8 @@ def versus_html(result: Versus, title: str) -> str:
         thinned=thinned,
         names=result.names,
         said=versus_narrative(result),
-        bars=picture(bars, versus_bars(result)),
-        predictions=picture(caption, predictions(given, best, names=names)),
+        bars=picture(bars, inline_svg(versus_figure(result), "errors of both models by class of joints and by run")),
+        predictions=picture(caption, _predictions(given, best, names)),
         classes=versus_table("joints", result.classes),
         runs=versus_table("run", result.runs),
         data=data_table({"compared": tuple(prediction.segment for prediction in result.model.predictions)}),

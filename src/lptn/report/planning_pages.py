@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 _CHARTS = "plan"
 _TEMPERATURE = ChartPanel(
-    "temperature [°C]", "°C", (Line("temperature", "temperature", "best"), Line("limit", "limit", "limit")), 210
+    "temperature [°C]", "°C", (Line("temperature", "temperature", "given"), Line("limit", "limit", "limit")), 210
 )
 
 
@@ -82,7 +82,7 @@ def _track(answer: TrackAnswer) -> Charts:
         values[name] = at / unit
         views.append(View((name,), name, name, dict(zip(lines, thin, strict=True))))
     unit_asked = unit_text(heat.unit)
-    asked = Line("requested", "requested", "measured", steps=True), Line("admitted", "admitted", "given", steps=True)
+    asked = Line("requested", "requested", "measured", steps=True), Line("admitted", "admitted", "best", steps=True)
     panels = (ChartPanel(f"{heat.request} [{unit_asked}]", unit_asked, asked, 170), _TEMPERATURE)
     return Charts(_time_label(unit), panels, views, values, {"joint": [view.keys[0] for view in views]})
 
@@ -120,8 +120,8 @@ def _limit(answer: LimitAnswer) -> Charts | None:
         admissible = np.where(np.isfinite(answer.admissible[number]), answer.admissible[number], np.nan)[finite]
         lines = {"admissible": admissible, "load": np.full(int(finite.sum()), answer.task.load[number])}
         views.append(View((joint,), joint, "horizon", lines))
-    shown = Line("admissible", "admissible", "best", dots=True), Line("load", "present load", "given")
-    panel = ChartPanel(f"[{unit}]", unit, shown, 240, zero=True)
+    shown = Line("admissible", "admissible", "best", dots=True), Line("load", "load now", "measured")
+    panel = ChartPanel(f"admissible {limiter.heating.request} [{unit}]", unit, shown, 240, zero=True)
     return Charts(
         "asked for [s]", (panel,), views, {"horizon": horizons[finite]}, {"joint": list(limiter.joints)}, True
     )
@@ -194,9 +194,9 @@ def _front(result: StudyResult) -> Charts:
                 lines.append(Line(key, name, colour=_colour(result, name), dots=True))
             elif not panels:  # the design of the front is that of its choice
                 lines.append(Line(key, "Pareto front", "points"))
-        panels.append(ChartPanel(label_up.replace("degC", "°C"), unit, tuple(lines), height))
+        panels.append(ChartPanel(label_up, unit, tuple(lines), height))
     view = View(("",), "", "amount", shown)
-    return Charts(label.replace("degC", "°C"), tuple(panels), [view], {"amount": factor * amounts})
+    return Charts(label, tuple(panels), [view], {"amount": factor * amounts})
 
 
 def _front_panels(
@@ -254,4 +254,4 @@ def _colour(result: StudyResult, name: str) -> int:
 
 
 def _unit_in(label: str) -> str:
-    return label.partition("[")[2].rstrip("]").replace("degC", "°C")
+    return label.partition("[")[2].rstrip("]")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from html import escape
 from typing import TYPE_CHECKING
 
@@ -36,8 +37,15 @@ class _Told:
         return paragraphs(self.narrative())
 
 
+@dataclass(frozen=True, repr=False)
 class StudyComparison(_Told, Comparison):
-    """A model against measurements, with its sentences and its figure."""
+    """A model against measurements, with its sentences and its figure.
+
+    Args:
+        as_given: compares the model as given on the same runs, where it is another.
+    """
+
+    as_given: Callable[[], Comparison] | None = None
 
     def narrative(self) -> list[Sentence]:
         """How far the model is off and where most, in the sentences of terminal and report."""
@@ -49,18 +57,26 @@ class StudyComparison(_Told, Comparison):
         return paragraphs(self.narrative()) + rows(self.to_pandas())
 
     def plot(self, node: str | None = None, ax: Axes | None = None) -> Axes:
-        """Draw measured and predicted temperatures [°C] of one node over time.
+        """Draw measured and predicted temperatures [°C] of one node over time, the model as given beside the one now.
 
         Args:
             node: its name; by default the node and run with the largest RMSE.
-            ax: where to draw; a new figure of pyplot's by default.
+            ax: where to draw the temperatures alone; by default a new figure of pyplot's, with the errors [K] below.
+
+        Returns:
+            The axes of the temperatures.
 
         Raises:
             InputError: no such node, or it is measured in none of the runs.
         """
-        from lptn.report.comparison_figures import plot_temperatures
+        from lptn.report.comparison_figures import plot_predictions, plot_temperatures
+        from lptn.report.shown import worst_view
 
-        return plot_temperatures(self, node, ax=ax)
+        run, node = worst_view(self, node)
+        given, best = (self.as_given(), self) if self.as_given else (self, None)
+        if ax is not None:
+            return plot_temperatures(given, node, run, best, ax)
+        return plot_predictions(given, node, run, best)[0]
 
 
 class StudyVersus(_Told, Versus):

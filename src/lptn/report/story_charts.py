@@ -138,7 +138,8 @@ def time_charts(
             start = prediction.segment.evaluation[0] - prediction.segment.run.origin
             shaded = [(run.start / unit, start / unit)] if start > run.start else []
             floor = NOISE_BAND * given.floor(node)
-            views.append(View((node, run.label), f"{node}, {run.label}: RMSE {rmse}", run.label, drawn, shaded, floor))
+            title, began = f"{node}, {run.label}: RMSE {rmse}", prediction.segment.run.began
+            views.append(View((node, run.label), title, run.label, drawn, shaded, floor, began))
     panels = (
         ChartPanel(
             "temperature [°C]", "°C", (Line("measured", "measured", "measured"), *_of_models("", names, best)), 250

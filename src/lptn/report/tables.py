@@ -141,16 +141,20 @@ def versus_table(what: str, pairs: Sequence[Pair]) -> Table:
 def data_table(jobs: Mapping[str, Sequence[Segment]]) -> Table:
     """One row for each segment: its run, and what it was used for."""
     rows = []
+    clocked = any(segment.run.began for segments in jobs.values() for segment in segments)
     for job, segments in jobs.items():
         for segment in segments:
             run = segment.run
             whole = segment.initialisation == segment.evaluation
             start = "all that counts" if whole else window_text(segment.initialisation, segment)
             size = time_span(len(run) * run.step), f"{run.step:g} s"
-            names = run.name, Path(run.source).name, run.fingerprint[:12]
+            names = [run.name, Path(run.source).name, run.fingerprint[:12]]
+            if clocked:
+                names.append(f"{run.began:%Y-%m-%d %H:%M} UTC" if run.began else "–")
             notes = " ".join(run.notes) or "none"
             rows.append((*names, *size, job, start, window_text(segment.evaluation, segment), notes))
-    heads = ("run", "file", "fingerprint", ">length", ">step", "used as", "start from", "errors counted", "notes")
+    clock = ["began"] if clocked else []
+    heads = "run", "file", "fingerprint", *clock, ">length", ">step", "used as", "start from", "errors counted", "notes"
     return Table(heads, tuple(rows))
 
 

@@ -118,6 +118,7 @@ def _segment(study: Study, key: str, segment: Segment) -> dict[str, Any]:
         "run": run.name,
         "job": _JOB_NAMES[job],
         "origin": run.origin,
+        "clock": run.began is not None,
         "start": first,
         "stop": min(stop, last) if job == "fit" else last,
         "from": max(start, first),

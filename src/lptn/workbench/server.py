@@ -43,6 +43,7 @@ _LARGEST_ORDER = Bound(10_000, "bytes")  # an order is a sentence
 _PATIENCE = 20.0  # s in which a request has come whole; on one machine that takes milliseconds
 _PAGE = {
     "": ("index.html", "text/html"),
+    "colours.css": ("colours.css", "text/css"),
     "style.css": ("style.css", "text/css"),
     "page.js": ("page.js", "text/javascript"),
     "sections.js": ("sections.js", "text/javascript"),
@@ -83,7 +84,8 @@ def application(session: Session, port: int, *tokens: str) -> Starlette:
 
 async def _page(request: Request) -> Response:
     name, kind = _PAGE[request.url.path.removeprefix("/")]
-    room = "lptn.report" if name.startswith("uplot/") else "lptn.workbench"  # reports draw with it, too
+    # What reports are drawn with, too, is theirs.
+    room = "lptn.report" if name.startswith(("uplot/", "colours")) else "lptn.workbench"
     return Response(files(room).joinpath("page", name).read_bytes(), media_type=kind)
 
 

@@ -4,6 +4,7 @@ const GRID = [1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1200, 1800, 3600, 7200, 14
 const MISSING = 65535;
 const DASHES = { given: [7, 4], limit: [4, 3] };
 const color = name => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+const clock = (began, seconds) => began == null ? "" : `, ${new Date(1000 * (began + seconds)).toISOString().slice(0, 19).replace("T", " ")} UTC`;
 const clear = value => value == null ? "–" : `${Number(value.toPrecision(4))}`.replace("-", "−");
 
 function unpacked([low, high, steps]) {
@@ -98,12 +99,12 @@ class Charts {
     const options = {
       width: stack.clientWidth || 1000, height: panel.height + (last ? 32 : 0), padding: [8, 8, last ? null : 0, 0],
       cursor: { sync: { key: this.sync.key, setSeries: false }, drag: { x: true, y: false, setScale: false }, points: { size: 6 }, bind: { dblclick: () => () => this.zoom(null, view.across) } },
-      scales: { x: { time: false, auto: false, min: window[0], max: window[1], distr: this.content.log ? 3 : 1 }, y: panel.log ? { distr: 3 } : { range: (_, low, high) => limits(low, high, panel.zero, view.floor) } },
+      scales: { x: { time: false, auto: false, min: window[0], max: window[1], distr: this.content.log ? 3 : 1, range: (_, low, high) => [low, high] }, y: panel.log ? { distr: 3 } : { range: (_, low, high) => limits(low, high, panel.zero, view.floor) } },
       axes: [
         { show: last, stroke: ink, grid, ticks, ...(time ? { incrs: GRID } : {}), size: 42, label: across, labelSize: 16, font, labelFont: font },
         { stroke: ink, grid, ticks, label: panel.label, labelSize: 18, size: 54, space: 26, font, labelFont: font },
       ],
-      series: [{ label: across.replace(/ \[.*/, ""), value: (_, value) => value == null ? "–" : `${clear(value)} ${seconds}` },
+      series: [{ label: across.replace(/ \[.*/, ""), value: (_, value) => value == null ? "–" : `${clear(value)} ${seconds}${clock(view.began, seconds === "min" ? 60 * value : value)}` },
         ...shown.map(line => ({
           label: line.label, width: { measured: 1.1, soft: 0.6, best: 2 }[line.look] ?? 1.6, dash: DASHES[line.look], spanGaps: this.content.log || line.dots || !time,
           stroke: color(line.look ? `--${line.look}` : `--colour${line.colour}`), ...(line.look === "points" ? { width: 0 } : {}),

@@ -211,10 +211,11 @@ class View {
       scales: { x: { time: false, auto: false, min: this.window[0], max: this.window[1] }, y: { range: (_, low, high) => limits(low, high, floor, zero) } },
       axes: [
         { show: last, stroke: ink, grid, ticks, incrs: GRID, size: 42, label: minutes ? "time [min]" : "time [s]", labelSize: 16, font: "12px system-ui, sans-serif", labelFont: "12px system-ui, sans-serif",
+          splits: (_, axis, low, high, step) => { const from = origin + step * Math.ceil((low - origin) / step); return Array.from({ length: Math.floor((high - from) / step) + 1 }, (_, k) => from + k * step); },
           values: (_, splits) => splits.map(each => minutes ? Number(((each - origin) / 60).toFixed(2)) : Number((each - origin).toFixed(2))) },
         { stroke: ink, grid, ticks, label, labelSize: 18, size: 46, space: 26, font: "12px system-ui, sans-serif", labelFont: "12px system-ui, sans-serif" },
       ],
-      series: [{ label: "time", value: (_, value) => value == null ? "–" : minutes ? `${((value - origin) / 60).toFixed(2)} min` : `${(value - origin).toFixed(1)} s` },
+      series: [{ label: "time", value: (_, value) => value == null ? "–" : `${minutes ? `${((value - origin) / 60).toFixed(2)} min` : `${(value - origin).toFixed(1)} s`}${run.clock ? `, ${new Date(1000 * value).toISOString().slice(0, 19).replace("T", " ")} UTC` : ""}` },
         ...series.map(({ name, ...rest }) => ({ ...rest, points: { show: false }, value: (_, value) => number(value) }))],
       bands: band ? [{ series: [2, 1], fill: color("--shade") }] : undefined,
       hooks: { drawClear: [chart => this.shade(chart, floor, zero)], setSelect: [chart => this.selected(chart)],

@@ -114,7 +114,6 @@ export function where(page) {
   // Colour is for what the sensors' noise does not explain: a tile of noise alone stays pale.
   const beyond = each => Math.sqrt(Math.max((each?.rmse ?? 0) ** 2 - state.head.floor ** 2, 0));
   const most = Math.max(...order.flatMap(({ key }) => state.tiles[key].given.map(beyond)), state.head.floor, 1e-9);
-  const css = getComputedStyle(document.documentElement);
   const tile = (each, id, where, segment, node, pressed) => {
     if (!each) return h("td", { title: "not measured" }, "·");
     const side = each.mean < 0 ? "--cold" : "--hot", share = Math.min(beyond(each) / most, 1) ** 0.75;
@@ -125,7 +124,7 @@ export function where(page) {
       ariaPressed: pressed,
       onclick: event => page.pick(segment, node, event.shiftKey || event.ctrlKey || event.metaKey),
     }, signed(each.mean < 0 ? -each.rmse : each.rmse));
-    button.style.background = `rgb(${css.getPropertyValue(side)} / ${share * css.getPropertyValue("--most")})`;
+    button.style.background = `color-mix(in srgb, var(${side}) ${70 * share}%, transparent)`;
     return h("td", null, button);
   };
   // Nodes that no run measures have no tiles, and would be half the rows of a model of windings and housings.
