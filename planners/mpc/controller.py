@@ -247,7 +247,7 @@ class TorqueMPC:
         if sizes != expected[:3]:
             raise RuntimeError(f"structs of {sizes} bytes in Python, {expected[:3]} in C")
         self._settings, self._state, self._result = (kind() for kind in kept)
-        self._fill(self._settings)
+        self._fill_settings()
         self._work = ctypes.create_string_buffer(int(expected[3]) + 64)
         self._measured, self._request = np.empty(len(model.nodes)), np.empty((count, len(self.joints)))
         self._conditions, self._applied = np.empty((count, len(self.conditions))), np.empty(len(self.joints))
@@ -389,22 +389,25 @@ class TorqueMPC:
                 untrusted[node] += f", and may be {hotter:.2g} K hotter than expected"
         return untrusted
 
-    def _fill(self, to: Any) -> None:
-        settings, model = self.settings, self.model
-        to.stage[:] = settings.stages.tolist()
-        to.limit[:] = settings.planned_limits.tolist()
-        to.node[:] = [model.places.index(node) for node in settings.limits]
-        to.owner[:] = list(model.owners)
-        for field, values in (("weight", settings.weights), ("most", settings.currents), ("rate", settings.rates)):
-            getattr(to, field)[:] = values.tolist()
-        to.p[:] = [*model.values.tolist(), 0.0]
-        to.floor[:], to.recovery[:] = settings.floors.tolist(), settings.recovery.tolist()
-        to.smoothing, (to.linear, to.quadratic) = settings.smoothing, settings.prices
-        to.noise, to.grain, to.sigmas = math.hypot(settings.noise, settings.grain), settings.grain, settings.sigmas
-        to.doubt[:], to.gain_doubt[:] = settings.doubt.tolist(), settings.gain_doubt.tolist()
-        to.settles[:] = settings.settles.tolist()
-        to.tolerance, to.iterations, to.warm = settings.tolerance, settings.iterations, settings.warm
-        to.lost_sensor = get_args(LostSensor).index(settings.lost_sensor)
+    def _fill_settings(self) -> None:
+        """Write the settings into their struct; one that `c/lptn_mpc.h` has and this lacks is a KeyError."""
+        own = self.settings
+        linear, quadratic = own.prices
+        values: dict[str, Any] = {
+            "stage": own.stages, "limit": own.planned_limits,
+            "node": [self.model.places.index(node) for node in own.limits], "owner": self.model.owners,
+            "weight": own.weights, "most": own.currents, "rate": own.rates, "floor": own.floors,
+            "p": [*self.model.values, 0.0], "recovery": own.recovery, "smoothing": own.smoothing,
+            "linear": linear, "quadratic": quadratic, "noise": math.hypot(own.noise, own.grain), "grain": own.grain,
+            "sigmas": own.sigmas, "doubt": own.doubt, "gain_doubt": own.gain_doubt, "settles": own.settles,
+            "tolerance": own.tolerance, "iterations": own.iterations, "warm": own.warm,
+            "lost_sensor": get_args(LostSensor).index(own.lost_sensor),
+        }  # fmt: skip
+        for name, _ in self._settings._fields_:
+            if np.ndim(values[name]):
+                getattr(self._settings, name)[:] = np.asarray(values[name]).tolist()
+            else:
+                setattr(self._settings, name, values[name])
 
 
 def _fill(to: FloatArray, values: Values | FloatArray, names: Sequence[str], what: str) -> None:
