@@ -40,6 +40,12 @@ def test_links_lead_somewhere(page: Page) -> None:
             assert anchor in there.anchors(), f"{page.name}: {link}"
 
 
+@pytest.mark.parametrize("page", [page for page in PAGES if page.name != "CHANGELOG.md"], ids=lambda page: page.name)
+def test_every_file_of_the_project_that_a_page_names_is_there(page: Page) -> None:
+    for name in re.findall(r"`((?:src|fmu|planners|tests|examples|\.ci)/[a-z0-9_./-]+)`", page.text):
+        assert (ROOT / name).exists(), f"{page.name}: {name}"
+
+
 @every_page
 def test_every_command_of_a_page_is_one(page: Page) -> None:
     for words in _commands(page, "lptn"):
