@@ -72,10 +72,6 @@ class Calibration(BaseModel, frozen=True, extra="forbid"):
     noise: tuple[_Size, ...]
     model_error: ModelError
 
-    def as_json(self) -> dict[str, object]:
-        """The calibration as other tools read it."""
-        return self.model_dump(mode="json")
-
 
 @one_blas_thread
 def calibrate(

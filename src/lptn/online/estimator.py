@@ -40,7 +40,6 @@ class Estimate:
         innovations: measured − predicted reading [K], NaN where nothing was read. An innovation is what a
             measurement adds, so by the Kalman filter's definition its sign is the opposite of an error's, which is
             predicted − measured everywhere else.
-        spreads: standard deviations expected of the innovations, rounding included [K].
         parameters: learnt parameters in their units, by name, each with its standard deviation.
         untrusted: sensors whose readings are not taken in at present, by node, each with the reason in words.
         hottest: temperatures [degC] of the hottest points of elements, by name, each with its standard deviation [K].
@@ -50,7 +49,6 @@ class Estimate:
     temperatures: FloatArray
     deviations: FloatArray
     innovations: FloatArray
-    spreads: FloatArray
     parameters: dict[str, tuple[float, float]]
     untrusted: dict[str, str] = field(default_factory=dict)
     hottest: dict[str, tuple[float, float]] = field(default_factory=dict)
@@ -304,8 +302,7 @@ class Estimator:
     @property
     def estimate(self) -> Estimate:
         """What is known now, without any new reading."""
-        missing = np.full(len(self.model.nodes), np.nan)
-        return self._estimate(missing, missing)
+        return self._estimate(np.full(len(self.model.nodes), np.nan))
 
     @property
     def states(self) -> FloatArray:
@@ -446,6 +443,8 @@ class Estimator:
 
     def _keep_passive(self) -> None:
         """A node that no sensor in use reads is no colder than all around it was, no warmer than its heat allows."""
+        if self.sensors is None:
+            return
         unread = np.flatnonzero(~self._used)
         alone = np.maximum(self._mean[unread] + self._without[unread], self._coldest)
         self._mean[unread] = np.clip(self._mean[unread], self._coldest, alone + ABOVE * self._deviations[unread])
@@ -481,26 +480,23 @@ class Estimator:
         self._without = step.transition @ self._without
         self._covariance = step.transition @ self._covariance @ step.transition.T + step.added
         self._since_correction = step.transition @ self._since_correction
-        if self.sensors is not None:
-            self._keep_passive()
+        self._keep_passive()
 
     def _correct(self, y: FloatArray, taken: BoolArray) -> Estimate:
         """Take in the readings that are `taken`; innovations are those of all."""
         self.last = None
         predicted, by_state = self.augmented.readings(self._mean)
-        innovation, spreads = y - predicted, np.full(len(y), math.nan)
-        prior = by_state @ self._covariance @ by_state.T
-        seen = np.isfinite(innovation)
-        spreads[seen] = np.sqrt(np.diag(prior) + self._read_as)[seen]
+        innovation = y - predicted
         if not taken.any():
-            return self._estimate(innovation, spreads)
-        h, prior, step = by_state[taken], prior[np.ix_(taken, taken)], self._step[taken]
-        surprise, variance = innovation[taken], self._read_as[taken]
+            return self._estimate(innovation)
+        h, step, surprise, variance = by_state[taken], self._step[taken], innovation[taken], self._read_as[taken]
+        of_readings = self._covariance @ h.T
+        prior = h @ of_readings
         if step.any():
             surprise, variance = as_gaussian(surprise, np.diag(prior), self._noise[taken], step)
         covariance = prior + np.diag(variance)
         factor = cho_factor(covariance, lower=True, check_finite=False)
-        gain = cho_solve(factor, (self._covariance @ h.T).T, check_finite=False).T
+        gain = cho_solve(factor, of_readings.T, check_finite=False).T
         # What is only doubtful, not learnt, keeps its value; Joseph's form holds for that gain too.
         gain[self._only_doubtful] = 0.0
         if self.sensors is not None:  # one that has not shown yet that it lives teaches of nothing but its own node
@@ -515,35 +511,28 @@ class Estimator:
             self._mean[where] = np.clip(self._mean[where], middle - most[where], middle + most[where])
         self._mean[layout.parameters] = np.clip(self._mean[layout.parameters], *self._bounds)
         self._without += before - self._mean  # the model alone stays where it was
-        if self.sensors is not None:
-            self._keep_passive()
+        self._keep_passive()
         self.last = Correction(self._since_correction, h, gain, covariance, surprise)
         self._since_correction = np.eye(self.size)
-        return self._estimate(innovation, spreads)
+        return self._estimate(innovation)
 
-    def _estimate(self, innovation: FloatArray, spreads: FloatArray) -> Estimate:
+    def _estimate(self, innovation: FloatArray) -> Estimate:
         nodes, where = len(self.model.nodes), self.augmented.layout.parameters
         deviations = np.sqrt(np.maximum(np.diag(self._covariance), 0.0))  # rounding may go below 0
-        coordinates = self._mean[where]
-        values = self._transform.backward(coordinates)
+        values = self._transform.backward(self._mean[where])
         errors = deviations[where] * np.abs(self._transform.slope(values))
         learnt = {
             self.model.parameters[index].name: (float(value), float(error))
             for index, value, error, chosen in zip(self.doubtful, values, errors, self._learnt, strict=True)
             if chosen
         }
-        watched = self.sensors
-        reasons = {} if watched is None else {node: watched.why_not(k) for k, node in enumerate(self.model.nodes)}
-        doubts = {node: reason for node, reason in reasons.items() if reason}
-        hottest = {
-            place: (float(self._mean[row]), float(deviations[row]))
-            for row, place in enumerate(self.model.places)
-            if row >= nodes
-        }
+        reasons = [] if self.sensors is None else map(self.sensors.why_not, range(nodes))
+        doubts = {node: why for node, why in zip(self.model.nodes, reasons, strict=False) if why}
+        inside = zip(self.model.places[nodes:], self._mean[nodes:].tolist(), deviations[nodes:].tolist(), strict=False)
+        hottest = {place: (temperature, deviation) for place, temperature, deviation in inside}
         return Estimate(
-            tuple(self.model.nodes), self._mean[:nodes].copy(), deviations[:nodes], innovation, spreads, learnt, doubts,
-            hottest,
-        )  # fmt: skip
+            tuple(self.model.nodes), self._mean[:nodes].copy(), deviations[:nodes], innovation, learnt, doubts, hottest
+        )
 
     def _refuse_time(self, dt: float) -> None:
         if not 0 <= dt <= _DAY:

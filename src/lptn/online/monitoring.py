@@ -235,7 +235,7 @@ class Monitoring:
                 },
                 "statistical": {"alarms": [alarm.as_json() for alarm in watched.statistical_alarms]},
             }
-        return {"threshold": self.threshold, "calibration": self.calibration.as_json(), "runs": runs}
+        return {"threshold": self.threshold, "calibration": self.calibration.model_dump(mode="json"), "runs": runs}
 
 
 @one_blas_thread

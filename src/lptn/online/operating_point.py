@@ -171,9 +171,7 @@ def present_operating_point(
     Args:
         bound: the log.
         columns: its inputs, `<feature>.<place>`, in order.
-        window: `"steady"`, as long as the operating point has been unchanged; `"cycles"`, the last few gait cycles, as
-            [QuadrupedLPTN, application 3] does; or seconds.
-        cycles: gait cycles to average where `window` is `"cycles"`.
+        window: what is averaged, and of how many `cycles`: as `lptn.forecast` takes it.
         gait: of the log.
     """
     length, period = len(bound) * bound.run.step, gait.period
