@@ -99,10 +99,22 @@ def _motor(table: CatalogueMotor, place: str, tables: Tables, path: Path) -> Mot
         network = data_sheet_network(table.name, table.data_sheet)
     else:
         network, errors = _network(table.model or "", f"{place}.model", path)
+    one_of = f"one of {', '.join(network.dynamic)}"
+    # Nodes whose temperature the enamel limits: as the study says, else those that copper loss heats.
+    windings = _nodes(table.winding, network, f"{place}.winding", path) or network.nodes_with("copper_loss")
+    if not windings:
+        expected = f"one from a current, or winding = … ({one_of})"
+        raise InputError(path, f"{place}.model", "a network without copper loss", expected)
+    # Nodes taken as the magnets: as the study says, else those called magnet…, else the housing.
+    magnets = _nodes(table.magnet, network, f"{place}.magnet", path)
+    magnets = magnets or matching("magnet*", network.dynamic) or matching("housing", network.dynamic)
+    if not magnets:
+        expected = f"magnet = …, whose temperature sets the torque constant: {one_of}"
+        raise InputError(path, place, "no node called magnet… or housing", expected)
     found = {
         "network": network,
-        "winding_nodes": _winding(table, network, place, path),
-        "magnet_nodes": _magnet(table, network, place, path),
+        "winding_nodes": tuple(windings),
+        "magnet_nodes": tuple(magnets),
         "sink_at": _sink_at(table, tables, network, place, path),
         "standard_errors": errors,
     }
@@ -113,35 +125,13 @@ def _needed(names: Iterable[str]) -> str:
     return ", ".join(f"{name} = … [{_NEEDED[name]}]" for name in names)
 
 
-def _winding(table: CatalogueMotor, network: Network, place: str, path: Path) -> tuple[str, ...]:
-    """Nodes whose temperature the enamel limits: as the study says, else those that copper loss heats."""
-    if table.winding is not None:
-        return _nodes(table.winding, network, f"{place}.winding", path)
-    heated = network.nodes_with("copper_loss")
-    if not heated:
-        expected = f"one from a current, or winding = … (one of {', '.join(network.dynamic)})"
-        raise InputError(path, f"{place}.model", "a network without copper loss", expected)
-    return tuple(heated)
-
-
-def _magnet(table: CatalogueMotor, network: Network, place: str, path: Path) -> tuple[str, ...]:
-    """Nodes taken as the magnets: as the study says, else those called magnet…, else the housing."""
-    if table.magnet is not None:
-        return _nodes(table.magnet, network, f"{place}.magnet", path)
-    magnets = matching("magnet*", network.dynamic) or matching("housing", network.dynamic)
-    if not magnets:
-        mistake = "no node called magnet… or housing"
-        expected = f"magnet = …, whose temperature sets the torque constant: one of {', '.join(network.dynamic)}"
-        raise InputError(path, place, mistake, expected)
-    return tuple(magnets)
-
-
-def _nodes(pattern: str, network: Network, place: str, path: Path) -> tuple[str, ...]:
-    nodes = matching(pattern, network.dynamic)
-    if not nodes:
+def _nodes(pattern: str | None, network: Network, place: str, path: Path) -> list[str]:
+    """The nodes that a pattern names; none where nothing is said."""
+    nodes = [] if pattern is None else matching(pattern, network.dynamic)
+    if pattern is not None and not nodes:
         expected = f"one of {', '.join(network.dynamic)}, nodes of {network.origin}, or a pattern of them"
         raise InputError(path, place, f'node "{pattern}"', expected)
-    return tuple(nodes)
+    return nodes
 
 
 def _sink_at(table: CatalogueMotor, tables: Tables, network: Network, place: str, path: Path) -> str:
