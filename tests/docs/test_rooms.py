@@ -1,9 +1,11 @@
-"""The picture of the rooms in CONTRIBUTING, held to the contract of imports and to the folders of tests."""
+"""The rooms: their picture in CONTRIBUTING is the contract of imports, and their own pages name all of their files."""
 
 from __future__ import annotations
 
 import re
 import tomllib
+
+import pytest
 
 from tests.docs.pages import ROOT, Page
 
@@ -30,3 +32,10 @@ def test_each_room_of_the_picture_is_described_and_has_tests() -> None:
         assert len(said.split(_BESIDE)) == len(rooms)
         for room in rooms:
             assert (ROOT / "tests" / room).is_dir(), room
+
+
+@pytest.mark.parametrize("room", ["logs", "report", "workbench"])
+def test_the_page_of_a_room_says_what_each_of_its_files_is_for(room: str) -> None:
+    folder = ROOT / "src" / "lptn" / room
+    named = set(re.findall(r"`(\w+\.py)`", (folder / "README.md").read_text(encoding="utf-8")))
+    assert named == {path.name for path in folder.glob("*.py")} - {"__init__.py"}
