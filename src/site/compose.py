@@ -29,6 +29,8 @@ _LINK = r"(!?)\[((?:[^\[\]]|\[[^\[\]]*\](?:\([^()]*\))?)*)\]\(([^)\s]+)\)"
 _CODE_OR_LINK = re.compile(f"{_CODE}|{_LINK}", re.MULTILINE | re.DOTALL)
 _HEADING = re.compile(r"^(#+) +(.*)$")
 _ELSEWHERE = ("http:", "https:", "mailto:")
+CATALOGUE = "src/lptn/effects/README.md"
+_WORK = re.compile(r"^### \w+(?:-\w+)*$", re.MULTILINE)
 _RUN = re.compile(r'^```(\w+) exec="true"', re.MULTILINE)
 
 
@@ -78,6 +80,8 @@ class _Page:
         if name in WRITTEN:
             return WRITTEN[name]()
         text = (ROOT / name).read_text(encoding="utf-8")
+        if name == CATALOGUE:  # its works are found in the bibliography
+            text = _WORK.sub(r"\g<0> { data-search-exclude }", text)
         return self.with_links(section(text, anchor) if anchor else text, name)
 
     def with_links(self, text: str, origin: str = "") -> str:
@@ -111,8 +115,10 @@ class _Page:
             return f"{mark}[{words}]({self._from_here(self._included[name, anchor])})"
         if (ROOT / name).is_dir():
             return words if words.strip("`") == name else f"{words} (`{name}`)"
-        self.files.add(name)
-        uri = self._included.get((name, ""), f"{COPIED}/{name}")
+        uri = self._included.get((name, ""))
+        if uri is None:  # a copy of what a page includes would be found twice
+            self.files.add(name)
+            uri = f"{COPIED}/{name}"
         return f"{mark}[{words}]({self._from_here(uri)}{anchor and '#'}{anchor})"
 
     def _from_here(self, uri: str) -> str:

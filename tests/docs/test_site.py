@@ -10,6 +10,7 @@ import pytest
 
 from check import faults
 from compose import compose, run_in_its_folder, section
+from figure import notebook
 from lptn.basics.errors import InputError
 from science import text_fence
 
@@ -68,6 +69,31 @@ def test_what_is_included_leads_where_it_should() -> None:
     assert "[planners](../files/planners/README.md)" in pages["deep/two.md"]  # a page that nobody includes gets one
     assert "files/planners/README.md" in pages
     assert "examples/tclab/log.csv" in files
+
+
+def test_no_page_is_there_twice() -> None:
+    """What a page includes has no copy, whoever links to it: a search would find both."""
+    own = {
+        "logs.md": "{{ src/lptn/logs/README.md }}\n",
+        "two.md": "[a section](repo:src/lptn/logs/README.md#formats)\n",
+    }
+    pages, _ = compose(own)
+    assert "[a section](logs.md#formats)" in pages["two.md"]
+    assert "files/src/lptn/logs/README.md" not in pages
+
+
+def test_a_script_is_run_as_a_notebook(tmp_path: Path) -> None:
+    script = tmp_path / "script.py"
+    script.write_text(
+        "# %% [markdown]\n# # Title\n# Words.\n\n# %% One\nx = 2\nprint(x + 1)\n\n# %% Two\nassert x == 2\n"
+    )
+    made = notebook(str(script))
+    assert "Words." in made
+    assert "Title" not in made
+    assert "One\n\n```python\nx = 2\nprint(x + 1)\n```\n\n```text\n3\n```" in made
+    script.write_text("# %% Wrong\nassert False\n")
+    with pytest.raises(AssertionError):
+        notebook(str(script))
 
 
 def test_a_page_works_in_a_folder_of_its_own() -> None:

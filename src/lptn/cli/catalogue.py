@@ -163,21 +163,15 @@ def _block_text(block: str) -> str:
 HEAD = """\
 # The catalogue of effects
 
-Every effect is one file in this folder: one equation, its parameters, what its absence looks like. This page is made
-from the classes; after a change write it anew:
+Each effect has one equation, its parameters, and a description of how its absence shows; `lptn effects KEY` prints it.
 
-```
-lptn effects --markdown src/lptn/effects/README.md
-```
+The *amplitude* is the parameter that scales an effect: at its off-value the model is the same to the last bit. A
+*shape* (a time constant, an exponent) is tried at a few values before it is fitted. `lptn improve` tests each effect at
+each place where the log has the columns that it needs. Effects that "every part may have" are added everywhere at
+first; those "also in one run" are tested in single runs, too. Sources are cited in brackets and listed
+[at the end](#references); their misprints are in [the errata](../../../examples/README.md#errata-of-the-sources).
 
-*Amplitude* is the parameter that switches an effect off: at its off-value the model is the same to the last bit. A
-*shape* (a time constant, an exponent) is tried on a small grid before it is fitted. `lptn improve` looks for each
-effect at each place where the log has what it needs; what "every part may have" is tried everywhere at once,
-before what sets one part apart; "also in one run" says that it is looked for in single runs, too. Sources are named in
-brackets and listed [at the end](#references); what is wrong in their print stands in
-[the errata](../../../examples/README.md#errata-of-the-sources).
-
-An effect of your own: [in a package of your own](PLUGIN.md).
+You can add [effects of your own](PLUGIN.md) as a package.
 """
 
 
