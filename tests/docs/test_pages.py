@@ -9,8 +9,9 @@ from pathlib import Path
 import pytest
 
 from compose import PLAYGROUND
-from lptn.cli.catalogue import built_in, catalogue_markdown
+from lptn.cli.catalogue import catalogue_markdown
 from lptn.cli.main import app
+from lptn.effects import Effect, catalogue
 from tests.docs.pages import ROOT, Page, pages
 
 PAGES = pages()
@@ -22,6 +23,11 @@ def _commands(page: Page, first: str) -> list[list[str]]:
     """What is typed in a page's blocks, without the remark behind it."""
     lines = [line.strip() for block in page.blocks("") for line in block.splitlines()]
     return [shlex.split(line, comments=True) for line in lines if line.startswith(f"{first} ")]
+
+
+def _built_in() -> dict[str, type[Effect]]:
+    """The effects of this package, without plug-ins."""
+    return {key: effect for key, effect in catalogue().items() if effect.__module__.startswith("lptn.effects.")}
 
 
 # The links of the site's own pages lead to pages of the built site; `.ci/docs` looks there.
@@ -82,11 +88,11 @@ def test_a_tutorial_tells_to_make_the_folder_that_its_code_is_run_in(page: Page)
 
 def test_the_catalogue_page_is_the_catalogue() -> None:
     page = Path(ROOT / "src/lptn/effects/README.md").read_text(encoding="utf-8")
-    assert page == catalogue_markdown(built_in()), "stale: lptn effects --markdown src/lptn/effects/README.md"
+    assert page == catalogue_markdown(_built_in()), "stale: lptn effects --markdown src/lptn/effects/README.md"
 
 
 def test_the_catalogue_page_says_all_of_an_effect() -> None:
-    text = catalogue_markdown(built_in())
+    text = catalogue_markdown(_built_in())
     section = text[text.index("## second_mass") : text.index("## shared_mass")]
     said = (
         "```math\nQ = \\frac{C_2}{t_2} (T_2 - T)",
@@ -102,7 +108,7 @@ def test_the_catalogue_page_says_all_of_an_effect() -> None:
         ".py)",
     ):
         assert phrase in section
-    assert text.count("\n## ") == len(built_in()) + 1  # and the references
+    assert text.count("\n## ") == len(_built_in()) + 1  # and the references
 
 
 def _spelt(words: list[str]) -> list[str]:

@@ -190,11 +190,6 @@ def catalogue_markdown(effects: Mapping[str, type[Effect]] | None = None) -> str
     return "\n".join([HEAD, *rows, "", *map(_section, chosen.values()), *_works(chosen.values())])
 
 
-def built_in() -> dict[str, type[Effect]]:
-    """The effects of this package, without plug-ins."""
-    return {key: effect for key, effect in catalogue().items() if effect.__module__.startswith(_OURS)}
-
-
 def _section(effect: type[Effect]) -> str:
     lines = [f"## {effect.key}", "", *_prose(effect), "", *_parameters(effect), "", f"- Acts on: {where_text(effect)}."]
     lines += [f"- Log columns: {columns_text(effect)}.", *_options(effect)]

@@ -265,7 +265,7 @@ def _next(model: Path, contents: Sequence[LogContent]) -> str:
 def _show_model(model: Model) -> None:
     """What a model needs."""
     few = _some(model.inputs, _FEW)
-    nodes = f"{_count(len(model.nodes), 'node')} ({_some(model.nodes)})"
+    nodes = f"{_count(len(model.nodes), 'node')} ({_some(model.nodes, _FEW)})"
     print(f"Model: {model.network.name}, {nodes}, {_count(len(model.free), 'free parameter')}; inputs {few}.")
     for column in model.started:
         print(f"{column} is no column of the log: it is estimated from each run's first readings.")

@@ -22,8 +22,7 @@ from lptn.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from lptn.report.results import StudyComparison, StudyVersus
-    from lptn.study import Study
+    from lptn.identify.comparison import Comparison, Versus
 
 _WORST = 6  # rows of a table in the answer; the details have all
 
@@ -52,61 +51,45 @@ def compare(
     check_outputs(json, plot, report, inputs=(model, *logs, *(() if against is None else (against,))))
     check_picture(plot)
     check_inputs(model, *logs)
-    from lptn.cli.terminal import progress
+    from lptn.basics.files import write_whole
+    from lptn.cli.terminal import progress, write_json
+    from lptn.identify.comparison import Versus
     from lptn.study import Study
 
     with progress("reading"):
-        study = Study(model, holdout=logs, columns=column_options(map, rate))
-        other = None if against is None else Study(against, holdout=logs, columns=column_options(map, rate))
-    if other is None:
-        _compare(study, details, json, plot, report)
+        studies = [
+            Study(file, holdout=logs, columns=column_options(map, rate))
+            for file in (model, against)
+            if file is not None
+        ]
+    with progress("comparing"):
+        result = studies[0].compare(*studies[1:])
+    for sentence in result.narrative():
+        print(sentence)
+    if isinstance(result, Versus):
+        _show_versus(result)
+        write_json(json, result.model.as_json() | {"against": result.as_json()})
     else:
-        _compare_with(study, other, json, plot, report)
-
-
-def _compare(study: Study, details: bool, json: Path | None, plot: Path | None, report: Path | None) -> None:
-    from lptn.basics.files import write_whole
-    from lptn.cli.terminal import progress, write_json
-
-    with progress("comparing"):
-        comparison = study.compare()
-    _show_comparison(comparison, details)
-    write_json(json, comparison.as_json())
+        _show_comparison(result, details)
+        write_json(json, result.as_json())
     if plot is not None:
-        from lptn.report.comparison_figures import comparison_figure
+        from lptn.report.comparison_figures import comparison_figure, versus_figure
 
-        write_figure(comparison_figure(comparison), plot)
+        write_figure(versus_figure(result) if isinstance(result, Versus) else comparison_figure(result), plot)
     if report is not None:
-        from lptn.report.pages import comparison_html
+        from lptn.report.pages import comparison_html, versus_html
 
-        write_whole(report, comparison_html(comparison, study.model.network.name))
-
-
-def _compare_with(study: Study, other: Study, json: Path | None, plot: Path | None, report: Path | None) -> None:
-    from lptn.basics.files import write_whole
-    from lptn.cli.terminal import progress, write_json
-
-    with progress("comparing"):
-        result = study.compare(other)
-    _show_versus(result)
-    write_json(json, result.model.as_json() | {"against": result.as_json()})
-    if plot is not None:
-        from lptn.report.comparison_figures import versus_figure
-
-        write_figure(versus_figure(result), plot)
-    if report is not None:
-        from lptn.report.pages import versus_html
-
-        write_whole(report, versus_html(result, " against ".join(result.names)))
+        if isinstance(result, Versus):
+            write_whole(report, versus_html(result, " against ".join(result.names)))
+        else:
+            write_whole(report, comparison_html(result, studies[0].model.network.name))
 
 
-def _show_comparison(comparison: StudyComparison, details: bool) -> None:
-    """The sentences, errors by run and node, and among the details the conditions in which the model fails worst."""
+def _show_comparison(comparison: Comparison, details: bool) -> None:
+    """Errors by run and node, and among the details the conditions in which the model fails worst."""
     from lptn.cli.terminal import show_table
     from lptn.report.tables import condition_table, error_table
 
-    for sentence in comparison.narrative():
-        print(sentence)
     table = error_table(comparison, None if details else _WORST)
     show_table(table.columns, table.rows)
     worst = condition_table(comparison)
@@ -115,12 +98,10 @@ def _show_comparison(comparison: StudyComparison, details: bool) -> None:
     print("error = predicted − measured; noise alone: RMSE from sensor noise alone.")
 
 
-def _show_versus(result: StudyVersus) -> None:
-    """The sentences, and two models' errors by class of nodes and by run."""
+def _show_versus(result: Versus) -> None:
+    """Two models' errors by class of nodes and by run."""
     from lptn.cli.terminal import show_table
 
-    for sentence in result.narrative():
-        print(sentence)
     print(f"Errors (predicted − measured) of {' / '.join(result.names)}, and the reduction of the largest:")
     classes = result.classes[:1] if len(result.classes) == 2 else result.classes  # of one class and all
     runs = result.runs if len(result.runs) > 1 else []  # errors of one run are those of all nodes
