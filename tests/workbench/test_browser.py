@@ -194,6 +194,9 @@ def test_the_tour_ends_where_the_error_has_fallen(browser: Browser, tmp_path: Pa
             page.locator("#undo").click()
             expect(page.locator("#undo")).to_be_disabled()
             _order(page, "improve")
+            # After a finished search nothing is offered that would make it worse, or find the same again.
+            expect(page.locator("#missing button.first")).to_have_count(0)
+            expect(page.locator("#improve")).to_have_count(0)
         expect(tour).to_contain_text("Done.")
         assert list(tmp_path.rglob("example-*/*.toml"))  # the example's files stand beside the session
         assert not complaints

@@ -19,10 +19,10 @@ def add(
     at: Annotated[
         str, Option(help='Node, edge "a~b", pattern such as "*_calf", or "*"; NODE@RUN as `lptn diagnose` prints it.')
     ],
-    run: Annotated[str, Option(help="The only run in which it acts; all by default.")] = "",
+    run: Annotated[str, Option(help="The only run in which the effect acts; all by default.")] = "",
     set: Annotated[  # noqa: A002 - the option's name
         list[str] | None,
-        Option(help="Its options and parameters: input=velocity span=6.", negative="", consume_multiple=True),
+        Option(help="Options and parameters of the effect: input=velocity span=6.", negative="", consume_multiple=True),
     ] = None,
     output: Output,
 ) -> None:

@@ -38,7 +38,7 @@ def show_effects(key: str | None, details: bool = True) -> None:
         show_table(("effect", "what it is", "at"), listed)
         return
     effect = effect_named(key, "effects", "KEY")
-    print(docstring_text(effect), "", sep="\n")
+    print(docstring_text(effect, sources=details), "", sep="\n")
     rows = [
         (
             parameter.name,
@@ -93,10 +93,10 @@ def catalogue_json(key: str | None) -> dict[str, object]:
     }
 
 
-def docstring_text(effect: type[Effect]) -> str:
+def docstring_text(effect: type[Effect], *, sources: bool = True) -> str:
     """An effect's docstring for people: equations in Unicode, a line each, and sources by author and year."""
     blocks = inspect.cleandoc(effect.__doc__ or effect.title).split("\n\n")
-    return "\n\n".join(_block_text(block) for block in blocks)
+    return "\n\n".join(_block_text(block) for block in blocks if sources or not block.startswith("Source:"))
 
 
 def cited_by(effect: type[Effect]) -> tuple[str, str]:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from lptn.model.model import Model
     from lptn.simulate.bound_run import BoundRun
 
-Drawing = Annotated[Path | None, Option(name="--drawing", help="Picture of the network to write: .svg.")]
+Drawing = Annotated[Path | None, Option(name="--drawing", help="Drawing of the network to write: .svg.")]
 Guessing = Annotated[bool, Option(name="--guess", help="Use the proposed columns, like --map guess.", negative="")]
 
 

@@ -31,7 +31,7 @@ def compare(
     model: Path,
     /,
     *logs: Path,
-    against: Annotated[Path | None, Option(help="Another model file, to predict the same logs with.")] = None,
+    against: Annotated[Path | None, Option(help="Model file to compare with, on the same logs.")] = None,
     details: Details = False,
     json: Json = None,
     plot: Picture = None,

@@ -20,7 +20,7 @@ def add_completion(app: cyclopts.App) -> None:
 
     @app.command(name="--install-completion")
     def install_completion(
-        *, shell: Annotated[Shell | None, Option(help="By default the one that $SHELL names.")] = None
+        *, shell: Annotated[Shell | None, Option(help="Shell; by default that of $SHELL.")] = None
     ) -> None:
         """Complete commands and options with the TAB key.
 

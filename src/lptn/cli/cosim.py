@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 Outputs = Annotated[
     Path | None,
-    Option(name=["--output", "-o"], help="File to write all outputs at the ends of steps to: .csv or .parquet."),
+    Option(name=["--output", "-o"], help="File for all outputs at the end of each step: .csv or .parquet."),
 ]
 
 
@@ -36,9 +36,15 @@ def cosim(
     *logs: Path,
     model: Annotated[Path | None, Option(help="Model file to compare with; by default the one inside the FMU.")] = None,
     ramps: Annotated[
-        bool, Option(help="Interpolate the FMU's inputs between samples; the model holds them.", negative="")
+        bool,
+        Option(
+            help="Interpolate the FMU's inputs between samples; by default they are constant, as in the model.",
+            negative="",
+        ),
     ] = False,
-    trust: Annotated[bool, Option(help="Allow native code of an FMU that lptn did not write.", negative="")] = False,
+    trust: Annotated[
+        bool, Option(help="Run native code of an FMU that was not exported on this machine.", negative="")
+    ] = False,
     parameters: Annotated[
         Path | None,
         Option(help="Parameter values for the FMU: an SSV file, as lptn fmu MODEL -o VALUES.ssv writes it."),

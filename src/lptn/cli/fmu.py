@@ -26,7 +26,7 @@ Platforms = Annotated[
 ]
 Limit = Annotated[
     list[str] | None,
-    Option(name="--limit", help="Limit in degC, of all nodes or as NODE=90; may be given again.", negative=""),
+    Option(name="--limit", help="Limit in degC, for all nodes or as NODE=90; may be repeated.", negative=""),
 ]
 Forecast = Annotated[
     bool,
@@ -40,7 +40,7 @@ Events = Annotated[
     bool,
     Option(
         name="--events",
-        help="Make a limit that is crossed an event: outputs limit_crossed, and in FMI 3 event mode and clocks.",
+        help="Crossing a limit is an event: outputs limit_crossed, and in FMI 3 event mode and clocks.",
         negative="",
     ),
 ]
@@ -54,7 +54,7 @@ Reference = Annotated[
     bool,
     Option(
         name="--reference",
-        help="Put an experiment with reference results inside, as FMI-LS-REF asks, so that an importer can be checked.",
+        help="Include an experiment with reference results (FMI-LS-REF), to check an importer with.",
         negative="",
     ),
 ]
@@ -62,7 +62,7 @@ Admissible = Annotated[
     bool,
     Option(
         name="--admissible",
-        help="Add each joint's admissible torque for 10 s, 60 s, 300 s and for ever as outputs; it keeps the --limit.",
+        help="Add each joint's admissible torque within --limit for 10 s, 60 s, 300 s and for ever as outputs.",
         negative="",
     ),
 ]
@@ -70,7 +70,7 @@ CurrentLimit = Annotated[
     list[str] | None,
     Option(
         name="--current-limit",
-        help="With --admissible: limit in A, of all joints or as JOINT=30; may be given again.",
+        help="With --admissible: limit in A, for all joints or as JOINT=30; may be repeated.",
         negative="",
     ),
 ]
@@ -78,7 +78,7 @@ Connect = Annotated[
     list[str] | None,
     Option(
         name="--connect",
-        help="With -o SYSTEM.ssd or .ssp and FMUs: OUTPUT=INPUT, each FMU.VARIABLE; may be given again.",
+        help="With -o SYSTEM.ssd or .ssp and FMUs: OUTPUT=INPUT, each FMU.VARIABLE; may be repeated.",
         negative="",
     ),
 ]
@@ -86,7 +86,7 @@ Casadi = Annotated[
     bool,
     Option(
         name="--casadi",
-        help="Let states and parameters be set in any mode, as CasADi's import does and the standard forbids.",
+        help="Allow setting states and parameters in any mode, for CasADi's import; the standard forbids it.",
         negative="",
     ),
 ]
@@ -99,8 +99,10 @@ def fmu(
     output: Output,
     fmi: Annotated[int, Option(help="Version of the standard: 2 or 3.")] = 3,
     platforms: Platforms = None,
-    solver: Annotated[str, Option(help="Of Co-Simulation: rk4, or ros2 for stiff networks.")] = "rk4",
-    step: Annotated[float | None, Option(help="Longest inner step in s; by default one that fits the model.")] = None,
+    solver: Annotated[str, Option(help="Solver of Co-Simulation: rk4, or ros2 for stiff networks.")] = "rk4",
+    step: Annotated[
+        float | None, Option(help="Longest inner step in s; by default chosen from the model's time constants.")
+    ] = None,
     limit: Limit = None,
     forecast: Forecast = False,
     events: Events = False,

@@ -34,7 +34,7 @@ Healthy = Annotated[
     list[Path] | None,
     Option(
         name="--healthy",
-        help="Logs of the same kind without a fault, preferably those that the model was fitted on.",
+        help="Logs of the same kind without faults, preferably those that the model was fitted to.",
         negative="",
         consume_multiple=True,
     ),
@@ -46,12 +46,12 @@ def monitor(
     /,
     *logs: Path,
     threshold: Annotated[
-        float, Option(help="Error that the plain detector calls a fault, in K.", validator=validators.Number(gt=0))
+        float, Option(help="Threshold of the plain detector, in K.", validator=validators.Number(gt=0))
     ] = 10.0,
     healthy: Healthy = None,
     false_alarms: Annotated[
         float,
-        Option(help="False alarms an hour that the statistical detector may give.", validator=validators.Number(gt=0)),
+        Option(help="Rate of false alarms of the statistical detector, per hour.", validator=validators.Number(gt=0)),
     ] = 0.01,
     calibration: Annotated[
         Path | None,

@@ -16,7 +16,7 @@ def motor(
     *,
     output: OptionalOutput = None,
     sample: Annotated[
-        Literal["inrunner", "outrunner"] | None, Option(help="Drawing that is printed without one (inrunner).")
+        Literal["inrunner", "outrunner"] | None, Option(help="Kind of the sample drawing (inrunner by default).")
     ] = None,
     json: Json = None,
 ) -> None:

@@ -14,8 +14,8 @@ def new(
     preset: str | None = None,
     /,
     *,
-    model: Annotated[str | None, Option(help="Another model of the same robot, such as single-node.")] = None,
-    urdf: Annotated[Path | None, Option(help="A model for the robot of this URDF, in place of a ready one.")] = None,
+    model: Annotated[str | None, Option(help="Variant of the preset, such as single-node.")] = None,
+    urdf: Annotated[Path | None, Option(help="URDF of the robot to make a model for.")] = None,
     output: OptionalOutput = None,
 ) -> None:
     """Write a model file to begin with.

@@ -34,11 +34,11 @@ def open(  # noqa: A001 - the command's name
     holdout: Holdout = None,
     holdout_after: HoldoutAfter = None,
     test: Test = None,
-    browser: Annotated[bool, Option(help="Show the page in the browser; else the address is printed alone.")] = True,
+    browser: Annotated[bool, Option(help="Open the browser; otherwise only print the address.")] = True,
     port: Annotated[
         int,
         Option(
-            help="Port of the page's server; by default any that is free.",
+            help="Port of the server; by default a free one.",
             validator=validators.Number(gte=0, lte=65535),
         ),
     ] = 0,

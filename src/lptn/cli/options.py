@@ -24,9 +24,9 @@ if TYPE_CHECKING:
 
 Output = Annotated[Path, Option(name=["--output", "-o"], help="File to write.")]
 OptionalOutput = Annotated[Path | None, Option(name=["--output", "-o"], help="File to write the model to.")]
-Json = Annotated[Path | None, Option(name="--json", help="File to write the result to, for programs.")]
-HtmlReport = Annotated[Path | None, Option(name="--report", help="HTML page to write; its charts zoom.")]
-Details = Annotated[bool, Option(name="--details", help="Print all that is known, below the answer.", negative="")]
+Json = Annotated[Path | None, Option(name="--json", help="JSON file for the result.")]
+HtmlReport = Annotated[Path | None, Option(name="--report", help="HTML page to write, with zoomable charts.")]
+Details = Annotated[bool, Option(name="--details", help="Print all results below the answer.", negative="")]
 Picture = Annotated[Path | None, Option(name="--plot", help="Picture to write: .png, .svg or .pdf.")]
 Holdout = Annotated[
     list[Path] | None,
@@ -98,9 +98,7 @@ SurfaceError = Annotated[
         validator=validators.Number(gte=0),
     ),
 ]
-Jobs = Annotated[
-    int, Option(name="--jobs", help="Number of processes that refit candidates.", validator=validators.Number(gte=1))
-]
+Jobs = Annotated[int, Option(name="--jobs", help="Number of processes.", validator=validators.Number(gte=1))]
 
 
 def _not_negative(_type: object, value: float | str) -> None:
@@ -112,7 +110,7 @@ SymmetryPenalty = Annotated[
     float | Literal["auto"],
     Option(
         name="--symmetry-penalty",
-        help="Weight that pulls left and right parameters together; auto: the best one on held-out runs.",
+        help="Weight of the left-right symmetry penalty; auto: the best one on held-out runs.",
         validator=_not_negative,
     ),
 ]

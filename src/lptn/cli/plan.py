@@ -22,7 +22,7 @@ def plan(
     plot: Picture = None,
     report: HtmlReport = None,
     emit_c: Annotated[
-        Path | None, Option(name="--emit-c", help="Folder to write the controller step to, as C for the robot.")
+        Path | None, Option(name="--emit-c", help="Folder for the controller step as C code for the robot.")
     ] = None,
 ) -> None:
     """Plan torque, speeds or loads within limits.

@@ -9,9 +9,7 @@ from cyclopts import Parameter as Option
 
 from lptn.cli.options import HtmlReport, Picture, check_outputs, check_picture, write_figure
 
-Result = Annotated[
-    Path | None, Option(name=["--json", "--output", "-o"], help="File to write the result to, for programs (JSON).")
-]
+Result = Annotated[Path | None, Option(name=["--json", "--output", "-o"], help="JSON file for the result.")]
 Diagram = Annotated[
     Path | None,
     Option(
