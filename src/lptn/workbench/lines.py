@@ -119,26 +119,23 @@ class RunLines:
     def _lines(self, node: str, models: Mapping[str, str]) -> dict[_Key, _Read]:
         """What is drawn of a node, by the name on the page and what else tells a line from the run's others."""
         row = self._row(node)
-        measured = self.measured[row]
-        models = {name: model for name, model in models.items() if model in self.predicted}
-        readings: dict[_Key, _Read] = {
-            (name, node, of): self.predicted[of][row].__getitem__ for name, of in models.items()
-        }
-        lines: dict[_Key, _Read] = {("measured", node): measured.__getitem__}
-        for (name, *of), read in readings.items():
-            lines[name, *of] = read
-            lines[f"error {name}", *of] = _difference(read, measured.__getitem__)
+        measured = self.measured[row].__getitem__
+        lines: dict[_Key, _Read] = {("measured", node): measured}
+        for name, of in models.items():
+            if of in self.predicted:
+                lines[name, node, of] = read = self.predicted[of][row].__getitem__
+                lines[f"error {name}", node, of] = _difference(read, measured)
         lines |= {(name,): self.inputs[name].__getitem__ for name in self.inputs_of(node)}
         if self.heat is not None and node in self.heat.nodes:
             place = self.heat.nodes.index(node)
             heat, band = self.heat.heat[place], self.heat.band[place]
             for name, values in (("heat", heat), ("heat low", heat - band), ("heat high", heat + band)):
-                lines[name, node] = self._between(self.heat.time, values, outside=np.nan)
+                lines[name, node] = self._between(self.heat.time, values)
         return lines
 
-    def _between(self, time: FloatArray, values: FloatArray, outside: float | None = None) -> _Read:
-        """A line that was worked out at other times than the run's readings."""
-        return lambda at: np.interp(self.time[at], time, values, left=outside, right=outside)
+    def _between(self, time: FloatArray, values: FloatArray) -> _Read:
+        """A line at other times than the run's readings, interpolated; NaN outside of them."""
+        return lambda at: np.interp(self.time[at], time, values, left=np.nan, right=np.nan)
 
     def _of_blocks(
         self, lines: Mapping[_Key, _Read], first: int, last: int, most: int

@@ -1,15 +1,14 @@
-"""What is special in a stretch: the inputs that go with the error there as they go with it nowhere else in the run.
+"""What is special in an interval: the inputs that correlate with the error there, and nowhere else in the run.
 
-The error in the stretch, less what it usually is outside, is a shape. It is slid along each input: where the input's
-departure from its mean has that shape, their product is large. How far the product in the stretch stands out from the
-products at all other places of the same length, in root mean squares of these, is the input's score. So an input that
-is as busy everywhere scores nothing, and neither does one that drifts slowly, whose products are large everywhere.
+The error in the interval, less its mean outside, is a pattern. It is correlated with each input at all places of the
+run. An input's score is its correlation in the interval, in root mean squares of its correlations at all other places.
+So an input that varies as much everywhere has a low score, and so has one that drifts slowly.
 
-Temperatures follow heat late, and heat follows torque or speed in different ways. So each input is tried as it is, by
-its size, and squared, and each of these at once and smoothed over a minute and over ten, as windings and housings do.
+Temperatures follow heat with a delay, and heat depends on torque or speed in different ways. So each input is tested as
+logged, by magnitude and squared, each without a filter and smoothed over one and ten minutes, as by windings and
+housings.
 
-Chance is the same asked of the other places: the score that the best of all inputs, in all these ways, reaches at
-one of twenty of them.
+The score reached by chance is the 95 % quantile, over the other places, of the best score of all inputs and filters.
 """
 
 from __future__ import annotations
@@ -27,20 +26,20 @@ from lptn.logs.resampling import means_of_blocks
 _LAGS = {"": 0.0, "over the last minute": 60.0, "over the last ten minutes": 600.0}  # s
 _WAYS: dict[str, Callable[[FloatArray], FloatArray]] = {"": np.asarray, "size of ": np.abs, "square of ": np.square}
 _CHANCE = 0.95  # share of other places whose best input scores less
-_MOST = 4000  # readings that the run is averaged to; the question is one of minutes
+_MOST = 4000  # readings that the run is averaged to; only changes over minutes matter
 _LEAST_INSIDE = 5  # readings: fewer have no shape
-_CONSTANT = 1e-9  # share of its size within which an input stands still
+_CONSTANT = 1e-9  # share of its size within which an input is constant
 
 
 @dataclass(frozen=True)
 class Companion:
-    """An input that goes with the error in a stretch.
+    """An input that correlates with the error in an interval.
 
     Args:
         column: of the log.
-        words: what of it goes with the error.
-        score: how far it stands out from other places, in root mean squares.
-        inside: its mean in the stretch.
+        words: which function of it correlates with the error.
+        score: its correlation there, in root mean squares of those elsewhere.
+        inside: its mean in the interval.
         outside: its mean elsewhere in the run.
     """
 
