@@ -277,7 +277,7 @@ def test_three_rivals_two_of_them_the_same_formula_leave_that_pair_undecided() -
     assert experiment.separates
     twice = rivals[0].key
     assert experiment.indistinguishable == ((twice, twice),)
-    assert "does not tell apart" in experiment.text()
+    assert "does not separate" in experiment.text()
 
 
 def test_no_run_is_proposed_for_two_names_of_one_formula() -> None:

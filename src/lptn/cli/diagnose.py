@@ -99,7 +99,7 @@ def show_answers(diagnosis: Diagnosis) -> None:
         print(f"{text}; next: {few(others, _FEW)}." if others else f"{text}.")
         return
     rows = []
-    for missing in diagnosis.steps:
+    for missing in sorted(diagnosis.steps, key=lambda step: -step.probability):
         same = ", ".join(f"{effect} at {place}" for effect, place in missing.indistinguishable)
         rows.append((*missing.key, size_text(missing, missing.fit), percent(missing.probability), same))
     show_table(("effect", "at", "size", ">probability", "or"), rows)

@@ -136,7 +136,7 @@ class Stage:
         self.joints = list(dict.fromkeys(place_of(name) for name in self.inputs if quantity_of(name) in self._heating))
         """Places whose load, or heat where no load is logged, can be chosen."""
         self.moving = any(quantity_of(name) in (*_SPEEDS, _POWER) for name in self.inputs)
-        """Whether any model asks for the joints' speeds, or for their power."""
+        """Whether any model needs the joints' speeds, or their power."""
         prescribed = {name: source for name, source in models[0].network.prescribed.items() if source in self.given}
         air = prescribed.get("ambient", next(iter(prescribed.values())) if len(prescribed) == 1 else None)
         self._air = air if isinstance(air, str) else None
@@ -251,7 +251,7 @@ def _range(values: Sequence[float], unit: str) -> str:
 
 
 class Difference(NamedTuple):
-    """How two rivals' predictions of a run differ after the one that is wrong has done what it can to agree.
+    """How two rivals' predictions of a run differ after the wrong one has been refitted.
 
     Args:
         pair: the rivals, effect and place each; where they differ most the first is the warmer one.
@@ -280,7 +280,7 @@ class Difference(NamedTuple):
 
 
 class Rivals:
-    """Fits that the old data can't tell apart.
+    """Fits that the previous data can't distinguish.
 
     Args:
         steps: the rivals, all of the same nodes and runs.
@@ -410,7 +410,7 @@ def best_program(
             longer = best([some + one for some, one in product(longer, dict.fromkeys([*good, rest]))], ambient)
 
     def less_effort(program: Program) -> tuple[float, float]:
-        """What it decides, less what it asks of people: other air is the most, then a rig that loads a moving joint."""
+        """Pairs that it decides, less its effort: largest for other air, then for a rig that loads a moving joint."""
         work = [phase.move for phase in program.working]
         rigs = sum(move.load > 0 and move.speed > 0 and move.at != EVERYWHERE for move in work)
         effort = 2 * (program.ambient != stage.ambient) + max(len(work) - 1, 0) + rigs
@@ -502,18 +502,18 @@ class Experiment:
         )
         if self.separates:
             pairs = "; ".join(listed([named(key) for key in pair]) for pair in self.indistinguishable)
-            rest = f" It does not tell apart {pairs}." if pairs else ""
-            decided = "Fit that log as well: the wrong one is then refused."
+            rest = f" It does not separate {pairs}." if pairs else ""
+            decided = "Add that log to the fit: it rules out the wrong one."
             return f"{shown} ({least.deviations:.0f} standard deviations). {decided}{rest}"
         reach = f"{len(self.run) * STEP / 60:.0f} min within the loads, speeds and temperatures of these logs"
         if least.deviations < 1.0:
             return (
-                f"No run of {reach} tells {warmer} from {colder}: in the best of {self.tried} they stay within one "
-                "standard deviation of each other, whatever the other parameters are."
+                f"No run of {reach} separates {warmer} from {colder}: in the best of {self.tried} their predictions "
+                "differ by less than one standard deviation, whatever the other parameters are."
             )
         return (
-            f"No run of {reach} is sure to tell {warmer} from {colder}. The best of {self.tried} would in fewer "
-            f"than four cases of five: {shown} ({least.deviations:.1f} standard deviations)."
+            f"No run of {reach} reliably separates {warmer} from {colder}. The best of {self.tried} does so in less "
+            f"than 80 % of all cases: {shown} ({least.deviations:.1f} standard deviations)."
         )
 
     def as_json(self) -> dict[str, object]:

@@ -1,4 +1,4 @@
-"""Which logged input unexplained heat goes with, as a curve with a band, and the offer to add it without a name.
+"""The logged input with which unexplained heat correlates, a curve over it with a band, and the offer to add it.
 
 A model is taken linear about its fit, with an unknown heat at each node that wanders (`unexplained_heat`), and now with
 a curve over one input besides: the rises of its pieces are unknowns with the prior of a random walk, a smoothness
@@ -41,7 +41,7 @@ TIME_OF_DAY = "time of day"
 
 @dataclass(frozen=True)
 class InputShare:
-    """How much of one node's unexplained heat goes with one input.
+    """The share of one node's unexplained heat that one input explains.
 
     Args:
         node: the node.
@@ -60,7 +60,7 @@ class InputShare:
 
 @dataclass(frozen=True, repr=False)
 class LearnedCurve:
-    """What one node's unexplained heat goes with, and, where `learned_heat` has such an input, the curve over it.
+    """The inputs with which a node's unexplained heat correlates, and a curve where `learned_heat` has such an input.
 
     Args:
         inputs: the most probable first.
@@ -91,7 +91,7 @@ class LearnedCurve:
         return f"<LearnedCurve: {self.text()}>"
 
     def text(self) -> str:
-        """What the heat goes with, the curve at a third, two thirds and the end of its range, and how to add it."""
+        """The inputs, the curve at one third, two thirds and the end of its range, and how to add it."""
         first, *others = self.inputs
         text = f"The heat at {first.node} is {UNNAMED}{first.column}: {100 * first.share:.0f} % of it"
         beside = [f"{100 * other.share:.0f} % with {other.column} alone" for other in others[:2]]
@@ -113,7 +113,7 @@ class LearnedCurve:
     @property
     def offer(self) -> str:
         """How to add it, in a sentence."""
-        return f"To add it to the model {'with all that was found' if self.beside else 'as given'}: `{self.command}`"
+        return f"To add it to the model {'with all findings' if self.beside else 'as given'}: `{self.command}`"
 
     @property
     def command(self) -> str:
@@ -225,7 +225,7 @@ def curve_of(fit: Fit, declared: EffectDeclaration, points: int = 41) -> tuple[F
 
 @one_blas_thread
 def input_shares(heat: WanderingHeat, nodes: Sequence[str], *, walks: int = 3) -> list[InputShare]:
-    """What the unexplained heat at some nodes goes with, the most probable first.
+    """The inputs with which unexplained heat at some nodes correlates, the most probable first.
 
     Args:
         heat: of a fitted model.

@@ -74,7 +74,7 @@ class RunDifference:
 
     @property
     def explained(self) -> bool:
-        """Whether with the best cause the run is predicted about as well as the fitted runs are met."""
+        """Whether with the best cause the run's error is about that of the fitted runs."""
         return bool(self.causes) and self.causes[0].rmse_after <= CLEARLY * self.rmse_fit
 
     @property
@@ -102,9 +102,9 @@ class RunDifference:
             "fitted on this run: an explanation, not a prediction)."
         )
         if not self.explained:
-            text += f" It does not explain all: the fitted runs are met within {fitted} K."
+            text += f" It does not explain all: the RMSE of the fitted runs is {fitted} K."
         names = "; or: ".join(_without_question(cause.words) for cause in others)
-        return f"{text} The run can't tell that from: {names}." if others else text
+        return f"{text} Indistinguishable in this run: {names}." if others else text
 
     def as_json(self) -> dict[str, object]:
         """The difference as other tools read it; `null` where a value is unknown."""
@@ -119,7 +119,7 @@ class RunDifference:
 
 @one_blas_thread
 def runs_that_differ(fit: Fit, segments: Sequence[Segment], *, exact: int = 4) -> list[RunDifference]:
-    """For each run that a fitted model predicts clearly worse than it fits: what would have to differ in it.
+    """For each run that a fitted model predicts clearly worse than it fits: the parameters that would explain it.
 
     The run is asked what it lacks, as in any diagnosis, of what may differ from run to run; the model's own parameters
     are held.
@@ -158,7 +158,7 @@ def runs_that_differ(fit: Fit, segments: Sequence[Segment], *, exact: int = 4) -
 
 
 def _causes(alone: Fit, exact: int) -> list[tuple[EffectDeclaration, Fit]]:
-    """What a run lacks, the most probable first, then what it can't tell from that."""
+    """Causes of a run's error, the most probable first, then those that are indistinguishable from it."""
     run = alone.problem.bound_runs[0].run
     log = run.name.partition("#")[0]
 

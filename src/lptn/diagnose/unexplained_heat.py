@@ -33,7 +33,7 @@ from lptn.simulate.simulation import WINDOW, simulate
 
 @dataclass(frozen=True, repr=False)
 class UnexplainedHeat:
-    """Heat that one run of a fit asks for beyond its model.
+    """Heat that one run of a fit needs in addition to its model.
 
     Where and when it is large is worth more than how large: the fitted parameters absorb part of it.
 
