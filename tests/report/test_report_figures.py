@@ -30,7 +30,7 @@ from lptn.report.comparison_figures import (
     plot_temperatures,
     predictions_figure,
 )
-from lptn.report.diagnosis_figures import plot_history, plot_probabilities
+from lptn.report.diagnosis_figures import plot_history
 from lptn.report.shown import views, worst_views
 from lptn.report.tables import conditions_of
 from tests.report.two_joints import NODES, Told, make_run, robot
@@ -77,7 +77,6 @@ def test_every_axis_has_its_unit(missing: Told) -> None:
     given = _comparison(missing)
     assert _labels(predictions_figure(given, given)) == {"temperature [°C]", ERROR, "time [s]"}
     assert _labels(_figure(plot_history(history))) == {"RMSE [K]"}
-    assert _labels(_figure(plot_probabilities(history))) == {"probability [1]"}
     titles = [ax.get_title(loc="left") for maps in condition_figures(given, given) for ax in maps.axes]
     assert titles
     assert all("[" in title for title in titles)
@@ -100,7 +99,6 @@ def test_figures_take_and_return_axes(missing: Told) -> None:
         lambda ax: plot_errors(given, ax=ax),
         lambda ax: plot_conditions(given, temperatures, ax=ax),
         lambda ax: plot_history(history, ax),
-        lambda ax: plot_probabilities(history, ax),
     ]
     for draw in drawn:
         ax = new_figure(3.0).add_subplot()
@@ -167,17 +165,6 @@ def test_an_unmeasured_node_is_left_out(missing: Told) -> None:
     comparison = compare(model, [holdout_segment(replace(run, columns=columns))])
     assert views(comparison) == [(0, NODES[0])]
     assert comparison_figure(comparison).axes
-
-
-def test_what_was_added_and_what_was_refused_is_drawn_by_its_probability(missing: Told) -> None:
-    history = missing[0]
-    refused = replace(history.best, probability=0.25)
-    told = replace(history, last=replace(history.last, refused=(refused,)))
-    bars = plot_probabilities(told).patches
-    assert [bar.get_width() for bar in bars] == [history.best.probability, 0.25]  # type: ignore[attr-defined]
-    chosen = replace(history.best, probability=0.0)  # of what somebody chose nobody knows
-    last = replace(history.first, refused=())
-    assert not plot_probabilities(replace(history, steps=(history.steps[0], chosen), last=last)).patches[1:]
 
 
 def test_two_models_are_called_by_their_names(missing: Told) -> None:

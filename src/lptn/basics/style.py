@@ -17,6 +17,7 @@ from markupsafe import Markup, escape
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
+from matplotlib.ticker import AutoLocator, MaxNLocator
 
 from lptn.basics.lines import decimated as decimated
 from lptn.basics.lines import time_axis as time_axis
@@ -86,7 +87,10 @@ def new_panels(*heights: float) -> list[Axes]:
 
 
 def dress(ax: Axes) -> None:
-    """Give axes the common look: no box, small ticks."""
+    """Give axes the common look: no box, few small ticks."""
+    for axis in (ax.xaxis, ax.yaxis):
+        if isinstance(axis.get_major_locator(), AutoLocator):
+            axis.set_major_locator(MaxNLocator(5, steps=[1, 2, 3, 5, 10]))
     ax.spines[["top", "right"]].set_visible(False)
     ax.spines[["left", "bottom"]].set_color(FAINT)
     ax.tick_params(labelsize=SMALL, color=FAINT)

@@ -6,7 +6,6 @@ from .comparison_figures import predictions_figure as predictions_figure
 from .comparison_figures import versus_figure as versus_figure
 from .diagnosis_figures import plot_detectability as plot_detectability
 from .diagnosis_figures import plot_history as plot_history
-from .diagnosis_figures import plot_probabilities as plot_probabilities
 from .heat_figures import heat_figure as heat_figure
 from .heat_figures import plot_field as plot_field
 from .heat_figures import plot_heat as plot_heat

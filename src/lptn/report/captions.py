@@ -66,9 +66,3 @@ def of_detectability(sizes: Sequence[Detectable]) -> str:
         "the largest would. An effect that was not found is smaller, or absent. Right of the dashed line even one of "
         f"typical size could be missed ({hidden} of {len(rows)} effects wherever they are)."
     )
-
-
-OF_PROBABILITIES = (
-    "Probability of each effect, given all others in the model; green: added, hollow: not added. Right of the dashed "
-    "line an effect is more probably missing than not."
-)

@@ -1,4 +1,4 @@
-"""Figures of a diagnosis: errors by step, probabilities, what can't be told apart, what could be detected."""
+"""Figures of a diagnosis: errors by step, and what the data could have shown."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 from lptn.basics.style import BEST, FAINT, GIVEN, INK, PAPER, SMALL, TEXT, dress, new_axes, new_figure, plain
 from lptn.basics.words import short_size
 from lptn.diagnose.advice import Detectable
-from lptn.diagnose.answers import LIKELY, Step
+from lptn.diagnose.answers import Step
 from lptn.diagnose.improvement import History
-from lptn.report.shown import noise_alone, reaches, weighed_effects
-from lptn.report.text import kelvin, named, place_of, title_of, unit_text
+from lptn.report.shown import noise_alone, reaches
+from lptn.report.text import kelvin, place_of, title_of, unit_text
 
 # --- the history: how the errors fall from step to step -----------------------------------------------------
 
@@ -100,39 +100,6 @@ def _plain_numbers(axis: Axis, ticks: Sequence[float]) -> None:
     axis.set_major_locator(LogLocator(subs=ticks))
     axis.set_major_formatter(StrMethodFormatter("{x:g}"))
     axis.set_minor_locator(NullLocator())
-
-
-# --- how probable each effect is ------------------------------------------------------------------------------
-
-
-def plot_probabilities(history: History, ax: Axes | None = None) -> Axes:
-    """How probable each effect is that was added, and each that was fitted beside that and refused.
-
-    Args:
-        history: some effect of which was weighed.
-        ax: where to draw; by default new axes.
-    """
-    shown = weighed_effects(history)
-    ax = new_axes(_FRAME + _ROW * len(shown)) if ax is None else ax
-    for row, step in enumerate(shown):
-        colour = BEST["color"]
-        fill = {"color": colour} if step in history.steps else {"facecolor": PAPER, "edgecolor": colour}
-        ax.barh(row, step.probability, height=0.65, linewidth=0.8, **fill)
-    ax.axvline(LIKELY, color=INK, linewidth=1.2, linestyle="--")
-    ax.set_xlim(0.0, 1.0)
-    ax.set_ylim(len(shown) - 0.4, -0.6)
-    ax.set_yticks(range(len(shown)), [plain(named(*step.key)) for step in shown])
-    ax.set_xlabel("probability [1]", size=TEXT)
-    dress(ax)
-    ax.tick_params(axis="y", labelsize=SMALL, length=0)
-    return ax
-
-
-def probability_figure(history: History) -> Figure:
-    """`plot_probabilities` for a document."""
-    figure = new_figure(_FRAME + _ROW * len(weighed_effects(history)))
-    plot_probabilities(history, figure.add_subplot())
-    return figure
 
 
 # --- what the data could have shown: the smallest size of each effect that they would reveal ----------------

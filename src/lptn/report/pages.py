@@ -17,12 +17,12 @@ from lptn.identify.fitting import Fit
 from lptn.references import works_cited
 from lptn.report import captions
 from lptn.report.comparison_figures import NAMES, condition_figures, predictions_figure, versus_figure
-from lptn.report.diagnosis_figures import detectability_figure, history_figure, probability_figure
+from lptn.report.diagnosis_figures import detectability_figure, history_figure
 from lptn.report.document import Picture, picture, render
 from lptn.report.heat_figures import field_figures
 from lptn.report.heat_story import HeatStory, heat_line_picture, heat_map_picture, learned_picture
 from lptn.report.narrative import comparison_narrative, details, narrative, versus_narrative
-from lptn.report.shown import effects_shown, error_fields, weighed_effects
+from lptn.report.shown import effects_shown, error_fields
 from lptn.report.story_charts import CHARTS, network_picture, shown_runs, tiles, time_charts
 from lptn.report.tables import (
     condition_table,
@@ -125,7 +125,6 @@ def story_html(
         predictions=picture(captions.of_predictions(given, best, data, which), _predictions(given, best)),
         told=effects_table(history),
         refused=refused_table(history),
-        probabilities=_probabilities(history),
         coarse=_coarse_step(history),
         detectability=_detectability(history),
         experiment=for_people(advice.experiment.text()) if advice and advice.experiment else None,
@@ -188,13 +187,6 @@ def _predictions(given: Comparison, best: Comparison | None = None, names: tuple
 def _fall(history: History) -> Picture:
     drawing = inline_svg(history_figure(history), "RMSE of each step on fit, held-out and test data")
     return picture(captions.of_history(history), drawing)
-
-
-def _probabilities(history: History) -> Picture | None:
-    if not weighed_effects(history):
-        return None
-    drawing = inline_svg(probability_figure(history), "probability of each effect that was fitted")
-    return picture(captions.OF_PROBABILITIES, drawing)
 
 
 def _detectability(history: History) -> Picture | None:

@@ -203,11 +203,6 @@ def effects_shown(history: History) -> tuple[Step, ...]:
     return history.steps[1:] or history.first.steps
 
 
-def weighed_effects(history: History) -> list[Step]:
-    """What was found, or is the answer where nothing was added yet, then what was refused; not what somebody chose."""
-    return [step for step in (*effects_shown(history), *history.last.refused) if step.probability]
-
-
 @dataclass(frozen=True)
 class Reach:
     """One effect: the place where it shows most easily, and the place where it hides best."""
