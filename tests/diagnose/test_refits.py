@@ -34,7 +34,7 @@ def test_a_link_that_a_fit_took_away_comes_back_with_the_heat_that_was_missing()
     base = fit_segments(_joined(), data.fit)
     values = {parameter.name: parameter.value for parameter in base.model.parameters}
     assert values[f"resistance.ambient~{NODES[0]}"] > 1e6
-    beginning = f"resistance.ambient~{NODES[0]}: these data don't tell whether heat passes there; "
+    beginning = f"resistance.ambient~{NODES[0]}: these data don't show any heat flow there; "
     assert any(warning.startswith(beginning) for warning in base.uncertainty.warnings), base.uncertainty.warnings
     assert base.standard_errors[f"resistance.ambient~{NODES[0]}"] == float("inf")
 

@@ -230,7 +230,7 @@ def test_a_scale_that_nothing_fixes_is_said() -> None:
     model = Model(replace(declared, effects=(free,)))
     result = fit(model, bound_runs(model, [truth_run(900.0, step=COARSE)]))
     (warning,) = [text for text in result.uncertainty.warnings if "fix one of them" in text]
-    assert "multiplying them all by one factor" in warning
+    assert "if all are multiplied by one factor" in warning
     for name in [*TRUTH, "copper_loss.resistance.a"]:
         assert name in warning
         assert result.standard_errors[name] == float("inf")

@@ -76,7 +76,7 @@ def test_data_that_contradict_a_prior_are_told() -> None:
     result = fit(model, bound_runs(model, [truth_run(1800.0, noise=0.05)]))
     (warning,) = result.uncertainty.warnings
     assert warning.startswith("capacity.a: 12")
-    assert "standard deviations from what was known of it, 200 ± 5 J/K" in warning
+    assert "standard deviations from its prior, 200 ± 5 J/K" in warning
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -154,9 +154,9 @@ def _combinations(
     names: list[str], combinations: Sequence[tuple[IntArray, bool]], perhaps_none: BoolArray
 ) -> list[str]:
     """Warnings on parameters, mostly several, that change no temperature; not on a resistance that may be none."""
-    factor = "multiplying them all by one factor (resistances: dividing) changes no temperature; fix one of them"
-    several = "the data leave this combination open; fix one of them or measure more"
-    alone = "the data leave it open; fix it or measure more"
+    factor = "if all are multiplied by one factor (resistances: divided), no temperature changes; fix one of them"
+    several = "these data don't determine this combination; fix one of them or measure more"
+    alone = "these data don't determine it; fix it or measure more"
     warnings = []
     for members, common_factor in combinations:
         if len(members) > 1 or not perhaps_none[members[0]]:
@@ -181,8 +181,8 @@ def _single_parameters(
         unit = parameter.declared.unit_behind
         if perhaps_none[row]:
             least = problem.point(z - 2 * spread[row] * (np.arange(len(z)) == row)).values[problem.free[row]]
-            detail = f"; {least:.2g} K/W at least" if least > parameter.declared.bounds[0] else ", nor how much"
-            warnings.append(f"{name}: these data don't tell whether heat passes there{detail}")
+            detail = f"; {least:.2g} K/W at least" if least > parameter.declared.bounds[0] else ""
+            warnings.append(f"{name}: these data don't show any heat flow there{detail}")
         elif (
             (below[row] or above[row])
             and not _is_off(parameter, values[problem.free[row]])  # an amplitude may end where its effect vanishes
@@ -194,14 +194,14 @@ def _single_parameters(
         elif parameter.declared.prior is not None and _is_far(parameter.declared, values[problem.free[row]]):
             mean, deviation = parameter.declared.prior
             value = values[problem.free[row]]
-            said = f"{abs(value - mean) / deviation:.2g} standard deviations from what was known of it"
+            said = f"{abs(value - mean) / deviation:.2g} standard deviations from its prior"
             warnings.append(f"{name}: {value:.3g}{unit} is {said}, {mean:g} ± {deviation:g}{unit}")
         elif spread[row] > _UNDETERMINED and not in_combination[row] and parameter.logarithmic:
             warnings.append(
                 f"{name}: not determined by these data (a factor of {np.exp(min(spread[row], 20)):.2g} either way)"
             )
         elif not parameter.logarithmic and abs(z[row]) < 2 * spread[row] and not in_combination[row]:
-            warnings.append(f"{name}: these data don't tell it from zero")
+            warnings.append(f"{name}: not significantly different from zero")
     return warnings
 
 

@@ -86,7 +86,7 @@ class ModelUncertainty:
         error = np.sqrt(np.maximum(table.rmse**2 - floor**2, _LEAST_ERROR**2))
         source, plain = "standard errors and RMSE of its fit", table.rmse**2 >= PLAIN * float(floor.max()) ** 2
         if plain:
-            source += ", which is worse than the sensors' noise: something is missing, see lptn diagnose"
+            source += "; the RMSE exceeds the sensors' noise, so an effect is missing: see lptn diagnose"
         return cls(np.diag(variance), error, source, not plain)
 
     @classmethod
