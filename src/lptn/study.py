@@ -343,7 +343,7 @@ class Study:
         last = self.diagnose()
         if self._advice is None or self._advice[0] is not last:
             history = self._searched[1] if self._searched else None
-            first = history.first if history else last  # what the search chose among
+            first = history.first if history else last  # the candidates of the search
             self._advice = last, advise(first, last, for_search(self.data), logger.info)
         return self._advice[1]
 

@@ -244,7 +244,7 @@ def examine(
 
 
 def is_met(lack: dict[str, float]) -> bool:
-    """Whether no node's readings are met worse than noise would leave them, from `lack_of_fit`."""
+    """Whether every node's errors are explained by noise, from `lack_of_fit`."""
     return all(value <= LACKING for value in lack.values())
 
 

@@ -130,7 +130,7 @@ def _suspect_silence(log: Channels, key: str, silent: list[Silence], predicted: 
 
 def _done(log: Channels, key: str, silence: Silence, predicted: Collection[str]) -> str:
     """What is done with what a channel says in a silence, or what to write."""
-    source, right = log.sources[key], f"if the column is right, write {log.believed(key)}, a range to believe it in"
+    source, right = log.sources[key], f"if the column is right, write {log.believed(key)}, its valid range"
     if silence.kind == "wrap":
         meant = replace(source, wrap=float(f"{silence.value / abs(source.scale):.4g}"))
         return f"these readings are left out; to have a counter unwrapped, write {as_line_or_option(key, meant)}"

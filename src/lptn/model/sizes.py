@@ -1,4 +1,4 @@
-"""How large the places of a network are: what they store and what they pass on, which says what is usual there.
+"""The size of a network's places, heat capacity and conductance, which sets typical values there.
 
 The heat of a motor's electronics is watts, that of a machine's is kilowatts. An effect states the size at which it is
 met at a robot's joint, and what that size goes with (`lptn.basics.parameters.Parameter.relative_to`); here it becomes

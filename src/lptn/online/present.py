@@ -285,7 +285,7 @@ def present_by_live_sensors(model: Model, run: Run, uncertainty: ModelUncertaint
         seconds = (readings.size - last) * run.step
         if whole.run.has(f"temperature.{node}") and seconds >= _MISSING and node not in {one.node for one in doubts}:
             since = float(whole.run.time[min(last, readings.size - 1)])
-            doubts.append(Doubt(node, since, f"has no reading to be believed in the last {seconds:.0f} s"))
+            doubts.append(Doubt(node, since, f"has no valid reading in the last {seconds:.0f} s"))
     return estimator, doubts
 
 

@@ -22,7 +22,7 @@ export class Residuals {
     const run = state.segments.find(each => each.key === at.segment);
     this.charts.replaceChildren();
     this.words.textContent = answer.ok ? `${at.node} in ${run.run} (${run.job}), ${found.lag.length ? found.memory == null
-      ? "errors that remember all along: something is missing, or drifts" : found.memory <= found.lag[1] ? "errors without memory, as noise has" : `residual correlation time ${Number(found.memory.toPrecision(2))} s` : ""}.` : found.error;
+      ? "errors correlated over the whole run: an effect is missing, or a drift" : found.memory <= found.lag[1] ? "errors without correlation, like noise" : `residual correlation time ${Number(found.memory.toPrecision(2))} s` : ""}.` : found.error;
     if (answer.ok) {
       chartOf(this.charts, { title: "Autocorrelation; grey: white noise at 19 of 20 lags", x: found.lag, xLabel: "lag [s]", band: found.band, lines: [{ label: "correlation", values: found.correlation }] });
       chartOf(this.charts, { title: "Quantiles of the errors against normal ones", x: found.normal, xLabel: "normal [K]", lines: [{ label: "errors [K]", values: found.quantiles }, { label: "normal", values: found.normal, dash: [5, 4] }] });
