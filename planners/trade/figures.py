@@ -16,7 +16,7 @@ from .answer import StudyResult
 from .designs import Design
 from .export import strongest
 from .sink import fin_mass, sink_volume
-from .study import Option, TradeStudy
+from .study import TradeStudy
 from .torque_speed import TorqueSpeed
 
 RPM = 30 / np.pi
@@ -111,20 +111,9 @@ def duration_words(seconds: float) -> str:
 
 
 def _look(result: StudyResult, name: str) -> dict[str, Any]:
-    """Colour by motor, dashes by all else that is chosen."""
-    options = {option.name: option for option in result.study.options() if option.name in result.drawn}
-    motors = list(dict.fromkeys(option.motor.name for option in options.values()))
-    styles = list(dict.fromkeys(_style(option) for option in options.values()))
-    option = options[name]
-    style = styles.index(_style(option))
-    return {
-        "color": PALETTE[motors.index(option.motor.name) % len(PALETTE)],
-        "linestyle": _DASHES[style % len(_DASHES)],
-    }
-
-
-def _style(option: Option) -> tuple[str, str, int, str]:
-    return option.gear.name, option.cooling, option.pipes, option.material
+    """Colour and dashes of a choice, which has the same colour in the page's charts; six at most are drawn."""
+    number = result.drawn.index(name)
+    return {"color": PALETTE[number], "linestyle": _DASHES[number]}
 
 
 def _front(ax: Axes, result: StudyResult) -> None:

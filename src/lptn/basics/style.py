@@ -90,7 +90,7 @@ def dress(ax: Axes) -> None:
     """Give axes the common look: no box, few small ticks."""
     for axis in (ax.xaxis, ax.yaxis):
         if isinstance(axis.get_major_locator(), AutoLocator):
-            axis.set_major_locator(MaxNLocator(5, steps=[1, 2, 3, 5, 10]))
+            axis.set_major_locator(MaxNLocator(6, steps=[1, 2, 3, 5, 10]))
     ax.spines[["top", "right"]].set_visible(False)
     ax.spines[["left", "bottom"]].set_color(FAINT)
     ax.tick_params(labelsize=SMALL, color=FAINT)

@@ -97,7 +97,7 @@ class Charts {
     const font = "12px system-ui, sans-serif", across = this.content.across, time = across.startsWith("time");
     const window = this.window(view) ?? this.ends(view), seconds = across.endsWith("[s]") ? "s" : across.endsWith("[min]") ? "min" : across.match(/\[(.*)\]/)?.[1] ?? "";
     const options = {
-      width: stack.clientWidth || 1000, height: panel.height + (last ? 32 : 0), padding: [8, 8, last ? null : 0, 0],
+      width: stack.clientWidth || 1000, height: panel.height + (last ? 32 : 0), padding: [8, 18, last ? null : 0, 0],
       cursor: { sync: { key: this.sync.key, setSeries: false }, drag: { x: true, y: false, setScale: false }, points: { size: 6 }, bind: { dblclick: () => () => this.zoom(null, view.across) } },
       scales: { x: { time: false, auto: false, min: window[0], max: window[1], distr: this.content.log ? 3 : 1, range: (_, low, high) => [low, high] }, y: panel.log ? { distr: 3 } : { range: (_, low, high) => limits(low, high, panel.zero, view.floor) } },
       axes: [
