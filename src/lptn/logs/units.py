@@ -308,7 +308,8 @@ _ALIKE = 3.0  # K, by which sensors of a robot at rest are apart, and from the a
 _COOLS = 10.0  # K, by which a part that begins at rest never cools, and above the air, of which something is said
 _OFFSETS = (30.0, 40.0, 50.0)  # K, that drives add to a temperature so that a byte holds it below zero, too
 _SURE = float(np.log(100))
-"""Of `rest_evidence`: of healthy logs that begin warm one in a hundred has more, at most; of 289 virtual ones none."""
+"""Of `rest_evidence`: if errors were independent, at most one healthy log in a hundred would have more; of 218 virtual
+ones none has."""
 _OVER_ROOM = 30.0  # K over the room at the first reading: hardly any log begins so warm
 
 
