@@ -14,7 +14,7 @@
 
 The search leaves to errors of runs, of sensors and of like parts what they usually are (`Problem.tolerance`); what it
 ends with is fitted by plain least squares, as the file's user does. What is told is there more probably than not, and
-no finding is smaller than its standard error in that fit: else what goes with it is unexplained.
+not smaller than its standard error in that fit: else what goes with it is unexplained.
 
 Evidence decides throughout (`lptn.diagnose.evidence`).
 """
@@ -454,10 +454,10 @@ def _is_none(fit: Fit, declared: EffectDeclaration) -> bool:
 
 
 def _size_in_errors(step: Step) -> float:
-    """The size of what sets a part apart, in its standard errors; infinite for structure, and without a size."""
+    """The size of an effect in its standard errors; infinite where it has none, or is held."""
     size = step.size_parameter
     error = step.fit.standard_errors.get(size.name, 0.0) if size else 0.0
-    if step.is_structure or size is None or error == 0.0:
+    if size is None or error == 0.0:
         return np.inf
     return abs(size.value - (size.declared.off or 0.0)) / error
 
