@@ -25,7 +25,7 @@ class AmbientDrift(BoundaryEffect):
     """
 
     key = "ambient_drift"
-    title = "ambient that warms or cools, unlogged"
+    title = "unlogged ambient drift"
     measurement_error = True
     per_run = True
     has_state = True

@@ -18,7 +18,7 @@ class AmbientLag(BoundaryEffect):
     """
 
     key = "ambient_lag"
-    title = "surroundings that follow the ambient late"
+    title = "surroundings lagging behind the ambient"
     measurement_error = True
     prior_odds = 0.5
     """Walls out of balance with the air take a change of weather or of room, which few logs hold."""

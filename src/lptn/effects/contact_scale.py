@@ -21,7 +21,7 @@ class ContactScale(ContactEffect):
     """
 
     key = "contact_scale"
-    title = "contact that conducts better or worse"
+    title = "better or worse contact"
     parameters = (
         Parameter("change", 0.5, "1", (-0.95, 50.0), off=0.0, typical=0.5, title="change of the conductance"),
     )

@@ -20,7 +20,7 @@ class HeatScale(LossEffect):
     """
 
     key = "heat_scale"
-    title = "logged power heats more or less"
+    title = "more or less heat of a logged power"
     heat_of = "heat_input"
     per_run = True
     in_one_run = (

@@ -20,7 +20,7 @@ class SurfaceScale(LinkEffect):
     """
 
     key = "surface_scale"
-    title = "loses heat faster or slower"
+    title = "faster or slower heat loss"
     per_run = True
     in_one_run = (
         "{run} loses heat{at} {factor} times as fast as the other runs: was a fan on?",

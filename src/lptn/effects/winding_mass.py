@@ -26,7 +26,7 @@ class WindingMass(InertialEffect):
     """
 
     key = "winding_mass"
-    title = "a winding that passes its heat on late"
+    title = "a winding as a mass of its own"
     common = True
     site = "node"
     heat_of = "copper_loss"
