@@ -102,7 +102,7 @@ def test_a_comparison_is_drawn_beside_the_model_as_given(study: lptn.Study) -> N
     study.add("conduction", at="heater1~heater2")
     try:
         own = study.compare().plot("heater2")
-        assert [line.get_label() for line in own.get_lines()] == ["measured", "model as given", "best model"]
+        assert [line.get_label() for line in own.get_lines()] == ["measured", "model as given", "model now"]
         assert study.compare().plot(ax=own) is own
     finally:
         study.undo()

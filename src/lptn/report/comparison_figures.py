@@ -54,6 +54,7 @@ def plot_temperatures(
     run: int | None = None,
     best: Comparison | None = None,
     ax: Axes | None = None,
+    names: tuple[str, str] = NAMES,
 ) -> Axes:
     """Measured and predicted temperature [°C] of a node over a run; the readings that find the start are shaded.
 
@@ -63,6 +64,7 @@ def plot_temperatures(
         run: the number of the run in the comparison; by default the node's worst.
         best: another model's comparison on the same runs.
         ax: where to draw; by default new axes.
+        names: of the two models.
 
     Raises:
         InputError: the node is not measured there.
@@ -74,7 +76,7 @@ def plot_temperatures(
     time = _shaded_time(ax, prediction)
     measured = prediction.bound.measured[given.model.nodes.index(node)]
     ax.plot(*decimated(time, measured), label="measured", **MEASURED)
-    for comparison, style, name in _models(given, best, NAMES):
+    for comparison, style, name in _models(given, best, names):
         readings = comparison.predictions[run].readings[comparison.model.nodes.index(node)]
         ax.plot(*decimated(time, readings), label=name, **style)
     if with_legend:
@@ -139,6 +141,7 @@ def plot_predictions(
     run: int | None = None,
     best: Comparison | None = None,
     axes: Sequence[Axes] | None = None,
+    names: tuple[str, str] = NAMES,
 ) -> Sequence[Axes]:
     """Measured and predicted temperature [°C] of a node over a run, and the error [K] below.
 
@@ -148,6 +151,7 @@ def plot_predictions(
         run: the number of the run in the comparison; by default the node's worst.
         best: another model's comparison on the same runs.
         axes: where to draw, the upper and the lower; by default new ones, with a legend.
+        names: of the two models.
 
     Returns:
         The upper and the lower axes.
@@ -157,7 +161,7 @@ def plot_predictions(
     """
     run, node = worst_view(given, node, run)
     upper, lower = new_panels(2.4, 1.4) if axes is None else axes
-    plot_temperatures(given, node, run, best, upper).set_xlabel("")
+    plot_temperatures(given, node, run, best, upper, names).set_xlabel("")
     plot_errors(given, node, run, best, lower)
     lower.sharex(upper)
     upper.tick_params(labelbottom=False)

@@ -74,9 +74,10 @@ class StudyComparison(_Told, Comparison):
 
         run, node = worst_view(self, node)
         given, best = (self.as_given(), self) if self.as_given else (self, None)
+        names = "model as given", "model now"
         if ax is not None:
-            return plot_temperatures(given, node, run, best, ax)
-        return plot_predictions(given, node, run, best)[0]
+            return plot_temperatures(given, node, run, best, ax, names)
+        return plot_predictions(given, node, run, best, names=names)[0]
 
 
 class StudyVersus(_Told, Versus):
