@@ -54,6 +54,7 @@ up to four."""
 _MOST_ROUNDS = 30  # of candidates; each adds, or frees a fit from a local minimum
 FREED = 0.01  # share of the misfit by which a model is better from elsewhere that stood in a local minimum
 _NONE = 0.01  # of its usual size, below which an effect is none
+_RIDGE = 1e-9  # added to variances of one, so that correlations of one are inverted
 
 
 @dataclass(frozen=True)
@@ -343,7 +344,7 @@ class _Search:
         while True:
             evidence = self._evidence(self.fit)
             told = [self._as_told(own, evidence) for own in self.added]
-            untold = [step for step in told if not step.likely or _size_in_errors(step) < 1.0]
+            untold = [step for step in told if not step.likely or self._size_in_errors(step) < 1.0]
             least = min(untold, key=lambda step: step.probability, default=None)
             if least is None or (without := self._without(least.declarations)) is None:
                 break
@@ -365,8 +366,12 @@ class _Search:
                 odds = self.needed.get((declared.name, declared.where), max(odds, 0.0))
             share = float(expit(odds))
             step = Step(self.fit, declared, odds, share, (declared.at,), at_its_place=share)
-        sure = erf(_size_in_errors(step) / sqrt(2.0))
+        sure = erf(self._size_in_errors(step) / sqrt(2.0))
         return replace(step, probability=sure * step.probability, at_its_place=sure * step.at_its_place)
+
+    def _size_in_errors(self, step: Step) -> float:
+        """Of structure beside the rest of it, whose parts may stand for each other; of a finding beside nothing."""
+        return _size_in_errors(step, self.structure if step.declaration in self.structure else ())
 
 
 def with_priors(one: Candidate, amplitude: float | None, shape: float | None) -> EffectDeclaration:
@@ -453,12 +458,22 @@ def _is_none(fit: Fit, declared: EffectDeclaration) -> bool:
     return abs(size.value - (amplitude.off or 0.0)) < _NONE * abs(size.declared.typical)
 
 
-def _size_in_errors(step: Step) -> float:
-    """The size of an effect in its standard errors; infinite where it has none, or is held."""
-    size = step.size_parameter
-    error = step.fit.standard_errors.get(size.name, 0.0) if size else 0.0
+def _size_in_errors(step: Step, beside: Sequence[EffectDeclaration] = ()) -> float:
+    """The size of an effect in its standard errors; infinite where it has none, or is held.
+
+    Args:
+        step: the effect in a fit.
+        beside: effects whose parameters are taken as they are: of parts that share what the data say, some are there.
+    """
+    fit, size = step.fit, step.size_parameter
+    error = fit.standard_errors.get(size.name, 0.0) if size else 0.0
     if size is None or error == 0.0:
         return np.inf
+    held = {one.shared_name(parameter) for one in beside for parameter in one.resolved} - {size.name}
+    names = list(fit.standard_errors)
+    rows = [names.index(size.name), *(row for row, name in enumerate(names) if name in held)]
+    correlations = fit.uncertainty.correlations[np.ix_(rows, rows)] + _RIDGE * np.eye(len(rows))
+    error /= sqrt(float(np.linalg.inv(correlations)[0, 0]))
     return abs(size.value - (size.declared.off or 0.0)) / error
 
 
