@@ -68,6 +68,8 @@ Logs = Log | Run | Iterable[Log | Run]
 class Study:
     """A model, its data, and the history of steps.
 
+    What a long search is doing is logged: `logging.basicConfig(level="INFO")` shows it in a notebook.
+
     Example:
         >>> import lptn, pandas
         >>> frame = pandas.read_csv("examples/tclab/log.csv")  # a path does as well

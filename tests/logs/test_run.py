@@ -21,6 +21,16 @@ def run() -> Run:
     return Run("r", 0.1, 5.0 + 0.1 * np.arange(7.0), columns, False, "r.csv", "00", ("said.",))
 
 
+def test_a_run_is_a_data_frame_on_its_own_clock(run: Run) -> None:
+    frame = run.to_pandas()
+    assert list(frame) == list(run.columns)
+    assert frame.index.name == "time [s]"
+    np.testing.assert_array_equal(frame.index, run.time)
+    np.testing.assert_array_equal(frame["torque.a"], run.columns["torque.a"])
+    since_1970 = replace(run, time=run.time + 1.74e9).to_pandas()
+    assert str(since_1970.index[0]) == "2025-02-19 21:20:05+00:00"
+
+
 def test_coarsen_reduces_each_column_by_its_rule(run: Run) -> None:
     coarse = run.coarsen(2)
     assert len(coarse) == 3

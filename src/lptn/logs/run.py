@@ -8,6 +8,7 @@ from datetime import UTC, datetime
 from math import isfinite, nan
 
 import numpy as np
+import pandas as pd
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
@@ -112,6 +113,12 @@ class Run:
             measured = ", ".join(name for name in self.columns if name.startswith("temperature."))
             raise InputError(self.source, f"column {column}", "no such column", f"one of: {measured or 'none'}")
         return self.columns[column]
+
+    def to_pandas(self) -> pd.DataFrame:
+        """The columns, indexed by the start of each interval: the time of day (UTC) where the log knows it, else s."""
+        seconds = pd.Index(self.time, name="time [s]")
+        index = pd.to_datetime(self.time, unit="s", utc=True).rename("time") if self.began else seconds
+        return pd.DataFrame(dict(self.columns), index=index)
 
     def slice(self, start: float, stop: float) -> Run:
         """The intervals that begin at or after `start` and before `stop`, both s in the log's clock.
