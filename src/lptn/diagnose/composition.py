@@ -362,7 +362,7 @@ class _Search:
             step = replace(self.findings[declared][0], fit=self.fit, declaration=declared)
         else:
             odds = -_log_odds_of_none(evidence, declared)
-            if odds < -_WITHIN_REACH:  # or there or not: by the fit without it
+            if odds < -_WITHIN_REACH:  # unsure to first order, or there or not: by the fit without it
                 odds = self.needed.get((declared.name, declared.where), max(odds, 0.0))
             share = float(expit(odds))
             step = Step(self.fit, declared, odds, share, (declared.at,), at_its_place=share)
@@ -370,8 +370,21 @@ class _Search:
         return replace(step, probability=sure * step.probability, at_its_place=sure * step.at_its_place)
 
     def _size_in_errors(self, step: Step) -> float:
-        """Of structure beside the rest of it, whose parts may stand for each other; of a finding beside nothing."""
-        return _size_in_errors(step, self.structure if step.declaration in self.structure else ())
+        """The size of an effect in its standard errors; infinite where it has none, or is held.
+
+        Of a part of structure the rest of it is taken as it is: where parts can stand for each other, some are there.
+        """
+        size, errors = step.size_parameter, self.fit.standard_errors
+        error = errors.get(size.name, 0.0) if size else 0.0
+        if size is None or error == 0.0:
+            return np.inf
+        beside = self.structure if step.declaration in self.structure else []
+        held = {own.shared_name(parameter) for own in beside for parameter in own.resolved} - {size.name}
+        names = list(errors)
+        rows = [names.index(size.name), *(row for row, name in enumerate(names) if name in held)]
+        correlations = self.fit.uncertainty.correlations[np.ix_(rows, rows)] + _RIDGE * np.eye(len(rows))
+        error /= sqrt(float(np.linalg.inv(correlations)[0, 0]))
+        return abs(size.value - (size.declared.off or 0.0)) / error
 
 
 def with_priors(one: Candidate, amplitude: float | None, shape: float | None) -> EffectDeclaration:
@@ -456,25 +469,6 @@ def _is_none(fit: Fit, declared: EffectDeclaration) -> bool:
         own = values.get(declared.shared_name(shape.name)) if shape else None
         return own is not None and own.value <= (1.0 + _NONE) * own.declared.bounds[0]
     return abs(size.value - (amplitude.off or 0.0)) < _NONE * abs(size.declared.typical)
-
-
-def _size_in_errors(step: Step, beside: Sequence[EffectDeclaration] = ()) -> float:
-    """The size of an effect in its standard errors; infinite where it has none, or is held.
-
-    Args:
-        step: the effect in a fit.
-        beside: effects whose parameters are taken as they are: of parts that share what the data say, some are there.
-    """
-    fit, size = step.fit, step.size_parameter
-    error = fit.standard_errors.get(size.name, 0.0) if size else 0.0
-    if size is None or error == 0.0:
-        return np.inf
-    held = {one.shared_name(parameter) for one in beside for parameter in one.resolved} - {size.name}
-    names = list(fit.standard_errors)
-    rows = [names.index(size.name), *(row for row, name in enumerate(names) if name in held)]
-    correlations = fit.uncertainty.correlations[np.ix_(rows, rows)] + _RIDGE * np.eye(len(rows))
-    error /= sqrt(float(np.linalg.inv(correlations)[0, 0]))
-    return abs(size.value - (size.declared.off or 0.0)) / error
 
 
 def _log_odds_of_none(evidence: Evidence, declared: EffectDeclaration) -> float:
