@@ -87,6 +87,18 @@ def test_a_ramp_that_nothing_drives_is_unexplained(tmp_path: Path, rate: float, 
     assert diagnosis.steps == ()
 
 
+def test_nor_is_a_heat_of_all_parts_whose_size_nothing_tells(tmp_path: Path) -> None:
+    """Two parts that warm together without a load: any heat explains them, with capacities to match."""
+    bounded = PAIR.replace("capacity = 300", "capacity = { value = 300, bounds = [20, 3000] }")
+    for ohm in (3, 5):
+        bounded = bounded.replace(f"resistance = {ohm}\n", f"resistance = {{ value = {ohm}, bounds = [0.1, 200] }}\n")
+    (tmp_path / "pair.toml").write_text(bounded)
+    log = logged(tmp_path, {"a": ramp(0.02), "b": ramp(0.012)}, "current")
+    diagnosis = Study(tmp_path / "pair.toml", [log]).diagnose()
+    assert diagnosis.verdict == "unexplained"
+    assert diagnosis.steps == ()
+
+
 @pytest.mark.parametrize(
     ("shape", "verdict"),
     [
