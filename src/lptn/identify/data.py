@@ -426,9 +426,8 @@ def load_model(path: str | Path, mapped: Sequence[str] = ()) -> LoadedModel:
     loaded = LoadedModel(file, Model(file.network, errors), pairs, any(text.strip() == GUESS for text in mapped))
     columns = [*loaded.model.inputs, *(f"temperature.{node}" for node in loaded.model.nodes)]
     usable = {key for column in (*columns, *optional_columns(loaded.model)) for key in (column, *raw_keys(column))}
-    for key in sorted(
-        pairs.keys() - usable - {"time", SECOND_TIME}
-    ):  # a slip of the pen would be without effect, in silence
+    # A slip of the pen would be without effect, in silence.
+    for key in sorted(pairs.keys() - usable - {"time", SECOND_TIME}):
         expected = f"a quantity at a place of the model, such as {' or '.join(columns[::-1][:3])}"
         raise InputError("--map", key, "nothing that the model could use", expected)
     return loaded

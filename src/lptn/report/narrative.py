@@ -167,8 +167,9 @@ def narrative(steps: Sequence[Step], last: Diagnosis | None, advice: Advice | No
         if group:
             likeliest = sorted(group, key=lambda step: -step.probability)
             said.append(Sentence(label, f"{capitalised(few([_in_full(step, steps) for step in likeliest], FEW))}."))
-    doubtful = [step for step in last.refused if step.probability >= LIKELY] if last and unexplained and single else []
-    if found := [step for step in doubtful if not step.is_structure]:
+    # What was refused for its size, or is less probable than nothing, predicted no held-out run.
+    worse = [step for step in last.refused if step.holdout and step.probability >= LIKELY] if last and single else []
+    if unexplained and (found := [step for step in worse if not step.is_structure]):
         text = capitalised(few([_in_full(step, steps) for step in found], FEW))
         said.append(Sentence("Best candidates", f"{text}; not added, because held-out data would be predicted worse."))
     if kinds.helped or kinds.fitted or kinds.idle:
