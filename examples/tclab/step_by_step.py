@@ -51,7 +51,7 @@ for step in history.steps:
     print(step.effect or "as given", step.at or "", f"{step.holdout.rmse:.2f} K held out")
 for sentence in advise(history.first, history.last, coarse).sentences:
     print(sentence)
-_ = plot_history(history)
+_ = plot_history(history.steps)
 show(predictions_figure(*(compare(step.fit.model, data.holdout) for step in (history.steps[0], history.best))))
 
 # %% Second thoughts: the last model without its first step

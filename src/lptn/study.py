@@ -19,6 +19,7 @@ import pandas as pd
 from lptn.basics.errors import InputError
 from lptn.basics.files import write_whole
 from lptn.basics.parameters import Setting
+from lptn.basics.progress import shown_in_notebook
 from lptn.diagnose.advice import Advice, advise
 from lptn.diagnose.answers import Step
 from lptn.diagnose.candidates import AMBIENT_ERROR, SURFACE_ERROR, TORQUE_ERROR
@@ -48,14 +49,17 @@ from lptn.logs.repeated import repeated_stretch
 from lptn.logs.run import Run
 from lptn.model.file import ModelFile, added
 from lptn.model.model import Model
-from lptn.report.results import StudyComparison, StudyForecast, StudyVersus, paragraphs, rows
+from lptn.report.results import StudyComparison, StudyForecast, StudyVersus, rows
 from lptn.simulate.bound_run import bind, needed_columns
 from lptn.simulate.simulation import simulate
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from lptn.fmu.exporter import Exported
     from lptn.online.operating_point import Gait, WindowChoice
-    from lptn.report.narrative import Sentence
+    from lptn.report.network_drawing import Drawing
+    from lptn.report.sentences import Narrative
 
 logger = logging.getLogger(__name__)
 
@@ -68,7 +72,7 @@ Logs = Log | Run | Iterable[Log | Run]
 class Study:
     """A model, its data, and the history of steps.
 
-    What a long search is doing is logged: `logging.basicConfig(level="INFO")` shows it in a notebook.
+    A notebook shows what a long search is doing; elsewhere it is logged: `logging.basicConfig(level="INFO")`.
 
     Example:
         >>> import lptn, pandas
@@ -166,6 +170,18 @@ class Study:
         return list({id(segment.run): segment.run for segment in segments}.values())
 
     @property
+    def shown(self) -> Sequence[Segment]:
+        """The segments that `compare` predicts: held-out ones, or the fitted runs where none is held out.
+
+        Raises:
+            InputError: there is no run.
+        """
+        segments = self.data.holdout or tuple(holdout_segment(segment.run) for segment in self.data.fit)
+        if not segments:
+            raise InputError("study", "fit, holdout", "no run", "one log or more")
+        return segments
+
+    @property
     def model(self) -> Model:
         """The model as it is now: fitted if it was, else as the file gives it."""
         return self._steps[-1].fit.model if self._steps else self._loaded.model
@@ -223,10 +239,16 @@ class Study:
         return f"<Study of {self.model.network.name}: runs: {runs}; effects added: {max(len(self._steps) - 1, 0)}>"
 
     def _repr_html_(self) -> str:
-        said = self.narrative() if self.advised else []
-        return f"<p>{escape(repr(self))}</p>\n{paragraphs(said)}{rows(self.history) if self._steps else ''}"
+        said = self.narrative() if self.advised else self.check()
+        return f"<p>{escape(repr(self))}</p>\n{said._repr_html_()}{rows(self.history) if self._steps else ''}"
 
     # --- what to do ---------------------------------------------------------------------------
+
+    def check(self) -> Narrative:
+        """Say whether the logs can be used, what the model needs, what they hold and which effects they could show."""
+        from lptn.report.narrative import logs_narrative
+
+        return logs_narrative(self.model, self.runs)
 
     def fit(
         self,
@@ -248,7 +270,8 @@ class Study:
             InputError: there is nothing to fit, or λ can't be chosen from these runs.
         """
         self._needs_fit_data()
-        done, trials = fit_split(self.model, self.data, symmetry_penalty, checkpoint=checkpoint, report=logger.info)
+        with shown_in_notebook("fitting"):
+            done, trials = fit_split(self.model, self.data, symmetry_penalty, checkpoint=checkpoint, report=logger.info)
         self.symmetry_trials = tuple(trials)
         self._append((replace(self._steps.pop(), fit=done) if self._steps else Step(done)).judged_on(self.data))
         return done
@@ -269,10 +292,10 @@ class Study:
             InputError: there is no run, or one lacks an input of the model.
         """
         if against is not None:
-            both = versus(self.model, against.model, self._shown(), against._shown())
+            both = versus(self.model, against.model, self.shown, against.shown)
             return StudyVersus(replace(both.model, fitted=self._fitted), replace(both.other, fitted=against._fitted))
-        compared = compare(self.model, self._shown())
-        as_given = partial(compare, self._steps[0].fit.model, self._shown()) if len(self._steps) > 1 else None
+        compared = compare(self.model, self.shown)
+        as_given = partial(compare, self._steps[0].fit.model, self.shown) if len(self._steps) > 1 else None
         return StudyComparison(compared.model, compared.predictions, compared.noise, self._fitted, as_given)
 
     def forecast(
@@ -346,7 +369,8 @@ class Study:
         if self._advice is None or self._advice[0] is not last:
             history = self._searched[1] if self._searched else None
             first = history.first if history else last  # the candidates of the search
-            self._advice = last, advise(first, last, for_search(self.data), logger.info)
+            with shown_in_notebook("looking for the next experiment"):
+                self._advice = last, advise(first, last, for_search(self.data), logger.info)
         return self._advice[1]
 
     def add(
@@ -387,8 +411,9 @@ class Study:
             step = effect
         if step.declaration is None:
             raise InputError("study", "add", "the model as given", "an effect's key, or an answer of diagnose()")
-        logger.info("fitting %s at %s", step.effect, step.at)
-        fitted = finished(refit(last.fit, step.declaration))
+        with shown_in_notebook(f"fitting {step.effect} at {step.at}"):
+            logger.info("fitting %s at %s", step.effect, step.at)
+            fitted = finished(refit(last.fit, step.declaration))
         done = replace(step, fit=fitted).judged_on(self.data)
         self._attempts.append((asked, last, done))
         return done
@@ -445,17 +470,18 @@ class Study:
             InputError: there is nothing to fit, or a channel of what is fitted may be in another unit.
         """
         self._needs_conclusive_data()
-        history = improve(
-            self._searched_from,
-            self.data,
-            most=most,
-            ambient_error=self.ambient_error,
-            torque_error=self.torque_error,
-            surface_error=self.surface_error,
-            executor=self.executor,
-            report=logger.info,
-            on_step=on_step,
-        )
+        with shown_in_notebook("searching for missing effects"):
+            history = improve(
+                self._searched_from,
+                self.data,
+                most=most,
+                ambient_error=self.ambient_error,
+                torque_error=self.torque_error,
+                surface_error=self.surface_error,
+                executor=self.executor,
+                report=logger.info,
+                on_step=on_step,
+            )
         self._leave()
         before = max(len(self._steps) - 1, 0)
         given = self._steps[-1] if self._steps else history.steps[0]
@@ -568,12 +594,38 @@ class Study:
         self._diagnoses[0] = first
         return History(tuple(self._steps), first, last, history.rivals if history else ())
 
-    def narrative(self) -> list[Sentence]:
+    def narrative(self) -> Narrative:
         """Verdict, findings, structure, errors and what to do next, in the sentences of terminal, page and report."""
         from lptn.report.narrative import narrative
 
         history = self.selection()
         return narrative(history.steps, history.last, self.advise())
+
+    def plot_history(self, ax: Axes | None = None) -> Axes:
+        """Draw the RMSE [K] of each step on fitted, held-out and test data, above what sensor noise alone would leave.
+
+        Args:
+            ax: where to draw; a new figure of pyplot's by default.
+
+        Raises:
+            InputError: nothing was fitted yet.
+        """
+        from lptn.report.diagnosis_figures import plot_history
+
+        if not self._steps:
+            raise InputError("study", "history", "no fitted model", "fit() before")
+        return plot_history(self._steps, ax)
+
+    def draw_network(self) -> Drawing:
+        """Draw the network, with temperatures and heat flows when a node of the held-out or fitted runs is hottest.
+
+        Returns:
+            SVG, which a notebook shows; without a run, of the network alone.
+        """
+        from lptn.report.network_course import hottest_moment
+        from lptn.report.network_drawing import draw_network
+
+        return hottest_moment(self.compare())[0] if self.runs else draw_network(self.model)
 
     def report(self, path: str | Path, commands: Sequence[str] = ()) -> None:
         """Write the whole story as one HTML file: data, fit, where it fails, what is missing, held-out errors.
@@ -651,12 +703,6 @@ class Study:
             self.add(replace(step, probability=0.0, indistinguishable=()))  # said of other data
         return self
 
-    def _shown(self) -> Sequence[Segment]:
-        segments = self.data.holdout or tuple(holdout_segment(segment.run) for segment in self.data.fit)
-        if not segments:
-            raise InputError("study", "fit, holdout", "no run", "one log or more")
-        return segments
-
     def _needs_fit_data(self) -> None:
         if not self.data.fit:
             raise InputError("study", "fit", "no run", "one log or more to fit")
@@ -682,15 +728,16 @@ class Study:
         return self._steps[-1]
 
     def _diagnosis_of(self, model: Model) -> Diagnosis:
-        return diagnose(
-            model,
-            self.data,
-            ambient_error=self.ambient_error,
-            torque_error=self.torque_error,
-            surface_error=self.surface_error,
-            executor=self.executor,
-            report=logger.info,
-        )
+        with shown_in_notebook("searching for missing effects"):
+            return diagnose(
+                model,
+                self.data,
+                ambient_error=self.ambient_error,
+                torque_error=self.torque_error,
+                surface_error=self.surface_error,
+                executor=self.executor,
+                report=logger.info,
+            )
 
 
 def _with_setting(step: Step, key: str, setting: Setting) -> Step:

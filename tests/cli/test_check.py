@@ -85,7 +85,7 @@ def test_json(lptn: Lptn, model: Path, tmp_path: Path) -> None:
     assert "invalid = [850]" in written["wrong"][0]["mend"]
     assert written["wrong"][0]["sure"] is False
     effects = {row["effect"]: row for row in content["effects"]}
-    assert effects["forced_convection"]["could"] is True
+    assert effects["forced_convection"]["identifiable"] is True
     assert effects["fan"]["why"] == "not logged: fan.<node> or speed.fan"
     assert content["excitation"]["runs"] == 1
 
@@ -159,7 +159,7 @@ def test_two_logs_joined(lptn: Lptn, model: Path, tmp_path: Path) -> None:
 def test_a_model_without_a_log(lptn: Lptn, model: Path) -> None:
     status, out, _ = lptn("check", model)
     assert status == 0
-    assert "Model: pair, 2 nodes (a, b), " in out
+    assert "Model: pair, 2 nodes (a and b), " in out
 
 
 def test_check_draws_the_network(lptn: Lptn, model: Path, tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ import sys
 import textwrap
 import time
 from pathlib import Path
+from textwrap import wrap
 from typing import Any
 
 import pandas as pd
@@ -62,7 +63,7 @@ def test_fit_writes_values_errors_and_the_fingerprint(lptn: Lptn, short_log: Pat
     fitted, target = tmp_path / "fitted.toml", tmp_path / "fit.json"
     status, out, _ = lptn("fit", MODEL, short_log, "--holdout-after", 120, "-o", fitted, "--json", target)
     assert status == 0
-    assert "Held out" in out
+    assert out.startswith("Error: RMSE held out ")
     text = fitted.read_text()
     assert "sha256" in text
     assert "# Two heaters on one board" in text
@@ -245,3 +246,81 @@ def test_ctrl_c_ends_a_search_in_one_line_and_writes_nothing(tmp_path: Path) -> 
     assert started.returncode == 130
     assert said == "lptn: stopped; nothing was written\n"
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("words", "written"),
+    [
+        (("new", "leg"), "leg.toml"),
+        (("new", "quadruped", "--model", "windings"), "quadruped.windings.toml"),
+        (("new", "u8-heat-sink", "-o", "mine.toml"), "mine.toml"),
+        (("new", "--urdf", "robot.urdf"), "robot.toml"),
+        (("motor",), "drawing.toml"),
+        (("motor", "--sample", "outrunner"), "drawing.toml"),
+        (("add", MODEL, "fan", "--at", "*", "-o", "next.toml"), "next.toml"),
+    ],
+    ids=lambda value: " ".join(map(str, value[:2])) if isinstance(value, tuple) else value,
+)
+def test_what_is_written_is_said_with_what_to_do_next(
+    words: tuple[object, ...], written: str, lptn: Lptn, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "robot.urdf").write_text(
+        '<robot name="arm"><link name="base"/><link name="arm"/><joint name="elbow" type="revolute">'
+        '<parent link="base"/><child link="arm"/><axis xyz="0 0 1"/><limit effort="10" velocity="5" lower="-1" '
+        'upper="1"/></joint></robot>'
+    )
+    before = set(tmp_path.iterdir())
+    status, out, _ = lptn(*words)
+    assert status == 0
+    assert {path.name for path in set(tmp_path.iterdir()) - before} == {written}
+    said = out.splitlines()
+    assert [line.partition(":")[0] for line in said] == ["Written", "Next"]
+    assert written in said[0]
+    assert written in said[1]  # the next command takes it
+    assert sum(len(wrap(line, 80)) for line in said) <= 15
+
+
+def test_a_model_of_a_drawing_is_said_with_its_inputs(
+    lptn: Lptn, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    lptn("motor")
+    status, out, _ = lptn("motor", "drawing.toml")
+    assert status == 0
+    assert "Written: motor.toml (a model of drawing.toml: 13 nodes, inputs temperature.ambient, current.motor)." in out
+    (tmp_path / "motor.toml").write_text("# edited\n")
+    assert lptn("motor", "drawing.toml")[0] == 2  # under its usual name an edited file may stand
+    assert lptn("motor", "drawing.toml", "-o", "motor.toml")[0] == 0
+
+
+@pytest.mark.long
+def test_verbose_and_quiet_say_more_and_less_beside_one_answer(lptn: Lptn, short_log: Path, tmp_path: Path) -> None:
+    for words in (
+        ("fit", MODEL, short_log),
+        ("compare", MODEL, short_log),
+        ("forecast", MODEL, short_log, "--limit", 60),
+    ):
+        runs = [lptn(*words), lptn("-v", *words), lptn(*words, "--quiet")]
+        (usual, said), (loud, log), (alone, nothing) = [(out, err) for _, out, err in runs]
+        assert loud == usual
+        assert usual.startswith(alone)
+        assert len(alone) < len(usual)
+        assert all(re.match(r"[A-Z][a-z ]+: ", line) for line in alone.splitlines())
+        assert nothing == ""
+        assert len(log) >= len(said)
+        assert all(line.startswith("lptn: ") for line in log.splitlines())
+    assert "iteration" in lptn("fit", "-v", MODEL, short_log)[2]
+    status, _, said = lptn("fit", "-v", "-q", MODEL, short_log)
+    assert (status, len(said.splitlines())) == (2, 1)
+
+
+@pytest.mark.long
+def test_diagnose_draws_what_it_found(lptn: Lptn, short_log: Path, tmp_path: Path) -> None:
+    words = ("diagnose", MODEL, short_log, "--holdout-after", 110)
+    for name, begins in (("found.png", b"\x89PNG"), ("found.svg", b"<?xml")):
+        assert lptn(*words, "--plot", tmp_path / name)[0] == 0
+        assert (tmp_path / name).read_bytes().startswith(begins)
+    text = (tmp_path / "found.svg").read_text()
+    assert text.count('<g id="axes_') == 6  # two nodes with their errors, and a map of the heat for each model
+    assert lptn(*words, "--plot", tmp_path / "found.txt")[0] == 2

@@ -51,7 +51,7 @@ class _Watched(io.StringIO):
 
 def test_sentences_are_wrapped_and_files_are_not(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "80")
-    for words in (("motor",), ("new", "leg"), ("new", "u8-heat-sink")):
+    for words in (("motor", "-o", "-"), ("new", "leg", "-o", "-"), ("new", "u8-heat-sink", "-o", "-")):
         monkeypatch.setattr(sys, "stdout", watched := _Watched())
         with pytest.raises(SystemExit, match="0"):
             main(list(words))

@@ -56,7 +56,7 @@ def command(capsys: pytest.CaptureFixture[str]) -> Command:
 @pytest.fixture
 def folder(tmp_path: Path, command: Command) -> Path:
     """A folder with the sample drawing and the model made of it."""
-    (tmp_path / "drawing.toml").write_text(command("motor")[1])
+    assert command("motor", "-o", tmp_path / "drawing.toml")[0] == 0
     assert command("motor", tmp_path / "drawing.toml", "-o", tmp_path / "motor.toml")[0] == 0
     return tmp_path
 

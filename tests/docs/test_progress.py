@@ -7,8 +7,9 @@ import io
 import pytest
 from rich.console import Console
 
+from lptn.basics.progress import ProgressLine, duration
 from lptn.cli import terminal
-from lptn.cli.terminal import ProgressLine, ProgressOfALongJob, duration
+from lptn.cli.terminal import ProgressOfALongJob
 
 
 class Clock:

@@ -76,7 +76,7 @@ def test_every_axis_has_its_unit(missing: Told) -> None:
     history, _ = missing
     given = _comparison(missing)
     assert _labels(predictions_figure(given, given)) == {"temperature [°C]", ERROR, "time [s]"}
-    assert _labels(_figure(plot_history(history))) == {"RMSE [K]"}
+    assert _labels(_figure(plot_history(history.steps))) == {"RMSE [K]"}
     titles = [ax.get_title(loc="left") for maps in condition_figures(given, given) for ax in maps.axes]
     assert titles
     assert all("[" in title for title in titles)
@@ -98,7 +98,7 @@ def test_figures_take_and_return_axes(missing: Told) -> None:
         lambda ax: plot_temperatures(given, NODES[1], 0, given, ax),
         lambda ax: plot_errors(given, ax=ax),
         lambda ax: plot_conditions(given, temperatures, ax=ax),
-        lambda ax: plot_history(history, ax),
+        lambda ax: plot_history(history.steps, ax),
     ]
     for draw in drawn:
         ax = new_figure(3.0).add_subplot()
@@ -176,7 +176,7 @@ def test_two_models_are_called_by_their_names(missing: Told) -> None:
 def test_a_figure_is_shown_where_a_notebook_runs(missing: Told, monkeypatch: pytest.MonkeyPatch) -> None:
     shown: list[bytes] = []
     display = SimpleNamespace(Image=lambda data, width: data, display=shown.append)
-    figure = _figure(plot_history(missing[0]))
+    figure = _figure(plot_history(missing[0].steps))
     show(figure)
     monkeypatch.setitem(sys.modules, "ipykernel", display)
     monkeypatch.setitem(sys.modules, "IPython.display", display)

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import logging
+import sys
 from collections.abc import Callable
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -12,6 +15,7 @@ import pytest
 
 import lptn
 from lptn.basics.errors import InputError
+from lptn.basics.progress import shown_in_notebook
 from lptn.model.file import read_model_file
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "tclab"
@@ -259,3 +263,69 @@ def test_results_with_arrays_print_in_a_line(
     study: lptn.Study, make: Callable[[lptn.Study], object], line: str
 ) -> None:
     assert repr(make(study)) == line
+
+
+def test_logs_are_checked_as_the_command_does(study: lptn.Study) -> None:
+    said = study.check()
+    assert [sentence.label for sentence in said] == ["Verdict", "Model", "Sensors", "Excitation", "Effects"]
+    assert str(said).startswith("Verdict: The log can be used, and nothing looks wrong.\nModel: two heaters, 2 nodes (")
+    assert said._repr_html_().count("<p>") == 5
+    assert [sentence.label for sentence in lptn.Study(MODEL).check()] == ["Model"]
+
+
+def test_history_and_network_are_drawn(study: lptn.Study) -> None:
+    axes = study.plot_history()
+    assert axes.get_ylabel() == "RMSE [K]"
+    held_out = next(line for line in axes.get_lines() if line.get_label() == "held-out data")
+    assert np.asarray(held_out.get_ydata()) == pytest.approx(study.history["RMSE held out [K]"].to_numpy())
+    assert study.plot_history(axes) is axes
+    drawn = study.draw_network()
+    assert drawn._repr_svg_().startswith("<svg")
+    assert all(f'data-node="{node}"' in drawn for node in study.model.nodes)
+    assert "°C" in drawn
+    bare = lptn.Study(MODEL)
+    assert "°C" not in bare.draw_network()
+    with pytest.raises(InputError, match="fit"):
+        bare.plot_history()
+
+
+class _Cell:
+    """What IPython shows below a cell: the last picture of each display."""
+
+    def __init__(self) -> None:
+        self.shown: list[str] = []
+
+    def display(self, what: Any, display_id: bool) -> _Cell:
+        assert display_id
+        self.update(what)
+        return self
+
+    def update(self, what: Any) -> None:
+        self.shown.append(what if isinstance(what, str) else what._repr_html_())
+
+    HTML = staticmethod(str)
+
+
+def test_a_notebook_shows_progress_until_the_work_is_done(monkeypatch: pytest.MonkeyPatch) -> None:
+    cell = _Cell()
+    lptn.Study(MODEL, LOG).fit()
+    assert not cell.shown
+    monkeypatch.setitem(sys.modules, "ipykernel", ModuleType("ipykernel"))
+    monkeypatch.setitem(sys.modules, "IPython.display", cell)
+    lptn.Study(MODEL, LOG).fit()
+    first, *between, last = cell.shown
+    assert first == "<progress></progress> <small>fitting</small>"
+    assert any("iteration" in line for line in between)
+    assert last == ""
+    cell.shown.clear()
+    with shown_in_notebook("looking"):
+        logging.getLogger("lptn.anywhere").info("log 3 of 4")
+    assert '<progress value="2" max="4"></progress> <small>log 3 of 4</small>' in cell.shown
+    cell.shown.clear()
+    logger = logging.getLogger("lptn")
+    logger.setLevel(logging.INFO)  # somebody shows the log already
+    try:
+        lptn.Study(MODEL, LOG).fit()
+    finally:
+        logger.setLevel(logging.NOTSET)
+    assert not cell.shown

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import io
 import re
-import sys
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -21,6 +20,7 @@ from matplotlib.ticker import AutoLocator, MaxNLocator
 
 from lptn.basics.lines import decimated as decimated
 from lptn.basics.lines import time_axis as time_axis
+from lptn.basics.progress import in_notebook
 
 # --- The one visual language: which colour and line means what, and how axes look -----------------
 
@@ -190,7 +190,7 @@ def show(figure: Figure) -> None:
     Args:
         figure: any figure, such as those of this package, which no window belongs to.
     """
-    if "ipykernel" not in sys.modules:
+    if not in_notebook():
         return
     display = import_module("IPython.display")
     drawn = io.BytesIO()

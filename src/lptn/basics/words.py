@@ -13,3 +13,13 @@ def short_size(value: float) -> str:
 def listed(items: Sequence[str], last: str = "and") -> str:
     """`a, b and c`."""
     return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} {last} {items[-1]}"
+
+
+def few(items: Sequence[str], most: int) -> str:
+    """A list, shortened to `a, b and 7 others` where it has more than one item beyond `most`."""
+    return listed(items if len(items) <= most + 1 else [*items[:most], f"{len(items) - most} others"])
+
+
+def count_of(number: int, word: str) -> str:
+    """`1 node`, `3 nodes`, `no nodes`."""
+    return f"{number or 'no'} {word}{'' if number == 1 else 's'}"

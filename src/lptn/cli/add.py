@@ -38,7 +38,9 @@ def add(
         if "=" not in text:
             raise InputError("command line", "--set", f"'{text}'", "NAME=VALUE, such as input=velocity")
     check_inputs(model)
+    from lptn.cli.terminal import show_written
     from lptn.model.file import added, read_model_file
 
     settings = {name: value for name, _, value in (text.partition("=") for text in set or ())}
     added(read_model_file(model), effect, at, run, settings).write(output)
+    show_written({f"{model.name} with {effect} at {at}": output}, f"Fit it: lptn fit {output} LOG -o FITTED")

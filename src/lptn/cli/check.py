@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter as Option
 
 from lptn.basics.errors import InputError
+from lptn.basics.words import count_of, few
 from lptn.cli.options import Details, Json, Map, Rate, check_inputs, check_outputs, column_options
 
 if TYPE_CHECKING:
     from lptn.basics.arrays import FloatArray
     from lptn.diagnose.excitation import Identifiability
-    from lptn.effects.excitation import Excitation
     from lptn.identify.data import LoadedModel
     from lptn.logs.guess import Guess
     from lptn.logs.run import Run
@@ -53,6 +53,8 @@ def check(
     from lptn.cli.terminal import progress, write_json
     from lptn.diagnose.excitation import excitation, identifiability
     from lptn.identify.data import GUESS, load_model, warn_of_absent_runs
+    from lptn.report.narrative import logs_narrative
+    from lptn.report.sentences import Narrative, Sentence
     from lptn.simulate.bound_run import bind
 
     loaded = load_model(model, [*column_options(map, rate), *([GUESS] if guess else [])])
@@ -61,26 +63,25 @@ def check(
     result: dict[str, object] = {"model": str(model), "nodes": loaded.model.nodes, "inputs": loaded.model.inputs}
     result["logs"] = [content.as_json() for content in contents]
     runs = [run for content in contents for run in content.runs]
-    if contents:
-        print(f"Verdict: {_verdict(contents)}")
-    _show_model(loaded.model)
+    unusable = sum(not content.usable for content in contents)
+    said = logs_narrative(loaded.model, runs, len(contents), unusable)
+    print(Narrative(sentence for sentence in said if sentence.label in ("Verdict", "Model")))
     mapped = tuple(text.partition("=")[0] for text in map or ())
     _show_logs(contents, lambda content: _urgent(content, loaded.guessing, mapped, whole=details), whole=details)
     if runs:
-        bound_runs = [bind(loaded.model, run) for run in runs]
+        print(Narrative(sentence for sentence in said if sentence.label not in ("Verdict", "Model")))
+        print(Sentence("Next", _next(model, contents)))
+        warn_of_absent_runs(loaded.model.network, runs)
+    if runs and (details or json is not None):
         excited = excitation(runs, loaded.model.nodes)
         effects = identifiability(loaded.model, runs, excited)
-        _show_sensors(loaded.model, bound_runs)
-        _show_excitation(excited)
-        _show_effects(effects)
-        print("Next: " + _next(model, contents))
+        result |= {"excitation": excited.as_json(), "effects": [assessment.as_json() for assessment in effects]}
         if details:
+            bound_runs = [bind(loaded.model, run) for run in runs]
             _show_logs(contents, _notes, whole=True)
             _show_nodes(loaded.model, bound_runs)
             _show_identifiability(effects)
             _show_steps(loaded.model, bound_runs[0])
-        warn_of_absent_runs(loaded.model.network, runs)
-        result |= {"excitation": excited.as_json(), "effects": [assessment.as_json() for assessment in effects]}
     _refuse(contents)
     if drawing is not None:
         from lptn.basics.files import write_whole
@@ -234,19 +235,6 @@ _FITTED = 0.7  # share of a single log's time that is proposed for the fit
 _FEW = 3  # logs, proposals and names that the answer has; the details have all
 
 
-def _verdict(contents: Sequence[LogContent]) -> str:
-    """Whether the logs can be used."""
-    unusable = sum(not content.usable for content in contents)
-    suspect = sum(len(content.wrong) for content in contents if content.usable)
-    logs = {1: "the log", 2: "both logs"}.get(len(contents), f"all {len(contents)} logs")
-    if unusable:
-        which = f"{unusable} of {len(contents)} logs" if len(contents) > 1 else "the log"
-        return f"{which[0].upper()}{which[1:]} can't be used yet."
-    if suspect:
-        return f"{_count(suspect, 'thing')} in {logs} may be wrong, see below."
-    return f"{logs[0].upper()}{logs[1:]} can be used, and nothing looks wrong."
-
-
 def _next(model: Path, contents: Sequence[LogContent]) -> str:
     """What to do next."""
     from lptn.report.text import short
@@ -262,15 +250,6 @@ def _next(model: Path, contents: Sequence[LogContent]) -> str:
     return shlex.join(["lptn", "improve", str(model), *(logs[:-1] or logs), *held_out, "-o", "better.toml"])
 
 
-def _show_model(model: Model) -> None:
-    """What a model needs."""
-    few = _some(model.inputs, _FEW)
-    nodes = f"{_count(len(model.nodes), 'node')} ({_some(model.nodes, _FEW)})"
-    print(f"Model: {model.network.name}, {nodes}, {_count(len(model.free), 'free parameter')}; inputs {few}.")
-    for column in model.started:
-        print(f"{column} is no column of the log: it is estimated from each run's first readings.")
-
-
 def _show_logs(contents: Sequence[LogContent], lines_of: Callable[[LogContent], Iterator[str]], *, whole: bool) -> None:
     """Each log with lines of its own; those that all logs have in common, once."""
     lines = [list(lines_of(content)) for content in contents]
@@ -284,7 +263,7 @@ def _show_logs(contents: Sequence[LogContent], lines_of: Callable[[LogContent], 
         for line in own:
             print(line)
     if quiet > _FEW and not whole:
-        print(f"and {_count(quiet - _FEW, 'more log')}")
+        print(f"and {count_of(quiet - _FEW, 'more log')}")
     if common:
         print("All logs:")
         for line in lines[0]:
@@ -295,7 +274,7 @@ def _show_logs(contents: Sequence[LogContent], lines_of: Callable[[LogContent], 
 def _notes(content: LogContent) -> Iterator[str]:
     """What else was noticed in a log."""
     if content.unused:
-        yield f"  {'not used' if content.used else 'columns'}: {_some(content.unused)}"
+        yield f"  {'not used' if content.used else 'columns'}: {few(content.unused, _MANY)}"
     yield from (f"  {note}" for note in content.notes)
 
 
@@ -303,7 +282,7 @@ def _urgent(content: LogContent, guessing: bool, mapped: Sequence[str], *, whole
     """What is wrong with a log, what became of `--map`, and the lines that would map what is missing."""
     most = None if whole else _FEW
     if content.unused and not content.used:
-        yield f"  columns: {_some(content.unused)}"
+        yield f"  columns: {few(content.unused, _MANY)}"
     yield from (f"  WRONG? {sentence}" for sentence in content.wrong[:most])
     if len(content.wrong) > len(content.wrong[:most]):
         yield f"  WRONG? and {len(content.wrong) - _FEW} more: --details"
@@ -326,7 +305,7 @@ def _missing_lines(content: LogContent, proposed: Sequence[str]) -> Iterator[str
     left = [key for key in content.missing if key not in proposed]
     if not left:
         return
-    yield f"  The model needs these quantities, and no column's name matches: {_some(left)}."
+    yield f"  The model needs these quantities, and no column's name matches: {few(left, _MANY)}."
     if "time" in left:
         yield "    Rows without times, at one rate? --rate 50, for 50 a second."
     yield f'    Name its column and unit: --map "{left[0]}=COLUMN[UNIT]"'
@@ -336,7 +315,7 @@ def _missing_lines(content: LogContent, proposed: Sequence[str]) -> Iterator[str
             "ambient = 22 (°C)."
         )
     if content.currents:
-        yield f"    It seems to hold currents instead of torques ({_some(content.currents)})."
+        yield f"    It seems to hold currents instead of torques ({few(content.currents, _MANY)})."
         yield (
             '    Then drive the model by them: input = "current" in place of torque_constant, in each [[effects]] of '
             "kind copper_loss."
@@ -353,34 +332,6 @@ def _lengths(runs: Sequence[Run]) -> str:
     kind = "means" if first.averaged else "samples"
     pieces = f" in {len(runs)} pieces between gaps" if len(runs) > 1 else ""
     return f"{steps} {kind} of {first.step:g} s, {time_span(steps * first.step)}{pieces}"
-
-
-def _show_sensors(model: Model, bound_runs: Sequence[BoundRun]) -> None:
-    """All temperatures together, and nodes without a sensor."""
-    import numpy as np
-
-    from lptn.identify.noise import estimate_noise
-
-    measured = np.concatenate([bound.measured for bound in bound_runs], axis=1)
-    there = np.isfinite(measured).any(axis=1)
-    floors = estimate_noise(bound_runs, model.nodes).floor[there]
-    without = [node for node, has_sensor in zip(model.nodes, there, strict=True) if not has_sensor]
-    noise = "–".join(dict.fromkeys(f"{value:.2g}" for value in (floors.min(), floors.max())))
-    text = f"{np.nanmin(measured):.1f} to {np.nanmax(measured):.1f} °C, noise {noise} K"
-    print(f"Sensors: {text}{f'; not measured: {_some(without, _FEW)}' if without else ''}.")
-
-
-def _show_effects(effects: Sequence[Identifiability]) -> None:
-    """How many effects could show, and which columns would add most to them."""
-    could = [assessment.effect for assessment in effects if assessment.identifiable]
-    needs: dict[str, int] = {}
-    for assessment in effects:
-        if assessment.why.startswith(_NOT_LOGGED):
-            column = assessment.why.removeprefix(_NOT_LOGGED)
-            needs[column] = needs.get(column, 0) + 1
-    columns = sorted(needs, key=lambda column: -needs[column])[:_FEW]
-    more = f"; more with columns such as {', '.join(columns)}" if columns else ""
-    print(f"Effects: {len(could)} of {len(effects)} could show if present{more}.")
 
 
 def _show_nodes(model: Model, bound_runs: Sequence[BoundRun]) -> None:
@@ -419,40 +370,17 @@ def _missing(runs: Sequence[FloatArray]) -> float:
     return max(0.0, 1.0 - there / expected)
 
 
-def _show_excitation(excited: Excitation) -> None:
-    """What happens in the runs."""
-    from lptn.effects.excitation import ZERO
-    from lptn.report.text import time_span
-
-    load = "no load"
-    if excited.levels:
-        load = f"{_count(excited.levels, 'level')} of load, at rest {100 * excited.still:.0f} % of the time"
-    base = excited.ranges.get("speed.base")
-    change = (
-        f"which change by up to {excited.ambient:.2g} K within a run"
-        if excited.ambient > ZERO
-        else "of which no change is logged"
-    )
-    moving = f"base speed {base[0]:.2g} to {base[1]:.2g} m/s" if base else "base speed not logged"
-    print(
-        f"Excitation: {time_span(60 * excited.minutes)}, {load}; {_count(excited.cool_downs, 'cool-down')}; "
-        f"{_count(excited.steps, 'jump')} of load; up to {excited.rise:.3g} K above the surroundings, {change}; "
-        f"{moving}."
-    )
-
-
-_NOT_LOGGED = "not logged: "  # how a reason of `Identifiability` begins
-
-
 def _show_identifiability(effects: Sequence[Identifiability]) -> None:
     """Which effects could show, and which not and why."""
+    from lptn.diagnose.excitation import NOT_LOGGED
+
     could = [assessment.effect for assessment in effects if assessment.identifiable]
     print(f"Could show, if present: {', '.join(could) or 'nothing'}.")
     reasons: dict[str, list[str]] = {}
     not_logged = []
     for assessment in effects:
-        if assessment.why.startswith(_NOT_LOGGED):
-            not_logged.append(f"{assessment.effect} ({assessment.why.removeprefix(_NOT_LOGGED)})")
+        if assessment.why.startswith(NOT_LOGGED):
+            not_logged.append(f"{assessment.effect} ({assessment.why.removeprefix(NOT_LOGGED)})")
         elif not assessment.identifiable:
             reasons.setdefault(assessment.why, []).append(assessment.effect)
     if reasons or not_logged:
@@ -478,12 +406,3 @@ def _show_steps(model: Model, bound: BoundRun) -> None:
     spread = f"{fastest} s" if fastest == slowest else f"{fastest} to {slowest} s"
     euler = f"{short(form.euler_stable)} s (within 0.1 K to {short(form.euler_step(0.1))} s)"
     print(f"\nTime constants at the declared values: {spread}; forward Euler is stable with steps to {euler}.")
-
-
-def _count(number: int, word: str) -> str:
-    return f"{number or 'no'} {word}{'' if number == 1 else 's'}"
-
-
-def _some(names: Sequence[str], most: int = _MANY) -> str:
-    more = len(names) - most
-    return ", ".join(names[:most]) + (f" and {more} more" if more > 0 else "")

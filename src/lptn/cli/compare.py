@@ -52,7 +52,7 @@ def compare(
     check_picture(plot)
     check_inputs(model, *logs)
     from lptn.basics.files import write_whole
-    from lptn.cli.terminal import progress, write_json
+    from lptn.cli.terminal import is_quiet, progress, write_json
     from lptn.identify.comparison import Versus
     from lptn.study import Study
 
@@ -64,13 +64,14 @@ def compare(
         ]
     with progress("comparing"):
         result = studies[0].compare(*studies[1:])
-    for sentence in result.narrative():
-        print(sentence)
+    print(result.narrative())
     if isinstance(result, Versus):
-        _show_versus(result)
+        if not is_quiet():
+            _show_versus(result)
         write_json(json, result.model.as_json() | {"against": result.as_json()})
     else:
-        _show_comparison(result, details)
+        if not is_quiet():
+            _show_comparison(result, details)
         write_json(json, result.as_json())
     if plot is not None:
         from lptn.report.comparison_figures import comparison_figure, versus_figure

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from lptn.basics.words import few
 from lptn.cli.options import (
     AmbientError,
     Details,
@@ -14,14 +15,17 @@ from lptn.cli.options import (
     Jobs,
     Json,
     Map,
+    Picture,
     Rate,
     SurfaceError,
     TorqueError,
     check_inputs,
     check_outputs,
+    check_picture,
     column_options,
     executor_of,
     needs_logs,
+    write_figure,
 )
 
 if TYPE_CHECKING:
@@ -40,6 +44,7 @@ def diagnose(
     surface_error: SurfaceError = None,
     details: Details = False,
     json: Json = None,
+    plot: Picture = None,
     jobs: Jobs = 1,
     map: Map = None,  # noqa: A002 - the option's name
     rate: Rate = None,
@@ -51,9 +56,11 @@ def diagnose(
     Example: lptn diagnose leg.toml monday.parquet --holdout friday.parquet --json found.json
     """
     needs_logs(logs)
-    check_outputs(json, inputs=(model, *logs, *(holdout or ())))
+    check_outputs(json, plot, inputs=(model, *logs, *(holdout or ())))
+    check_picture(plot)
     check_inputs(model, *logs, *(holdout or ()))
-    from lptn.cli.terminal import progress, write_json
+    from lptn.cli.terminal import is_quiet, progress, write_json
+    from lptn.report.sentences import Narrative
     from lptn.study import Study
 
     with progress("reading"), executor_of(jobs) as executor:
@@ -70,14 +77,19 @@ def diagnose(
         )
         diagnosis, advice = study.diagnose(), study.advise()
         said = study.narrative()
-    print(said[0])
-    show_answers(diagnosis)
-    for sentence in said[1:]:
-        if sentence.label not in IN_TABLE:
-            print(sentence)
+    if is_quiet():
+        print(said)
+    else:
+        print(said[0])
+        show_answers(diagnosis)
+        print(Narrative(sentence for sentence in said[1:] if sentence.label not in IN_TABLE))
     if details:
         show_advice(advice)
     write_json(json, diagnosis.as_json() | advice.as_json())
+    if plot is not None:
+        from lptn.report.diagnosis_figures import diagnosis_figure
+
+        write_figure(diagnosis_figure(diagnosis, study.shown), plot)
 
 
 IN_TABLE = ("Findings", "Best candidates", "Structure")
@@ -87,7 +99,7 @@ def show_answers(diagnosis: Diagnosis) -> None:
     """A table of what is missing, by the names that `lptn add` takes; without answers, how probable none is."""
     from lptn.cli.terminal import show_table
     from lptn.diagnose.answers import NOTHING
-    from lptn.report.text import few, kelvin, named, percent, size_text
+    from lptn.report.text import kelvin, named, percent, size_text
 
     ratios = ", ".join(f"{node} {value:.2g}×" for node, value in diagnosis.lack_of_fit.items())
     print(f"Misfit / noise, of one-minute means: {ratios}.")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import sys
 from collections import Counter
 from pathlib import Path
@@ -12,6 +11,7 @@ from cyclopts import Parameter as Option
 from cyclopts import validators
 
 from lptn.basics.errors import InputError
+from lptn.basics.words import count_of
 from lptn.cli.options import (
     Details,
     Holdout,
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
 
     from lptn.fleet.fleet import Fleet
     from lptn.fleet.work import Outcome
-    from lptn.identify.comparison import Errors
     from lptn.identify.fitting import Checkpoint, Fit
     from lptn.identify.validation import SymmetryTrial
 
@@ -109,8 +108,9 @@ def _fit_one(
     check_outputs(output, json, inputs=(*logs, *holdout))
     check_outputs(json, inputs=(model,))  # only the fitted model may take its place
     check_inputs(model, *logs, *holdout)
-    from lptn.cli.terminal import progress, write_json
+    from lptn.cli.terminal import is_quiet, progress, show_written, write_json
     from lptn.identify.fitting import Checkpoint, fingerprint_of
+    from lptn.report.narrative import fit_narrative
     from lptn.study import Study
 
     with progress("reading"):
@@ -130,10 +130,13 @@ def _fit_one(
     with progress("fitting"):
         done = study.fit(symmetry_penalty=symmetry_penalty, checkpoint=checkpoint)
     held_out = study.steps[-1].holdout
-    _show_symmetry_trials(study.symmetry_trials)
-    _show_fit(done, held_out, None if details else _PARAMETERS)
+    print(fit_narrative(study.steps[-1]))
+    if not is_quiet():
+        _show_symmetry_trials(study.symmetry_trials)
+        _show_fit(done, None if details else _PARAMETERS)
     if output is not None:
         study.save(output)
+    show_written({"the fitted model": output})
     tried = [{"weight": trial.symmetry_penalty, "rmse_holdout": trial.holdout.rmse} for trial in study.symmetry_trials]
     more = {"rmse_holdout": held_out.rmse if held_out else None, "symmetry_trials": tried}
     write_json(json, done.as_json() | more)
@@ -150,32 +153,18 @@ def _show_symmetry_trials(trials: Sequence[SymmetryTrial]) -> None:
 
 
 _PARAMETERS = 6  # in the answer; the details and the written file have all
-_FLOORS = 3  # sensors whose noise is said
 
 
-def _show_fit(done: Fit, held_out: Errors | None, most: int | None) -> None:
-    """Errors, what the data leave open, and values with standard errors; of many parameters the least certain."""
+def _show_fit(done: Fit, most: int | None) -> None:
+    """Values with standard errors; of many parameters the least certain."""
     from lptn.cli.terminal import show_table
-    from lptn.report.text import few, kelvin
+    from lptn.report.tables import parameter_table
 
-    floors = zip(done.model.nodes, done.noise.floor, done.problem.measured, strict=True)
-    floor = few([f"{node} {value:.2g}" for node, value, has_sensor in floors if has_sensor], _FLOORS)
-    print(f"RMSE {kelvin(done.rmse)}; the sensors' noise alone: {floor} K. Search: {done.status}.")
-    if held_out is not None:
-        print(f"Held out: RMSE {kelvin(held_out.rmse)}, max {kelvin(held_out.max)}.")
-    for warning in done.uncertainty.warnings:
-        print(f"Warning: {warning}.")
-    rows = []
-    free = [done.model.parameters[index] for index in done.problem.free]
-    if most is not None and len(free) > most:
-        print(f"The {most} least certain of {len(free)} parameters:")
-        doubt = {one.name: done.standard_errors[one.name] / max(abs(one.value), sys.float_info.min) for one in free}
-        free = sorted(free, key=lambda one: -doubt[one.name])[:most]
-    for parameter in free:
-        error = done.standard_errors[parameter.name]
-        spread = f"{error:.2g}" if math.isfinite(error) else "not determined"
-        rows.append((parameter.name, f"{parameter.value:.4g}", spread, parameter.declared.unit))
-    show_table(("parameter", ">value", "± standard error", "unit"), rows)
+    if most is not None and len(done.free) > most:
+        print(f"The {most} least certain of {len(done.free)} parameters:")
+    table = parameter_table(done, most=most)
+    kept = [place for place, head in enumerate(table.columns) if head != "what it is"]
+    show_table([table.columns[place] for place in kept], [[row[place] for place in kept] for row in table.rows])
 
 
 # --- each robot of a fleet --------------------------------------------------------------------------------
@@ -257,17 +246,13 @@ def _show_fleet(fleet: Fleet, folder: Path) -> None:
     notes = Counter(note for outcome in fleet.fitted for note in outcome.result.get("notes", ()))
     warnings = Counter(warning for outcome in fleet.fitted for warning in _warnings_of(outcome))
     _show_lines([str(outlier) for outlier in fleet.outliers], "robots that stand apart")
-    _show_lines([f"{_robots(count)}: {what}" for what, count in notes.most_common()], "notes on logs")
-    _show_lines([f"Warning: {what}, {_robots(count)}." for what, count in warnings.most_common()], "warnings")
+    _show_lines([f"{count_of(count, 'robot')}: {what}" for what, count in notes.most_common()], "notes on logs")
+    _show_lines([f"Warning: {what}, {count_of(count, 'robot')}." for what, count in warnings.most_common()], "warnings")
     before = sum(outcome.status == "unchanged" for outcome in fleet.outcomes)
     words = f"{len(fleet.fitted)} of {len(fleet.outcomes)} robots fitted"
     words += f", {before} of them before" if before else ""
     words += f"; {len(fleet.failed)} not" if fleet.failed else ""
     print(f"{words}. Models, records and a table (fleet.csv, fleet.parquet) are in {folder}.")
-
-
-def _robots(count: int) -> str:
-    return f"{count} robot{'s' * (count != 1)}"
 
 
 def _warnings_of(outcome: Outcome) -> list[str]:

@@ -63,17 +63,17 @@ def forecast(
     check_picture(plot)
     limits, chosen = _limits(limit), _window(window)
     check_inputs(model, log)
-    from lptn.cli.terminal import progress, show_table, write_json
+    from lptn.cli.terminal import is_quiet, progress, show_table, write_json
     from lptn.report.tables import forecast_table
     from lptn.study import Study
 
     with progress("forecasting"):
         study = Study(model, holdout=[log], columns=column_options(map, rate))
         ahead = study.forecast(limits, cycles, coverage, window=chosen)
-    for sentence in ahead.narrative():
-        print(sentence)
-    table = forecast_table(ahead.result)
-    show_table(table.columns, table.rows)
+    print(ahead.narrative())
+    if not is_quiet():
+        table = forecast_table(ahead.result)
+        show_table(table.columns, table.rows)
     write_json(json, ahead.result.as_json())
     if plot is not None:
         from lptn.report.online_figures import forecast_figure

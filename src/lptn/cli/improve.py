@@ -92,8 +92,7 @@ def improve(
         )
         study.improve(steps)
         history, advice = study.selection(), study.advise()
-    for sentence in study.narrative():
-        print(sentence)
+    print(study.narrative())
     if details:
         show_details(history, study.data, advice)
     if output is not None:

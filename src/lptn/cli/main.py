@@ -10,8 +10,10 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from traceback import walk_tb
+from typing import Annotated
 
 import cyclopts
+from cyclopts import Parameter as Option
 
 try:
     import resource
@@ -71,6 +73,31 @@ for _command in (
     app.command(_command)
 app.command(open_workbench, name="open")
 add_completion(app)
+app.meta.group_parameters = cyclopts.Group("Every command", sort_key=99)
+app.meta.suppress_keyboard_interrupt = False
+
+
+@app.meta.default
+def _command_of(
+    *words: Annotated[str, Option(show=False, allow_leading_hyphen=True)],
+    verbose: Annotated[
+        bool, Option(name=["--verbose", "-v"], help="Also print what is being done.", negative="", show_default=False)
+    ] = False,
+    quiet: Annotated[
+        bool,
+        Option(
+            name=["--quiet", "-q"],
+            help="Print the answer alone, without progress, warnings and tables beside it.",
+            negative="",
+            show_default=False,
+        ),
+    ] = False,
+) -> None:
+    """Run the command that words make."""
+    if verbose and quiet:
+        raise InputError("command line", "--verbose", "--quiet beside it", "one of the two")
+    with library_log_shown(verbose, quiet):
+        app(words, exit_on_error=False, print_error=False)
 
 
 def main(words: Sequence[str] | None = None) -> None:
@@ -97,9 +124,9 @@ def main(words: Sequence[str] | None = None) -> None:
 
 def _obey(words: Sequence[str]) -> None:
     try:
-        with spared_closed_pipes(), heard_interrupts(), library_log_shown():
+        with spared_closed_pipes(), heard_interrupts():
             _refuse_too_little_memory()
-            app(words, exit_on_error=False, print_error=False)
+            app.meta(words, exit_on_error=False, print_error=False)
     except InputError as error:
         complain(error)
         sys.exit(2)

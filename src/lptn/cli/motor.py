@@ -7,14 +7,14 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter as Option
 
-from lptn.cli.options import Json, OptionalOutput, check_outputs, write_beginning
+from lptn.cli.options import Beginning, Json, check_outputs, write_beginning
 
 
 def motor(
     geometry: Path | None = None,
     /,
     *,
-    output: OptionalOutput = None,
+    output: Beginning = None,
     sample: Annotated[
         Literal["inrunner", "outrunner"] | None, Option(help="Kind of the sample drawing (inrunner by default).")
     ] = None,
@@ -22,39 +22,34 @@ def motor(
 ) -> None:
     """Make a model file from a motor's drawing.
 
-    Without a drawing, print a drawing's file to begin with.
+    Without a drawing, write a sample of one, to put your motor's numbers into.
 
     Example: lptn motor drawing.toml -o motor.toml
     """
-    from lptn.basics.files import write_whole
-    from lptn.cli.terminal import print_file, write_json
+    from lptn.basics.errors import InputError
+    from lptn.basics.words import count_of
+    from lptn.cli.terminal import write_json
     from lptn.model.file import parse_model
     from lptn.model.model import Model
     from lptn.robots import motor_drawing as drawings
     from lptn.robots.motor_model import model_text
 
-    check_outputs(output, json, inputs=() if geometry is None else (geometry,))
-    _check(geometry, sample, json)
-    text = drawings.sample(sample or "inrunner") if geometry is None else model_text(drawings.load_geometry(geometry))
-    if output is None:
-        print_file(text)
-    elif geometry is None:
-        write_beginning(output, text)
-    else:
-        write_whole(output, text)
-    if json is not None and geometry is not None:
-        model = Model(parse_model(text, output or geometry).network)
-        capacity = {name: float(model.values[model.network.capacities[name]]) for name in model.nodes}
-        write_json(json, {"nodes": capacity, "inputs": model.inputs, "parameters": len(model.parameters)})
-
-
-def _check(geometry: Path | None, sample: str | None, json: Path | None) -> None:
-    """Options that would do nothing are mistakes."""
-    from lptn.basics.errors import InputError
-
     if geometry is None:
         if json is not None:
             raise InputError("command line", "--json", "no drawing", "a drawing's file, whose model it can describe")
+        path = output or Path("drawing.toml")
+        check_outputs(path)
+        next_ = f"Put your motor's numbers into it, then: lptn motor {path} -o motor.toml"
+        write_beginning(path, drawings.sample(sample or "inrunner"), f"an {sample or 'inrunner'}, drawn", next_)
         return
     if sample is not None:
         raise InputError("command line", "--sample", f"{sample} beside a drawing", "one of the two")
+    path = output or Path("motor.toml")
+    check_outputs(path, json, inputs=(geometry,))
+    text = model_text(drawings.load_geometry(geometry))
+    model = Model(parse_model(text, path).network)
+    what = f"a model of {geometry.name}: {count_of(len(model.nodes), 'node')}, inputs {', '.join(model.inputs)}"
+    next_ = f"See what a log of the motor holds for it: lptn check {path} LOG"
+    write_beginning(path, text, what, next_, edited=output is None)
+    capacity = {name: float(model.values[model.network.capacities[name]]) for name in model.nodes}
+    write_json(json, {"nodes": capacity, "inputs": model.inputs, "parameters": len(model.parameters)})

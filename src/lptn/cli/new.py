@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter as Option
 
-from lptn.cli.options import OptionalOutput, check_outputs, write_beginning
+from lptn.cli.options import Beginning, check_outputs, write_beginning
 
 
 def new(
@@ -16,7 +16,7 @@ def new(
     *,
     model: Annotated[str | None, Option(help="Variant of the preset, such as single-node.")] = None,
     urdf: Annotated[Path | None, Option(help="URDF of the robot to make a model for.")] = None,
-    output: OptionalOutput = None,
+    output: Beginning = None,
 ) -> None:
     """Write a model file to begin with.
 
@@ -27,27 +27,25 @@ def new(
     Example: lptn new --urdf my_robot.urdf -o my_robot.toml
     """
     from lptn.basics.errors import InputError
-    from lptn.cli.terminal import print_file, show_table
+    from lptn.cli.terminal import show_table
+    from lptn.robots.presets import PRESETS, preset_text
 
-    check_outputs(output, inputs=() if urdf is None else (urdf,))
     if urdf is not None:
         from lptn.robots.urdf import urdf_model_text
 
-        beside = preset or model
-        if beside:
+        if beside := preset or model:
             raise InputError("command line", "--urdf", f"'{beside}' beside it", "a URDF, or a preset")
-        text = urdf_model_text(urdf)
+        path, what = output or Path(f"{urdf.stem}.toml"), f"a model of the joints in {urdf.name}"
+        check_outputs(path, inputs=(urdf,))
+        text, values = urdf_model_text(urdf), "Its values are guesses from the URDF"
     elif preset is not None:
-        from lptn.robots.presets import preset_text
-
-        text = preset_text(preset, model)
+        name = f"{preset}.{model}" if model else preset
+        text, path = preset_text(preset, model), output or Path(f"{name}.toml")
+        check_outputs(path)
+        nodes, parameters, about = PRESETS[name]
+        what, values = f"{about}: {nodes} nodes, {parameters} parameters", "Its values are of another robot"
     else:
-        from lptn.robots.presets import PRESETS
-
         rows = ((name.replace(".", " --model "), *map(str, about)) for name, about in PRESETS.items())
         show_table(("preset", ">nodes", ">parameters", "what it is"), rows)
         return
-    if output is None:
-        print_file(text)
-    else:
-        write_beginning(output, text)
+    write_beginning(path, text, what, f"{values}. See what a log of yours holds for it: lptn check {path} LOG")

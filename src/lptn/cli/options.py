@@ -19,10 +19,20 @@ from lptn.basics.files import real_path, text_of
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# --- options; a name that an option had before stays as its second name -----------------------------------
+# --- options -----------------------------------------------------------------------------------------------
 
 
 Output = Annotated[Path, Option(name=["--output", "-o"], help="File to write.")]
+PRINTED = Path("-")
+"""In place of a file's name: standard output."""
+Beginning = Annotated[
+    Path | None,
+    Option(
+        name=["--output", "-o"],
+        help="File to write, by default one of its name here; - prints the text.",
+        allow_leading_hyphen=True,
+    ),
+]
 OptionalOutput = Annotated[Path | None, Option(name=["--output", "-o"], help="File to write the model to.")]
 Json = Annotated[Path | None, Option(name="--json", help="JSON file for the result.")]
 HtmlReport = Annotated[Path | None, Option(name="--report", help="HTML page to write, with zoomable charts.")]
@@ -182,19 +192,31 @@ def check_outputs(*paths: Path | None, inputs: Iterable[Path] = ()) -> None:
             raise InputError(path, "output", "one file for two results", "a file of its own for each")
 
 
-def write_beginning(path: Path, text: str) -> None:
-    """Write a file that a person goes on with. Results can be made again and are replaced; what was edited can't.
+def write_beginning(path: Path, text: str, what: str, next_: str, *, edited: bool = True) -> None:
+    """Write a file that a person goes on with, and say what it is and what to do next; `-` prints it.
+
+    Args:
+        path: of the file.
+        text: what stands in it.
+        what: what it is.
+        next_: what to do next.
+        edited: whether a person edits it: results can be made again and are replaced, what was edited can't.
 
     Raises:
-        InputError: the file is there and says something else, or can't be written.
+        InputError: an edited file is there and says something else, or it can't be written.
     """
     from lptn.basics.files import write_whole
+    from lptn.cli.terminal import print_file, show_written
 
+    if path == PRINTED:
+        print_file(text)
+        return
     nothing_lost = (b"", text.encode("utf-8", "backslashreplace"))
-    if path.is_file() and path.read_bytes() not in nothing_lost:
+    if edited and path.is_file() and path.read_bytes() not in nothing_lost:
         expected = "a new name, for what was changed in this one would be lost; or delete it first"
         raise InputError(path, "output", "a file that is there already", expected)
     write_whole(path, text)
+    show_written({what: path}, next_)
 
 
 def _files_of(path: Path) -> tuple[Path, ...]:

@@ -32,7 +32,7 @@ def plan(
     Example: lptn plan quadruped.toml track.toml -o plan.csv --json plan.json --plot plan.png
     """
     from lptn.basics.tables import check_ending, write_table
-    from lptn.cli.terminal import progress, write_json
+    from lptn.cli.terminal import progress, show_written, write_json
     from lptn.model.file import read_model_file
     from lptn.model.model import Model
     from lptn.planners.tasks import check_folder, kind_of, load_task
@@ -59,5 +59,5 @@ def plan(
         write_whole(report, plan_html(answer, f"{model.stem}: {task.stem}"))
     write_json(json, answer.as_json())
     if emit_c is not None and kind.emit_c is not None:
-        for path in kind.emit_c(asked, emit_c):
-            print(f"wrote {path}")
+        kind.emit_c(asked, emit_c)
+    show_written({"the plan": output, "the controller in C": emit_c, "open it in a browser": report})

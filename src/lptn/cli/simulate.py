@@ -26,7 +26,7 @@ def simulate(
     check_outputs(output, json, inputs=(model, log))
     check_inputs(model, log)
     from lptn.basics.tables import check_ending
-    from lptn.cli.terminal import progress, write_json
+    from lptn.cli.terminal import progress, show_written, write_json
     from lptn.identify.comparison import write_predictions
     from lptn.study import Study
 
@@ -35,3 +35,4 @@ def simulate(
         predicted = Study(model, holdout=log, columns=column_options(map, rate)).compare()
         write_predictions(predicted, output)
     write_json(json, predicted.as_json())
+    show_written({"predicted temperatures": output})

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import logging
 import os
-import re
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -21,6 +20,8 @@ from rich.text import Text
 
 from lptn.basics.errors import one_line
 from lptn.basics.files import finite, write_whole
+from lptn.basics.progress import ProgressLine
+from lptn.report.sentences import Sentence
 
 out = Console(highlight=False, soft_wrap=True)
 err = Console(stderr=True, highlight=False, soft_wrap=True)
@@ -29,58 +30,7 @@ err = Console(stderr=True, highlight=False, soft_wrap=True)
 # --- What is being done: one line on the error stream, with its time once it takes long ----------------
 
 
-_QUIET = 2.0  # s without a word about time
 _MINUTE = 60.0  # s between two lines where nobody watches
-_COUNTED = re.compile(r"(\d+) of (\d+)\b")
-
-
-class ProgressLine:
-    """What is being done, as said last, with the time that it took and will take.
-
-    A message with "7 of 20" in it says how far a count has come: 6 are done, and the 14 left are taken to last as long
-    each as those did. The clock of a count starts when its total is first said.
-
-    Args:
-        first: what is said at the start.
-        clock: seconds from anywhere.
-    """
-
-    def __init__(self, first: str, clock: Callable[[], float] = time.monotonic) -> None:
-        self._clock = clock
-        self._began = clock()
-        self._count: tuple[str, float, int] | None = None  # what is counted, since when, from which number
-        self._message = first
-        self.say(first)
-
-    def say(self, message: str) -> None:
-        """Say what is being done now."""
-        count = _COUNTED.search(message)
-        if count is None:
-            self._count = None
-        elif self._count is None or self._count[0] != count[2]:
-            self._count = (count[2], self._clock(), int(count[1]))
-        self._message = message
-
-    def __str__(self) -> str:
-        """The line as it stands now."""
-        now = self._clock()
-        line = self._message
-        if now - self._began >= _QUIET:
-            left = self._left(now)
-            line += f" ({duration(now - self._began)}{'' if left is None else f', about {duration(left)} left'})"
-        return line
-
-    def __rich__(self) -> str:
-        """The same for rich, which asks for it many times a second."""
-        return str(self).replace("[", r"\[")  # brackets are units and names here, not rich's markup
-
-    def _left(self, now: float) -> float | None:
-        count = _COUNTED.search(self._message)
-        if count is None or self._count is None:
-            return None
-        total, since, first = self._count
-        done = int(count[1]) - first
-        return (now - since) / done * (int(total) - first - done + 1) if done > 0 else None
 
 
 class ProgressOfALongJob(ProgressLine):
@@ -98,23 +48,14 @@ class ProgressOfALongJob(ProgressLine):
             complain(self)
 
 
-def duration(seconds: float) -> str:
-    """Seconds as a person says them: `8 s`, `3 min 5 s`, `2 h 10 min`."""
-    whole = max(0, round(seconds))
-    if whole < 60:
-        return f"{whole} s"
-    if whole < 3600:
-        return f"{whole // 60} min {whole % 60} s"
-    return f"{whole // 3600} h {whole % 3600 // 60} min"
-
-
 class _LibraryLog(logging.Handler):
     """What the library logs: progress goes into the line while there is one, a warning is a line of its own."""
 
     line: ProgressLine | None = None
+    own_line = logging.WARNING  # the level from which on a message is a line of its own
 
     def emit(self, record: logging.LogRecord) -> None:
-        if record.levelno >= logging.WARNING:
+        if record.levelno >= self.own_line:
             complain(record.getMessage())
         elif self.line is not None:
             self.line.say(record.getMessage())
@@ -124,10 +65,16 @@ _library_log = _LibraryLog(logging.INFO)
 
 
 @contextmanager
-def library_log_shown() -> Iterator[None]:
-    """Within it the terminal shows what the library logs."""
+def library_log_shown(verbose: bool = False, quiet: bool = False) -> Iterator[None]:
+    """Within it the terminal shows what the library logs.
+
+    Args:
+        verbose: each message as a line of its own, progress too.
+        quiet: nothing; tables beside an answer are left out, too.
+    """
     logger = logging.getLogger("lptn")
     level = logger.level
+    _library_log.own_line = logging.INFO if verbose else logging.CRITICAL if quiet else logging.WARNING
     logger.addHandler(_library_log)
     logger.setLevel(logging.INFO)
     try:
@@ -135,6 +82,12 @@ def library_log_shown() -> Iterator[None]:
     finally:
         logger.removeHandler(_library_log)
         logger.setLevel(level)
+        _library_log.own_line = logging.WARNING
+
+
+def is_quiet() -> bool:
+    """Whether the answer alone was asked for, without tables beside it."""
+    return _library_log.own_line > logging.WARNING
 
 
 @contextmanager
@@ -144,6 +97,9 @@ def progress(first: str) -> Iterator[Callable[[str], None]]:
     It follows what the library logs, and what is given to the function that it yields. What is said as "7 of 20" also
     gets the time that is left.
     """
+    if _library_log.own_line != logging.WARNING:  # each message is a line, or none is
+        yield lambda message: logging.getLogger("lptn").info(message)
+        return
     watched = err.is_terminal
     line = _library_log.line = ProgressLine(first) if watched else ProgressOfALongJob(first)
     try:
@@ -192,11 +148,13 @@ def write_json(path: Path | None, content: Mapping[str, object]) -> None:
         write_whole(path, json.dumps(finite(content), indent=2) + "\n")
 
 
-def show_written(files: Mapping[str, Path | None]) -> None:
-    """Which files were written, each with what it is."""
+def show_written(files: Mapping[str, Path | None], next_: str = "") -> None:
+    """Which files were written, each with what it is, and what to do next."""
     written = [f"{path} ({what})" for what, path in files.items() if path is not None]
-    if written:
-        print(f"Written: {', '.join(written)}.")
+    if written and not is_quiet():
+        print(Sentence("Written", f"{', '.join(written)}."))
+        if next_:
+            print(Sentence("Next", next_))
 
 
 def print_file(text: str) -> None:

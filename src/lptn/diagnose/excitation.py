@@ -23,6 +23,9 @@ from lptn.model.model import Model
 
 # --- What happens in logs: levels of load, standstill, cool-downs, ranges of temperature and speed ------
 
+NOT_LOGGED = "not logged: "
+"""How the reason of an effect begins that lacks columns of the log."""
+
 _STILL, _LOW = 0.05, 0.5
 """Shares of the largest load's heat: below the first a robot rests, but for what holds its weight and what sensors
 read; below the second what had settled cools to half its rise."""
@@ -147,8 +150,8 @@ class Identifiability:
     places: int
 
     def as_json(self) -> dict[str, object]:
-        """For other programs; `could` is an older name."""
-        return self.__dict__ | {"could": self.identifiable}
+        """For other programs."""
+        return dict(self.__dict__)
 
 
 def identifiability(model: Model, runs: Sequence[Run], measured: Excitation) -> list[Identifiability]:
@@ -222,4 +225,4 @@ def _not_logged(effect: type[Effect], model: Model, columns: set[str], left_out:
         if with_gaps == absent:
             return f"logged with gaps, so left out: {' and '.join(absent or keys)}"
         lacking.append(" and ".join(key for key in absent if key not in with_gaps))
-    return f"not logged: {' or '.join(dict.fromkeys(lacking))}"
+    return f"{NOT_LOGGED}{' or '.join(dict.fromkeys(lacking))}"

@@ -186,12 +186,13 @@ def predictions_figure(
         names: of the two models.
     """
     chosen = worst_views(given, most)
-    figure = new_figure(_predictions_height(len(chosen)))
-    _draw_predictions(figure, chosen, given, best, names)
+    figure = new_figure(predictions_height(len(chosen)))
+    draw_predictions(figure, chosen, given, best, names)
     return figure
 
 
-def _predictions_height(count: int) -> float:
+def predictions_height(count: int) -> float:
+    """How high so many panels are drawn [inch]."""
     return _LEGEND + _PANEL * ceil(count / _columns(count))
 
 
@@ -200,9 +201,10 @@ def _columns(count: int) -> int:
     return 2 if count in (2, 4) else min(count, 3)
 
 
-def _draw_predictions(
+def draw_predictions(
     figure: FigureBase, chosen: Sequence[View], given: Comparison, best: Comparison | None, names: tuple[str, str]
 ) -> None:
+    """`predictions_figure` of chosen nodes and runs, within a figure."""
     columns = _columns(len(chosen))
     rows = ceil(len(chosen) / columns)
     grid = figure.subplots(2 * rows, columns, squeeze=False, gridspec_kw={"height_ratios": [2, 1.15] * rows})
@@ -351,10 +353,10 @@ def comparison_figure(comparison: Comparison) -> Figure:
     """
     chosen = worst_views(comparison)
     rows, most = _condition_rows(comparison)
-    heights = [_predictions_height(len(chosen)), *map(_row_height, rows)]
+    heights = [predictions_height(len(chosen)), *map(_row_height, rows)]
     figure = new_figure(sum(heights))
     upper, *lower = figure.subfigures(len(heights), 1, height_ratios=heights, squeeze=False)[:, 0]
-    _draw_predictions(upper, chosen, comparison, None, NAMES)
+    draw_predictions(upper, chosen, comparison, None, NAMES)
     for below, row in zip(lower, rows, strict=True):
         _draw_row(below.subplots(1, 2), comparison, row, most)
     return figure

@@ -1,4 +1,4 @@
-"""Figures of a diagnosis: errors by step, and what the data could have shown."""
+"""Figures of a diagnosis: errors by step, what is predicted without and with the answers, what the data could show."""
 
 from __future__ import annotations
 
@@ -16,8 +16,13 @@ from lptn.basics.style import BEST, FAINT, GIVEN, INK, PAPER, SMALL, TEXT, dress
 from lptn.basics.words import short_size
 from lptn.diagnose.advice import Detectable
 from lptn.diagnose.answers import Step
-from lptn.diagnose.improvement import History
-from lptn.report.shown import noise_alone, reaches
+from lptn.diagnose.diagnosis import Diagnosis
+from lptn.diagnose.unexplained_heat import unexplained_heat
+from lptn.identify.comparison import compare
+from lptn.identify.data import Segment
+from lptn.report.comparison_figures import draw_predictions, predictions_height
+from lptn.report.heat_figures import draw_fields, field_height
+from lptn.report.shown import heat_fields, noise_alone, reaches, worst_runs, worst_views
 from lptn.report.text import kelvin, place_of, title_of, unit_text
 
 # --- the history: how the errors fall from step to step -----------------------------------------------------
@@ -34,18 +39,18 @@ _STYLES: dict[str, dict[str, Any]] = {
 }
 
 
-def plot_history(history: History, ax: Axes | None = None) -> Axes:
+def plot_history(steps: Sequence[Step], ax: Axes | None = None) -> Axes:
     """RMSE [K] of each step on fit, held-out and test data, above what the sensors' noise alone would leave.
 
     Args:
-        history: the steps of a forward selection.
+        steps: of a history, the model as given first.
         ax: where to draw; by default new axes.
     """
     ax = new_axes(_HISTORY) if ax is None else ax
-    noise, best = noise_alone(history.best.fit), len(history.steps) - 1
+    noise, best = noise_alone(steps[-1].fit), len(steps) - 1
     shown = [noise]
     for name, style in _STYLES.items():
-        points = [(place, rmse) for place, step in enumerate(history.steps) if (rmse := _rmse(step, name)) is not None]
+        points = [(place, rmse) for place, step in enumerate(steps) if (rmse := _rmse(step, name)) is not None]
         if not points:
             continue
         ax.plot(*zip(*points, strict=True), label=name, linewidth=1.4, markersize=6, **style)
@@ -64,20 +69,19 @@ def plot_history(history: History, ax: Axes | None = None) -> Axes:
         _plain_numbers(ax.yaxis, (1.0, 2.0, 5.0))
     else:
         ax.set_ylim(bottom=0.0)
-    letters = max(_LETTERS // len(history.steps), 8)
-    labels = [_label(number, step, letters) for number, step in enumerate(history.steps)]
-    ax.set_xticks(range(len(history.steps)), labels)
-    ax.set_xlim(-0.5, len(history.steps) - 0.5)
+    letters = max(_LETTERS // len(steps), 8)
+    ax.set_xticks(range(len(steps)), [_label(number, step, letters) for number, step in enumerate(steps)])
+    ax.set_xlim(-0.5, len(steps) - 0.5)
     ax.set_ylabel("RMSE [K]", size=TEXT)
     ax.legend(frameon=False, fontsize=SMALL)
     dress(ax)
     return ax
 
 
-def history_figure(history: History) -> Figure:
+def history_figure(steps: Sequence[Step]) -> Figure:
     """`plot_history` for a document."""
     figure = new_figure(_HISTORY)
-    plot_history(history, figure.add_subplot())
+    plot_history(steps, figure.add_subplot())
     return figure
 
 
@@ -100,6 +104,36 @@ def _plain_numbers(axis: Axis, ticks: Sequence[float]) -> None:
     axis.set_major_locator(LogLocator(subs=ticks))
     axis.set_major_formatter(StrMethodFormatter("{x:g}"))
     axis.set_minor_locator(NullLocator())
+
+
+# --- a diagnosis: what the model predicts without and with the answers, and the heat that it lacks ------------
+
+
+_WORST = 3  # nodes and runs
+_ANSWERED = ("model as given", "with the effects found")
+
+
+def diagnosis_figure(diagnosis: Diagnosis, segments: Sequence[Segment]) -> Figure:
+    """Temperatures [°C] and errors [K] of the worst nodes and runs, and the heat [W] that the worst fitted run lacks.
+
+    Args:
+        diagnosis: of a fitted model; with answers, the model that has all of them is drawn beside it.
+        segments: of the runs whose temperatures are drawn.
+    """
+    answered = diagnosis.steps[-1].fit if diagnosis.steps else None
+    given = compare(diagnosis.fit.model, segments)
+    best = compare(answered.model, segments) if answered else None
+    heat, left = unexplained_heat(diagnosis.fit), unexplained_heat(answered) if answered else []
+    fields = heat_fields(heat)
+    shown, chosen = fields[worst_runs(fields)[0]], worst_views(given, _WORST)
+    heights = predictions_height(len(chosen)), field_height(shown) + 2 * _FRAME
+    figure = new_figure(sum(heights))
+    upper, lower = figure.subfigures(2, 1, height_ratios=heights, squeeze=False)[:, 0]
+    draw_predictions(upper, chosen, given, best, _ANSWERED)
+    least = float(np.median(np.concatenate([estimate.sure_band.ravel() for estimate in heat])))
+    lower.suptitle("Heat that the model lacks (red) or has too much of (blue), by node and time", size=TEXT)
+    draw_fields([lower], fields, heat_fields(left), "W", least, _ANSWERED)
+    return figure
 
 
 # --- what the data could have shown: the smallest size of each effect that they would reveal ----------------

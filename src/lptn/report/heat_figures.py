@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, FigureBase
 from matplotlib.patches import Patch, PathPatch
 from matplotlib.path import Path
 
@@ -54,7 +54,7 @@ def plot_field(field: Field, most: float | None = None, ax: Axes | None = None) 
         most: the value that the strongest colours stand for; by default the largest.
         ax: where to draw; by default new axes.
     """
-    ax = new_axes(_height(field)) if ax is None else ax
+    ax = new_axes(field_height(field)) if ax is None else ax
     most = most or float(np.nanmax(np.abs(field.values), initial=0.0)) or 1.0
     rows, columns = field.values.shape
     edges, label = time_axis(field.start + field.seconds * np.arange(columns + 1))
@@ -104,24 +104,38 @@ def field_figures(given: Sequence[Field], best: Sequence[Field], unit: str, leas
         unit: of the values.
         least: what the colour scale reaches at least, so that noise stays pale.
     """
-    most = max(least, *(float(np.nanmax(np.abs(field.values), initial=0.0)) for field in [*given, *best])) or 1.0
-    chosen, figures = worst_runs(given), []
-    for place in chosen:
-        figures.append(new_figure(_height(given[place]) + _LEGEND * (place == chosen[-1])))
-        axes = figures[-1].subplots(1, 2 if best else 1, squeeze=False)[0]
-        plot_field(given[place], most, axes[0])
-        if best:
-            plot_field(best[place], most, axes[1]).set_yticklabels([])
-            for ax, heading, style in zip(axes, NAMES, (GIVEN, BEST), strict=True):
-                ax.set_title(heading, size=SMALL, loc="right", pad=3, color=style["color"], weight="bold")
-    steps = (-1.0, -0.5, -0.25, 0.25, 0.5, 1.0)
-    handles: list[Any] = [tuple(Patch(**patch) for patch in _colours(share)) for share in steps]
-    names = [f"{share * most:+.2g} {unit}".replace("-", "−") for share in steps]
-    figures[-1].legend(handles, names, loc="outside lower center", ncols=6, frameon=False, fontsize=SMALL)
+    chosen = worst_runs(given)
+    heights = [field_height(given[place]) + _LEGEND * (place == chosen[-1]) for place in chosen]
+    figures = [new_figure(height) for height in heights]
+    draw_fields(figures, given, best, unit, least)
     return figures
 
 
-def _height(field: Field) -> float:
+def draw_fields(
+    figures: Sequence[FigureBase],
+    given: Sequence[Field],
+    best: Sequence[Field],
+    unit: str,
+    least: float,
+    names: tuple[str, str] = NAMES,
+) -> None:
+    """Draw the worst runs, one into each figure; arguments as for `field_figures`."""
+    most = max(least, *(float(np.nanmax(np.abs(field.values), initial=0.0)) for field in [*given, *best])) or 1.0
+    for figure, place in zip(figures, worst_runs(given), strict=False):
+        axes = figure.subplots(1, 2 if best else 1, squeeze=False)[0]
+        plot_field(given[place], most, axes[0])
+        if best:
+            plot_field(best[place], most, axes[1]).set_yticklabels([])
+            for ax, heading, style in zip(axes, names, (GIVEN, BEST), strict=True):
+                ax.set_title(heading, size=SMALL, loc="right", pad=3, color=style["color"], weight="bold")
+    steps = (-1.0, -0.5, -0.25, 0.25, 0.5, 1.0)
+    handles: list[Any] = [tuple(Patch(**patch) for patch in _colours(share)) for share in steps]
+    values = [f"{share * most:+.2g} {unit}".replace("-", "−") for share in steps]
+    figures[-1].legend(handles, values, loc="outside lower center", ncols=6, frameon=False, fontsize=SMALL)
+
+
+def field_height(field: Field) -> float:
+    """How high a map is drawn [inch]."""
     return _FRAME + _ROW * len(field.nodes)
 
 

@@ -1,4 +1,4 @@
-"""What is said of a search, a comparison and a forecast: terminal, workbench, report and Python show these sentences.
+"""What is said of logs, a search, a comparison and a forecast: terminal, workbench, report and Python show it.
 
 Of a search, first the verdict on the model as it is now, then what sets a place, a sensor, a limb or a run apart
 (findings), what all parts have in common (structure), what somebody added, the errors, and what to do next.
@@ -7,6 +7,7 @@ Of a search, first the verdict on the model as it is now, then what sets a place
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -17,24 +18,29 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from lptn.basics.parameters import Parameter
-from lptn.basics.words import listed, short_size
+from lptn.basics.words import count_of, few, listed, short_size
 from lptn.diagnose.advice import Advice
 from lptn.diagnose.answers import LIKELY, Step
 from lptn.diagnose.diagnosis import Diagnosis, is_met
+from lptn.diagnose.excitation import NOT_LOGGED, excitation, identifiability
 from lptn.diagnose.fit_statistics import MOST, WORTH, Removed, criterion_difference, explains
 from lptn.diagnose.improvement import History
+from lptn.effects.excitation import ZERO
 from lptn.effects.learned_heat import UNNAMED, LearnedHeat, goes_with
 from lptn.identify.comparison import Comparison, Versus
 from lptn.identify.data import DataSplit, Segment
 from lptn.identify.fitting import Fit
+from lptn.identify.noise import estimate_noise
+from lptn.logs.run import Run
+from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration
+from lptn.report.sentences import Label, Narrative, Sentence
 from lptn.report.shown import noise_alone, worst_view
 from lptn.report.tables import interval_to_limit, settling_temperature, time_to_limit
 from lptn.report.text import (
     capitalised,
     certainty,
     experiment_for,
-    few,
     for_people,
     kelvin,
     named,
@@ -47,41 +53,15 @@ from lptn.report.text import (
     value_in_words,
     window_text,
 )
+from lptn.simulate.bound_run import bind
 
 if TYPE_CHECKING:
     from lptn.online.forecasting import Forecast
-
-Label = Literal[
-    "Verdict",
-    "Findings",
-    "Best candidates",
-    "Structure",
-    "Added by hand",
-    "Error",
-    "Largest error",
-    "Not fitted",
-    "Unexplained heat",
-    "Load",
-    "Uncertainty",
-    "Sensors ignored",
-    "Next",
-]
 
 HELPED = 0.99
 """The share of the error below which an error is called smaller."""
 FEW = 3
 """Names in a row that a sentence carries."""
-
-
-@dataclass(frozen=True)
-class Sentence:
-    """What is said under one label, a sentence or two."""
-
-    label: Label
-    text: str
-
-    def __str__(self) -> str:
-        return f"{self.label}: {self.text}"
 
 
 # --- what the steps are -------------------------------------------------------------------------------------
@@ -142,7 +122,7 @@ def _lowered(before: Step, after: Step) -> Literal["", "fitted", "all"]:
 # --- the answer -----------------------------------------------------------------------------------------------
 
 
-def narrative(steps: Sequence[Step], last: Diagnosis | None, advice: Advice | None = None) -> list[Sentence]:
+def narrative(steps: Sequence[Step], last: Diagnosis | None, advice: Advice | None = None) -> Narrative:
     """The answer in a few sentences.
 
     Args:
@@ -182,7 +162,20 @@ def narrative(steps: Sequence[Step], last: Diagnosis | None, advice: Advice | No
         said.append(Sentence("Unexplained heat", " ".join(heat)))
     if last:
         said.append(Sentence("Next", for_people(_next(steps, last, kinds, advice))))
-    return said
+    return Narrative(said)
+
+
+def fit_narrative(step: Step) -> Narrative:
+    """The errors of a fit, how its search ended, and what its data leave open."""
+    fit = step.fit
+    doubts = [f" {capitalised(warning)}." for warning in fit.uncertainty.warnings]
+    more = f" And {len(doubts) - FEW} more warnings." if len(doubts) > FEW else ""
+    text = f"{count_of(len(fit.free), 'free parameter')}; the search {_ENDED[fit.status]}.{''.join(doubts[:FEW])}{more}"
+    return Narrative([Sentence("Error", errors_in_words([step])), Sentence("Fit", text)])
+
+
+_ENDED = {"converged": "converged", "not converged": "did not converge", "interrupted": "was interrupted"}
+"""How a search ended, by the status of its fit."""
 
 
 def _verdict(steps: Sequence[Step], last: Diagnosis, kinds: Kinds) -> str:
@@ -309,12 +302,12 @@ FAR = 2.0
 _PLAIN = 0.5  # share of the RMSE from which its mean says to which side a model is off
 
 
-def comparison_narrative(comparison: Comparison) -> list[Sentence]:
+def comparison_narrative(comparison: Comparison) -> Narrative:
     """How far the predictions of a model are off, and where most."""
     every, measured = comparison.all, [node for node in comparison.model.nodes if comparison.node(node).count]
     noise = sqrt(sum(comparison.floor(node) ** 2 for node in measured) / len(measured))
     error = f"RMSE {kelvin(every.rmse)}, largest error {kelvin(every.max)}; sensors' noise {kelvin(noise, 2)}."
-    return [Sentence("Error", error), largest_error(comparison), *_not_fitted(comparison)]
+    return Narrative([Sentence("Error", error), largest_error(comparison), *_not_fitted(comparison)])
 
 
 def largest_error(comparison: Comparison) -> Sentence:
@@ -329,7 +322,7 @@ def largest_error(comparison: Comparison) -> Sentence:
     return Sentence("Largest error", f"At {node} in {prediction.segment.run.name}, RMSE {kelvin(errors.rmse)}{text}.")
 
 
-def versus_narrative(result: Versus) -> list[Sentence]:
+def versus_narrative(result: Versus) -> Narrative:
     """Which of two models predicts the same logs better, and by how much."""
     (one, other), whole = (f'"{name}"' for name in result.names), result.classes[-1]
     mine, others = map(sqrt, whole.square)
@@ -341,7 +334,7 @@ def versus_narrative(result: Versus) -> list[Sentence]:
     error = f"RMSE {kelvin(mine)} against {kelvin(others)}, largest error {kelvin(whole.max[0])} against "
     error += f"{kelvin(whole.max[1])}{f'; {runs}' if len(result.runs) > 1 else ''}."
     both = (result.model, result.other)
-    return [Sentence("Verdict", f"{verdict}."), Sentence("Error", error), *_not_fitted(*both)]
+    return Narrative([Sentence("Verdict", f"{verdict}."), Sentence("Error", error), *_not_fitted(*both)])
 
 
 def _not_fitted(*comparisons: Comparison) -> list[Sentence]:
@@ -360,7 +353,7 @@ def _not_fitted(*comparisons: Comparison) -> list[Sentence]:
 _LATE = 60.0  # s before a log's end, that are worth a word
 
 
-def forecast_narrative(ahead: Forecast) -> list[Sentence]:
+def forecast_narrative(ahead: Forecast) -> Narrative:
     """Which node reaches its limit first and when, with what load, how sure, and which sensors were left out."""
     window = ahead.window
     cycles = f" ({window.cycles} gait cycles of {window.period:.3g} s)" if window.cycles and window.period else ""
@@ -373,7 +366,7 @@ def forecast_narrative(ahead: Forecast) -> list[Sentence]:
         doubts = "; ".join(map(str, ahead.doubts))
         text = f"{doubts}. From then on the forecast uses the model and the other sensors."
         said.append(Sentence("Sensors ignored", text))
-    return said
+    return Narrative(said)
 
 
 def _first_limit(ahead: Forecast) -> str:
@@ -393,6 +386,68 @@ def _first_limit(ahead: Forecast) -> str:
         text = f"Nearest to it is {nearest.node}{settles}; its limit is {nearest.limit:g} °C"
         texts.append(f"No node reaches its limit. {text}.")
     return " ".join(texts)
+
+
+# --- logs, before any fit -------------------------------------------------------------------------------------
+
+
+def logs_narrative(model: Model, runs: Sequence[Run], logs: int | None = None, unusable: int = 0) -> Narrative:
+    """Whether logs can be used, what the model needs, what the logs hold, and how many effects they could show.
+
+    Args:
+        model: the model.
+        runs: what was read.
+        logs: how many there are; as many as runs by default.
+        unusable: how many of them no other command takes.
+    """
+    count = len(runs) if logs is None else logs
+    suspect = len({(run.source, issue.sentence) for run in runs for issue in run.issues})
+    all_ = {1: "the log", 2: "both logs"}.get(count, f"all {count} logs")
+    verdict = f"{all_} can be used, and nothing looks wrong"
+    if unusable:
+        verdict = f"{f'{unusable} of {count} logs' if count > 1 else 'the log'} can't be used yet"
+    elif suspect:
+        verdict = f"{count_of(suspect, 'thing')} in {all_} may be wrong, see below"
+    said = [Sentence("Verdict", f"{capitalised(verdict)}.")] if count else []
+    nodes = f"{count_of(len(model.nodes), 'node')} ({few(model.nodes, FEW)})"
+    inputs = f"inputs {few(model.inputs, FEW)}" if model.inputs else "no input"
+    text = f"{model.network.name}, {nodes}, {count_of(len(model.free), 'free parameter')}; {inputs}."
+    started = [
+        f" {column} is no column of the log: it is estimated from each run's first readings."
+        for column in model.started
+    ]
+    said.append(Sentence("Model", text + "".join(started)))
+    return Narrative([*said, *content_narrative(model, runs)] if runs else said)
+
+
+def content_narrative(model: Model, runs: Sequence[Run]) -> Narrative:
+    """What runs hold: sensors, excitation, and how many effects of the catalogue they could show."""
+    bound_runs = [bind(model, run) for run in runs]
+    measured = np.concatenate([bound.measured for bound in bound_runs], axis=1)
+    there = np.isfinite(measured).any(axis=1)
+    floors = estimate_noise(bound_runs, model.nodes).floor[there]
+    without = [node for node, has_sensor in zip(model.nodes, there, strict=True) if not has_sensor]
+    noise = "–".join(dict.fromkeys(f"{value:.2g}" for value in (floors.min(), floors.max())))
+    sensors = f"{np.nanmin(measured):.1f} to {np.nanmax(measured):.1f} °C, noise {noise} K"
+    sensors += f"; not measured: {few(without, FEW)}." if without else "."
+    excited = excitation(runs, model.nodes)
+    load = "no load"
+    if excited.levels:
+        load = f"{count_of(excited.levels, 'level')} of load, at rest {100 * excited.still:.0f} % of the time"
+    air = f"which change by up to {excited.ambient:.2g} K within a run"
+    base = excited.ranges.get("speed.base")
+    said = (
+        f"{time_span(60 * excited.minutes)}, {load}; {count_of(excited.cool_downs, 'cool-down')}; "
+        f"{count_of(excited.steps, 'jump')} of load; up to {excited.rise:.3g} K above the surroundings "
+        f"({air if excited.ambient > ZERO else 'constant, or not logged'}); "
+        f"base speed {f'{base[0]:.2g} to {base[1]:.2g} m/s' if base else 'not logged'}."
+    )
+    effects = identifiability(model, runs, excited)
+    lacking = Counter(each.why.removeprefix(NOT_LOGGED) for each in effects if each.why.startswith(NOT_LOGGED))
+    columns = ", ".join(column for column, _ in lacking.most_common(FEW))
+    could = f"{sum(each.identifiable for each in effects)} of {len(effects)} could show if present"
+    could += f"; more with columns such as {columns}." if columns else "."
+    return Narrative([Sentence("Sensors", sensors), Sentence("Excitation", said), Sentence("Effects", could)])
 
 
 # --- the details of a search ------------------------------------------------------------------------------------

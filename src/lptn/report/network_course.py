@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from lptn.basics.arrays import FloatArray
-from lptn.identify.comparison import Prediction
+from lptn.identify.comparison import Comparison, Prediction
 from lptn.model.model import Model
 from lptn.model.network import Network
-from lptn.report.network_drawing import draw_network, heat_flows
+from lptn.report.network_drawing import Drawing, draw_network, heat_flows
 
 _MOST_MOMENTS = 400  # of a run: a drawing under a plot of a thousand pixels is asked for at no more
 
@@ -54,10 +54,20 @@ class NetworkCourse:
         node, moment = np.unravel_index(int(np.argmax(table)), table.shape)
         return float(table[node, moment]), nodes[node], float(self.time[moment])
 
-    def drawing(self, time: float) -> str:
+    def drawing(self, time: float) -> Drawing:
         """The network as SVG at the moment that is nearest to a time [s]."""
         moment = int(np.argmin(np.abs(self.time - time)))
         temperatures, flows = (
             {name: float(values[moment]) for name, values in table.items()} for table in (self.temperatures, self.flows)
         )
         return draw_network(self.network, temperatures, flows)
+
+
+def hottest_moment(comparison: Comparison) -> tuple[Drawing, str]:
+    """The network when a node of the compared runs is hottest, and that moment in words."""
+    predictions = {prediction.segment.run.name: prediction for prediction in comparison.predictions}
+    courses = {name: NetworkCourse.of(comparison.model, prediction) for name, prediction in predictions.items()}
+    run = max(courses, key=lambda name: courses[name].hottest)
+    _, node, time = courses[run].hottest
+    elapsed = time - predictions[run].segment.run.origin
+    return courses[run].drawing(time), f"at {elapsed:.0f} s of {run}, when {node} is hottest"

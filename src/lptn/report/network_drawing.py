@@ -132,11 +132,20 @@ font:13px system-ui,"Segoe UI","Helvetica Neue",Arial,"DejaVu Sans",sans-serif}
 """
 
 
+class Drawing(str):
+    """An SVG, which a notebook shows as the picture that it is."""
+
+    __slots__ = ()
+
+    def _repr_svg_(self) -> str:
+        return str(self)
+
+
 def draw_network(
     model: Model | Network,
     temperatures: Mapping[str, float] | None = None,
     flows: Mapping[str, float] | None = None,
-) -> str:
+) -> Drawing:
     """A drawing of a network as one `<svg>` element, for a page or a file of its own; light and dark.
 
     Each node is a box, each resistance a line. A short line that ends in a mark is a resistance to the surroundings.
@@ -161,7 +170,7 @@ def draw_network(
     network = model.network if isinstance(model, Model) else model
     parts = _Parts(network)
     kinds = list(dict.fromkeys(instance.effect.key for instance in network.effect_instances))
-    return _Drawing(network, parts, kinds, dict(temperatures or {}), dict(flows or {})).text()
+    return Drawing(_Drawing(network, parts, kinds, dict(temperatures or {}), dict(flows or {})).text())
 
 
 class _Drawing:

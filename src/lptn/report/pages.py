@@ -21,7 +21,7 @@ from lptn.report.diagnosis_figures import detectability_figure, history_figure
 from lptn.report.document import Picture, picture, render
 from lptn.report.heat_figures import field_figures
 from lptn.report.heat_story import HeatStory, heat_line_picture, heat_map_picture, learned_picture
-from lptn.report.narrative import comparison_narrative, details, narrative, versus_narrative
+from lptn.report.narrative import comparison_narrative, content_narrative, details, narrative, versus_narrative
 from lptn.report.shown import effects_shown, error_fields
 from lptn.report.story_charts import CHARTS, network_picture, shown_runs, tiles, time_charts
 from lptn.report.tables import (
@@ -104,6 +104,9 @@ def story_html(
         titles=titles,
         said=said,
         details=details(history, data),
+        contents_of_logs=content_narrative(
+            first.fit.model, list({id(segment.run): segment.run for _, segment in jobs}.values())
+        ),
         network=network_picture(all_given),
         best_network=network_picture(all_best) if all_best else None,
         tiles=tiles(runs, all_best or all_given),
@@ -185,7 +188,7 @@ def _predictions(given: Comparison, best: Comparison | None = None, names: tuple
 
 
 def _fall(history: History) -> Picture:
-    drawing = inline_svg(history_figure(history), "RMSE of each step on fit, held-out and test data")
+    drawing = inline_svg(history_figure(history.steps), "RMSE of each step on fit, held-out and test data")
     return picture(captions.of_history(history), drawing)
 
 

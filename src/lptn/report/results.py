@@ -2,25 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from html import escape
 from typing import TYPE_CHECKING
 
 import pandas as pd
 
 from lptn.identify.comparison import Comparison, Versus
+from lptn.report.sentences import Narrative
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from lptn.online.forecasting import Forecast
-    from lptn.report.narrative import Sentence
-
-
-def paragraphs(said: Sequence[Sentence]) -> str:
-    """Sentences as HTML."""
-    return "".join(f"<p><b>{sentence.label}:</b> {escape(sentence.text)}</p>\n" for sentence in said)
 
 
 def rows(table: pd.DataFrame) -> str:
@@ -31,10 +25,10 @@ def rows(table: pd.DataFrame) -> str:
 class _Told:
     """What notebooks show of a result: its sentences."""
 
-    narrative: Callable[[], list[Sentence]]
+    narrative: Callable[[], Narrative]
 
     def _repr_html_(self) -> str:
-        return paragraphs(self.narrative())
+        return self.narrative()._repr_html_()
 
 
 @dataclass(frozen=True, repr=False)
@@ -47,14 +41,14 @@ class StudyComparison(_Told, Comparison):
 
     as_given: Callable[[], Comparison] | None = None
 
-    def narrative(self) -> list[Sentence]:
+    def narrative(self) -> Narrative:
         """How far the model is off and where most, in the sentences of terminal and report."""
         from lptn.report.narrative import comparison_narrative
 
         return comparison_narrative(self)
 
     def _repr_html_(self) -> str:
-        return paragraphs(self.narrative()) + rows(self.to_pandas())
+        return super()._repr_html_() + rows(self.to_pandas())
 
     def plot(self, node: str | None = None, ax: Axes | None = None) -> Axes:
         """Draw measured and predicted temperatures [°C] of one node over time, the model as given beside the one now.
@@ -83,7 +77,7 @@ class StudyComparison(_Told, Comparison):
 class StudyVersus(_Told, Versus):
     """A model against another, with its sentences."""
 
-    def narrative(self) -> list[Sentence]:
+    def narrative(self) -> Narrative:
         """Which model predicts better, in the sentences of terminal and report."""
         from lptn.report.narrative import versus_narrative
 
@@ -103,7 +97,7 @@ class StudyForecast(_Told):
     def __repr__(self) -> str:
         return repr(self.result)
 
-    def narrative(self) -> list[Sentence]:
+    def narrative(self) -> Narrative:
         """Which node reaches its limit first, and when, in the sentences of the terminal."""
         from lptn.report.narrative import forecast_narrative
 

@@ -16,7 +16,7 @@ from lptn.diagnose.unexplained_heat import UnexplainedHeat
 from lptn.identify.comparison import Comparison, Errors, Prediction
 from lptn.report.charts import POINTS, ChartPanel, Charts, Line, View, sizes_in_words
 from lptn.report.document import Picture, picture
-from lptn.report.network_course import NetworkCourse
+from lptn.report.network_course import hottest_moment
 from lptn.report.shown import NOISE_BAND
 from lptn.report.text import kelvin, signed_kelvin, significant
 
@@ -195,16 +195,10 @@ def _heat(heat: UnexplainedHeat | None, node: str, at: FloatArray) -> dict[str, 
 
 def network_picture(comparison: Comparison) -> Picture:
     """The network, coloured and drawn as heat flows when a node of the shown runs is hottest."""
-    courses = {
-        prediction.segment.run.name: NetworkCourse.of(comparison.model, prediction)
-        for prediction in comparison.predictions
-    }
-    run = max(courses, key=lambda name: courses[name].hottest)
-    _, node, time = courses[run].hottest
-    origin = next(each.segment.run.origin for each in comparison.predictions if each.segment.run.name == run)
+    drawing, when = hottest_moment(comparison)
     caption = (
-        f"The network at {time - origin:.0f} s of {run}, when {node} is hottest: boxes are coloured by the temperature "
+        f"The network {when}: boxes are coloured by the temperature "
         "that the model predicts, lines are as wide as the heat that flows through them. A short line with a bar leads "
         "to the surroundings; numbers name what acts there."
     )
-    return picture(caption, Markup(courses[run].drawing(time)))
+    return picture(caption, Markup(drawing))

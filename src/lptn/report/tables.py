@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -262,15 +263,20 @@ def _signed(value: float) -> str:
 _ZERO = 1e-9  # share of the typical size; what a search leaves of a zero
 
 
-def parameter_table(best: Fit, given: Fit | None = None) -> Table:
-    """Free parameters with their standard errors, beside their values in the model as given, once fitted."""
+def parameter_table(best: Fit, given: Fit | None = None, most: int | None = None) -> Table:
+    """Free parameters with their standard errors, beside their values in the model as given, once fitted; of more than
+    `most` the least certain.
+    """
     before = {}
     if given is not None:
         parameters = (given.model.parameters[index] for index in given.free)
         before = {parameter.name: _value(parameter.value, parameter) for parameter in parameters}
     rows = []
-    for index in best.free:
-        parameter = best.model.parameters[index]
+    free = [best.model.parameters[index] for index in best.free]
+    if most is not None and len(free) > most:
+        doubt = {one.name: best.standard_errors[one.name] / max(abs(one.value), sys.float_info.min) for one in free}
+        free = sorted(free, key=lambda one: -doubt[one.name])[:most]
+    for parameter in free:
         error = best.standard_errors[parameter.name]
         spread = short_size(error) if math.isfinite(error) else "not determined"
         what = parameter.name, parameter.declared.title or NOTHING, _value(parameter.value, parameter)

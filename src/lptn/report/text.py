@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
 from dataclasses import replace
 
-from lptn.basics.words import listed, short_size
+from lptn.basics.words import short_size
 from lptn.diagnose.answers import Step
 from lptn.effects import Effect, catalogue
 from lptn.identify.data import Segment, Window
@@ -152,11 +151,6 @@ def value_in_words(value: float, error: float, unit: str) -> str:
 
 
 # --- sentences --------------------------------------------------------------------------------------
-
-
-def few(items: Sequence[str], most: int) -> str:
-    """A list, shortened to `a, b and 7 others` where it has more than one item beyond `most`."""
-    return listed(items if len(items) <= most + 1 else [*items[:most], f"{len(items) - most} others"])
 
 
 def capitalised(text: str) -> str:

@@ -329,7 +329,7 @@ def load_geometry(path: Path) -> Geometry:
     Raises:
         InputError: it can't be read, or describes no motor; with the line of the mistake.
     """
-    return parse_geometry(text_of(path, "a geometry file (`lptn motor` prints one)"), path)
+    return parse_geometry(text_of(path, "a geometry file (`lptn motor` writes one)"), path)
 
 
 def parse_geometry(text: str, path: Path) -> Geometry:

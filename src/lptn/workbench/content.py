@@ -12,7 +12,7 @@ from lptn.diagnose.diagnosis import Diagnosis
 from lptn.effects import catalogue
 from lptn.identify.comparison import Comparison, Errors
 from lptn.identify.data import Segment, Stretch
-from lptn.report.narrative import largest_error, narrative, size_in_words
+from lptn.report.narrative import content_narrative, largest_error, narrative, size_in_words
 from lptn.report.shown import noise_alone
 from lptn.report.text import experiment_for, for_people, named, percent, place_of, size_text, title_of
 from lptn.study import Study
@@ -36,6 +36,7 @@ def content_of(bench: Bench, opening: Opening) -> dict[str, Any]:
         "name": study.model.network.name,
         "nodes": list(study.model.nodes),
         "segments": [_segment(study, key, segment) for key, segment in segments(study).items()],
+        "contents": [(each.label, each.text) for each in content_narrative(study.model, study.runs)],
         "issues": _issues(study),
         "stretches": [_stretch(stretch) for stretch in study.stretches],
         "fitted": bool(study.steps),

@@ -232,12 +232,13 @@ function addAnother(page) {
 // --- data, and what to take away --------------------------------------------------------------------------
 
 export function data(page) {
-  const { segments, stretches, issues, notes, parameters, busy } = page.state;
+  const { segments, stretches, contents, issues, notes, parameters, busy } = page.state;
   if (!segments) return [];
-  const origin = name => state.segments?.find(each => each.run === name)?.origin ?? 0;
+  const origin = name => segments.find(each => each.run === name)?.origin ?? 0;
   const again = each => h("li", { className: "row" }, `${each.run}, ${digits(each.start - origin(each.run), 4)} to ${digits(each.stop - origin(each.run), 4)} s: ${each.held_out ? "held out" : "left out"}`,
     h("button", { disabled: busy, onclick: () => page.order({ what: "use_again", run: each.run, start: each.start, stop: each.stop }) }, "Use again"));
   return [h("h2", null, "Data and parameters"),
+    contents.map(([label, text]) => h("p", null, h("small", null, h("b", null, `${label}: `), text))),
     stretches.length ? h("ul", { className: "plain" }, stretches.map(again)) : null,
     stretches.length > 1 ? h("p", null, h("button", { id: "use_all", disabled: busy, onclick: () => page.order({ what: "use_all" }) }, "Use all data again")) : null,
     issues.length ? h("ul", null, issues.map(each => h("li", null, `${each.run}, ${each.key}: ${each.problem}; `, h("span", { className: "soft" }, `${each.remedy}.`))))
