@@ -51,7 +51,6 @@ from lptn.model.file import ModelFile, added
 from lptn.model.model import Model
 from lptn.report.results import StudyComparison, StudyForecast, StudyVersus, rows
 from lptn.simulate.bound_run import bind, needed_columns
-from lptn.simulate.simulation import simulate
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -337,13 +336,8 @@ class Study:
         if not self._steps:
             raise InputError("study", "predictions", "no fitted model", "fit() before")
         fit = (self._steps[step] if isinstance(step, int) else step).fit
-        fitted = [
-            Prediction(segment, bound, path.readings, path.held, path.states[:, 0])
-            for segment, bound, start in zip(self.data.fit, fit.problem.bound_runs, fit.point.starts, strict=True)
-            for path in [simulate(fit.model, bound, fit.point.values, start)]
-        ]
         others = {"holdout": self.data.holdout, "test": self.data.test}
-        return {"fit": fitted} | {
+        return {"fit": fit.predictions} | {
             job: [predict(fit.model, segment) for segment in segments] for job, segments in others.items()
         }
 

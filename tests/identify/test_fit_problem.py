@@ -12,10 +12,12 @@ import numpy as np
 import pytest
 
 from lptn.basics.parameters import Share
-from lptn.identify.fitting import fit, fit_starts
+from lptn.identify.comparison import fit_start
+from lptn.identify.fitting import fit
 from lptn.identify.problem import Problem
 from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration, LinkDeclaration, Network, NodeDeclaration
+from lptn.simulate.bound_run import bind
 from tests.builders import AMBIENT, bound_runs, capacity, effect, make_run, random_run, resistance, with_every_effect
 from tests.identify.truth import TRUTH, network, truth_run
 
@@ -86,7 +88,7 @@ def test_the_end_of_a_linear_problem_takes_no_second_derivatives(monkeypatch: py
     model = model.with_values(np.array([offsets.get(p.name, p.value) for p in model.parameters]))
     calls = Mock(side_effect=Problem.normal)
     monkeypatch.setattr(Problem, "normal", lambda self, z: calls(self, z))
-    (start,) = fit_starts(model, bound_runs(model, [make_run(columns, step=COARSE)]), np.array([0.05, 0.05]))
+    start = fit_start(model, bind(model, make_run(columns, step=COARSE)), np.array([0.05, 0.05]))
     assert start == pytest.approx([22.0, 22.0], abs=0.1)
     assert calls.call_count == 1
 

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from lptn.basics.parameters import Transform
-from lptn.identify.fitting import Fit, fit, fit_starts
+from lptn.identify.comparison import fit_start
+from lptn.identify.fitting import Fit, fit
 from lptn.identify.integral_start import integral_start
 from lptn.identify.noise import balanced_sigma, estimate_noise
 from lptn.identify.solvers import minimise
@@ -45,8 +46,8 @@ def test_parameters_are_within_five_percent_and_four_standard_errors(fitted: Fit
 def test_residuals_are_the_noise(fitted: Fit) -> None:
     assert fitted.rmse == pytest.approx(0.1, rel=0.05)
     assert fitted.noise.white == pytest.approx([0.1, 0.1], rel=0.1)
-    (residuals,) = fitted.residuals
-    assert abs(np.mean(residuals)) < 0.01
+    (prediction,) = fitted.predictions
+    assert abs(np.mean(prediction.error)) < 0.01
 
 
 def test_fixed_parameters_stay(fitted: Fit, model: Model) -> None:
@@ -110,7 +111,7 @@ def test_a_node_without_a_sensor_is_found_through_the_others(model: Model) -> No
 def test_runs_of_different_length_are_fitted_together(model: Model) -> None:
     runs = [truth_run(400.0, seed=1), truth_run(900.0, seed=2), truth_run(1300.0, seed=3)]
     result = fit(model, bound_runs(model, runs))
-    assert [residuals.shape for residuals in result.residuals] == [(2, 400), (2, 900), (2, 1300)]
+    assert [prediction.error.shape for prediction in result.predictions] == [(2, 400), (2, 900), (2, 1300)]
     assert len(result.point.starts) == 3
     for start, run in zip(result.point.starts, runs, strict=True):
         air = run.columns["temperature.ambient"][0]
@@ -151,7 +152,7 @@ def test_integral_start_of_a_model_with_nothing_free_is_the_model() -> None:
 
 def test_starts_alone_are_found_with_the_parameters_held(model: Model) -> None:
     true = model.with_values(np.array([TRUTH.get(u.name, u.value) for u in model.parameters]))
-    (start,) = fit_starts(true, bound_runs(true, [truth_run(300.0, noise=0.5)]), np.array([0.5, 0.5]))
+    start = fit_start(true, bind(true, truth_run(300.0, noise=0.5)), np.array([0.5, 0.5]))
     assert start == pytest.approx([18.0, 18.0], abs=0.3)
 
 

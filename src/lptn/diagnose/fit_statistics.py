@@ -42,7 +42,7 @@ RunErrors = tuple[BoundRun, FloatArray]
 
 def fitted_errors(fit: Fit) -> list[RunErrors]:
     """The fitted runs with what the fit leaves of them."""
-    return list(zip(fit.problem.bound_runs, fit.residuals, strict=True))
+    return [(run.bound, run.error) for run in fit.predictions]
 
 
 def independent_readings(runs: Sequence[RunErrors], beside: float = 0.0) -> float:

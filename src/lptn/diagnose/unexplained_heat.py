@@ -295,7 +295,7 @@ def blocks(fit: Fit, number: int, most: int = 1200) -> Blocks:
     within[:, :, : a.shape[1]] += (1.0 - late) * np.eye(a.shape[1])
     by = c[:, rows] @ within
     by[:, :, top.shape[2] - b.shape[2] :] += e[:, rows]
-    error = np.where(bound.counted, fit.residuals[number], np.nan)[rows, window]
+    error = fit.predictions[number].error[rows, window]
     counts = np.isfinite(error).reshape(len(rows), count, size).sum(axis=2)
     predicted = readings_of(fit.model, path[:, window], values)[rows]
     stored = capacities[:, None] * np.diff(path[:, window.start : window.stop + 1 : size][rows]) / (step * size)

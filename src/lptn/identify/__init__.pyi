@@ -10,7 +10,6 @@ from .data import split_data as split_data
 from .fitting import Fit as Fit
 from .fitting import finished as finished
 from .fitting import fit as fit
-from .fitting import fit_starts as fit_starts
 from .problem import Point as Point
 from .problem import Problem as Problem
 from .solvers import Progress as Progress

@@ -14,10 +14,12 @@ import pandas as pd
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.basics.places import class_of
+from lptn.basics.processes import one_blas_thread
 from lptn.basics.tables import Tabular, write_table
 from lptn.identify.data import Segment, holdout_segment
-from lptn.identify.fitting import fit_starts
 from lptn.identify.noise import Noise, balanced_sigma, estimate_noise
+from lptn.identify.problem import Problem
+from lptn.identify.solvers import minimise
 from lptn.logs.run import Run
 from lptn.model.model import Model
 from lptn.simulate.bound_run import BoundRun, bind
@@ -28,21 +30,21 @@ _BINS = 5  # of an operating condition, with equally many readings each
 
 @dataclass(frozen=True, repr=False)
 class Prediction:
-    """One run, predicted freely from its initialisation window.
+    """What a model says of one run, beside what was measured there.
+
+    A run that was fitted begins as the fit has it; any other as its initialisation window says (`predict`).
 
     Args:
         segment: the run and its windows.
         bound: its inputs and readings, those of the evaluation window counting.
         readings: predicted readings [degC], shape (nodes, n).
         states: simulated states as the log holds them, means or samples, shape (states, n).
-        start: simulated states at the run's start, shape (states,).
     """
 
     segment: Segment
     bound: BoundRun
     readings: FloatArray
     states: FloatArray
-    start: FloatArray
 
     def __repr__(self) -> str:
         errors = Errors.of(self.error)
@@ -203,15 +205,24 @@ def predict(model: Model, segment: Segment, sigma: FloatArray | None = None) -> 
     bound = bind(model, segment.run)
     if sigma is None:
         sigma = balanced_sigma([bound], estimate_noise([bound], model.nodes))
-    path = simulate(model, bound, model.values, _start(model, bound, segment, sigma))
-    return Prediction(segment, bound.count(segment.evaluation), path.readings, path.held, path.states[:, 0])
-
-
-def _start(model: Model, bound: BoundRun, segment: Segment, sigma: FloatArray) -> FloatArray:
-    """Initial states from a segment's initialisation window [degC], shape (states,)."""
     window = segment.initialisation
-    (start,) = fit_starts(model, [bound.count(window).until(window[1])], sigma)
-    return start
+    start = fit_start(model, bound.count(window).until(window[1]), sigma)
+    path = simulate(model, bound, model.values, start)
+    return Prediction(segment, bound.count(segment.evaluation), path.readings, path.held)
+
+
+@one_blas_thread
+def fit_start(model: Model, bound: BoundRun, sigma: FloatArray) -> FloatArray:
+    """Initial states of a run from its counted readings [degC], shape (states,), the parameters being held.
+
+    Raises:
+        KeyboardInterrupt: Ctrl-C was pressed.
+    """
+    problem = Problem(model, [bound], sigma, free=())
+    solution = minimise(problem, problem.guess(model.values), near=True)  # nearly linear, a few steps
+    if solution.status == "interrupted":
+        raise KeyboardInterrupt
+    return problem.point(solution.z).starts[0]
 
 
 def compare(model: Model, runs: Sequence[Run | Segment]) -> Comparison:

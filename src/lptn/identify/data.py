@@ -32,7 +32,7 @@ from lptn.simulate.bound_run import needed_columns
 Window = tuple[float, float]
 """From, to (exclusive) [s], in a log's clock."""
 
-_EVERYTHING: Window = (float("-inf"), float("inf"))
+EVERYTHING: Window = (float("-inf"), float("inf"))
 # The first tenth of a held-out run finds its initial temperatures: at least a minute, and ten readings.
 _INITIALISATION_SHARE, _LEAST_INITIALISATION, _LEAST_INITIALISATION_STEPS = 0.1, 60.0, 10  # s for the second
 _MOST_INITIALISATION_SHARE = 0.5  # a short run can't spare more
@@ -140,7 +140,7 @@ def split_data(
     later = tuple(holdout_segment(run) for run in holdout)
     at_the_end = tuple(holdout_segment(run) for run in test)
     if holdout_after is None:
-        return DataSplit(tuple(Segment(run, _EVERYTHING, _EVERYTHING) for run in runs), later, at_the_end)
+        return DataSplit(tuple(Segment(run, EVERYTHING, EVERYTHING) for run in runs), later, at_the_end)
     borders = _borders(runs, holdout_after)
     fitted = [(run, at) for run, at in borders if (run.time < at).sum() >= _LEAST_INITIALISATION_STEPS]
     continued = [(run, at) for run, at in fitted if (run.time >= at).sum() >= _LEAST_INITIALISATION_STEPS]

@@ -1,4 +1,4 @@
-"""Parameters from runs: start values, coarse search, fine search, checkpoints, and what the result is worth."""
+"""Parameters from runs: start values, coarse search, fine search, checkpoints, and what the result predicts."""
 
 from __future__ import annotations
 
@@ -21,6 +21,8 @@ from lptn.basics.errors import InputError
 from lptn.basics.files import write_whole
 from lptn.basics.processes import one_blas_thread
 from lptn.basics.tables import Tabular
+from lptn.identify.comparison import Errors, Prediction
+from lptn.identify.data import EVERYTHING, Segment
 from lptn.identify.integral_start import integral_start
 from lptn.identify.noise import Noise, balanced_sigma, estimate_noise
 from lptn.identify.problem import Point, Problem
@@ -30,6 +32,7 @@ from lptn.logs.run import Run
 from lptn.model.model import Model
 from lptn.model.tables import DataTable, FitTable, FittedTable
 from lptn.simulate.bound_run import BoundRun, bind
+from lptn.simulate.simulation import simulate
 
 Keep = Callable[[Point], None]
 """Called with the best point so far."""
@@ -77,16 +80,18 @@ class Fit(Tabular):
         return uncertainty(self.problem, self.z)
 
     @cached_property
-    def residuals(self) -> list[FloatArray]:
-        """Predicted − measured [K] for each run, shape (nodes, n), NaN where nothing was measured."""
-        return self.problem.errors(self.z)
+    def predictions(self) -> list[Prediction]:
+        """The fitted runs as the fit predicts them; others are predicted by `predict`."""
+        runs = []
+        for bound, start in zip(self.problem.bound_runs, self.point.starts, strict=True):
+            path = simulate(self.model, bound, self.point.values, start)
+            runs.append(Prediction(Segment(bound.run, EVERYTHING, EVERYTHING), bound, path.readings, path.held))
+        return runs
 
     @property
     def rmse(self) -> float:
-        """Root mean square of the residuals over all readings that count [K]."""
-        bound_runs = self.problem.bound_runs
-        counted = [error[bound.counted] for error, bound in zip(self.residuals, bound_runs, strict=True)]
-        return float(np.sqrt(np.mean(np.concatenate(counted) ** 2)))
+        """Root mean square error over all readings that count [K]."""
+        return Errors.of(np.concatenate([run.error.ravel() for run in self.predictions])).rmse
 
     @property
     def summary(self) -> str:
@@ -266,23 +271,6 @@ def tolerant(done: Fit, tolerance: FloatArray | None, *, precision: float = PREC
     guess = problem.guess(done.point.values, done.point.starts)
     solution = minimise(problem, guess, near=True, precision=precision, rescued=precision <= PRECISION)
     return _as_fit(problem, solution, done.noise, done.iterations + solution.iterations)
-
-
-@one_blas_thread
-def fit_starts(model: Model, bound_runs: Sequence[BoundRun], sigma: FloatArray) -> list[FloatArray]:
-    """Initial states of runs from their counted readings [degC], shape (states,) each, the parameters being held.
-
-    Raises:
-        KeyboardInterrupt: Ctrl-C was pressed.
-    """
-    starts = []
-    for bound in bound_runs:
-        problem = Problem(model, [bound], sigma, free=())
-        solution = minimise(problem, problem.guess(model.values), near=True)  # nearly linear, a few steps
-        if solution.status == "interrupted":
-            raise KeyboardInterrupt
-        starts += problem.point(solution.z).starts
-    return starts
 
 
 # --- Checkpoints: the best point of a fit that is running, where the next attempt at the same fit starts ---

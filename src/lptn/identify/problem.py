@@ -31,9 +31,6 @@ _AT_BOUND = 1e-4  # distance to a bound, in the search's coordinates
 _NEAR = 1.5  # K; a node starts no further from its first readings, unless an effect of its sensor is modelled
 
 
-"""The least and the largest value of a parameter, in its unit."""
-
-
 @dataclass(frozen=True)
 class Point:
     """A point of the search space.
@@ -347,14 +344,6 @@ class Problem:
             derivatives = predicted.derivatives[counted] @ chain
             derivatives *= 1.0 / np.repeat(self.sigma[seen], counted.sum(axis=1))[:, None]
             yield places[seen, window][counted], residuals[counted], derivatives
-
-    def errors(self, z: FloatArray) -> list[FloatArray]:
-        """Predicted − measured [K] for each run, shape (nodes, n), NaN where nothing was measured."""
-        point = self.point(z)
-        return [
-            simulate(self.model, bound, point.values, start).readings - bound.measured
-            for bound, start in zip(self.bound_runs, point.starts, strict=True)
-        ]
 
     @cached_property
     def _sensor_modelled(self) -> BoolArray:
