@@ -21,7 +21,7 @@ from lptn.identify.fitting import Fit
 from lptn.identify.validation import fit_segments
 from lptn.model.model import Model
 from lptn.virtual import quadruped_logs, write_logs
-from lptn.virtual.runs import trial
+from tests.truth.plans import trial
 
 MODEL = Path(__file__).with_name("quadruped_plain.toml")
 

@@ -16,9 +16,9 @@ from pathlib import Path
 
 from lptn.robots.presets import presets
 from lptn.virtual import BEYOND, EFFECTS, LAYOUTS, Hidden, leg_logs, places, quadruped_logs, write_logs
-from lptn.virtual.runs import trial
 from tests.truth.changes import ALWAYS, CHANGES, finite_volume_leg_logs
-from tests.truth.plans import swing
+from tests.truth.plans import swing, trial
+from tests.truth.rough_leg import rough_leg_logs
 
 QUADRUPED_MODEL = Path(__file__).with_name("quadruped_plain.toml")
 CATALOGUE = tuple(effect for effect in EFFECTS if effect not in BEYOND)
@@ -241,9 +241,9 @@ def _quadruped_files(case: Case, folder: Path) -> Files:
 
 def _leg_files(case: Case, folder: Path) -> Files:
     spread, step = NOISES[_sensors(case.tier)]
-    rough = case.tier == "rough"
     effects = hidden_effects(case.hidden, "leg")
-    logs = leg_logs(effects, seed=case.seed, noise=spread, quantisation=step, rough=rough, columns="all")
+    make = rough_leg_logs if case.tier == "rough" else leg_logs
+    logs = make(effects, seed=case.seed, noise=spread, quantisation=step, columns="all")
     write_logs(folder, logs)
     model = folder / "leg.toml"
     model.write_text(presets()["leg"], encoding="utf-8")

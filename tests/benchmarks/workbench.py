@@ -1,9 +1,8 @@
 """How fast the workbench's page is: first paint, zoom, preview of an answer, memory; clicks to a hidden effect.
 
 `python -m tests.benchmarks.workbench` measures the page with synthetic lines, `... leg` and `... quadruped DIR` drive
-`lptn open` to the hidden effect (DIR from
-`python -m lptn.virtual quadruped --physics plain --hidden forced_convection --at FR_thigh --runs trial -o DIR`, two
-hours to fit). It needs Playwright and Chromium.
+`lptn open` to the hidden effect (DIR with `fit1`, `fit2` and `holdout` of `write_quadruped` in `verdict_cases`,
+`forced_convection at FR_thigh` hidden, two hours to fit). It needs Playwright and Chromium.
 """
 
 from __future__ import annotations

@@ -32,7 +32,7 @@ from lptn.logs.reading import read_log
 from lptn.robots.presets import presets
 from lptn.study import Study
 from lptn.virtual import leg_logs, quadruped_logs
-from lptn.virtual.runs import trial
+from tests.truth.plans import trial
 
 Log = pd.DataFrame
 Rng = np.random.Generator

@@ -19,7 +19,7 @@ from lptn.logs.reading import open_table, read_log
 from lptn.logs.run import Run
 from lptn.robots.presets import presets
 from lptn.virtual import quadruped_logs
-from lptn.virtual.runs import trial
+from tests.truth.plans import trial
 
 Write = Callable[..., Path]
 Refuse = Callable[..., str]

@@ -15,6 +15,7 @@ from lptn.basics.errors import InputError
 from lptn.cli.main import main
 from lptn.robots.urdf import read_joints, urdf_model_text
 from lptn.virtual import quadruped_logs, write_logs
+from tests.truth.plans import trial
 
 LEGS = ("FR", "FL", "RR", "RL")
 
@@ -57,7 +58,7 @@ def test_a_quadruped_is_fitted_from_its_urdf_alone(tmp_path: Path) -> None:
     assert ("FR_hip", "FR_thigh") in edges
     assert ("FR_thigh", "FR_calf") in edges
     assert ("FR_hip", "FL_hip") not in edges
-    logs = quadruped_logs(seed=3, runs="trial", physics="plain")
+    logs = quadruped_logs(seed=3, runs=trial(3), physics="plain")
     files = write_logs(tmp_path, {name: logs[name].iloc[::10] for name in ("fit1", "fit2", "holdout")})
     *walked, held_out = loaded.runs(files)
     as_written = lptn.compare(loaded.model, [held_out]).all.rmse

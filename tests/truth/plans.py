@@ -1,4 +1,4 @@
-"""Plans of runs that only trials use: trots to a limit, outings with a sensor's fault, an ambient that steps."""
+"""Plans of runs that only trials use: free sessions to diagnose, trots to a limit, outings with a sensor's fault."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from lptn.virtual import QUADRUPED_JOINTS, Run, Segment
+from lptn.virtual.leg import Acts, in_random_order
 from lptn.virtual.robot import stream
-from lptn.virtual.runs import RESUME, Acts, draw_segments, trial
+from lptn.virtual.runs import RESUME
 
 from .faults import FAULTS, Fault
 
@@ -27,6 +28,70 @@ _OUTING: Acts = (
     ("trot", 0.7, (0.2, 1.0), (0, 4)),
     ("rest", 0.7, (0, 0), (0, 0)),
 )
+
+
+# --- free sessions, to try a diagnosis on: loads and speeds apart, groups of joints, a cool-down ---
+
+# A "hold" powers four joints, the next one four others. After three of them the joints are grouped anew, or no data
+# could tell the four of a group apart.
+_HOLD = ("hold", 0.4, (0.0, 0.0), (8.0, 12.0))
+_FIT1: Acts = (
+    *(_HOLD,) * 9,
+    ("stand", 0.8, (0, 0), (0, 4)),
+    ("trot", 1.2, (0.2, 0.4), (1, 3)),
+    ("leg_sweep", 1.1, (0.9, 1.2), (0, 0)),
+    ("sway", 0.9, (0.9, 1.2), (0, 2)),
+    ("trot", 1.0, (1.0, 1.4), (2, 5)),
+    ("rest", 1.4, (0, 0), (0, 0)),
+)
+_FIT2: Acts = (
+    *(_HOLD,) * 9,
+    ("walk", 1.0, (0.2, 0.6), (3, 6)),
+    ("leg_sweep", 1.0, (0.4, 0.7), (0, 0)),
+    ("sway", 0.9, (0.5, 0.8), (2, 4)),
+    ("trot", 1.2, (0.8, 1.4), (4, 7)),
+    ("rest", 0.6, (0, 0), (0, 0)),
+    ("squat", 0.8, (0.7, 1.1), (2, 4)),
+    ("rest", 1.4, (0, 0), (0, 0)),
+)
+_HOLDOUT: Acts = (
+    *(_HOLD,) * 3,
+    ("trot", 1.0, (0.3, 0.6), (1, 3)),
+    ("rest", 0.4, (0, 0), (0, 0)),
+    ("walk", 1.0, (0.3, 0.8), (0, 3)),
+    ("leg_sweep", 0.8, (0.6, 1.1), (0, 0)),
+    ("sway", 0.8, (0.7, 1.0), (1, 3)),
+    ("rest", 1.2, (0, 0), (0, 0)),
+)
+_TRIAL = {"fit1": (_FIT1, 22.0), "fit2": (_FIT2, 12.0), "holdout": (_HOLDOUT, 28.0)}
+
+
+def trial(seed: int = 0, fitted: int = 3600) -> dict[str, Run]:
+    """Return "fit1" (60 min, 22 degC), "fit2" (60 min, 12 degC) and "holdout" (40 min, 28 degC), each from cold.
+
+    They tell effects apart: load without speed, speed without load, both, groups of joints, all of them, a cool-down.
+    ``fitted``: s of each run to fit.
+    """
+    seconds = {"fit1": fitted, "fit2": fitted, "holdout": 2400}
+    return {
+        name: Run(draw_segments(stream(seed, "trial", name), acts, seconds[name]), ambient, cutout=None)
+        for name, (acts, ambient) in _TRIAL.items()
+    }
+
+
+def draw_segments(rng: np.random.Generator, acts: Acts, seconds: int) -> tuple[Segment, ...]:
+    """Draw segments of these activities in random order, but for the last."""
+    ordered = in_random_order(acts, seconds, rng)
+    segments, joints = [], [str(joint) for joint in rng.permutation(QUADRUPED_JOINTS)]
+    for activity, length, speeds, loads in ordered:
+        speed, load = float(rng.uniform(*speeds)), float(rng.uniform(*loads))
+        if activity == "hold":
+            joints = joints or [str(joint) for joint in rng.permutation(QUADRUPED_JOINTS)]
+            segments.append(Segment(activity, length, joints=tuple(joints[:4]), torque=load))
+            joints = joints[4:]
+        else:
+            segments.append(Segment(activity, length, speed, load))
+    return tuple(segments)
 
 
 def swing(seed: int = 0) -> dict[str, Run]:

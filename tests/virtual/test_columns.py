@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 
 from lptn.virtual import QUADRUPED_JOINTS, Hidden, Run, Segment, leg_logs, quadruped_logs
+from tests.truth.plans import trial
 
 MOVES = (Segment("trot", 200, 0.7, 4.0), Segment("sway", 150, 1.0), Segment("rest", 150), Segment("stand", 100))
 RUNS = {"mix": Run(MOVES, 20.0, cutout=None)}
@@ -57,7 +58,7 @@ def test_columns_are_those_of_the_samples() -> None:
 
 
 def test_columns_are_plausible() -> None:
-    logs = quadruped_logs(seed=1, runs="trial", columns="all").values()
+    logs = quadruped_logs(seed=1, runs=trial(1), columns="all").values()
     log = pd.concat(logs)
     resting = log["powered.FR_hip"].eq(0) & log["power.pc"].eq(16) & log["power.battery"].lt(17)
     assert (log.loc[resting, "power.battery"] == 16).all()

@@ -30,7 +30,8 @@ from lptn.virtual import (
 from lptn.virtual.heat import Exponential, forcing
 from lptn.virtual.leg import Signals, averaged, draw_signals, mean
 from lptn.virtual.motion import Motion, draw_motion
-from lptn.virtual.robot import Array, draw_run_errors, roughen
+from lptn.virtual.robot import Array, draw_run_errors
+from tests.truth.rough_leg import roughen
 
 # --- the leg -------------------------------------------------------------------------------------------------------
 

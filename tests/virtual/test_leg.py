@@ -1,4 +1,4 @@
-"""Check the leg's logs: columns, seeds, sensors, rates, starts, files."""
+"""Check the leg's logs: columns, seeds, sensors, rates, files."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import pytest
 
 from lptn.virtual import LEG_JOINTS, Format, Hidden, leg_logs, write_logs
 from lptn.virtual.leg import draw_runs
+from tests.truth.rough_leg import rough_leg_logs
 
 TEMPERATURES = [f"temperature.{joint}" for joint in LEG_JOINTS]
 COLUMNS = [
@@ -128,22 +129,8 @@ def test_torque_and_velocity_are_signed_at_ten_hertz(logs: dict[str, pd.DataFram
 
 
 @pytest.mark.long
-def test_warm_start_lags_behind_in_the_hidden_mass() -> None:
-    """Beginning warm, the inner mass is colder than its node; beginning cold, it isn't."""
-
-    def cooled(start: str, *hidden: Hidden) -> float:
-        log = leg_logs(hidden, seed=5, noise=0, rate=1, start=start)["fit1"]  # type: ignore[arg-type]
-        return float(log["temperature.FR_calf"].iloc[0])
-
-    mass = Hidden("second_mass", "FR_calf")
-    assert cooled("warm") > 35
-    assert cooled("warm", mass) - cooled("warm") > 0.2
-    assert cooled("cold", mass) == pytest.approx(cooled("cold"), abs=0.05)
-
-
-@pytest.mark.long
 def test_rough_tier_spoils_ambient_and_torque() -> None:
-    clean, rough = leg_logs(seed=5, noise=0, scatter=0.1), leg_logs(seed=5, noise=0, rough=True)
+    clean, rough = leg_logs(seed=5, noise=0, scatter=0.1), rough_leg_logs(seed=5, noise=0)
     errors = [rough[name]["temperature.ambient"].iloc[0] - clean[name]["temperature.ambient"].iloc[0] for name in clean]
     assert len(set(errors)) == 3
     assert 0 < max(map(abs, errors)) < 2
@@ -164,7 +151,6 @@ def test_rough_tier_spoils_ambient_and_torque() -> None:
         ({"dropouts": 1.0}, "dropouts: found 1"),
         ({"scatter": 0.7}, "scatter: found 0.7"),
         ({"rate": 3.0}, "rate: found 3; expected one of 10, 5, 2, 1 Hz"),
-        ({"start": "hot"}, "start: found 'hot'; expected one of cold, warm"),
     ],
 )
 def test_bad_options_are_refused(options: dict[str, object], message: str) -> None:

@@ -19,21 +19,20 @@ from lptn.virtual import (
     quadruped_logs,
 )
 from lptn.virtual.robot import Array
-from lptn.virtual.runs import trial
-from tests.truth.plans import swing
+from tests.truth.plans import swing, trial
 
 HOT = [f"temperature.{joint}" for joint in QUADRUPED_JOINTS]
 
 
 def test_trial_powers_every_joint_alone_with_three_others() -> None:
-    runs = plan("trial", 5)
+    runs = trial(5)
     assert list(runs) == ["fit1", "fit2", "holdout"]
     for name in ("fit1", "fit2"):
         held = [joint for segment in runs[name].segments for joint in segment.joints]
         assert sorted(held) == sorted(3 * QUADRUPED_JOINTS)
     assert all(run.segments[-1].activity == "rest" and run.cutout is None for run in runs.values())
     for physics, coldest in (("full", 60), ("plain", 50)):
-        logs = quadruped_logs(seed=5, runs="trial", physics=physics)  # type: ignore[arg-type]
+        logs = quadruped_logs(seed=5, runs=runs, physics=physics)  # type: ignore[arg-type]
         hottest = max(truth[HOT].max().max() for truth in logs.truth.values())
         assert coldest < hottest < 95
 
@@ -90,7 +89,7 @@ def temperatures(runs: str, *hidden: tuple[str, str]) -> Array:
 @cache
 def minutes(run: str) -> pd.DataFrame:
     """Return the means of one run over each minute."""
-    logs = quadruped_logs(seed=SEED, runs="trial", physics="plain", columns="all")
+    logs = quadruped_logs(seed=SEED, runs=trial(SEED), physics="plain", columns="all")
     squares = {f"squared.{joint}": logs[run][f"torque.{joint}"] ** 2 for joint in QUADRUPED_JOINTS}
     log = logs[run].assign(**squares)
     return log.groupby(np.arange(len(log)) // 60).mean()
@@ -134,7 +133,7 @@ def test_every_run_cools_down_in_an_ambient_of_its_own() -> None:
 def test_shorter_one_has_an_hour_to_fit() -> None:
     runs = trial(SEED, fitted=1800)
     assert {name: run.seconds for name, run in runs.items()} == {"fit1": 1800, "fit2": 1800, "holdout": 2400}
-    same = plan("trial", SEED)
+    same = trial(SEED)
     assert runs["holdout"] == same["holdout"]
     acts = [(one.activity, one.joints, one.torque) for one in runs["fit2"].segments]
     assert acts == [(one.activity, one.joints, one.torque) for one in same["fit2"].segments]

@@ -7,10 +7,10 @@ import pandas as pd
 import pytest
 from scipy.integrate import solve_ivp
 
-from lptn.virtual import QUADRUPED_NODES, Hidden, Logs, Run, Segment, leg_logs, plan, quadruped, quadruped_logs
+from lptn.virtual import QUADRUPED_NODES, Hidden, Logs, Run, Segment, leg_logs, quadruped, quadruped_logs
 from lptn.virtual.robot import Array
 from lptn.virtual.sensors import lagged
-from tests.truth.plans import swing
+from tests.truth.plans import swing, trial
 
 
 def test_lag_is_the_exact_one() -> None:
@@ -117,7 +117,7 @@ def test_true_ambient_lags_behind_the_logged_one() -> None:
         )
         assert true == pytest.approx(exact.y[0], abs=1e-2)
     # Runs that say nothing of their ambient get one that changes.
-    own = quadruped_logs(hidden, seed=3, runs=plan("trial", 3), physics="plain")
+    own = quadruped_logs(hidden, seed=3, runs=trial(3), physics="plain")
     for name, log in own.items():
         pd.testing.assert_frame_equal(log, done[name])
 
@@ -131,5 +131,3 @@ def test_leg_feels_the_lag_of_the_ambient() -> None:
         assert np.ptp(log["temperature.ambient"]) == pytest.approx(8.0)
         pd.testing.assert_series_equal(log["temperature.ambient"], prompt[name]["temperature.ambient"])
         assert (log - prompt[name])["temperature.FR_calf"].abs().max() > 0.8
-    warm = leg_logs([Hidden("ambient_lag", "ambient")], seed=1, noise=0, start="warm")
-    assert len(warm["fit1"]) == 24000

@@ -55,11 +55,11 @@ def test_files_that_stand_there_are_replaced(tmp_path: Path) -> None:
 
 
 def test_command_writes_what_the_quadruped_s_function_makes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    text = "quadruped --runs trial --physics plain --hidden sensor_lag --at *_calf --size 0.5"
+    text = "quadruped --runs tests --physics plain --hidden sensor_lag --at *_calf --size 0.5"
     text += " --hidden conduction --at FL_calf~FR_calf --size 1 --seed 3 --quantisation 0.5 --truth"
     assert main([*text.split(), "-o", str(tmp_path)]) == 0
     hidden = [("sensor_lag", "*_calf", 0.5), ("conduction", "FL_calf~FR_calf", 1.0)]
-    logs = quadruped_logs(hidden, seed=3, runs="trial", physics="plain", quantisation=0.5)
+    logs = quadruped_logs(hidden, seed=3, runs="tests", physics="plain", quantisation=0.5)
     assert capsys.readouterr().out.split() == [str(tmp_path / f"{name}.parquet") for name in logs]
     for name, log in logs.items():
         pd.testing.assert_frame_equal(pd.read_parquet(tmp_path / f"{name}.parquet"), log)

@@ -2,7 +2,11 @@
 
 From a robot to its log, a file each: ``robot`` (the truth), ``effects`` (what may be hidden in it), ``heat`` (its
 balance), ``sensors``, ``surroundings``, ``motion`` and ``runs`` (what it does), ``leg`` and ``quadruped`` (the logs),
-``writers`` (the files). Those robots are lumped, as the models are; ``tests/truth`` has a leg that isn't.
+``writers`` (the files). Those robots are lumped, as the models are; ``tests/truth`` has a leg that isn't, and the plans
+of runs that only trials need.
+
+A large room for two robots, since each effect of the catalogue is here once more, from its equation, and can stand at
+each place of both.
 """
 
 from __future__ import annotations
@@ -18,35 +22,8 @@ from .sensors import Sensor
 from .writers import Format, write_logs
 
 __all__ = [
-    "BEYOND",
-    "EFFECTS",
-    "LAYOUTS",
-    "LEG_JOINTS",
-    "PLANS",
-    "QUADRUPED_JOINTS",
-    "QUADRUPED_NODES",
-    "SINGLE",
-    "Columns",
-    "Forcing",
-    "Format",
-    "Hidden",
-    "Logs",
-    "Mass",
-    "Network",
-    "Plan",
-    "Record",
-    "Robot",
-    "Run",
-    "Segment",
-    "Sensor",
-    "draw_leg",
-    "draw_quadruped",
-    "leg_logs",
-    "places",
-    "plan",
-    "quadruped",
-    "quadruped_logs",
-    "rows",
-    "simulate_runs",
-    "write_logs",
-]
+    "BEYOND", "EFFECTS", "LAYOUTS", "LEG_JOINTS", "PLANS", "QUADRUPED_JOINTS", "QUADRUPED_NODES", "SINGLE",
+    "Columns", "Forcing", "Format", "Hidden", "Logs", "Mass", "Network", "Plan", "Record", "Robot", "Run",
+    "Segment", "Sensor", "draw_leg", "draw_quadruped", "leg_logs", "places", "plan", "quadruped",
+    "quadruped_logs", "rows", "simulate_runs", "write_logs",
+]  # fmt: skip

@@ -10,7 +10,7 @@ from typing import NoReturn, get_args
 
 from .effects import EFFECTS, Columns, Hidden
 from .leg import RATES as LEG_RATES
-from .leg import Start, leg_logs
+from .leg import leg_logs
 from .quadruped import RATES, quadruped_logs
 from .robot import Level, Physics
 from .runs import PLANS
@@ -28,9 +28,7 @@ def _parser() -> argparse.ArgumentParser:
     robots = parser.add_subparsers(dest="robot", required=True, metavar="ROBOT")
     leg = robots.add_parser("leg", help="a leg with the joints FR_hip, FR_thigh and FR_calf")
     _add_shared(leg, quantisation=0.0)
-    leg.add_argument("--rough", action="store_true", help="add small physics that no model has")
     leg.add_argument("--scatter", type=float, default=0.03, help="of the parameters, relative")
-    leg.add_argument("--start", choices=get_args(Start), default="cold")
     leg.add_argument("--rate", type=float, default=10.0, help=f"Hz: {', '.join(f'{r:g}' for r in LEG_RATES)}")
     whole = robots.add_parser("quadruped", help="twelve joints and the onboard computer, as a Unitree A1 has them")
     _add_shared(whole, quantisation=1.0)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, get_args
+from typing import get_args
 
 import numpy as np
 import pandas as pd
@@ -12,20 +12,15 @@ import pandas as pd
 from .effects import Columns, Hidden, extra_columns
 from .heat import Means, Network, Series, Shared, battery_power, check_temperatures, copper_loss, forcing
 from .motion import BODY, Segment
-from .robot import LEG_JOINTS, PC_BUSY, PC_IDLE, Array, Robot, check_one_of, draw_leg, roughen, stream
-from .runs import Acts, Run, in_random_order
+from .robot import LEG_JOINTS, PC_BUSY, PC_IDLE, Array, Robot, check_one_of, draw_leg, stream
+from .runs import Run
 from .sensors import Sensor, by_place, noise_free_readings, sensor_steps
 from .surroundings import ambient, event_heat, fan, sun
-
-Start = Literal["cold", "warm"]
 
 SAMPLES = 10  # a second
 RATES = (10.0, 5.0, 2.0, 1.0)  # Hz: those whose rows hold a whole number of samples
 MODULATION = 0.12  # standard deviation of the slow wandering of torque and speed
 KNOT = 8.0  # s between the knots of that wandering
-ROUGH_SCATTER = 0.10  # least scatter of the parameters, relative
-ROUGH_AMBIENT = 0.5  # K, standard deviation over runs
-ROUGH_TORQUE = 0.02  # relative, standard deviation over runs and joints
 COUNT = len(LEG_JOINTS)
 
 # --- what the leg does ---------------------------------------------------------------------------------------------
@@ -55,9 +50,11 @@ ACTIVITIES = {
     "leg_sweep": LegActivity(swing=(0.6, 0.6, 0.5), sweep=(8.0, 8.0, 9.0), stride=(0.9, 0.4)),
 }
 
-# What each run holds: activity, share of its time, range of speed, range of load. The order is drawn, but for
-# the last: a cool-down, which shows the losses alone. The second run is the colder and the harder one, so
-# that losses are seen far above the ambient, too: else natural convection can't be told from a larger
+Acts = tuple[tuple[str, float, tuple[float, float], tuple[float, float]], ...]
+"""What a run holds: activity, share of its time, range of speed, range of load."""
+
+# The order is drawn, but for the last: a cool-down, which shows the losses alone. The second run is the colder and the
+# harder one, so that losses are seen far above the ambient, too: else natural convection can't be told from a larger
 # conductance. Its legs sweep slowly and fast, which tells the laws of friction apart.
 _FIT1: Acts = (
     ("stand", 1.0, (1, 1), (0, 2)),
@@ -94,7 +91,17 @@ _HOLDOUT: Acts = (
     ("rest", 1.6, (1, 1), (0, 0)),
 )
 _RUNS = {"fit1": (_FIT1, 2400, 22.0), "fit2": (_FIT2, 2400, 12.0), "holdout": (_HOLDOUT, 1800, 28.0)}
-WARM_UP = Segment("trot", 900, speed=1.0, load=2.0)
+
+
+def in_random_order(
+    acts: Acts, seconds: int, rng: np.random.Generator
+) -> list[tuple[str, int, tuple[float, float], tuple[float, float]]]:
+    """Return activity, whole seconds, ranges of speed and load: in random order, but for the last."""
+    order = [*rng.permutation(len(acts) - 1), len(acts) - 1]
+    share = np.array([acts[i][1] for i in order]) * rng.uniform(0.8, 1.2, len(order))
+    ends = np.rint(seconds * np.cumsum(share) / share.sum()).astype(int)
+    lengths = np.diff(ends, prepend=0)
+    return [(acts[i][0], int(length), *acts[i][2:]) for i, length in zip(order, lengths, strict=True)]
 
 
 def draw_runs(seed: int) -> dict[str, Run]:
@@ -161,34 +168,28 @@ def averaged(robot: Robot, signals: Signals, block: int = SAMPLES) -> Means:
 
 
 def leg_logs(
-    hidden: Sequence[Hidden] = (),
+    hidden: Sequence[Hidden | Callable[[Robot], None]] = (),
     *,
     seed: int,
     noise: float = 0.15,
     quantisation: float = 0.0,
     dropouts: float = 0.0,
-    rough: bool = False,
     scatter: float = 0.03,
-    start: Start = "cold",
     rate: float = 10.0,
     columns: Columns = "asked",
     runs: Mapping[str, Run] | None = None,
 ) -> dict[str, pd.DataFrame]:
-    """Simulate two runs to fit and one to hold out, or runs of your own.
+    """Simulate two runs to fit and one to hold out, or runs of your own; each begins 0.5 to 2 K above the ambient.
 
     Equal arguments give equal logs. Calls that differ only in ``hidden`` share parameters, movements, noise.
 
     Args:
-        hidden: effects the truth has beyond the baseline.
+        hidden: effects the truth has beyond the baseline, and functions that change the robot in place.
         seed: 0 or above; draws parameters, movements, events and noise.
         noise: standard deviation of each temperature reading, K.
         quantisation: step the temperature readings are rounded to, K; 0 for none.
         dropouts: share of temperature readings that are missing (NaN).
-        rough: add what no model has: a trunk at the hip, weak radiation, an error of the ambient's sensor
-            (0.5 K) and of the torque's scale (2 %) in each run, a scatter of at least 10 %.
         scatter: relative half-width of the parameters' scatter.
-        start: "cold": joints 0.5 to 2 K above the ambient, hidden masses and sensors with them. "warm": each
-            run comes after 15 min of trotting that isn't logged, so hidden masses and sensors lag behind.
         rate: rows a second: 10 for the signed samples themselves; 5, 2 or 1 for RMS torque, mean |velocity|,
             mean |speed| over each row's interval, and the temperature at its beginning, the row's time.
         columns: "asked": further columns where a hidden effect is driven by them; "all": always, so that they give no
@@ -205,91 +206,54 @@ def leg_logs(
         ValueError: an argument outside its range, or effects so large that the leg passes 150 degC.
     """
     check_one_of("rate", rate, RATES, " Hz")
-    check_one_of("start", start, get_args(Start))
     check_one_of("columns", columns, get_args(Columns))
     sensor, runs = Sensor(noise, quantisation, dropouts), draw_runs(seed) if runs is None else runs
-    leg = draw_leg(seed, max(scatter, ROUGH_SCATTER) if rough else scatter)
-    if rough:
-        roughen(leg)
+    leg = draw_leg(seed, scatter)
     for effect in hidden:
-        replace(effect, robot="leg").set_in(leg)
+        (replace(effect, robot="leg").set_in if isinstance(effect, Hidden) else effect)(leg)
     leg.check_runs(runs)
-    extra = extra_columns(leg, columns)
+    extra, block = extra_columns(leg, columns), round(SAMPLES / rate)
     logs = {}
     for name, run in runs.items():
-        record = _simulate(leg.in_run(name), name, run, seed, warm=start == "warm")
+        signals, true, air, shared = _simulate(leg.in_run(name), name, run, seed)
+        torque, velocity, base = signals.torque, signals.velocity, signals.base[:, None]
+        moves = {"torque": torque, "velocity": velocity}
+        if block > 1:
+            moves = {"torque": np.sqrt(mean(torque**2, block)), "velocity": mean(abs(velocity), block)}
+            # A reader can't form these from the others once the signs are gone.
+            unsigned = {"torque_abs": abs(torque), "mechanical_power": abs(torque * velocity)}
+            moves |= {quantity: mean(values, block) for quantity, values in unsigned.items() if quantity in extra}
+            base = mean(abs(base), block)
+        table = {"time": np.arange(len(base)) * block / SAMPLES}
+        for quantity, values in moves.items():
+            table |= by_place(quantity, values, LEG_JOINTS)
+        table["speed.base"] = base[:, 0]
+        for column, values in shared.columns().items():
+            if column in extra:
+                table[column] = mean(values.repeat(SAMPLES, axis=0), block)[:, 0]
         rng = stream(seed, "sensors", name)
-        # Drawn whether used or not, so that the sensors' noise is the same.
-        errors = ROUGH_AMBIENT * rng.standard_normal(), ROUGH_TORQUE * rng.standard_normal(COUNT)
-        log = _rows(record, round(SAMPLES / rate), sensor, rng, extra)
-        if rough:
-            log["temperature.ambient"] += errors[0]
-            log[[f"torque.{joint}" for joint in LEG_JOINTS]] *= 1 + errors[1]
-        logs[name] = log
+        rng.standard_normal(1 + COUNT)  # a truth with errors of its own in each run draws them here, before the noise
+        table |= by_place("temperature", sensor.read(true[::block], rng), LEG_JOINTS)
+        table["temperature.ambient"] = air[::block]
+        logs[name] = pd.DataFrame(table)
     return logs
 
 
-@dataclass(frozen=True)
-class _Record:
-    """One run at 10 Hz: inputs, what the sensors would show without noise, and the logged ambient, degC.
-
-    shared: what the nodes share, once a second.
-    """
-
-    signals: Signals
-    readings: Array
-    ambient: Array
-    shared: Shared
-
-
-def _simulate(leg: Robot, name: str, run: Run, seed: int, *, warm: bool) -> _Record:
-    """Simulate one run; ``warm``: after some minutes that aren't logged, without events, sun and fan."""
+def _simulate(leg: Robot, name: str, run: Run, seed: int) -> tuple[Signals, Array, Array, Shared]:
+    """Return a run's inputs, its readings without noise and the logged ambient [degC] at 10 Hz; what nodes share."""
     rng, seconds = stream(seed, "movement", name), run.seconds
     signals = draw_signals(run.segments, rng)
-    whole, before = signals, 0
-    if warm:
-        whole, before = Signals.joined([draw_signals((WARM_UP,), rng), signals]), WARM_UP.seconds
-
-    def delayed(values: Array) -> Array:
-        return np.pad(values, ((before, 0), (0, 0)))
-
     air = ambient(leg, run.ambient, 0.0, 0.0, seconds, seed, name)
-    means = averaged(leg, whole)
-    computer = PC_IDLE + (PC_BUSY - PC_IDLE) * mean((whole.base[:, None] != 0).astype(float), SAMPLES)
-    blown, light = delayed(fan(seconds, seed, name)), delayed(sun(seconds, seed, name))
-    shared = Shared(computer, battery_power(computer, means), blown, light)
-    acting = forcing(leg, replace(means, shared=shared), delayed(event_heat(leg, seconds, seed, name)))
-    shift = None if air.shift is None else np.pad(air.shift, (before, 0))
+    means = averaged(leg, signals)
+    computer = PC_IDLE + (PC_BUSY - PC_IDLE) * mean((signals.base[:, None] != 0).astype(float), SAMPLES)
+    shared = Shared(computer, battery_power(computer, means), fan(seconds, seed, name), sun(seconds, seed, name))
+    acting = forcing(leg, replace(means, shared=shared), event_heat(leg, seconds, seed, name))
     network = Network(leg, float(air.true[0]))
     start = network.start(network.ambient + stream(seed, "start", name).uniform(0.5, 2.0, COUNT))
-    states = network.solve(acting.shifted(shift), start)
+    states = network.solve(acting.shifted(air.shift), start)
     check_temperatures(states, "leg", name)
-    each_second = noise_free_readings(network, states, copper_loss(leg, means), before)
+    each_second = noise_free_readings(network, states, copper_loss(leg, means))
     time, at = np.arange(seconds * SAMPLES) / SAMPLES, np.arange(seconds + 1)
     readings = np.column_stack([np.interp(time, at, column) for column in each_second.T])
     readings += sensor_steps(leg, seconds, seed, name).repeat(SAMPLES, axis=0)
-    return _Record(signals, readings, np.interp(time, at, air.logged), shared.since(before))
-
-
-def _rows(
-    record: _Record, block: int, sensor: Sensor, rng: np.random.Generator, extra: Collection[str]
-) -> pd.DataFrame:
-    """Return the rows of a log; signed samples as they are when a row holds only one."""
-    torque, velocity, base = record.signals.torque, record.signals.velocity, record.signals.base[:, None]
-    moves = {"torque": torque, "velocity": velocity}
-    if block > 1:
-        moves = {"torque": np.sqrt(mean(torque**2, block)), "velocity": mean(abs(velocity), block)}
-        # A reader can't form these from the others once the signs are gone.
-        unsigned = {"torque_abs": abs(torque), "mechanical_power": abs(torque * velocity)}
-        moves |= {name: mean(values, block) for name, values in unsigned.items() if name in extra}
-        base = mean(abs(base), block)
-    columns = {"time": np.arange(len(base)) * block / SAMPLES}
-    for quantity, values in moves.items():
-        columns |= by_place(quantity, values, LEG_JOINTS)
-    columns["speed.base"] = base[:, 0]
-    for name, values in record.shared.columns().items():
-        if name in extra:
-            columns[name] = mean(values.repeat(SAMPLES, axis=0), block)[:, 0]
-    columns |= by_place("temperature", sensor.read(record.readings[::block], rng), LEG_JOINTS)
-    columns["temperature.ambient"] = record.ambient[::block]
-    return pd.DataFrame(columns)
+    return signals, readings, np.interp(time, at, air.logged), shared

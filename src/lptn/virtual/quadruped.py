@@ -229,14 +229,14 @@ def quadruped_logs(
     """Simulate runs of the quadruped [QuadrupedLPTN].
 
     Equal arguments give equal logs. Calls that differ only in ``hidden`` share parameters and noise, and movements too
-    where no cut-out comes between (there is none in "trial"). At 100 Hz half an hour takes 40 MB.
+    where no cut-out comes between. At 100 Hz half an hour takes 40 MB.
 
     Args:
         hidden: effects beyond the physics: ``Hidden`` or tuples (effect, place), (effect, place, size) or (effect,
             place, size, run).
         seed: 0 or above; draws parameters, movements, events and noise.
-        runs: a plan's name: "protocol" ([QuadrupedLPTN, table 1]: 25 runs), "tests" (table 3 and the multi-gait test: 7
-            runs), "trial" (60 min twice to fit, 40 min to hold out); or runs of your own by name.
+        runs: a plan's name: "protocol" ([QuadrupedLPTN, table 1]: 25 runs) or "tests" (table 3 and the multi-gait test:
+            7 runs); or runs of your own by name.
         level: "none", "default" or "strong": hidden errors of each run, of the ambient's sensor, of the joints'
             conductances to air and of the battery's heat. ``None``: "default" for full physics, "none" for plain.
         physics: "full" has more than any model under test; "plain" is a baseline of one mass a joint, the computer,

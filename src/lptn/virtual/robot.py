@@ -10,7 +10,7 @@ import copy
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, fields, replace
 from itertools import combinations
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 from zlib import crc32
 
 import numpy as np
@@ -138,8 +138,7 @@ class Mass:
         return [self.joint, *self.also]
 
 
-def _unset() -> Array:
-    return np.zeros(0)
+_OFF: Any = ()  # zero at each node
 
 
 @dataclass
@@ -149,96 +148,59 @@ class Robot:
     The first six fields are the baseline. All below is zero there: it is what richer physics and hidden effects set.
     """
 
-    nodes: tuple[str, ...]
-    """joints first, then other nodes with a sensor, then nodes without one"""
-    capacity: Array
-    """J/K"""
-    to_air: Array
-    """conductance to the ambient, W/K"""
-    links: list[tuple[int, int, float]]
-    """(node, node, conductance in W/K)"""
-    resistance: Array
-    """winding resistance at 25 degC, ohm; 0 where there is no motor"""
-    torque_constant: Array
-    """torque at the joint per ampere at 25 degC, N·m/A; 1 where there is no motor"""
+    nodes: tuple[str, ...]  # joints first, then other nodes with a sensor, then nodes without one
+    capacity: Array  # J/K
+    to_air: Array  # conductance to the ambient, W/K
+    links: list[tuple[int, int, float]]  # (node, node, conductance in W/K)
+    resistance: Array  # winding resistance at 25 degC, ohm; 0 where there is no motor
+    torque_constant: Array  # torque at the joint per ampere at 25 degC, N·m/A; 1 where there is no motor
 
-    joints: int = -1
-    """how many of the nodes are joints; -1 for all"""
-    sensed: int = -1
-    """how many of the nodes have a sensor; -1 for all"""
-    drive: Array = field(default_factory=_unset)
-    """W, while the joint is powered"""
-    winding: Array = field(default_factory=_unset)
-    """J/K of a winding apart from the node, which then is the housing: it makes the copper's heat and has the sensor;
-    0 where winding and housing are one"""
-    inside: Array = field(default_factory=_unset)
-    """K/W between winding and housing"""
-    resistance_rise: Array = field(default_factory=_unset)
-    """1/K"""
-    torque_constant_drop: Array = field(default_factory=_unset)
-    """1/K"""
-    natural_convection: Array = field(default_factory=_unset)
-    """1/K, in exp(beta (T - ambient))"""
-    forced_convection: Array = field(default_factory=_unset)
-    """s/m, in 1 + gamma |v|^exponent"""
+    joints: int = -1  # how many of the nodes are joints; -1 for all
+    sensed: int = -1  # how many of the nodes have a sensor; -1 for all
+    drive: Array = _OFF  # W, while the joint is powered
+    # J/K of a winding apart from the node, which then is the housing: it makes the copper's heat and has the sensor;
+    # 0 where winding and housing are one
+    winding: Array = _OFF
+    inside: Array = _OFF  # K/W between winding and housing
+    resistance_rise: Array = _OFF  # 1/K
+    torque_constant_drop: Array = _OFF  # 1/K
+    natural_convection: Array = _OFF  # 1/K, in exp(beta (T - ambient))
+    forced_convection: Array = _OFF  # s/m, in 1 + gamma |v|^exponent
     wind_exponent: float = 1.0
-    emissive_area: Array = field(default_factory=_unset)
-    """emissivity × area, m²"""
-    coulomb: Array = field(default_factory=_unset)
-    """N·m"""
-    viscous: Array = field(default_factory=_unset)
-    """N·m·s"""
-    iron: Array = field(default_factory=_unset)
-    """W/(rad/s)^1.5"""
-    gear: Array = field(default_factory=_unset)
-    """share of the mechanical power |τ ω|"""
-    driver: Array = field(default_factory=_unset)
-    """W/(N·m), on |τ|"""
-    computer: Array = field(default_factory=_unset)
-    """share of the computer's power that comes beside what its own node gets"""
-    battery: Array = field(default_factory=_unset)
-    """share of the battery's power"""
-    sunlit: Array = field(default_factory=_unset)
-    """absorptivity × area towards the sun, m²"""
-    fanned: Array = field(default_factory=_unset)
-    """in 1 + gamma × the fan's share of its full speed"""
-    constant: Array = field(default_factory=_unset)
-    """W"""
+    emissive_area: Array = _OFF  # emissivity × area, m²
+    coulomb: Array = _OFF  # N·m
+    viscous: Array = _OFF  # N·m·s
+    iron: Array = _OFF  # W/(rad/s)^1.5
+    gear: Array = _OFF  # share of the mechanical power |τ ω|
+    driver: Array = _OFF  # W/(N·m), on |τ|
+    computer: Array = _OFF  # share of the computer's power that comes beside what its own node gets
+    battery: Array = _OFF  # share of the battery's power
+    sunlit: Array = _OFF  # absorptivity × area towards the sun, m²
+    fanned: Array = _OFF  # in 1 + gamma × the fan's share of its full speed
+    constant: Array = _OFF  # W
     masses: list[Mass] = field(default_factory=list)
-    lag: Array = field(default_factory=_unset)
-    """time constant of the sensor, s"""
-    offset: Array = field(default_factory=_unset)
-    """K, on the reading"""
-    drift: Array = field(default_factory=_unset)
-    """K/s, on the reading, from each run's beginning"""
-    hot_spot: Array = field(default_factory=_unset)
-    """K/W of copper loss, on the reading"""
+    lag: Array = _OFF  # time constant of the sensor, s
+    offset: Array = _OFF  # K, on the reading
+    drift: Array = _OFF  # K/s, on the reading, from each run's beginning
+    hot_spot: Array = _OFF  # K/W of copper loss, on the reading
+    # (node, other, share of the other in the node's reading); the other is -1 for the node's own housing
     positions: list[tuple[int, int, float]] = field(default_factory=list)
-    """(node, other, share of the other in the node's reading); the other is -1 for the node's own housing"""
-    clock: float = 0.0
-    """s by which the temperatures in the rows are old"""
-    ambient_offset: float = 0.0
-    """K, of the true ambient above the logged one"""
-    ambient_lag: float = 0.0
-    """time constant with which the true ambient follows the logged one, s"""
-    ambient_swing: float = 0.0
-    """K by which the logged ambient changes out of doors, in runs that don't say"""
-    bursts: Array = field(default_factory=_unset)
-    """W, while a burst lasts"""
-    step: Array = field(default_factory=_unset)
-    """K, on the reading after the step"""
-    splash: Array = field(default_factory=_unset)
-    """J taken away by each splash"""
+    clock: float = 0.0  # s by which the temperatures in the rows are old
+    ambient_offset: float = 0.0  # K, of the true ambient above the logged one
+    ambient_lag: float = 0.0  # time constant with which the true ambient follows the logged one, s
+    ambient_swing: float = 0.0  # K by which the logged ambient changes out of doors, in runs that don't say
+    bursts: Array = _OFF  # W, while a burst lasts
+    step: Array = _OFF  # K, on the reading after the step
+    splash: Array = _OFF  # J taken away by each splash
+    # (run, what sets an effect in the robot of that run)
     single_run: list[tuple[str, Callable[[Robot], None]]] = field(default_factory=list)
-    """(run, what sets an effect in the robot of that run)"""
 
     def __post_init__(self) -> None:
         count = len(self.nodes)
         self.joints = count if self.joints < 0 else self.joints
         self.sensed = count if self.sensed < 0 else self.sensed
         for one in fields(self):
-            value = getattr(self, one.name)
-            if isinstance(value, np.ndarray) and value.size == 0:
+            if getattr(self, one.name) is _OFF:
                 setattr(self, one.name, np.zeros(count))
 
     def in_run(self, run: str) -> Robot:
@@ -272,10 +234,6 @@ LEG_CAPACITY = (300.0, 290.0, 290.0)  # J/K, hip, thigh, calf
 LEG_TO_AIR = (13.0, 11.0, 10.0)  # K/W
 LEG_LINKS = ((0, 1, 2.0), (1, 2, 1.6))  # K/W, hip~thigh, thigh~calf
 
-ROUGH_EMISSIVE_AREA = 0.002  # m², at every joint
-# Heavy and far from the hip: its time constant of about an hour is what a model without it can't follow.
-ROUGH_TRUNK = Mass(capacity=2600.0, joint=0, resistance=12.0, to_air=1 / 1.4, heat=3.0)
-
 
 def draw_leg(seed: int, scatter: float) -> Robot:
     """Draw a baseline leg.
@@ -304,12 +262,6 @@ def draw_leg(seed: int, scatter: float) -> Robot:
         resistance=scattered((WINDING_RESISTANCE,) * len(LEG_JOINTS)),
         torque_constant=scattered((GEAR * MOTOR_CONSTANT,) * len(LEG_JOINTS)),
     )
-
-
-def roughen(leg: Robot) -> None:
-    """Add, in place, the small physics that no model under test has: a trunk and weak radiation."""
-    leg.masses.append(ROUGH_TRUNK)
-    leg.emissive_area += ROUGH_EMISSIVE_AREA
 
 
 # --- the quadruped -------------------------------------------------------------------------------------------------

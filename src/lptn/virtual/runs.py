@@ -1,4 +1,4 @@
-"""What happens in one log, and the sets of runs that go by a name: [QuadrupedLPTN, table 1, 3] and free sessions."""
+"""What happens in one log, and the sets of runs of [QuadrupedLPTN, table 1, 3]."""
 
 from __future__ import annotations
 
@@ -7,16 +7,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
-
 from .motion import Segment
-from .robot import QUADRUPED_JOINTS, check_one_of, stream
+from .robot import check_one_of, stream
 
 CUTOUT, RESUME = 65.0, 50.0  # degC
 GAP, PAUSE = 60, 3600  # s, between runs of the protocol and of the tests
 RUN_SECONDS = 1800  # of the protocol and of the tests
 WARM_UP = 420  # s of trot with 4 kg, without a log, before the robot is left to cool
-HOLDOUT_SECONDS = 2400  # of the trial
 
 
 # --- one run -------------------------------------------------------------------------------------------------------
@@ -127,96 +124,15 @@ def _in_turn(acts: dict[str, tuple[Segment, ...]], seed: int, day: str, gap: int
     return runs
 
 
-# --- free sessions, to try a diagnosis on ---------------------------------------------------------------------------
-
-# Activity, share of the time, ranges of speed and load. A "hold" powers four joints, the next one four others. After
-# three of them the joints are grouped anew, or no data could tell the four of a group apart.
-Acts = tuple[tuple[str, float, tuple[float, float], tuple[float, float]], ...]
-_HOLD = ("hold", 0.4, (0.0, 0.0), (8.0, 12.0))
-_FIT1: Acts = (
-    *(_HOLD,) * 9,
-    ("stand", 0.8, (0, 0), (0, 4)),
-    ("trot", 1.2, (0.2, 0.4), (1, 3)),
-    ("leg_sweep", 1.1, (0.9, 1.2), (0, 0)),
-    ("sway", 0.9, (0.9, 1.2), (0, 2)),
-    ("trot", 1.0, (1.0, 1.4), (2, 5)),
-    ("rest", 1.4, (0, 0), (0, 0)),
-)
-_FIT2: Acts = (
-    *(_HOLD,) * 9,
-    ("walk", 1.0, (0.2, 0.6), (3, 6)),
-    ("leg_sweep", 1.0, (0.4, 0.7), (0, 0)),
-    ("sway", 0.9, (0.5, 0.8), (2, 4)),
-    ("trot", 1.2, (0.8, 1.4), (4, 7)),
-    ("rest", 0.6, (0, 0), (0, 0)),
-    ("squat", 0.8, (0.7, 1.1), (2, 4)),
-    ("rest", 1.4, (0, 0), (0, 0)),
-)
-_HOLDOUT: Acts = (
-    *(_HOLD,) * 3,
-    ("trot", 1.0, (0.3, 0.6), (1, 3)),
-    ("rest", 0.4, (0, 0), (0, 0)),
-    ("walk", 1.0, (0.3, 0.8), (0, 3)),
-    ("leg_sweep", 0.8, (0.6, 1.1), (0, 0)),
-    ("sway", 0.8, (0.7, 1.0), (1, 3)),
-    ("rest", 1.2, (0, 0), (0, 0)),
-)
-_TRIAL = {"fit1": (_FIT1, 22.0), "fit2": (_FIT2, 12.0), "holdout": (_HOLDOUT, 28.0)}
-
-
-def trial(seed: int = 0, fitted: int = 3600) -> dict[str, Run]:
-    """Return "fit1" (60 min, 22 degC), "fit2" (60 min, 12 degC) and "holdout" (40 min, 28 degC), each from cold.
-
-    They tell effects apart: load without speed, speed without load, both, groups of joints, all of them, a cool-down.
-    ``fitted``: s of each run to fit.
-    """
-    seconds = {"fit1": fitted, "fit2": fitted, "holdout": HOLDOUT_SECONDS}
-    return {
-        name: Run(draw_segments(stream(seed, "trial", name), acts, seconds[name]), ambient, cutout=None)
-        for name, (acts, ambient) in _TRIAL.items()
-    }
-
-
-def in_random_order(
-    acts: Acts, seconds: int, rng: np.random.Generator
-) -> list[tuple[str, int, tuple[float, float], tuple[float, float]]]:
-    """Return activity, whole seconds, ranges of speed and load: in random order, but for the last."""
-    order = [*rng.permutation(len(acts) - 1), len(acts) - 1]
-    share = np.array([acts[i][1] for i in order]) * rng.uniform(0.8, 1.2, len(order))
-    ends = np.rint(seconds * np.cumsum(share) / share.sum()).astype(int)
-    lengths = np.diff(ends, prepend=0)
-    return [(acts[i][0], int(length), *acts[i][2:]) for i, length in zip(order, lengths, strict=True)]
-
-
-def draw_segments(rng: np.random.Generator, acts: Acts, seconds: int) -> tuple[Segment, ...]:
-    """Draw segments of these activities in random order, but for the last."""
-    ordered = in_random_order(acts, seconds, rng)
-    segments, joints = [], [str(joint) for joint in rng.permutation(QUADRUPED_JOINTS)]
-    for activity, length, speeds, loads in ordered:
-        speed, load = float(rng.uniform(*speeds)), float(rng.uniform(*loads))
-        if activity == "hold":
-            joints = joints or [str(joint) for joint in rng.permutation(QUADRUPED_JOINTS)]
-            segments.append(Segment(activity, length, joints=tuple(joints[:4]), torque=load))
-            joints = joints[4:]
-        else:
-            segments.append(Segment(activity, length, speed, load))
-    return tuple(segments)
-
-
-Plan = Literal["protocol", "tests", "trial"]
-
-PLANS: dict[str, Callable[[int], dict[str, Run]]] = {
-    "protocol": protocol,
-    "tests": conditions,
-    "trial": trial,
-}
+Plan = Literal["protocol", "tests"]
+PLANS: dict[str, Callable[[int], dict[str, Run]]] = {"protocol": protocol, "tests": conditions}
 
 
 def plan(name: Plan, seed: int = 0) -> dict[str, Run]:
     """Return the runs of this name.
 
     Args:
-        name: "protocol" ([QuadrupedLPTN, table 1]), "tests" (table 3 and the multi-gait test) or "trial".
+        name: "protocol" ([QuadrupedLPTN, table 1]) or "tests" (table 3 and the multi-gait test).
         seed: 0 or above; draws ambients and the order of things.
 
     Raises:

@@ -48,14 +48,13 @@ class Sensor:
         return np.where(chance < self.dropouts, np.nan, readings)
 
 
-def noise_free_readings(network: Network, states: Array, copper: Array, before: int = 0) -> Array:
+def noise_free_readings(network: Network, states: Array, copper: Array) -> Array:
     """Return what the sensors would show (degC) at 0, 1, … s, of shape (seconds + 1, nodes with a sensor).
 
     Args:
         network: its robot's sensors, and the order of the states.
         states: degC at 0, 1, … s, of shape (seconds + 1, states).
         copper: loss at 25 degC in each second, W, of shape (seconds, nodes).
-        before: s that happened before the log begins; they aren't returned.
     """
     robot, count = network.robot, network.robot.sensed
     true = states[:, network.sensed]
@@ -63,7 +62,7 @@ def noise_free_readings(network: Network, states: Array, copper: Array, before: 
     for one, other, share in robot.positions:
         elsewhere = states[:, one] if other < 0 else true[:, other]
         readings[:, one] += share * (elsewhere - true[:, one])
-    readings = lagged(readings, robot.lag[:count])[before:]
+    readings = lagged(readings, robot.lag[:count])
     if robot.clock:
         readings = _delayed(readings, robot.clock)
     return readings + np.arange(len(readings))[:, None] * robot.drift[:count] + robot.offset[:count]
