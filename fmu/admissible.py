@@ -20,8 +20,6 @@ from lptn.planners import Limiter
 
 from .variables import ZERO_CELSIUS, structured_name
 
-_LEAST = 1e-6  # N*m; a speed is not told from less
-
 
 @dataclass(frozen=True)
 class Admissible:
@@ -85,13 +83,14 @@ class Admissible:
         warm, parameters = x - ZERO_CELSIUS, p[:own] - ca.DM(self.parameter_offsets)
         per_unit = ca.Function("torque", [heat.x, heat.p], [heat.torque])(warm, parameters)
         conditions = []
+        least = 1e-6  # N*m; a speed is not told from less
         for column in limiter.conditions:
             value = inputs.get(column)
             if value is None:
                 # Of a joint's power its speed: the power that is connected, if one is, goes with the load beside it.
                 place = column.partition(".")[2]
                 joint, power = limiter.joints.index(place), raw[f"mechanical_power.{place}"]
-                torque = ca.fmax(ca.fabs(load[joint] * per_unit[joint]), _LEAST)
+                torque = ca.fmax(ca.fabs(load[joint] * per_unit[joint]), least)
                 value = ca.if_else(power < 0, raw[column], power / torque)
             conditions.append(value)
         arguments = (warm, ca.vertcat(*load), ca.vertcat(ca.MX(0, 1), *conditions), parameters, limits)

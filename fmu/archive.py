@@ -32,7 +32,6 @@ from .library import fault
 from .trust import is_own
 
 REALS = {"Real", "Float64"}
-_CHUNK = 1 << 20
 _IDENTIFIER = re.compile(rb"""modelIdentifier\s*=\s*(["'])(.*?)\1""")
 _BEGINNING = re.compile(rb"\s*(?:<\?xml\b([^>]*)\?>|<[A-Za-z!])")
 _ENCODING = re.compile(rb"""encoding\s*=\s*["']([^"']*)["']""")
@@ -305,8 +304,9 @@ def _write(archive: zipfile.ZipFile, entry: zipfile.ZipInfo, folder: Path) -> No
     """Unpack one file, of the size at most that its header claims: `zipfile` reads no further."""
     target = folder / entry.filename
     target.parent.mkdir(parents=True, exist_ok=True)
+    chunk = 1 << 20
     with archive.open(entry) as stream, target.open("xb") as output:
-        shutil.copyfileobj(stream, output, _CHUNK)
+        shutil.copyfileobj(stream, output, chunk)
 
 
 def _check_description(file: Path, path: Path) -> None:

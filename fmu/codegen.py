@@ -228,11 +228,6 @@ def _dependents_of_limits(
 # --- the inner step of Co-Simulation, checked against the fastest time constant ----------------------
 
 Solver = Literal["rk4", "ros2"]
-_EXACT = 0.05  # step over fastest time constant at which RK4 errs by 5e-8 of a mode
-_LONGEST = 1.0  # s; no robot's load keeps still for longer
-_ROS2_STEP = 0.1  # s; of second order, so no longer than this where no step is given
-_REACH = 0.5  # longest step over fastest time constant that is left to RK4
-_MOST_PARTS = 1000  # a finer division means a stiff network: that is what ROS2 is for
 
 
 @dataclass(frozen=True)
@@ -268,15 +263,20 @@ def integration(component: Component, solver: str, step: float | None) -> Integr
     if step is not None and not (step > 0 and math.isfinite(step)):
         raise InputError(origin, "step", f"{step!r}", "a positive number of seconds")
     fastest = 1 / _fastest_rate(component)
+    ros2_step = 0.1  # s; of second order, so no longer than this where no step is given
     if solver == "ros2":
-        return Integration("ros2", step or _ROS2_STEP, fastest)
+        return Integration("ros2", step or ros2_step, fastest)
+    exact = 0.05  # step over fastest time constant at which RK4 errs by 5e-8 of a mode
+    longest = 1.0  # s; no robot's load keeps still for longer
     if step is None:
-        return Integration("rk4", _rounded_down(min(_LONGEST, _EXACT * fastest)), fastest)
-    parts = math.ceil(step / (_REACH * fastest) - 1e-9)
+        return Integration("rk4", _rounded_down(min(longest, exact * fastest)), fastest)
+    reach = 0.5  # longest step over fastest time constant that is left to RK4
+    parts = math.ceil(step / (reach * fastest) - 1e-9)
     if parts <= 1:
         return Integration("rk4", step, fastest)
     asked = f"a step of {step:g} s with a fastest time constant of {fastest:.3g} s"
-    if parts > _MOST_PARTS:
+    most_parts = 1000  # a finer division means a stiff network: that is what ROS2 is for
+    if parts > most_parts:
         raise InputError(origin, "step", asked, "solver ros2, or a shorter step")
     note = f"{asked}: divided into {parts} inner steps of {step / parts:.3g} s"
     return Integration("rk4", step / parts, fastest, (note,))

@@ -39,12 +39,8 @@ DEFAULT_LIMIT = 80.0
 """Temperature limit of a node where none is given [degC]."""
 ROOM = 25.0
 """Start temperature where none is given [degC]."""
-_BAND = 10.0  # K below the limit where derating begins
-_HORIZON = 3600.0  # s that the forecast looks ahead
 _INPUT_STARTS = {"powered": 1.0}  # a robot that is simulated is switched on; all other inputs start at rest
 _AT_LEAST_ZERO = ("powered", "fan", "irradiance")  # inputs that no robot has below 0
-_NOT_CONNECTED = -1.0  # of a mean that can't be negative: it is formed from the raw inputs
-_LEAST_POSITIVE = 1e-9  # the least value of a parameter that must be positive
 
 
 @dataclass(frozen=True)
@@ -259,10 +255,11 @@ class _Builder:
         return sum(temperatures) / len(temperatures) + ZERO_CELSIUS
 
     def _add_inputs(self) -> None:
+        not_connected = -1.0  # of a mean that can't be negative: it is formed from the raw inputs
         for column, offset in zip(self.columns, self.input_offsets, strict=True):
             hot, quantity = offset > 0, column.partition(".")[0]
             start = ROOM + offset if hot else _INPUT_STARTS.get(quantity, 0.0)
-            start = _NOT_CONNECTED if _raw_of(column) else start
+            start = not_connected if _raw_of(column) else start
             name, unit, description = from_column(column), fmi_unit(column_unit(column)), column_description(column)
             least = 0.0 if hot or quantity in _AT_LEAST_ZERO else None
             self._add(name, "input", unit, start, description, celsius=hot, minimum=least)
@@ -275,11 +272,13 @@ class _Builder:
             description = f"Limit that {place} must not pass"
             self._add(name, "parameter", "K", limit, description, celsius=True, minimum=0.0)
         description = "Range below the limit in which the limiter takes torque away"
-        self._add("limiter.band", "parameter", "K", _BAND, description, minimum=1e-3)
+        band = 10.0  # K below the limit where derating begins
+        self._add("limiter.band", "parameter", "K", band, description, minimum=1e-3)
         if not self.forecast:
             return
         description = "How far time_to_limit looks ahead; it shows this where no limit is reached before"
-        self._add("limiter.horizon", "parameter", "s", _HORIZON, description, minimum=1e-3, maximum=1e7)
+        horizon = 3600.0  # s that the forecast looks ahead
+        self._add("limiter.horizon", "parameter", "s", horizon, description, minimum=1e-3, maximum=1e7)
 
     def _add_events(self) -> None:
         for place in self.model.places:
@@ -297,7 +296,8 @@ class _Builder:
         hot = unit == "degC"
         lower, upper = declared.bounds
         shape = unit == "1" and upper < 1e3  # an exponent or a share keeps its bounds; a size may be tuned past a fit's
-        minimum = 0.0 if hot else lower if shape else _LEAST_POSITIVE if lower > 0 else 0.0 if lower == 0 else None
+        least_positive = 1e-9  # the least value of a parameter that must be positive
+        minimum = 0.0 if hot else lower if shape else least_positive if lower > 0 else 0.0 if lower == 0 else None
         label, quantity, owner = parameter.effect, declared.name, parameter.owner
         title = declared.title or declared.name
         one, other = places_of_owner(owner, self.model.network.prescribed)

@@ -38,11 +38,9 @@ _HEADERS = {
     3: ("fmi3Functions.h", "fmi3FunctionTypes.h", "fmi3PlatformTypes.h"),
 }
 _CORE = ("core.c", "core.h", "derivatives.c", "events.c", "snapshots.c", "solve.c")
-_STOP = 3600.0  # s; default experiment
 _LONGEST_NAME = 240  # characters; file systems take 255 with what compilers put behind a library's name
 _NOT_XML = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ufffe\uffff]")
 _NAMESPACE = uuid.UUID("6e1c2f0a-6c7b-5d0e-9a64-8f2d3b1c7e55")  # of the tokens; any fixed one would do
-_EPOCH = (1980, 1, 1, 0, 0, 0)  # of the files in the archive, so that the same model gives the same bytes
 
 
 @dataclass(frozen=True)
@@ -204,9 +202,10 @@ def _identifier(network: Network) -> str:
 
 def _archive(entries: Mapping[str, bytes]) -> bytes:
     stream = io.BytesIO()
+    epoch = (1980, 1, 1, 0, 0, 0)  # of the files in the archive, so that the same model gives the same bytes
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
         for path in sorted(entries, key=lambda path: (path != "modelDescription.xml", path)):
-            info = zipfile.ZipInfo(path, _EPOCH)
+            info = zipfile.ZipInfo(path, epoch)
             info.compress_type = zipfile.ZIP_DEFLATED
             info.external_attr = (0o755 if path.startswith("binaries/") else 0o644) << 16
             archive.writestr(info, entries[path])
@@ -290,6 +289,7 @@ def _values(component: Component, integration: Integration, fmi: int, joined: Se
     """What the templates show."""
     name, variables = component.model.network.name, component.variables
     seen = _shown(component, joined, fmi)
+    stop = 3600.0  # s; default experiment
     return {
         "name": name,
         "version": metadata("lptn")["Version"],
@@ -314,7 +314,7 @@ def _values(component: Component, integration: Integration, fmi: int, joined: Se
         "solver": integration.solver,
         "step": integration.step,
         "fastest": integration.fastest,
-        "stop": _STOP,
+        "stop": stop,
     }
 
 

@@ -5,10 +5,6 @@ from __future__ import annotations
 import struct
 from pathlib import Path
 
-_MACH = 0xFEEDFACF  # 64 bits, little-endian
-_SEGMENT = 0x19  # LC_SEGMENT_64
-_FAT = 0xCAFEBABE  # Mach-O for several machines, big-endian
-
 
 def fault(path: Path) -> str | None:
     """What is wrong with a shared library for Linux, Windows or macOS of 64 bits; `None` where nothing is.
@@ -31,9 +27,11 @@ def _end(content: bytes) -> int | None:
         return _end_of_elf(content)
     if content[:2] == b"MZ":
         return _end_of_pe(content)
-    if content[:4] == struct.pack("<I", _MACH):
+    mach = 0xFEEDFACF  # 64 bits, little-endian
+    if content[:4] == struct.pack("<I", mach):
         return _end_of_mach(content)
-    if content[:4] == struct.pack(">I", _FAT):
+    fat = 0xCAFEBABE  # Mach-O for several machines, big-endian
+    if content[:4] == struct.pack(">I", fat):
         (count,) = struct.unpack_from(">I", content, 4)
         parts = [struct.unpack_from(">IIIII", content, 8 + 20 * row) for row in range(count)]
         return int(max(offset + size for _, _, offset, size, _ in parts))
@@ -71,9 +69,10 @@ def _end_of_mach(content: bytes) -> int:
     """The end of the last segment (<mach-o/loader.h>)."""
     commands, size = struct.unpack_from("<II", content, 16)
     position, ends = 32, [32 + size]
+    segment = 0x19  # LC_SEGMENT_64
     for _ in range(commands):
         command, length = struct.unpack_from("<II", content, position)
-        if command == _SEGMENT:
+        if command == segment:
             offset, in_file = struct.unpack_from("<QQ", content, position + 40)
             ends.append(offset + in_file)
         if length < 8:

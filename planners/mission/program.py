@@ -29,9 +29,6 @@ _IPOPT = {
     # The program is scaled as it stands; with the scaling of the linear solver the factors fill in: 25 times slower.
     "mumps_permuting_scaling": 0, "mumps_scaling": 0,
 }  # fmt: skip
-_NO_PRICE = 1e8
-"""Multiplier of a bound, in `TIME` per unit, that none has: 3000 years for a kelvin. On the way to an optimum they
-stayed below 1e5; where no plan keeps the limits they grow without end, and a step of IPOPT then takes a minute."""
 ELEMENTS, DEGREE = 4, 3
 TIME, LOAD = 1000.0, 10.0  # s, kg: sizes that make the program's numbers about one
 _HASTE = 1e-4  # of plans that do equally much the faster is meant; too little to show in a price
@@ -303,4 +300,7 @@ class _Watch(ca.Callback):
     def eval(self, arguments: Sequence[Any]) -> list[int]:
         """1 to stop."""
         prices = arguments[list(self._sizes).index("lam_x")]
-        return [int(float(ca.norm_inf(prices)) > _NO_PRICE)]
+        # Multiplier of a bound, in `TIME` per unit, that none has: 3000 years for a kelvin. On the way to an optimum
+        # they stayed below 1e5; where no plan keeps the limits they grow without end, and a step then takes a minute.
+        no_price = 1e8
+        return [int(float(ca.norm_inf(prices)) > no_price)]

@@ -62,7 +62,6 @@ if TYPE_CHECKING:
 
 logger = logging.getLogger(__name__)
 
-_FINEST = 1e-3  # s; no robot logs its joints faster
 
 Logs = Log | Run | Iterable[Log | Run]
 """One log, or several: paths, data frames, or runs that were read before."""
@@ -661,10 +660,11 @@ class Study:
         loaded = self._loaded
         inputs, outputs = needed_columns(loaded.model)
         signed = [f"signed_velocity.{node}" for node in loaded.model.nodes]
+        finest = 1e-3  # s; no robot logs its joints faster
         last = read_log(
             self._logs[run.source],
             loaded.columns,
-            step=_FINEST,
+            step=finest,
             inputs=inputs if loaded.guessing else (),  # for its guesses are what the model needs
             outputs=outputs,
             optional=signed,

@@ -110,7 +110,6 @@ class Parameter:
 
 
 _NEAR_ZERO = 0.1  # of the typical size: below it what may be 0, or a conductance, is searched in even steps
-_NEARLY_NONE = -1e-12  # coordinate of a resistance without end, whose square a computer still can hold
 
 
 @dataclass(frozen=True)
@@ -232,8 +231,9 @@ class Transform:
         positive = np.exp(np.where(self._log, coordinates, 0.0))
         from_zero = np.sinh(np.where(self._from_zero, coordinates, 0.0))
         shares = np.where(self._from_zero, from_zero, coordinates)
+        nearly_none = -1e-12  # coordinate of a resistance without end, whose square a computer still can hold
         with np.errstate(over="ignore"):  # a search may try what no computer holds
-            conductances = np.sinh(-np.where(self._resistance, np.minimum(coordinates, _NEARLY_NONE), -1.0))
+            conductances = np.sinh(-np.where(self._resistance, np.minimum(coordinates, nearly_none), -1.0))
         return np.where(self._log, positive, self._scale * np.where(self._resistance, 1.0 / conductances, shares))
 
     def expression(self, place: int, coordinate: Any) -> Any:

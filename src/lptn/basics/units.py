@@ -6,7 +6,6 @@ import re
 from functools import cache
 from typing import Any
 
-_LONGEST = 60  # characters; no unit that people write comes near
 _NUMBER = re.compile(r"(?<!\w)\d[\d.]*")
 _POWER = ("**", "^")
 _MULTIPLES = {("cm", "m"): 1e-2, ("mm", "m"): 1e-3, ("min", "s"): 60.0, ("h", "s"): 3600.0}
@@ -27,7 +26,8 @@ def _harmless(unit: str) -> str:
     Raises:
         ValueError: it is longer than any unit, or holds a number that is neither 1 nor an exponent of two digits.
     """
-    if len(unit) > _LONGEST:
+    longest = 60  # characters; no unit that people write comes near
+    if len(unit) > longest:
         raise ValueError("more text than a unit has")
     for number in _NUMBER.finditer(unit):
         before, after = unit[: number.start()].rstrip("-+( "), unit[number.end() :].lstrip(") ")

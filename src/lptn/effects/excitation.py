@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 CHANGE = 0.1  # of an input's largest one-minute mean: less counts as constant
 ZERO = 1e-9  # in any SI unit: below it an input is 0 but for rounding
-_AT_REST = 0.02  # share of the time: some minutes of standstill in an hour are enough to see what rest looks like
 _RISE = 10.0  # K; the usual laws bend the loss of heat by 5 % or so over it, more than the scatter of a fit
 _APART = 0.5  # K; nodes that differ by less exchange too little heat to tell from what reaches them otherwise
 _AMBIENT = 1.0  # K; a smaller change of the surroundings is within the error of an ambient sensor
@@ -103,7 +102,8 @@ LOAD_STEPS = ExcitationRule(
 
 
 def _rest_or_levels(logs: Excitation, _: Collection[str]) -> str:
-    if logs.cool_downs or logs.still > _AT_REST or logs.levels > 1:
+    at_rest = 0.02  # share of the time: some minutes of standstill in an hour are enough to see what rest looks like
+    if logs.cool_downs or logs.still > at_rest or logs.levels > 1:
         return ""
     return "no standstill and one level of load: it looks like more heat"
 

@@ -8,8 +8,6 @@ from lptn.basics.parameters import LARGEST, Parameter
 from lptn.effects.base import NodeEffect, Signature, Symbol
 from lptn.effects.excitation import speed_apart_from_load
 
-_STANDSTILL = 1e-12  # rad/s; keeps the derivative by the exponent finite at rest
-
 
 class IronLoss(NodeEffect):
     r"""Hysteresis and eddy-current heat, together a power of the speed.
@@ -39,4 +37,5 @@ class IronLoss(NodeEffect):
     source = "Steinmetz's law at constant flux ([Steinmetz1892])"
 
     def heat(self, temperature: Symbol, inputs: SimpleNamespace, p: SimpleNamespace) -> Symbol:
-        return p.gain * (abs(inputs.velocity_rms) + _STANDSTILL) ** p.exponent
+        standstill = 1e-12  # rad/s; keeps the derivative by the exponent finite at rest
+        return p.gain * (abs(inputs.velocity_rms) + standstill) ** p.exponent

@@ -28,8 +28,6 @@ from lptn.model.model import Model
 
 FAR = 4.0  # robust standard deviations
 RMSE = "rmse"
-_MAD_TO_SIGMA = 1.4826
-_FEWEST = 5  # robots, below which nobody can be said to stand apart
 _ROUNDING = 1e-6  # share of the size by which searches scatter
 
 
@@ -107,6 +105,7 @@ def spread_of(model: Model, fitted: Sequence[Outcome]) -> tuple[Spread, ...]:
     logarithmic = {parameter.name: parameter.logarithmic for parameter in model.parameters} | {RMSE: True}
     names = [RMSE, *dict.fromkeys(name for outcome in fitted for name in outcome.parameters)]
     spreads = []
+    mad_to_sigma = 1.4826
     for name in names:
         entries = [entry for outcome in fitted if (entry := _entry(outcome, name)) is not None]
         if not entries:
@@ -115,7 +114,7 @@ def spread_of(model: Model, fitted: Sequence[Outcome]) -> tuple[Spread, ...]:
         low, median, high = (float(share) for share in np.quantile(values, (0.25, 0.5, 0.75)))
         straight = logarithmic.get(name, False) and bool((values > 0).all())
         apart = _coordinate(values, straight) - _coordinate(np.array([median]), straight)
-        scale = _MAD_TO_SIGMA * float(np.median(np.abs(apart)))
+        scale = mad_to_sigma * float(np.median(np.abs(apart)))
         spreads.append(Spread(name, entries[0][2], len(entries), median, (low, high), scale, straight))
     return tuple(spreads)
 
@@ -128,8 +127,9 @@ def outliers(spread: Sequence[Spread], fitted: Sequence[Outcome]) -> tuple[Outli
         fitted: its robots.
     """
     result = []
+    fewest = 5  # robots, below which nobody can be said to stand apart
     for distribution in spread:
-        if distribution.robots < _FEWEST:
+        if distribution.robots < fewest:
             continue
         for outcome in fitted:
             entry = _entry(outcome, distribution.what)
@@ -168,7 +168,6 @@ def _coordinate(values: FloatArray, logarithmic: bool) -> FloatArray:
 
 
 _IN_FLIGHT = 64
-_A_WORKER = 2  # robots handed out for each process of our own
 
 
 Report = Callable[[str], None]
@@ -263,11 +262,12 @@ def fit_each(
     by_robot: dict[str, Outcome] = {}
     count = _Count(len(fleet), report)
     work = Work(order, results)
+    a_worker = 2  # robots handed out for each process of our own
     with results.alone() if results else nullcontext():
         if executor is not None:
             outcomes = elsewhere(work, fleet, executor, in_flight or _IN_FLIGHT)
         elif jobs > 1:
-            outcomes = in_processes(work, fleet, jobs, in_flight or _A_WORKER * jobs)
+            outcomes = in_processes(work, fleet, jobs, in_flight or a_worker * jobs)
         else:
             outcomes = here(work, fleet)
         with closing(outcomes):

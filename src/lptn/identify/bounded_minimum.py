@@ -6,8 +6,6 @@ import numpy as np
 
 from lptn.basics.arrays import BoolArray, FloatArray
 
-_GUESSES = 30  # of which unknowns end at a bound; in fits seldom more than four are needed
-_MOST_FACES = 10  # times the number of unknowns: ends what rounding would never end
 _ROUNDING = 1e-12  # of a slope's terms
 
 
@@ -28,7 +26,8 @@ def bounded_minimum(gradient: FloatArray, hessian: FloatArray, lower: FloatArray
     best = np.clip(0.0, lower, upper)
     least = gradient @ best + 0.5 * best @ hessian @ best
     guessed: set[bytes] = set()
-    while len(guessed) < _GUESSES and (key := np.concatenate([below, above]).tobytes()) not in guessed:
+    guesses = 30  # of which unknowns end at a bound; in fits seldom more than four are needed
+    while len(guessed) < guesses and (key := np.concatenate([below, above]).tobytes()) not in guessed:
         guessed.add(key)
         step, free = np.where(below, lower, np.where(above, upper, 0.0)), ~(below | above)
         _settle(step, free, gradient, hessian)
@@ -54,7 +53,8 @@ def _along_faces(
 ) -> FloatArray:
     """The minimum from a point within the bounds: each step goes downhill, and keeps to the bounds that it meets."""
     free = (x > lower) & (x < upper)
-    for _ in range(_MOST_FACES * len(x)):
+    most_faces = 10  # times the number of unknowns: ends what rounding would never end
+    for _ in range(most_faces * len(x)):
         goal = x.copy()
         _settle(goal, free, gradient, hessian)
         room = np.where(goal < lower, lower - x, upper - x)

@@ -35,7 +35,6 @@ Window = tuple[float, float]
 EVERYTHING: Window = (float("-inf"), float("inf"))
 # The first tenth of a held-out run finds its initial temperatures: at least a minute, and ten readings.
 _INITIALISATION_SHARE, _LEAST_INITIALISATION, _LEAST_INITIALISATION_STEPS = 0.1, 60.0, 10  # s for the second
-_MOST_INITIALISATION_SHARE = 0.5  # a short run can't spare more
 _LEAST_STEPS_KEPT, _OF_A_PIECE = 300, 10  # steps that a coarsened log keeps at least, and each piece of it
 
 
@@ -183,7 +182,8 @@ def holdout_segment(run: Run) -> Segment:
     length = max(
         _INITIALISATION_SHARE * len(run) * run.step, _LEAST_INITIALISATION, _LEAST_INITIALISATION_STEPS * run.step
     )
-    border = run.time[0] + min(length, _MOST_INITIALISATION_SHARE * len(run) * run.step)
+    most_initialisation_share = 0.5  # a short run can't spare more
+    border = run.time[0] + min(length, most_initialisation_share * len(run) * run.step)
     return Segment(run, (float("-inf"), border), (border, float("inf")))
 
 

@@ -37,9 +37,7 @@ from lptn.simulate.simulation import simulate
 Keep = Callable[[Point], None]
 """Called with the best point so far."""
 
-_COARSE_STEP = 10.0  # s; the first search is on averages so long: a tenth of the readings, near the same optimum
 _ROUGH = 3e-5  # share of the cost that a search on averages leaves: the next one takes a step or two from there
-_LEAST_COARSE = 150  # steps that a run must keep for such averages
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -238,7 +236,9 @@ def _first_guess(coarse: Problem) -> FloatArray:
 
 def _coarse(model: Model, bound: BoundRun) -> BoundRun:
     """The same run in steps of about 10 s, where it is long enough."""
-    factor = min(round(_COARSE_STEP / bound.run.step), len(bound) // _LEAST_COARSE)
+    coarse_step = 10.0  # s; the first search is on averages so long: a tenth of the readings, near the same optimum
+    least_coarse = 150  # steps that a run must keep for such averages
+    factor = min(round(coarse_step / bound.run.step), len(bound) // least_coarse)
     if factor < 2:
         return bound
     coarse = bind(model, bound.run.coarsen(factor))
@@ -277,7 +277,6 @@ def tolerant(done: Fit, tolerance: FloatArray | None, *, precision: float = PREC
 
 
 _EVERY = 3.0  # s between two writes
-_EXPIRED = 30 * 86400.0  # s; checkpoints of fits that nobody went on with for a month are removed
 
 
 def fingerprint_of(text: str, logs: Iterable[tuple[str, str]], options: Mapping[str, object]) -> str:
@@ -337,9 +336,10 @@ class Checkpoint:
 
     def remove(self) -> None:
         """Remove the point, the fit being done, and expired ones of other fits."""
+        expired = 30 * 86400.0  # s; checkpoints of fits that nobody went on with for a month are removed
         with contextlib.suppress(OSError):
             self.path.unlink(missing_ok=True)
-            oldest = time.time() - _EXPIRED
+            oldest = time.time() - expired
             for other in self._folder.glob("*.json"):
                 if other.stat().st_mtime < oldest:
                     other.unlink(missing_ok=True)

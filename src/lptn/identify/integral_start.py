@@ -18,10 +18,6 @@ from lptn.model.model import Model
 from lptn.simulate.bound_run import BoundRun, default_start
 from lptn.simulate.kernel import AtPoints
 
-_MOST_ROWS = 400  # instants of each run that enter
-_FAINT = 1e-12  # W/K; a link that conducts less is none
-_RIDGE = 1.0  # weight of a declared value: so far from it costs as much as one standard deviation of the data
-
 
 def integral_start(model: Model, bound_runs: Sequence[BoundRun], sigma: FloatArray) -> FloatArray:
     """Parameter values, shape (m,), that balance the integrated heat; nonlinear ones stay as declared.
@@ -80,7 +76,8 @@ class _LinearBalance:
         # Shape (nodes, 1 + chosen, n): the constant heat, then what each chosen parameter adds a unit of itself.
         integrals = _integrated(np.moveaxis(self._heat(states, bound.inputs, w0), 0, 2), bound.run.step)
         rise = temperatures - temperatures[:, :1]
-        instants = np.unique(np.linspace(0, n - 1, min(n, _MOST_ROWS)).astype(int))
+        most_rows = 400  # instants of each run that enter
+        instants = np.unique(np.linspace(0, n - 1, min(n, most_rows)).astype(int))
         for i in range(nodes):
             kept = instants[bound.counted[i][instants]]
             if kept.size == 0:
@@ -101,11 +98,13 @@ class _LinearBalance:
         scale = np.array([self._scale(i) for i in self.chosen])
         declared = self._declared[self.chosen]
         slope = (squares @ declared - sides) * scale
-        curvature = squares * np.outer(scale, scale) + _RIDGE**2 * np.eye(len(scale))
+        ridge = 1.0  # weight of a declared value: so far from it costs as much as one standard deviation of the data
+        curvature = squares * np.outer(scale, scale) + ridge**2 * np.eye(len(scale))
         lower, upper = ((bounds - declared[:, None]) / scale[:, None]).T
         w = self._declared.copy()
         w[self.chosen] += bounded_minimum(slope, curvature, lower, upper) * scale
-        values = np.divide(1.0, np.maximum(w, _FAINT), out=w.copy(), where=self._inverse)
+        faint = 1e-12  # W/K; a link that conducts less is none
+        values = np.divide(1.0, np.maximum(w, faint), out=w.copy(), where=self._inverse)
         return np.where(np.isin(np.arange(len(values)), self.chosen), values, model.values)
 
     def _bounds(self, index: int) -> tuple[float, float]:

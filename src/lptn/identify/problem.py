@@ -14,11 +14,6 @@ from lptn.model.model import Model
 from lptn.simulate.bound_run import BoundRun, default_start, excess_at_start, most_in_a_row
 from lptn.simulate.simulation import Sensitivities, SimulationError, sensitivity_windows, simulate
 
-_SEEN_SPREAD = 1000.0
-"""K, prior standard deviation of a measured node's initial temperature, so much as none: its readings hold it, and a
-prior about its first reading would speak against an offset of its sensor."""
-_NODE_SPREAD = 10.0  # K, of a node without a sensor
-_HIDDEN_SPREAD = 5.0  # K, of a state that no sensor sees: narrower, since nothing else holds it
 AT_REST = 0.5
 """K, standard deviation of a start, of a node's or of a hidden state's, in a robot that begins as warm as its
 surroundings: sensors of 1 K steps, and the air's 0.3 K."""
@@ -26,7 +21,6 @@ _REPEATED = 5.0
 """s; so long at least what a model gets wrong stays the same, while a sensor's noise differs with each reading. Of
 readings closer than that several say once what the log was wrong by, and priors count as often: a log of 1 Hz and
 its means over 5 s, which effects are sought on, find the same errors of the log."""
-_CLOSE = 1e-4  # deviations from where an effect is none, up to which Cauchy's density is a normal one
 _AT_BOUND = 1e-4  # distance to a bound, in the search's coordinates
 _NEAR = 1.5  # K; a node starts no further from its first readings, unless an effect of its sensor is modelled
 
@@ -388,8 +382,12 @@ class Problem:
         A hidden mass may be as far from its node as the node is from its surroundings, for heat passes one resistance
         on its way to each: in a robot that begins cold nothing is warm, whatever its first minutes seem to ask for.
         """
-        hidden = np.fmin(AT_REST + excess_at_start(self.model, bound), _HIDDEN_SPREAD)
-        seen = np.where(bound.counted.any(axis=1), _SEEN_SPREAD, _NODE_SPREAD)
+        hidden_spread = 5.0  # K, of a state that no sensor sees: narrower, since nothing else holds it
+        hidden = np.fmin(AT_REST + excess_at_start(self.model, bound), hidden_spread)
+        # K, of a measured node, so much as none: its readings hold it, and a prior about its first reading would speak
+        # against an offset of its sensor; and of a node without a sensor.
+        seen_spread, node_spread = 1000.0, 10.0
+        seen = np.where(bound.counted.any(axis=1), seen_spread, node_spread)
         return np.concatenate([seen, hidden])
 
     def off_priors(self, z: FloatArray) -> FloatArray:
@@ -404,7 +402,8 @@ class Problem:
         off = (values[self.free][self._with_prior] - self._means) / self._deviations
         long = np.sign(off) * np.sqrt(2.0 * np.log1p(off**2))
         slope = np.full(off.shape, np.sqrt(2.0))
-        np.divide(2.0 * off / (1.0 + off**2), long, out=slope, where=np.abs(off) > _CLOSE)
+        close = 1e-4  # deviations from where an effect is none, up to which Cauchy's density is a normal one
+        np.divide(2.0 * off / (1.0 + off**2), long, out=slope, where=np.abs(off) > close)
         return np.where(self._about_none, long, off), np.where(self._about_none, slope, 1.0)
 
     def _prior_residuals(self, z: FloatArray, point: Point) -> FloatArray:

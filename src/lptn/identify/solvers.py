@@ -24,7 +24,6 @@ from lptn.simulate.simulation import SimulationError
 # --- Cost, gradient and Gauss-Newton Hessian of a problem, each point worked out once -------------
 
 
-_REMEMBERED = 4  # points whose costs are kept: a line search comes back to the last few
 _DAMPING = 1e-10  # relative; keeps the Hessian positive where the data say nothing
 
 
@@ -43,8 +42,9 @@ class Evaluator:
     def cost(self, z: FloatArray) -> float:
         """Scaled cost; infinite where the model can't be simulated."""
         key = z.tobytes()
+        remembered = 4  # points whose costs are kept: a line search comes back to the last few
         if key not in self._costs:
-            if len(self._costs) >= _REMEMBERED:
+            if len(self._costs) >= remembered:
                 self._costs.pop(next(iter(self._costs)))
             self._costs[key] = self.problem.cost(z) * self.scale
             if self._costs[key] < self.best[0]:
@@ -70,9 +70,7 @@ class Evaluator:
 
 Ending = Literal["converged", "stopped"]
 
-_GAIN = 1e-6  # of the cost, a log-likelihood: some thousandth of a standard error away from the optimum
 PRECISION = 3e-8  # of the cost: where the model misses much, so little is beyond all meaning
-_FAR = 1e6  # no start of a run is moved as far, in K
 _REACH = log(10.0)
 """In the search's coordinates, of a parameter: beyond a factor of ten the quadratic model is no guide. What vanishes to
 first order, such as the time constant of a mass without capacitance, would be sent to infinity and stay there."""
@@ -110,6 +108,7 @@ def polish(
         `"converged"`: the optimum was reached; `"stopped"` before that.
     """
     damping, costs, curvature = 0.0, [evaluator.cost(z)], _Curvature(len(z))
+    gain = 1e-6  # of the cost, a log-likelihood: some thousandth of a standard error away from the optimum
     for _ in range(most):
         if stopped():
             return "stopped"
@@ -117,7 +116,7 @@ def polish(
         if not np.isfinite(hessian).all():
             return "stopped"
         hessian = curvature.added_to(hessian, z, gradient, costs[-1])
-        enough = max(_GAIN * evaluator.scale, precision * evaluator.cost(z))
+        enough = max(gain * evaluator.scale, precision * evaluator.cost(z))
         free = bounded_minimum(gradient, hessian, *_room(evaluator.problem, z))
         predicted = _predicted_gain(gradient, hessian, free)
         if predicted < enough:
@@ -201,7 +200,8 @@ def _downhill(
 def _room(problem: Problem, z: FloatArray) -> tuple[FloatArray, FloatArray]:
     """How far each unknown may move in one step, down and up, shape (size,) each."""
     lower, upper = problem.bounds
-    reach = np.full(len(z), _FAR)
+    far = 1e6  # no start of a run is moved as far, in K
+    reach = np.full(len(z), far)
     reach[: len(problem.free)] = _REACH
     return np.maximum(lower - z, -reach), np.minimum(upper - z, reach)
 
@@ -248,7 +248,6 @@ _IPOPT = {
 }
 _STATUS = {"Solve_Succeeded": "converged", "Solved_To_Acceptable_Level": "converged"}
 _STOPPED = "User_Requested_Stop"
-_NEARLY = 1e-3  # relative change of the cost in an iteration, below which polishing takes over
 
 
 @dataclass(frozen=True)
@@ -309,7 +308,8 @@ class _Watcher:
 
     def __call__(self, _arguments: list[ca.DM]) -> list[Any]:
         cost, first = self.evaluator.best[0], not np.isfinite(self._before)
-        near = 0 < self._before - cost < _NEARLY * cost
+        nearly = 1e-3  # relative change of the cost in an iteration, below which polishing takes over
+        near = 0 < self._before - cost < nearly * cost
         self._before = cost
         if not first:
             self.count()

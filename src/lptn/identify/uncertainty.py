@@ -11,14 +11,8 @@ from lptn.basics.arrays import BoolArray, FloatArray, IntArray
 from lptn.basics.parameters import Parameter, ParameterInstance
 from lptn.identify.problem import Problem
 
-_UNDETERMINED = 0.7  # standard error of a logarithm, a factor of two, above which a value means little
 _SINGULAR = 1e-9  # eigenvalue, relative to the largest, of a combination that changes no temperature
-_BLOCKS = (600.0, 300.0, 120.0, 60.0)  # s; the longest of which there are enough are used
-_LEAST_BLOCKS = 3  # for each unknown of the fit
 _INVOLVED = 0.05  # component of a unit vector from which on a parameter is named as part of a combination
-_SAME_SIZE = 0.01  # components of a vector that differ by less are one common factor
-_NEARLY_OFF = 1e-4  # of what is typical
-_FAR = 3.0  # standard deviations of a prior: chance leads so far once in 370 times
 
 
 @dataclass(frozen=True)
@@ -112,9 +106,11 @@ def _widened_by_blocks(covariance: FloatArray, problem: Problem, z: FloatArray, 
     add to the cost: their scatter, seen through the Hessian, is what the parameters scatter by.
     """
     count = len(problem.free)
-    for seconds in _BLOCKS:
+    blocks = (600.0, 300.0, 120.0, 60.0)  # s; the longest of which there are enough are used
+    least_blocks = 3  # for each unknown of the fit
+    for seconds in blocks:
         gradients = problem.block_gradients(z, seconds)
-        if len(gradients) >= _LEAST_BLOCKS * problem.size:
+        if len(gradients) >= least_blocks * problem.size:
             break
     else:
         return covariance
@@ -142,11 +138,12 @@ def _open_combinations(vectors: FloatArray) -> list[tuple[IntArray, bool]]:
     part = onto[np.ix_(involved, involved)]
     count, labels = connected_components(np.abs(part) > _INVOLVED**2, directed=False)
     combinations = []
+    same_size = 0.01  # components of a vector that differ by less are one common factor
     for label in range(count):
         own = labels == label
         shares = np.sqrt(np.diag(part)[own])  # of a single combination: the components of its vector
         single = round(float(np.sum(shares**2))) == 1
-        combinations.append((involved[own], bool(single and own.sum() > 1 and np.ptp(shares) < _SAME_SIZE)))
+        combinations.append((involved[own], bool(single and own.sum() > 1 and np.ptp(shares) < same_size)))
     return combinations
 
 
@@ -176,6 +173,7 @@ def _single_parameters(
     """Warnings on parameters at a bound, or with a standard error that leaves them open."""
     (below, above), values = problem.at_bounds(z), problem.point(z).values
     warnings = []
+    undetermined = 0.7  # standard error of a logarithm, a factor of two, above which a value means little
     for row, name in enumerate(names):
         parameter = problem.model.parameters[problem.free[row]]
         unit = parameter.declared.unit_behind
@@ -196,7 +194,7 @@ def _single_parameters(
             value = values[problem.free[row]]
             said = f"{abs(value - mean) / deviation:.2g} standard deviations from its prior"
             warnings.append(f"{name}: {value:.3g}{unit} is {said}, {mean:g} ± {deviation:g}{unit}")
-        elif spread[row] > _UNDETERMINED and not in_combination[row] and parameter.logarithmic:
+        elif spread[row] > undetermined and not in_combination[row] and parameter.logarithmic:
             warnings.append(
                 f"{name}: not determined by these data (a factor of {np.exp(min(spread[row], 20)):.2g} either way)"
             )
@@ -212,10 +210,12 @@ def _is_far(declared: Parameter, value: float) -> bool:
     if declared.prior is None or declared.off is not None or declared.grid:
         return False
     mean, deviation = declared.prior
-    return abs(value - mean) > _FAR * deviation
+    far = 3.0  # standard deviations of a prior: chance leads so far once in 370 times
+    return abs(value - mean) > far * deviation
 
 
 def _is_off(parameter: ParameterInstance, value: float) -> bool:
     """Whether an amplitude ended where its effect vanishes, which is a bound but no cause for a warning."""
     off = parameter.declared.off
-    return off is not None and abs(value - off) < _NEARLY_OFF * abs(parameter.declared.typical)
+    nearly_off = 1e-4  # of what is typical
+    return off is not None and abs(value - off) < nearly_off * abs(parameter.declared.typical)

@@ -17,7 +17,6 @@ from lptn.identify.solvers import PRECISION, Progress
 from lptn.model.model import Model
 from lptn.simulate.bound_run import bind
 
-_SEARCH_STEP = 10.0  # s; averages so long are enough to compare penalties
 _SYMMETRY_PENALTIES = (0.0, *(10.0**power for power in range(1, 7)))  # λ, from no pull to equal left and right
 
 
@@ -136,7 +135,8 @@ def symmetry_trials(
         raise InputError(model.network.origin, "symmetry penalty", "no left-right pair to weigh", expected)
     if not data.holdout:
         raise InputError("command line", "--symmetry-penalty auto", "nothing held out", "--holdout or --holdout-after")
-    coarse = data.coarsened(_SEARCH_STEP)
+    search_step = 10.0  # s; averages so long are enough to compare penalties
+    coarse = data.coarsened(search_step)
     trials: list[SymmetryTrial] = []
     for penalty in penalties:
         report(f"symmetry penalty {penalty:g}")

@@ -32,9 +32,6 @@ from lptn.basics.parameters import Parameter
 # was not available.
 
 
-_SMALL = 0.05  # below it coth x - 1/x loses digits; the series is exact to 1e-15 there
-
-
 @dataclass(frozen=True)
 class Axis:
     """Conductances for each W/(m K) of conductivity [m].
@@ -77,7 +74,8 @@ def rod_axis(face: str, radius: float, angle: float, length: float) -> Axis:
 
 def langevin(x: float) -> float:
     """Langevin's function coth x - 1/x for x > 0."""
-    if x < _SMALL:
+    small = 0.05  # below it coth x - 1/x loses digits; the series is exact to 1e-15 there
+    if x < small:
         square = x * x
         return x / 3.0 * (1.0 - square / 15.0 * (1.0 - square * 2.0 / 21.0 * (1.0 - square / 10.0)))
     return 1.0 / math.tanh(x) - 1.0 / x
@@ -92,8 +90,6 @@ def langevin(x: float) -> float:
 # q L²/(24 k), where one node has q L⁴/(96 k a). For a rod of radius R it is R²/(8 a).
 
 _LEAST_CURVED = 1e-6  # K; what is straighter has its hottest place at a face
-_ONE_SIDE = 4.0  # a slab with one face closed is half of one that is twice as thick
-_AT_ONCE = 1.0  # s; a metal's profile forms in milliseconds and is flat: a state as quick would only cost steps
 
 
 class Profile(ABC):
@@ -131,7 +127,8 @@ class SlabProfile(Profile):
         return ca.fmax(ca.fmax(low, high), low + (high - low) * place + curved * place * (1.0 - place))
 
     def forming(self, open_faces: int) -> float:
-        return self.length**2 / 16.0 * (1.0 if open_faces == 2 else _ONE_SIDE)
+        one_side = 4.0  # a slab with one face closed is half of one that is twice as thick
+        return self.length**2 / 16.0 * (1.0 if open_faces == 2 else one_side)
 
 
 @dataclass(frozen=True)
@@ -409,7 +406,8 @@ class HottestPoint:
     def forming_rate(self, p: Any, capacity: Any) -> Any:
         """How fast its profiles form [1/s], from the network's parameters and the element's capacity [J/K]."""
         rates = (p[axis.conductivity] * self.volume / (capacity * axis.forming) for axis in self.axes)
-        return ca.fmin(reduce(ca.fmax, rates), 1.0 / _AT_ONCE)
+        at_once = 1.0  # s; a metal's profile forms in milliseconds and is flat: a state as quick would only cost steps
+        return ca.fmin(reduce(ca.fmax, rates), 1.0 / at_once)
 
 
 HOTTEST = "hottest"

@@ -20,8 +20,6 @@ from lptn.logs.columns import ColumnSource, parse_columns
 from lptn.model.network import EffectDeclaration, Key, Network
 from lptn.model.tables import AMBIENT, File, FitTable, FittedTable, Reader, flat_columns
 
-_SIGNIFICANT = 6  # digits of a fitted value: more would claim what no fit knows
-
 
 @dataclass(frozen=True, repr=False)
 class ModelFile:
@@ -288,7 +286,8 @@ def _inline(entries: Mapping[str, object]) -> tomlkit.items.InlineTable:
 
 
 def _rounded(value: float) -> float:
-    return float(f"{value:.{_SIGNIFICANT}g}")
+    significant = 6  # digits of a fitted value: more would claim what no fit knows
+    return float(f"{value:.{significant}g}")
 
 
 # --- An effect added to a model file, at the size at which it is usually met ------------------------

@@ -283,8 +283,6 @@ class _Conditions:
 
 # --- Faces without capacitance taken out of a heat balance, so that no algebraic loop is left in the model ---
 
-_NEWTON_STEPS = 5  # of a law that is not linear at a face; each step squares the error
-
 
 def temperatures_of_faces(heat: Mapping[str, ca.SX], faces: Mapping[str, ca.SX], means: Sequence[ca.SX]) -> ca.SX:
     """Temperatures of the faces, at which heat in equals heat out, as expressions of all else.
@@ -302,7 +300,8 @@ def temperatures_of_faces(heat: Mapping[str, ca.SX], faces: Mapping[str, ca.SX],
     slope = ca.jacobian(residual, unknown)
     linear = not ca.depends_on(slope, unknown)
     temperatures = ca.SX.zeros(len(faces)) if linear else ca.vertcat(*means)
-    for _ in range(1 if linear else _NEWTON_STEPS):
+    newton_steps = 5  # of a law that is not linear at a face; each step squares the error
+    for _ in range(1 if linear else newton_steps):
         imbalance, matrix = ca.substitute([residual, slope], [unknown], [temperatures])
         temperatures = temperatures + _solved(-matrix, imbalance)
     return temperatures

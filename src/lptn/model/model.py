@@ -20,7 +20,6 @@ Method = Literal["rk4", "euler", "zoh"]
 # The symbolic matrix exponential, by scaling and squaring: up to h |λ| of some 2000 the scaled matrix stays below 1/2,
 # where the first term of Taylor's series that is left out is below 1e-10.
 _SQUARINGS = 12
-_TAYLOR_ORDER = 10
 
 
 def rk4(rate: Callable[[Any], Any], x: Any, h: Any) -> Any:
@@ -272,7 +271,8 @@ class Model:
         n = len(self.states)
         identity = ca.SX.eye(n)
         phi = identity
-        for order in range(_TAYLOR_ORDER, 1, -1):
+        taylor_order = 10
+        for order in range(taylor_order, 1, -1):
             phi = identity + ca.mtimes(a, phi) / order
         for _ in range(_SQUARINGS):
             phi = ca.mtimes(phi, 2 * identity + ca.mtimes(a, phi)) / 2

@@ -67,12 +67,11 @@ def winding(fill: float, impregnation: float) -> Material:
 
 # --- What may stand in a geometry file: its tables and keys, numbers in any unit, checked by pydantic ---
 
-_SMALLEST = 1e-12  # in any SI unit: no size of a motor is smaller, and its inverse is still a number
-
 
 def _not_tiny(value: float, expected: str) -> float:
     """Refuse what is hardly above 0: it would be divided by."""
-    if 0 < abs(value) < _SMALLEST:
+    smallest = 1e-12  # in any SI unit: no size of a motor is smaller, and its inverse is still a number
+    if 0 < abs(value) < smallest:
         raise ValueError(expected)
     return value
 

@@ -225,8 +225,6 @@ class _Writer:
 
 # --- Its losses: copper by volume of winding, iron by volume of teeth and yoke ----------------------
 
-_COPPER_RISE = 0.00393  # 1/K; temperature coefficient of copper's resistance (IEC 60028)
-
 
 def _loss_tables(geometry: Geometry) -> list[str]:
     """Lines of the file's effects; one motor's current, or torque, and speed drive all pieces."""
@@ -236,7 +234,8 @@ def _loss_tables(geometry: Geometry) -> list[str]:
         lines += _copper(geometry, f"{name}_z*", share / geometry.given.pieces.axial)
     lines += _copper(geometry, "end_winding_*", end)
     lines += ["[[effects]]", 'kind = "resistance_rise"', 'at = "*winding_*"', 'share = "all"']
-    lines += [f"alpha = {{ value = {_COPPER_RISE}, fixed = true }}", ""]
+    copper_rise = 0.00393  # 1/K; temperature coefficient of copper's resistance (IEC 60028)
+    lines += [f"alpha = {{ value = {copper_rise}, fixed = true }}", ""]
     return lines + (_iron(geometry) if geometry.given.losses.iron_gain else [])
 
 

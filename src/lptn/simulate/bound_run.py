@@ -83,7 +83,6 @@ def bind(model: Model, run: Run) -> BoundRun:
 # --- Where a simulation starts --------------------------------------------------------------------
 
 _FIRST_READINGS = 5.0  # s; averaged into the start: the noise of a single reading would stay for a time constant
-_FEW = 5  # nodes whose names go into a message
 _AT_REST = 5.0  # K; with sensors of 1 K steps and their offsets, nodes of a robot at rest lie no further apart
 
 
@@ -186,5 +185,6 @@ def _one_apart(began: Mapping[str, float]) -> str:
     apart = max(began, key=lambda node: abs(began[node] - usual))
     others = sorted(value for node, value in began.items() if node != apart)
     beside = " to ".join(dict.fromkeys((f"{others[0]:.1f}", f"{others[-1]:.1f}")))
-    names = ", ".join(node for node in began if node != apart) if len(others) <= _FEW else f"the other {len(others)}"
+    few = 5  # nodes whose names go into a message
+    names = ", ".join(node for node in began if node != apart) if len(others) <= few else f"the other {len(others)}"
     return f"{apart} at {began[apart]:.1f} degC, and {names} at {beside} degC"

@@ -21,7 +21,6 @@ from lptn.simulate.readings import Piece, delayed, delayed_pieces, over_steps, r
 _STRAIGHT = 0.3
 """Largest product of a row and the fastest rate for which a mean over the row is taken to be that of its two ends: off
 by x²/12 of a transient, 0.7 %, no more than a Runge-Kutta step itself (`RATE_OF_A_STEP`)."""
-_SAMPLED = 25  # steps of a run at which the rates are looked at: inputs change resistances, but seldom the fastest one
 _SMALLER = "inputs and parameters for which temperatures stay finite"
 _MOST_SUBSTEPS = 32  # a time constant below 1/32 of the log's step can't be seen in it, and would take all the time
 
@@ -32,7 +31,9 @@ class SimulationError(InputError):
 
 @cache
 def _sample(steps: int) -> IntArray:
-    return np.unique(np.linspace(0, steps - 1, min(steps, _SAMPLED)).astype(int))
+    # steps of a run at which the rates are looked at: inputs change resistances, but seldom the fastest one
+    sampled = 25
+    return np.unique(np.linspace(0, steps - 1, min(steps, sampled)).astype(int))
 
 
 def substeps(
@@ -154,7 +155,6 @@ def _refuse_runaway(states: FloatArray, bound: BoundRun) -> None:
 # What is held at once, so that a day's log needs no more memory than an hour's, and 50 nodes little more than 13:
 WINDOW = 2048
 """Steps whose derivatives are held at once."""
-_BLOCK = 4_000_000  # derivatives, 32 MB
 
 
 @dataclass(frozen=True)
@@ -254,7 +254,8 @@ def _pieces(
     model, core, chosen = steps.model, steps.core, len(steps.chosen)
     # Columns: one for each chosen parameter, then one for each core state's initial value.
     states, derivative = start, np.hstack([np.zeros((core, chosen)), np.eye(core)])
-    most = max(1, min(WINDOW, _BLOCK // derivative.size) // shown)
+    block = 4_000_000  # derivatives, 32 MB
+    most = max(1, min(WINDOW, block // derivative.size) // shown)
     for first in range(0, len(bound), most):
         inputs = np.repeat(bound.inputs[:, first : first + most], shown, axis=1)
         path, derivatives = steps.run(states, derivative, inputs, values, bound.run.step / shown, parts // shown)

@@ -12,8 +12,6 @@ from lptn.basics.errors import InputError
 from lptn.model.model import Model
 from lptn.simulate.dynamics import zero_order_hold
 
-_MOST_STEPS = 20_000  # of a comparison, half a second; a model with time constants of microseconds would take days
-
 
 @dataclass(frozen=True)
 class StateSpace:
@@ -95,7 +93,9 @@ class StateSpace:
         rise = np.where(heats, self.u, 0.0) if rise is None else rise
         (g, h), (g_euler, h_euler) = self.exact(step), self.euler(step)
         exact, euler, largest = np.zeros(len(self.A)), np.zeros(len(self.A)), 0.0
-        for _ in range(min(max(1, round(duration / step)), _MOST_STEPS)):
+        # of a comparison, half a second; a model with time constants of microseconds would take days
+        most_steps = 20_000
+        for _ in range(min(max(1, round(duration / step)), most_steps)):
             exact, euler = g @ exact + h @ rise, g_euler @ euler + h_euler @ rise
             largest = max(largest, float(np.abs(euler - exact).max()))
         return largest
