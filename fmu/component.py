@@ -145,12 +145,6 @@ def _raw_of(column: str) -> tuple[str, ...]:
     return () if raw == (column,) else raw
 
 
-def _raw_inputs(model: Model) -> tuple[str, ...]:
-    """The raw columns that a model takes means of, but not by themselves."""
-    raw = dict.fromkeys(name for column in model.inputs for name in _raw_of(column))
-    return tuple(column for column in raw if column not in model.inputs)
-
-
 class _Builder:
     """Collects variables block by block, for a value reference is a place in that order.
 
@@ -170,7 +164,8 @@ class _Builder:
         self.variables = [Variable("time", 0, "time", "s", None, "Simulation time")]
         self.model_parameters = len(model.parameters)
         self.limited = tuple(range(self.model_parameters, self.model_parameters + len(model.places)))
-        self.columns = (*model.inputs, *_raw_inputs(model))
+        # Behind the model's inputs the raw columns of which it takes means alone.
+        self.columns = tuple(dict.fromkeys((*model.inputs, *(raw for of in model.inputs for raw in _raw_of(of)))))
         self.x, self.u = ca.SX.sym("x", len(model.states)), ca.SX.sym("u", len(self.columns))
         self.p = ca.SX.sym("p", self.model_parameters + len(model.places) + (2 if forecast else 1))
         # What the component's values exceed the model's by: kelvin here, degC there.

@@ -252,7 +252,8 @@ def _texts(
     Raises:
         InputError: the package that brings the FMI headers is missing.
     """
-    code, own = c_code(component, f"{identifier}_model"), _own_sources(fmi)
+    code = c_code(component, f"{identifier}_model")
+    own = {name: _resource(f"c/{name}") for name in (*_CORE, f"fmi{fmi}.c", *(("arrays.c",) if fmi == 3 else ()))}
     values = _values(component, integration, fmi, joined)
     values |= {
         **options,
@@ -337,11 +338,6 @@ def _structure(component: Component, joined: Sequence[Variable], fmi: int) -> St
 
 def _resource(path: str) -> str:
     return (files("lptn.fmu") / path).read_text(encoding="utf-8")
-
-
-@cache
-def _own_sources(fmi: int) -> dict[str, str]:
-    return {name: _resource(f"c/{name}") for name in (*_CORE, f"fmi{fmi}.c", *(("arrays.c",) if fmi == 3 else ()))}
 
 
 def _header(name: str) -> str:

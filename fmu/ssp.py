@@ -80,16 +80,19 @@ def write_values(
         raise InputError(Path(path), "--output", f"a file name ending in '{Path(path).suffix}'", "one ending in .ssv")
     loaded, _ = model_and_text(model)
     parameters = component_of(loaded, limits).of("parameter")
+    # SSP can't define a unit whose exponents are parameters: it has no dimension.
+    units = {
+        unit.name: _base(unit.exponents, unit.factor)
+        for unit in unit_definitions(parameter.unit for parameter in parameters)
+        if unit.exponents is not None
+    }
     root = ElementTree.Element("ssv:ParameterSet", _head("ssv", loaded.network.name))
     values = ElementTree.SubElement(root, "ssv:Parameters")
     for variable in parameters:
         entry = ElementTree.SubElement(values, "ssv:Parameter", name=variable.name, description=variable.description)
-        unit = {"unit": variable.unit} if _has_dimension(variable.unit) else {}
+        unit = {"unit": variable.unit} if variable.unit in units else {}
         ElementTree.SubElement(entry, "ssv:Real", {"value": repr(float(variable.start or 0.0)), **unit})
-    units = [
-        unit for unit in unit_definitions(parameter.unit for parameter in parameters) if unit.exponents is not None
-    ]
-    _add_units(root, "ssv", {unit.name: _base(unit.exponents, unit.factor) for unit in units})
+    _add_units(root, "ssv", units)
     write_whole(Path(path), _text(root))
     return len(parameters)
 
@@ -121,15 +124,6 @@ def _values(root: Any, path: Path) -> dict[str, Value]:
     if not values:
         raise InputError(path, "Parameters", "no numbers", "ssv:Real elements with a value")
     return values
-
-
-def read_mapping(path: str | Path) -> list[Entry]:
-    """The entries of an SSM file.
-
-    Raises:
-        InputError: it can't be read, or asks for more than a linear transformation.
-    """
-    return _mapping(_read(Path(path), "ssm:ParameterMapping"), Path(path))
 
 
 @dataclass(frozen=True)
@@ -252,13 +246,13 @@ def write_system(
         for component, unpacked in opened.items():
             if unpacked.has_arrays:
                 raise InputError(target, component, "an FMU with arrays, which SSP 1.0 has none of", "one of scalars")
-        pairs = [_pair(start, end, opened, target) for start, end in connections]
+        pairs = [Connection(_end(start, opened, target), _end(end, opened, target)) for start, end in connections]
         _check_connections(pairs, opened, target)
-        inside = target.suffix == ".ssp"
-        sources = {
-            component: f"resources/{component}.fmu" if inside else _beside(file, target)
-            for component, file in files.items()
-        }
+        inside, beside = target.suffix == ".ssp", real_path(target).parent
+        sources = {component: f"resources/{component}.fmu" for component in files}
+        if not inside:  # addresses as seen from the file
+            seen = {component: Path(os.path.relpath(real_path(file), beside)) for component, file in files.items()}
+            sources |= {component: quote(file.as_posix()) for component, file in seen.items()}
         text = _system_text(name, sources, opened, pairs)
     finally:
         for unpacked in opened.values():
@@ -267,16 +261,7 @@ def write_system(
     return SystemStructure(name, files, pairs)
 
 
-def _beside(file: Path, target: Path) -> str:
-    """A file's address as seen from another."""
-    return quote(Path(os.path.relpath(real_path(file), real_path(target).parent)).as_posix())
-
-
-def _pair(start: str, end: str, opened: Mapping[str, Unpacked], path: Path) -> Connection:
-    return Connection(_ends(start, opened, path), _ends(end, opened, path))
-
-
-def _ends(text: str, opened: Iterable[str], path: Path) -> tuple[str, str]:
+def _end(text: str, opened: Iterable[str], path: Path) -> tuple[str, str]:
     for component in opened:
         if text.startswith(f"{component}."):
             return component, text[len(component) + 1 :]
@@ -399,7 +384,7 @@ def _structure(root: Any, file: Path, shown: Path) -> SystemStructure:
         raise InputError(shown, "System", "none", "an SSD file with a System")
     components, values = _components(system, file, shown)
     for name, value in _bound(system, file, shown).items():
-        component, variable = _ends(name, components, shown)
+        component, variable = _end(name, components, shown)
         values[component].setdefault(variable, value)
     connections = []
     for entry in system.iterfind("ssd:Connections/ssd:Connection", _NAMESPACES):
@@ -445,10 +430,11 @@ def _bound(element: Any, file: Path, shown: Path) -> dict[str, Value]:
         values = _values(inside, shown) if source is None else read_values(_file(source, file, shown))
         mapping = binding.find("ssd:ParameterMapping", _NAMESPACES)
         if mapping is not None:
-            inner = mapping.find("ssm:ParameterMapping", _NAMESPACES)
-            source = mapping.get("source")
-            entries = _mapping(inner, shown) if source is None else read_mapping(_file(source, file, shown))
-            values = mapped(values, entries)
+            inner, own, source = mapping.find("ssm:ParameterMapping", _NAMESPACES), shown, mapping.get("source")
+            if source is not None:
+                own = _file(source, file, shown)
+                inner = _read(own, "ssm:ParameterMapping")
+            values = mapped(values, _mapping(inner, own))
         prefix = binding.get("prefix", "")
         parameters |= {prefix + name: value for name, value in values.items()}
     return parameters
@@ -471,11 +457,6 @@ def _file(source: str, file: Path, shown: Path) -> Path:
 def _head(part: str, name: str) -> dict[str, str]:
     spaces = {f"xmlns:{prefix}": address for prefix, address in _NAMESPACES.items() if prefix in (part, "ssc")}
     return {**spaces, "version": "1.0", "name": name}
-
-
-def _has_dimension(unit: str) -> bool:
-    """Whether SSP can define a unit of ours; one whose exponents are parameters has no dimension."""
-    return any(definition.exponents is not None for definition in unit_definitions([unit]))
 
 
 def _units_of(unpacked: Unpacked) -> dict[str, dict[str, str]]:

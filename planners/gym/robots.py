@@ -10,6 +10,7 @@ import numpy as np
 from lptn.basics.arrays import FloatArray
 from lptn.model.array_function import ArrayFunction
 from lptn.model.model import Model
+from lptn.simulate.dynamics import longest_step
 
 HOT = 100.0  # degC, and inputs at their largest: where rates are near their fastest
 
@@ -34,10 +35,8 @@ class Robots:
         self._free = model.free
         self.states = np.full((len(model.states), number), 25.0)
         self.values = np.repeat(model.values[:, None], number, axis=1)
-        a = model.state_jacobian(np.full(len(model.states), HOT), fastest, model.values).full()
-        # A network relaxes: its eigenvalues are real, to the accuracy that a step wants. A step of RK4 as long as the
-        # fastest time constant is stable, and accurate to some 1 %.
-        self._steps = max(1, ceil(period * float(np.abs(np.linalg.eigvals(a)).max())))
+        longest = longest_step(model, np.full(len(model.states), HOT), fastest, model.values)
+        self._steps = max(1, ceil(period / longest))
         self._advance = ArrayFunction(_steps(model, self._steps), number, (3,))
         self._period = period / self._steps
 

@@ -9,7 +9,7 @@ import numpy as np
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.model.model import Model
-from lptn.simulate.dynamics import RATE_OF_A_STEP, fastest_rate
+from lptn.simulate.dynamics import longest_step
 
 _STEPS = 256  # that one call takes
 
@@ -134,6 +134,5 @@ class StandingTemperatures:
 
     def _step(self, x: FloatArray, torques: FloatArray, longest: float, horizon: float | None = None) -> float:
         """A step that is short for the fastest rate; where there is a horizon, a whole number of blocks of it."""
-        fastest = fastest_rate(self.model, x, self._inputs(torques[:, None])[:, 0], self._values)
-        h = min(longest, RATE_OF_A_STEP / max(fastest, 1e-12))
+        h = min(longest, longest_step(self.model, x, self._inputs(torques[:, None])[:, 0], self._values))
         return h if horizon is None else horizon / (_STEPS * max(1, int(np.ceil(horizon / (_STEPS * h)))))

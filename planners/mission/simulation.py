@@ -9,7 +9,7 @@ import numpy as np
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.bounds import Bound
-from lptn.simulate.dynamics import fastest_rate
+from lptn.simulate.dynamics import longest_step
 
 from .mission import Mission, Schedule, first_rest
 
@@ -58,8 +58,7 @@ def simulate_plan(mission: Mission, schedule: Schedule) -> Course:
             elif column == "speed.base":
                 u[row] = speed
         # A Runge-Kutta step that is half of the fastest time constant is exact to 1e-4.
-        fastest = max(fastest_rate(model, states[-1][:, -1], u, values), 1e-12)
-        step = min(1.0, 0.5 / fastest)  # s
+        step = min(1.0, longest_step(model, states[-1][:, -1], u, values, 0.5))  # s
         blocks = max(1, ceil(duration / (_BLOCK * step)))
         why = f"a time constant of {step / 0.5:.2g} s in a plan of {schedule.total:.4g} s"
         _STEPS.check(count + blocks * _BLOCK, model.network.origin, why)

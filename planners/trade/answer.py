@@ -11,7 +11,7 @@ import numpy as np
 from lptn.basics.errors import InputError
 
 from .designs import BUDGETS, Design, IsoMap, LimitCurve, Refusal, design_of, iso_map, limit_curves, refusal_of
-from .problem import DesignProblem, DesignSolution
+from .problem import DesignNumbers, DesignProblem, DesignSolution
 from .study import TradeStudy
 from .tables import SWEPT, Sweep
 from .torque_speed import TorqueSpeed, torque_speed
@@ -21,18 +21,11 @@ Report = Callable[[str], None]
 
 
 @dataclass(frozen=True)
-class FrontPoint:
-    """The best value at one amount of what was swept, and by which choice."""
+class FrontPoint(DesignNumbers):
+    """The best design at one amount of what was swept, and by which choice."""
 
     amount: float
-    value: float
     option: str
-    capacity: float | None
-    resistance: float | None
-    ratio: float
-    mass: float
-    volume: float
-    price: float
 
 
 @dataclass(frozen=True, repr=False)
@@ -194,11 +187,6 @@ def _sweep_points(problem: DesignProblem, near: DesignSolution | None, sweep: Sw
         near = solution
         if against in BUDGETS:
             amount = getattr(solution, against)  # a design need not use up its budget
-        points.append(
-            FrontPoint(
-                amount, solution.value, problem.option.name, solution.capacity, solution.resistance, solution.ratio,
-                solution.mass, solution.volume, solution.price,
-            )
-        )  # fmt: skip
+        points.append(FrontPoint(**solution.numbers, amount=amount, option=problem.option.name))
     by_amount = {round(point.amount, 6 if against == "mass" else 9): point for point in points}
     return tuple(sorted(by_amount.values(), key=lambda point: point.amount))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from math import ceil, log, log1p
 
 import numpy as np
@@ -114,7 +114,7 @@ def design_of(problem: DesignProblem, solution: DesignSolution) -> Design:
     winding = [problem.plant.states.index(node) for node in option.motor.winding_nodes]
     hottest, current = check_design(option, solution)
     return Design(
-        **{each.name: getattr(solution, each.name) for each in fields(DesignNumbers)},
+        **solution.numbers,
         option=option,
         winding=float(solution.states[winding].max()),
         current=current,

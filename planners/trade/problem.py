@@ -93,8 +93,10 @@ class DesignNumbers:
             return None
         return self.capacity, self.resistance
 
-
-_NUMBERS = [each.name for each in fields(DesignNumbers)]
+    @property
+    def numbers(self) -> dict[str, Any]:
+        """Those of the design alone, by name."""
+        return {each.name: getattr(self, each.name) for each in fields(DesignNumbers)}
 
 
 @dataclass(frozen=True)
@@ -333,7 +335,8 @@ class DesignProblem:
         stats = self._solver.stats()
         success, point = bool(stats["success"]), done["x"].full().ravel()
         values, path, g = (value.full() for value in self._look(done["x"], p))
-        numbers: dict[str, Any] = dict(zip(_NUMBERS, values.ravel().tolist(), strict=True))
+        names = [each.name for each in fields(DesignNumbers)]
+        numbers: dict[str, Any] = dict(zip(names, values.ravel().tolist(), strict=True))
         if not self.option.has_sink:
             numbers |= {"capacity": None, "resistance": None}
         # CasADi's multipliers of parameters carry the opposite sign of the derivative; those of a failed solve lie.

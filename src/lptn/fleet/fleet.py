@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import pickle
 import uuid
+from collections import Counter
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from contextlib import closing, nullcontext
@@ -19,7 +20,7 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.basics.tables import write_table
 from lptn.fleet.robots import Robot, robots_of
-from lptn.fleet.work import FleetFit, Outcome, ResultFolder, Work, elsewhere, here, in_processes
+from lptn.fleet.work import FleetFit, Outcome, ResultFolder, Status, Work, elsewhere, here, in_processes
 from lptn.identify.data import GUESS, LoadedModel, load_model
 from lptn.model.model import Model
 
@@ -167,9 +168,6 @@ def _coordinate(values: FloatArray, logarithmic: bool) -> FloatArray:
 # --- One model fitted to each robot of a fleet, and what came of it -------------------------------
 
 
-_IN_FLIGHT = 64
-
-
 Report = Callable[[str], None]
 
 
@@ -220,7 +218,6 @@ def fit_each(
     executor: Executor | None = None,
     jobs: int = 1,
     in_flight: int | None = None,
-    mapped: Sequence[str] = (),
     symmetry_penalty: float | Literal["auto"] = 0.0,
     holdout_after: float | str | None = None,
     report: Report = lambda _: None,
@@ -233,7 +230,7 @@ def fit_each(
     is an outcome of its own and stops no other.
 
     Args:
-        model: the path of a model file, or a loaded model.
+        model: the path of a model file, or a loaded model, which may have columns mapped.
         robots: the robots, or files and folders as `robots_of` takes them.
         into: folder for one model and one record a robot, written as they come. A robot whose record was made from
             the same model, options and logs is not fitted again. Without it, outcomes hold the models' text.
@@ -241,7 +238,6 @@ def fit_each(
             threads wait for each other.
         jobs: without an executor, how many processes of one's own; 1 works here.
         in_flight: most robots handed out and not yet done; by default 64, or two for each process of one's own.
-        mapped: `--map` options; without effect on a loaded model.
         symmetry_penalty: λ of the pull of left and right parameters towards each other; `"auto"` with
             `holdout_after`.
         holdout_after: time [s, in each log's clock] from which each robot's own logs are held out.
@@ -251,7 +247,7 @@ def fit_each(
     Raises:
         InputError: the model, a place of logs or the folder can't be used, or another process works in the folder.
     """
-    loaded = model if isinstance(model, LoadedModel) else load_model(model, mapped)
+    loaded = model if isinstance(model, LoadedModel) else load_model(model)
     if not loaded.model.free:
         raise InputError(loaded.file.path, "parameters", "none that is free", "one at least without fixed = true")
     words = (*(f"{key}={column}" for key, column in sorted(loaded.mapped.items())), *[GUESS] * loaded.guessing)
@@ -260,21 +256,24 @@ def fit_each(
     results = ResultFolder(into) if into is not None else None
     named = {robot.name: robot for robot in fleet}
     by_robot: dict[str, Outcome] = {}
-    count = _Count(len(fleet), report)
+    done: Counter[Status] = Counter()
+    report(f"fitting {len(fleet)} robots")
     work = Work(order, results)
-    a_worker = 2  # robots handed out for each process of our own
     with results.alone() if results else nullcontext():
         if executor is not None:
-            outcomes = elsewhere(work, fleet, executor, in_flight or _IN_FLIGHT)
+            outcomes = elsewhere(work, fleet, executor, in_flight or 64)
         elif jobs > 1:
-            outcomes = in_processes(work, fleet, jobs, in_flight or a_worker * jobs)
+            outcomes = in_processes(work, fleet, jobs, in_flight or 2 * jobs)
         else:
             outcomes = here(work, fleet)
         with closing(outcomes):
             for outcome in outcomes:
                 by_robot[outcome.robot] = work.kept(outcome, named[outcome.robot])
                 on_outcome(by_robot[outcome.robot])
-                count.add(outcome)
+                done[outcome.status] += 1
+                if left := len(fleet) - done.total():
+                    failed, new = done["failed"] + done["interrupted"], done.total() - done["unchanged"]
+                    report(f"fitting robot {new + 1} of {new + left}" + (f", {failed} failed" if failed else ""))
     ordered = tuple(by_robot[robot.name] for robot in fleet)
     good = [outcome for outcome in ordered if outcome.status in ("fitted", "unchanged")]
     spread = spread_of(loaded.model, good)
@@ -294,24 +293,6 @@ def _as_robots(robots: Sequence[Robot] | Sequence[Path]) -> list[Robot]:
             raise InputError("robots", "names", f"{robot.name!r} twice", "robots of different names")
         names.add(robot.name)
     return fleet
-
-
-class _Count:
-    """How far the fleet is; those that were fitted before are not counted, for they take no time."""
-
-    def __init__(self, robots: int, report: Report) -> None:
-        self._left, self._report = robots, report
-        self._done = self._failed = 0
-        report(f"fitting {robots} robots")
-
-    def add(self, outcome: Outcome) -> None:
-        """One more is done."""
-        self._left -= 1
-        self._done += outcome.status != "unchanged"
-        self._failed += outcome.status in ("failed", "interrupted")
-        if self._left:
-            failed = f", {self._failed} failed" if self._failed else ""
-            self._report(f"fitting robot {self._done + 1} of {self._done + self._left}{failed}")
 
 
 # --- A fleet's results as a table, a row for each robot -------------------------------------------

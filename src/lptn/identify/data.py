@@ -150,7 +150,8 @@ def split_data(
         expected = "a time inside a log"
         if not isinstance(holdout_after, str):
             expected += "; with a plus, such as +300, so many seconds after each log's start"
-        raise InputError("--holdout-after", _as_written(holdout_after), f"logs from {span}", expected)
+        written = holdout_after if isinstance(holdout_after, str) else f"{holdout_after:g}"
+        raise InputError("--holdout-after", f"{written} s", f"logs from {span}", expected)
     first = tuple(Segment(run, (-math.inf, at), (-math.inf, at)) for run, at in fitted)
     rest = tuple(Segment(run, (-math.inf, at), (at, math.inf)) for run, at in continued)
     return DataSplit(first, (*rest, *later), at_the_end)
@@ -171,10 +172,6 @@ def _borders(runs: Sequence[Run], holdout_after: float | str) -> list[tuple[Run,
     for run in runs:
         start[run.fingerprint] = min(start.get(run.fingerprint, math.inf), float(run.time[0]))
     return [(run, start[run.fingerprint] + seconds) for run in runs]
-
-
-def _as_written(holdout_after: float | str) -> str:
-    return f"{holdout_after} s" if isinstance(holdout_after, str) else f"{holdout_after:g} s"
 
 
 def holdout_segment(run: Run) -> Segment:
@@ -327,10 +324,6 @@ Log = str | Path | pd.DataFrame
 logger = logging.getLogger(__name__)
 
 
-def _warn(log: Path, note: str) -> None:
-    logger.warning("%s: %s", log, note)
-
-
 @dataclass(frozen=True)
 class LoadedModel:
     """A model file, its model, and a reader that brings logs to it.
@@ -357,7 +350,7 @@ class LoadedModel:
         logs: Sequence[Log],
         *,
         strict: bool = True,
-        notify: Notify = _warn,
+        notify: Notify = lambda log, note: logger.warning("%s: %s", log, note),
         named: str = "log",
     ) -> list[Run]:
         """Every run of the logs, in order; columns that were guessed, and doubtful values, are reported.

@@ -213,7 +213,9 @@ def fit(
     if values is None or (isinstance(guess, Point) and guess.averaged):
         averaged = [_coarse(model, bound) for bound in bound_runs]
         coarse = Problem(model, averaged, sigma, symmetry_penalty, free)
-        z = _first_guess(coarse) if values is None else coarse.guess(values, starts)
+        z = coarse.guess(model.values if values is None else values, starts)
+        if values is None:
+            z = min(z, coarse.guess(integral_start(model, averaged, sigma)), key=coarse.cost)
         keep_coarse = None if keep is None else lambda z: keep(replace(coarse.point(z), averaged=True))
         rough = minimise(coarse, z, progress, keep=keep_coarse, near=True, precision=max(precision, _ROUGH))
         before, point = rough.iterations, coarse.point(rough.z)
@@ -226,12 +228,6 @@ def fit(
     keep_fine = None if keep is None else lambda z: keep(problem.point(z))
     solution = minimise(problem, z, progress, iterations, keep=keep_fine, near=True, precision=precision)
     return _as_fit(problem, solution, noise, before + solution.iterations)
-
-
-def _first_guess(coarse: Problem) -> FloatArray:
-    """Unknowns at the declared values, or at those that balance the integrated heat where these cost less."""
-    balanced = integral_start(coarse.model, coarse.bound_runs, coarse.sigma)
-    return min((coarse.guess(values) for values in (coarse.model.values, balanced)), key=coarse.cost)
 
 
 def _coarse(model: Model, bound: BoundRun) -> BoundRun:

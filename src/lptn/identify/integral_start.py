@@ -54,13 +54,14 @@ class _LinearBalance:
             i
             for i in model.free
             if (not (own := model.parameters[i]).effect and own.declared.name in ("capacity", "resistance"))
-            or _is_amplitude(model, i)
+            or model.parameters[i].declared.off is not None
         ]
         self.chosen = _jointly_linear(heat, w, self.chosen)
         self._capacities = capacities
         both = ca.densify(ca.horzcat(heat, ca.jacobian(heat, w[self.chosen])))
         self._heat = AtPoints(ca.Function("heat", [x, u, w], [both]))
-        self._declared = self._to_w(model.values)
+        values = model.values
+        self._declared = np.where(self._inverse, 1.0 / np.where(self._inverse, values, 1.0), values)
 
     def equations(self, bound: BoundRun, sigma: FloatArray) -> Iterator[FloatArray]:
         """Rows [∂/∂w, right-hand side] of one run, node by node, in standard deviations.
@@ -74,7 +75,10 @@ class _LinearBalance:
         w0 = model.in_run(bound.run.name, self._declared).copy()
         w0[self.chosen] = 0.0  # leaves the heat that no chosen parameter changes
         # Shape (nodes, 1 + chosen, n): the constant heat, then what each chosen parameter adds a unit of itself.
-        integrals = _integrated(np.moveaxis(self._heat(states, bound.inputs, w0), 0, 2), bound.run.step)
+        rates = np.moveaxis(self._heat(states, bound.inputs, w0), 0, 2)
+        integrals = np.zeros(rates.shape)
+        np.cumsum(rates[..., :-1], axis=-1, out=integrals[..., 1:])
+        integrals *= bound.run.step
         rise = temperatures - temperatures[:, :1]
         most_rows = 400  # instants of each run that enter
         instants = np.unique(np.linspace(0, n - 1, min(n, most_rows)).astype(int))
@@ -115,9 +119,6 @@ class _LinearBalance:
         typical = abs(self.model.parameters[index].declared.typical) or 1.0
         return abs(self._declared[index]) or typical
 
-    def _to_w(self, values: FloatArray) -> FloatArray:
-        return np.where(self._inverse, 1.0 / np.where(self._inverse, values, 1.0), values)
-
 
 def _resting(model: Model, bound: BoundRun, temperatures: FloatArray) -> FloatArray:
     """All states in equilibrium with the measured temperatures, shape (states, n).
@@ -129,10 +130,6 @@ def _resting(model: Model, bound: BoundRun, temperatures: FloatArray) -> FloatAr
     start = default_start(model, bound)[len(model.nodes) :]
     hidden[beside_prescribed] = start[beside_prescribed][:, None]
     return np.vstack([temperatures, hidden])
-
-
-def _is_amplitude(model: Model, index: int) -> bool:
-    return model.parameters[index].declared.off is not None
 
 
 def _jointly_linear(heat: ca.SX, w: ca.SX, chosen: list[int]) -> list[int]:
@@ -158,8 +155,3 @@ def _filled(bound: BoundRun) -> FloatArray:
             filled[row] = np.interp(np.arange(n), np.flatnonzero(finite), readings[finite])
     mean = np.nanmean(filled, axis=0)
     return np.where(np.isnan(filled), mean, filled)
-
-
-def _integrated(rates: FloatArray, step: float) -> FloatArray:
-    """∫ from the start to each instant, along the last axis."""
-    return np.concatenate([np.zeros((*rates.shape[:-1], 1)), np.cumsum(rates, axis=-1)[..., :-1] * step], axis=-1)

@@ -94,11 +94,8 @@ def balanced_sigma(bound_runs: Sequence[BoundRun], noise: Noise) -> FloatArray:
     Besides its noise, a node is allowed a model error of a share (`_MODEL_ERROR`) of the geometric mean of its own and
     the largest excursion: a joint that swings by 40 K neither silences one that swings by 5 K, nor the other way round.
     """
-    excursion = np.array([_excursion(bound_runs, row) for row in range(len(noise.white))])
+    excursion = np.zeros(len(noise.white))
+    for row in range(len(excursion)):
+        readings = np.concatenate([bound.measured[row][bound.counted[row]] for bound in bound_runs])
+        excursion[row] = readings.std() if readings.size else 0.0
     return np.asarray(np.hypot(noise.floor, _MODEL_ERROR * np.sqrt(excursion * excursion.max(initial=0.0))))
-
-
-def _excursion(bound_runs: Sequence[BoundRun], row: int) -> float:
-    """Standard deviation of a node's readings that count [K], 0 where it has none."""
-    readings = np.concatenate([bound.measured[row][bound.counted[row]] for bound in bound_runs])
-    return float(readings.std()) if readings.size else 0.0

@@ -179,11 +179,10 @@ class Problem:
         Raises:
             SimulationError: the point makes the model too stiff, or it runs away.
         """
-        point = self.point(z)
-        rows = [
-            self._whitened(bound, simulate(self.model, bound, point.values, start).readings)
-            for bound, start in zip(self.bound_runs, point.starts, strict=True)
-        ]
+        point, rows = self.point(z), []
+        for bound, start in zip(self.bound_runs, point.starts, strict=True):
+            off = simulate(self.model, bound, point.values, start).readings - bound.measured
+            rows.append((off / self.sigma[:, None])[bound.counted])
         return np.concatenate([*rows, self._prior_residuals(z, point)])
 
     def cost(self, z: FloatArray) -> float:
@@ -436,6 +435,3 @@ class Problem:
                 row[where[parameter.name]], row[where[parameter.mirror]] = np.sqrt(weight), -np.sqrt(weight)
                 rows.append(row)
         return np.array(rows, dtype=float).reshape(len(rows), len(self.free))
-
-    def _whitened(self, bound: BoundRun, readings: FloatArray) -> FloatArray:
-        return ((readings - bound.measured) / self.sigma[:, None])[bound.counted]

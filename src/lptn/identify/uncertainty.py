@@ -63,7 +63,9 @@ def uncertainty(problem: Problem, z: FloatArray) -> Uncertainty:
     for members, common_factor in combinations:
         undetermined[members] = True
         open_[members] = not common_factor
-    perhaps_none = _may_be_none(problem, z, spread)
+    # Resistances whose conductance is not told from none.
+    resistances = np.array([problem.model.parameters[index].resistance for index in problem.free], dtype=bool)
+    perhaps_none = np.asarray(resistances & (-z[:count] < 2 * spread))
     slope = problem.slope(problem.point(z).values)
     errors = np.where(undetermined | perhaps_none, np.inf, spread * np.abs(slope))
     scale = np.where(spread > 0, spread, 1.0)
@@ -72,12 +74,6 @@ def uncertainty(problem: Problem, z: FloatArray) -> Uncertainty:
     warnings += _single_parameters(problem, z, names, spread, undetermined, perhaps_none)
     spreads = np.where(open_, np.inf, spread)
     return Uncertainty(errors, covariance, spreads, covariance / np.outer(scale, scale), tuple(warnings))
-
-
-def _may_be_none(problem: Problem, z: FloatArray, spread: FloatArray) -> BoolArray:
-    """Which free parameters are resistances whose conductance is not told from none, shape (free,)."""
-    resistances = np.array([problem.model.parameters[index].resistance for index in problem.free], dtype=bool)
-    return np.asarray(resistances & (-z[: len(problem.free)] < 2 * spread))
 
 
 def _without_starts(whole: FloatArray, count: int) -> FloatArray:

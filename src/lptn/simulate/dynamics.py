@@ -26,9 +26,12 @@ RATE_OF_A_STEP = 1.0
 too large; RK4 is stable up to 2.78."""
 
 
-def fastest_rate(model: Model, x: FloatArray, u: FloatArray, p: FloatArray) -> float:
-    """Largest eigenvalue of the linearised rates at a point [1/s], shapes (states,), (inputs,), (m,)."""
-    return float(np.abs(np.linalg.eigvals(model.state_jacobian(x, u, p).full())).max())
+def longest_step(
+    model: Model, x: FloatArray, u: FloatArray, p: FloatArray, rate_of_a_step: float = RATE_OF_A_STEP
+) -> float:
+    """The longest Runge-Kutta step at a point [s], shapes (states,), (inputs,), (m,)."""
+    fastest = float(np.abs(np.linalg.eigvals(model.state_jacobian(x, u, p).full())).max())
+    return rate_of_a_step / max(fastest, 1e-12)
 
 
 def slopes_at_points(model: Model, x: FloatArray, u: FloatArray, p: FloatArray) -> FloatArray:
