@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from lptn.basics.c_library import _of_this_process, compiler, shared_library
+from lptn.basics.c_library import compiler, shared_library
 
 SOURCES = {"one.c": "int one(void) { return 1; }\n"}
 
@@ -24,7 +24,6 @@ pytestmark = [
 
 @pytest.fixture(autouse=True)
 def cache(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
-    _of_this_process.cache_clear()
     monkeypatch.setattr("platformdirs.user_cache_path", lambda name: tmp_path / name)
     return tmp_path / "lptn" / "native"
 

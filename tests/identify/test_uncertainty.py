@@ -9,7 +9,7 @@ import pytest
 
 from lptn.identify.fitting import fit
 from lptn.identify.problem import Problem
-from lptn.identify.uncertainty import _open_combinations
+from lptn.identify.uncertainty import open_combinations
 from lptn.logs.run import Run
 from lptn.model.model import Model
 from lptn.model.network import NodeDeclaration
@@ -87,7 +87,7 @@ def test_two_factors_that_change_nothing_are_told_apart_whatever_their_basis(see
     open_[5, 2] = 1.0
     open_ /= np.linalg.norm(open_, axis=0)
     mixed, _ = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))
-    told = [(members.tolist(), factor) for members, factor in _open_combinations(open_ @ mixed)]
+    told = [(members.tolist(), factor) for members, factor in open_combinations(open_ @ mixed)]
     assert told == [([0, 3], True), ([1, 2, 4], True), ([5], False)]
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import combinations, pairwise
+from math import ceil, log2
 
 import numpy as np
 import pytest
@@ -15,7 +17,7 @@ from lptn.model.model import Model
 from lptn.model.network import Network, NodeDeclaration
 from lptn.simulate.bound_run import bind, default_start, needed_columns
 from lptn.simulate.readings import over_steps
-from lptn.simulate.simulation import SimulationError, _largest_eigenvalue, _parts, simulate, substeps
+from lptn.simulate.simulation import SimulationError, simulate, substeps
 from tests.builders import AMBIENT, bound_runs, effect, leg, link, make_run, node, random_run, two_nodes
 
 SIGMA = 5.670374419e-8
@@ -216,11 +218,20 @@ def test_until_cuts_run_and_readings_alike_despite_rounding() -> None:
 @pytest.mark.parametrize("loops", [False, True])
 def test_the_steps_of_a_row_are_those_of_the_largest_eigenvalue_of_all(loops: bool) -> None:
     """Of networks with odd loops, too, where the bound of the largest entries is up to twice as large."""
-    rng, size = np.random.default_rng(7), 6
-    for _ in range(200):
-        conductances = rng.uniform(0.0, 1.0, (5, size, size)) * 10 ** rng.uniform(-2, 1)
-        conductances = np.triu(conductances, 1) if loops else np.triu(conductances, 1) * np.eye(size, k=1)
-        conductances = conductances + np.swapaxes(conductances, 1, 2)
-        jacobians = conductances - conductances.sum(axis=2)[:, :, None] * np.eye(size)
-        largest = float(np.abs(np.linalg.eigvals(jacobians)).max())
-        assert _parts(_largest_eigenvalue(jacobians, _parts)) == _parts(largest)
+    rng, names, asked = np.random.default_rng(7), "abcde", set()
+    for _ in range(8):
+        pairs = combinations(names, 2) if loops else pairwise(names)
+        links = [link(*pair, 10 ** rng.uniform(-1, 1)) for pair in pairs]
+        links += [link(name, "ambient", 10 ** rng.uniform(-1, 1)) for name in names]
+        blown = effect("forced_convection", "*", gamma=2.0)  # so that each row has another Jacobian
+        model = Model(Network("loops", (*(node(name, 100.0) for name in names), AMBIENT), tuple(links), (blown,)))
+        columns = {f"temperature.{name}": np.full(9, 20.0) for name in (*names, "ambient")}
+        for step in (1.0, 10.0, 40.0):
+            run = make_run(columns | {"speed.base": rng.uniform(0.0, 3.0, 9)}, step=step)
+            bound, start = bind(model, run), np.full(5, 20.0)
+            slopes = [model.state_jacobian(start, row, model.values).full() for row in bound.inputs.T]
+            largest = step * max(float(np.abs(np.linalg.eigvals(slope)).max()) for slope in slopes)
+            if largest <= 32:
+                asked.add(parts := 2 ** ceil(log2(max(largest, 1.0))))
+                assert substeps(model, bound, model.values, start) == (parts, 1)
+    assert len(asked) >= 4

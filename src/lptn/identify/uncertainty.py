@@ -58,7 +58,7 @@ def uncertainty(problem: Problem, z: FloatArray) -> Uncertainty:
     covariance = inverse_of_all @ (by_data + by_priors * problem.weight_of_priors**2) @ inverse_of_all
     covariance = _widened_by_blocks(covariance, problem, z, whole)
     spread = np.sqrt(np.diag(covariance))
-    combinations = _open_combinations(vectors[:, singular])
+    combinations = open_combinations(vectors[:, singular])
     undetermined, open_ = np.zeros((2, count), dtype=bool)
     for members, common_factor in combinations:
         undetermined[members] = True
@@ -118,7 +118,7 @@ def _widened_by_blocks(covariance: FloatArray, problem: Problem, z: FloatArray, 
     return covariance * np.outer(factor, factor)
 
 
-def _open_combinations(vectors: FloatArray) -> list[tuple[IntArray, bool]]:
+def open_combinations(vectors: FloatArray) -> list[tuple[IntArray, bool]]:
     """Parameters whose combinations change no temperature, those together that belong together.
 
     Args:
