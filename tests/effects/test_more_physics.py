@@ -170,8 +170,8 @@ def test_only_air_that_nobody_logs_may_drift() -> None:
         Network("one", (node("a"), NodeDeclaration("ambient", temperature=source)), (link("a", "ambient"),))
         for source in ("temperature.ambient", "start")
     )
-    assert not drift.makes_a_difference("ambient", logged.layout, ())
-    assert drift.makes_a_difference("ambient", guessed.layout, ())
+    assert not drift.makes_a_difference("ambient", logged, ())
+    assert drift.makes_a_difference("ambient", guessed, ())
 
 
 def test_shared_mass_starts_at_the_mean_of_its_nodes() -> None:

@@ -425,7 +425,7 @@ def _driven_by_windings(
         return []
     winding_of: dict[str, str] = {}
     for place, (node, *_) in _places_without(network, effect, words, run):
-        windings = network.layout.windings_at(node)
+        windings = network.windings_at(node)
         if not _logs(columns, own, node) and len(windings) == 1 and _logs(columns, own, *windings):
             winding_of[place] = windings[0]
     groups = [(place, [place]) for place in winding_of] if not effect.whole_robot else []
@@ -452,7 +452,7 @@ def _places_without(network: Network, effect: type[Effect], words: Words, run: s
     return [
         (place, ends)
         for place, ends in network.places_for(EffectDeclaration(effect(**dict(words)), EVERYWHERE))
-        if place not in taken and effect.makes_a_difference(place, network.layout, driving.get(ends[0], []))
+        if place not in taken and effect.makes_a_difference(place, network, driving.get(ends[0], []))
     ]
 
 
@@ -522,7 +522,7 @@ def _groups(effect: type[Effect], places: list[str], network: Network, run: str)
     """Several places at once: classes of like places, and patterns of the model."""
 
     def covers(at: str) -> frozenset[str]:
-        return frozenset(place for place, _ in network.layout.places_held(EffectDeclaration(effect(), at, run=run)))
+        return frozenset(place for place, _ in network.places_held(EffectDeclaration(effect(), at, run=run)))
 
     if effect.single_defect:
         return []

@@ -311,8 +311,8 @@ class _Input:
 
 def _inputs_of(fit: Fit, node: str, runs: Sequence[Run]) -> list[_Input]:
     """Its speed, load and power, or those of its winding; temperatures of its own and beside it; the time of day."""
-    layout = fit.model.network.layout
-    windings = layout.windings_at(node)
+    network = fit.model.network
+    windings = network.windings_at(node)
     places = dict.fromkeys([node, *(windings if len(windings) == 1 else [])])
     columns = [
         (input_column(key, place), key, "" if place == node else place)
@@ -321,7 +321,7 @@ def _inputs_of(fit: Fit, node: str, runs: Sequence[Run]) -> list[_Input]:
         for place in places
     ]
     columns.append((f"temperature.{node}", OWN_TEMPERATURE, ""))
-    beside = {end for link in layout.resistors if node in link.ends for end in link.ends} - {node}
+    beside = {end for link in network.resistors if node in link.ends for end in link.ends} - {node}
     columns += [(f"temperature.{name}", "", "") for name in sorted(beside)]
     if all(run.time[-1] - run.time[0] >= _DAY for run in runs):
         columns.append((TIME_OF_DAY, "", ""))

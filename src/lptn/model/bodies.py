@@ -67,11 +67,6 @@ def ring_axis(faces: tuple[str, str], inner: float, outer: float, angle: float, 
     return Axis(faces, mean, RingProfile(inner, outer), size * (1.0 / x - 1.0 / curved + curved))
 
 
-def rod_axis(face: str, radius: float, angle: float, length: float) -> Axis:
-    """From a solid cylinder, or a wedge of an `angle` [rad], to its surface: R = 1/(4 angle length k)."""
-    return Axis((face,), (4.0 * angle * length,), RodProfile(radius))
-
-
 def langevin(x: float) -> float:
     """Langevin's function coth x - 1/x for x > 0."""
     small = 0.05  # below it coth x - 1/x loses digits; the series is exact to 1e-15 there
@@ -263,13 +258,7 @@ class Annulus(Shape):
     angle: float = math.tau
     count: float = 1.0
     kind = "annulus"
-    units = {  # noqa: RUF012
-        "inner_radius": "m",
-        "outer_radius": "m",
-        "length": "m",
-        "angle": "rad",
-        "count": "1",
-    }
+    units = {"inner_radius": "m", "outer_radius": "m", "length": "m", "angle": "rad", "count": "1"}  # noqa: RUF012
     directions = ("radial", "axial")
 
     @property
@@ -320,8 +309,9 @@ class Cylinder(Shape):
 
     @cached_property
     def axes(self) -> dict[str, Axis]:
+        to_surface = 4.0 * self.count * math.tau * self.length  # R = 1/(4 angle length k)
         return {
-            "radial": rod_axis("outer", self.radius, self.count * math.tau, self.length),
+            "radial": Axis(("outer",), (to_surface,), RodProfile(self.radius)),
             "axial": slab_axis(("front", "back"), self.length, self.volume / self.length),
         }
 

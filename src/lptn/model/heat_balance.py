@@ -243,18 +243,18 @@ class _Conditions:
 
     @property
     def surroundings(self) -> Any:
-        layout, ends = self._balance.network.layout, self._instance.ends
-        near = [other for node, other in layout.surroundings.values() if node in ends]
-        name = next(iter([*near, *layout.prescribed]), None)
+        network, ends = self._balance.network, self._instance.ends
+        near = [other for node, other in network.surroundings.values() if node in ends]
+        name = next(iter([*near, *network.prescribed]), None)
         return None if name is None else self._balance.temperature[name]
 
     @property
     def around(self) -> Any:
-        layout, (node, *_) = self._balance.network.layout, self._instance.ends
-        own = {node, *(face for face, element in layout.massless.items() if element == node)}
-        links = [link for link in layout.resistors if not own.isdisjoint(link.ends)]
+        network, (node, *_) = self._balance.network, self._instance.ends
+        own = {node, *(face for face, element in network.massless.items() if element == node)}
+        links = [link for link in network.resistors if not own.isdisjoint(link.ends)]
         beside = [link.ends[link.ends[0] in own] for link in links]
-        if not links or not layout.prescribed.keys().isdisjoint(beside):
+        if not links or not network.prescribed.keys().isdisjoint(beside):
             return self.surroundings
         conductances = [1 / self._balance.p[link.resistance] for link in links]
         weighted = (g * self._balance.temperature[name] for g, name in zip(conductances, beside, strict=True))

@@ -8,7 +8,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import NamedTuple
 
 from lptn.basics.bounds import LINKS, NODES, PLACES
 from lptn.basics.errors import InputError
@@ -144,7 +143,7 @@ class EffectDeclaration:
         return {parameter.name: own.get(parameter.name, parameter) for parameter in stated}
 
 
-# --- What becomes of the declarations: links and effects, each at one place, and the layout of all nodes ---
+# --- What becomes of the declarations: links and effects, each at one place ---
 
 
 @dataclass(frozen=True)
@@ -186,32 +185,121 @@ class EffectInstance:
         return self.declaration.instance_label(self.place)
 
 
+# --- The network -----------------------------------------------------------------------------------
+
+
 @dataclass(frozen=True)
-class NetworkLayout:
-    """Nodes and links of a network, worked out, and where its effects are declared: what effects stand on.
+class Network:
+    """A thermal network as declared, with its places and parameters worked out.
 
     Args:
+        name: what the model is called.
+        nodes: dynamic and prescribed nodes.
+        links: resistances between them.
+        effects: everything beyond capacitances and resistances.
+        joints: the names that globs in `nodes` choose from. In their order stand nodes, inputs of one quantity, and
+            all arrays of joints that are made of the model; names that are not listed come behind, as declared.
+        origin: the file it came from, for messages.
+        values: parameter values that replace the declared ones, by the parameters' names.
+
+    Attributes:
         capacities: for each dynamic node the index of its capacitance.
         prescribed: for each prescribed node its log column, `"start"`, or the index of its parameter.
         resistors: every link of the network.
         conductors: conduction between the mean temperatures and faces of elements.
         massless: faces of elements that have a temperature of their own but no capacitance: name -> the element.
         hottest: hottest points of elements that are places of their own.
-        effects: everything beyond capacitances and resistances, as declared.
+        effect_instances: every effect at every place where it acts.
+        parameters: all parameters of the model, free and fixed.
+        declared_at: for each key of a declaration, such as `("nodes", "*_calf", "capacity")`, the names of its
+            parameters, and the place or group of places that owns each.
+        runs: for each run, or glob of runs, that an effect is confined to, the index of its indicator.
+
+    Raises:
+        InputError: a place matches nothing, two declarations claim one place, a node is isolated.
+
+    Example:
+        >>> import lptn
+        >>> from lptn.effects import catalogue
+        >>> network = lptn.Network(
+        ...     "motor",
+        ...     nodes=(
+        ...         lptn.NodeDeclaration("motor", capacity=lptn.Parameter("capacity", 300.0, "J/K", (1.0, 1e5))),
+        ...         lptn.NodeDeclaration("ambient", temperature="temperature.ambient"),
+        ...     ),
+        ...     links=(
+        ...         lptn.LinkDeclaration(("motor", "ambient"), lptn.Parameter("resistance", 2.0, "K/W", (0.01, 100.0))),
+        ...     ),
+        ...     effects=(lptn.EffectDeclaration(catalogue()["copper_loss"](), "motor"),),
+        ... )
+        >>> lptn.Model(network)
+        <Model motor: 1 state, 2 inputs, 2 free parameters>
     """
 
-    capacities: dict[str, int]
-    prescribed: dict[str, str | int]
-    resistors: list[Link]
-    conductors: list[Conductor]
-    massless: dict[str, str]
-    hottest: list[HottestPoint]
-    effects: tuple[EffectDeclaration, ...]
+    name: str
+    nodes: tuple[NodeDeclaration, ...]
+    links: tuple[LinkDeclaration, ...] = ()
+    effects: tuple[EffectDeclaration, ...] = ()
+    joints: tuple[str, ...] = ()
+    origin: str = "model"
+    values: Mapping[str, float] = field(default_factory=dict)
+    capacities: dict[str, int] = field(init=False, repr=False, compare=False)
+    prescribed: dict[str, str | int] = field(init=False, repr=False, compare=False)
+    resistors: list[Link] = field(init=False, repr=False, compare=False)
+    conductors: list[Conductor] = field(init=False, repr=False, compare=False)
+    massless: dict[str, str] = field(init=False, repr=False, compare=False)
+    hottest: list[HottestPoint] = field(init=False, repr=False, compare=False)
+    effect_instances: list[EffectInstance] = field(init=False, repr=False, compare=False)
+    parameters: list[ParameterInstance] = field(init=False, repr=False, compare=False)
+    declared_at: dict[Key, dict[str, str]] = field(init=False, repr=False, compare=False)
+    runs: dict[str, int] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        """Nodes first, then links, then what conducts inside elements, then effects: so parameters are numbered."""
+        own, parameters = vars(self), _Parameters(self.origin, self.values)
+        capacities, prescribed, elements = _nodes(self.origin, self.nodes, self.joints, parameters)
+        capacities = {name: capacities[name] for name in in_listed_order(capacities, self.joints)}
+        bodies = Bodies(self.origin)
+        for name, (_, element) in elements.items():
+            bodies.add(name, element.shape)
+        resistors = _links(self.origin, self.links, capacities, prescribed, bodies, parameters)
+
+        def conductivity(name: str, direction: str) -> int:
+            pattern, element = elements[name]
+            declared = element.conductivity[direction]
+            key = ("nodes", pattern, "element", declared.name)
+            return parameters.index(key, declared.name, name, pattern, declared)
+
+        bodies.lay_conductors(conductivity, [name for name, (_, element) in elements.items() if element.hottest])
+        own.update(capacities=capacities, prescribed=prescribed, resistors=resistors)
+        own.update(conductors=bodies.conductors, massless=bodies.massless, hottest=bodies.hottest)
+        LINKS.check(len(resistors), self.origin, "links")
+        _refuse_isolated(self, bodies)
+        instances, runs = _effects(self, parameters)
+        PLACES.check(len(instances), self.origin, "effects")
+        own.update(effect_instances=instances, runs=runs)
+        own.update(parameters=parameters.instances, declared_at=parameters.declared_at)
+        # An effect that is taken out takes its values along: should it come back, it starts as it is declared then.
+        names = {parameter.name for parameter in parameters.instances}
+        own.update(values={name: value for name, value in self.values.items() if name in names})
 
     @property
     def dynamic(self) -> list[str]:
         """Names of the nodes with a heat capacity, in order."""
         return list(self.capacities)
+
+    @property
+    def order(self) -> tuple[str, ...]:
+        """Places in the one order in which arrays hold them: the joints as they are listed, then other nodes."""
+        return tuple(dict.fromkeys((*self.joints, *self.dynamic)))
+
+    def columns_in_order(self, columns: Iterable[str]) -> list[str]:
+        """Log columns, those of one quantity together, in the order of places."""
+        parts = [column.partition(".") for column in columns]
+        quantities = dict.fromkeys(quantity for quantity, _, _ in parts)
+        places = dict.fromkeys((*self.order, *(place for _, _, place in parts)))
+        listed = [f"{quantity}.{place}" for quantity in quantities for place in places]
+        return in_listed_order(map("".join, parts), listed)
 
     @property
     def unlogged(self) -> list[str]:
@@ -294,131 +382,6 @@ class NetworkLayout:
             nodes.setdefault(declared.effect.key, set()).update(matching(declared.at, self.dynamic))
         return {key: [name for name in self.dynamic if name in names] for key, names in nodes.items()}
 
-
-# --- The network -----------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Network:
-    """A thermal network as declared, with its places and parameters worked out.
-
-    Args:
-        name: what the model is called.
-        nodes: dynamic and prescribed nodes.
-        links: resistances between them.
-        effects: everything beyond capacitances and resistances.
-        joints: the names that globs in `nodes` choose from. In their order stand nodes, inputs of one quantity, and
-            all arrays of joints that are made of the model; names that are not listed come behind, as declared.
-        origin: the file it came from, for messages.
-        values: parameter values that replace the declared ones, by the parameters' names.
-
-    Attributes:
-        layout: nodes and links, worked out.
-        effect_instances: every effect at every place where it acts.
-        parameters: all parameters of the model, free and fixed.
-        declared_at: for each key of a declaration, such as `("nodes", "*_calf", "capacity")`, the names of its
-            parameters, and the place or group of places that owns each.
-        runs: for each run, or glob of runs, that an effect is confined to, the index of its indicator.
-
-    Raises:
-        InputError: a place matches nothing, two declarations claim one place, a node is isolated.
-
-    Example:
-        >>> import lptn
-        >>> from lptn.effects import catalogue
-        >>> network = lptn.Network(
-        ...     "motor",
-        ...     nodes=(
-        ...         lptn.NodeDeclaration("motor", capacity=lptn.Parameter("capacity", 300.0, "J/K", (1.0, 1e5))),
-        ...         lptn.NodeDeclaration("ambient", temperature="temperature.ambient"),
-        ...     ),
-        ...     links=(
-        ...         lptn.LinkDeclaration(("motor", "ambient"), lptn.Parameter("resistance", 2.0, "K/W", (0.01, 100.0))),
-        ...     ),
-        ...     effects=(lptn.EffectDeclaration(catalogue()["copper_loss"](), "motor"),),
-        ... )
-        >>> lptn.Model(network)
-        <Model motor: 1 state, 2 inputs, 2 free parameters>
-    """
-
-    name: str
-    nodes: tuple[NodeDeclaration, ...]
-    links: tuple[LinkDeclaration, ...] = ()
-    effects: tuple[EffectDeclaration, ...] = ()
-    joints: tuple[str, ...] = ()
-    origin: str = "model"
-    values: Mapping[str, float] = field(default_factory=dict)
-    layout: NetworkLayout = field(init=False, repr=False, compare=False)
-    effect_instances: list[EffectInstance] = field(init=False, repr=False, compare=False)
-    parameters: list[ParameterInstance] = field(init=False, repr=False, compare=False)
-    declared_at: dict[Key, dict[str, str]] = field(init=False, repr=False, compare=False)
-    runs: dict[str, int] = field(init=False, repr=False, compare=False)
-
-    def __post_init__(self) -> None:
-        worked_out = _work_out(self.origin, self.nodes, self.links, self.effects, self.joints, self.values)
-        for name, value in worked_out._asdict().items():
-            object.__setattr__(self, name, value)
-        # An effect that is taken out takes its values along: should it come back, it starts as it is declared then.
-        names = {parameter.name for parameter in self.parameters}
-        object.__setattr__(self, "values", {name: value for name, value in self.values.items() if name in names})
-
-    @property
-    def dynamic(self) -> list[str]:
-        """Names of the nodes with a heat capacity, in order."""
-        return self.layout.dynamic
-
-    @property
-    def order(self) -> tuple[str, ...]:
-        """Places in the one order in which arrays hold them: the joints as they are listed, then other nodes."""
-        return tuple(dict.fromkeys((*self.joints, *self.dynamic)))
-
-    def columns_in_order(self, columns: Iterable[str]) -> list[str]:
-        """Log columns, those of one quantity together, in the order of places."""
-        parts = [column.partition(".") for column in columns]
-        quantities = dict.fromkeys(quantity for quantity, _, _ in parts)
-        places = dict.fromkeys((*self.order, *(place for _, _, place in parts)))
-        listed = [f"{quantity}.{place}" for quantity in quantities for place in places]
-        return in_listed_order(map("".join, parts), listed)
-
-    @property
-    def prescribed(self) -> dict[str, str | int]:
-        """For each prescribed node its log column, `"start"`, or the index of its parameter."""
-        return self.layout.prescribed
-
-    @property
-    def capacities(self) -> dict[str, int]:
-        """For each dynamic node the index of its capacitance."""
-        return self.layout.capacities
-
-    @property
-    def resistors(self) -> list[Link]:
-        """Every link of the network."""
-        return self.layout.resistors
-
-    @property
-    def conductors(self) -> list[Conductor]:
-        """Conduction between the mean temperatures and faces of elements."""
-        return self.layout.conductors
-
-    @property
-    def massless(self) -> dict[str, str]:
-        """Faces of elements that have a temperature of their own but no capacitance: name -> the element."""
-        return self.layout.massless
-
-    @property
-    def hottest(self) -> list[HottestPoint]:
-        """Hottest points of elements that are places of their own."""
-        return self.layout.hottest
-
-    @property
-    def surroundings(self) -> dict[str, tuple[str, str]]:
-        """Places of exchange with a prescribed node: name -> (node, prescribed node)."""
-        return self.layout.surroundings
-
-    def places_for(self, declared: EffectDeclaration) -> list[Place]:
-        """Where a declared effect acts: (place, nodes it touches)."""
-        return self.layout.places_for(declared)
-
     def sets_apart(self, declared: EffectDeclaration) -> bool:
         """Whether an effect acts in one run alone, or at one place of three or more, or limb, and others are like it.
 
@@ -438,21 +401,16 @@ class Network:
         Of each whether it is a winding, whether a logged power heats it, how many windings it is linked to, and, but
         for joints, its class: two housings are alike, a gearbox and an inverter are not.
         """
-        layout = self.layout
-        windings, heated = layout.nodes_with(_COPPER_LOSS), layout.nodes_with(_LOGGED_HEAT)
+        windings, heated = self.nodes_with(_COPPER_LOSS), self.nodes_with(_LOGGED_HEAT)
         return sorted(
             (
                 end in windings,
                 end in heated,
-                len(layout.windings_at(end)),
+                len(self.windings_at(end)),
                 "" if end in self.joints else class_of(end),
             )
             for end in ends
         )
-
-    def nodes_with(self, key: str) -> list[str]:
-        """Dynamic nodes at which an effect is declared."""
-        return self.layout.nodes_with(key)
 
     def in_common(self, key: str) -> list[EffectInstance]:
         """Where an effect stands, in all runs, whose amplitude another place has in common with it."""
@@ -496,54 +454,6 @@ Key = tuple[str | int, ...]
 """A key of a declaration: `("nodes", "*_calf", "capacity")`, `("effects", 2, "gamma")`."""
 _NO_NAME = re.compile(r"[\s.~{}]|^$")
 ROUNDING = 1e-9  # of a value: it may lie so far outside its bounds, as numbers do that were printed and read
-
-
-class _WorkedOut(NamedTuple):
-    """What a network's declarations come to; fields as in `Network`."""
-
-    layout: NetworkLayout
-    effect_instances: list[EffectInstance]
-    parameters: list[ParameterInstance]
-    declared_at: dict[Key, dict[str, str]]
-    runs: dict[str, int]
-
-
-def _work_out(
-    origin: str,
-    nodes: Sequence[NodeDeclaration],
-    links: Sequence[LinkDeclaration],
-    effects: tuple[EffectDeclaration, ...],
-    joints: Sequence[str],
-    values: Mapping[str, float],
-) -> _WorkedOut:
-    """Nodes first, then links, then what conducts inside elements, then effects: parameters are numbered in this order.
-
-    Raises:
-        InputError: as `Network` says.
-    """
-    parameters = _Parameters(origin, values)
-    capacities, prescribed, elements = _nodes(origin, nodes, joints, parameters)
-    capacities = {name: capacities[name] for name in in_listed_order(capacities, joints)}
-    bodies = Bodies(origin)
-    for name, (_, element) in elements.items():
-        bodies.add(name, element.shape)
-    resistors = _links(origin, links, capacities, prescribed, bodies, parameters)
-
-    def conductivity(name: str, direction: str) -> int:
-        pattern, element = elements[name]
-        declared = element.conductivity[direction]
-        key = ("nodes", pattern, "element", declared.name)
-        return parameters.index(key, declared.name, name, pattern, declared)
-
-    bodies.lay_conductors(conductivity, [name for name, (_, element) in elements.items() if element.hottest])
-    layout = NetworkLayout(
-        capacities, prescribed, resistors, bodies.conductors, bodies.massless, bodies.hottest, effects
-    )
-    LINKS.check(len(resistors), origin, "links")
-    _refuse_isolated(origin, layout, bodies)
-    instances, runs = _effects(origin, layout, parameters)
-    PLACES.check(len(instances), origin, "effects")
-    return _WorkedOut(layout, instances, parameters.instances, parameters.declared_at, runs)
 
 
 class _Parameters:
@@ -669,38 +579,36 @@ def _pairs(
     return pairs
 
 
-def _refuse_isolated(origin: str, layout: NetworkLayout, bodies: Bodies) -> None:
+def _refuse_isolated(network: Network, bodies: Bodies) -> None:
     """A node without link, contact or edge effect would only ever warm."""
-    touched = {end for link in layout.resistors for end in link.ends} | bodies.touched_places()
-    for declared in layout.effects:
+    touched = {end for link in network.resistors for end in link.ends} | bodies.touched_places()
+    for declared in network.effects:
         if declared.effect.between_ends and not declared.run:
-            touched |= {end for _, ends in layout.places_for(declared) for end in ends}
-    for name in layout.capacities:
+            touched |= {end for _, ends in network.places_for(declared) for end in ends}
+    for name in network.capacities:
         if name not in touched:
-            ends = f'["{bodies.linkable([name])[0]}", "{next(iter(layout.prescribed), "ambient")}"]'
+            ends = f'["{bodies.linkable([name])[0]}", "{next(iter(network.prescribed), "ambient")}"]'
             problem, expected = "an isolated node, whose heat has no way out", f"a link to it, such as between = {ends}"
-            raise InputError(origin, f'nodes."{name}"', problem, expected)
+            raise InputError(network.origin, f'nodes."{name}"', problem, expected)
 
 
-def _effects(
-    origin: str, layout: NetworkLayout, parameters: _Parameters
-) -> tuple[list[EffectInstance], dict[str, int]]:
+def _effects(network: Network, parameters: _Parameters) -> tuple[list[EffectInstance], dict[str, int]]:
     """Every effect at every place where it acts, and the indicators of the runs that some are confined to."""
     instances: list[EffectInstance] = []
     labels: set[str] = set()
     runs: dict[str, int] = {}
-    for number, declared in enumerate(layout.effects):
+    for number, declared in enumerate(network.effects):
         where = f"effects[{number}].at"
-        if not layout.places_for(declared):
+        if not network.places_for(declared):
             problem = f'"{declared.at}", which matches no place for {declared.effect.key}'
-            raise InputError(origin, where, problem, declared.effect.places_in_words(layout))
+            raise InputError(network.origin, where, problem, declared.effect.places_in_words(network))
         if run := declared.run:
             # 1 in the run, and 0 wherever no run is simulated: in an FMU, an estimator, a forecast.
             indicator = Parameter(RUN, 0.0, "1", (0.0, 1.0), title=f"1 in run {run}", fixed=True)
             runs[run] = parameters.index((RUN, run), RUN, run_label(run), run, indicator)
-        if not (held := layout.places_held(declared)):
+        if not (held := network.places_held(declared)):
             problem = f'"{declared.at}", of whose places each has a declaration of fewer places'
-            raise InputError(origin, where, problem, f"a place for {declared.effect.key}")
+            raise InputError(network.origin, where, problem, f"a place for {declared.effect.key}")
         for place, ends in held:
             indices = {
                 name: parameters.index(
@@ -708,24 +616,24 @@ def _effects(
                 )
                 for name, parameter in declared.resolved.items()
             }
-            driven_by = _driving(origin, f"effects[{number}].driven_by", layout, declared, ends[0])
+            driven_by = _driving(network, f"effects[{number}].driven_by", declared, ends[0])
             instance = EffectInstance(declared, place, ends, indices, runs.get(run), driven_by)
             if instance.label in labels:
                 expected = (
                     "each effect once at each place, or difference = true for what one place has beside a common one"
                 )
-                raise InputError(origin, where, f"a second {instance.name} at {place}", expected)
+                raise InputError(network.origin, where, f"a second {instance.name} at {place}", expected)
             labels.add(instance.label)
             instances.append(instance)
     return instances, runs
 
 
-def _driving(origin: str, where: str, layout: NetworkLayout, declared: EffectDeclaration, node: str) -> str:
+def _driving(network: Network, where: str, declared: EffectDeclaration, node: str) -> str:
     """The place whose log columns drive an effect at a node."""
     if declared.driven_by != EVERYWHERE:
         return declared.driven_by or node
-    windings = layout.windings_at(node)
+    windings = network.windings_at(node)
     if len(windings) != 1:
         problem = f'"*", but {node} is linked to {" and ".join(windings) or "no winding"}'
-        raise InputError(origin, where, problem, "one winding, a node with copper_loss, beside each place")
+        raise InputError(network.origin, where, problem, "one winding, a node with copper_loss, beside each place")
     return windings[0]
