@@ -20,6 +20,7 @@ from lptn.basics.errors import InputError
 from lptn.basics.files import write_whole
 from lptn.basics.parameters import Setting
 from lptn.basics.progress import shown_in_notebook
+from lptn.basics.tables import rows_html
 from lptn.diagnose.advice import Advice, advise
 from lptn.diagnose.answers import Step
 from lptn.diagnose.candidates import AMBIENT_ERROR, SURFACE_ERROR, TORQUE_ERROR
@@ -49,7 +50,7 @@ from lptn.logs.repeated import repeated_stretch
 from lptn.logs.run import Run
 from lptn.model.file import ModelFile, added
 from lptn.model.model import Model
-from lptn.report.results import StudyComparison, StudyForecast, StudyVersus, rows
+from lptn.report.results import StudyComparison, StudyForecast, StudyVersus
 from lptn.simulate.bound_run import bind, needed_columns
 
 if TYPE_CHECKING:
@@ -238,7 +239,7 @@ class Study:
 
     def _repr_html_(self) -> str:
         said = self.narrative() if self.advised else self.check()
-        return f"<p>{escape(repr(self))}</p>\n{said._repr_html_()}{rows(self.history) if self._steps else ''}"
+        return f"<p>{escape(repr(self))}</p>\n{said._repr_html_()}{rows_html(self.history) if self._steps else ''}"
 
     # --- what to do ---------------------------------------------------------------------------
 

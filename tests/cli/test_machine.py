@@ -148,7 +148,7 @@ def test_what_the_machine_lacks_is_one_line(
     def ends(*_: object, **__: object) -> None:
         raise raised
 
-    monkeypatch.setattr(command, "app", ends)
+    monkeypatch.setattr(command, "library_log_shown", ends)  # within it every command runs
     assert said in refused("effects", capsys)
 
 
@@ -156,7 +156,7 @@ def test_a_mistake_of_ours_keeps_its_traceback(monkeypatch: pytest.MonkeyPatch) 
     def ends(*_: object, **__: object) -> None:
         raise RuntimeError("a bug")
 
-    monkeypatch.setattr(command, "app", ends)
+    monkeypatch.setattr(command, "library_log_shown", ends)  # within it every command runs
     with pytest.raises(RuntimeError, match="a bug"):
         main(["effects"])
 

@@ -42,6 +42,26 @@ def test_tables_cut_nothing_at_80_columns(watched: bool, monkeypatch: pytest.Mon
         assert [" ".join(line.split()) for line in lines[1:]] == [" ".join(row) for row in ROWS]
 
 
+HEADS = ("choice", *(f">quantity {number} [N*m]" for number in range(5)), "active constraints")
+
+
+@pytest.mark.parametrize("count", [1, 2, 4, 9])
+def test_a_table_that_is_too_wide_is_turned_or_left_whole(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    written = io.StringIO()
+    monkeypatch.setattr(terminal, "out", Console(file=written, force_terminal=True, width=80, color_system=None))
+    rows = [(f"U{number}, no sink", *"12345", "winding, mass") for number in range(count)]
+    show_table(HEADS, rows)
+    lines = written.getvalue().splitlines()
+    heads = [head.removeprefix(">") for head in HEADS]
+    assert all(rows[0][0] in line for line in lines[:1]) == (count <= 4)
+    if count <= 4:  # each choice has a column
+        assert max(map(len, lines)) <= 80
+        assert [line[:18].rstrip() for line in lines][: len(heads)] == heads
+    else:  # nothing is folded into a column of letters
+        assert len(lines) == count + 1
+        assert all(" ".join(row) == " ".join(line.split()) for row, line in zip(rows, lines[1:], strict=True))
+
+
 class _Watched(io.StringIO):
     """A terminal."""
 

@@ -1,4 +1,4 @@
-"""Ten studies, four commands: terminal, Study, page, report and JSON give one verdict, one probability, one error."""
+"""Ten studies, six commands: terminal, Study, page, report and JSON give one verdict, one probability, one error."""
 
 from __future__ import annotations
 
@@ -13,12 +13,10 @@ import numpy as np
 import pytest
 
 import lptn
-from lptn.cli.compare import compare
-from lptn.cli.diagnose import diagnose
-from lptn.cli.forecast import forecast
-from lptn.cli.improve import improve
-from lptn.report.narrative import Sentence
+from lptn.cli.main import main
+from lptn.report.narrative import errors_in_words
 from lptn.report.online_figures import forecast_figure
+from lptn.report.sentences import Sentence
 from lptn.report.text import kelvin, percent
 from lptn.robots.presets import preset_text
 from lptn.virtual import Hidden, leg_logs, write_logs
@@ -37,6 +35,12 @@ class Files:
     fit: tuple[Path, ...]
     holdout: tuple[Path, ...] = ()
     after: float | None = None
+
+    @property
+    def words(self) -> list[object]:
+        """How a command gets the logs."""
+        after = ["--holdout-after", self.after] if self.after is not None else []
+        return [*self.fit, *(["--holdout", *self.holdout] if self.holdout else []), *after]
 
     @property
     def opening(self) -> Opening:
@@ -82,9 +86,8 @@ SLOW = ("ur3", "leg in the wind", "leg, nothing hidden")
 @pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] * (name in SLOW)) for name in STUDIES])
 def test_all_media_say_the_same(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     files = STUDIES[name](tmp_path)
-    holdout, after = list(files.holdout), files.after
 
-    diagnose(files.model, *files.fit, holdout=holdout, holdout_after=after, json=tmp_path / "found.json")
+    _run("diagnose", files.model, *files.words, "--json", tmp_path / "found.json")
     printed, written = _lines(capsys), json.loads((tmp_path / "found.json").read_text())
     study = files.opening.study()
     study.fit()
@@ -105,7 +108,7 @@ def test_all_media_say_the_same(name: str, tmp_path: Path, capsys: pytest.Captur
 
     better = tmp_path / "better.toml"
     story, best = tmp_path / "story.html", tmp_path / "best.json"
-    improve(files.model, *files.fit, holdout=holdout, holdout_after=after, output=better, report=story, json=best)
+    _run("improve", files.model, *files.words, "-o", better, "--report", story, "--json", best)
     printed, written = _lines(capsys), json.loads(best.read_text())
     study.improve()
     said = study.narrative()
@@ -118,11 +121,21 @@ def test_all_media_say_the_same(name: str, tmp_path: Path, capsys: pytest.Captur
     assert kelvin(written["history"][-1]["rmse_holdout"]) == kelvin(held_out.all.rmse)
     assert kelvin(held_out.all.rmse) in dict(head["said"])["Error"]
 
+    _run("check", files.model, *files.fit, *files.holdout)
+    unfitted = files.opening.study()
+    held = [each for each in unfitted.check() if each.label in ("Sensors", "Excitation", "Effects")]
+    assert set(map(str, held)) <= set(_lines(capsys))
+    _same(held, [], unfitted._repr_html_(), story)
+    contents = content_of(Bench(unfitted, tmp_path, ""), files.opening)["contents"]
+    assert contents == [(each.label, each.text) for each in held]
+    _run("fit", files.model, *files.words, "-o", tmp_path / "fitted.toml")
+    assert _lines(capsys)[0] == f"Error: {errors_in_words(study.steps[:1])}"
+
     log = (files.holdout or files.fit)[0]
-    compare(better, log, report=tmp_path / "errors.html")
+    _run("compare", better, log, "--report", tmp_path / "errors.html")
     fitted, given = lptn.Study(better, holdout=log), lptn.Study(files.model, holdout=log)
     _told(fitted.compare().narrative(), _lines(capsys), fitted.compare()._repr_html_(), tmp_path / "errors.html")
-    compare(better, log, against=files.model, report=tmp_path / "versus.html")
+    _run("compare", better, log, "--against", files.model, "--report", tmp_path / "versus.html")
     both = fitted.compare(given)
     _told(both.narrative(), _lines(capsys), both._repr_html_(), tmp_path / "versus.html")
     assert "Not fitted" in [each.label for each in both.narrative()]
@@ -130,12 +143,18 @@ def test_all_media_say_the_same(name: str, tmp_path: Path, capsys: pytest.Captur
     readings = [run.columns[f"temperature.{node}"] for run in fitted.runs for node in fitted.model.nodes]
     hottest = float(np.nanmax(np.concatenate(readings)))
     for limit in (hottest - 5.0, hottest + 5.0):
-        forecast(better, log, limit=[f"{limit:.0f}"])
+        _run("forecast", better, log, "--limit", f"{limit:.0f}")
         ahead = fitted.forecast(float(f"{limit:.0f}"))
         _told(ahead.narrative(), _lines(capsys), ahead._repr_html_())
         titles = [panel.get_title(loc="left") for panel in forecast_figure(ahead.result).axes]
         never = "No node reaches its limit" in ahead.narrative()[0].text
         assert never == all(": never" in title for title in titles if title)
+
+
+def _run(*words: object) -> None:
+    """A command as it is typed."""
+    with pytest.raises(SystemExit, match="0"):
+        main([str(word) for word in words])
 
 
 def _lines(capsys: pytest.CaptureFixture[str]) -> list[str]:

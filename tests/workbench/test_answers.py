@@ -30,6 +30,20 @@ def asked(tmp_path_factory: pytest.TempPathFactory) -> Bench:
     return bench
 
 
+def test_operating_conditions_are_those_of_the_comparison(asked: Bench) -> None:
+    rows = content_of(asked, OPENING)["conditions"]["given"]
+    nodes = list(asked.study.model.nodes)
+    expected: dict[tuple[str, str], list[float]] = {}
+    for condition in asked.study.compare().conditions():
+        expected.setdefault((condition.quantity, condition.node), []).append(condition.errors.rmse)
+    for (quantity, node), errors in expected.items():
+        tiles = [row["tiles"][nodes.index(node)] for row in rows if row["group"] == quantity]
+        assert [tile["rmse"] for tile in tiles if tile] == pytest.approx(errors)
+        assert {tile["segment"] for tile in tiles if tile} == {"holdout 0"}
+    assert {"temperature [°C]", "time since start [s]"} <= {row["group"] for row in rows}
+    assert len([row for row in rows if row["group"] == "time since start [s]"]) == 5
+
+
 def _stator(_: Path) -> Opening:
     folder = EXAMPLE.parent / "bldc_stators"
     return Opening(folder / "two_nodes.toml", (folder / "Run1.csv",), holdout_after=300)

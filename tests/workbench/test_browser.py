@@ -214,8 +214,8 @@ def test_parameters_conditions_and_ways_that_were_left(browser: Browser, tmp_pat
         page.goto(server.address)
         page.wait_for_url(f"{server.home}/")
         page.locator("[id='by condition']").click(timeout=PATIENCE)
-        expect(page.locator("[id='tile since the start later heater2']")).to_have_count(0)  # ten minutes were logged
-        expect(page.locator("[id='tile since the start to 20 min heater2']")).to_be_visible()
+        expect(page.locator("[id='tile time since start [s] 6 heater2']")).to_have_count(0)  # of five parts
+        expect(page.locator("[id='tile time since start [s] 5 heater2']")).to_be_visible()
         page.locator("[id='residual details'] summary").click()
         expect(page.locator("[id='residual details'] canvas")).to_have_count(2)
         for effect, place in (("sensor_lag", "*"), ("conduction", "heater1~heater2")):

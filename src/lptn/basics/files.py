@@ -15,6 +15,7 @@ from typing import Any
 
 from lptn.basics.bounds import TEXT, Bound
 from lptn.basics.errors import InputError
+from lptn.basics.words import listed
 
 # --- Results as JSON can hold them ----------------------------------------------------------------
 
@@ -281,3 +282,18 @@ def _remove_abandoned(target: Path) -> None:
 def _cannot_write(path: Path, error: OSError) -> InputError:
     expected = "a file that can be written, in a folder that exists"
     return InputError(path, "output", error.strerror or str(error), expected)
+
+
+TABLES, PICTURES = (".csv", ".parquet"), (".png", ".svg", ".pdf")
+"""Endings of the tables and figures that can be written."""
+
+
+def check_ending(path: Path, *endings: str) -> None:
+    """Refuse a file of a kind that can't be written.
+
+    Raises:
+        InputError: its name ends in none of the endings.
+    """
+    if path.suffix.lower() not in endings:
+        problem = f"a file name ending in '{path.suffix}'"
+        raise InputError(path, "output", problem, f"one ending in {listed(endings, 'or')}")

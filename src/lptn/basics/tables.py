@@ -8,8 +8,7 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lptn.basics.errors import InputError
-from lptn.basics.files import write_whole
+from lptn.basics.files import TABLES, check_ending, write_whole
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -41,21 +40,16 @@ class Tabular(ABC):
 
     def _repr_html_(self) -> str:
         table = self.to_pandas()
-        rows = table.to_html(index=False, na_rep="–", border=0, float_format=lambda value: f"{value:.{_DIGITS}g}")
-        return f"<p>{escape(self.summary)}</p>\n{rows if len(table) else ''}"
+        return f"<p>{escape(self.summary)}</p>\n{rows_html(table) if len(table) else ''}"
+
+
+def rows_html(table: pd.DataFrame) -> str:
+    """A table as HTML."""
+    rows = table.to_html(index=False, na_rep="–", border=0, float_format=lambda value: f"{value:.{_DIGITS}g}")
+    return str(rows)
 
 
 # --- Tables as files ------------------------------------------------------------------------------
-
-
-def check_ending(path: Path) -> None:
-    """Refuse a kind of table that can't be written.
-
-    Raises:
-        InputError: the file name ends in neither `.csv` nor `.parquet`.
-    """
-    if path.suffix.lower() not in (".csv", ".parquet"):
-        raise InputError(path, "--output", f"a file name ending in '{path.suffix}'", "one ending in .csv or .parquet")
 
 
 def write_table(path: Path, table: pd.DataFrame, digits: int | None = None) -> None:
@@ -69,7 +63,7 @@ def write_table(path: Path, table: pd.DataFrame, digits: int | None = None) -> N
     Raises:
         InputError: the file name ends in neither `.csv` nor `.parquet`, or can't be written.
     """
-    check_ending(path)
+    check_ending(path, *TABLES)
     if path.suffix.lower() == ".csv":
         write_whole(path, table.to_csv(index=False, float_format=f"%.{digits}g" if digits else None))
     else:

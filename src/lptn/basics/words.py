@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
+
+UNIT_BEHIND = re.compile(r"(?<=\d) (?=(?:K|W|s|min|h|m/s|°C|N·m|%)(?!\w))")
+"""The space between a number and its unit, at which no line ends."""
+BOUND = "\N{NO-BREAK SPACE}"
 
 
 def short_size(value: float) -> str:

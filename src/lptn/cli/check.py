@@ -12,7 +12,7 @@ from cyclopts import Parameter as Option
 
 from lptn.basics.errors import InputError
 from lptn.basics.words import count_of, few
-from lptn.cli.options import Details, Json, Map, Rate, check_inputs, check_outputs, column_options
+from lptn.cli.options import COLUMNS, Columns, Details, Json, check_inputs, check_outputs
 
 if TYPE_CHECKING:
     from lptn.basics.arrays import FloatArray
@@ -35,8 +35,7 @@ def check(
     drawing: Drawing = None,
     details: Details = False,
     json: Json = None,
-    map: Map = None,  # noqa: A002 - the option's name
-    rate: Rate = None,
+    columns: Columns = COLUMNS,
 ) -> None:
     """Check logs for what is wrong or missing.
 
@@ -46,18 +45,16 @@ def check(
 
     Example: lptn check leg.toml monday.parquet
     """
-    check_outputs(drawing, json, inputs=(model, *logs))
+    check_outputs(json, drawings=[drawing], inputs=(model, *logs))
     check_inputs(model, *logs)
-    if drawing is not None and drawing.suffix.lower() != ".svg":
-        raise InputError(drawing, "--drawing", f"a file name ending in '{drawing.suffix}'", "one ending in .svg")
     from lptn.cli.terminal import progress, write_json
     from lptn.diagnose.excitation import excitation, identifiability
     from lptn.identify.data import GUESS, load_model, warn_of_absent_runs
     from lptn.report.narrative import logs_narrative
-    from lptn.report.sentences import Narrative, Sentence
+    from lptn.report.sentences import Sentence
     from lptn.simulate.bound_run import bind
 
-    loaded = load_model(model, [*column_options(map, rate), *([GUESS] if guess else [])])
+    loaded = load_model(model, [*columns.texts, *([GUESS] if guess else [])])
     with progress("reading"):
         contents = [_content(loaded, log) for log in logs]
     result: dict[str, object] = {"model": str(model), "nodes": loaded.model.nodes, "inputs": loaded.model.inputs}
@@ -65,12 +62,12 @@ def check(
     runs = [run for content in contents for run in content.runs]
     unusable = sum(not content.usable for content in contents)
     said = logs_narrative(loaded.model, runs, len(contents), unusable)
-    print(Narrative(sentence for sentence in said if sentence.label in ("Verdict", "Model")))
-    mapped = tuple(text.partition("=")[0] for text in map or ())
+    held = [sentence for sentence in said if sentence.label not in ("Verdict", "Model")]
+    print(*(sentence for sentence in said if sentence not in held), sep="\n")
+    mapped = tuple(text.partition("=")[0] for text in columns.map or ())
     _show_logs(contents, lambda content: _urgent(content, loaded.guessing, mapped, whole=details), whole=details)
     if runs:
-        print(Narrative(sentence for sentence in said if sentence.label not in ("Verdict", "Model")))
-        print(Sentence("Next", _next(model, contents)))
+        print(*held, Sentence("Next", _next(model, contents)), sep="\n")
         warn_of_absent_runs(loaded.model.network, runs)
     if runs and (details or json is not None):
         excited = excitation(runs, loaded.model.nodes)
@@ -240,7 +237,7 @@ def _next(model: Path, contents: Sequence[LogContent]) -> str:
     from lptn.report.text import short
 
     if not all(content.usable for content in contents):
-        return "Mend what is refused."
+        return "Correct what is listed above, and check again."
     if any(content.wrong for content in contents):
         return "Compare these lines with what you know of the robot; mend the log, or say it in the model file."
     logs = [str(content.path) for content in contents]

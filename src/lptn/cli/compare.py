@@ -8,15 +8,13 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter as Option
 
 from lptn.cli.options import (
+    COLUMNS,
+    Columns,
     Details,
     Json,
-    Map,
     Picture,
-    Rate,
     check_inputs,
     check_outputs,
-    check_picture,
-    column_options,
     needs_logs,
     write_figure,
 )
@@ -36,8 +34,7 @@ def compare(
     json: Json = None,
     plot: Picture = None,
     report: Annotated[Path | None, Option(help="HTML report to write.")] = None,
-    map: Map = None,  # noqa: A002 - the option's name
-    rate: Rate = None,
+    columns: Columns = COLUMNS,
 ) -> None:
     """Predict logs, and show the errors.
 
@@ -48,8 +45,7 @@ def compare(
     Example: lptn compare whole-body.toml friday.parquet --against single-nodes.toml --report versus.html
     """
     needs_logs(logs)
-    check_outputs(json, plot, report, inputs=(model, *logs, *(() if against is None else (against,))))
-    check_picture(plot)
+    check_outputs(json, report, pictures=[plot], inputs=(model, *logs, *(() if against is None else (against,))))
     check_inputs(model, *logs)
     from lptn.basics.files import write_whole
     from lptn.cli.terminal import is_quiet, progress, write_json
@@ -57,11 +53,7 @@ def compare(
     from lptn.study import Study
 
     with progress("reading"):
-        studies = [
-            Study(file, holdout=logs, columns=column_options(map, rate))
-            for file in (model, against)
-            if file is not None
-        ]
+        studies = [Study(file, holdout=logs, columns=columns.texts) for file in (model, against) if file is not None]
     with progress("comparing"):
         result = studies[0].compare(*studies[1:])
     print(result.narrative())
@@ -102,13 +94,11 @@ def _show_comparison(comparison: Comparison, details: bool) -> None:
 def _show_versus(result: Versus) -> None:
     """Two models' errors by class of nodes and by run."""
     from lptn.cli.terminal import show_table
+    from lptn.report.tables import versus_table
 
     print(f"Errors (predicted − measured) of {' / '.join(result.names)}, and the reduction of the largest:")
     classes = result.classes[:1] if len(result.classes) == 2 else result.classes  # of one class and all
     runs = result.runs if len(result.runs) > 1 else []  # errors of one run are those of all nodes
     for what, pairs in (("nodes", classes), *([("run", runs)] if runs else [])):
-        rows = []
-        for pair in pairs:
-            mean, largest, square = (f"{mine:.2f} / {others:.2f} {unit}" for mine, others, unit in pair.figures)
-            rows.append((pair.what, mean, largest, f"{pair.reduction:.0%}".replace("-", "−"), square))
-        show_table((what, ">mean |error|", ">max |error|", ">reduction", ">mean square"), rows)
+        table = versus_table(what, pairs)
+        show_table(table.columns, table.rows)

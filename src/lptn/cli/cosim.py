@@ -8,18 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter as Option
 
 from lptn.basics.errors import InputError
-from lptn.basics.tables import check_ending, write_table
-from lptn.cli.options import (
-    Json,
-    Map,
-    Picture,
-    Rate,
-    check_outputs,
-    check_picture,
-    column_options,
-    needs_logs,
-    write_figure,
-)
+from lptn.basics.tables import write_table
+from lptn.cli.options import COLUMNS, Columns, Json, Picture, check_outputs, needs_logs, write_figure
 
 if TYPE_CHECKING:
     from lptn.fmu.cosim import Cosimulation
@@ -52,8 +42,7 @@ def cosim(
     output: Outputs = None,
     plot: Picture = None,
     json: Json = None,
-    map: Map = None,  # noqa: A002
-    rate: Rate = None,
+    columns: Columns = COLUMNS,
 ) -> None:
     """Drive an FMU, or connected FMUs, with logs.
 
@@ -65,15 +54,13 @@ def cosim(
     Example: lptn cosim motor.fmu friday.csv --map tau=torque.knee --map T_case=temperature.knee --trust
     """
     needs_logs(logs)
-    check_outputs(output, plot, json, inputs=(fmu, *logs, *filter(None, (model, parameters))))
-    if output is not None:
-        check_ending(output)
-    check_picture(plot)
+    inputs = (fmu, *logs, *filter(None, (model, parameters)))
+    check_outputs(json, tables=[output], pictures=[plot], inputs=inputs)
     from lptn.cli.terminal import progress, write_json
     from lptn.fmu.cosim import cosimulate
     from lptn.fmu.session import FmuError
 
-    pairs = dict(text.partition("=")[::2] for text in column_options(map, rate))
+    pairs = dict(text.partition("=")[::2] for text in columns.texts)
     try:
         with progress("co-simulating"):
             done = cosimulate(fmu, logs, model=model, mapped=pairs, ramps=ramps, trust=trust, parameters=parameters)

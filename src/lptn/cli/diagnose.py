@@ -8,21 +8,14 @@ from typing import TYPE_CHECKING
 
 from lptn.basics.words import few
 from lptn.cli.options import (
-    AmbientError,
+    DATA,
+    Data,
     Details,
-    Holdout,
-    HoldoutAfter,
     Jobs,
     Json,
-    Map,
     Picture,
-    Rate,
-    SurfaceError,
-    TorqueError,
     check_inputs,
     check_outputs,
-    check_picture,
-    column_options,
     executor_of,
     needs_logs,
     write_figure,
@@ -37,17 +30,11 @@ def diagnose(
     model: Path,
     /,
     *logs: Path,
-    holdout: Holdout = None,
-    holdout_after: HoldoutAfter = None,
-    ambient_error: AmbientError = None,
-    torque_error: TorqueError = None,
-    surface_error: SurfaceError = None,
+    data: Data = DATA,
     details: Details = False,
     json: Json = None,
     plot: Picture = None,
     jobs: Jobs = 1,
-    map: Map = None,  # noqa: A002 - the option's name
-    rate: Rate = None,
 ) -> None:
     """Name the effects that are missing, and where.
 
@@ -56,25 +43,13 @@ def diagnose(
     Example: lptn diagnose leg.toml monday.parquet --holdout friday.parquet --json found.json
     """
     needs_logs(logs)
-    check_outputs(json, plot, inputs=(model, *logs, *(holdout or ())))
-    check_picture(plot)
-    check_inputs(model, *logs, *(holdout or ()))
+    check_outputs(json, pictures=[plot], inputs=(model, *logs, *(data.holdout or ())))
+    check_inputs(model, *logs, *(data.holdout or ()))
     from lptn.cli.terminal import is_quiet, progress, write_json
     from lptn.report.sentences import Narrative
-    from lptn.study import Study
 
     with progress("reading"), executor_of(jobs) as executor:
-        study = Study(
-            model,
-            logs,
-            holdout or (),
-            holdout_after=holdout_after,
-            columns=column_options(map, rate),
-            ambient_error=ambient_error,
-            torque_error=torque_error,
-            surface_error=surface_error,
-            executor=executor,
-        )
+        study = data.study(model, logs, executor=executor)
         diagnosis, advice = study.diagnose(), study.advise()
         said = study.narrative()
     if is_quiet():
@@ -99,7 +74,7 @@ def show_answers(diagnosis: Diagnosis) -> None:
     """A table of what is missing, by the names that `lptn add` takes; without answers, how probable none is."""
     from lptn.cli.terminal import show_table
     from lptn.diagnose.answers import NOTHING
-    from lptn.report.text import kelvin, named, percent, size_text
+    from lptn.report.text import named, percent, size_text
 
     ratios = ", ".join(f"{node} {value:.2g}×" for node, value in diagnosis.lack_of_fit.items())
     print(f"Misfit / noise, of one-minute means: {ratios}.")
@@ -117,11 +92,6 @@ def show_answers(diagnosis: Diagnosis) -> None:
     show_table(("effect", "at", "size", ">probability", "or"), rows)
     one_run = any("@" in (step.at or "") for step in diagnosis.steps)
     print(f"at: * is everywhere.{' NODE@RUN is in that run alone.' if one_run else ''}")
-    last = diagnosis.steps[-1]
-    text = f"With all of them: RMSE fitted {kelvin(diagnosis.fit.rmse)} → {kelvin(last.fit.rmse)}"
-    if diagnosis.holdout and last.holdout:
-        text += f", held out {kelvin(diagnosis.holdout.rmse)} → {kelvin(last.holdout.rmse)}"
-    print(f"{text}. `lptn improve` with the same arguments adds them.")
 
 
 _FEW = 3  # rivals named in a sentence; all of them are in the JSON and on the page

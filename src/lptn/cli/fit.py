@@ -12,19 +12,7 @@ from cyclopts import validators
 
 from lptn.basics.errors import InputError
 from lptn.basics.words import count_of
-from lptn.cli.options import (
-    Details,
-    Holdout,
-    HoldoutAfter,
-    Json,
-    Map,
-    Rate,
-    SymmetryPenalty,
-    check_inputs,
-    check_outputs,
-    column_options,
-    needs_logs,
-)
+from lptn.cli.options import HELD_OUT, Details, HeldOut, Json, SymmetryPenalty, check_inputs, check_outputs, needs_logs
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -57,14 +45,11 @@ def fit(
     *logs: Path,
     output: FitOutput = None,
     each: Each = None,
-    holdout: Holdout = None,
-    holdout_after: HoldoutAfter = None,
+    held: HeldOut = HELD_OUT,
     symmetry_penalty: SymmetryPenalty = 0.0,
     details: Details = False,
     json: Json = None,
     jobs: FitJobs = 1,
-    map: Map = None,  # noqa: A002 - the option's name
-    rate: Rate = None,
 ) -> None:
     """Fit the free parameters of a model.
 
@@ -81,13 +66,12 @@ def fit(
     if each is None:
         if jobs > 1:
             raise InputError("command line", "--jobs", "no --each beside it", "one process for one fit")
-        mapped = column_options(map, rate)
-        _fit_one(model, logs, output, holdout or [], holdout_after, symmetry_penalty, details, json, mapped)
+        _fit_one(model, logs, output, held, symmetry_penalty, details, json)
         return
-    if logs or holdout:
+    if logs or held.holdout:
         beside = "LOGS" if logs else "--holdout"
         raise InputError("command line", "--each", f"{beside} beside it", "all logs behind --each, or no --each")
-    _fit_each(model, each, output, holdout_after, symmetry_penalty, json, jobs, column_options(map, rate))
+    _fit_each(model, each, output, held, symmetry_penalty, json, jobs)
 
 
 # --- one robot --------------------------------------------------------------------------------------------
@@ -97,14 +81,13 @@ def _fit_one(
     model: Path,
     logs: tuple[Path, ...],
     output: Path | None,
-    holdout: list[Path],
-    holdout_after: float | str | None,
+    held: HeldOut,
     symmetry_penalty: float | Literal["auto"],
     details: bool,
     json: Path | None,
-    mapped: list[str],
 ) -> None:
     needs_logs(logs)
+    holdout = held.holdout or []
     check_outputs(output, json, inputs=(*logs, *holdout))
     check_outputs(json, inputs=(model,))  # only the fitted model may take its place
     check_inputs(model, *logs, *holdout)
@@ -114,12 +97,12 @@ def _fit_one(
     from lptn.study import Study
 
     with progress("reading"):
-        study = Study(model, logs, holdout, holdout_after=holdout_after, columns=mapped)
+        study = Study(model, logs, holdout, holdout_after=held.holdout_after, columns=held.texts)
     given, segments = study.model, study.data.fit
     if not given.free:
         raise InputError(model, "parameters", "none that is free", "one at least without fixed = true")
     digests = [(segment.run.name, segment.run.fingerprint) for segment in segments]
-    text, options = study.file.text, {"map": mapped, "holdout_after": holdout_after}
+    text, options = study.file.text, {"map": held.texts, "holdout_after": held.holdout_after}
 
     def checkpoint(penalty: float) -> Checkpoint:
         kept = Checkpoint(fingerprint_of(text, digests, options | {"mirror_weight": penalty}))
@@ -130,7 +113,7 @@ def _fit_one(
     with progress("fitting"):
         done = study.fit(symmetry_penalty=symmetry_penalty, checkpoint=checkpoint)
     held_out = study.steps[-1].holdout
-    print(fit_narrative(study.steps[-1]))
+    print(fit_narrative(study.steps[-1], None) if details else fit_narrative(study.steps[-1]))
     if not is_quiet():
         _show_symmetry_trials(study.symmetry_trials)
         _show_fit(done, None if details else _PARAMETERS)
@@ -177,11 +160,10 @@ def _fit_each(
     model: Path,
     places: list[Path],
     output: Path | None,
-    holdout_after: float | str | None,
+    held: HeldOut,
     symmetry_penalty: float | Literal["auto"],
     json: Path | None,
     jobs: int,
-    mapped: list[str],
 ) -> None:
     from lptn.cli.terminal import complain, progress, write_json
     from lptn.fleet.fleet import fit_each, write_tables
@@ -189,10 +171,10 @@ def _fit_each(
     from lptn.identify.data import load_model
 
     folder = _folder(output)
-    loaded, robots = load_model(model, mapped), robots_of(places)
+    loaded, robots = load_model(model, held.texts), robots_of(places)
     check_outputs(json, inputs=(model, *(log for robot in robots for log in robot.logs)))
     if len(robots) == 1 and len(robots[0].logs) > 1:
-        print(f"{places[0]}: {len(robots[0].logs)} logs of one robot (a robot each: --each {places[0]}/*).")
+        print(f"{places[0]}: {len(robots[0].logs)} logs of one robot; for a robot each: --each {places[0]}/*")
     outcomes: list[Outcome] = []
 
     def on_outcome(outcome: Outcome) -> None:
@@ -208,7 +190,7 @@ def _fit_each(
                 into=folder,
                 jobs=jobs,
                 symmetry_penalty=symmetry_penalty,
-                holdout_after=holdout_after,
+                holdout_after=held.holdout_after,
                 report=report,
                 on_outcome=on_outcome,
             )

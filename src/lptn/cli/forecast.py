@@ -10,17 +10,7 @@ from cyclopts import Parameter as Option
 from cyclopts import validators
 
 from lptn.basics.errors import InputError
-from lptn.cli.options import (
-    Json,
-    Map,
-    Picture,
-    Rate,
-    check_inputs,
-    check_outputs,
-    check_picture,
-    column_options,
-    write_figure,
-)
+from lptn.cli.options import COLUMNS, Columns, Json, Picture, check_inputs, check_outputs, write_figure
 
 if TYPE_CHECKING:
     from lptn.online.operating_point import WindowChoice
@@ -50,8 +40,7 @@ def forecast(
     ] = 0.9,
     json: Json = None,
     plot: Picture = None,
-    map: Map = None,  # noqa: A002 - the option's name
-    rate: Rate = None,
+    columns: Columns = COLUMNS,
 ) -> None:
     """Forecast when each joint reaches its limit.
 
@@ -59,8 +48,7 @@ def forecast(
 
     Example: lptn forecast fitted.toml now.parquet --limit 60
     """
-    check_outputs(json, plot, inputs=(model, log))
-    check_picture(plot)
+    check_outputs(json, pictures=[plot], inputs=(model, log))
     limits, chosen = _limits(limit), _window(window)
     check_inputs(model, log)
     from lptn.cli.terminal import is_quiet, progress, show_table, write_json
@@ -68,7 +56,7 @@ def forecast(
     from lptn.study import Study
 
     with progress("forecasting"):
-        study = Study(model, holdout=[log], columns=column_options(map, rate))
+        study = Study(model, holdout=[log], columns=columns.texts)
         ahead = study.forecast(limits, cycles, coverage, window=chosen)
     print(ahead.narrative())
     if not is_quiet():

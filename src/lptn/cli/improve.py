@@ -10,21 +10,15 @@ from cyclopts import validators
 
 from lptn.cli.diagnose import show_advice
 from lptn.cli.options import (
-    AmbientError,
+    DATA,
+    Data,
     Details,
-    Holdout,
-    HoldoutAfter,
     Jobs,
     Json,
-    Map,
     OptionalOutput,
-    Rate,
-    SurfaceError,
     Test,
-    TorqueError,
     check_inputs,
     check_outputs,
-    column_options,
     executor_of,
     needs_logs,
     typed,
@@ -50,19 +44,13 @@ def improve(
     /,
     *logs: Path,
     output: OptionalOutput = None,
-    holdout: Holdout = None,
-    holdout_after: HoldoutAfter = None,
+    data: Data = DATA,
     test: Test = None,
     steps: Steps = 6,
-    ambient_error: AmbientError = None,
-    torque_error: TorqueError = None,
-    surface_error: SurfaceError = None,
     details: Details = False,
     json: Json = None,
     report: Annotated[Path | None, Option(help="HTML report to write.")] = None,
     jobs: Jobs = 1,
-    map: Map = None,  # noqa: A002 - the option's name
-    rate: Rate = None,
 ) -> None:
     """Find the missing effects, add them and refit.
 
@@ -71,25 +59,13 @@ def improve(
     Example: lptn improve leg.toml monday.parquet --holdout friday.parquet -o better.toml --report story.html
     """
     needs_logs(logs)
-    check_outputs(output, json, report, inputs=(*logs, *(holdout or ()), *(test or ())))
+    check_outputs(output, json, report, inputs=(*logs, *(data.holdout or ()), *(test or ())))
     check_outputs(json, report, inputs=(model,))  # only the better model may take its place
-    check_inputs(model, *logs, *(holdout or ()), *(test or ()))
+    check_inputs(model, *logs, *(data.holdout or ()), *(test or ()))
     from lptn.cli.terminal import progress, show_written, write_json
-    from lptn.study import Study
 
     with progress("reading"), executor_of(jobs) as executor:
-        study = Study(
-            model,
-            logs,
-            holdout or (),
-            test or (),
-            holdout_after=holdout_after,
-            columns=column_options(map, rate),
-            ambient_error=ambient_error,
-            torque_error=torque_error,
-            surface_error=surface_error,
-            executor=executor,
-        )
+        study = data.study(model, logs, test or (), executor)
         study.improve(steps)
         history, advice = study.selection(), study.advise()
     print(study.narrative())

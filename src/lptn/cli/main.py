@@ -49,6 +49,7 @@ app = cyclopts.App(
 
     Example: lptn improve leg.toml monday.parquet --holdout friday.parquet -o better.toml --report story.html""",
     help_format="plaintext",
+    default_parameter=Option(show_default=lambda value: None if value is False else str(value)),
     suppress_keyboard_interrupt=False,  # `main` says what becomes of the files
 )
 for _command in (
@@ -81,7 +82,7 @@ app.meta.suppress_keyboard_interrupt = False
 def _command_of(
     *words: Annotated[str, Option(show=False, allow_leading_hyphen=True)],
     verbose: Annotated[
-        bool, Option(name=["--verbose", "-v"], help="Also print what is being done.", negative="", show_default=False)
+        bool, Option(name=["--verbose", "-v"], help="Also print what is being done.", negative="")
     ] = False,
     quiet: Annotated[
         bool,
@@ -89,7 +90,6 @@ def _command_of(
             name=["--quiet", "-q"],
             help="Print the answer alone, without progress, warnings and tables beside it.",
             negative="",
-            show_default=False,
         ),
     ] = False,
 ) -> None:

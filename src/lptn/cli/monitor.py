@@ -10,18 +10,7 @@ from cyclopts import Parameter as Option
 from cyclopts import validators
 
 from lptn.basics.errors import InputError
-from lptn.cli.options import (
-    Json,
-    Map,
-    Picture,
-    Rate,
-    check_inputs,
-    check_outputs,
-    check_picture,
-    column_options,
-    needs_logs,
-    write_figure,
-)
+from lptn.cli.options import COLUMNS, Columns, Json, Picture, check_inputs, check_outputs, needs_logs, write_figure
 
 if TYPE_CHECKING:
     from lptn.logs.run import Run
@@ -59,8 +48,7 @@ def monitor(
     ] = None,
     json: Json = None,
     plot: Picture = None,
-    map: Map = None,  # noqa: A002 - the option's name
-    rate: Rate = None,
+    columns: Columns = COLUMNS,
 ) -> None:
     """Find faulty temperature sensors and dead inputs.
 
@@ -73,14 +61,13 @@ def monitor(
     needs_logs(logs)
     read, written = (None, calibration) if healthy else (calibration, None)
     inputs = (model, *logs, *(healthy or ()), *(() if read is None else (read,)))
-    check_outputs(json, plot, written, inputs=inputs)
-    check_picture(plot)
+    check_outputs(json, written, pictures=[plot], inputs=inputs)
     check_inputs(model, *logs, *(healthy or ()))
     from lptn.cli.terminal import progress, write_json
     from lptn.identify.data import load_model
     from lptn.online.monitoring import monitor as watch
 
-    loaded = load_model(model, column_options(map, rate))
+    loaded = load_model(model, columns.texts)
     runs, healthy_runs = loaded.runs(logs), loaded.runs(healthy or [])
     _refuse_shared(runs, healthy_runs)
     with progress("reading") as report:

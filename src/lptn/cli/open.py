@@ -12,27 +12,14 @@ from cyclopts import Parameter as Option
 from cyclopts import validators
 
 from lptn.basics.errors import InputError
-from lptn.cli.options import (
-    AmbientError,
-    Holdout,
-    HoldoutAfter,
-    Map,
-    Rate,
-    SurfaceError,
-    Test,
-    TorqueError,
-    check_inputs,
-    column_options,
-    needs_logs,
-)
+from lptn.cli.options import DATA, Data, Test, check_inputs, needs_logs
 
 
 def open(  # noqa: A001 - the command's name
     model: Path | None = None,
     /,
     *logs: Path,
-    holdout: Holdout = None,
-    holdout_after: HoldoutAfter = None,
+    data: Data = DATA,
     test: Test = None,
     browser: Annotated[bool, Option(help="Open the browser; otherwise only print the address.")] = True,
     port: Annotated[
@@ -42,11 +29,6 @@ def open(  # noqa: A001 - the command's name
             validator=validators.Number(gte=0, lte=65535),
         ),
     ] = 0,
-    ambient_error: AmbientError = None,
-    torque_error: TorqueError = None,
-    surface_error: SurfaceError = None,
-    map: Map = None,  # noqa: A002 - the option's name
-    rate: Rate = None,
 ) -> None:
     """Open the workbench in the browser.
 
@@ -58,11 +40,11 @@ def open(  # noqa: A001 - the command's name
     Example: lptn open leg.toml monday.parquet --holdout friday.parquet
     """
     if model is None:
-        if given := [word for word, value in (("--holdout", holdout), ("--test", test)) if value]:
+        if given := [word for word, value in (("--holdout", data.holdout), ("--test", test)) if value]:
             raise InputError("command line", "MODEL", f"{given[0]} without a model", "a model file with its logs")
     else:
         needs_logs(logs)
-        check_inputs(model, *logs, *(holdout or ()), *(test or ()))
+        check_inputs(model, *logs, *(data.holdout or ()), *(test or ()))
     from lptn.cli.terminal import progress
     from lptn.workbench.opening import Opening
     from lptn.workbench.server import serve
@@ -74,13 +56,13 @@ def open(  # noqa: A001 - the command's name
         else Opening(
             model,
             logs,
-            tuple(holdout or ()),
+            tuple(data.holdout or ()),
             tuple(test or ()),
-            holdout_after,
-            tuple(column_options(map, rate)),
-            ambient_error,
-            torque_error,
-            surface_error,
+            data.holdout_after,
+            tuple(data.texts),
+            data.ambient_error,
+            data.torque_error,
+            data.surface_error,
         )
     )
     session = Session(opening)

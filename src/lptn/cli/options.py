@@ -7,6 +7,7 @@ import sys
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -14,10 +15,12 @@ from cyclopts import Parameter as Option
 from cyclopts import Token, validators
 
 from lptn.basics.errors import MODEL_FILE, InputError
-from lptn.basics.files import real_path, text_of
+from lptn.basics.files import PICTURES, TABLES, check_ending, real_path, text_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from lptn.study import Study
 
 # --- options -----------------------------------------------------------------------------------------------
 
@@ -38,30 +41,6 @@ Json = Annotated[Path | None, Option(name="--json", help="JSON file for the resu
 HtmlReport = Annotated[Path | None, Option(name="--report", help="HTML page to write, with zoomable charts.")]
 Details = Annotated[bool, Option(name="--details", help="Print all results below the answer.", negative="")]
 Picture = Annotated[Path | None, Option(name="--plot", help="Picture to write: .png, .svg or .pdf.")]
-Holdout = Annotated[
-    list[Path] | None,
-    Option(name="--holdout", help="Held-out logs: no parameter is fitted to them.", negative="", consume_multiple=True),
-]
-
-
-def _time_or_after(_type: object, tokens: Sequence[Token]) -> float | str:
-    """A time in the log's clock, or, with its sign kept, one after the log's start."""
-    text = tokens[0].value.strip()
-    try:
-        float(text)
-    except ValueError:
-        raise ValueError(f"{text!r} is no time in s, nor seconds after the start such as +300") from None
-    return text if text.startswith("+") else float(text)
-
-
-HoldoutAfter = Annotated[
-    float | str | None,
-    Option(
-        name="--holdout-after",
-        help="Hold out the end of each fitted log, from this time in s; +300: from 300 s after its start.",
-        converter=_time_or_after,
-    ),
-]
 Test = Annotated[
     list[Path] | None,
     Option(
@@ -69,43 +48,6 @@ Test = Annotated[
         help="Test logs: only the final model predicts them.",
         negative="",
         consume_multiple=True,
-    ),
-]
-Map = Annotated[
-    list[str] | None,
-    Option(
-        name="--map",
-        help="Which column is a quantity: temperature.FR_calf=T3[degF]; may be repeated. guess: by similar names.",
-        negative="",
-    ),
-]
-Rate = Annotated[
-    float | None,
-    Option(
-        name="--rate",
-        help="Rows per second [Hz], for logs without a time column.",
-        validator=validators.Number(gt=0),
-    ),
-]
-AmbientError = Annotated[
-    float | None,
-    Option(
-        help="Standard error of the ambient sensor in each run [K]; 0.3 by default, 0 if exact.",
-        validator=validators.Number(gte=0),
-    ),
-]
-TorqueError = Annotated[
-    float | None,
-    Option(
-        help="Relative standard error of torques or currents in each run; 0.015 by default, 0 if exact.",
-        validator=validators.Number(gte=0),
-    ),
-]
-SurfaceError = Annotated[
-    float | None,
-    Option(
-        help="Relative standard error of a surface's heat loss in each run; 0.03 by default, 0 in still or logged air.",
-        validator=validators.Number(gte=0),
     ),
 ]
 Jobs = Annotated[int, Option(name="--jobs", help="Number of processes.", validator=validators.Number(gte=1))]
@@ -126,9 +68,106 @@ SymmetryPenalty = Annotated[
 ]
 
 
-def column_options(columns: Sequence[str] | None, rate: float | None) -> list[str]:
-    """What `--map` and `--rate` say together, as `--map` does."""
-    return [*(columns or ()), *([f"time=[rate={rate:.12g}]"] if rate is not None else [])]
+def _time_or_after(_type: object, tokens: Sequence[Token]) -> float | str:
+    """A time in the log's clock, or, with its sign kept, one after the log's start."""
+    text = tokens[0].value.strip()
+    try:
+        float(text)
+    except ValueError:
+        raise ValueError(f"{text!r} is no time in s, nor seconds after the start such as +300") from None
+    return text if text.startswith("+") else float(text)
+
+
+@Option(name="*")
+@dataclass(frozen=True)
+class Columns:
+    """How the columns of logs are read."""
+
+    map: Annotated[
+        list[str] | None,
+        Option(
+            help="Which column is a quantity: temperature.FR_calf=T3[degF]; may be repeated. guess: by similar names.",
+            negative="",
+        ),
+    ] = None
+    rate: Annotated[
+        float | None,
+        Option(help="Rows per second [Hz], for logs without a time column.", validator=validators.Number(gt=0)),
+    ] = None
+
+    @property
+    def texts(self) -> list[str]:
+        """What both say together, as `--map` does."""
+        return [*(self.map or ()), *([f"time=[rate={self.rate:.12g}]"] if self.rate is not None else [])]
+
+
+@Option(name="*")
+@dataclass(frozen=True)
+class HeldOut(Columns):
+    """What is held out of a fit."""
+
+    holdout: Annotated[
+        list[Path] | None,
+        Option(help="Held-out logs: no parameter is fitted to them.", negative="", consume_multiple=True),
+    ] = None
+    holdout_after: Annotated[
+        float | str | None,
+        Option(
+            help="Hold out the end of each fitted log, from this time in s; +300: from 300 s after its start.",
+            converter=_time_or_after,
+        ),
+    ] = None
+
+
+@Option(name="*")
+@dataclass(frozen=True)
+class Data(HeldOut):
+    """What is held out of a search, and how far its logs may be off."""
+
+    ambient_error: Annotated[
+        float | None,
+        Option(
+            help="Standard error of the ambient sensor in each run [K]; 0.3 by default, 0 if exact.",
+            validator=validators.Number(gte=0),
+        ),
+    ] = None
+    torque_error: Annotated[
+        float | None,
+        Option(
+            help="Relative standard error of torques or currents in each run; 0.015 by default, 0 if exact.",
+            validator=validators.Number(gte=0),
+        ),
+    ] = None
+    surface_error: Annotated[
+        float | None,
+        Option(
+            help="Relative standard error of a surface's heat loss in each run; 0.03 by default, 0 in still air.",
+            validator=validators.Number(gte=0),
+        ),
+    ] = None
+
+    def study(
+        self, model: Path, logs: Sequence[Path], test: Sequence[Path] = (), executor: Executor | None = None
+    ) -> Study:
+        """Read it all."""
+        from lptn.study import Study
+
+        return Study(
+            model,
+            logs,
+            self.holdout or (),
+            test,
+            holdout_after=self.holdout_after,
+            columns=self.texts,
+            ambient_error=self.ambient_error,
+            torque_error=self.torque_error,
+            surface_error=self.surface_error,
+            executor=executor,
+        )
+
+
+COLUMNS, HELD_OUT, DATA = Columns(), HeldOut(), Data()
+"""Nothing said of either."""
 
 
 def typed() -> str:
@@ -161,35 +200,53 @@ def check_inputs(model: Path, *logs: Path) -> None:
             raise InputError(log, "log", "no such file", "the path of a log")
 
 
-def check_outputs(*paths: Path | None, inputs: Iterable[Path] = ()) -> None:
+def check_outputs(
+    *paths: Path | None,
+    pictures: Sequence[Path | None] = (),
+    tables: Sequence[Path | None] = (),
+    drawings: Sequence[Path | None] = (),
+    inputs: Iterable[Path] = (),
+) -> None:
     """Refuse a file that can't be written before hours of work, not after.
 
     Args:
         paths: files that will be written.
+        pictures: figures that will be.
+        tables: tables that will be.
+        drawings: networks that will be drawn.
         inputs: files that are read, and must not be lost.
 
     Raises:
-        InputError: its folder does not exist, it is a folder itself, two results would go to one file, or a result
-            would take the place of what is read.
+        InputError: its folder does not exist, it is a folder itself, two results would go to one file, a result would
+            take the place of what is read, or its name has not the ending of its kind.
     """
-    given = [path for path in paths if path is not None]
+    given = [path for path in (*paths, *pictures, *tables, *drawings) if path is not None]
+    for path in given:
+        _check_output(path)
     read = {real_path(file) for path in inputs for file in _files_of(path)}
     for path in given:
-        try:
-            path.stat()
-        except FileNotFoundError:
-            pass
-        except OSError as error:  # links in a circle, a file in place of a folder, a name that is too long
-            raise InputError(path, "output", error.strerror or str(error), "a file that can be written") from error
-        if path.is_dir():
-            raise InputError(path, "output", "a folder", "a file in it")
-        if not path.absolute().parent.is_dir():
-            raise InputError(path, "output", "no such folder", "a file in a folder that exists")
         if real_path(path) in read:
             raise InputError(path, "output", "a file that is read", "another file, for this one would be lost")
     for number, path in enumerate(given):
         if path.absolute() in [other.absolute() for other in given[:number]]:
             raise InputError(path, "output", "one file for two results", "a file of its own for each")
+    for some, endings in ((pictures, PICTURES), (tables, TABLES), (drawings, (".svg",))):
+        for path in filter(None, some):
+            check_ending(path, *endings)
+
+
+def _check_output(path: Path) -> None:
+    """Refuse a file that can't be written."""
+    try:
+        path.stat()
+    except FileNotFoundError:
+        pass
+    except OSError as error:  # links in a circle, a file in place of a folder, a name that is too long
+        raise InputError(path, "output", error.strerror or str(error), "a file that can be written") from error
+    if path.is_dir():
+        raise InputError(path, "output", "a folder", "a file in it")
+    if not path.absolute().parent.is_dir():
+        raise InputError(path, "output", "no such folder", "a file in a folder that exists")
 
 
 def write_beginning(path: Path, text: str, what: str, next_: str, *, edited: bool = True) -> None:
@@ -229,16 +286,6 @@ def _files_of(path: Path) -> tuple[Path, ...]:
     return (path,) if pair is None else pair[:2]
 
 
-def check_picture(path: Path | None) -> None:
-    """Refuse a kind of picture that can't be drawn.
-
-    Raises:
-        InputError: the file name ends in none of .png, .svg and .pdf.
-    """
-    if path is not None and path.suffix.lower() not in (".png", ".svg", ".pdf"):
-        raise InputError(path, "--plot", f"a file name ending in '{path.suffix}'", "one ending in .png, .svg or .pdf")
-
-
 # --- work and its results ---------------------------------------------------------------------------------
 
 
@@ -255,7 +302,7 @@ def executor_of(jobs: int) -> Iterator[Executor | None]:
 
 
 def write_figure(figure: Figure, path: Path) -> None:
-    """Write a figure into a file of the kind that its name says (see `check_picture`)."""
+    """Write a figure into a file of the kind that its name says (see `check_outputs`)."""
     import io
 
     from lptn.basics.files import write_whole

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter as Option
 
-from lptn.cli.options import HtmlReport, Json, Picture, check_outputs, check_picture, write_figure
+from lptn.cli.options import HtmlReport, Json, Picture, check_outputs, write_figure
 
 
 def plan(
@@ -31,16 +31,13 @@ def plan(
 
     Example: lptn plan quadruped.toml track.toml -o plan.csv --json plan.json --plot plan.png
     """
-    from lptn.basics.tables import check_ending, write_table
+    from lptn.basics.tables import write_table
     from lptn.cli.terminal import progress, show_written, write_json
     from lptn.model.file import read_model_file
     from lptn.model.model import Model
     from lptn.planners.tasks import check_folder, kind_of, load_task
 
-    check_outputs(output, json, plot, report, inputs=(model, task))
-    if output is not None:
-        check_ending(output)
-    check_picture(plot)
+    check_outputs(json, report, tables=[output], pictures=[plot], inputs=(model, task))
     table = load_task(task)
     kind = kind_of(table, str(task))
     check_folder(emit_c, kind, str(task))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from lptn.cli.improve import improve
-from lptn.cli.options import Holdout, HoldoutAfter, Jobs, Map, Output, Rate, Test
+from lptn.cli.options import DATA, Data, Jobs, Output, Test
 
 
 def report(
@@ -13,12 +13,9 @@ def report(
     /,
     *logs: Path,
     output: Output,
-    holdout: Holdout = None,
-    holdout_after: HoldoutAfter = None,
+    data: Data = DATA,
     test: Test = None,
     jobs: Jobs = 1,
-    map: Map = None,  # noqa: A002 - the option's name
-    rate: Rate = None,
 ) -> None:
     """Write the whole analysis as one HTML file.
 
@@ -26,14 +23,4 @@ def report(
 
     Example: lptn report leg.toml monday.parquet --holdout friday.parquet -o story.html
     """
-    improve(
-        model,
-        *logs,
-        holdout=holdout,
-        holdout_after=holdout_after,
-        test=test,
-        report=output,
-        jobs=jobs,
-        map=map,
-        rate=rate,
-    )
+    improve(model, *logs, data=data, test=test, report=output, jobs=jobs)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from lptn.cli.options import Json, Map, Output, Rate, check_inputs, check_outputs, column_options
+from lptn.cli.options import COLUMNS, Columns, Json, Output, check_inputs, check_outputs
 
 
 def simulate(
@@ -14,8 +14,7 @@ def simulate(
     *,
     output: Output,
     json: Json = None,
-    map: Map = None,  # noqa: A002 - the option's name
-    rate: Rate = None,
+    columns: Columns = COLUMNS,
 ) -> None:
     """Predict a log's temperatures, and write them.
 
@@ -23,16 +22,14 @@ def simulate(
 
     Example: lptn simulate fitted.toml friday.parquet -o predicted.csv
     """
-    check_outputs(output, json, inputs=(model, log))
+    check_outputs(json, tables=[output], inputs=(model, log))
     check_inputs(model, log)
-    from lptn.basics.tables import check_ending
     from lptn.cli.terminal import progress, show_written, write_json
     from lptn.identify.comparison import write_predictions
     from lptn.study import Study
 
-    check_ending(output)
     with progress("predicting"):
-        predicted = Study(model, holdout=log, columns=column_options(map, rate)).compare()
+        predicted = Study(model, holdout=log, columns=columns.texts).compare()
         write_predictions(predicted, output)
     write_json(json, predicted.as_json())
     show_written({"predicted temperatures": output})

@@ -21,6 +21,7 @@ from rich.text import Text
 from lptn.basics.errors import one_line
 from lptn.basics.files import finite, write_whole
 from lptn.basics.progress import ProgressLine
+from lptn.basics.words import BOUND, UNIT_BEHIND
 from lptn.report.sentences import Sentence
 
 out = Console(highlight=False, soft_wrap=True)
@@ -123,13 +124,22 @@ _WIDEST = 100_000  # characters of a row in a pipe; more than names and numbers 
 def show_table(heads: Sequence[str], rows: Iterable[Sequence[str]], title: str = "") -> None:
     """Print a table without lines and without cutting a cell.
 
-    On a terminal long names and texts are folded; into a pipe or a file each row is one line, as wide as it has to be.
+    On a terminal long names and texts are folded, and a table of few rows that is too wide even so is turned, each row
+    a column; into a pipe or a file each row is one line, as wide as it has to be.
 
     Args:
         heads: of the columns; those of numbers begin with ">", which aligns them right.
         rows: the cells.
         title: a line above it.
     """
+    rows = [list(row) for row in rows]
+    if out.is_terminal and not _fits(heads, rows):
+        turned = (
+            [heads[0].removeprefix(">"), *(row[0] for row in rows)],
+            [[head.removeprefix(">"), *(row[place] for row in rows)] for place, head in enumerate(heads) if place],
+        )
+        if _fits(*turned):
+            heads, rows = turned
     table = Table(box=None, header_style="bold", pad_edge=False, title=title or None, title_justify="left")
     for head in heads:
         numeric = head.startswith(">")
@@ -137,9 +147,24 @@ def show_table(heads: Sequence[str], rows: Iterable[Sequence[str]], title: str =
         table.add_column(name, justify="right" if numeric else "left", no_wrap=numeric, overflow="fold")
     for row in rows:
         table.add_row(*map(Text, row))
-    if not out.is_terminal:
+    if not out.is_terminal or not _fits(heads, rows):
         table.width = out.measure(table, options=out.options.update(max_width=_WIDEST)).maximum
     out.print(table, crop=False)
+
+
+_FOLDED = 8  # characters of a text's column that is folded
+
+
+def _fits(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> bool:
+    """Whether a terminal is as wide as numbers are with their heads, and as words are where texts are folded."""
+    width = 2 * (len(heads) - 1)
+    for place, head in enumerate(heads):
+        cells = [head.removeprefix(">"), *(row[place] for row in rows)]
+        if head.startswith(">"):
+            width += max(map(len, cells))
+        else:
+            width += min(_FOLDED, max(len(word) for cell in cells for word in cell.split(" ")))
+    return width <= out.width
 
 
 def write_json(path: Path | None, content: Mapping[str, object]) -> None:
@@ -203,8 +228,9 @@ class _Output:
         """A line as long as the terminal is wide, an indented one with a hanging indent; a name stays whole."""
         indent = line[: len(line) - len(line.lstrip())]
         further = f"{indent}  " if indent else ""
+        line = UNIT_BEHIND.sub(BOUND, line)
         broken = fill(line, self._width or 0, subsequent_indent=further, break_long_words=False, break_on_hyphens=False)
-        return broken or line
+        return (broken or line).replace(BOUND, " ")
 
     def flush(self) -> None:
         try:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter as Option
 
-from lptn.cli.options import HtmlReport, Picture, check_outputs, check_picture, write_figure
+from lptn.cli.options import HtmlReport, Picture, check_outputs, write_figure
 
 Result = Annotated[Path | None, Option(name=["--json", "--output", "-o"], help="JSON file for the result.")]
 Diagram = Annotated[
@@ -31,11 +31,9 @@ def trade(
     from lptn.planners.trade import load_study, solve_study
     from lptn.planners.trade.export import as_json, headline, remarks, table
 
-    check_outputs(json, plot, diagram, report, inputs=(study,))
-    check_picture(plot)
-    check_picture(diagram)
+    check_outputs(json, report, pictures=[plot, diagram], inputs=(study,))
     asked = load_study(study)
-    check_outputs(json, plot, diagram, report, inputs=asked.files)
+    check_outputs(json, report, pictures=[plot, diagram], inputs=asked.files)
     with progress("reading") as say:
         result = solve_study(asked, say)
     if not result.designs:

@@ -40,7 +40,7 @@ class Issue:
     @property
     def error(self) -> tuple[str, str, str]:
         """Place, found and expected of the InputError that refuses the column."""
-        return f"column '{self.column}'", self.problem, self.remedy
+        return f"column '{self.column}'", self.problem, f"plausible values: {self.remedy}"
 
 
 def correctable(

@@ -84,7 +84,7 @@ class ModelUncertainty:
         variance *= _WIDEST**2 / (variance + _WIDEST**2)
         variance = np.where(np.isnan(errors) | (away < _AT_BOUND), _WIDEST**2, variance)
         error = np.sqrt(np.maximum(table.rmse**2 - floor**2, _LEAST_ERROR**2))
-        source, plain = "standard errors and RMSE of its fit", table.rmse**2 >= PLAIN * float(floor.max()) ** 2
+        source, plain = "standard errors and RMSE of the model's fit", table.rmse**2 >= PLAIN * float(floor.max()) ** 2
         if plain:
             source += "; the RMSE exceeds the sensors' noise, so an effect is missing: see lptn diagnose"
         return cls(np.diag(variance), error, source, not plain)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from itertools import zip_longest
 from math import ceil, sqrt
@@ -38,7 +37,7 @@ from lptn.basics.style import (
 )
 from lptn.identify.comparison import Comparison, Condition, Pair, Prediction, Versus
 from lptn.report.shown import MOST, NOISE_BAND, View, initialisation_end, worst_view, worst_views
-from lptn.report.tables import conditions_of
+from lptn.report.tables import conditions_by_quantity
 from lptn.report.text import kelvin, short, significant
 
 NAMES = ("model as given", "best model")
@@ -308,21 +307,13 @@ _Row = Sequence[list[Condition]]
 
 def _condition_rows(given: Comparison, best: Comparison | None = None) -> tuple[list[_Row], float]:
     """The maps of both models, or of one alone, in rows of two; RMSE that the strongest colour stands for [K]."""
-    left, right = _by_quantity(given), _by_quantity(best) if best else {}
+    left, right = conditions_by_quantity(given), conditions_by_quantity(best) if best else {}
     cells = [cell for of_quantity in (*left.values(), *right.values()) for cell in of_quantity]
     maps = list(left.values())
     rows: list[_Row] = [maps[place : place + 2] for place in range(0, len(maps), 2)]
     if best:
         rows = [(left[quantity], right[quantity]) for quantity in left if quantity in right]
     return rows, _scale(given, cells) if rows else 1.0
-
-
-def _by_quantity(comparison: Comparison) -> dict[str, list[Condition]]:
-    cells = conditions_of(comparison)
-    # A quantity that no node splits into bins (a load that is on or off) only repeats the node's own error.
-    count = Counter((cell.quantity, cell.node) for cell in cells)
-    quantities = dict.fromkeys(cell.quantity for cell in cells if count[cell.quantity, cell.node] > 1)
-    return {quantity: [cell for cell in cells if cell.quantity == quantity] for quantity in quantities}
 
 
 def _scale(comparison: Comparison, cells: Sequence[Condition]) -> float:

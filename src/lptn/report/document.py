@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import platform
-import re
 from dataclasses import dataclass
 from datetime import date
 from importlib.metadata import version
@@ -12,7 +11,8 @@ from importlib.resources import files
 from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
-_UNIT_BEHIND = re.compile(r"(?<=\d) (?=(?:K|W|s|min|h|m/s|°C|N·m|%)\b)")
+from lptn.basics.words import BOUND, UNIT_BEHIND
+
 _VERSIONS = ("lptn", "numpy", "scipy", "casadi")
 
 
@@ -40,7 +40,7 @@ def render(template: str, **content: object) -> str:
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
-        finalize=lambda value: _UNIT_BEHIND.sub("\u00a0", value) if type(value) is str else value,
+        finalize=lambda value: UNIT_BEHIND.sub(BOUND, value) if type(value) is str else value,
     )
     # Style sheet and script are ours; as templates they would be read for braces.
     style = Markup("".join(map(_text, ("uplot/uPlot.css", "colours.css", "style.css"))))

@@ -165,13 +165,15 @@ def narrative(steps: Sequence[Step], last: Diagnosis | None, advice: Advice | No
     return Narrative(said)
 
 
-def fit_narrative(step: Step) -> Narrative:
-    """The errors of a fit, how its search ended, and what its data leave open."""
-    fit = step.fit
-    doubts = [f" {capitalised(warning)}." for warning in fit.uncertainty.warnings]
-    more = f" And {len(doubts) - FEW} more warnings." if len(doubts) > FEW else ""
-    text = f"{count_of(len(fit.free), 'free parameter')}; the search {_ENDED[fit.status]}.{''.join(doubts[:FEW])}{more}"
-    return Narrative([Sentence("Error", errors_in_words([step])), Sentence("Fit", text)])
+def fit_narrative(step: Step, most: int | None = FEW) -> Narrative:
+    """The errors of a fit, how its search ended, and what its data leave open, `most` warnings of it."""
+    warnings, ended = step.fit.uncertainty.warnings, _ENDED[step.fit.status]
+    said = [Sentence("Error", errors_in_words([step]))]
+    said.append(Sentence("Fit", f"{count_of(len(step.fit.free), 'free parameter')}; the search {ended}."))
+    said += [Sentence("Warning", f"{warning}.") for warning in warnings[:most]]
+    if len(warnings) > len(warnings[:most]):
+        said.append(Sentence("Warning", f"{len(warnings[most:])} more parameters are in doubt."))
+    return Narrative(said)
 
 
 _ENDED = {"converged": "converged", "not converged": "did not converge", "interrupted": "was interrupted"}
@@ -266,8 +268,7 @@ def _next(steps: Sequence[Step], last: Diagnosis, kinds: Kinds, advice: Advice |
     if kinds.idle and not (kinds.findings or kinds.structure or kinds.helped or kinds.fitted or kinds.learned):
         return "Undo the added effects, which did not help."
     if last.verdict == "missing":
-        answer = _short_and_sure(last.steps[0])
-        return f"Add {answer if len(steps) > 1 else 'the effects above'}, and see whether the held-out error falls."
+        return _to_add(steps, last)
     if advice and advice.learned and advice.learned.offered:
         return f"That heat has no name, and can be learned as a curve. {advice.learned.offer}"
     if advice and advice.differing:
@@ -288,6 +289,14 @@ def _next(steps: Sequence[Step], last: Diagnosis, kinds: Kinds, advice: Advice |
         "Look for a cause there that was not logged: touch, water, a fan, a moved sensor, an unlogged load. "
         "Log it, or leave that segment out."
     )
+
+
+def _to_add(steps: Sequence[Step], last: Diagnosis) -> str:
+    """The answers to add, of the model as given with the errors that they leave."""
+    if len(steps) > 1:
+        return f"Add {_short_and_sure(last.steps[0])}, and see whether the held-out error falls."
+    with_all = errors_in_words([steps[0], last.steps[-1]]).partition(";")[0]
+    return f"Add the effects above ({with_all}), as `lptn improve` with the same arguments does."
 
 
 def _first_sentence(text: str) -> str:
@@ -417,7 +426,7 @@ def logs_narrative(model: Model, runs: Sequence[Run], logs: int | None = None, u
         for column in model.started
     ]
     said.append(Sentence("Model", text + "".join(started)))
-    return Narrative([*said, *content_narrative(model, runs)] if runs else said)
+    return Narrative([*said, *content_narrative(model, runs)] if runs and not unusable else said)
 
 
 def content_narrative(model: Model, runs: Sequence[Run]) -> Narrative:

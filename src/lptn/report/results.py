@@ -6,8 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import pandas as pd
-
+from lptn.basics.tables import rows_html
 from lptn.identify.comparison import Comparison, Versus
 from lptn.report.sentences import Narrative
 
@@ -15,11 +14,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from lptn.online.forecasting import Forecast
-
-
-def rows(table: pd.DataFrame) -> str:
-    """A table as HTML."""
-    return str(table.to_html(index=False, na_rep="–", border=0, float_format=lambda value: f"{value:.3g}"))
 
 
 class _Told:
@@ -48,7 +42,7 @@ class StudyComparison(_Told, Comparison):
         return comparison_narrative(self)
 
     def _repr_html_(self) -> str:
-        return super()._repr_html_() + rows(self.to_pandas())
+        return super()._repr_html_() + rows_html(self.to_pandas())
 
     def plot(self, node: str | None = None, ax: Axes | None = None) -> Axes:
         """Draw measured and predicted temperatures [°C] of one node over time, the model as given beside the one now.

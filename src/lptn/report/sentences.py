@@ -16,6 +16,7 @@ Label = Literal[
     "Largest error",
     "Fit",
     "Not fitted",
+    "Warning",
     "Unexplained heat",
     "Load",
     "Uncertainty",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -110,6 +111,14 @@ def conditions_of(comparison: Comparison) -> list[Condition]:
     ]
 
 
+def conditions_by_quantity(comparison: Comparison) -> dict[str, list[Condition]]:
+    """`conditions_of` by their quantity; one that no node splits into bins only repeats the node's own error."""
+    cells = conditions_of(comparison)
+    count = Counter((cell.quantity, cell.node) for cell in cells)
+    quantities = dict.fromkeys(cell.quantity for cell in cells if count[cell.quantity, cell.node] > 1)
+    return {quantity: [cell for cell in cells if cell.quantity == quantity] for quantity in quantities}
+
+
 def node_table(given: Comparison, best: Comparison | None) -> Table:
     """Errors of each node over all runs, with the model as given and with the best one."""
     rows = []
@@ -123,20 +132,12 @@ def node_table(given: Comparison, best: Comparison | None) -> Table:
 
 
 def versus_table(what: str, pairs: Sequence[Pair]) -> Table:
-    """Two models' errors by class of nodes or by run."""
-    both = (">of the other", ">less")
-    heads = (what, ">mean |error|", both[0], ">max |error|", *both, ">mean square [K²]", *both)
-    rows = tuple(
-        (
-            pair.what,
-            *map(kelvin, (*pair.mean, *pair.max)),
-            f"{pair.reduction:.0%}",
-            *(f"{value:.2f}" for value in pair.square),
-            f"{pair.square_reduction:.0%}",
-        )
-        for pair in pairs
-    )
-    return Table(heads, rows)
+    """Two models' errors by class of nodes or by run, and the reduction of the largest."""
+    rows = []
+    for pair in pairs:
+        mean, largest, square = (f"{mine:.2f} / {others:.2f} {unit}" for mine, others, unit in pair.figures)
+        rows.append((pair.what, mean, largest, f"{pair.reduction:.0%}".replace("-", "−"), square))
+    return Table((what, ">mean |error|", ">max |error|", ">reduction", ">mean square"), tuple(rows))
 
 
 def data_table(jobs: Mapping[str, Sequence[Segment]]) -> Table:

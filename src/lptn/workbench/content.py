@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+from collections import Counter
 from itertools import combinations
 from typing import Any
 
@@ -13,11 +14,11 @@ from lptn.effects import catalogue
 from lptn.identify.comparison import Comparison, Errors
 from lptn.identify.data import Segment, Stretch
 from lptn.report.narrative import content_narrative, largest_error, narrative, size_in_words
-from lptn.report.shown import noise_alone
-from lptn.report.text import experiment_for, for_people, named, percent, place_of, size_text, title_of
+from lptn.report.shown import noise_alone, views, worst_view
+from lptn.report.tables import conditions_by_quantity
+from lptn.report.text import experiment_for, for_people, named, percent, place_of, short, size_text, title_of
 from lptn.study import Study
 from lptn.workbench.bench import Bench, key_of, names_of, segments
-from lptn.workbench.conditions import by_condition
 from lptn.workbench.opening import Opening
 
 _JOB_NAMES = {"fit": "fitted", "holdout": "held out", "test": "test"}
@@ -78,7 +79,7 @@ def _head(bench: Bench) -> dict[str, Any]:
         "given": _error(first),
         "now": _error(last),
         "floor": floor,
-        "said": [(each.label, each.text) for each in [*said, largest_error(_unseen(bench))]],
+        "said": [(each.label, each.text) for each in [*said, largest_error(_unseen(bench)[0])]],
     }
 
 
@@ -86,11 +87,11 @@ def _error(step: Step) -> float:
     return step.holdout.rmse if step.holdout else step.fit.rmse
 
 
-def _unseen(bench: Bench) -> Comparison:
-    """The model as it is now on data that no fit saw, where there are any."""
-    predictions = bench.predictions(len(bench.study.steps) - 1)
-    judged = [prediction for key, prediction in predictions.items() if not key.startswith("fit")]
-    return Comparison(bench.study.model, tuple(judged or predictions.values()), bench.study.steps[0].fit.noise)
+def _unseen(bench: Bench, number: int = -1) -> tuple[Comparison, list[str]]:
+    """A step's model on data that no fit saw, where there are any, and the segments that they are."""
+    predictions, steps = bench.predictions(number), bench.study.steps
+    judged = {key: prediction for key, prediction in predictions.items() if not key.startswith("fit")} or predictions
+    return Comparison(steps[number].fit.model, tuple(judged.values()), steps[0].fit.noise), list(judged)
 
 
 # --- steps, tiles, parameters --------------------------------------------------------------------------------
@@ -141,13 +142,25 @@ def _tiles(bench: Bench) -> dict[str, dict[str, list[dict[str, float] | None]]]:
 
 
 def _conditions(bench: Bench) -> dict[str, list[dict[str, Any]]]:
-    """Of the models as given and now, errors by operating condition, on data that no fit saw where there are any."""
-    study = bench.study
-    by_model = {}
-    for name, number in (("given", 0), ("now", len(study.steps) - 1)):
-        predictions = bench.predictions(number)
-        judged = {key: prediction for key, prediction in predictions.items() if not key.startswith("fit")}
-        by_model[name] = by_condition(study.model.nodes, judged or predictions)
+    """Of the models as given and now, errors by operating condition, on data that no fit saw where there are any.
+
+    Each condition has a tile for each node: errors [K], the limits in words, and the segment where the node is worst.
+    """
+    nodes = list(bench.study.model.nodes)
+    by_model: dict[str, list[dict[str, Any]]] = {"given": [], "now": []}
+    for number, rows in zip((0, -1), by_model.values(), strict=True):
+        comparison, keys = _unseen(bench, number)
+        worst = {node: keys[worst_view(comparison, node)[0]] for _, node in views(comparison)}
+        for quantity, cells in conditions_by_quantity(comparison).items():
+            met: Counter[str] = Counter()
+            columns: dict[int, list[dict[str, Any] | None]] = {}
+            for cell in cells:
+                met[cell.node] += 1
+                limits, errors = f"{short(cell.lower)} to {short(cell.upper)}", cell.errors
+                tile = {"rmse": errors.rmse, "mean": errors.mean, "max": errors.max, "limits": limits}
+                tile |= {"segment": worst[cell.node]}
+                columns.setdefault(met[cell.node], [None] * len(nodes))[nodes.index(cell.node)] = tile
+            rows += [{"group": quantity, "name": str(part), "tiles": columns[part]} for part in sorted(columns)]
     return by_model
 
 

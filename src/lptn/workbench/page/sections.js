@@ -138,7 +138,7 @@ export function where(page) {
   if (page.by === "condition") {
     const columns = state.conditions[shown], groups = [...new Set(columns.map(each => each.group))];
     const which = state.segments.some(each => each.job !== "fitted") ? "held-out data" : "fitted data";
-    return [bar, h("p", null, h("small", null, `${said} All ${which}, by operating condition; loads and speeds are the joint’s own.`)),
+    return [bar, h("p", null, h("small", null, `${said} All ${which}, by operating condition: each node’s readings in five equal parts, from low to high.`)),
       h("div", { className: "tiles" }, h("table", null,
         h("thead", null,
           h("tr", null, h("td"), groups.map(group => h("th", { scope: "colgroup", colSpan: columns.filter(each => each.group === group).length, className: "job" }, group))),
