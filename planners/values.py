@@ -4,50 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
-from pydantic import BeforeValidator, Field
+from pydantic import Field
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.basics.places import matching
-from lptn.basics.toml import Number
-from lptn.basics.units import convert
+from lptn.basics.toml import Number, quantity
 from lptn.model.model import Model
 
-_LEAST = 1e-12  # SI; the inverse of a smaller quantity would overflow the squares that solvers form
 LONGEST = 86400.0  # s, a day: fine simulations take steps of a second
 
 # --- quantities of a TOML file ------------------------------------------------------------------
-
-
-def quantity(unit: str) -> BeforeValidator:
-    """A pydantic validator: a bare number in `unit`, or `{ value = …, unit = "…" }` converted to it."""
-
-    def read(given: Any) -> Any:
-        if not isinstance(given, Mapping):
-            return _normal(given)
-        expected = f'a number in {unit}, or {{ value = …, unit = "…" }}'
-        if set(given) != {"value", "unit"}:
-            raise ValueError(expected)
-        number, named = given["value"], given["unit"]
-        if isinstance(number, bool) or not isinstance(number, int | float) or not isinstance(named, str):
-            raise ValueError(expected)
-        try:
-            return _normal(convert(float(number), named, unit))
-        except ValueError as error:
-            raise ValueError(f"a unit like {unit}") from error
-
-    return BeforeValidator(read)
-
-
-def _normal(value: Any) -> Any:
-    """Refuse what is above 0 by a hair: its inverse is no number any more."""
-    if isinstance(value, float) and 0 < abs(value) < _LEAST:
-        raise ValueError(f"0, or a size of at least {_LEAST:g}")
-    return value
-
 
 _POSITIVE, _NOT_NEGATIVE = Field(gt=0), Field(ge=0)
 Positive = Annotated[Number, _POSITIVE]

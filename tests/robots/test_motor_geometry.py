@@ -192,7 +192,7 @@ MISTAKES: dict[str, tuple[str, str, str, tuple[str, ...]]] = {
         'length = { value = 20, unit = "mm" }',
         'length = { value = 20, unit = "K" }',
         "line 7",
-        ("a number in m",),
+        ("a unit like m",),
     ),
     "negative": ("overhang = { value = 5", "overhang = { value = -5", "line 10", ("greater than 0",)),
     "millimetres": ('{ value = 36, unit = "mm" }', "36", "line 19, outer_radius.housing", ("less than or equal to 2",)),

@@ -9,17 +9,43 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import tomlkit
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 from tomlkit.exceptions import ParseError, TOMLKitError
 
 from lptn.basics.errors import InputError, shown
 from lptn.basics.places import is_glob
+from lptn.basics.units import convert
 
 # --- What any file of the user may hold -------------------------------------------------------------
 
 _LARGEST = 1e15  # in any unit: no quantity of a robot is larger, and its square can still be computed with
 Number = Annotated[float, Field(allow_inf_nan=False, strict=True, ge=-_LARGEST, le=_LARGEST)]
 """A finite number, and no text that looks like one."""
+
+
+def quantity(unit: str) -> BeforeValidator:
+    """A pydantic validator: a bare number in `unit`, or `{ value = …, unit = "…" }` converted to it."""
+    expected, least = f'a number in {unit}, or {{ value = …, unit = "…" }}', 1e-12
+
+    def normal(value: Any) -> Any:
+        if isinstance(value, float) and 0 < abs(value) < least:  # its inverse would overflow the squares of solvers
+            raise ValueError(f"0, or a size of at least {least:g}")
+        return value
+
+    def read(given: Any) -> Any:
+        if not isinstance(given, Mapping):
+            return normal(given)
+        number, named = given.get("value"), given.get("unit", unit)
+        if not set(given) <= {"value", "unit"} or not isinstance(named, str):
+            raise ValueError(expected)
+        if isinstance(number, bool) or not isinstance(number, int | float):
+            raise ValueError(expected)
+        try:
+            return normal(convert(float(number), named, unit))
+        except ValueError as error:
+            raise ValueError(f"a unit like {unit}") from error
+
+    return BeforeValidator(read)
 
 
 class Strict(BaseModel):

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import Field
 
 from lptn.basics.errors import InputError
 from lptn.basics.files import text_of
-from lptn.basics.toml import Strict, mistakes_by_line, toml_of
-from lptn.basics.units import convert
+from lptn.basics.toml import Number, Strict, mistakes_by_line, quantity, toml_of
 
 # --- What motors are made of: handbook values at room temperature, and the mixture that a winding is ---
 
@@ -68,40 +66,15 @@ def winding(fill: float, impregnation: float) -> Material:
 # --- What may stand in a geometry file: its tables and keys, numbers in any unit, checked by pydantic ---
 
 
-def _not_tiny(value: float, expected: str) -> float:
-    """Refuse what is hardly above 0: it would be divided by."""
-    smallest = 1e-12  # in any SI unit: no size of a motor is smaller, and its inverse is still a number
-    if 0 < abs(value) < smallest:
-        raise ValueError(expected)
-    return value
-
-
-def _in(unit: str) -> Callable[[object], float]:
-    def read(given: object) -> float:
-        expected = f'a number in {unit}, or such as {{ value = 1, unit = "{unit}" }}'
-        value = given.get("value") if isinstance(given, Mapping) else given
-        extra = set(given) - {"value", "unit"} if isinstance(given, Mapping) else set()
-        if extra or isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-            raise ValueError(expected)
-        if isinstance(given, Mapping):
-            try:
-                return _not_tiny(convert(float(value), str(given.get("unit", unit)), unit), expected)
-            except ValueError as error:
-                raise ValueError(expected) from error
-        return _not_tiny(float(value), expected)
-
-    return read
-
-
-Length = Annotated[float, BeforeValidator(_in("m")), Field(gt=0, le=2)]
-Conductivity = Annotated[float, BeforeValidator(_in("W/(m*K)")), Field(gt=0, le=5000)]
-Density = Annotated[float, BeforeValidator(_in("kg/m^3")), Field(gt=0, le=3e4)]
-SpecificHeat = Annotated[float, BeforeValidator(_in("J/(kg*K)")), Field(gt=0, le=2e4)]
-Film = Annotated[float, BeforeValidator(_in("W/(m^2*K)")), Field(gt=0, le=1e7)]
-Resistance = Annotated[float, BeforeValidator(_in("K/W")), Field(gt=0, le=1e4)]
-Ohm = Annotated[float, BeforeValidator(_in("ohm")), Field(gt=0, le=100)]
-TorqueConstant = Annotated[float, BeforeValidator(_in("N*m/A")), Field(gt=0, le=1e3)]
-Number = Annotated[float, BeforeValidator(_in("dimensionless"))]
+Length = Annotated[Number, Field(gt=0, le=2), quantity("m")]
+Conductivity = Annotated[Number, Field(gt=0, le=5000), quantity("W/(m*K)")]
+Density = Annotated[Number, Field(gt=0, le=3e4), quantity("kg/m^3")]
+SpecificHeat = Annotated[Number, Field(gt=0, le=2e4), quantity("J/(kg*K)")]
+Film = Annotated[Number, Field(gt=0, le=1e7), quantity("W/(m^2*K)")]
+Resistance = Annotated[Number, Field(gt=0, le=1e4), quantity("K/W")]
+Ohm = Annotated[Number, Field(gt=0, le=100), quantity("ohm")]
+TorqueConstant = Annotated[Number, Field(gt=0, le=1e3), quantity("N*m/A")]
+Ratio = Annotated[Number, quantity("dimensionless")]
 Pieces = Annotated[int, Field(ge=1, le=20, strict=True)]
 
 
@@ -118,7 +91,7 @@ class WindingTable(Strict):
     resistance: Ohm
     input: Literal["current", "torque"] = "current"
     torque_constant: TorqueConstant | None = None
-    fill: Annotated[Number, Field(gt=0.05, lt=0.95)] = 0.45  # share of copper: round wire wound by machine
+    fill: Annotated[Ratio, Field(gt=0.05, lt=0.95)] = 0.45  # share of copper: round wire wound by machine
     impregnation: Conductivity = 0.2  # W/(m K): varnish or resin
     liner: Length = 0.3e-3  # m: one sheet of insulating paper
     liner_conductivity: Conductivity = 0.15  # W/(m K): aramid paper
@@ -150,8 +123,8 @@ class PiecesTable(Strict):
 
 
 class LossTable(Strict):
-    iron_gain: Annotated[Number, Field(ge=0)] = 0.0
-    iron_exponent: Annotated[Number, Field(ge=1, le=2)] = 1.5
+    iron_gain: Annotated[Ratio, Field(ge=0)] = 0.0
+    iron_exponent: Annotated[Ratio, Field(ge=1, le=2)] = 1.5
 
 
 class GeometryFile(Strict):
