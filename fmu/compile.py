@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import os
 import platform
-import shlex
 import shutil
 import struct
 import subprocess
@@ -21,6 +20,7 @@ from typing import Literal
 
 import platformdirs
 
+from lptn.basics.c_library import compiler as compiler_here
 from lptn.basics.errors import InputError
 from lptn.basics.own_folder import own_folder
 
@@ -139,7 +139,7 @@ def compile_all(
         return {target: _compile(folder, main, identifier, target, words) for target, words in local.items()}
 
 
-def _local_compiler_for(target: Platform, compiler: Compiler) -> list[str] | None:
+def _local_compiler_for(target: Platform, compiler: Compiler) -> tuple[str, ...] | None:
     """The words that call this machine's own compiler for a platform, `None` where zig builds it.
 
     Raises:
@@ -149,21 +149,12 @@ def _local_compiler_for(target: Platform, compiler: Compiler) -> list[str] | Non
         return None
     if compiler == "zig":
         raise InputError(target.name, "compiler", "no ziglang package", "pip install 'lptn[fmu]'")
-    local, remedy = local_compiler(), "pip install 'lptn[fmu]', or --platforms source"
+    local, remedy = compiler_here(), "pip install 'lptn[fmu]', or --platforms source"
     if target != host():
         raise InputError(target.name, "compiler", "no ziglang package, which builds for other platforms", remedy)
     if local is None:
         raise InputError(target.name, "compiler", "neither the ziglang package nor a C compiler", remedy)
     return local
-
-
-def local_compiler() -> list[str] | None:
-    """The words that call this machine's C compiler, `None` where there is none."""
-    words = shlex.split(os.environ.get("CC", ""))
-    if words and shutil.which(words[0]):
-        return words
-    installed = next((path for path in map(shutil.which, ("cc", "gcc", "clang")) if path), None)
-    return None if installed is None else [installed]
 
 
 def _surroundings(folder: Path) -> dict[str, str]:
@@ -198,7 +189,7 @@ def _run(words: Sequence[str], folder: Path, target: Platform) -> tuple[int, str
         raise InputError(target.name, "compiler", str(error), "a working C compiler") from error
 
 
-def _compile(folder: Path, main: str, identifier: str, target: Platform, local: list[str] | None) -> bytes:
+def _compile(folder: Path, main: str, identifier: str, target: Platform, local: tuple[str, ...] | None) -> bytes:
     (folder / target.name).mkdir()
     library = folder / target.name / f"{identifier}{target.suffix}"
     if local is not None:

@@ -7,7 +7,7 @@ import errno
 import os
 import subprocess
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -151,41 +151,27 @@ def script(path: Path, text: str) -> Path:
     return path
 
 
-@pytest.fixture
-def fresh_compiler() -> Iterator[None]:
-    """The compiler is looked for anew, before and after."""
-    compiler.cache_clear()
-    yield
-    compiler.cache_clear()
-
-
-@pytest.mark.usefixtures("fresh_compiler")
 def test_a_compiler_with_flags(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     real = compiler()
     assert real is not None
     noted = script(tmp_path / "my cc", f'echo "$@" > "{tmp_path}/asked"; exec {real[0]} "$@"')
     monkeypatch.setenv("CC", f"'{noted}' -DTWO=2 -g0")
-    compiler.cache_clear()
     path = shared_library({"two.c": "int two(void) { return TWO; }\n"}, "two.c", ("-O1",))
     assert ctypes.CDLL(str(path)).two() == 2
     assert (tmp_path / "asked").read_text().startswith("-DTWO=2 -g0 -O1")
 
 
-@pytest.mark.usefixtures("fresh_compiler")
 @pytest.mark.parametrize("named", ["no-such-compiler -O2", "cc 'unclosed"])
 def test_a_compiler_that_is_none(named: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("CC", named)
-    compiler.cache_clear()
     with pytest.raises(OSError, match="no C compiler"):
         shared_library(SOURCES, "one.c", ())
 
 
-@pytest.mark.usefixtures("fresh_compiler")
 def test_a_compiler_that_hangs_is_stopped_with_all_it_started(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     hangs = script(tmp_path / "cc", f'sleep 600 & echo $! > "{tmp_path}/child"; wait')
     monkeypatch.setenv("CC", str(hangs))
     monkeypatch.setattr("lptn.basics.c_library._LONGEST", 0.5)
-    compiler.cache_clear()
     with pytest.raises(OSError, match="no end of the compilation"):
         shared_library(SOURCES, "one.c", ())
     child = int((tmp_path / "child").read_text())
@@ -200,9 +186,7 @@ def test_a_compiler_that_hangs_is_stopped_with_all_it_started(tmp_path: Path, mo
     pytest.fail("what the compiler started is still there")
 
 
-@pytest.mark.usefixtures("fresh_compiler")
 def test_a_compiler_that_waits_for_a_line_gets_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("CC", str(script(tmp_path / "cc", "read line; exit 3")))
-    compiler.cache_clear()
     with pytest.raises(subprocess.CalledProcessError):
         shared_library(SOURCES, "one.c", ())

@@ -24,8 +24,8 @@ from zipfile import ZipFile
 import fmpy
 import numpy as np
 
+from lptn.basics.c_library import compiler as c_compiler
 from lptn.fmu import Session, export
-from lptn.fmu.compile import local_compiler
 from lptn.model.file import parse_model
 from lptn.model.model import Model
 from lptn.robots.presets import presets
@@ -89,7 +89,7 @@ def in_c(fmu: Path, folder: Path, component: Any) -> float:
     """Our FMU called from C."""
     with ZipFile(fmu) as archive:
         archive.extractall(folder)
-    compiler = local_compiler() or [sys.executable, "-m", "ziglang", "cc"]
+    compiler = c_compiler() or [sys.executable, "-m", "ziglang", "cc"]
     program = folder / "host"
     subprocess.run([*compiler, "-O2", "-I", str(folder / "sources"), "-o", str(program), str(HOST), "-ldl"], check=True)
     (library,) = (path for path in (folder / "binaries").rglob("*") if path.is_file())

@@ -17,9 +17,9 @@ from fmpy.fmi1 import FMICallException
 from fmpy.fmi3 import FMU3Model
 
 from lptn.basics.arrays import FloatArray
+from lptn.basics.c_library import compiler as c_compiler
 from lptn.fmu import FmuError, Session, export
 from lptn.fmu.archive import Access
-from lptn.fmu.compile import local_compiler
 from lptn.model.model import Model
 from tests.fmu.conftest import Build, network
 from tests.fmu.truth import in_kelvin, steps
@@ -126,7 +126,7 @@ def test_a_wrong_token_gives_no_instance(built: Build, tmp_path: Path) -> None:
 
 
 def _harness(name: str, fmi: int, folder: Path, flags: list[str], **options: bool) -> Path:
-    compiler = local_compiler()
+    compiler = c_compiler()
     if compiler is None:
         pytest.skip("no C compiler on this machine")
     exported = export(Model(network(name)), folder / "x.fmu", fmi=fmi, platforms=(), **options)

@@ -19,10 +19,11 @@ from fmpy import read_model_description
 from fmpy.validation import validate_fmu
 from lxml import etree
 
+from lptn.basics.c_library import compiler as c_compiler
 from lptn.basics.errors import InputError
 from lptn.fmu import Exported, Session, export
 from lptn.fmu.archive import unit_of
-from lptn.fmu.compile import PLATFORMS, compile_all, host, local_compiler, universal
+from lptn.fmu.compile import PLATFORMS, compile_all, host, universal
 from lptn.fmu.component import component
 from lptn.model.file import parse_model
 from lptn.model.model import Model
@@ -273,7 +274,7 @@ def test_a_step_too_long_for_the_model_is_divided_and_said(tmp_path: Path) -> No
 
 def test_without_any_compiler_one_line_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("lptn.fmu.compile.find_spec", lambda name: None)
-    monkeypatch.setattr("lptn.fmu.compile.local_compiler", lambda: None)
+    monkeypatch.setattr("lptn.fmu.compile.compiler_here", lambda: None)
     with pytest.raises(InputError, match="source"):
         export(Model(network("leg")), tmp_path / "x.fmu")
     with pytest.raises(InputError, match="ziglang"):
@@ -401,7 +402,7 @@ def test_the_library_for_windows_runs_and_gives_the_digits_of_linux(
 ) -> None:
     """Mapped into a Linux program, which gives it the C functions that it imports; it formats messages itself."""
     pytest.importorskip("ziglang")
-    compiler = local_compiler()
+    compiler = c_compiler()
     if compiler is None or (sys.platform, platform.machine()) != ("linux", "x86_64"):
         pytest.skip("no C compiler, or another machine")
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))

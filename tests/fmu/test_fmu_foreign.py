@@ -14,9 +14,9 @@ import pandas as pd
 import pytest
 from matplotlib.image import imread
 
+from lptn.basics.c_library import compiler as c_compiler
 from lptn.cli.main import main
 from lptn.fmu import Session
-from lptn.fmu.compile import local_compiler
 from lptn.fmu.cosim import cosimulate
 
 # Two lumps, each 100 J/K and 2 K/W to a room of 300 K: T_case[i], heated by q[i] watts. Euler's steps of 0.01 s.
@@ -69,7 +69,7 @@ DESCRIPTION = """<?xml version="1.0" encoding="UTF-8"?>
 @pytest.fixture(scope="module")
 def foreign(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The FMU, for this machine."""
-    compiler = local_compiler()
+    compiler = c_compiler()
     if compiler is None:
         pytest.skip("no C compiler on this machine")
     folder = tmp_path_factory.mktemp("foreign")

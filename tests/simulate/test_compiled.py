@@ -27,13 +27,11 @@ needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler on
 
 @pytest.fixture
 def empty_cache(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Path]:
-    """A cache with no libraries in it, before and after; and a compiler that is looked for anew."""
+    """A cache with no libraries in it, before and after."""
     monkeypatch.setattr("platformdirs.user_cache_path", lambda name: tmp_path / name)
-    for cached in (compiler, machine_code.library):
-        cached.cache_clear()
+    machine_code.library.cache_clear()
     yield tmp_path / "lptn" / "native"
-    for cached in (compiler, machine_code.library):
-        cached.cache_clear()
+    machine_code.library.cache_clear()
 
 
 def _case(averaged: bool, network: Network | None = None) -> tuple[Model, BoundRun, FloatArray]:

@@ -26,15 +26,14 @@ _LONGEST = 600.0  # s, of one compilation: what is compiled here takes seconds, 
 _DIGITS = 32  # of a hash in a library's name
 
 
-@cache
 def compiler() -> tuple[str, ...] | None:
-    """The C compiler with the flags that stand behind it: `$CC`, or the system's `cc`; `None` where there is none."""
+    """The C compiler with the flags that stand behind it: `$CC`, or the system's; `None` where there is none."""
     try:
-        program, *flags = shlex.split(os.environ.get("CC", "").strip() or "cc")
+        named = shlex.split(os.environ.get("CC", ""))
     except ValueError:  # a quotation mark that is not closed
         return None
-    path = shutil.which(program)
-    return None if path is None else (path, *flags)
+    path = next((path for path in map(shutil.which, named[:1] or ("cc", "gcc", "clang")) if path), None)
+    return None if path is None else (path, *named[1:])
 
 
 def shared_library(sources: Mapping[str, str], main: str, options: Sequence[str]) -> Path:
