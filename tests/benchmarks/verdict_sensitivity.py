@@ -2,14 +2,16 @@
 
     python -m tests.benchmarks.verdict_sensitivity --truths leg --tiers clean 1K rough --seeds 1431 --most 4 --first
 
-For each constant it prints how many answers changed, verdict or first effect and place, and how many first effects
-were right. A constant whose answers stay the same needs no better reason than the one it has. Cases are those of
+For each constant it prints how many answers changed, verdict or any effect and place that is told, and how many first
+effects were right. A constant whose answers stay the same needs no better reason than the one it has. Cases are those of
 `verdict_cases`; seeds below 1500 are for looking at.
 """
 
 from __future__ import annotations
 
 import argparse
+import ast
+import inspect
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
@@ -31,35 +33,25 @@ from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration, Network
 from tests.benchmarks.verdict_cases import TRUTHS, Case, draw_cases
 
-CONSTANTS = (
-    "lptn.diagnose.candidates.AMBIENT_ERROR",
-    "lptn.diagnose.candidates.TORQUE_ERROR",
-    "lptn.diagnose.candidates.SURFACE_ERROR",
-    "lptn.diagnose.candidates._MOST_RISE",
-    "lptn.diagnose.candidates._ONE_RUN_ONLY",
-    "lptn.diagnose.candidates._ONE_LOGGER",
-    "lptn.diagnose.priors.OCCAM",
-    "lptn.diagnose.priors._ERRORS_ALIKE",
-    "lptn.diagnose.priors._ONE_OF_LIKES",
-    "lptn.diagnose.evidence.USUAL",
-    "lptn.diagnose.evidence.SCATTER",
-    "lptn.diagnose.evidence.OFFSET",
-    "lptn.diagnose.evidence._GIVEN",
-    "lptn.diagnose.composition._START",
-    "lptn.diagnose.composition._EXACT",
-    "lptn.diagnose.composition._WITHIN_REACH",
-    "lptn.diagnose.composition.FREED",
-    "lptn.diagnose.composition._NONE",
-    "lptn.diagnose.answers.LIKELY",
-    "lptn.diagnose.fit_statistics.BLOCK",
-    "lptn.diagnose.fit_statistics.NEGLIGIBLE",
-    "lptn.diagnose.fit_statistics.LACKING",
-    "lptn.diagnose.fit_statistics.CLEARLY",
-    "lptn.diagnose.fit_statistics.MOST",
-    "lptn.diagnose.fit_statistics.HALF",
-    "lptn.identify.problem.AT_REST",
-)
-"""What decides; constants of the search for a number, such as precisions, are left out."""
+ROOMS = ("answers", "candidates", "composition", "diagnosis", "evidence", "fit_statistics", "priors", "refits")
+
+
+def numbers_of(module: str) -> list[str]:
+    """Names of the numbers that a module holds itself, not of those that it imports."""
+    tree = ast.parse(inspect.getsource(import_module(module)))
+    names = [
+        name.id
+        for statement in tree.body
+        if isinstance(statement, ast.Assign | ast.AnnAssign)
+        for name in (statement.targets if isinstance(statement, ast.Assign) else [statement.target])
+        if isinstance(name, ast.Name)
+    ]
+    held = vars(import_module(module))
+    return [f"{module}.{name}" for name in names if name.isupper() and type(held.get(name)) in (int, float)]
+
+
+CONSTANTS = tuple(name for room in ROOMS for name in numbers_of(f"lptn.diagnose.{room}"))
+"""All that a diagnosis depends on, in order of the files."""
 FACTORS = (1 / 1.5, 1.5)
 ABOVE_ONE = frozenset(("LACKING", "CLEARLY", "OCCAM"))
 """Ratios: what lies above one is changed."""
@@ -110,8 +102,8 @@ def remembered() -> Iterator[None]:
             setattr(module, name, fitter)
 
 
-Said = tuple[str, tuple[str, str] | None]
-"""The verdict, and effect and place of the first step."""
+Said = tuple[str, tuple[tuple[str, str], ...]]
+"""The verdict, and effect and place of each step that is told."""
 
 
 @contextmanager
@@ -156,17 +148,17 @@ def said(case: Case, first: bool) -> Said:
     }
     if first:
         result = diagnose(model, data, **errors)
-        return result.verdict, result.best.key if result.best and result.verdict != "adequate" else None
+        return result.verdict, tuple(step.key for step in result.steps)
     history = lptn.improve(model, data, most=STEPS, **errors)
-    return history.verdict, history.steps[1].key if len(history.steps) > 1 else None
+    return history.verdict, tuple(step.key for step in history.steps[1:])
 
 
 def right(case: Case, answer: Said) -> bool:
     """Whether the first step is what is hidden; where nothing is, whether nothing was said to be missing."""
-    verdict, first = answer
+    verdict, told = answer
     if case.kind == "nothing":
         return verdict == "adequate"
-    return first is not None and case.right(first)
+    return bool(told) and case.right(told[0])
 
 
 def answers_of(case: Case, constants: Sequence[str], first: bool) -> list[Said]:
@@ -191,8 +183,6 @@ def main() -> None:
     parser.add_argument("--first", action="store_true", help="ask for one diagnosis, in a fifth of the time")
     parser.add_argument("--jobs", type=int, default=1)
     chosen = parser.parse_args()
-    if chosen.first:
-        chosen.constants = [name for name in chosen.constants if ".improvement." not in name]
     numbers = {"most": chosen.most, "pairs": 1, "nothing": 1, "outside": 1}
     cases = [case for truth in chosen.truths for case in draw_cases(truth, chosen.tiers, chosen.seeds, **numbers)]
     with ProcessPoolExecutor(chosen.jobs) as executor:
