@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import pytest
 
 from lptn.basics.parameters import Parameter
@@ -17,7 +15,7 @@ from lptn.basics.parameters import Parameter
         ("K", (-5.0, 5.0), 0.0, ()),  # an error goes on beyond none
         ("J/K", (20.0, 2000.0), None, ()),
         ("1", (1.0, 3.0), None, ()),  # an exponent, and no share
-        ("1", (-1.0, math.inf), 0.0, ()),
+        ("1", (-1.0, 20.0), 0.0, (-1.0,)),  # a change, by which all may be gone
     ],
 )
 def test_which_bounds_are_natures(

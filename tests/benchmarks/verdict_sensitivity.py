@@ -3,8 +3,8 @@
     python -m tests.benchmarks.verdict_sensitivity --truths leg --tiers clean 1K rough --seeds 1431 --most 4 --first
 
 For each constant it prints how many answers changed, verdict or any effect and place that is told, and how many first
-effects were right. A constant whose answers stay the same needs no better reason than the one it has. Cases are those of
-`verdict_cases`; seeds below 1500 are for looking at.
+effects were right. A constant whose answers stay the same needs no better reason than the one it has. Cases are those
+of `verdict_cases`; seeds below 1500 are for looking at.
 """
 
 from __future__ import annotations

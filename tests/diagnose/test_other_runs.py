@@ -316,9 +316,9 @@ def test_what_a_held_out_run_does_not_log_is_not_looked_for(leg: Leg) -> None:  
 @pytest.mark.parametrize(
     ("change", "bounds", "said"),
     [
-        (2.0, (-0.9, 20.0), "run4 loses heat 3 times as fast as the other runs: was a fan on?"),
-        (0.016, (-0.9, 20.0), "run4 loses heat 1.016 times as fast as the other runs"),
-        (-0.03, (-0.9, 20.0), "run4 loses heat only 0.970 times as fast as the other runs"),
+        (2.0, (-1.0, 20.0), "run4 loses heat 3 times as fast as the other runs: was a fan on?"),
+        (0.016, (-1.0, 20.0), "run4 loses heat 1.016 times as fast as the other runs"),
+        (-0.03, (-1.0, 20.0), "run4 loses heat only 0.970 times as fast as the other runs"),
         (-0.03, (-0.03, 0.03), "run4 loses heat at most 0.970 times as fast as the other runs"),
     ],
 )

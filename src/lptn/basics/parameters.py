@@ -91,10 +91,9 @@ class Parameter:
 
     @property
     def ends_by_nature(self) -> tuple[float, ...]:
-        """Of its bounds those that nobody chose: where its effect vanishes, and all of a share."""
-        lower, upper = self.bounds
-        whole = (upper,) if self.unit == "1" and upper == 1.0 else ()
-        return tuple(end for end in (lower, upper) if end == self.off) + whole
+        """Of its bounds those that nobody chose: where its effect vanishes, where a share is all or gone."""
+        is_share = self.unit == "1" and self.off == 0.0
+        return tuple(end for end in self.bounds if end == self.off or (is_share and abs(end) == 1.0))
 
     @property
     def switched_off(self) -> Parameter:
