@@ -238,7 +238,9 @@ class Study:
         return f"<Study of {self.model.network.name}: runs: {runs}; effects added: {max(len(self._steps) - 1, 0)}>"
 
     def _repr_html_(self) -> str:
-        said = self.narrative() if self.advised else self.check()
+        from lptn.report.narrative import narrative
+
+        said = narrative(self._steps, self.diagnosed, self.advised) if self._steps else self.check()
         return f"<p>{escape(repr(self))}</p>\n{said._repr_html_()}{rows_html(self.history) if self._steps else ''}"
 
     # --- what to do ---------------------------------------------------------------------------

@@ -91,7 +91,7 @@ def test_every_figure_has_its_sentence(html: str, missing: Told) -> None:
     assert Page(html).tags.count("figure") == 9
     headings = re.findall(r'<h2 id="s\d">(\d)\. ([^<]*)</h2>', html)
     assert [number for number, _ in headings] == [str(number) for number in range(1, 10)]
-    story = ["The log", "The model", "Where it errs", "What it lacked", "Test", "What to do next"]
+    story = ["The log", "The model", "Where the model fails", "What was missing", "Test", "What to do next"]
     assert all(title.startswith(start) for (_, title), start in zip(headings[1:], story, strict=False))
 
 
@@ -150,7 +150,7 @@ def test_without_held_out_data_the_page_says_so(missing: Told) -> None:
 @pytest.mark.long
 def test_many_parameters_wait_until_the_story_is_told(missing: Told, monkeypatch: pytest.MonkeyPatch) -> None:
     few = story_html(*missing, "few")
-    assert few.index("capacity.") < few.index("4. Where it errs")
+    assert few.index("capacity.") < few.index("4. Where the model fails")
     monkeypatch.setattr("lptn.report.pages._FEW", 0)
     many = story_html(*missing, "many")
     assert "parameters are in section 8." in many

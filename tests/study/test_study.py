@@ -271,6 +271,8 @@ def test_logs_are_checked_as_the_command_does(study: lptn.Study) -> None:
     assert str(said).startswith("Verdict: The log can be used, and nothing looks wrong.\nModel: two heaters, 2 nodes (")
     assert said._repr_html_().count("<p>") == 5
     assert [sentence.label for sentence in lptn.Study(MODEL).check()] == ["Model"]
+    assert "<b>Excitation:</b>" in lptn.Study(MODEL, LOG)._repr_html_()
+    assert "<b>Error:</b>" in study._repr_html_()  # once it is fitted, what is said of the fit
 
 
 def test_history_and_network_are_drawn(study: lptn.Study) -> None:

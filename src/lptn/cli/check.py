@@ -89,7 +89,7 @@ def check(
 
 
 def _refuse(contents: list[LogContent]) -> None:
-    """Say of the first log that no other command would take why that is.
+    """Raise the error of the first log that other commands refuse.
 
     Raises:
         InputError: if there is one.
@@ -111,12 +111,12 @@ class LogContent:
     Args:
         path: as the user wrote it.
         kind: its format.
-        used: for each quantity that is used the columns that it stands in.
+        used: the columns of each quantity that is used.
         unused: the other columns.
         guesses: columns that may hold what is missing; taken only where the user asked for it.
         runs: what was read; empty if the log can't be used.
         refused: why it can't.
-        missing: quantities that the model needs and that nothing in the log is known to hold.
+        missing: quantities that the model needs and the log lacks.
         currents: columns that may hold the currents of joints whose torques are missing.
     """
 
@@ -137,7 +137,7 @@ class LogContent:
 
     @property
     def wrong(self) -> list[str]:
-        """What can't be right, a sentence each, with the line that would mend it."""
+        """What seems wrong, each with the line that would correct it."""
         return list(dict.fromkeys(issue.sentence for run in self.runs for issue in run.issues))
 
     @property

@@ -1,4 +1,4 @@
-"""The command `lptn fmu`: a model as a component for other people's simulators."""
+"""The command `lptn fmu`: a model as a component for other simulators."""
 
 from __future__ import annotations
 

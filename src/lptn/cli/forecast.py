@@ -81,7 +81,7 @@ def _limits(words: list[str]) -> dict[str, float]:
         if not isfinite(value) or (separator and not node.strip()):
             raise InputError("command line", "--limit", f"'{word}'", "degC or NODE=degC, such as 60 or FR_calf=70")
         limits[node.strip()] = value
-    # What is said of all joints must not hide what is said of one.
+    # The limit of one joint overrides that of all.
     return {"": limits.pop(""), **limits} if "" in limits else limits
 
 

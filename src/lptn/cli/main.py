@@ -1,4 +1,4 @@
-"""The command `lptn`: a thin face on the library, one file a command."""
+"""The command `lptn`: a thin wrapper of the library, one file a command."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ def main(words: Sequence[str] | None = None) -> None:
         _obey(sys.argv[1:])
     except SystemExit as stop:
         status = stop.code
-    # Threads of Arrow may still let go of what they read, and abort an interpreter that is being taken down.
+    # Arrow's threads may still free memory, which aborts an interpreter that is shutting down.
     atexit._run_exitfuncs()
     for stream in filter(None, (sys.stdout, sys.stderr)):
         with suppress(OSError, ValueError):
@@ -138,7 +138,7 @@ def _obey(words: Sequence[str]) -> None:
         sys.exit(130)
     except Exception as error:
         if (line := _of_the_machine(error)) is None:
-            raise  # a mistake of this package: the traceback says where
+            raise  # a bug of this package: the traceback says where
         complain(line)
         sys.exit(2)
 
@@ -148,7 +148,7 @@ _NO_MEMORY = re.compile(r"bad_alloc|failed to map segment|[Cc]annot allocate mem
 
 
 def _of_the_machine(error: Exception) -> str | None:
-    """The line for what is the machine's and not the user's: no memory, a full disk, a folder that went away."""
+    """The message for errors of the machine: no memory, a full disk, a folder that was deleted."""
     if isinstance(error, MemoryError):
         return f"not enough memory: {error}" if str(error) else "not enough memory"
     if _NO_MEMORY.search(str(error)):
@@ -185,7 +185,7 @@ _LOOKS_LIKE_A_FILE = re.compile(r"-[^-].*\.\w+")
 
 
 def _hint(words: Sequence[str]) -> str:
-    """Where a wrong command line may be mended; a file name that begins like an option is the hidden trap."""
+    """How to correct the command line, in particular a file name that looks like an option."""
     for word in words:
         if _LOOKS_LIKE_A_FILE.fullmatch(word) or (word[:1] == "-" and word not in ("-", "--") and Path(word).is_file()):
             return f"a file of the name {word} is written ./{word}"

@@ -86,7 +86,7 @@ def monitor(
 def _calibration(
     model: Model, healthy: list[Run], false_alarms: float, path: Path | None, report: Callable[[str], None]
 ) -> Calibration | None:
-    """What healthy logs teach: learnt now and kept, or learnt before, or nothing."""
+    """The calibration: from healthy logs, from a file, or none."""
     from lptn.online.calibration import calibrate, read_calibration, write_calibration
 
     if healthy:
@@ -98,7 +98,7 @@ def _calibration(
 
 
 def _refuse_shared(runs: list[Run], healthy: list[Run]) -> None:
-    """A log that taught what is healthy would be found healthy."""
+    """Refuse logs that are also used for calibration: they would be found healthy."""
     sources = {run.fingerprint: run.source for run in healthy}
     for run in runs:
         if run.fingerprint in sources:

@@ -185,11 +185,11 @@ def needs_logs(logs: tuple[Path, ...]) -> None:
 
 
 def check_inputs(model: Path, *logs: Path) -> None:
-    """Refuse files that are not there before a second of imports that their readers need.
+    """Refuse missing files before their readers are imported, which takes a second.
 
     Args:
         model: the model file.
-        logs: logs; of two that are joined the readers say more.
+        logs: logs; joined ones are left to the reader, which says more.
 
     Raises:
         InputError: the model file can't be read, or there is no such log.
@@ -207,7 +207,7 @@ def check_outputs(
     drawings: Sequence[Path | None] = (),
     inputs: Iterable[Path] = (),
 ) -> None:
-    """Refuse a file that can't be written before hours of work, not after.
+    """Refuse outputs that can't be written before the work begins.
 
     Args:
         paths: files that will be written.

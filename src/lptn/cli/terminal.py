@@ -35,14 +35,14 @@ _MINUTE = 60.0  # s between two lines where nobody watches
 
 
 class ProgressOfALongJob(ProgressLine):
-    """The same where nobody watches, in a batch job or a pipe: a line of its own, once a minute at most."""
+    """The same for a pipe or a batch job: a line a minute at most."""
 
     def __init__(self, first: str, clock: Callable[[], float] = time.monotonic) -> None:
         self._told = clock()
         super().__init__(first, clock)
 
     def say(self, message: str) -> None:
-        """Say what is being done now; told once a minute has passed."""
+        """Say what is being done now; it is printed once a minute has passed."""
         super().say(message)
         if self._clock() - self._told >= _MINUTE:
             self._told = self._clock()
@@ -200,7 +200,7 @@ class _Output:
     """A text stream that breaks sentences between words where a terminal ends, drops what nobody reads, and writes what
     it has no characters for as escapes.
 
-    Whatever else is asked of it, the stream answers.
+    All other attributes are those of the stream.
     """
 
     def __init__(self, stream: TextIO) -> None:
@@ -246,7 +246,7 @@ class _Output:
         return getattr(self._stream, name)
 
     def _let_go(self, error: OSError) -> None:
-        """Send the rest nowhere, so that Python has nothing to complain of when it ends."""
+        """Discard the rest, so that Python reports no error when it ends."""
         with suppress(OSError, ValueError):
             nowhere = os.open(os.devnull, os.O_WRONLY)
             os.dup2(nowhere, self._stream.fileno())

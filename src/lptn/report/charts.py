@@ -18,7 +18,7 @@ from markupsafe import Markup
 from lptn.basics.arrays import FloatArray
 
 POINTS = 1000
-"""About how many points a line keeps: the smallest and the largest reading of each of 500 stretches."""
+"""Number of points of a line: the smallest and the largest reading of each of 500 intervals."""
 
 Look = Literal["measured", "given", "best", "soft", "heat", "limit", "points"]
 _STEPS = 65534  # of a line's range that are told apart; 65535 is a missing value
@@ -148,7 +148,7 @@ class Charts:
                 for view in self.views
             ],
         }
-        # Text of users stands in it: nothing in it may end the element.
+        # It contains users' text, which must not end the element.
         text = json.dumps(content, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
         text = text.replace("<", "\\u003c")
         data = f'<script type="application/json" id="{name}-data">{text}</script>'
@@ -171,7 +171,7 @@ def _rounded(values: FloatArray) -> list[float]:
 
 
 def sizes_in_words(seconds: float) -> str:
-    """What a chart says of how its lines were thinned, `seconds` being the longest stretch; empty for none."""
+    """How the lines of a chart were thinned, with the longest interval, `seconds`; empty if none was."""
     if not seconds:
         return ""
     return f"Of every {float(f'{seconds:.3g}'):g} s at most, each line keeps its smallest and its largest reading."

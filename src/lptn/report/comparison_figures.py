@@ -196,7 +196,7 @@ def predictions_height(count: int) -> float:
 
 
 def _columns(count: int) -> int:
-    """How many panels stand side by side, so that few places stay empty."""
+    """Number of panels side by side, chosen so that few places stay empty."""
     return 2 if count in (2, 4) else min(count, 3)
 
 

@@ -22,7 +22,7 @@ from lptn.identify.comparison import compare
 from lptn.identify.data import Segment
 from lptn.report.comparison_figures import draw_predictions, predictions_height
 from lptn.report.heat_figures import draw_fields, field_height
-from lptn.report.shown import heat_fields, noise_alone, reaches, worst_runs, worst_views
+from lptn.report.shown import heat_fields, noise_alone, reaches, worst_views
 from lptn.report.text import kelvin, place_of, title_of, unit_text
 
 # --- the history: how the errors fall from step to step -----------------------------------------------------
@@ -62,8 +62,8 @@ def plot_history(steps: Sequence[Step], ax: Axes | None = None) -> Axes:
         shown += [rmse for _, rmse in points]
     ax.axhline(noise, color=FAINT, linewidth=0.8)
     across = ax.get_yaxis_transform()
-    said = f"sensor noise alone, {kelvin(noise, 2)}"
-    ax.text(1.0, noise, said, transform=across, ha="right", va="bottom", size=SMALL)
+    said = f" sensor noise alone, {kelvin(noise, 2)}"
+    ax.text(0.0, noise, said, transform=across, ha="left", va="bottom", size=SMALL)
     if max(shown) > _WIDE * min(shown):
         ax.set_yscale("log")
         _plain_numbers(ax.yaxis, (1.0, 2.0, 5.0))
@@ -123,16 +123,19 @@ def diagnosis_figure(diagnosis: Diagnosis, segments: Sequence[Segment]) -> Figur
     answered = diagnosis.steps[-1].fit if diagnosis.steps else None
     given = compare(diagnosis.fit.model, segments)
     best = compare(answered.model, segments) if answered else None
-    heat, left = unexplained_heat(diagnosis.fit), unexplained_heat(answered) if answered else []
+    chosen, heat = worst_views(given, _WORST), unexplained_heat(diagnosis.fit)
     fields = heat_fields(heat)
-    shown, chosen = fields[worst_runs(fields)[0]], worst_views(given, _WORST)
-    heights = predictions_height(len(chosen)), field_height(shown) + 2 * _FRAME
+    worst = max(range(len(fields)), key=lambda run: float(np.mean(fields[run].values ** 2)))
+    heights = [predictions_height(len(chosen)), field_height(fields[worst]) + 2 * _FRAME]
+    if not fields[worst].values.any():  # no heat beyond chance
+        heights.pop()
     figure = new_figure(sum(heights))
-    upper, lower = figure.subfigures(2, 1, height_ratios=heights, squeeze=False)[:, 0]
+    upper, *lower = figure.subfigures(len(heights), 1, height_ratios=heights, squeeze=False)[:, 0]
     draw_predictions(upper, chosen, given, best, _ANSWERED)
-    least = float(np.median(np.concatenate([estimate.sure_band.ravel() for estimate in heat])))
-    lower.suptitle("Heat that the model lacks (red) or has too much of (blue), by node and time", size=TEXT)
-    draw_fields([lower], fields, heat_fields(left), "W", least, _ANSWERED)
+    for below in lower:
+        left = heat_fields(unexplained_heat(answered))[worst : worst + 1] if answered else []
+        below.suptitle("Heat that the model lacks (red) or has too much of (blue), by node and time", size=TEXT)
+        draw_fields([below], [fields[worst]], left, "W", float(np.median(heat[worst].sure_band)), _ANSWERED)
     return figure
 
 

@@ -32,7 +32,7 @@ def picture(caption: str, *drawings: Markup) -> Picture:
 def render(template: str, **content: object) -> str:
     """A template of `page/`, filled in; all text is escaped, and no line ends between a number and its unit.
 
-    The script stands in the page where something in it wants one, and only there.
+    The page contains the script only if it has charts.
     """
     environment = Environment(
         loader=FunctionLoader(_text),
@@ -42,7 +42,7 @@ def render(template: str, **content: object) -> str:
         lstrip_blocks=True,
         finalize=lambda value: UNIT_BEHIND.sub(BOUND, value) if type(value) is str else value,
     )
-    # Style sheet and script are ours; as templates they would be read for braces.
+    # Style sheet and script contain braces, and must not be parsed as templates.
     style = Markup("".join(map(_text, ("uplot/uPlot.css", "colours.css", "style.css"))))
     made = f"{date.today().isoformat()} with {', '.join(f'{name} {version(name)}' for name in _VERSIONS)}"
     made += f", Python {platform.python_version()}"

@@ -1,4 +1,4 @@
-"""What is said of logs, a search, a comparison and a forecast: terminal, workbench, report and Python show it.
+"""The sentences on logs, searches, comparisons and forecasts that terminal, workbench, report and Python show.
 
 Of a search, first the verdict on the model as it is now, then what sets a place, a sensor, a limb or a run apart
 (findings), what all parts have in common (structure), what somebody added, the errors, and what to do next.
@@ -69,15 +69,15 @@ FEW = 3
 
 @dataclass
 class Kinds:
-    """The steps that added an effect, by what is said of them.
+    """The steps that added an effect, sorted by how they are reported.
 
     Args:
-        findings: what sets a place, a sensor, a limb or a run apart, by a diagnosis.
-        structure: what all parts have in common, by a diagnosis.
-        helped: what somebody chose, and lowers the errors.
-        fitted: what somebody chose, and lowers those of the fit data alone.
-        idle: what somebody chose, and lowers none.
-        learned: curves without a name that somebody added and that help; they explain nothing.
+        findings: effects of one place, sensor, limb or run that a diagnosis found.
+        structure: effects of all parts that a diagnosis found.
+        helped: effects added by hand that lower the errors.
+        fitted: effects added by hand that lower the errors on fit data only.
+        idle: effects added by hand that lower no error.
+        learned: learned curves added by hand that lower an error; they name no cause.
     """
 
     findings: list[Step] = field(default_factory=list)
@@ -91,7 +91,7 @@ class Kinds:
     def of(cls, steps: Sequence[Step]) -> Kinds:
         """Sort the steps of a history, the model as given first.
 
-        What a diagnosis answered has a probability; what somebody chose is judged by the errors.
+        Answers of a diagnosis have a probability; effects added by hand are judged by the errors.
         """
         kinds = cls()
         for before, step in pairwise(steps):
@@ -107,8 +107,8 @@ class Kinds:
 def _lowered(before: Step, after: Step) -> Literal["", "fitted", "all"]:
     """Which errors a step lowered: those of held-out data, `"fitted"` where those of the fit data alone, or none.
 
-    Errors on fit data are lower where Schwarz's criterion says so, which decides where nothing is held out. Held-out
-    ones are lower by more than any scatter explains, or by less where those on fit data agree.
+    Errors on fit data count as lower if Schwarz's criterion falls; this decides if nothing is held out. A held-out
+    error counts as lower if it falls by more than scatter explains, or by less if the fit data agree.
     """
     pays = criterion_difference(before.fit, after.fit) > 0
     if before.holdout is None or after.holdout is None:
@@ -201,7 +201,7 @@ def _verdict(steps: Sequence[Step], last: Diagnosis, kinds: Kinds) -> str:
 
 
 def allowance_in_words(diagnosis: Diagnosis) -> str:
-    """What the error of an adequate model is no larger than."""
+    """The bound on the error of an adequate model, in words."""
     beside = "" if is_met(diagnosis.lack_of_fit) else " and typical errors of air, torques and surfaces"
     return f"no more than the sensors' noise{beside}"
 
@@ -218,7 +218,7 @@ def errors_in_words(steps: Sequence[Step]) -> str:
 
 
 def _errors(given: Step, now: Step) -> list[tuple[str, float, float]]:
-    """What each kind of data is called, and the RMSE [K] there as given and now, what no fit saw first."""
+    """Name of each kind of data with its RMSE [K] as given and now; test and held-out data first."""
     pairs = [("test", given.test, now.test), ("held out", given.holdout, now.holdout)]
     unseen = [(data, before.rmse, after.rmse) for data, before, after in pairs if before and after]
     return [*unseen, ("fitted", given.fit.rmse, now.fit.rmse)]
@@ -235,7 +235,7 @@ def _short_and_sure(step: Step) -> str:
 
 
 def sure(step: Step) -> str:
-    """How probable an answer is, in a word and a number; of one name among several also that anything is there."""
+    """Probability of an answer in a word and a number; for one of several rivals also that some effect is there."""
     text = certainty(step.probability)
     if step.probability < LIKELY <= step.at_its_place:
         text += f", something there {percent(step.at_its_place)}"
@@ -268,7 +268,9 @@ def _next(steps: Sequence[Step], last: Diagnosis, kinds: Kinds, advice: Advice |
     if kinds.idle and not (kinds.findings or kinds.structure or kinds.helped or kinds.fitted or kinds.learned):
         return "Undo the added effects, which did not help."
     if last.verdict == "missing":
-        return _to_add(steps, last)
+        command = "the effects above, as `lptn improve` does"
+        answer = _short_and_sure(last.steps[0]) if len(steps) > 1 else command
+        return f"Add {answer}, and see whether the error on held-out data falls."
     if advice and advice.learned and advice.learned.offered:
         return f"That heat has no name, and can be learned as a curve. {advice.learned.offer}"
     if advice and advice.differing:
@@ -289,14 +291,6 @@ def _next(steps: Sequence[Step], last: Diagnosis, kinds: Kinds, advice: Advice |
         "Look for a cause there that was not logged: touch, water, a fan, a moved sensor, an unlogged load. "
         "Log it, or leave that segment out."
     )
-
-
-def _to_add(steps: Sequence[Step], last: Diagnosis) -> str:
-    """The answers to add, of the model as given with the errors that they leave."""
-    if len(steps) > 1:
-        return f"Add {_short_and_sure(last.steps[0])}, and see whether the held-out error falls."
-    with_all = errors_in_words([steps[0], last.steps[-1]]).partition(";")[0]
-    return f"Add the effects above ({with_all}), as `lptn improve` with the same arguments does."
 
 
 def _first_sentence(text: str) -> str:
@@ -379,7 +373,7 @@ def forecast_narrative(ahead: Forecast) -> Narrative:
 
 
 def _first_limit(ahead: Forecast) -> str:
-    """What passed its limit, what reaches its own next, or what comes nearest."""
+    """The nodes above their limits, the next to reach one, or the nearest to one."""
     nodes = list(ahead.nodes.values())
     passed = [f"{one.node} ({one.limit:g} °C)" for one in nodes if one.time_to_limit == 0]
     texts = [f"Above the limit now: {few(passed, FEW)}."] if passed else []
@@ -463,7 +457,7 @@ def content_narrative(model: Model, runs: Sequence[Run]) -> Narrative:
 
 
 def details(history: History, data: DataSplit) -> list[str]:
-    """What stands behind the answer, a few sentences to each of: data, sizes of effects, what was refused."""
+    """Details of the answer: data, sizes of effects, effects that were not added."""
     texts = [_which_data(history, data)]
     if history.remaining == "adequate":
         texts.append(_covered(history.best.fit))
@@ -544,7 +538,7 @@ def size_in_words(step: Step, last: Fit) -> str:
 
 
 def _where_others_have(declaration: EffectDeclaration, parameter: Parameter, last: Fit) -> str:
-    """What the other places have in common, of a place that has its own instead: `, where the others have 8 s`."""
+    """The common value of the other places, for a place with its own: `, where the others have 8 s`."""
     key, values = declaration.effect.key, last.model.parameters
     common = {instance.parameters[parameter.name] for instance in last.model.network.in_common(key)}
     others = [values[k].value for k in sorted(common) if values[k].name != declaration.shared_name(parameter.name)]
@@ -563,7 +557,7 @@ def removed_in_words(history: History, number: int) -> str:
     removed = Removed.between(history.steps[number - 1].fit, history.steps[number].fit)
     if removed.share <= 0:
         return ""
-    if removed.share < 0.01:  # of next to nothing nobody asks where
+    if removed.share < 0.01:  # too little to say where
         return "It explains less than 1 % of the remaining squared error."
     text = f"It explains {100 * removed.share:.0f} % of the remaining squared error"
     for word, shares in (("at", removed.by_node), ("in", removed.by_run)):

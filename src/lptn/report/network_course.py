@@ -1,4 +1,4 @@
-"""A network in the course of a run: its temperatures and heat flows, moment by moment, for drawings of it."""
+"""Temperatures and heat flows of a network over a run, for drawings of it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from lptn.model.model import Model
 from lptn.model.network import Network
 from lptn.report.network_drawing import Drawing, draw_network, heat_flows
 
-_MOST_MOMENTS = 400  # of a run: a drawing under a plot of a thousand pixels is asked for at no more
+_MOST_MOMENTS = 400  # of a run; the plot above the drawing is about a thousand pixels wide
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class NetworkCourse:
 
     @classmethod
     def of(cls, model: Model, prediction: Prediction) -> NetworkCourse:
-        """Of a run that the model predicted."""
+        """From the prediction of a run."""
         run, count = prediction.segment.run, prediction.bound.inputs.shape[1]
         model = model.with_values(model.in_run(run.name, model.values))
         moments = np.unique(np.linspace(0, count - 1, min(count, _MOST_MOMENTS)).astype(int))

@@ -31,6 +31,7 @@ from lptn.basics.style import (
 from lptn.online.forecasting import Forecast, NodeForecast
 from lptn.online.monitoring import MonitoredRun, Monitoring
 from lptn.report.tables import time_to_limit
+from lptn.report.text import percent
 
 # --- forecasts: temperatures so far and to come, with their interval and the limit --------------------------
 
@@ -103,7 +104,7 @@ def forecast_figure(forecast: Forecast) -> Figure:
     handles = [
         Line2D([], [], label="measured", **MEASURED),
         Line2D([], [], label="predicted", **GIVEN),
-        Patch(color=GIVEN["color"], alpha=0.25, label=f"{forecast.coverage:.0%} interval"),
+        Patch(color=GIVEN["color"], alpha=0.25, label=f"{percent(forecast.coverage)} interval"),
         Line2D([], [], color=LIMIT, linewidth=1.2, label="limit"),
         Line2D([], [], color=INK, linewidth=3.0, marker="o", markersize=4, label="time to the limit, interval"),
     ]

@@ -42,7 +42,7 @@ from lptn.report.text import for_people
 # --- the whole story: log, fit, where it fails, what is missing, what tests it --------------------------------
 
 
-_FEW = 12  # parameters that may stand before the story, and stretches of unexplained heat in it
+_FEW = 12  # rows of parameters and of unexplained heat that fit into the story
 _HEADINGS = {
     "held-out": "Test: the held-out runs",
     "test": "Test: runs that chose nothing",
@@ -90,9 +90,9 @@ def story_html(
     titles = [
         "In short",
         "The log",
-        "The model, and its fit as given",
-        "Where it errs",
-        "What it lacked",
+        "The model as given, fitted",
+        "Where the model fails",
+        "What was missing",
         _HEADINGS[which],
         "What to do next",
         f"Parameters of the {'best model' if all_best else 'model'}",

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class _Told:
-    """What notebooks show of a result: its sentences."""
+    """A result that notebooks show by its sentences."""
 
     narrative: Callable[[], Narrative]
 

@@ -1,4 +1,4 @@
-"""What a figure shows of a comparison, a diagnosis and unexplained heat, whoever draws it."""
+"""Data of figures of comparisons, diagnoses and unexplained heat, independent of what draws them."""
 
 from __future__ import annotations
 
@@ -154,8 +154,8 @@ class InputLink:
 def input_links(fit: Fit, heat: Sequence[UnexplainedHeat], node: str) -> list[InputLink]:
     """Correlation of a node's unexplained heat with each input column, or its square where that is closer.
 
-    What the heat goes with suggests a cause and proves none: inputs go with each other, and slow series go with
-    each other by chance.
+    A correlation suggests a cause but does not prove it: inputs correlate with each other, and slow series correlate
+    by chance.
 
     Args:
         fit: the fitted model that lacks the heat.
@@ -175,7 +175,7 @@ def input_links(fit: Fit, heat: Sequence[UnexplainedHeat], node: str) -> list[In
         series = [(run.columns[column] ** (2 if squared else 1), run, own) for run, own in measured]
         values = np.concatenate([means_in_blocks(x, run, own.time, own.seconds) for x, run, own in series])
         varies = np.ptp(values) > 1e-6 * np.abs(values).max(initial=0.0)  # not where a mean is missing
-        if varies and np.ptp(its) > 0 and its.size > 2:  # two correlate by themselves
+        if varies and np.ptp(its) > 0 and its.size > 2:  # two points always correlate
             links.append(InputLink(column, squared, float(np.corrcoef(its, values)[0, 1])))
     links.sort(key=lambda link: -abs(link.correlation))
     closer: dict[str, InputLink] = {}
@@ -205,7 +205,7 @@ def effects_shown(history: History) -> tuple[Step, ...]:
 
 @dataclass(frozen=True)
 class Reach:
-    """One effect: the place where it shows most easily, and the place where it hides best."""
+    """The places where an effect is easiest and hardest to detect."""
 
     easiest: Detectable
     hardest: Detectable

@@ -148,7 +148,7 @@ def data_table(jobs: Mapping[str, Sequence[Segment]]) -> Table:
         for segment in segments:
             run = segment.run
             whole = segment.initialisation == segment.evaluation
-            start = "all that counts" if whole else window_text(segment.initialisation, segment)
+            start = "the counted readings" if whole else window_text(segment.initialisation, segment)
             size = time_span(len(run) * run.step), f"{run.step:g} s"
             names = [run.name, Path(run.source).name, run.fingerprint[:12]]
             if clocked:

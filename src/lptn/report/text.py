@@ -101,7 +101,7 @@ def window_text(window: Window, segment: Segment) -> str:
 
 
 def title_of(effect: str) -> str:
-    """What a person calls an effect."""
+    """An effect's title."""
     return catalogue()[effect].title if effect in catalogue() else effect
 
 
@@ -130,7 +130,7 @@ def experiment_for(effect: type[Effect]) -> str:
 def size_text(step: Step, last: Fit) -> str:
     """The size of an effect with its standard error, such as `0.11 ± 0.014 W`; empty where it has none.
 
-    A difference of one place to what all have in common has its sign.
+    A deviation from the common value is printed with its sign.
 
     Args:
         step: the effect.
@@ -161,7 +161,7 @@ def capitalised(text: str) -> str:
 def for_people(text: str) -> str:
     """A sentence of the library as it is printed: titles for keys, `°C` for `degC`, a minus that is no hyphen.
 
-    What is printed so already stays as it is.
+    Text that has this form already is unchanged.
     """
     keys = "|".join(sorted(catalogue(), key=len, reverse=True))
 

@@ -41,7 +41,7 @@ class News:
 
 
 class Bench:
-    """A study, and what was worked out of it for plots.
+    """A study, and what was computed from it for plots.
 
     Args:
         study: the study.
@@ -128,12 +128,12 @@ class Bench:
         self._forget()
 
     def _forget(self) -> None:
-        """All that was worked out of other data."""
+        """Discard what was computed from other data."""
         for results in (self.heat, self._predictions, self._sent):
             results.clear()
 
     def look_closer(self) -> None:
-        """What takes time and may come after a diagnosis: each answer added alone, heat, the next experiment."""
+        """Compute what is shown after a diagnosis: each answer added alone, heat, the next experiment."""
         name = self.model
         if self.study.diagnosed is None:
             return

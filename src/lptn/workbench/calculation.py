@@ -1,4 +1,4 @@
-"""The process that holds the study: it does what the page orders, and can be ended in the midst of it.
+"""The process that holds the study: it does what the page orders, and can be killed at any time.
 
 A refit can't be stopped from outside its thread, but a process can. So the study lives in one that the server starts,
 and that puts what it has into the session's folder after each order. Once it is ended, the next one begins there.

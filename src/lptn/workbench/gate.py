@@ -1,8 +1,8 @@
-"""Who may talk to the workbench: this machine's browser with the token, and no page of anybody else's.
+"""Access to the workbench: for this machine's browser with the token, and for no other page.
 
 A server on loopback is open to every program and every web page on the machine. So each request needs the cookie that
-the address with its token was answered with. A token lets in once: whoever reads it later, in a list of processes or a
-history, has nothing. A request's `Host` must be this server's own, against names that are bound to
+the address with its token was answered with. A token works once, so that one read later from a list of processes or a
+history is useless. A request's `Host` must be this server's own, against names that are bound to
 127.0.0.1 by others (DNS rebinding); an `Origin` must be ours, against other pages' requests; and what a page of ours
 loads comes from here alone.
 """

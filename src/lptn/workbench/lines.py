@@ -117,7 +117,7 @@ class RunLines:
         return {"time": at} | {key[0]: values for key, values in zip(lines, thin, strict=True)}
 
     def _lines(self, node: str, models: Mapping[str, str]) -> dict[_Key, _Read]:
-        """What is drawn of a node, by the name on the page and what else tells a line from the run's others."""
+        """The lines of a node, by their name on the page and what else distinguishes them."""
         row = self._row(node)
         measured = self.measured[row].__getitem__
         lines: dict[_Key, _Read] = {("measured", node): measured}

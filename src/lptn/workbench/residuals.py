@@ -1,4 +1,4 @@
-"""What errors look like beside noise: how long they remember, and how they are distributed."""
+"""Statistics of errors beside those of noise: autocorrelation and distribution."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Residuals:
         lag: s.
         correlation: autocorrelation of the errors less their mean, at each lag.
         band: what white noise stays below at 19 of 20 lags.
-        memory: s; the first lag at which the correlation is within the band, `None` where there is none.
+        memory: s; the residual correlation time: the first lag within the band, `None` if there is none.
         normal: quantiles of the normal distribution with the errors' mean and standard deviation [K].
         quantiles: those of the errors [K].
     """

@@ -58,7 +58,7 @@ class BusyError(RuntimeError):
 
 
 class Session:
-    """A study that several tabs look at.
+    """A study that is shown in several tabs.
 
     Args:
         opening: model file, logs and options; `None` for the examples, of which the page chooses one.
@@ -105,7 +105,7 @@ class Session:
         return self
 
     def _begin(self, after_a_stop: bool = False) -> None:
-        # A copy of this process would have the server's threads' locks; a new one has nothing.
+        # A forked process would inherit locks that the server's threads hold; a new one does not.
         context = multiprocessing.get_context("spawn")
         here, there = context.Pipe()
         assert self.opening is not None
@@ -118,7 +118,7 @@ class Session:
         threading.Thread(target=self._listen, args=(process, here), daemon=True).start()
 
     def _listen(self, process: multiprocessing.process.BaseProcess, pipe: Connection) -> None:
-        """Take in what a process says, until it ends."""
+        """Receive the messages of a process until it ends."""
         with contextlib.suppress(EOFError, OSError):
             while True:
                 kind, *rest = pipe.recv()

@@ -96,7 +96,7 @@ def special(
         if not np.isfinite(column).all() or np.ptp(column) <= _CONSTANT * np.abs(column).max():
             continue
         if any(np.allclose(np.abs(column), size) for size in sizes):
-            continue  # the size of an input that was asked already
+            continue  # the magnitude of an input that was tested already
         sizes.append(np.abs(column))
         scores = {words: _standing_out(form, shape) for words, form in _forms(column, name, step).items()}
         words = max(scores, key=lambda label: abs(scores[label][first]))
@@ -111,7 +111,7 @@ def special(
 def _standing_out(values: FloatArray, shape: FloatArray) -> FloatArray:
     """The product of a shape with what an input is at each place, in root mean squares of those that share no reading.
 
-    Each place is judged by others alone, as the stretch is: else chance would seem less than it is.
+    Each place is compared with the others alone, as the interval is; otherwise chance would be underestimated.
     """
     products = fftconvolve(values - values.mean(), shape[::-1], mode="valid")
     places = np.arange(products.size)

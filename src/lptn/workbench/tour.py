@@ -12,7 +12,7 @@ from lptn.basics.own_folder import own_folder
 from lptn.robots.presets import preset_text
 from lptn.workbench.opening import Opening
 
-_LEG_SEED = 3  # any: whether the effect is found does not hang on it
+_LEG_SEED = 3  # arbitrary: the effect is found with any seed
 
 
 @dataclass(frozen=True)

@@ -139,7 +139,7 @@ export function where(page) {
     const columns = state.conditions[shown], groups = [...new Set(columns.map(each => each.group))];
     const which = state.segments.some(each => each.job !== "fitted") ? "held-out data" : "fitted data";
     return [bar, h("p", null, h("small", null, `${said} All ${which}, by operating condition: each node’s readings in five equal parts, from low to high.`)),
-      h("div", { className: "tiles" }, h("table", null,
+      h("div", { className: "tiles narrow" }, h("table", null,
         h("thead", null,
           h("tr", null, h("td"), groups.map(group => h("th", { scope: "colgroup", colSpan: columns.filter(each => each.group === group).length, className: "job" }, group))),
           h("tr", null, h("td"), columns.map(each => h("th", { scope: "col" }, h("span", null, each.name))))),
@@ -234,7 +234,7 @@ function addAnother(page) {
 export function data(page) {
   const { segments, stretches, contents, issues, notes, parameters, busy } = page.state;
   if (!segments) return [];
-  const origin = name => segments.find(each => each.run === name)?.origin ?? 0;
+  const origin = name => segments.find(each => `${each.run}#`.startsWith(`${name}#`))?.origin ?? 0;  // of a piece of it
   const again = each => h("li", { className: "row" }, `${each.run}, ${digits(each.start - origin(each.run), 4)} to ${digits(each.stop - origin(each.run), 4)} s: ${each.held_out ? "held out" : "left out"}`,
     h("button", { disabled: busy, onclick: () => page.order({ what: "use_again", run: each.run, start: each.start, stop: each.stop }) }, "Use again"));
   return [h("h2", null, "Data and parameters"),
