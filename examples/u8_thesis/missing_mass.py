@@ -66,10 +66,8 @@ def ask(folder: Path) -> History:
 
 def main(folder: Path) -> None:
     """Write, ask, print."""
-    from lptn.cli.improve import show_history
-
     write_logs(folder)
-    show_history(ask(folder))
+    print(ask(folder))
 
 
 if __name__ == "__main__":

@@ -17,6 +17,7 @@ import pandas as pd
 import pytest
 
 from lptn.model.file import read_model_file
+from lptn.report.text import title_of
 from tests.cli.conftest import Lptn
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "tclab"
@@ -194,15 +195,15 @@ def test_improve_prints_sizes_and_errors_as_it_writes_them(improved: tuple[str, 
     out, written = improved
     table = out.partition("\n\n")[2].splitlines()[: len(written["history"]) + 1]
     head, *rows = (re.split(" {2,}", line.strip()) for line in table)
-    assert head == ["step", "effect", "at", "size", "probable", "fit", "held out"]
+    assert head == ["step", "effect", "place", "parameters", "RMSE fitted", "held out", "max held out"]
     for row, step in zip(rows, written["history"], strict=True):
-        assert float(row[-2].removesuffix(" K")) == pytest.approx(step["rmse_fit"], rel=5e-3)
-        assert float(row[-1].removesuffix(" K")) == pytest.approx(step["rmse_holdout"], rel=5e-3)
-    sizes = {(part["effect"], part["at"]): part for part in (*written["findings"], *written["structure"])}
-    for _, effect, at, size, *_ in rows[1:]:
-        value, unit = sizes[effect, at]["size"], sizes[effect, at]["unit"]
-        assert size.endswith(unit)
-        assert float(size.split()[0]) == pytest.approx(value, rel=0.05)
+        assert float(row[-3].removesuffix(" K")) == pytest.approx(step["rmse_fit"], rel=5e-3)
+        assert float(row[-2].removesuffix(" K")) == pytest.approx(step["rmse_holdout"], rel=5e-3)
+    steps = dict(re.findall(r"^Step \d+, (.+?) everywhere .*?: (.+?\d \S+?)[,.;] ", out, re.MULTILINE))
+    for part in (*written["findings"], *written["structure"]):
+        *_, value, _, _, unit = steps[title_of(part["effect"])].split()
+        assert unit == part["unit"]
+        assert float(value) == pytest.approx(part["size"], rel=0.05)
 
 
 @pytest.mark.long

@@ -10,7 +10,6 @@ from typing import cast
 import numpy as np
 import pytest
 
-from lptn.cli.improve import show_history
 from lptn.diagnose.advice import Advice
 from lptn.diagnose.answers import Step
 from lptn.diagnose.experiment import Experiment
@@ -25,10 +24,11 @@ from lptn.identify.comparison import Comparison, compare
 from lptn.identify.fitting import finished
 from lptn.identify.validation import holdout_errors
 from lptn.model.network import EffectDeclaration
-from lptn.report.captions import of_conditions
 from lptn.report.narrative import details, narrative, removed_in_words, short_name, size_in_words
+from lptn.report.pages import conditions_picture
 from lptn.report.shown import heat_fields
-from lptn.report.text import certainty, kelvin, significant, size_text
+from lptn.report.tables import history_table
+from lptn.report.text import certainty, kelvin, percent, significant, size_text
 from tests.report.two_joints import NODES, NOISE, Told, robot
 
 ROOT = Path(__file__).parents[2]
@@ -234,19 +234,24 @@ def test_details_say_which_data_chose_and_what_was_refused(missing: Told) -> Non
     assert "not added" not in " ".join(details(replace(history, last=replace(history.last, refused=())), data))
 
 
-def test_the_table_of_the_terminal_has_the_same_numbers(missing: Told, capsys: pytest.CaptureFixture[str]) -> None:
-    show_history(missing[0])
-    out = capsys.readouterr().out
-    best = missing[0].best
-    assert size_text(best, best.fit) in out
-    assert kelvin(best.fit.rmse) in out
+def test_details_give_each_step_its_probability_and_size_and_the_table_its_errors(missing: Told) -> None:
+    history, data = missing
+    best = history.best
+    text = " ".join(details(history, data))
+    assert f"Step 1, constant heat at {NODES[0]} ({percent(best.probability)} probable): " in text
+    assert size_text(best, best.fit) in text
+    given, last = history_table(history).rows
+    assert kelvin(best.fit.rmse) in last
+    assert kelvin(history.steps[0].fit.rmse) in given
 
 
 def test_an_error_like_the_noise_is_no_failure(adequate: Told, missing: Told) -> None:
     def caption(outcome: Told) -> tuple[str, Comparison]:
         comparison = compare(outcome[0].steps[0].fit.model, outcome[1].holdout)
         comparison = replace(comparison, noise=outcome[0].steps[0].fit.noise)
-        return of_conditions(comparison, None, "held-out"), comparison
+        picture = conditions_picture(comparison, None, "held-out")
+        assert picture is not None
+        return picture.caption, comparison
 
     said, comparison = caption(adequate)
     assert comparison.all.rmse < 0.06

@@ -16,10 +16,10 @@ from lptn.effects import catalogue
 from lptn.effects.sensor_lag import SensorLag
 from lptn.identify.comparison import compare
 from lptn.model.network import EffectDeclaration
-from lptn.report import captions
 from lptn.report.diagnosis_figures import plot_detectability
 from lptn.report.heat_figures import field_figures
 from lptn.report.heat_story import HeatStory, chosen_links, heat_line_picture, heat_map_picture
+from lptn.report.pages import detectability_picture
 from lptn.report.shown import InputLink, error_fields, heat_fields, reaches, worst_runs
 from lptn.report.tables import effects_table, node_table, refused_table
 from lptn.report.text import for_people, named
@@ -111,7 +111,9 @@ def test_detectability_has_a_row_for_each_effect(missing: Told) -> None:
     pair = [Detectable("radiation", at, size, "m^2", size / 0.02) for at, size in (("a", 0.01), ("b", 0.5))]
     (one,) = reaches(pair)
     assert (one.easiest.at, one.hardest.at) == ("a", "b")
-    assert "(0 of 1 effects" in captions.of_detectability(pair)
+    picture = detectability_picture(pair)
+    assert picture is not None
+    assert "(0 of 1 effects" in picture.caption
 
 
 def test_tables_hold_size_and_nodes(missing: Told) -> None:

@@ -49,7 +49,7 @@ def diagnose(
     from lptn.report.sentences import Narrative
 
     with progress("reading"), executor_of(jobs) as executor:
-        study = data.study(model, logs, executor=executor)
+        study = data.opening(model, logs).study(executor)
         diagnosis, advice = study.diagnose(), study.advise()
         said = study.narrative()
     if is_quiet():

@@ -65,7 +65,7 @@ def improve(
     from lptn.cli.terminal import progress, show_written, write_json
 
     with progress("reading"), executor_of(jobs) as executor:
-        study = data.study(model, logs, test or (), executor)
+        study = data.opening(model, logs, test).study(executor)
         study.improve(steps)
         history, advice = study.selection(), study.advise()
     print(study.narrative())
@@ -81,30 +81,16 @@ def improve(
 
 def show_details(history: History, data: DataSplit, advice: Advice) -> None:
     """The table of steps, what stands behind it, what the fit warns of, and all advice."""
+    from lptn.cli.terminal import show_table
     from lptn.report.narrative import details
+    from lptn.report.tables import history_table
 
     print()
-    show_history(history)
+    table = history_table(history)
+    show_table(table.columns, table.rows)
     for sentence in (
         *details(history, data),
         *(f"Warning: {warning}." for warning in history.best.fit.uncertainty.warnings),
     ):
         print(sentence)
     show_advice(advice)
-
-
-def show_history(history: History) -> None:
-    """The steps, from the model as given to the best, each with its size, probability and errors."""
-    from lptn.cli.terminal import show_table
-    from lptn.report.text import kelvin, percent, size_text
-
-    tested = any(step.test for step in history.steps)
-    rows = []
-    for number, step in enumerate(history.steps):
-        what = step.key if step.effect else ("(as given)", "")
-        probable = percent(step.probability) if step.probability else ""
-        errors = [step.fit.rmse, step.holdout.rmse if step.holdout else None]
-        errors += [step.test.rmse if step.test else None] if tested else []
-        rows.append((str(number), *what, size_text(step, history.best.fit), probable, *map(kelvin, errors)))
-    heads = ("step", "effect", "at", "size", ">probable", ">fit", ">held out")
-    show_table((*heads, ">test") if tested else heads, rows)

@@ -46,26 +46,10 @@ def open(  # noqa: A001 - the command's name
         needs_logs(logs)
         check_inputs(model, *logs, *(data.holdout or ()), *(test or ()))
     from lptn.cli.terminal import progress
-    from lptn.workbench.opening import Opening
     from lptn.workbench.server import serve
     from lptn.workbench.session import Session
 
-    opening = (
-        None
-        if model is None
-        else Opening(
-            model,
-            logs,
-            tuple(data.holdout or ()),
-            tuple(test or ()),
-            data.holdout_after,
-            tuple(data.texts),
-            data.ambient_error,
-            data.torque_error,
-            data.surface_error,
-        )
-    )
-    session = Session(opening)
+    session = Session(None if model is None else data.opening(model, logs, test))
     with progress("reading"):
         session.open()
 

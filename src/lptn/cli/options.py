@@ -20,7 +20,7 @@ from lptn.basics.files import PICTURES, TABLES, check_ending, real_path, text_of
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from lptn.study import Study
+    from lptn.workbench.opening import Opening
 
 # --- options -----------------------------------------------------------------------------------------------
 
@@ -146,24 +146,13 @@ class Data(HeldOut):
         ),
     ] = None
 
-    def study(
-        self, model: Path, logs: Sequence[Path], test: Sequence[Path] = (), executor: Executor | None = None
-    ) -> Study:
-        """Read it all."""
-        from lptn.study import Study
+    def opening(self, model: Path, logs: Sequence[Path], test: Sequence[Path] | None = None) -> Opening:
+        """A model file with its logs and all this."""
+        from lptn.workbench.opening import Opening
 
-        return Study(
-            model,
-            logs,
-            self.holdout or (),
-            test,
-            holdout_after=self.holdout_after,
-            columns=self.texts,
-            ambient_error=self.ambient_error,
-            torque_error=self.torque_error,
-            surface_error=self.surface_error,
-            executor=executor,
-        )
+        errors = self.ambient_error, self.torque_error, self.surface_error
+        held_out, columns = tuple(self.holdout or ()), tuple(self.texts)
+        return Opening(model, tuple(logs), held_out, tuple(test or ()), self.holdout_after, columns, *errors)
 
 
 COLUMNS, HELD_OUT, DATA = Columns(), HeldOut(), Data()

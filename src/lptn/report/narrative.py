@@ -498,7 +498,7 @@ def _covered(fit: Fit) -> str:
 
 def _step_in_words(history: History, number: int) -> str:
     step = history.steps[number]
-    chosen = "" if step.probability else ", chosen by hand"
+    chosen = f" ({percent(step.probability)} probable)" if step.probability else ", chosen by hand"
     size = size_in_words(step, history.best.fit)
     text = f"Step {number}, {named(*step.key)}{chosen}{f': {size}' if size else ''}."
     return " ".join(filter(None, (text, removed_in_words(history, number))))

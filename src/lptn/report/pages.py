@@ -8,21 +8,27 @@ from dataclasses import replace
 from markupsafe import Markup
 
 from lptn.basics.style import inline_svg
-from lptn.diagnose.advice import Advice, smallest
+from lptn.diagnose.advice import Advice, Detectable, smallest
 from lptn.diagnose.improvement import History
 from lptn.effects import Effect, catalogue
 from lptn.identify.comparison import Comparison, Versus, predict
 from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit
 from lptn.references import works_cited
-from lptn.report import captions
 from lptn.report.comparison_figures import NAMES, condition_figures, predictions_figure, versus_figure
 from lptn.report.diagnosis_figures import detectability_figure, history_figure
 from lptn.report.document import Picture, picture, render
 from lptn.report.heat_figures import field_figures
 from lptn.report.heat_story import HeatStory, heat_line_picture, heat_map_picture, learned_picture
-from lptn.report.narrative import comparison_narrative, content_narrative, details, narrative, versus_narrative
-from lptn.report.shown import effects_shown, error_fields
+from lptn.report.narrative import (
+    comparison_narrative,
+    content_narrative,
+    details,
+    largest_error,
+    narrative,
+    versus_narrative,
+)
+from lptn.report.shown import MOST, NOISE_BAND, effects_shown, error_fields, initialisation_end, reaches, views
 from lptn.report.story_charts import CHARTS, network_picture, shown_runs, tiles, time_charts
 from lptn.report.tables import (
     condition_table,
@@ -114,7 +120,7 @@ def story_html(
         thinned=thinned,
         history=history_table(history),
         fall=_fall(history) if all_best else None,
-        conditions=_conditions(given, best, which),
+        conditions=conditions_picture(given, best, which),
         errors=_errors(given, best, which),
         nodes=node_table(given, best),
         which=which,
@@ -125,11 +131,11 @@ def story_html(
         more_stretches=max(len(left) - _FEW, 0),
         hiding=heat.hiding,
         more_than_noise=history.remaining != "adequate",
-        predictions=picture(captions.of_predictions(given, best, data, which), _predictions(given, best)),
+        predictions=picture(_about_predictions(given, best, data, which), _predictions(given, best)),
         told=effects_table(history),
         refused=refused_table(history),
         coarse=_coarse_step(history),
-        detectability=_detectability(history),
+        detectability=detectability_picture(smallest(history.last.weighed)),
         experiment=for_people(advice.experiment.text()) if advice and advice.experiment else None,
         few=_FEW,
         parameters_given=parameter_table(first.fit),
@@ -171,15 +177,22 @@ def _effects_named(history: History) -> list[type[Effect]]:
     return list(dict.fromkeys([*effects, *(catalogue()[key] for key in named)]))
 
 
-def _conditions(given: Comparison, best: Comparison | None, which: str) -> Picture | None:
+def conditions_picture(given: Comparison, best: Comparison | None, which: str) -> Picture | None:
+    """Where a model fails, by node and operating condition; none where too few readings are."""
     drawings = [inline_svg(figure, "RMSE by node and condition") for figure in condition_figures(given, best)]
-    return picture(captions.of_conditions(given, best, which), *drawings) if drawings else None
+    text = f"RMSE in K on the {which} runs by node and operating condition; the small numbers are each bin's range."
+    for model, comparison in (("model as given" if best else "model", given), ("best model", best)):
+        if comparison is not None:
+            text += f" Largest error of the {model}: {largest_error(comparison).text}"
+    return picture(text, *drawings) if drawings else None
 
 
 def _errors(given: Comparison, best: Comparison | None, which: str) -> Picture:
     noise = max(given.floor(node) for node in given.model.nodes)
     figures = field_figures(error_fields(given), error_fields(best) if best else [], "K", _PALE * noise)
-    return picture(captions.of_errors(which), *(inline_svg(figure, "errors by node and time") for figure in figures))
+    text = f"Error (predicted − measured) on the {which} runs: red where the model is too hot, blue where too cold"
+    drawings = (inline_svg(figure, "errors by node and time") for figure in figures)
+    return picture(f"{text} (hatched where clearly so).", *drawings)
 
 
 def _predictions(given: Comparison, best: Comparison | None = None, names: tuple[str, str] = NAMES) -> Markup:
@@ -187,17 +200,49 @@ def _predictions(given: Comparison, best: Comparison | None = None, names: tuple
     return inline_svg(figure, "measured and predicted temperatures, and errors")
 
 
+def _about_predictions(
+    given: Comparison,
+    best: Comparison | None,
+    data: DataSplit,
+    which: str,
+    names: tuple[str, str] = ("the model as given", "the best model"),
+) -> str:
+    """The caption of measured and predicted temperatures."""
+    lines = f"The blue line is {names[0]}, the green one {names[1]}" if best else "The blue line is the model"
+    below = f"below, the error (predicted − measured), and ±{NOISE_BAND:g} times the sensor noise in grey"
+    text = f"Temperatures on the {which} runs. {lines}; {below}."
+    if any(initialisation_end(prediction) is not None for prediction in given.predictions):
+        fitted = {segment.run.name for segment in data.fit}
+        same = all(prediction.segment.run.name in fitted for prediction in given.predictions)
+        shaded = "the shaded time, which was fitted," if same else "the shaded time"
+        text += f" Readings in {shaded} only set the start; what follows is predicted freely."
+    else:
+        text += " The start was fitted along with these readings, so this is no test."
+    count = len(views(given))
+    chosen = f"the worst {MOST} of {count}" if count > MOST else "all measured"
+    return f"{text} Shown are {chosen} nodes and runs."
+
+
 def _fall(history: History) -> Picture:
     drawing = inline_svg(history_figure(history.steps), "RMSE of each step on fit, held-out and test data")
-    return picture(captions.of_history(history), drawing)
+    held = "judge it by the held-out errors" if history.best.holdout else "no data were held out to test it"
+    best = f"the best model (step {len(history.steps) - 1}, green)"
+    return picture(f"RMSE from the model as given (step 0, blue) to {best}; {held}.", drawing)
 
 
-def _detectability(history: History) -> Picture | None:
-    sizes = smallest(history.last.weighed)
+def detectability_picture(sizes: Sequence[Detectable]) -> Picture | None:
+    """What the data could have shown; none without a candidate."""
     if not sizes:
         return None
     drawing = inline_svg(detectability_figure(sizes), "smallest size of each effect that would show")
-    return picture(captions.of_detectability(sizes), drawing)
+    rows = reaches(sizes)
+    hidden = sum(reach.easiest.share_of_typical >= 1 for reach in rows)
+    text = (
+        "The dot is the place where the smallest effect would be detected, the end of the line the place where only "
+        "the largest would. An effect that was not found is smaller, or absent. Right of the dashed line even one of "
+        f"typical size could be missed ({hidden} of {len(rows)} effects wherever they are)."
+    )
+    return picture(text, drawing)
 
 
 # --- one model against logs: where it fails, without a diagnosis ----------------------------------------------
@@ -213,7 +258,7 @@ def comparison_html(comparison: Comparison, title: str) -> str:
     Returns:
         HTML text; the same arguments give the same text.
     """
-    caption = captions.of_predictions(comparison, None, DataSplit(()), "compared")
+    caption = _about_predictions(comparison, None, DataSplit(()), "compared")
     runs = shown_runs([""] * len(comparison.predictions), comparison)
     charts, thinned = time_charts(runs, comparison, None, NAMES)
     return render(
@@ -225,7 +270,7 @@ def comparison_html(comparison: Comparison, title: str) -> str:
         thinned=thinned,
         said=comparison_narrative(comparison),
         predictions=picture(caption, _predictions(comparison)),
-        maps=_conditions(comparison, None, "compared"),
+        maps=conditions_picture(comparison, None, "compared"),
         errors=error_table(comparison),
         conditions=condition_table(comparison),
         data=data_table({"compared": tuple(prediction.segment for prediction in comparison.predictions)}),
@@ -253,7 +298,7 @@ def versus_html(result: Versus, title: str) -> str:
     both = set(result.other.model.nodes) <= set(result.model.model.nodes)
     given, best = (result.other, result.model) if both else (result.model, None)
     names = result.names[1], result.names[0]
-    caption = captions.of_predictions(given, best, DataSplit(()), "compared", names)
+    caption = _about_predictions(given, best, DataSplit(()), "compared", names)
     runs = shown_runs([""] * len(given.predictions), given)
     charts, thinned = time_charts(runs, given, best, names)
     return render(

@@ -215,8 +215,8 @@ def history_table(history: History) -> Table:
         errors += [step.test.rmse if step.test else None] if tested else []
         what = title_of(step.effect) if step.effect else "as given"
         rows.append((str(place), what, place_of(step.at or ""), str(step.parameters), *map(kelvin, errors)))
-    heads = ("step", "effect", "place", ">free parameters", ">RMSE fit", ">RMSE held out", ">max |error| held out")
-    return Table((*heads, ">RMSE test") if tested else heads, tuple(rows))
+    heads = ("step", "effect", "place", ">parameters", ">RMSE fitted", ">held out", ">max held out")
+    return Table((*heads, ">test") if tested else heads, tuple(rows))
 
 
 def effects_table(history: History) -> Table:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -23,8 +24,11 @@ class Opening:
     torque_error: float | None = None
     surface_error: float | None = None
 
-    def study(self) -> Study:
+    def study(self, executor: Executor | None = None) -> Study:
         """Read it all.
+
+        Args:
+            executor: where refits run; here by default.
 
         Raises:
             InputError: a file can't be used.
@@ -39,6 +43,7 @@ class Opening:
             ambient_error=self.ambient_error,
             torque_error=self.torque_error,
             surface_error=self.surface_error,
+            executor=executor,
         )
 
     def fingerprint(self, study: Study) -> str:

@@ -198,8 +198,7 @@ export function missing(page) {
       h("p", null, `Without this effect: ${each.looks_like}.`),
       h("p", null, `An experiment that separates it from others: ${each.separate_by}.`)));
   return [title,
-    h("p", null, { adequate: "These data show no missing effect.", missing: "", unexplained: "The catalogue does not explain the remaining error." }[answers.verdict],
-      answers.answers.length ? "" : " No effect of the catalogue helps."),
+    answers.answers.length ? null : h("p", null, "No effect of the catalogue helps; see the verdict above."),
     ...[["finding", "Findings: effects at one place, sensor or run"], ["structure", "Structure: effects that all parts have"]].map(([kind, label]) => {
       const own = answers.answers.filter(each => each.kind === kind);
       return own.length ? [h("h3", null, label), h("ol", { className: "answers" }, own.map(answer))] : null;
