@@ -3,11 +3,11 @@
     python -m tests.hardening.living_sensors                     # all robots, faults and faces: some minutes
     python -m tests.hardening.living_sensors --quick --robots knee leg
 
-Limit 60 degC for every node, 25 degC of air, a request far above what can be kept. The truth is a plain network with
-exact steps (`tests.hardening.plants`), once as the model says and once with every capacity, resistance and loss off by
-10 %, up or down at random (`--off` for other ways). Robots start cold, or switched on at 50 degC by work before. A
-fault is of one sensor that is drawn, or of all. Faces: `TorqueMPC`, `ControlLoop` with ticks of 0.1 s, and the emitted
-C, compiled apart.
+Limits of all nodes or of some, 25 degC of air, a request far above what can be kept, by some robots in pulses. The
+truth is a plain network with exact steps (`tests.hardening.plants`), once as the model says and once with every
+capacity, resistance and loss off by 10 %, up or down at random (`--off` for other ways). Robots start cold, or switched
+on at 50 degC by work before. A fault is of one sensor that is drawn, of two of one converter, or of all; or the
+controller begins anew. Faces: `TorqueMPC`, `ControlLoop` with ticks of 0.1 s, and the emitted C, compiled apart.
 
 Printed for each fault and robot, over starts, plants and seeds: by how much the hottest node passed its limit, the
 same less the margin that the plan told then, in how many of the cases the controller said that something is wrong with
@@ -42,24 +42,29 @@ from lptn.model.model import Model
 from lptn.planners import ControlLoop, TorqueMPC
 from tests.hardening.plants import AIR, ROBOTS, Off, Plant, Robot, told_at
 
-LIMIT, PERIOD, STEPS = 60.0, 5.0, 360  # degC, s, periods
+PERIOD, STEPS = 5.0, 360  # s, periods
 SHARE, PASSED = 0.1, 0.5  # by which plants are off; K beyond limit and margin that is too much
 NOISE, TICK, FAULT = 0.1, 0.1, 900.0  # K; s; s: when faults begin that don't begin at once
 STARTS = {"cold": AIR, "hot": 50.0}
 _CONDITIONS = np.array([AIR])
-_SENSOR_BITS = 2 | 128  # of the status: a reading missing or absurd; a sensor that is not alive
+_NOT_ALIVE = 128  # of the status
 
 
 @dataclass(frozen=True)
 class Seen:
-    """What a fault has to work with: time [s], the true temperatures now, a minute ago and when the fault began, noise,
-    shape (nodes,) each."""
+    """What a fault has to work with: time [s]; the true temperatures now, a minute ago, on average over five minutes,
+    when the fault began and when the load was last low, those that the next sensors read now; noise; shape (nodes,);
+    the limit [degC]."""
 
     time: float
     true: FloatArray
     minute_ago: FloatArray
+    averaged: FloatArray
     at_fault: FloatArray
+    at_rest: FloatArray
+    neighbours: FloatArray
     noise: FloatArray
+    most: float
 
 
 @dataclass(frozen=True)
@@ -70,11 +75,13 @@ class Fault:
         read: what they read, shape (nodes,).
         begin: s.
         resolution: steps that the controller is told of [K].
+        restarts: the controller begins anew, and remembers nothing.
     """
 
     read: Callable[[Seen], FloatArray]
     begin: float = 0.0
     resolution: float = 0.0
+    restarts: bool = False
 
 
 def _constant(value: float) -> Callable[[Seen], FloatArray]:
@@ -108,8 +115,20 @@ FAULTS: dict[str, Fault] = {
     "comes loose by 60 %": Fault(_half_loose, FAULT),
     "delayed by 60 s": Fault(lambda seen: seen.minute_ago + seen.noise),
     "swapped": Fault(lambda seen: seen.true + seen.noise),  # `Sensors` exchanges them
+    "reads the next one's": Fault(lambda seen: seen.neighbours + seen.noise),
+    "freezes under load": Fault(lambda seen: seen.at_rest + seen.noise),
+    "saturates 5 K below": Fault(lambda seen: np.minimum(seen.true + seen.noise, seen.most - 5.0)),
+    "reads 0.8 of the rise": Fault(lambda seen: AIR + 0.8 * (seen.true - AIR) + seen.noise),
+    "reads 0.8 degC": Fault(lambda seen: 0.8 * seen.true + seen.noise),
+    "averages five minutes": Fault(lambda seen: seen.averaged + seen.noise),
+    "drops for a minute": Fault(lambda seen: seen.true - 20.0 * (seen.time // 60 % 5 == 0) + seen.noise, FAULT),
+    "drops by 12 K, later": Fault(lambda seen: seen.true - 12.0 + seen.noise, FAULT),
+    "every second one missing": Fault(lambda seen: np.where(seen.noise > 0, seen.true + seen.noise, np.nan)),
+    "restarts": Fault(lambda seen: seen.true + seen.noise, FAULT, restarts=True),
+    "restarts, dead at 25": Fault(_constant(25.0), FAULT, restarts=True),
+    "restarts, stuck at 40 with dither": Fault(lambda seen: 40.0 + seen.noise, FAULT, restarts=True),
 }
-HEALTHY = ("healthy", "1 K steps")
+HEALTHY = ("healthy", "1 K steps", "every second one missing", "restarts")
 QUICK = ("healthy", "dead at 25 from the start", "stuck at 25 with dither", "drifts by -0.02 K/s", "comes loose")
 
 
@@ -130,10 +149,21 @@ class Sensors:
         self._random = np.random.default_rng([seed, 7])
         self._past: list[FloatArray] = []
         self._at_fault: FloatArray | None = None
+        self._at_rest, self._limit = np.full(len(robot.nodes), AIR), robot.limit
+        self._next = np.arange(len(robot.nodes))
+        self._next[self._measured] = np.roll(self._measured, -1)
 
-    def read(self, time: float, true: FloatArray) -> FloatArray:
-        """Readings a control period apart [degC], NaN where there is no sensor, shape (nodes,)."""
+    def read(self, time: float, true: FloatArray, loaded: bool) -> FloatArray:
+        """Readings a control period apart [degC], NaN where there is no sensor, shape (nodes,).
+
+        Args:
+            time: s.
+            true: temperatures [degC].
+            loaded: whether some joint had more than a third of its request over the last period.
+        """
         self._past.append(true)
+        if not loaded:
+            self._at_rest = true
         noise = self._noise * self._random.standard_normal(true.size)
         readings = np.full(true.size, np.nan)
         readings[self._measured] = (true + noise)[self._measured]
@@ -142,7 +172,10 @@ class Sensors:
         if self._at_fault is None:
             self._at_fault = true
         ago = self._past[max(0, len(self._past) - 1 - round(60 / PERIOD))]
-        spoilt = self._fault.read(Seen(time, true, ago, self._at_fault, noise))
+        averaged = np.mean(self._past[-round(300 / PERIOD) :], axis=0)
+        spoilt = self._fault.read(
+            Seen(time, true, ago, averaged, self._at_fault, self._at_rest, true[self._next], noise, self._limit)
+        )
         if self._kind == "swapped":
             spoilt = readings.copy()
             for one in self._faulty:
@@ -156,10 +189,12 @@ class Sensors:
 
 
 def sensors_at_fault(robot: Robot, fault: str, which: str, seed: int) -> tuple[int, ...]:
-    """Nodes whose sensors are spoilt: one of those with a winding, or all; of a swap every second one."""
-    driven = [node for node in robot.measured if node in robot.driven]
+    """Nodes whose sensors are spoilt: one of those with a winding, two, or all; of a swap every second one."""
+    driven = [node for node in robot.measured if node in robot.driven] or list(robot.measured)
     if which == "one":
         return (driven[int(np.random.default_rng([seed, 3]).integers(len(driven)))],)
+    if which == "two":
+        return tuple(robot.measured[:2])
     return tuple(robot.measured[: len(robot.measured) // 2 * 2 : 2]) if fault == "swapped" else robot.measured
 
 
@@ -178,8 +213,8 @@ class Answer:
 class Face(Protocol):
     """A controller in one of its faces."""
 
-    def step(self, readings: FloatArray, plant: Plant) -> Answer:
-        """One control period, in which the plant is moved on."""
+    def step(self, readings: FloatArray, plant: Plant, share: float = 1.0) -> Answer:
+        """One control period, in which the plant is moved on and a share of the robot's request is asked."""
 
 
 def model_of(robot: Robot) -> Model:
@@ -191,7 +226,7 @@ def model_of(robot: Robot) -> Model:
 def controller(name: str, resolution: float) -> TorqueMPC:
     """The controller of a robot, made once."""
     robot = ROBOTS[name]()
-    return TorqueMPC(model_of(robot), {"*": LIMIT}, request="current", current_limits=1.5 * robot.asked, period=PERIOD,
+    return TorqueMPC(model_of(robot), robot.limits, request="current", current_limits=1.5 * robot.asked, period=PERIOD,
                      noise=NOISE, resolution=resolution)  # fmt: skip
 
 
@@ -207,12 +242,12 @@ class InPython:
         self._nodes = [robot.nodes.index(node) for node in mpc.model.nodes]
         mpc.reset()
 
-    def step(self, readings: FloatArray, plant: Plant) -> Answer:
+    def step(self, readings: FloatArray, plant: Plant, share: float = 1.0) -> Answer:
         """One control period."""
-        plan = self._mpc.step(readings[self._nodes], self._asked, _CONDITIONS)
+        plan = self._mpc.step(readings[self._nodes], share * self._asked, _CONDITIONS)
         currents = np.asarray(plan.admitted)[self._order]
         plant.step(currents)
-        return Answer(currents, np.asarray(plan.margin), bool(plan.untrusted) or bool(plan.status & _SENSOR_BITS))
+        return Answer(currents, np.asarray(plan.margin), bool(plan.untrusted))
 
 
 class InALoop:
@@ -224,20 +259,19 @@ class InALoop:
         self._asked, self._conditions = np.full(len(mpc.joints), robot.asked), _CONDITIONS
         self._nodes = [robot.nodes.index(node) for node in mpc.model.nodes]
 
-    def step(self, readings: FloatArray, plant: Plant) -> Answer:
+    def step(self, readings: FloatArray, plant: Plant, share: float = 1.0) -> Answer:
         """As many ticks as a control period has."""
-        readings = readings[self._nodes]
+        readings, asked = readings[self._nodes], share * self._asked
         total = np.zeros(len(self._order))
         for _ in range(round(PERIOD / TICK)):
-            scale = self._loop.update(self._asked, readings, self._conditions)
-            currents = (scale * self._asked)[self._order]
+            scale = self._loop.update(asked, readings, self._conditions)
+            currents = (scale * asked)[self._order]
             plant.step(currents)
             total += currents
         plan = self._loop.plan
         if plan is None:
             raise RuntimeError("the loop has no plan after a control period")
-        said = bool(plan.untrusted) or bool(plan.status & _SENSOR_BITS)
-        return Answer(total / round(PERIOD / TICK), np.asarray(plan.margin), said)
+        return Answer(total / round(PERIOD / TICK), np.asarray(plan.margin), bool(plan.untrusted))
 
 
 _GLUE = """\
@@ -285,14 +319,14 @@ class InC:
         self._asked = np.full(len(mpc.joints), robot.asked)
         self._admitted, self._margin = np.empty(len(mpc.joints)), np.empty(len(mpc.settings.limits))
 
-    def step(self, readings: FloatArray, plant: Plant) -> Answer:
+    def step(self, readings: FloatArray, plant: Plant, share: float = 1.0) -> Answer:
         """One control period."""
         readings = np.ascontiguousarray(readings[self._nodes])
-        arrays = (readings, self._asked, _CONDITIONS, self._admitted, self._margin)
+        arrays = (readings, share * self._asked, _CONDITIONS, self._admitted, self._margin)
         status = self._library.step(*(ctypes.c_void_p(array.ctypes.data) for array in arrays))
         currents = self._admitted[self._order]
         plant.step(currents)
-        return Answer(currents, self._margin.copy(), bool(status & _SENSOR_BITS))
+        return Answer(currents, self._margin.copy(), bool(status & _NOT_ALIVE))
 
 
 FACES: dict[str, Callable[[Robot, TorqueMPC], Face]] = {"python": InPython, "loop": InALoop, "c": InC}
@@ -355,18 +389,25 @@ def run(case: Case) -> Result:
     sensors, clean = (Sensors(robot, case.fault, faulty, case.seed, noise) for noise in (NOISE, 0.0))
     readings, currents, passed = (np.zeros((STEPS, size)) for size in (len(robot.nodes), len(robot.driven), 1))
     above, beyond, said, spoken, given = -np.inf, -np.inf, None, 0, np.zeros(len(robot.driven))
-    limited = [robot.nodes.index(node) for node in mpc.settings.limits]
+    limited, loaded, asked = [robot.nodes.index(node) for node in mpc.settings.limits], False, 0.0
     for k in range(STEPS):
-        readings[k] = clean.read(k * PERIOD, plant.temperature)
-        answer = face.step(sensors.read(k * PERIOD, plant.temperature), plant)
-        currents[k], passed[k] = answer.currents, plant.temperature[limited].max() - LIMIT
-        over = plant.temperature[limited] - LIMIT
+        if fault.restarts and k * PERIOD == fault.begin:
+            face = FACES[case.face](robot, mpc)
+        share = robot.share(k * PERIOD)
+        asked += share / STEPS
+        readings[k] = clean.read(k * PERIOD, plant.temperature, loaded)
+        read = sensors.read(k * PERIOD, plant.temperature, loaded)
+        answer = face.step(read, plant, share)
+        loaded = bool(answer.currents.max() > robot.asked / 3)
+        currents[k], passed[k] = answer.currents, plant.temperature[limited].max() - robot.limit
+        over = plant.temperature[limited] - robot.limit
         above, beyond = max(above, float(over.max())), max(beyond, float((over - answer.margin).max()))
-        given += answer.currents / STEPS / robot.asked
-        if answer.said and k * PERIOD >= fault.begin:
+        given += answer.currents / STEPS
+        missing = bool(np.isnan(read[list(robot.measured)]).any())  # which every face says of each node
+        if (answer.said or missing) and k * PERIOD >= fault.begin:
             spoken += 1
             said = k * PERIOD - fault.begin if said is None else said
-    steps = STEPS - round(fault.begin / PERIOD)
+    steps, given = STEPS - round(fault.begin / PERIOD), given / robot.asked / asked
     best = ideal(case.robot, case.start, case.off, case.seed)
     fine = [case.fault in HEALTHY or node not in faulty for node in robot.driven]
     healthy = float(given[fine].mean() / best[fine].mean()) if any(fine) else None
@@ -381,21 +422,22 @@ def run(case: Case) -> Result:
 def ideal(name: str, start: str, off: Off, seed: int) -> FloatArray:
     """Mean share of the request that a controller of the true model and temperatures gives each driven node."""
     true = plant_of(ROBOTS[name](), off, seed)
-    mpc = TorqueMPC(model_of(true), {"*": LIMIT}, request="current", current_limits=1.5 * true.asked, period=PERIOD,
+    mpc = TorqueMPC(model_of(true), true.limits, request="current", current_limits=1.5 * true.asked, period=PERIOD,
                     level=0.5, noise=0.0, model_error=0.0)  # fmt: skip
     face, plant = InPython(true, mpc), Plant(true, STARTS[start], PERIOD)
-    return np.asarray(
-        np.mean([face.step(plant.temperature, plant).currents for _ in range(STEPS)], axis=0) / true.asked
-    )
+    shares = [true.share(k * PERIOD) for k in range(STEPS)]
+    given = [face.step(plant.temperature, plant, share).currents for share in shares]
+    return np.asarray(np.sum(given, axis=0) / true.asked / np.sum(shares))
 
 
 def cases(chosen: argparse.Namespace) -> Iterator[Case]:
     """Of all that was asked for, those that are different."""
     for robot, face, fault in itertools.product(chosen.robots, chosen.faces, chosen.faults):
         alone = len(ROBOTS[robot]().measured) == 1
-        if alone and fault == "swapped":
+        if alone and fault in ("swapped", "reads the next one's"):
             continue
-        for which, start, off, seed in itertools.product(("one", "all"), STARTS, chosen.off, chosen.seeds):
+        many = "two" if fault.startswith("drops") else "all"  # two sensors of one converter
+        for which, start, off, seed in itertools.product(("one", many), STARTS, chosen.off, chosen.seeds):
             if which == "one" and (fault in HEALTHY or alone):
                 continue
             if (face != "python" or chosen.quick) and (start == "hot" or off == "exact"):

@@ -34,6 +34,9 @@ class Robot:
         loss: electrical resistance of a node's winding [ohm], shape (nodes,), 0 for none.
         measured: nodes with a sensor.
         asked: current that each node with a winding is asked for [A].
+        limit: degC, of `limited`.
+        limited: nodes; all where none is said.
+        pulse: for so long a tenth of the current is asked, and for as long all of it, by turns [s]; 0: always all.
     """
 
     name: str
@@ -44,6 +47,18 @@ class Robot:
     loss: FloatArray
     measured: tuple[int, ...]
     asked: float
+    limit: float = 60.0
+    limited: tuple[int, ...] = ()
+    pulse: float = 0.0
+
+    def share(self, time: float) -> float:
+        """Of `asked` that is asked for at a time [s]."""
+        return 0.1 if self.pulse and time // self.pulse % 2 == 0 else 1.0
+
+    @property
+    def limits(self) -> dict[str, float]:
+        """degC by node."""
+        return {self.nodes[node]: self.limit for node in self.limited or range(len(self.nodes))}
 
     @property
     def driven(self) -> tuple[int, ...]:
@@ -154,7 +169,7 @@ def told_at(robot: Robot, share: float, start: float, step: float, noise: float,
         every[values] = factors
         plant, residuals = Plant(robot.scaled(every), start, step), []
         for row in range(count):
-            residuals.append((plant.temperature - readings[row])[list(robot.measured)])
+            residuals.append(np.nan_to_num(plant.temperature - readings[row])[list(robot.measured)])
             plant.step(currents[row])
         return np.concatenate(residuals) / noise
 
@@ -219,4 +234,44 @@ def airless() -> Robot:
     return replace(leg(), name="airless", to_air=np.zeros(3))
 
 
-ROBOTS = {make.__name__: make for make in (knee, motor, leg, quadruped, geared, airless)}
+def housed() -> Robot:
+    """Windings that are limited in housings that alone are read."""
+    return replace(windings(), name="housed", limit=100.0, limited=(0, 1, 2))
+
+
+def gripper() -> Robot:
+    """One small mass that closes and opens."""
+    return Robot("gripper", ("finger",), np.array([40.0]), np.array([1 / 12]), (), np.array([0.8]), (0,), 4.0,
+                 limit=50.0, pulse=60.0)  # fmt: skip
+
+
+def prosthesis() -> Robot:
+    """A motor in its case on a heat sink that a fan cools; nobody reads the case."""
+    return Robot("prosthesis", ("knee", "case", "sink"), np.array([35.0, 120.0, 250.0]), np.array([0.0, 0.12, 1.4]),
+                 ((0, 1, 0.9), (1, 2, 0.4)), np.array([0.12, 0.0, 0.0]), (0, 2), 30.0, limit=80.0)  # fmt: skip
+
+
+def arm() -> Robot:
+    """Six joints on a base, each smaller than the one before."""
+    names = ("base", "shoulder", "elbow", "wrist1", "wrist2", "wrist3")
+    return Robot("arm", names, np.array([1500.0, 1300.0, 900.0, 500.0, 450.0, 400.0]),
+                 np.array([0.5, 0.35, 0.3, 0.2, 0.18, 0.2]), tuple((i, i + 1, 1.5 + 0.3 * i) for i in range(5)),
+                 np.array([0.5, 0.5, 0.6, 0.9, 0.9, 0.9]), tuple(range(6)), 12.0, limit=70.0, pulse=240.0)  # fmt: skip
+
+
+def hexapod() -> Robot:
+    """Six legs of three joints on a body with its computer's heat left out."""
+    names, links = [], []
+    for leg_number in range(6):
+        names += [f"leg{leg_number}_{joint}" for joint in ("coxa", "femur", "tibia")]
+        first = 3 * leg_number
+        links += [(first, first + 1, 4.0), (first + 1, first + 2, 5.0), (first, 18, 6.0)]
+    return Robot("hexapod", (*names, "body"), np.append(np.full(18, 60.0), 1500.0),
+                 np.append(np.tile([0.06, 0.08, 0.09], 6), 0.6), tuple(links), np.append(np.full(18, 1.5), 0.0),
+                 tuple(range(19)), 3.0, limit=55.0)  # fmt: skip
+
+
+ROBOTS = {
+    make.__name__: make
+    for make in (knee, motor, leg, quadruped, geared, airless, housed, gripper, prosthesis, arm, hexapod)
+}
