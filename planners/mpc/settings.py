@@ -136,8 +136,12 @@ def settle(
         raise InputError(model.network.origin, "level", f"{level:g}", "a probability from 0.5 up, less than 1")
     lengths = growing_stages(period, horizon, stages)
     joints = heating.joints
-    cooling = _cooling(heating, bounds)
-    slow = BAND / cooling[[model.places.index(node) for node in bounds]]
+    rows = [model.places.index(node) for node in bounds]
+    # What no current heats is as warm as the others make it, whatever its limit: a winding cools into its housing.
+    driven = np.isin(rows, ca.jacobian(heating.rates, heating.amount).sparsity().row())
+    among = {node: limit for (node, limit), heated in zip(bounds.items(), driven, strict=True) if heated} or bounds
+    free = driven * np.abs(_at_limits(heating, among).rates[rows])
+    slow = BAND / np.maximum(_cooling(heating, bounds)[rows], free)
     most = 2  # levels either way; a joint gives way by a hundredth of the share of one a level below
     levels = _by_joint(priorities, joints, "priorities", 0.0, least=-most)
     if np.any(levels > most):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -551,3 +552,58 @@ def test_no_plan_begins_colder_than_all_around_at_a_node_without_a_sensor(name: 
     for _ in range(60):
         plan = mpc.step(dict.fromkeys(read, value), np.full(len(mpc.joints), robot.asked), np.array([plants.AIR]))
         assert (plan.temperatures[rows, 0] >= plants.AIR - 0.1).all()
+
+
+def _pump() -> plants.Robot:
+    """A winding in a housing on a frame; only the winding is read."""
+    capacity, to_air, loss = map(np.array, ([20.0, 150.0, 800.0], [0.0, 0.1, 0.9], [0.2, 0.0, 0.0]))
+    return plants.Robot("pump", ("winding", "housing", "frame"), capacity, to_air, ((0, 1, 1.5), (1, 2, 0.5)), loss,
+                        (0,), 18.0)  # fmt: skip
+
+
+HIDDEN: dict[str, Callable[[], plants.Robot]] = {
+    "prosthesis": plants.prosthesis,
+    "pump": _pump,
+    "motor": lambda: replace(plants.motor(), measured=(0,)),
+    "leg": lambda: replace(plants.housed(), measured=(0, 1, 2), limit=80.0, limited=()),
+}
+
+
+@pytest.mark.parametrize("value", [-40.0, -1.0, 10.0])
+@pytest.mark.parametrize("name", list(HIDDEN))
+def test_a_node_nobody_reads_is_warmed_though_sensors_beside_it_are_dead(name: str, value: float) -> None:
+    """It began as cold as the sensors read, and cooled the winding in all plans: 11 K above limit and margin."""
+    robot = HIDDEN[name]()
+    model = Model(parse_model(robot.toml(), Path("robot.toml")).network)
+    for seed in (31, 32):
+        mpc = TorqueMPC(model, robot.limits, request="current", current_limits=1.5 * robot.asked, period=PERIOD)
+        plant = plants.Plant(robot.off_by(0.1, "signs", np.random.default_rng([seed, 5])), plants.AIR, PERIOD)
+        places = [robot.nodes.index(node) for node in mpc.settings.limits]
+        order = [mpc.joints.index(robot.nodes[node]) for node in robot.driven]
+        for _ in range(200):
+            dead = dict.fromkeys((robot.nodes[node] for node in robot.measured), value)
+            plan = mpc.step(dead, np.full(len(order), robot.asked), {"temperature.ambient": plants.AIR})
+            plant.step(np.asarray(plan.admitted)[order])
+            assert (plant.temperature[places] - robot.limit < plan.margin + 0.5).all()
+
+
+@pytest.mark.parametrize("name", ["prosthesis", "pump", "motor", "leg"])
+def test_a_limit_of_a_housing_slows_no_winding_that_is_too_hot(name: str) -> None:
+    """It was to come down in five minutes, as if the housing were at its own limit, where it cools in ten seconds."""
+    robot = HIDDEN[name]()
+    model = Model(parse_model(robot.toml(), Path("robot.toml")).network)
+    windings = {robot.nodes[node]: robot.limit for node in robot.driven}
+    alone = TorqueMPC(model, windings, request="current").settings.recovery
+    every = TorqueMPC(model, windings | robot.limits, request="current").settings.recovery
+    np.testing.assert_allclose(every[: len(alone)], alone, rtol=0.9)
+    assert (every[: len(alone)] <= 1.01 * alone).all()
+
+
+@pytest.mark.parametrize("face", ["python", "loop", "c"])
+@pytest.mark.parametrize(
+    "fault", ["dead at -40 from the start", "swapped", "delayed by 60 s", "every second one missing"]
+)
+def test_a_fast_winding_above_its_limit_comes_down(fault: str, face: str) -> None:
+    """By its doubted part it came down in two minutes and by its margin in five: 10, 8, 6 and 1 K above both."""
+    for start in ("cold", "hot") if face == "python" else ("cold",):
+        assert run(Case("prosthesis", face, fault, "all", start, "signs", 31)).beyond < 0.5

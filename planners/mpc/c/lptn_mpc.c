@@ -37,7 +37,6 @@ static void take(const lptn_mpc_settings *o, lptn_mpc_state *m, lptn_mpc_work *w
         }
     }
     memcpy(m->conditions, w->d[0], sizeof w->d[0]);
-    memcpy(w->bias, m->bias, sizeof w->bias), memcpy(w->gain, m->gain, sizeof w->gain);
     /* A joint of which nothing is asked keeps a trace of cost, so that its scale is determined. */
     for (int k = 0; k < LPTN_N; k++)
         for (int j = 0; j < LPTN_NU; j++)
@@ -108,8 +107,9 @@ static void report(const lptn_mpc_settings *o, lptn_mpc_state *m, const lptn_mpc
 void lptn_mpc_step(const lptn_mpc_settings *o, lptn_mpc_state *m, lptn_mpc_work *w, const double *measured,
                    const double *request, const double *conditions, const double *applied, lptn_mpc_result *out) {
     memset(out, 0, sizeof *out);
-    observe(o, m, w, measured, applied, out);
+    if (m->started) predict(o, m, w, applied);
     take(o, m, w, request, conditions, out);
+    observe(o, m, measured, out);
     plan_from(o, m, w, out);
     for (int k = 0; k <= LPTN_N; k++) memcpy(w->x[k], w->start, sizeof w->start);
     limit(o, m, w, out);

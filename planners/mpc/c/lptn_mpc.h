@@ -84,6 +84,7 @@ typedef struct {
     double spread[LPTN_NZ][LPTN_NZ];     /* covariance of z */
     double made[LPTN_NN];                /* what the controlled heat warmed each node by, over the last period [K/s] */
     lptn_mpc_reference model, recent;    /* the estimate without any sensor: since the start, and of late */
+    double coldest;                      /* of all that surrounded the robot, and of sensors that live as they began [degC] */
     double renewed;                      /* s of the clock: the recent reference began with the estimate */
     double woken[LPTN_NN];               /* of a sensor that was never trusted: by how much it began above the model alone [K] */
     double hotter[LPTN_NX];              /* by how much each is hotter if nodes that no sensor tells began as hot as allowed [K] */
