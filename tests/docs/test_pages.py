@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from compose import PLAYGROUND
-from lptn.cli.catalogue import catalogue_markdown
+from effects_page import effects_page
 from lptn.cli.main import app
 from lptn.effects import Effect, catalogue
 from tests.docs.pages import ROOT, Page, pages
@@ -88,11 +88,11 @@ def test_a_tutorial_tells_to_make_the_folder_that_its_code_is_run_in(page: Page)
 
 def test_the_catalogue_page_is_the_catalogue() -> None:
     page = Path(ROOT / "src/lptn/effects/README.md").read_text(encoding="utf-8")
-    assert page == catalogue_markdown(_built_in()), "stale: lptn effects --markdown src/lptn/effects/README.md"
+    assert page == effects_page(), "stale: python src/site/effects_page.py"
 
 
 def test_the_catalogue_page_says_all_of_an_effect() -> None:
-    text = catalogue_markdown(_built_in())
+    text = effects_page()
     section = text[text.index("## second_mass") : text.index("## shared_mass")]
     said = (
         "```math\nQ = \\frac{C_2}{t_2} (T_2 - T)",
