@@ -133,6 +133,32 @@ def test_of_a_part_that_its_heat_explains_nothing_is_said(robot: str, step: floa
     assert np.isfinite(taken).all()
 
 
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("constant", [8.0, 12.0, 20.0])
+def test_a_small_winding_in_short_moves_is_explained_by_its_heat(constant: float, seed: int) -> None:
+    """Its load comes and goes before the mean of the last twenty seconds knows of it."""
+    rng, time = np.random.default_rng(seed), np.arange(0.0, 1800.0, 0.1)
+    lengths = rng.uniform(3, 20, 400)
+    current = np.repeat(rng.choice([0.0, 2.0, 3.5, 5.0], 400), (10 * lengths).astype(int))[: time.size]
+    true, case = np.full(time.size, 25.0), 25.0
+    for k in range(time.size - 1):
+        case += 0.1 / 60 * ((true[k] - case) / 3 - (case - 25) / 9)
+        true[k + 1] = true[k] + 0.1 / constant * (1.5 * current[k] ** 2 - (true[k] - case))
+    _, issues = _read(_log(time, current, true + rng.normal(0, 0.1, time.size)))
+    assert [issue.sentence for issue in issues] == []
+
+
+@pytest.mark.parametrize("constant", [40.0, 90.0, 300.0])
+@pytest.mark.parametrize("outside", [-12.0, 0.0, 12.0])
+def test_the_air_may_be_colder_than_all_that_it_surrounds(constant: float, outside: float) -> None:
+    """A robot is carried outdoors, where its parts stay warm for an hour."""
+    time, current, true = _knee()
+    air = np.where(time < 900, 25.0, outside + (25 - outside) * _dies(time - 900, constant))
+    log = _log(time, current, true + np.random.default_rng(0).normal(0, 0.05, time.size))
+    _, issues = _read(log.assign(**{"temperature.ambient": air.round(1)}))
+    assert [issue.sentence for issue in issues] == []
+
+
 def test_a_jump_of_all_channels_is_said_of_each_and_the_log_is_cut_where_the_air_jumps() -> None:
     time, current, true = _knee()
     rng = np.random.default_rng(5)

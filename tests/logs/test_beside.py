@@ -74,3 +74,29 @@ def test_surroundings_in_degf_around_a_robot_in_degc() -> None:
     log = pd.DataFrame({"time": time, AIR: 53.6, "temperature.a": 12.4 + 0.05 * time})
     with pytest.raises(InputError, match=r"surroundings of 53\.6 degC around a robot that begins at 12\.4 degC"):
         read_log(log)
+
+
+def _room_and_robot(seed: int, follows: float) -> pd.DataFrame:
+    """An hour of a knee in stop-and-go, in a room whose temperature drifts by itself over the hour."""
+    rng, time = np.random.default_rng(seed), np.arange(3600.0)
+    heat = np.repeat(rng.choice([0.0, 4.0, 9.0], 60), 60)
+    warm, drift, phase = np.zeros(3600), rng.uniform(1, 4), rng.uniform(0, 6)
+    for k in range(3599):
+        warm[k + 1] = warm[k] + (heat[k] - warm[k] / 5) / 200
+    room = 20 + drift * np.sin(2 * np.pi * rng.uniform(0.2, 0.6) * time / 3600 + phase)
+    noise = rng.normal(0, 0.05, (2, 3600))
+    columns = {AIR: room + follows * warm + noise[0], "temperature.a": room + warm + noise[1]}
+    return pd.DataFrame({"time": time, **columns}).round(2)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_room_that_warms_as_its_robot_does_by_chance_does_not_follow_it(seed: int) -> None:
+    (run,) = read_log(_room_and_robot(seed, 0.0), name="drifting")
+    assert run.issues == ()
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("follows", [0.2, 0.35, 0.45])
+def test_air_near_a_joint_follows_it_though_its_room_drifts(follows: float, seed: int) -> None:
+    (run,) = read_log(_room_and_robot(seed, follows), name="beside")
+    assert [issue.kind for issue in run.issues] == ["follows"]

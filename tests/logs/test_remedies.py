@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -142,3 +143,57 @@ def test_files_are_told_alike(tmp_path: Path) -> None:
     log(np.round(10 * warmed(25.0)), 25.0).to_csv(path, index=False)
     with pytest.raises(InputError, match=r"scale = 0\.1"):
         read_log(path)
+
+
+@pytest.mark.parametrize(("parts", "air"), [(10, 22.0), (100, 19.0), (10, 4.0), (1000, 25.0)])
+def test_parts_of_a_kelvin_are_read_as_such(parts: int, air: float) -> None:
+    """Batteries' gauges log tenths of a kelvin."""
+    truth = warmed(air)
+    columns, knee = first_pasted(log(np.round(parts * (truth + 273.15)), air))
+    assert columns["temperature.knee"].unit == "K"
+    assert knee == pytest.approx(truth, abs=0.6 / parts)
+
+
+@pytest.mark.parametrize(
+    ("parts", "turn", "air"), [(16, 65536.0, -9.0), (10, 65536.0, -20.0), (100, 65536.0, -4.0), (1, 256.0, -2.0)]
+)
+def test_a_counter_below_zero_may_count_parts_of_a_degree(parts: int, turn: float, air: float) -> None:
+    truth = warmed(air)
+    columns, knee = first_pasted(log(np.round(parts * truth) % turn, air))
+    assert columns["temperature.knee"].wrap == turn
+    assert knee == pytest.approx(truth, abs=0.6 / parts)
+
+
+def test_a_counter_that_passes_its_end_once_is_no_code() -> None:
+    """Of the numbers beyond the end of its range there are four."""
+    truth = np.minimum(-8 + 0.004 * TIME, 3.0)
+    columns, knee = first_pasted(log(np.asarray(np.round(truth) % 256, np.float64), -8.0))
+    assert columns["temperature.knee"].wrap == 256
+    assert knee == pytest.approx(truth, abs=0.6)
+
+
+@pytest.mark.parametrize(
+    ("stated", "as_written", "air"),
+    [("degF", lambda x: x, 22.0), ("degF", lambda x: x + 273.15, -9.0), ("K", lambda x: 1.8 * x + 32, 18.0)],
+    ids=["degC as degF", "K as degF", "degF as K"],
+)
+def test_a_unit_by_which_a_robot_begins_far_from_its_air_is_doubted(
+    stated: str, as_written: Callable[[FloatArray], FloatArray], air: float
+) -> None:
+    truth = warmed(air)
+    key = "temperature.knee"
+    (run,) = read_log(log(as_written(truth), air), {key: ColumnSource((key,), stated)}, strict=False)
+    (issue,) = run.issues
+    line = proposals(issue.remedy)[0]
+    (run,) = read_log(log(as_written(truth), air), pasted(line), strict=False)
+    assert run.columns[key] == pytest.approx(truth)
+    assert not run.issues
+
+
+@pytest.mark.parametrize(("air", "start"), [(22.0, 80.0), (22.0, 15.0), (-20.0, 20.0), (30.0, 85.0)])
+def test_a_unit_that_is_stated_is_believed_of_robots_that_begin_warm_or_cold(air: float, start: float) -> None:
+    key = "temperature.knee"
+    truth = warmed(air, start)
+    for unit, as_written in (("degC", truth), ("K", truth + 273.15), ("degF", 1.8 * truth + 32)):
+        (run,) = read_log(log(as_written, air), {key: ColumnSource((key,), unit)}, strict=False)
+        assert not run.issues

@@ -50,12 +50,16 @@ _LEAP, _NOISE, _STEPS = 3.0, 8.0, 2.5
 """K that any part may seem to move at once; times the usual move from reading to reading; steps of a coarse sensor."""
 _RATE = 1.0  # K/s: a winding at stall warms as fast, for some seconds
 _COLDER, _HOTTEST = 10.0, 300.0  # K, below all others; degC: insulation of the best class bears 240, magnets less
+_WINTER = -30.0  # degC, of the air, in which robots still work: of what surrounds all others nothing else is colder
 _ALONE = 0.5  # of a move from row to row, that the moves beside it have at the most: a part that goes fast goes on so
 _SAMPLED = 2.0  # s between readings: in more a small part goes on no longer
 _QUICK, _SLOW_LEAP = 10.0, 30.0  # s between readings: in more a winding may warm and cool again by any number; K, then
 _WINDOWS = (3.0, 10.0, 30.0)  # s, within which a filter, or a wire that corrodes, lets a channel leave
 _TAIL = 3  # times ten seconds, in which the rest of its way is lost in what is usual
-_BEFORE, _LAG = 20.0, 2.0  # s, in which the heat before is meant; by which a sensor may come late
+_BEFORE, _LAG = (
+    (20.0, 5.0),
+    2.0,
+)  # s, in which the heat before is meant, of slow and quick parts; by which a sensor lags
 _AS_LARGE, _NEARLY, _GAIN = 0.5, 0.9, 3.0  # of a change of heat; share of such moves; times the largest of these
 _BEGINNING, _QUICKER, _NEARLY_ALL = 60.0, 12.0, 0.98  # s; times what it does elsewhere; share of a channel's moves
 _EDGE = 5  # readings at the ends of a stretch, whose middle value is taken
@@ -71,7 +75,7 @@ class _Part:
         self.stamps, self.readings = log.time[there], readings
         others = [sensor for other, sensor in log.sensors.items() if other != key]
         self.start = float(np.median([sensor.first for sensor in others])) if others else np.nan
-        self.coldest = min((sensor.low for sensor in others), default=-np.inf)
+        self.coldest = min((sensor.low for sensor in others), default=-np.inf) if key != AMBIENT else _WINTER
         load, step = log.loads.get(place_of(key)), log.sensors[key].step
         self.heat = None if load is None else np.square(np.nan_to_num(load[there]))
         # All heat that is put in is logged, so that what moves otherwise is no part; into the air none is put.
@@ -139,18 +143,18 @@ class _Part:
         explained = np.zeros(at.size, dtype=bool)
         if self.heat is None or not at.size:
             return explained
-        total = np.concatenate(([0.0], np.cumsum(self.heat)))
-        back, lag = max(1, round(_BEFORE / self.every)), round(_LAG / self.every)
+        total, lag = np.concatenate(([0.0], np.cumsum(self.heat))), round(_LAG / self.every)
         k = np.arange(self.readings.size - rows)
-        middle, first, last = np.maximum(k - lag, 0), np.maximum(k - lag - back, 0), k + rows
-        after = (total[last] - total[middle]) / (last - middle)
-        change = after - (total[middle] - total[first]) / back  # before the log there was none
-        moves = self.readings[rows:] - self.readings[:-rows]
-        for number, k_at in enumerate(at.tolist()):
-            if change[k_at] * moves[k_at] > 0:
-                alike = np.sign(change[k_at]) * change >= _AS_LARGE * abs(change[k_at])
-                gain = float(np.quantile(moves[alike] / change[alike], _NEARLY))
-                explained[number] = abs(moves[k_at]) <= _GAIN * gain * abs(change[k_at])
+        middle, last = np.maximum(k - lag, 0), k + rows
+        after, moves = (total[last] - total[middle]) / (last - middle), self.readings[rows:] - self.readings[:-rows]
+        for back in (max(1, round(before / self.every)) for before in _BEFORE):
+            first = np.maximum(k - lag - back, 0)
+            change = after - (total[middle] - total[first]) / back  # before the log there was none
+            for number, k_at in enumerate(at.tolist()):
+                if change[k_at] * moves[k_at] > 0 and not explained[number]:
+                    alike = np.sign(change[k_at]) * change >= _AS_LARGE * abs(change[k_at])
+                    gain = float(np.quantile(moves[alike] / change[alike], _NEARLY))
+                    explained[number] = abs(moves[k_at]) <= _GAIN * gain * abs(change[k_at])
         return explained
 
     def chain(self, begins: IntArray, ends: IntArray) -> list[tuple[int, int]]:

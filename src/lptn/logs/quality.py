@@ -197,21 +197,23 @@ def _suspect_gains(log: Channels, said: Collection[str]) -> list[Issue]:
     return issues
 
 
-_FOLLOWS = 0.9  # share of the variance of an ambient that a joint's own warmth explains
+_FOLLOWS = 0.8  # share of the variance of an ambient that a joint's own warmth explains, beside …
+_SMOOTH = 3  # … powers of time: by chance a room may grow warm, or cool, as its robot does
 _LEAST_FOLLOWED = 2.0  # K, by which the ambient rises: less is the room, which a robot may warm
 _MOST_FOLLOWED = 1.0  # of a joint's warmth: what moves farther moves the joint
 
 
 def _suspect_ambient(log: Channels) -> list[Issue]:
     """An ambient sensor that is warmed by a joint: it goes with how much the joint is warmer than it."""
-    if AMBIENT not in log.values or log.is_believed(AMBIENT):
+    if AMBIENT not in log.values or log.is_believed(AMBIENT) or log.block == 0:
         return []
-    for key, readings in log.of("temperature").items():
-        both = np.isfinite(log.values[AMBIENT]) & np.isfinite(readings)
-        ambient = log.values[AMBIENT][both]
-        warmth = readings[both] - ambient
-        if both.sum() < FEWEST_ROWS or min(np.ptp(ambient), np.ptp(warmth)) < _LEAST_FOLLOWED:
+    for key in log.of("temperature"):
+        table = np.stack([log.means("time"), log.means(AMBIENT), log.means(key) - log.means(AMBIENT)])
+        time, *both = table[:, np.isfinite(table).all(axis=0)]
+        if time.size < FEWEST_ROWS or min(np.ptp(x) for x in both) < _LEAST_FOLLOWED:
             continue
+        course = np.vander((time - time[0]) / np.ptp(time), _SMOOTH + 1)
+        ambient, warmth = (x - course @ np.linalg.lstsq(course, x, rcond=None)[0] for x in both)
         correlation = float(np.corrcoef(ambient, warmth)[0, 1])
         slope = correlation * float(ambient.std() / warmth.std())
         if correlation > 0 and correlation**2 > _FOLLOWS and slope < _MOST_FOLLOWED:
@@ -240,8 +242,9 @@ def issues_of(
     for key in log.sources:
         of_column, said = suspect_wrap(log, key) or suspect_unit(log, key), silent.get(key, [])
         if of_column:
-            # Readings in another unit look like those of no part; a converter rests at another number than 0.
-            said = [one for one in said if one.kind in _STILL and of_column[0].kind != "counts"]
+            # Readings in another unit look like those of no part; a converter rests at another number than 0, and what
+            # turns has other ends.
+            said = [one for one in said if one.kind in _STILL and of_column[0].kind not in ("counts", "wrap")]
         elif key.startswith(("torque.", "velocity.")):
             of_column = _suspect_power(log, key)
         issues += [*of_column, *_suspect_silence(log, key, said, predicted)]

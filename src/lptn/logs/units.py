@@ -161,7 +161,7 @@ def _suspect_counts(key: str, source: ColumnSource, readings: FloatArray) -> lis
 
 # --- Temperatures, read in all ways in which they are written ---------------------------------------
 
-_PARTS = {"tenths of a degree": 0.1, "hundredths of a degree": 0.01, "thousandths of a degree": 0.001}
+_PARTS = {"tenths": 0.1, "hundredths": 0.01, "thousandths": 0.001}
 _UNITS = {"kelvin": "K", "degC": "degC", "degF": "degF"}
 _NOT_FROZEN = 5.0  # degC, that the middle of a column in parts of a degree has: of less any number would be one
 _TURNS = (256.0, 65536.0)  # of numbers of 8 and 16 bit
@@ -172,11 +172,17 @@ _USUAL = 22.0  # degC, of a room: which of two readings is named first if both a
 
 
 def _suspect_temperature(log: Channels, key: str, readings: FloatArray) -> list[Issue]:
-    """A temperature that as it is read can be no robot's, and the other entries by which it could be read."""
+    """A temperature that as it is read can be no robot's, and the other entries by which it could be read.
+
+    Nor does a part begin where no robot does, and in another unit than the one that is stated as warm as the air.
+    """
     source, middle, can = log.sources[key], _middle(readings), PLAUSIBLE["temperature"]
-    if middle < can.most and (middle > _COLDEST or source.unit is None):  # who fails at -127 is no other unit's
+    raw, air = log.numbers[source.columns[0]], log.sensors[AMBIENT].first if AMBIENT in log.sensors else np.nan
+    above = float(readings[0]) - air
+    elsewhere = _OUTDOORS[0] < air < _OUTDOORS[1] and not -2 * _COLDER <= above <= _WARMER
+    inside = middle < can.most and (middle > _COLDEST or source.unit is None)  # who fails at -127 is no other unit's
+    if inside and (source.unit is None or not elsewhere):
         return []
-    raw = log.numbers[source.columns[0]]
     raw = raw[np.isfinite(raw)]
     counted, whole = _middle(raw) * source.scale, _are_whole(raw)
     turns = [source.wrap] if source.wrap else [turn for turn in _TURNS if turn / 2 <= raw.min() <= raw.max() < turn]
@@ -184,14 +190,19 @@ def _suspect_temperature(log: Channels, key: str, readings: FloatArray) -> list[
         ways = {"kelvin": replace(source, unit="K")}
         if whole or counted > _MELTS + _KELVIN:
             parts = {words: part for words, part in _PARTS.items() if counted * part > _NOT_FROZEN}
-            ways |= {words: replace(source, scale=source.scale * part) for words, part in parts.items()}
+            ways |= {f"{words} of a degree": _in_parts(source, part) for words, part in parts.items()}
+            ways |= {
+                f"{words} of a kelvin": replace(_in_parts(source, part), unit="K") for words, part in parts.items()
+            }
     else:
         ways = {words: replace(source, unit=unit) for words, unit in _UNITS.items() if unit != source.unit}
-    if whole and turns:
-        ways["a number that began below 0"] = _below_zero(source, turns[0])
+    if inside and not any(abs(_begins(log, key, way) - air) < _ALIKE for way in ways.values()):
+        return []
+    below = {"a number that began below 0": _below_zero(source, turns[0])} if whole and turns and not inside else {}
     problem, stays = f"values around {middle:.4g}", "if it is degC all the same, say so as its unit"
     if source.unit is not None:
-        problem += f" degC, in the unit that is stated, {source.unit}: no part of a robot has that"
+        problem += f" degC, in the unit that is stated, {source.unit}: "
+        problem += f"begins {above:+.3g} K from its surroundings" if inside else "no part of a robot has that"
         stays = f"if it is right, write {log.believed(key)}"
     low, high = np.percentile(readings, [10, 90])
     # What begins, or cools, where robots are may be an oven whose unit somebody stated.
@@ -200,7 +211,18 @@ def _suspect_temperature(log: Channels, key: str, readings: FloatArray) -> list[
         counts = replace(source, scale=float(f"{can.full_scale / (2**bits - 1):.6g}"))
         of_counts = f"for counts of a converter, with {can.full_scale:g} degC at full scale, say, write "
         stays = f"{of_counts}{as_line_or_option(key, counts)}; {stays}"
-    return [_proposed(log, key, problem, ways, certain=certain, stays=stays)]
+    return [_proposed(log, key, problem, ways | below, _in_parts_of_a_degree(below), certain=certain, stays=stays)]
+
+
+def _in_parts(source: ColumnSource, part: float) -> ColumnSource:
+    """The same numbers in parts of their unit."""
+    return replace(source, scale=source.scale * part, offset=source.offset * part)
+
+
+def _in_parts_of_a_degree(ways: Mapping[str, ColumnSource]) -> dict[str, ColumnSource]:
+    """The ways in which a counter's numbers may be such parts: decimal ones, or those of digital thermometers."""
+    parts = _PARTS | {"sixteenths": 1 / 16}
+    return {f"{words} in {one} of a degree": _in_parts(way, parts[one]) for words, way in ways.items() for one in parts}
 
 
 def _below_zero(source: ColumnSource, turn: float) -> ColumnSource:
@@ -208,34 +230,45 @@ def _below_zero(source: ColumnSource, turn: float) -> ColumnSource:
     return replace(source, wrap=turn, offset=source.offset - turn * source.scale)
 
 
+def _room(log: Channels, key: str) -> float | None:
+    """Where a robot begins [degC] by the other sensors that read what one has: the air's, else the coldest of them."""
+    told = {k: x.first for k, x in log.sensors.items() if k != key and _can_be(x.first) and _can_be(x.middle)}
+    return told.get(AMBIENT, min(told.values(), default=None))
+
+
+def _begins(log: Channels, key: str, way: ColumnSource) -> float:
+    """The first reading of a temperature by another entry [degC]; NaN where no part of a robot has its middle one."""
+    readings = way.values(key, log.numbers)
+    readings = readings[np.isfinite(readings)]
+    return float(readings[0]) if readings.size and _can_be(_middle(readings)) else np.nan
+
+
 def _proposed(
     log: Channels,
     key: str,
     problem: str,
-    ways: Mapping[str, ColumnSource],
-    *,
+    *groups: Mapping[str, ColumnSource],
     certain: bool,
     stays: str = "",
     kind: str = "unit",
 ) -> Issue:
     """The issue that a temperature is rather read in other ways, those first by which it can be a robot's.
 
-    The entries `ways` are named by their words; `stays` says what to do where the channel is right. Where the log
-    begins is the air's first reading, else that of the coldest sensor that reads what a part of a robot has.
+    Of `groups` of entries, named by their words, the first counts by one of which the log begins where robots do;
+    `stays` says what to do where the channel is right.
     """
-    told = {name: x for name, x in log.sensors.items() if _can_be(x.first) and _can_be(x.middle)}
-    room = told[AMBIENT].first if AMBIENT in told else min((x.first for x in told.values()), default=None)
-    usual, source = _USUAL if room is None else room, log.sources[key]
+    room, source = _room(log, key), log.sources[key]
+    usual = _USUAL if room is None else room
     near: list[tuple[bool, float, str, ColumnSource, float]] = []  # unlikely, by how much, words, entry, start
-    for words, way in ways.items():
-        readings = way.values(key, log.numbers)
-        readings = readings[np.isfinite(readings)]
-        if readings.size and _can_be(_middle(readings)):  # else no part of a robot would be so warm, or cold
-            start = float(readings[0])
-            above = usual - start if key == AMBIENT else start - usual
-            fits = _OUTDOORS[0] <= start <= _OUTDOORS[1] if room is None else -_COLDER <= above <= _WARMER
-            near.append((not fits, abs(start - usual), words, way, start))
-    near.sort(key=lambda one: one[:2])
+    for group in groups:
+        if near and not near[0][0]:
+            break
+        for words, way in group.items():
+            if np.isfinite(start := _begins(log, key, way)):
+                above = usual - start if key == AMBIENT else start - usual
+                fits = _OUTDOORS[0] <= start <= _OUTDOORS[1] if room is None else -_COLDER <= above <= _WARMER
+                near.append((not fits, abs(start - usual), words, way, start))
+        near.sort(key=lambda one: one[:2])
     fitting = [one for one in near if not one[0]] or near[:1]
     if kind == "unit" and fitting and source.unit is None:
         problem += f", which look like {' or '.join(words for _, _, words, *_ in fitting)}"
@@ -263,7 +296,7 @@ def _are_whole(readings: FloatArray) -> bool:
 # --- Counters that jump from one end of their range to the other ------------------------------------
 
 _JUMP, _SHORT = 0.75, 0.1  # of the range: a jump from end to end; the usual step, taken the shorter way round
-_FEWEST_COUNTS = 5  # different numbers in each half of the range, through which a counter passes
+_USUALLY, _ONE_MORE = 0.95, 3.0  # share of a counter's steps; counts more than these that a step over the end has
 
 
 def suspect_wrap(log: Channels, key: str) -> list[Issue]:
@@ -284,18 +317,19 @@ def suspect_wrap(log: Channels, key: str) -> list[Issue]:
         in_range = unsigned or (low >= -turn / 2 and high < turn / 2)
         wraps = int((jumps > _JUMP * turn).sum())
         # A signal about 0 jumps at every change of sign: short are its steps the other way round.
-        if not (in_range and wraps and np.median(np.minimum(steps, turn - steps)) < _SHORT * turn):
+        other_way, over = np.minimum(steps, turn - steps), jumps > _JUMP * turn
+        if not (in_range and wraps and np.median(other_way) < _SHORT * turn):
             continue
-        above = counts > (turn / 2 if unsigned else 0)
-        if min(np.unique(counts[above]).size, np.unique(counts[~above]).size) < _FEWEST_COUNTS:
-            continue  # always the same number is a code for no reading
+        usual = np.quantile(other_way[~over], _USUALLY) if not over.all() else turn
+        if np.median(other_way[over]) > usual + _ONE_MORE:
+            continue  # it leaps to a code for no reading, and not over the end of the range
         turn *= unit
         problem = f"{wraps} jumps of some {turn:.6g}: a counter of {bits} bit that wraps"
         meant = replace(source, wrap=turn)
         if not temperature:
             return [correctable(key, problem, meant, True, kind="wrap")]
         ways = {"a counter from 0 up": meant, "a counter that began below 0": _below_zero(source, turn)}
-        return [_proposed(log, key, problem, ways, certain=True, kind="wrap")]
+        return [_proposed(log, key, problem, ways, _in_parts_of_a_degree(ways), certain=True, kind="wrap")]
     return []
 
 
