@@ -252,7 +252,7 @@ def test_a_sensor_of_one_number_leaves_the_cost_where_another_remains() -> None:
     log["temperature.ambient"] = np.linspace(20.0, 26.0, len(log))
     (run,) = read_log(log, inputs=_INPUTS, outputs=["temperature.FR_hip"])
     (issue,) = run.issues
-    assert "it is the only sensor, and counts all the same" in issue.remedy
+    assert "no other sensor moves, so it counts all the same" in issue.remedy
     assert (run.temperature("FR_hip") == 31.0).all()
 
 
@@ -413,3 +413,48 @@ def test_air_that_is_one_code_throughout_is_dead(number: float) -> None:
     issues = _issues(log)
     assert [(issue.key, issue.kind) for issue in issues] == [("temperature.ambient", "dead")]
     assert not _issues(_log().assign(**{"temperature.ambient": 12.0}))  # a number that someone wrote
+
+
+def _of_levels(seed: int, joints: int, steps: float) -> pd.DataFrame:
+    """Joints beside each other, an hour of currents in six levels, each joint at its own."""
+    rng, time = np.random.default_rng(seed), np.arange(3600.0)
+    log = {"time": time, "temperature.ambient": np.full(3600, 21.0)}
+    for joint in range(joints):
+        current = np.repeat(rng.choice(np.arange(6.0), 120), 30)
+        warm = np.zeros(3600)
+        for k in range(3599):
+            warm[k + 1] = warm[k] + (0.4 * current[k] ** 2 - warm[k] / 5) / (200 + 60 * joint)
+        readings = 21 + warm + rng.normal(0, 0.05, 3600)
+        log |= {f"temperature.j{joint}": np.round(readings / steps) * steps, f"current.j{joint}": current}
+    return pd.DataFrame(log)
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(("joints", "steps"), [(2, 0.01), (3, 0.1), (6, 0.1)])
+def test_of_two_equal_columns_of_few_levels_the_temperatures_tell_which_is_another_joints(
+    seed: int, joints: int, steps: float
+) -> None:
+    log = _of_levels(seed, joints, steps)
+    assert _issues(log) == []
+    (issue,) = _issues(log.assign(**{"current.j1": log["current.j0"]}))
+    assert (issue.key, issue.kind) == ("current.j1", "duplicate")
+
+
+@pytest.mark.parametrize("steps", [0.01, 0.1, 1.0])
+def test_two_joints_that_are_commanded_alike_warm_by_it_and_are_no_copies(steps: float) -> None:
+    log = _of_levels(4, 2, steps)
+    other = _of_levels(4, 1, steps)
+    warm = np.round((21 + 0.7 * (other["temperature.j0"] - 21)) / steps) * steps
+    assert _issues(log.assign(**{"temperature.j1": warm, "current.j1": log["current.j0"]})) == []
+
+
+@pytest.mark.parametrize("sensors", [1, 3])
+@pytest.mark.parametrize("value", [25.0, 21.0, 0.0])
+def test_sensors_that_all_give_one_number_while_loads_come_and_go_are_said(sensors: int, value: float) -> None:
+    log = _of_levels(5, sensors, 0.1)
+    still = {f"temperature.j{k}": value + k for k in range(sensors)}
+    issues = _issues(log.assign(**still))
+    assert {issue.key for issue in issues} == set(still)
+    assert all("while loads come and go" in issue.problem for issue in issues)
+    resting = {f"current.j{k}": np.random.default_rng(k).normal(0, 0.02, 3600) for k in range(sensors)}
+    assert _issues(log.assign(**still).assign(**resting)) == []

@@ -132,6 +132,40 @@ def test_a_coarse_sensor_of_a_joint_that_rests_or_cools_to_the_air_is_believed(
     assert not read_log(log.assign(**{name: log[name].round() for name in names}))[0].issues
 
 
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("stuck", [(SINCE, np.inf), (2000.0, np.inf), (0.0, 1500.0)], ids=str)
+@pytest.mark.parametrize("dither", [0.05, 0.2])
+def test_a_sensor_that_is_stuck_but_for_its_noise_is_left_out_and_its_load_is_believed(
+    seed: int, stuck: tuple[float, float], dither: float
+) -> None:
+    log, rng = _two_joints(), np.random.default_rng(seed)
+    time, true = log["time"].to_numpy(), log["temperature.a"].to_numpy()
+    off = (time >= stuck[0]) & (time < stuck[1])
+    level = true[off][-1 if stuck[0] == 0 else 0]
+    log["temperature.a"] = np.where(
+        off, level + rng.normal(0, dither, time.size), true + rng.normal(0, 0.05, time.size)
+    )
+    (run,) = read_log(log.round(2))
+    assert {(issue.key, issue.kind) for issue in run.issues} == {("temperature.a", "disconnected")}
+    taken = np.isfinite(run.columns["temperature.a"])
+    inside = (run.time >= stuck[0]) & (run.time < stuck[1])
+    assert taken[inside].mean() < 0.15
+    assert taken[~inside].mean() > 0.85
+
+
+def test_of_a_drive_that_is_disabled_the_load_is_said_and_not_the_sensor() -> None:
+    """It is commanded as before, but its part cools as parts do."""
+    log, real = _two_joints(), _two_joints(rest=SINCE)
+    off = log["time"] >= SINCE
+    warm = real["temperature.a"].reindex(log.index).ffill()
+    air, since = log.loc[off, "temperature.ambient"], log.loc[off, "time"] - SINCE
+    warm[off] = air + (warm[off].iloc[0] - air.iloc[0]) * np.exp(-since / 900)
+    log["temperature.a"] = warm + np.random.default_rng(0).normal(0, 0.05, len(log))
+    (issue,) = read_log(log.round(3))[0].issues
+    assert issue.key == "current.a"
+    assert "does not heat temperature.a" in issue.problem
+
+
 @pytest.mark.parametrize(("row", "value"), [(700, 18_000.0), (2200, -3e5), (4000, 2e3)])
 def test_a_single_load_that_no_joint_bears_makes_no_sensor_doubtful(row: int, value: float) -> None:
     log = _two_joints()

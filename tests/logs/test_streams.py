@@ -25,7 +25,7 @@ N = 400
 LEVELS = np.repeat(np.random.default_rng(1).choice([0.0, 2.0, 4.0, 5.0, 6.0, 8.0], N // 20), 20)
 OTHER = np.repeat(np.random.default_rng(2).choice([0.0, 2.0, 4.0, 5.0, 6.0, 8.0], N // 20), 20)
 SPEED = 0.3 * np.sin(0.7 * np.arange(N))
-Names = tuple[str, str]
+Names = tuple[str, ...]
 
 
 def bag(path: Path, plugin: str, second: Callable[[Recorder, int], Any]) -> Path:
@@ -159,6 +159,45 @@ def test_thermometers_that_share_a_topic_are_told_apart_by_their_frames(tmp_path
     }
     (run,) = read_log(tmp_path / "bag", columns, outputs=["temperature.a", "temperature.b"], step=1.0)
     np.testing.assert_allclose(run.temperature("b"), 32 + 0.005 * np.arange(len(run)), atol=0.01)
+
+
+def torque_of_a_gait(joint: int, k: np.ndarray | int) -> Any:
+    """A measured torque that swings faster than it is logged, with pauses."""
+    noise = np.random.default_rng(joint).normal(0, 0.05, 4 * N)[k]
+    return np.round((np.asarray(k) // 60 % 3 > 0) * (4 + 3 * np.sin(1.9 * np.asarray(k) + joint)) + noise, 3)
+
+
+@pytest.mark.parametrize("joints", [("grip",), ("a", "b"), ("hip", "thigh", "calf")], ids=len)
+@pytest.mark.parametrize("speeds", [True, False], ids=["true speeds", "none"])
+@pytest.mark.parametrize("every", [1, 2])
+def test_zeros_that_take_turns_with_a_swinging_torque_are_left_out(
+    tmp_path: Path, joints: Names, speeds: bool, every: int
+) -> None:
+    """The same connection, frame and order, and no course that would be steady."""
+    made = Recorder(tmp_path / "bag", "mcap")
+    made.writer.open()
+    for k in range(2 * N):
+        own = [float(np.round(np.sin(0.7 * k + j), 3)) for j in range(len(joints))]
+        torque = [float(torque_of_a_gait(j, k)) for j in range(len(joints))]
+        made.send("/joint_states", 1.0 * k, made.joints(k, list(joints), own, torque))
+        if k % every == 0:
+            zero = [0.0] * len(joints)
+            second = made.joints(k + 0.4, list(joints), own if speeds else zero, zero)
+            made.send("/joint_states", k + 0.4, second)
+    made.writer.close()
+    (run,) = read_log(tmp_path / "bag", step=1.0)
+    assert any("another source" in note for note in run.notes)
+    rows = np.round(run.time - START).astype(int)
+    truth = torque_of_a_gait(0, rows)
+    told = np.abs(run.columns[f"torque.{joints[0]}"] - np.abs(truth)) < 1e-6
+    assert told.mean() > 0.95
+
+
+@pytest.mark.parametrize("levels", [[0.0, 4.0], [0.0, 4.0, 0.0, -4.0], [0.0, 3.0, 0.0, 5.0]])
+def test_a_joint_that_is_commanded_on_and_off_from_row_to_row_is_one_stream(levels: list[float]) -> None:
+    torque = np.tile(levels, 2000 // len(levels)) * np.repeat(np.random.default_rng(0).choice([0.0, 1.0, 1.5], 40), 50)
+    (run,) = read_log(frame_of(torque), step=1.0, strict=False, inputs=["torque.a"], outputs=["temperature.a"])
+    assert not any("source" in note for note in run.notes)
 
 
 # --- What is one stream all the same ----------------------------------------------------------------

@@ -14,6 +14,7 @@ from lptn.basics.arrays import FloatArray
 from lptn.logs.channels import FEWEST, Channels, spans
 from lptn.logs.columns import AMBIENT, HEATS, place_of
 from lptn.logs.issue import Issue
+from lptn.logs.law import heat_told
 
 _HELD, _HELD_ROWS, _AROUND = 2.0, 3, 50  # s, and rows in turn, that stand; rows on both sides that tell what is usual
 _NEW = 0.5  # share of rows in which a column that tells has another number, back and forth
@@ -61,6 +62,9 @@ _TOGETHER = 0.9
 """Share of the rows in which one of two channels changes, in which a copy does the same. Two joints as warm as each
 other, read in steps of 1 K, give the same number in 99 of 100 rows, but cross a step in different ones."""
 _MEASURED = 50  # numbers that a measured torque takes; fewer are what was asked for
+_UNTOLD, _TOLD = 0.3, 2.0
+"""Of `heat_told`, of a part that its column does not heat, and of one that it does: of two joints of virtual legs and
+arms that were commanded alike at least 2.3, of one with another's column at most 0.15."""
 _WHOSE = "one of the two is not where it is said to be"
 
 
@@ -78,10 +82,14 @@ def copies_in(log: Channels, twice: Mapping[str, str]) -> list[Issue]:
     """Temperatures that are another column's, by `duplicates`; torques and currents that are another joint's."""
 
     def is_one(key: str, other: str) -> bool:
+        if not _moves_alike(log.values[key], log.values[other]):
+            return False
         # Two joints that are made alike, and commanded alike, have one speed as well.
         speeds = [log.values.get(f"velocity.{place_of(one)}", np.zeros(0)) for one in (key, other)]
-        one = _moves_alike(log.values[key], log.values[other]) and np.unique(log.values[key]).size >= _MEASURED
-        return one and not _moves_alike(*speeds)
+        if np.unique(log.values[key]).size >= _MEASURED and not _moves_alike(*speeds):
+            return True
+        told = [heat_told(log, f"temperature.{place_of(one)}", one) for one in (key, other)]
+        return min(told) < _UNTOLD and max(told) > _TOLD
 
     def said(key: str, other: str, what: str, remedy: str) -> Issue:
         problem = f"the same {what} as {other}"

@@ -153,6 +153,20 @@ def rest_evidence(log: Channels, warm: Mapping[str, float], *, all_warm: bool) -
 
 # --- Whose heat a temperature follows ---------------------------------------------------------------
 
+
+def heat_told(log: Channels, key: str, load: str) -> float:
+    r"""By how much its load explains the temperature of a part: :math:`\log (e_0^2 / e^2)` of the law's mean errors.
+
+    :math:`e_0` is without the load. NaN where nothing tells it.
+    """
+    law = warming(log, key, load) if key in log.values else None
+    if law is None:
+        return np.nan
+    unloaded = law._replace(likely=np.where(np.arange(law.likely.size) == 0, 0.0, law.likely))
+    less, more = (float(np.mean(np.abs(one.fitted()[1]))) + _FLOOR for one in (law, unloaded))
+    return 2 * float(np.log(more / less))
+
+
 _FLOOR = 1e-3  # K: what no sensor's means over a block are better than
 
 
@@ -198,6 +212,8 @@ _WARM, _AT_AIR, _RISES = 6.0, 1.5, 0.2  # K above the air; K from it; K from blo
 def against_heat(log: Channels, key: str, load: str, resolution: float) -> list[tuple[int, int]]:
     """First and last rows of stretches in which a temperature stands, or is the air's, and the part is elsewhere.
 
+    Or it does not follow its load from some row on, or up to it, though it stays as warm.
+
     It reads in steps of `resolution` [K], 0 for none, and `load` heats its part.
     """
     there = np.flatnonzero(np.isfinite(log.values[key]))
@@ -220,6 +236,9 @@ def against_heat(log: Channels, key: str, load: str, resolution: float) -> list[
             found += [stretch for stretch in group if stretch not in found]
             for begin, end in steps:
                 known[max(begin - 1, 0) : end + 1] = False
+    change = None if found else gain_change(log, key, load)
+    if change and change.still and not change.of_a_unit:
+        found.append((change.row, int(there[-1])) if change.ratio < 1 else (int(there[0]), change.row))
     return found
 
 
@@ -270,16 +289,33 @@ _CHANGES, _LEAST_PARTS = 100, 15  # places at which it may change; steps on each
 _RATIO = 3.0
 """By which heats differ: friction, iron and a winding that warms change them by less, a unit by the square of more."""
 _LOADED = 0.02  # of the mean square, on each side: with less load other heat is all that warms a part
+_STILL = 0.5  # of the way that a part would go without heat, that a sensor goes at the most which stands
 _OF_ONE_GAIN = 0.5
 """Of the squares that one gain leaves with all else free to change: a load that is another explains half of them."""
 _RIDGE = 1e-9  # of the squares of a column, so that two temperatures that are one leave the rest to be told
 
 
-def gain_change(log: Channels, key: str, load: str) -> tuple[int, float] | None:
-    """The row from which a load makes another heat in the part of temperature `key`, and its ratio to that before.
+class GainChange(NamedTuple):
+    """A load that from some row on makes another heat in its part.
 
-    `None` where it always makes the same.
+    Args:
+        row: the first of these.
+        ratio: of the heat for its square to that before, 0 where it makes none, infinite where it made none.
+        still: where it makes none, whether the part's temperature stands as if it did: its sensor is stuck.
     """
+
+    row: int
+    ratio: float
+    still: bool
+
+    @property
+    def of_a_unit(self) -> bool:
+        """Whether another unit may explain it: loaded on both sides, its numbers differ by no more."""
+        return _LOADED < self.ratio < 1 / _LOADED
+
+
+def gain_change(log: Channels, key: str, load: str) -> GainChange | None:
+    """Where a load begins to make another heat in the part of temperature `key`; `None` where it makes the same."""
     law = warming(log, key, load) if log.block >= _ROWS else None
     if law is None or law.rows.size < _STEPS_AT_LEAST:
         return None
@@ -303,9 +339,15 @@ def gain_change(log: Channels, key: str, load: str) -> tuple[int, float] | None:
     fits = [fitted(own) for own in late]
     best = min(range(len(fits)), key=lambda k: fits[k][1])
     coefficients, left = fits[best]
-    before, after = float(coefficients[0]), float(coefficients[0] + coefficients[-3])
-    if max(before, after) <= _RATIO * max(min(before, after), 0.0):
+    first = coefficients[: design.shape[1]]
+    second = first + np.pad(coefficients[-3:], (0, first.size - 3))
+    before, after = (max(float(side[0]), 0.0) for side in (first, second))
+    if max(before, after) <= _RATIO * min(before, after):
         return None
     if left > _OF_ONE_GAIN * min(fitted(own[:, 1:])[1] for own in late):
         return None
-    return int((law.rows[changes[best]] + 1) * log.block), after / before
+    ratio, change = after / before if before > 0 else np.inf, int(changes[best])
+    side, other = (slice(change, None), first) if ratio < 1 else (slice(change), second)
+    moved, otherwise = (np.ptp(np.cumsum(x[side])) for x in (law.moved, law.moved - design[:, 1:] @ other[1:]))
+    still = bool(moved < _STILL * otherwise)
+    return GainChange(int((law.rows[change] + 1) * log.block), ratio, still)

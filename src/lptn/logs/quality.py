@@ -117,8 +117,10 @@ def _suspect_silence(log: Channels, key: str, silent: list[Silence], predicted: 
         when = f"from {silence.start:.10g} to {silence.stop:.10g} s"
         text = _SAID.get(silence.kind, f"{silence.kind} at {{number}} {{unit}} {{when}}")
         if silence.whole:
-            moves = "the joint" if quantity_of(key) in INPUTS else "another one"
-            text = f"reads {{number}} {{unit}} throughout, {silence.stop - silence.start:.4g} s, while {moves} moves"
+            moves = "the joint moves" if quantity_of(key) in INPUTS else "another one moves"
+            if key in predicted and not any(s.least < s.most for other, s in log.sensors.items() if other in predicted):
+                moves = "loads come and go"
+            text = f"reads {{number}} {{unit}} throughout, {silence.stop - silence.start:.4g} s, while {moves}"
         problem = text.format(number=number, unit=unit, when=when, count=count, s="s" * (count > 1))
         if silence.column:
             problem = f"its column '{silence.column}' {'is ' * (not silence.whole)}{problem}"
@@ -136,7 +138,7 @@ def _done(log: Channels, key: str, silence: Silence, predicted: Collection[str])
         return f"these readings are left out; to have a counter unwrapped, write {as_line_or_option(key, meant)}"
     if not silence.left_out:
         if silence.whole and key in predicted:
-            return "it is the only sensor, and counts all the same; if it was stuck, nothing can be concluded from it"
+            return "no other sensor moves, so it counts all the same; if it is stuck, nothing can be concluded from it"
         gap = replace(source, invalid=(*source.invalid, _in_file(log, key, silence)))
         return f"it is used as it is; to have a gap there, write {as_line_or_option(key, gap)}"
     if not silence.lasts or key in predicted:
@@ -180,7 +182,7 @@ def _suspect_power(log: Channels, key: str) -> list[Issue]:
 
 
 def _suspect_gains(log: Channels, said: Collection[str]) -> list[Issue]:
-    """Loads that heat their parts as no load does from some row on, in columns of which nothing else is said."""
+    """Loads that from some row on heat their parts otherwise, in columns of which nothing else is said."""
     issues = list[Issue]()
     if "time" in said:
         return issues
@@ -189,10 +191,14 @@ def _suspect_gains(log: Channels, said: Collection[str]) -> list[Issue]:
         part = f"temperature.{place_of(key)}"
         change = gain_change(told, part, key) if part in told.values and not log.is_believed(key) else None
         if change is not None:
-            start, stop = float(log.time[change[0]]), float(log.time[-1])
-            problem = f"from about {start:.4g} s on it heats {part} {max(change[1], 0.0):.2g} times as much "
+            start, stop = float(log.time[change.row]), float(log.time[-1])
+            problem = f"from about {start:.4g} s on it heats {part} {change.ratio:.2g} times as much "
             problem += "as before for its square, which looks like another unit from there on"
             remedy = f"cut the log there, and say each part's unit; if the column is right, write {log.believed(key)}"
+            if not change.of_a_unit:
+                where = "from about {} s on" if change.ratio < 1 else "until about {} s"
+                problem = f"{where.format(f'{start:.4g}')} it does not heat {part}, as it does in the rest of the log"
+                remedy = f"leave that out; if the column is right, write {log.believed(key)}"
             issues.append(Issue(key, log.sources[key].columns[0], problem, remedy, False, stretch=(start, stop)))
     return issues
 

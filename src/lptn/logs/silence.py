@@ -118,6 +118,10 @@ _MOVED_APART, _MOVED_STEPS = 3.0, 5.0
 motor that idles beside one that works warms by a part of that."""
 
 
+_FEW_OR_MOST, _WORKS = (0.1, 0.9), 10.0
+"""Shares of a log, and times by which a load's square is more for one of them than for the other where it works."""
+
+
 def silences_of(log: Channels) -> dict[str, list[Silence]]:
     """Stretches in which sensors, torques, currents or speeds say nothing, spikes, and codes, by quantity."""
     time, resting = log.time, np.zeros(log.time.size)
@@ -184,15 +188,19 @@ def _only_while_it_rests(time: FloatArray, values: FloatArray, speed: FloatArray
 
 
 def _still_throughout(log: Channels) -> dict[str, list[Silence]]:
-    """Temperatures that are one number throughout while another one moves.
+    """Temperatures that are one number throughout while another one moves, or all while a load comes and goes.
 
     People write one number for the room: that is dead where it is a fault code, and the robot begins elsewhere.
     """
     stuck = {key: sensor.first for key, sensor in log.sensors.items() if sensor.least == sensor.most}
     moving = [sensor for key, sensor in log.sensors.items() if key not in stuck]
     least = max(_MOVED_APART, *(_MOVED_STEPS * sensor.step for sensor in moving), 0.0)
-    still: dict[str, list[Silence]] = {}
-    for key, value in stuck.items() if any(sensor.most - sensor.least > least for sensor in moving) else ():
+    told, still = any(sensor.most - sensor.least > least for sensor in moving), dict[str, list[Silence]]()
+    if not told and log.block and stuck.keys() - {AMBIENT} == log.sensors.keys() - {AMBIENT}:
+        of_loads = [log.means(log.load_of(place)) for place in log.loads]
+        few_most = [np.nanquantile(x, _FEW_OR_MOST) for x in of_loads if np.isfinite(x).any()]
+        told = any(most > _WORKS * few for few, most in few_most)
+    for key, value in stuck.items() if told else ():
         rows = np.isfinite(log.values[key])
         a_code = value in CODES and all(abs(sensor.first - value) > _FAR for sensor in moving)
         if rows.sum() > 2 and _logged(log.time[rows])[-1] >= _STUCK and (key != AMBIENT or a_code):

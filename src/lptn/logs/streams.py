@@ -73,6 +73,9 @@ _OFTEN = 20  # stretches of zeros
 _SAME, _MOSTLY = 0.25, 0.7  # of its size, by which a course differs at most across another's row, and how often
 _LOUD = 0.1  # of the size of all: steps of a coarse sensor at rest are none
 _FEWEST_SIZES = 3  # that a course has, and none that turns between two steps of a coarse sensor
+_BY_THE_CLOCK, _MEASURED = 0.9, 50
+"""Share of the stretches of zeros, and of those between, that have the usual length where two sources take turns; and
+sizes of what is measured there: a joint that is commanded on and off has fewer."""
 _FINE = 10.0  # steps of its sensor, that a speed has around zeros that are another's
 
 
@@ -80,14 +83,14 @@ def rows_of_zeros(log: Channels) -> tuple[BoolArray, list[str]]:
     """Rows, (n,), of a second source that says zero of all joints between those of one that does not, and of what.
 
     A joint that is driven now and then rests longer than a row, or comes back with another torque; one that turns
-    round goes through zero; and several joints do not stop all at once for a row. Who says in an entry of [columns]
-    what is valid is believed.
+    round goes through zero; several joints do not stop all at once for a row; and none stops by the clock. Who says in
+    an entry of [columns] what is valid is believed.
     """
     none = np.zeros(log.time.size, dtype=bool)
     said = [key for quantity in INPUTS for key in log.of(quantity) if not log.is_believed(key)]
     for quantity in INPUTS:
         keys, speeds = [key for key in said if key in log.of(quantity)], quantity == "velocity"
-        if len(keys) <= speeds:  # of speeds one alone says nothing
+        if not keys:
             continue
         table = np.column_stack([log.values[key] for key in keys])
         rows = np.flatnonzero(np.isfinite(table).all(axis=1))
@@ -102,13 +105,19 @@ def rows_of_zeros(log: Channels) -> tuple[BoolArray, list[str]]:
 def _between_others(drives: FloatArray, *, stopped: bool) -> BoolArray:
     """Rows of (n, joints) that are zero, single ones or between single others; of speeds, where joints stop at once."""
     size = np.linalg.norm(drives, axis=1)
-    zero, nowhere = size == 0, np.zeros(size.size, dtype=bool)
+    zero, nowhere = np.asarray(size == 0), np.zeros(size.size, dtype=bool)
     inner = np.array([one for one in spans(zero) if one[0] > 0 and one[1] < zero.size]).reshape(-1, 2)
     spoken = np.array(spans(~zero)).reshape(-1, 2)
     if len(inner) < _OFTEN or min(np.median(np.diff(inner)), np.median(np.diff(spoken))) > 1:
         return nowhere
     before, behind = drives[inner[:, 0] - 1], drives[inner[:, 1]]
     largest = np.maximum(np.linalg.norm(before, axis=1), np.linalg.norm(behind, axis=1))
+    lengths = [np.diff(some).ravel() for some in (inner, spoken[1:-1])]
+    regular = all(np.bincount(some).max() >= _BY_THE_CLOCK * some.size for some in lengths)
+    if regular and np.unique(largest).size >= _MEASURED:
+        return zero
+    if stopped and drives.shape[1] == 1:  # of speeds one alone says nothing else
+        return nowhere
     tells = largest > _LOUD * float(np.sqrt(np.mean(size[~zero] ** 2)))
     if stopped:
         tells &= largest > _FINE * float(np.abs(drives[drives != 0]).min())
