@@ -45,6 +45,7 @@ from lptn.identify.fitting import Checkpoint, Fit, finished
 from lptn.identify.noise import estimate_noise
 from lptn.identify.validation import SymmetryTrial, fit_split
 from lptn.logs.beside import refuse_doubtful, refuse_other_units
+from lptn.logs.clock import stretch_in_words
 from lptn.logs.reading import read_log
 from lptn.logs.repeated import repeated_stretch
 from lptn.logs.run import Run
@@ -764,5 +765,6 @@ def _refuse_twice(groups: dict[str, list[Run]]) -> None:
     for number, (job, run) in enumerate(jobs):
         for before, earlier in jobs[:number]:
             if run.source != earlier.source and (stretch := repeated_stretch(earlier, run)) is not None:
-                same = f"the same readings as {earlier.source} ({before}), from {stretch[0]:.6g} to {stretch[1]:.6g} s"
+                when = stretch_in_words(*stretch, run.origin)
+                same = f"the same readings as {earlier.source} ({before}), {when}"
                 raise InputError(run.source, job, same, "each stretch once: to fit, to hold out, or for the test")

@@ -209,7 +209,7 @@ def test_a_sensor_that_is_stuck(write: Write) -> None:
     path = write({"time": list(range(2000)), "temperature.a": moving.tolist(), "temperature.b": stuck.tolist()})
     (issue,) = only(path).issues
     assert issue.key == "temperature.b"
-    assert issue.problem == "frozen at 34.959 degC from 500 to 1499 s"
+    assert issue.problem == "frozen at 34.959 degC from 500 to 1499 s (line 502 to 1501)"
     assert (issue.kind, issue.stretch) == ("frozen", (500.0, 1499.0))
     (run,) = read_log(path, outputs=["temperature.a", "temperature.b"])
     assert np.flatnonzero(np.isnan(run.temperature("b"))).tolist() == list(range(500, 1500))
@@ -355,3 +355,15 @@ def test_spikes_that_hit_one_number_twice_by_chance_are_no_codes(write: Write) -
     assert np.unique(readings[rows]).size < 60
     run = only(write({"time": time.tolist(), "temperature.a": readings.tolist()}))
     assert [issue.kind for issue in run.issues] == ["spike"]
+
+
+@pytest.mark.parametrize("first", [1.74135e9, 1e7, 3.6e3, 0.0])
+def test_a_time_is_counted_from_where_the_log_began_if_its_clock_did_not(write: Write, first: float) -> None:
+    rng, time = np.random.default_rng(1), np.arange(1800.0)
+    readings = np.round(25 + 0.01 * time + rng.normal(0, 0.1, 1800), 3)
+    readings[600:1201] = readings[600]
+    path = write({"time": (first + time).tolist(), "temperature.a": readings.tolist(), "power.b": time.tolist()})
+    (issue,) = only(path).issues
+    shown = "from 600 to 1200 s after the log began" if first > 1e6 else f"from {first + 600:g} to {first + 1200:g} s"
+    assert f"{shown} (line 602 to 1202)" in issue.problem
+    assert issue.stretch == (first + 600, first + 1200)

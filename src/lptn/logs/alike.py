@@ -14,7 +14,7 @@ from lptn.basics.arrays import FloatArray
 from lptn.logs.channels import FEWEST, Channels, spans
 from lptn.logs.columns import AMBIENT, HEATS, place_of
 from lptn.logs.issue import Issue
-from lptn.logs.law import heat_told
+from lptn.logs.law import TOLD, heat_told, warming
 
 _HELD, _HELD_ROWS, _AROUND = 2.0, 3, 50  # s, and rows in turn, that stand; rows on both sides that tell what is usual
 _NEW = 0.5  # share of rows in which a column that tells has another number, back and forth
@@ -50,7 +50,7 @@ def without_held_rows(log: Channels) -> tuple[Channels, list[Issue]]:
         return log, []
     start, stop = float(time[rows][0]), float(time[rows][-1])
     problem = f"all columns stand {len(held)} time{'s' * (len(held) > 1)}, {sum(held):.4g} s in all, "
-    problem += f"from {start:.10g} to {stop:.10g} s"
+    problem += log.when(start, stop)
     column, remedy = log.sources["time"].columns[0], "these rows are left out"
     issue = Issue("time", column, problem, remedy, certain=False, kind="held", stretch=(start, stop))
     return log.with_channels({key: np.where(rows, np.nan, x) for key, x in channels.items()}), [issue]
@@ -62,9 +62,7 @@ _TOGETHER = 0.9
 """Share of the rows in which one of two channels changes, in which a copy does the same. Two joints as warm as each
 other, read in steps of 1 K, give the same number in 99 of 100 rows, but cross a step in different ones."""
 _MEASURED = 50  # numbers that a measured torque takes; fewer are what was asked for
-_UNTOLD, _TOLD = 0.3, 2.0
-"""Of `heat_told`, of a part that its column does not heat, and of one that it does: of two joints of virtual legs and
-arms that were commanded alike at least 2.3, of one with another's column at most 0.15."""
+_UNTOLD = 0.3  # of `heat_told`, of a part that its column does not heat: with another joint's at most 0.15
 _WHOSE = "one of the two is not where it is said to be"
 
 
@@ -88,8 +86,10 @@ def copies_in(log: Channels, twice: Mapping[str, str]) -> list[Issue]:
         speeds = [log.values.get(f"velocity.{place_of(one)}", np.zeros(0)) for one in (key, other)]
         if np.unique(log.values[key]).size >= _MEASURED and not _moves_alike(*speeds):
             return True
-        told = [heat_told(log, f"temperature.{place_of(one)}", one) for one in (key, other)]
-        return min(told) < _UNTOLD and max(told) > _TOLD
+        parts = {f"temperature.{place_of(one)}": one for one in (key, other)}
+        laws = [warming(log, part, one) for part, one in parts.items() if part in log.values]
+        told = [heat_told(law) for law in laws if law]
+        return len(told) == len(parts) and min(told) < _UNTOLD and max(told) > TOLD
 
     def said(key: str, other: str, what: str, remedy: str) -> Issue:
         problem = f"the same {what} as {other}"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal, NamedTuple
@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from lptn.basics.arrays import BoolArray, FloatArray, IntArray
+from lptn.logs.clock import counted_from, stretch_in_words
 from lptn.logs.columns import HEATS, ColumnSource, as_line_or_option, place_of, quantity_of
 from lptn.logs.resampling import means_of_blocks
 
@@ -143,6 +144,7 @@ class Channels:
         sources: where they stand.
         numbers: the file's columns, (n,) each, as they stand there.
         units: what a row of units in the file says of a column.
+        where: a row's place in the file, in words, where each row has one.
         known_means: `means` that were asked for already.
     """
 
@@ -150,6 +152,7 @@ class Channels:
     sources: Mapping[str, ColumnSource] = field(default_factory=dict)
     numbers: Mapping[str, FloatArray] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
+    where: Callable[[int], str] | None = None
     known_means: dict[str, FloatArray] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -158,6 +161,14 @@ class Channels:
     def of(self, quantity: str) -> dict[str, FloatArray]:
         """Its channels, (n,) each, by their keys."""
         return {key: x for key, x in self.values.items() if quantity_of(key) == quantity}
+
+    def when(self, start: float, stop: float) -> str:
+        """A stretch from one of its times [s] to another in words, with the rows of the file if they are known."""
+        words = stretch_in_words(start, stop, counted_from(float(self.time[0])))
+        if self.where is None:
+            return words
+        first, last = (self.where(int(row)) for row in np.searchsorted(self.time, [start, stop]))
+        return f"{words} ({first} to {last.rpartition(' ')[2]})"
 
     def with_channels(self, values: Mapping[str, FloatArray]) -> Channels:
         """The same with another course of some channels, (n,) each."""

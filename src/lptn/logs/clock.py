@@ -17,6 +17,23 @@ from lptn.logs.tables import Table
 
 FEWEST_ROWS = 10
 """Rows at different times, of which something can be said."""
+_OTHER_CLOCK = 1e6
+"""s, 12 days: no log is that long, so a clock that shows more did not begin with the log."""
+
+
+def counted_from(first: float) -> float:
+    """Where sentences and figures begin to count [s, in the log's own clock], of a log whose first time is `first`.
+
+    At the log's start where its clock began long before, as in 1970; else at 0.
+    """
+    return first if abs(first) > _OTHER_CLOCK else 0.0
+
+
+def stretch_in_words(start: float, stop: float, origin: float) -> str:
+    """From when to when [s, in the log's own clock], counted from `origin`: the one way in which a time is written."""
+    return f"from {start - origin:.7g} to {stop - origin:.7g} s{' after the log began' * bool(origin)}"
+
+
 _DAY, _SUMMER_TIME = 86400.0, 3600.0  # s
 _LATEST = 1e20  # s, or in whatever unit was meant: times since 1970 in ns are below 2e18
 _FEW = 5.0  # rows, and usual steps, by which a row may be out of order: loggers of several threads write so

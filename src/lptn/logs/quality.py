@@ -114,7 +114,7 @@ def _suspect_silence(log: Channels, key: str, silent: list[Silence], predicted: 
         off = [replace(off[0], value=middle, stop=off[-1].stop, rows=rows)]
     for silence in (*(one for one in silent if one.kind not in ("code", "disconnected")), *off):
         number, count = f"{silence.value + 0.0:.{3 if silence.kind == 'spike' else 6}g}", int(silence.rows.sum())
-        when = f"from {silence.start:.10g} to {silence.stop:.10g} s"
+        when = log.when(silence.start, silence.stop)
         text = _SAID.get(silence.kind, f"{silence.kind} at {{number}} {{unit}} {{when}}")
         if silence.whole:
             moves = "the joint moves" if quantity_of(key) in INPUTS else "another one moves"
@@ -192,13 +192,15 @@ def _suspect_gains(log: Channels, said: Collection[str]) -> list[Issue]:
         change = gain_change(told, part, key) if part in told.values and not log.is_believed(key) else None
         if change is not None:
             start, stop = float(log.time[change.row]), float(log.time[-1])
-            problem = f"from about {start:.4g} s on it heats {part} {change.ratio:.2g} times as much "
-            problem += "as before for its square, which looks like another unit from there on"
-            remedy = f"cut the log there, and say each part's unit; if the column is right, write {log.believed(key)}"
-            if not change.of_a_unit:
-                where = "from about {} s on" if change.ratio < 1 else "until about {} s"
-                problem = f"{where.format(f'{start:.4g}')} it does not heat {part}, as it does in the rest of the log"
-                remedy = f"leave that out; if the column is right, write {log.believed(key)}"
+            if change.ratio > 1 and not change.of_a_unit:
+                start, stop = float(log.time[0]), start
+            problem, remedy = f"about {log.when(start, stop)} it ", "say each part's unit"
+            if change.of_a_unit:
+                problem += f"heats {part} {change.ratio:.2g} times as much as before for its square, "
+                problem += "which looks like another unit from there on"
+            else:
+                problem, remedy = f"{problem}does not heat {part}, as it does in the rest of the log", "leave that out"
+            remedy = f"cut the log there, and {remedy}; if the column is right, write {log.believed(key)}"
             issues.append(Issue(key, log.sources[key].columns[0], problem, remedy, False, stretch=(start, stop)))
     return issues
 

@@ -425,9 +425,10 @@ def _channels(table: Table, sources: Mapping[str, ColumnSource]) -> tuple[Channe
             check_values(table, key, source, raw[key])
         if marked := source.missing(numbers):
             notes.append(f"{key}: {marked} of {raw[key].size} numbers are no readings, by its entry in [columns].")
+    where = None if table.mixed else table.where
     if (order := in_order(raw["time"])) is not None:
         raw, numbers = ({key: values[order] for key, values in columns.items()} for columns in (raw, numbers))
-        late = int((np.diff(order) < 0).sum())
+        late, where = int((np.diff(order) < 0).sum()), None
         notes.append(f"time: {late} row{'s' * (late > 1)} out of order, by a few steps; sorted.")
     zeros, of_zeros = rows_of_zeros(Channels(raw, sources))
     if of_zeros:
@@ -438,7 +439,7 @@ def _channels(table: Table, sources: Mapping[str, ColumnSource]) -> tuple[Channe
         others = {key: values for key, values in raw.items() if key != "time"}
         raw["time"], spread = within_stamps(table, sources["time"], raw["time"], others)
         notes += [spread] * bool(spread)
-    return Channels(raw, sources, numbers, table.units), notes
+    return Channels(raw, sources, numbers, table.units, where), notes
 
 
 def _temperature_notes(samples: Samples, mixed: bool) -> list[str]:

@@ -12,6 +12,7 @@ import pandas as pd
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
+from lptn.logs.clock import counted_from
 from lptn.logs.issue import Issue
 from lptn.logs.resampling import reduce_blocks
 from lptn.logs.scatter import Scatter
@@ -20,8 +21,6 @@ LATEST_FIRST = 30.0
 """s; a first reading that comes later says little about the start of a run, with time constants of minutes."""
 
 
-_OTHER_CLOCK = 1e6
-"""s, 12 days: no log is that long, so a clock that shows more did not begin with the log."""
 _SINCE_1970 = 3e8, 1e10  # s, from 1979 to 2286: clocks that count from 1970
 
 
@@ -85,8 +84,7 @@ class Run:
         """Where figures and sentences begin to count [s, in the log's own clock]: at the log's start where the clock
         began long before it, as in 1970; else at 0.
         """
-        start = self.log_start if isfinite(self.log_start) else float(self.time[0])
-        return start if abs(start) > _OTHER_CLOCK else 0.0
+        return counted_from(self.log_start if isfinite(self.log_start) else float(self.time[0]))
 
     @property
     def began(self) -> datetime | None:
