@@ -160,7 +160,7 @@ TOLD = 2.0
 
 
 def heat_told(law: Warming) -> float:
-    r"""By how much a load explains a part's warming: :math:`\log (e_0^2 / e^2)` of mean errors, :math:`e_0` without it."""
+    r"""By how much a load explains a warming: :math:`\log (e_0^2 / e^2)` of the law's errors without and with it."""
     unloaded = law._replace(likely=np.where(np.arange(law.likely.size) == 0, 0.0, law.likely))
     less, more = (float(np.mean(np.abs(one.fitted()[1]))) + _FLOOR for one in (law, unloaded))
     return 2 * float(np.log(more / less))
