@@ -1,1 +1,4 @@
-"""What every room stands on: parameters, places, units, errors, files, processes."""
+"""What every room stands on: parameters, places, units, errors, files, processes.
+
+Each file here is used by two rooms at least, mostly by ten; what one room alone needs stands in that room.
+"""

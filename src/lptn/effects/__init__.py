@@ -1,4 +1,7 @@
-"""The catalogue of physical effects: one effect, one file; others come in by the entry point `lptn.effects`."""
+"""The catalogue of physical effects: one effect, one file; others come in by the entry point `lptn.effects`.
+
+The room grows by some fifty lines with each effect: its equation, its parameters with reasons, how it shows itself.
+"""
 
 from __future__ import annotations
 
