@@ -14,7 +14,7 @@ from lptn.basics.errors import InputError
 from lptn.online import Estimator, ModelError
 
 from .mission.gait import REST, Gait
-from .mission.mission import Activity, Mission, Piece, Schedule
+from .mission.mission import Activity, Mission, Schedule, Timed
 from .mission.plan import MissionPlan, peaks_of, plan_mission
 from .mission.simulation import simulate_plan
 
@@ -126,7 +126,7 @@ class MissionControl:
         self._loads: dict[int, float] = {}  # of what has begun
         self._measured: dict[str, FloatArray] = {}  # by gait: integrals of squares, as measured and by the table
         self._air = mission.ambient
-        self._ahead: list[Piece] = []  # of the plan in force, the present one first
+        self._ahead: list[Timed] = []  # of the plan in force, the present one first
         self._gone = 0.0  # s of the present piece, at its planned speed
         self._doing = mission.begins  # the gait that the robot is in
         self._looked = -np.inf

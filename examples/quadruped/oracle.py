@@ -19,7 +19,7 @@ from typing import Literal
 import numpy as np
 
 from lptn.virtual import PLANS, Record, quadruped, simulate_runs
-from lptn.virtual.heat import Exponential, Network, forcing
+from lptn.virtual.heat import Balance, Exponential, forcing
 from lptn.virtual.robot import PC, Level, Robot, draw_run_errors
 from lptn.virtual.surroundings import ambient, event_heat
 
@@ -62,7 +62,7 @@ def oracle(record: Record, seed: int, level: Level = "none", known: Sequence[Err
     """
     run, (robot, offset) = record.run, _with_errors(record, seed, level, known)
     air = ambient(robot, run.ambient, offset, run.swing, run.seconds, seed, record.name)
-    network = Network(robot, float(air.true[0]))
+    network = Balance(robot, float(air.true[0]))
     heat = np.zeros((run.seconds, len(robot.nodes))) + event_heat(robot, run.seconds, seed, record.name)
     heat[:, robot.nodes.index(PC)] += record.motion.pc
     acting = forcing(robot, record.motion.means(robot.wind_exponent), heat).shifted(air.shift)

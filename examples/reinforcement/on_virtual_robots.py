@@ -19,7 +19,7 @@ from train import JUDGE, Outcome, derating, learn, learnt, played, robots, views
 
 from lptn.model.model import Model
 from lptn.virtual import quadruped
-from lptn.virtual.heat import Forcing, Means, Network, forcing
+from lptn.virtual.heat import Balance, Forcing, Means, forcing
 from lptn.virtual.robot import PC
 
 BANDS = (5.0, 8.0, 12.0)  # K; the model's best is 8 K
@@ -42,7 +42,7 @@ class VirtualRobots:
 
     def __init__(self, model: Model, seed: int, number: int, period: float) -> None:
         self.model, self.robot = model, quadruped(seed=seed)
-        self.network = Network(self.robot, 25.0)
+        self.network = Balance(self.robot, 25.0)
         self._seconds = round(period)
         names = list(self.robot.nodes[: self.robot.sensed])
         self._seen = self.network.sensed[[names.index(node) for node in model.nodes]]

@@ -187,7 +187,7 @@ class MissionSegment:
         return self.carries >= 0
 
 
-class Piece(NamedTuple):
+class Timed(NamedTuple):
     """A segment with what was chosen for it: time [s], speed [m/s], load [kg], a value for each posture of its gait."""
 
     segment: MissionSegment
@@ -220,10 +220,10 @@ class Schedule:
         """Time of the whole [s]."""
         return float(self.time.sum())
 
-    def pieces(self) -> list[Piece]:
+    def pieces(self) -> list[Timed]:
         """The pieces one by one."""
         numbers = self.time.tolist(), self.speed.tolist(), self.load.tolist()
-        return [Piece(*row) for row in zip(self.segments, *numbers, self.posture, strict=True)]
+        return [Timed(*row) for row in zip(self.segments, *numbers, self.posture, strict=True)]
 
 
 def segments_of(mission: Mission, rests: Collection[int] | None = None) -> list[MissionSegment]:

@@ -35,7 +35,7 @@ from lptn.identify.data import LoadedModel, load_model, split_data
 from lptn.identify.fitting import Fit, finished
 from lptn.identify.validation import fit_segments
 from lptn.robots.presets import preset_text
-from lptn.virtual import Hidden, Segment
+from lptn.virtual import Bout, Hidden
 
 NOISE, STEPS, AMBIENT = 0.15, 1.0, 22.0
 TIE = 10.0  # of information criteria; closer ones decide nothing [BurnhamAnderson2002]
@@ -109,7 +109,7 @@ class Outcome:
     text: str
 
 
-def walking(seconds: int, seed: str) -> tuple[Segment, ...]:
+def walking(seconds: int, seed: str) -> tuple[Bout, ...]:
     """Ordinary walking: walks and trots at changing speeds and loads, now and then a stand or a rest."""
     draw = random.Random(f"walking {seed}")
     kinds = ["walk", "trot", "walk", "trot", "stand", "rest"] * max(1, seconds // 1800)
@@ -118,12 +118,12 @@ def walking(seconds: int, seed: str) -> tuple[Segment, ...]:
     return tuple(_walked(kind, duration, draw) for kind in kinds)
 
 
-def _walked(kind: str, seconds: int, draw: random.Random) -> Segment:
+def _walked(kind: str, seconds: int, draw: random.Random) -> Bout:
     speed, load = draw.uniform(0.2, 1.2), draw.uniform(0.0, 5.0)
-    return Segment(kind, seconds, speed * (kind in ("walk", "trot")), load * (kind != "rest"))
+    return Bout(kind, seconds, speed * (kind in ("walk", "trot")), load * (kind != "rest"))
 
 
-def segments(experiment: Experiment, at: str) -> tuple[Segment, ...]:
+def segments(experiment: Experiment, at: str) -> tuple[Bout, ...]:
     """The proposed run in the virtual robot's words; where it moves all joints at once, those at `at` are as asked."""
     table = zip(experiment.program.phases, experiment.moves, strict=True)
     return tuple(_segment(step.move, round(step.seconds), entry["inputs"], at) for step, entry in table)
@@ -134,22 +134,22 @@ def feasible(move: Move) -> bool:
     return move.speed == 0.0 or move.at == EVERYWHERE
 
 
-def _segment(move: Move, seconds: int, inputs: object, at: str) -> Segment:
+def _segment(move: Move, seconds: int, inputs: object, at: str) -> Bout:
     if not isinstance(inputs, dict) or not move.joints:
-        return Segment("rest", seconds)
+        return Bout("rest", seconds)
     asked = matching(at, move.joints) or list(move.joints)
     torque = {joint: float(inputs[f"torque.{joint}"]) for joint in asked}
     pace = {joint: float(inputs[f"velocity.{joint}"]) for joint in asked}
     if move.load > 0.0 and move.speed > 0.0:
         base = float(inputs["speed.base"]) if move.travelling else (_ratio(pace, TROT_SWEEP, 2 / np.pi) - 0.6) / 0.4
         speed = float(np.clip(base, 0.0, 3.0))
-        return Segment("trot", seconds, speed, _load(_ratio(torque, TROT, 1 + 0.15 * speed)))
+        return Bout("trot", seconds, speed, _load(_ratio(torque, TROT, 1 + 0.15 * speed)))
     if move.speed > 0.0:
-        return Segment("leg_sweep", seconds, min(_ratio(pace, SWEEP, 2 / np.pi), 3.0))
+        return Bout("leg_sweep", seconds, min(_ratio(pace, SWEEP, 2 / np.pi), 3.0))
     if move.at == EVERYWHERE:
-        return Segment("stand", seconds, 0.0, _load(_ratio(torque, STAND, 1.0)))
+        return Bout("stand", seconds, 0.0, _load(_ratio(torque, STAND, 1.0)))
     size = float(np.sqrt(np.mean([inputs[f"torque.{joint}"] ** 2 for joint in move.joints])))
-    return Segment("hold", seconds, joints=move.joints, torque=min(size, 33.5))
+    return Bout("hold", seconds, joints=move.joints, torque=min(size, 33.5))
 
 
 def _ratio(wanted: dict[str, float], usual: dict[str, float], factor: float) -> float:
@@ -212,9 +212,9 @@ def trial(number: int, seed: int) -> Outcome:
         (folder / "quadruped.toml").write_text(preset_text("quadruped", "coupled"))
         loaded = load_model(folder / "quadruped.toml")
 
-        def log(what: str, segments: tuple[Segment, ...], ambient: float) -> Path:
+        def log(what: str, segments: tuple[Bout, ...], ambient: float) -> Path:
             effect = Hidden(hidden, at, pair[3], "quadruped")
-            runs = {what: virtual.Run(segments, ambient, cutout=None)}
+            runs = {what: virtual.Job(segments, ambient, cutout=None)}
             logs = virtual.quadruped_logs(
                 [effect], seed=seed, runs=runs, physics="plain", noise=NOISE, quantisation=STEPS, columns="all"
             )

@@ -29,7 +29,7 @@ from lptn.online.forecasting import Forecast, NodeForecast, forecast
 from lptn.online.operating_point import Gait, find_gait
 from lptn.online.present import ModelUncertainty
 from lptn.robots.presets import preset_text
-from lptn.virtual import Record, Run, Segment, Sensor, quadruped, quadruped_logs, rows, write_logs
+from lptn.virtual import Bout, Job, Probe, Record, quadruped, quadruped_logs, rows, write_logs
 from lptn.virtual import simulate_runs as live
 from tests.truth.plans import trots
 
@@ -85,23 +85,23 @@ def fitted(seed: int, model: str, folder: Path) -> Robot:
     return Robot(seed, LoadedModel(loaded.file, done.model, loaded.mapped), ModelUncertainty.of_fit(done))
 
 
-def planned(seed: int, number: int) -> dict[str, Run]:
+def planned(seed: int, number: int) -> dict[str, Job]:
     """The first trots of the robot's forecast plan, without the cut-out that would hide when other joints get hot."""
     runs = list(trots(seed).items())[:number]
     return {name: replace(run, cutout=None) for name, run in runs}
 
 
-def creeping(seed: int, number: int) -> dict[str, Run]:
+def creeping(seed: int, number: int) -> dict[str, Job]:
     """Trots of any load, ambient and speed, whether they get to the limit or not."""
     runs = {}
     for k in range(number):
         rng = np.random.default_rng([seed, k])
         load, ambient, speed = rng.uniform(0, 6), rng.uniform(5, 35), rng.uniform(0.2, 1.0)
-        runs[f"forecast{k}"] = Run((Segment("trot", LASTS, speed, load),), ambient=ambient, cutout=None)
+        runs[f"forecast{k}"] = Job((Bout("trot", LASTS, speed, load),), ambient=ambient, cutout=None)
     return runs
 
 
-def trials(robot: Robot, name: str, run: Run, at: float, after: Sequence[int], folder: Path) -> list[Trial]:
+def trials(robot: Robot, name: str, run: Job, at: float, after: Sequence[int], folder: Path) -> list[Trial]:
     """Let the robot trot, forecast at several moments, and look at the truth.
 
     Args:
@@ -143,7 +143,7 @@ def _when(hottest: FloatArray, at: float) -> int:
 def _log(record: Record, seed: int, until: int, folder: Path) -> Path:
     """The log's first seconds, at 100 Hz, as a file."""
     pieces: list[pd.DataFrame] = []
-    for piece in rows(record, Sensor(noise=0.15, quantisation=1.0), seed, RATE):
+    for piece in rows(record, Probe(noise=0.15, quantisation=1.0), seed, RATE):
         pieces.append(piece)
         if len(pieces) * len(pieces[0]) >= until * RATE:
             break

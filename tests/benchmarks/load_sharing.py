@@ -19,8 +19,8 @@ from lptn.model.file import parse_model
 from lptn.model.model import Model
 from lptn.planners.load_sharing import LoadSharing, Sharing, Stance, load_body, statics
 from lptn.robots.presets import preset_text
+from lptn.virtual import Balance, Robot, draw_quadruped
 from lptn.virtual import Forcing as Drive
-from lptn.virtual import Network, Robot, draw_quadruped
 
 LIMIT, AMBIENT, LOAD, COMPUTER = 60.0, 25.0, 4.0, 16.0  # degC, degC, kg, W
 LONGEST, SEEDS = 5400, (0, 1, 2)  # s
@@ -44,7 +44,7 @@ def on_the_level(stance: Stance) -> Stance:
 
 def true_time(robot: Robot, torques: FloatArray) -> float:
     """When the first joint's sensor is at the limit [s], in the virtual robot; infinite where none gets there."""
-    network, joints = Network(robot, AMBIENT), robot.joints
+    network, joints = Balance(robot, AMBIENT), robot.joints
     copper = np.zeros(len(robot.nodes))
     copper[:joints] = robot.resistance[:joints] * (torques / robot.torque_constant[:joints]) ** 2
     other = robot.constant + robot.drive * (robot.winding == 0)

@@ -29,8 +29,7 @@ from lptn.basics.arrays import FloatArray
 from lptn.model.model import Model
 from lptn.planners.mission import Mission, plan_kind, plan_mission
 from lptn.planners.replanning import MissionControl, Order
-from lptn.virtual import Forcing, Robot
-from lptn.virtual import Network as TrueNetwork
+from lptn.virtual import Balance, Forcing, Robot
 from tests.planners.truth import model_of, true_robot
 
 MISSION = Path(__file__).parents[2] / "examples" / "plan" / "mission_deliveries.toml"
@@ -58,7 +57,7 @@ class Walker:
         random = np.random.default_rng(1000 + self.seed)
         self.factors = 1 + random.uniform(-SCATTER, SCATTER, self.robot.joints)
         self.change, self.begins = random.uniform(-CHANGE, CHANGE), random.uniform(0, 900)
-        self.network = TrueNetwork(self.robot, self.mission.ambient)
+        self.network = Balance(self.robot, self.mission.ambient)
         self.state = self.network.start(self.mission.start[: len(self.robot.nodes)].copy())
         self.clock, self._random = 0.0, random
 

@@ -26,7 +26,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from lptn.robots.presets import presets
-from lptn.virtual import LEG_JOINTS, Run, Segment, leg_logs
+from lptn.virtual import LEG_JOINTS, Bout, Job, leg_logs
 from tests.benchmarks.verdict_answers import command_of
 
 Array = npt.NDArray[np.float64]
@@ -133,9 +133,9 @@ def _walked(seed: int, name: str, step: float, rng: np.random.Generator) -> tupl
     """The log of a run and its true temperatures; what no leg bears or ceases to warm it is drawn again."""
     now, names = STAND + TROT, [f"temperature.{joint}" for joint in LEG_JOINTS]
     while True:
-        stand = Segment("stand", STAND, load=float(rng.uniform(0, 2)))
-        trot = Segment("trot", TROT + AHEAD, float(rng.uniform(0.5, 1.2)), float(rng.uniform(1, 4)))
-        run = {name: Run((stand, trot), float(rng.uniform(12, 26)), cutout=None)}
+        stand = Bout("stand", STAND, load=float(rng.uniform(0, 2)))
+        trot = Bout("trot", TROT + AHEAD, float(rng.uniform(0.5, 1.2)), float(rng.uniform(1, 4)))
+        run = {name: Job((stand, trot), float(rng.uniform(12, 26)), cutout=None)}
         try:
             truth = leg_logs(seed=seed, noise=0.0, rate=1.0, runs=run)[name]
         except ValueError:

@@ -23,7 +23,7 @@ import numpy as np
 import pandas as pd
 
 from lptn.robots.presets import presets
-from lptn.virtual import LEG_JOINTS, Run, Segment, leg_logs
+from lptn.virtual import LEG_JOINTS, Bout, Job, leg_logs
 from tests.benchmarks.verdict_answers import command_of
 
 LENGTH, BEGIN = 2700, 1200  # s
@@ -136,11 +136,10 @@ def watched_logs(seed: int, folder: Path, steps: float) -> dict[str, Asked]:
     acts = ("trot", "stand", "squat", "walk", "trot", "stand")
     loads = rng.uniform(0, 4, len(acts))
     pieces = [
-        Segment(act, LENGTH // 6, float(rng.uniform(0.5, 1.2)), float(load))
-        for act, load in zip(acts, loads, strict=True)
+        Bout(act, LENGTH // 6, float(rng.uniform(0.5, 1.2)), float(load)) for act, load in zip(acts, loads, strict=True)
     ]
     healthy = leg_logs(
-        seed=seed, quantisation=0.0, rate=1.0, runs={"now": Run(tuple(pieces), float(rng.uniform(12, 28)), cutout=None)}
+        seed=seed, quantisation=0.0, rate=1.0, runs={"now": Job(tuple(pieces), float(rng.uniform(12, 28)), cutout=None)}
     )["now"]
     made = {}
     for number, (kind, fault) in enumerate(KINDS.items()):

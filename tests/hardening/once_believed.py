@@ -22,7 +22,7 @@ import numpy as np
 import pandas as pd
 
 from lptn.robots.presets import presets
-from lptn.virtual import Run, Segment, leg_logs
+from lptn.virtual import Bout, Job, leg_logs
 from tests.benchmarks.verdict_answers import command_of
 
 SEED, LIMIT = 7, 600  # s of CPU for an answer: those of the clock say how busy the machine is
@@ -50,7 +50,7 @@ def _logs() -> Logs:
 
 
 _AHEAD = 720  # s: the limit is what the joint has then
-_FORECAST_RUNS = {"now": Run((Segment("stand", 900), Segment("trot", 2400, 1.0, 4.0)), 22.0, cutout=None)}
+_FORECAST_RUNS = {"now": Job((Bout("stand", 900), Bout("trot", 2400, 1.0, 4.0)), 22.0, cutout=None)}
 
 
 @cache

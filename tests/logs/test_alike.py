@@ -10,17 +10,17 @@ import pytest
 
 from lptn.basics.arrays import FloatArray
 from lptn.logs.reading import read_log
-from lptn.virtual import Run, Segment, leg_logs, quadruped_logs
+from lptn.virtual import Bout, Job, leg_logs, quadruped_logs
 
-STAND_AND_TROT = (Segment("stand", 300), Segment("trot", 600, 0.8))
-TROT, STAND = (Segment("trot", 1800, 0.5, 2.0),), (Segment("stand", 1800, 0, 4.0),)
-SQUAT, WALK = ((Segment(act, 900, 0.9, 2.0), Segment("rest", 900)) for act in ("squat", "walk"))
+STAND_AND_TROT = (Bout("stand", 300), Bout("trot", 600, 0.8))
+TROT, STAND = (Bout("trot", 1800, 0.5, 2.0),), (Bout("stand", 1800, 0, 4.0),)
+SQUAT, WALK = ((Bout(act, 900, 0.9, 2.0), Bout("rest", 900)) for act in ("squat", "walk"))
 
 
 @cache
-def quadruped(seed: int, segments: tuple[Segment, ...], noise: float, step: float) -> pd.DataFrame:
+def quadruped(seed: int, segments: tuple[Bout, ...], noise: float, step: float) -> pd.DataFrame:
     """A log of a healthy one at 1 Hz."""
-    run = Run(segments, cutout=None)
+    run = Job(segments, cutout=None)
     return quadruped_logs(seed=seed, runs={"run": run}, noise=noise, quantisation=step)["run"]
 
 
@@ -56,7 +56,7 @@ def duplicates(log: pd.DataFrame) -> list[set[str]]:
     [(98, STAND_AND_TROT), (3, STAND_AND_TROT), (41, STAND_AND_TROT), (98, TROT), (7, STAND), (5, SQUAT), (12, WALK)],
 )
 def test_joints_that_work_alike_are_as_warm_and_are_no_copies(
-    seed: int, segments: tuple[Segment, ...], noise_and_step: tuple[float, float]
+    seed: int, segments: tuple[Bout, ...], noise_and_step: tuple[float, float]
 ) -> None:
     assert not duplicates(quadruped(seed, segments, *noise_and_step))
 
@@ -86,7 +86,7 @@ def test_coarse_sensors_without_noise_of_two_legs_that_are_alike_are_no_copies(
 @pytest.mark.parametrize("hold", [3, 10])
 @pytest.mark.parametrize(("seed", "segments"), [(98, STAND_AND_TROT), (4, SQUAT), (7, TROT)])
 def test_sensors_that_one_bus_repeats_for_seconds_are_no_copies(
-    seed: int, segments: tuple[Segment, ...], hold: int
+    seed: int, segments: tuple[Bout, ...], hold: int
 ) -> None:
     log = quadruped(seed, segments, 0.03, 0.0).copy()
     names = [name for name in map(str, log) if name.startswith("temperature.")]
@@ -97,7 +97,7 @@ def test_sensors_that_one_bus_repeats_for_seconds_are_no_copies(
 @pytest.mark.parametrize("step", [0.0, 0.1, 1.0])
 @pytest.mark.parametrize(("seed", "segments"), [(98, STAND_AND_TROT), (4, STAND), (7, TROT)])
 def test_sensors_that_share_their_converters_noise_are_no_copies(
-    seed: int, segments: tuple[Segment, ...], step: float
+    seed: int, segments: tuple[Bout, ...], step: float
 ) -> None:
     log, rng = quadruped(seed, segments, 0.1, 0.0).copy(), np.random.default_rng(seed)
     names = [name for name in map(str, log) if name.startswith("temperature.")]
@@ -129,7 +129,7 @@ def test_sensors_that_share_their_converters_noise_are_no_copies(
 )
 def test_a_copy_is_found_by_the_noise_of_its_sensor(
     seed: int,
-    segments: tuple[Segment, ...],
+    segments: tuple[Bout, ...],
     pair: tuple[str, str],
     sensors: tuple[float, float],
     own: tuple[float, float],

@@ -216,10 +216,10 @@ def test_numbers_are_found_among_the_bytes_of_any_layout(tmp_path: Path) -> None
 
 
 def test_a_file_of_lptn_virtual(tmp_path: Path) -> None:
-    from lptn.virtual import Run, Segment, quadruped_logs, write_logs
+    from lptn.virtual import Bout, Job, quadruped_logs, write_logs
     from tests.truth.bags import write_bag
 
-    runs = {"mix": Run((Segment("trot", 300, 0.5), Segment("rest", 100)))}
+    runs = {"mix": Job((Bout("trot", 300, 0.5), Bout("rest", 100)))}
     table = quadruped_logs(seed=1, runs=runs)["mix"]
     (one,), (other,) = map(read_log, (write_bag(tmp_path / "log.mcap", table), *write_logs(tmp_path, {"log": table})))
     assert set(one.columns) == set(other.columns)

@@ -27,8 +27,7 @@ from lptn.online.operating_point import Gait, find_gait, present_operating_point
 from lptn.online.present import ModelUncertainty, present
 from lptn.robots.presets import preset_text
 from lptn.simulate.bound_run import bind
-from lptn.virtual import Run as VirtualRun
-from lptn.virtual import Segment, quadruped_logs
+from lptn.virtual import Bout, Job, quadruped_logs
 from tests.builders import AMBIENT, capacity, effect, link, make_run, node
 from tests.model import slot
 
@@ -236,7 +235,7 @@ def test_healthy_sensors_are_believed_though_nobody_fitted_the_model(
     seed: int, speed: float, load: float, tmp_path: Path
 ) -> None:
     """A preset misses what a trot adds by as much as a sensor's fault would: all calves were off, or drifted."""
-    trot = VirtualRun((Segment("stand", 300), Segment("trot", 900, speed, load)), 20.0)
+    trot = Job((Bout("stand", 300), Bout("trot", 900, speed, load)), 20.0)
     ahead = unfitted(quadruped_logs(seed=seed, runs={"now": trot})["now"], tmp_path)
     assert "30% of each parameter" in ahead.trust
     assert ahead.doubts == ()

@@ -13,7 +13,7 @@ from lptn.model.file import read_model_file
 from lptn.model.model import Model
 from lptn.planners.mission import MissionPlan, plan_kind
 from lptn.robots.presets import preset_text
-from lptn.virtual import Logs, Run, Segment, quadruped_logs, write_logs
+from lptn.virtual import Bout, Job, Logs, quadruped_logs, write_logs
 from tests.builders import bound_runs
 
 LIMIT, LOADS = 58.0, (0, 4)
@@ -40,19 +40,17 @@ loads = [0, 4]
 """
 
 
-def logged(seed: int, runs: dict[str, Run]) -> Logs:
+def logged(seed: int, runs: dict[str, Job]) -> Logs:
     return quadruped_logs(seed=seed, runs=runs, physics="full", level="none", quantisation=0.0)
 
 
 def planned(folder: Path, seed: int) -> MissionPlan:
     """Log, fit, learn, plan."""
     for load in LOADS:
-        trots = [
-            Segment("trot", seconds, speed, float(load)) for seconds, speed in ((400, 0.2), (400, 0.6), (300, 1.0))
-        ]
-        rests = [Segment("rest", seconds) for seconds in (300, 300, 600)]
+        trots = [Bout("trot", seconds, speed, float(load)) for seconds, speed in ((400, 0.2), (400, 0.6), (300, 1.0))]
+        rests = [Bout("rest", seconds) for seconds in (300, 300, 600)]
         happens = tuple(segment for pair in zip(trots, rests, strict=True) for segment in pair)
-        write_logs(folder, logged(seed, {f"trot_{load}": Run(happens, cutout=None)}))
+        write_logs(folder, logged(seed, {f"trot_{load}": Job(happens, cutout=None)}))
     model = folder / "quadruped.toml"
     model.write_text(preset_text("quadruped"), encoding="utf-8")
     loaded = load_model(model)
@@ -75,12 +73,12 @@ def planned(folder: Path, seed: int) -> MissionPlan:
 def hottest(plan: MissionPlan, seed: int) -> float:
     """The hottest joint [degC] of the virtual robot that does what was planned, each walk with luck of its own."""
     doing = [
-        Segment(
+        Bout(
             "rest" if segment.gait.name == "rest" else "trot", max(1, round(time)), min(float(speed), 1.0), float(load)
         )
         for segment, time, speed, load in zip(plan.segments, plan.time.tolist(), plan.speed, plan.load, strict=True)
     ]
-    truth = logged(seed, {"mission": Run(tuple(doing), cutout=None)}).truth["mission"]
+    truth = logged(seed, {"mission": Job(tuple(doing), cutout=None)}).truth["mission"]
     joints = [f"temperature.{joint}" for joint in plan.mission.limits]
     return float(np.max(truth[joints]))
 

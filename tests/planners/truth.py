@@ -12,9 +12,8 @@ from lptn.model.file import parse_model
 from lptn.model.model import Model
 from lptn.model.network import Network
 from lptn.robots.presets import preset_text
+from lptn.virtual import Balance, Robot, draw_quadruped
 from lptn.virtual import Forcing as Drive
-from lptn.virtual import Network as TrueNetwork
-from lptn.virtual import Robot, draw_quadruped
 
 AMBIENT, SPEED, JOINT_SPEED, COMPUTER = 25.0, 0.5, 2.0, 12.0  # degC, m/s, rad/s, W
 NATURAL, FORCED, RISE, COULOMB, VISCOUS = 0.006, 0.5, 0.0039, 0.25, 0.04
@@ -40,7 +39,7 @@ class World:
     """
 
     def __init__(self, robot: Robot, start: FloatArray | float, noise: float = 0.0, seed: int = 0) -> None:
-        self.robot, self.network = robot, TrueNetwork(robot, AMBIENT)
+        self.robot, self.network = robot, Balance(robot, AMBIENT)
         self.temperature = self.network.start(np.broadcast_to(start, len(robot.nodes)).astype(float))
         self.noise, self._random = noise, np.random.default_rng(seed)
 

@@ -31,7 +31,7 @@ from lptn.online.monitoring import MonitoredRun, alarms_by_threshold
 from lptn.planners.gym import ID
 from lptn.robots.presets import presets
 from lptn.simulate.state_space import state_space
-from lptn.virtual import QUADRUPED_JOINTS, Run, Segment, motion, plan, quadruped_logs
+from lptn.virtual import QUADRUPED_JOINTS, Bout, Job, motion, plan, quadruped_logs
 from tests.builders import AMBIENT, bound_runs, effect, leg, link, node, random_inputs, two_nodes, with_every_effect
 from tests.identify import test_fit_problem
 from tests.identify.truth import TRUTH, truth_run
@@ -352,7 +352,7 @@ def robot() -> Iterable[Check]:
     network = parse_model(presets()["quadruped"], Path("quadruped.toml")).network
     motors = [place for place in Model(network).nodes if f"copper_loss.resistance.{place}" in _names(network)]
     yield printed("motors of the ready model", len(motors), "12")
-    one = quadruped_logs(seed=0, runs={"stand": Run((Segment("stand", 5),))}, rate=100)["stand"]
+    one = quadruped_logs(seed=0, runs={"stand": Job((Bout("stand", 5),))}, rate=100)["stand"]
     yield printed("samples a second of its logs", len(one) / 5, "100", "Hz")
     yield equal("named as in the A1's description", len(set(QUADRUPED_JOINTS) & set(motors)), 12)
 
@@ -490,7 +490,7 @@ def time_to_limit() -> Iterable[Check]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(motion, "SHARE", 0.0)
         patch.setattr(motion, "MODULATION", 0.0)
-        run = Run((Segment("trot", 700, 0.2, 4.0),), 27.0, cutout=None)
+        run = Job((Bout("trot", 700, 0.2, 4.0),), 27.0, cutout=None)
         logs = quadruped_logs(seed=0, runs={"trot": run}, level="none", scatter=0, noise=0, quantisation=0)
     reached = int((logs.truth["trot"]["temperature.FR_calf"] > 60).argmax())
     yield printed(

@@ -23,7 +23,7 @@ from typing import Literal, get_args
 import numpy as np
 import pandas as pd
 
-from lptn.virtual import LEG_JOINTS, Run, Sensor
+from lptn.virtual import LEG_JOINTS, Job, Probe
 from lptn.virtual.leg import SAMPLES, Signals, draw_runs, draw_signals, mean
 from lptn.virtual.robot import PC, PC_BUSY, PC_IDLE, Array, check_one_of, edge, stream
 from lptn.virtual.sensors import by_place, lagged
@@ -216,7 +216,7 @@ def finite_volume_leg_logs(
         hidden.set(leg, leg.joints.get(place, Joint()))
     elif at:
         raise ValueError(f"at: found {at!r}; expected none without a change")
-    sensor = Sensor(noise, steps)
+    sensor = Probe(noise, steps)
     return {name: _log(leg, name, run, seed, sensor, logging, cells) for name, run in draw_runs(seed).items()}
 
 
@@ -230,7 +230,7 @@ WANDER, KNOT = 0.3, 600  # K, s: of the room's air
 TOO_HOT = 160.0  # degC: insulation of class F has aged before
 
 
-def _log(leg: Leg, name: str, run: Run, seed: int, sensor: Sensor, logging: Logging, cells: int) -> pd.DataFrame:
+def _log(leg: Leg, name: str, run: Job, seed: int, sensor: Probe, logging: Logging, cells: int) -> pd.DataFrame:
     signals = draw_signals(run.segments, stream(seed, "movement", name))
     late = int(leg.clock)  # s by which the world goes on after the last row
     seconds, joints = run.seconds + late, list(leg.joints.values())

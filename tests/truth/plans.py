@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from lptn.virtual import QUADRUPED_JOINTS, Run, Segment
+from lptn.virtual import QUADRUPED_JOINTS, Bout, Job
 from lptn.virtual.leg import Acts, in_random_order
 from lptn.virtual.robot import stream
 from lptn.virtual.runs import RESUME
@@ -66,7 +66,7 @@ _HOLDOUT: Acts = (
 _TRIAL = {"fit1": (_FIT1, 22.0), "fit2": (_FIT2, 12.0), "holdout": (_HOLDOUT, 28.0)}
 
 
-def trial(seed: int = 0, fitted: int = 3600) -> dict[str, Run]:
+def trial(seed: int = 0, fitted: int = 3600) -> dict[str, Job]:
     """Return "fit1" (60 min, 22 degC), "fit2" (60 min, 12 degC) and "holdout" (40 min, 28 degC), each from cold.
 
     They tell effects apart: load without speed, speed without load, both, groups of joints, all of them, a cool-down.
@@ -74,12 +74,12 @@ def trial(seed: int = 0, fitted: int = 3600) -> dict[str, Run]:
     """
     seconds = {"fit1": fitted, "fit2": fitted, "holdout": 2400}
     return {
-        name: Run(draw_segments(stream(seed, "trial", name), acts, seconds[name]), ambient, cutout=None)
+        name: Job(draw_segments(stream(seed, "trial", name), acts, seconds[name]), ambient, cutout=None)
         for name, (acts, ambient) in _TRIAL.items()
     }
 
 
-def draw_segments(rng: np.random.Generator, acts: Acts, seconds: int) -> tuple[Segment, ...]:
+def draw_segments(rng: np.random.Generator, acts: Acts, seconds: int) -> tuple[Bout, ...]:
     """Draw segments of these activities in random order, but for the last."""
     ordered = in_random_order(acts, seconds, rng)
     segments, joints = [], [str(joint) for joint in rng.permutation(QUADRUPED_JOINTS)]
@@ -87,19 +87,19 @@ def draw_segments(rng: np.random.Generator, acts: Acts, seconds: int) -> tuple[S
         speed, load = float(rng.uniform(*speeds)), float(rng.uniform(*loads))
         if activity == "hold":
             joints = joints or [str(joint) for joint in rng.permutation(QUADRUPED_JOINTS)]
-            segments.append(Segment(activity, length, joints=tuple(joints[:4]), torque=load))
+            segments.append(Bout(activity, length, joints=tuple(joints[:4]), torque=load))
             joints = joints[4:]
         else:
-            segments.append(Segment(activity, length, speed, load))
+            segments.append(Bout(activity, length, speed, load))
     return tuple(segments)
 
 
-def swing(seed: int = 0) -> dict[str, Run]:
+def swing(seed: int = 0) -> dict[str, Job]:
     """Return the runs of ``trial`` out of doors and in again, where the air is 8 K warmer or colder."""
     return {name: replace(run, swing=SWING) for name, run in trial(seed).items()}
 
 
-def trots(seed: int = 0) -> dict[str, Run]:
+def trots(seed: int = 0) -> dict[str, Job]:
     """Return 20 steady trots, 0 to 6 kg, 5 to 35 degC, 0.2 to 1 m/s, 80 min each, all of them past 60 degC.
 
     Pairs of load and ambient that end near 60 degC, or below it, are drawn again.
@@ -111,11 +111,11 @@ def trots(seed: int = 0) -> dict[str, Run]:
             load, ambient = round(rng.uniform(0, 6), 1), round(rng.uniform(5, 35), 1)
             ends = ENDS + ENDS_PER_KG * load + ambient
         speed = float(rng.choice([0.2, 0.5, 1.0]))
-        runs[f"trot_{k:02d}"] = Run((Segment("trot", TROT_SECONDS, speed, load),), ambient)
+        runs[f"trot_{k:02d}"] = Job((Bout("trot", TROT_SECONDS, speed, load),), ambient)
     return runs
 
 
-def outings(seed: int = 0) -> tuple[dict[str, Run], dict[str, Fault]]:
+def outings(seed: int = 0) -> tuple[dict[str, Job], dict[str, Fault]]:
     """Return 50 healthy outings of 40 min and 50 with one sensor's fault in the middle half, 10 to 30 degC.
 
     Drifts of 0.01 to 0.1 K/s, offsets of 4 to 15 K, stuck and missing readings in turn.
@@ -129,7 +129,7 @@ def outings(seed: int = 0) -> tuple[dict[str, Run], dict[str, Fault]]:
             rng = stream(seed, "monitor", state, str(k))
             ambient = round(rng.uniform(10, 30), 1)
             name, segments = f"{state}_{k:02d}", draw_segments(rng, _OUTING, OUTING_SECONDS)
-            runs[name] = Run(segments, ambient, resume=RESUME)
+            runs[name] = Job(segments, ambient, resume=RESUME)
             if state == "faulty":
                 faults[name] = _fault(FAULTS[k % len(FAULTS)], rng)
     return runs, faults

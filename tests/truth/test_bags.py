@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lptn.virtual import QUADRUPED_JOINTS, QUADRUPED_NODES, Run, Segment, quadruped_logs
+from lptn.virtual import QUADRUPED_JOINTS, QUADRUPED_NODES, Bout, Job, quadruped_logs
 
-RUNS = {"mix": Run((Segment("trot", 500, 0.5), Segment("rest", 200)))}
+RUNS = {"mix": Job((Bout("trot", 500, 0.5), Bout("rest", 200)))}
 
 
 def test_mcap_holds_every_value(tmp_path: Path) -> None:

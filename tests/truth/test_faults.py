@@ -7,10 +7,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from lptn.virtual import QUADRUPED_NODES, Run, Segment, quadruped_logs
+from lptn.virtual import QUADRUPED_NODES, Bout, Job, quadruped_logs
 from tests.truth.faults import Fault
 
-MIX = Run((Segment("trot", 240, 0.5, 2.0), Segment("stand", 60), Segment("hold", 60, joints=("RL_calf",), torque=8.0)))
+MIX = Job((Bout("trot", 240, 0.5, 2.0), Bout("stand", 60), Bout("hold", 60, joints=("RL_calf",), torque=8.0)))
 
 
 @pytest.mark.long

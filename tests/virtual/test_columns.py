@@ -6,11 +6,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from lptn.virtual import QUADRUPED_JOINTS, Hidden, Run, Segment, leg_logs, quadruped_logs
+from lptn.virtual import QUADRUPED_JOINTS, Bout, Hidden, Job, leg_logs, quadruped_logs
 from tests.truth.plans import trial
 
-MOVES = (Segment("trot", 200, 0.7, 4.0), Segment("sway", 150, 1.0), Segment("rest", 150), Segment("stand", 100))
-RUNS = {"mix": Run(MOVES, 20.0, cutout=None)}
+MOVES = (Bout("trot", 200, 0.7, 4.0), Bout("sway", 150, 1.0), Bout("rest", 150), Bout("stand", 100))
+RUNS = {"mix": Job(MOVES, 20.0, cutout=None)}
 SHARED = ["power.battery", "speed.fan", "irradiance.global"]
 UNSIGNED = [f"{quantity}.{joint}" for quantity in ("torque_abs", "mechanical_power") for joint in QUADRUPED_JOINTS]
 COLUMNS = {

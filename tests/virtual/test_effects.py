@@ -15,9 +15,9 @@ from lptn.virtual import (
     QUADRUPED_JOINTS,
     QUADRUPED_NODES,
     SINGLE,
+    Bout,
     Hidden,
-    Run,
-    Segment,
+    Job,
     leg_logs,
     places,
     quadruped_logs,
@@ -157,12 +157,12 @@ SECONDS = 900
 def quadruped_temperatures(*hidden: tuple[str, str, float]) -> Array:
     """Return the readings without noise of one session of the plain robot, of shape (rows, nodes)."""
     acts = (
-        Segment("hold", SECONDS, joints=("FR_calf", "FL_thigh", "RL_hip"), torque=10.0),
-        Segment("trot", SECONDS, 1.2, 6.0),
-        Segment("leg_sweep", SECONDS, 1.1),
-        Segment("rest", SECONDS),
+        Bout("hold", SECONDS, joints=("FR_calf", "FL_thigh", "RL_hip"), torque=10.0),
+        Bout("trot", SECONDS, 1.2, 6.0),
+        Bout("leg_sweep", SECONDS, 1.1),
+        Bout("rest", SECONDS),
     )
-    run = Run(acts, 15.0, cutout=None)
+    run = Job(acts, 15.0, cutout=None)
     log = quadruped_logs(hidden, seed=1, runs={"mix": run}, physics="plain", noise=0, quantisation=0)["mix"]
     return log[[f"temperature.{node}" for node in QUADRUPED_NODES]].to_numpy()
 
@@ -231,7 +231,7 @@ def test_two_effects_may_be_hidden_at_once() -> None:
 
 @pytest.mark.parametrize("effect", ["second_mass", "conduction", "natural_convection", "sensor_lag", "iron_loss"])
 def test_full_physics_takes_effects_too(effect: str) -> None:
-    run = {"mix": Run((Segment("trot", 600, 0.5, 4.0),), cutout=None)}
+    run = {"mix": Job((Bout("trot", 600, 0.5, 4.0),), cutout=None)}
     hidden = [Hidden(effect, places(effect, "quadruped")[-1], robot="quadruped")]
     changed, usual = (quadruped_logs(h, seed=1, runs=run, noise=0, quantisation=0)["mix"] for h in (hidden, ()))
     seen = [f"temperature.{node}" for node in QUADRUPED_NODES]
@@ -277,8 +277,8 @@ def test_burning_robot_is_refused() -> None:
 # --- in one run alone ----------------------------------------------------------------------------------------------
 
 TEMPERATURES = [f"temperature.{node}" for node in QUADRUPED_NODES]
-ACT = (Segment("trot", 500, 0.8, 4.0),)
-RUNS = {"one": Run(ACT, 20.0), "two": Run(ACT, 26.0), "three": Run(ACT, 20.0)}
+ACT = (Bout("trot", 500, 0.8, 4.0),)
+RUNS = {"one": Job(ACT, 20.0), "two": Job(ACT, 26.0), "three": Job(ACT, 20.0)}
 
 
 def logs(*hidden: tuple[str, str, float, str]) -> dict[str, pd.DataFrame]:
@@ -311,7 +311,7 @@ def test_leg_has_them_too() -> None:
 
 
 def test_temperatures_that_are_carried_over_stay_changed() -> None:
-    runs = {"one": RUNS["one"], "next": Run(ACT, 20.0, carried=True, gap=0)}
+    runs = {"one": RUNS["one"], "next": Job(ACT, 20.0, carried=True, gap=0)}
     usual = quadruped_logs(seed=2, runs=runs, noise=0)
     heated = quadruped_logs([("constant_heat", "FR_calf", 4.0, "one")], seed=2, runs=runs, noise=0)
     gap = (heated.truth["next"] - usual.truth["next"])["temperature.FR_calf"].to_numpy()

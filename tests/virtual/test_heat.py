@@ -13,12 +13,12 @@ from lptn.virtual import (
     EFFECTS,
     LEG_JOINTS,
     QUADRUPED_JOINTS,
+    Balance,
+    Bout,
     Forcing,
     Hidden,
-    Network,
+    Job,
     Robot,
-    Run,
-    Segment,
     draw_leg,
     leg_logs,
     motion,
@@ -35,7 +35,7 @@ from tests.truth.rough_leg import roughen
 
 # --- the leg -------------------------------------------------------------------------------------------------------
 
-LEG_MOVES = (Segment("squat", 60, 1.0), Segment("trot", 100, 1.5, 4.0), Segment("leg_sweep", 40, 1.5))
+LEG_MOVES = (Bout("squat", 60, 1.0), Bout("trot", 100, 1.5, 4.0), Bout("leg_sweep", 40, 1.5))
 
 
 def leg_with_everything(size: float = 1.0) -> Robot:
@@ -64,7 +64,7 @@ def test_balance_of_the_baseline_is_the_one_written_down() -> None:
     copper = leg.resistance * torque**2 / leg.torque_constant**2
     between = np.array([upper * 15, -upper * 15 + lower * 15, -lower * 15])
     expected = (copper + between + leg.to_air * (ambient - T)) / leg.capacity
-    assert Network(leg, ambient).slope(T, *held) == pytest.approx(expected, rel=1e-12)
+    assert Balance(leg, ambient).slope(T, *held) == pytest.approx(expected, rel=1e-12)
 
 
 def test_balance_with_every_effect_is_the_one_written_down() -> None:
@@ -89,7 +89,7 @@ def test_balance_with_every_effect_is_the_one_written_down() -> None:
     frame, into_frame = 47.0, (T - 47.0) / 34
     shared = (into_frame.sum() - 1.5 / 42 * (frame - ambient)) / 180
     expected = [*((made - lost + between - into - into_frame) / (base.capacity - 60)), *(into / 60), shared]
-    slope = Network(leg, ambient).slope(np.concatenate([T, inner, [frame]]), *held)
+    slope = Balance(leg, ambient).slope(np.concatenate([T, inner, [frame]]), *held)
     assert slope == pytest.approx(np.array(expected), rel=1e-9)
 
 
@@ -111,7 +111,7 @@ def test_one_second_scheme_agrees_with_scipy_on_the_full_inputs() -> None:
     leg = leg_with_everything()
     signals = draw_signals(LEG_MOVES, np.random.default_rng(0))
     extra = np.zeros_like(signals.torque)
-    network = Network(leg, 25.0)
+    network = Balance(leg, 25.0)
     start = network.start(np.array([60.0, 70.0, 80.0]))
     ours = network.solve(acts_on(leg, signals, extra), start)
     fine = acts_on(leg, signals, extra, block=1)
@@ -133,10 +133,10 @@ def test_one_second_scheme_agrees_with_scipy_on_the_full_inputs() -> None:
 
 AMBIENT = 18.0
 MOVES = (
-    Segment("trot", 200, 0.7, 4.0),
-    Segment("hold", 150, joints=("FR_calf", "RL_hip"), torque=12.0),
-    Segment("leg_sweep", 100, 1.2),
-    Segment("rest", 150),
+    Bout("trot", 200, 0.7, 4.0),
+    Bout("hold", 150, joints=("FR_calf", "RL_hip"), torque=12.0),
+    Bout("leg_sweep", 100, 1.2),
+    Bout("rest", 150),
 )
 PAIRS = [(3 * leg + i, 3 * leg + j) for leg in range(4) for i, j in ((0, 1), (1, 2), (0, 2))] + [(0, 3), (6, 9)]
 HIPS = (0, 3, 6, 9)
@@ -200,7 +200,7 @@ def test_plain_links_are_those_of_the_baseline() -> None:
 def test_balance_is_the_one_written_down(physics: str) -> None:
     robot = quadruped(seed=2, physics=physics)  # type: ignore[arg-type]
     moved = draw_motion(MOVES, np.random.default_rng(1))
-    network = Network(robot, AMBIENT)
+    network = Balance(robot, AMBIENT)
     acting = forcing(robot, moved.means(robot.wind_exponent), extra(robot, moved))
     for k in (10, 250, 400, 550):
         T = np.random.default_rng(k).uniform(20, 80, len(network.capacity))
@@ -219,7 +219,7 @@ def extra(robot: Robot, moved: Motion) -> Array:
 def test_both_schemes_agree_with_scipy(physics: str) -> None:
     robot = quadruped(seed=2, physics=physics)  # type: ignore[arg-type]
     moved = draw_motion(MOVES, np.random.default_rng(1))
-    network = Network(robot, AMBIENT)
+    network = Balance(robot, AMBIENT)
     acting = forcing(robot, moved.means(robot.wind_exponent), extra(robot, moved))
     start = network.start(np.random.default_rng(0).uniform(30, 60, len(robot.nodes)))
     exact = [start]
@@ -244,7 +244,7 @@ def test_both_schemes_agree_with_scipy(physics: str) -> None:
 def test_means_of_a_second_do_for_its_hundred_samples() -> None:
     """The samples' own heat, sample by sample, against the scheme fed with means."""
     robot, moved = quadruped(seed=2), draw_motion(MOVES[:1], np.random.default_rng(1))
-    network = Network(robot, AMBIENT)
+    network = Balance(robot, AMBIENT)
     start = network.start(np.random.default_rng(0).uniform(30, 60, len(robot.nodes)))
     ours = Exponential(network).solve(forcing(robot, moved.means(robot.wind_exponent), extra(robot, moved)), start)
     torque, velocity = moved.samples(0, 15)
@@ -278,7 +278,7 @@ def test_loaded_trot_reaches_60_degrees_at_553_s(monkeypatch: pytest.MonkeyPatch
     """[QuadrupedLPTN, application 3]: from 27 degC; nominal robot, steady gait, equal legs."""
     monkeypatch.setattr(motion, "SHARE", 0.0)
     monkeypatch.setattr(motion, "MODULATION", 0.0)
-    run = Run((Segment("trot", 700, 0.2, 4.0),), 27.0, cutout=None)
+    run = Job((Bout("trot", 700, 0.2, 4.0),), 27.0, cutout=None)
     logs = quadruped_logs(seed=0, runs={"trot": run}, level="none", scatter=0, noise=0, quantisation=0)
     rms = [np.sqrt((logs["trot"][f"torque.FR_{part}"] ** 2).mean()) for part in ("hip", "thigh", "calf")]
     assert rms == pytest.approx([2.31, 3.88, 8.32], rel=2e-3)
@@ -311,8 +311,8 @@ def test_hidden_errors_of_runs(level: str, spreads: tuple[float, float]) -> None
 
 
 MIXED = {
-    "mix": Run(
-        (Segment("trot", 200, 0.7, 4.0), Segment("sway", 150, 1.0), Segment("rest", 150), Segment("stand", 100)),
+    "mix": Job(
+        (Bout("trot", 200, 0.7, 4.0), Bout("sway", 150, 1.0), Bout("rest", 150), Bout("stand", 100)),
         20.0,
         cutout=None,
     )

@@ -11,17 +11,17 @@ import pytest
 from lptn.virtual import (
     QUADRUPED_JOINTS,
     QUADRUPED_NODES,
+    Bout,
     Hidden,
+    Job,
     Logs,
-    Run,
-    Segment,
     quadruped_logs,
 )
 from lptn.virtual.motion import draw_motion
 from lptn.virtual.robot import Array, stream
 
 TEMPERATURES = [f"temperature.{node}" for node in QUADRUPED_NODES]
-MIX = Run((Segment("trot", 240, 0.5, 2.0), Segment("stand", 60), Segment("hold", 60, joints=("RL_calf",), torque=8.0)))
+MIX = Job((Bout("trot", 240, 0.5, 2.0), Bout("stand", 60), Bout("hold", 60, joints=("RL_calf",), torque=8.0)))
 
 
 def columns(*, slow: bool) -> list[str]:
@@ -105,7 +105,7 @@ def test_cut_out_switches_off_and_on_again(protocol: Logs) -> None:
 
 
 def test_cut_out_without_resuming_lasts() -> None:
-    run = Run((Segment("trot", 1200, 0.5, 6.0),), 30.0)
+    run = Job((Bout("trot", 1200, 0.5, 6.0),), 30.0)
     log = quadruped_logs(seed=1, runs={"trot": run})["trot"]
     on = log["powered.FR_hip"].to_numpy()
     first = int(on.argmin())
@@ -117,7 +117,7 @@ def test_cut_out_without_resuming_lasts() -> None:
 
 
 def test_fresh_run_begins_where_it_is_told_to() -> None:
-    runs = {"cold": MIX, "warm": Run(MIX.segments, start=40.0), "next": Run(MIX.segments, 31.0, carried=True, gap=0)}
+    runs = {"cold": MIX, "warm": Job(MIX.segments, start=40.0), "next": Job(MIX.segments, 31.0, carried=True, gap=0)}
     logs = quadruped_logs(seed=0, runs=runs, level="none")
     begins = {name: truth.iloc[0] for name, truth in logs.truth.items()}
     assert (begins["cold"][TEMPERATURES] == 25.0).all()
@@ -156,7 +156,7 @@ def test_one_hertz_is_the_reduction_of_a_hundred() -> None:
 
 @pytest.mark.parametrize(("act", "speed"), [("trot", 0.2), ("trot", 1.0), ("walk", 0.3)])
 def test_gait_can_be_seen_in_the_joint_speeds(act: str, speed: float) -> None:
-    log = quadruped_logs(seed=2, runs={"gait": Run((Segment(act, 60, speed),))}, rate=100)["gait"]
+    log = quadruped_logs(seed=2, runs={"gait": Job((Bout(act, 60, speed),))}, rate=100)["gait"]
     assert (log[["torque.FR_calf", "velocity.FR_calf"]].min() < 0).all()
     spectrum = np.abs(np.fft.rfft(log["velocity.FR_calf"].to_numpy(float)))
     frequency = spectrum.argmax() / 60

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from scipy.integrate import solve_ivp
 
-from lptn.virtual import QUADRUPED_NODES, Hidden, Logs, Run, Segment, leg_logs, quadruped, quadruped_logs
+from lptn.virtual import QUADRUPED_NODES, Bout, Hidden, Job, Logs, leg_logs, quadruped, quadruped_logs
 from lptn.virtual.robot import Array
 from lptn.virtual.sensors import lagged
 from tests.truth.plans import swing, trial
@@ -22,8 +22,8 @@ def test_lag_is_the_exact_one() -> None:
     assert read[:, 1] == pytest.approx(ramp[:, 1], abs=0)
 
 
-ACT = (Segment("trot", 700, 0.8, 4.0), Segment("rest", 300))
-RUNS = {"mix": Run(ACT, 20.0, cutout=None)}
+ACT = (Bout("trot", 700, 0.8, 4.0), Bout("rest", 300))
+RUNS = {"mix": Job(ACT, 20.0, cutout=None)}
 TEMPERATURES = [f"temperature.{node}" for node in QUADRUPED_NODES]
 
 

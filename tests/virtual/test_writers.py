@@ -11,16 +11,16 @@ import pandas as pd
 import pytest
 
 from lptn.virtual import (
+    Bout,
     Hidden,
-    Run,
-    Segment,
+    Job,
     leg_logs,
     quadruped_logs,
     write_logs,
 )
 from lptn.virtual.__main__ import main
 
-RUNS = {"mix": Run((Segment("trot", 500, 0.5), Segment("rest", 200)))}
+RUNS = {"mix": Job((Bout("trot", 500, 0.5), Bout("rest", 200)))}
 
 
 def test_files_hold_what_the_function_makes(tmp_path: Path) -> None:

@@ -12,18 +12,18 @@ each place of both.
 from __future__ import annotations
 
 from .effects import BEYOND, EFFECTS, SINGLE, Columns, Hidden, places
-from .heat import Forcing, Network
+from .heat import Balance, Forcing
 from .leg import leg_logs
-from .motion import Segment
+from .motion import Bout
 from .quadruped import Logs, Record, quadruped, quadruped_logs, rows, simulate_runs
 from .robot import LAYOUTS, LEG_JOINTS, QUADRUPED_JOINTS, QUADRUPED_NODES, Mass, Robot, draw_leg, draw_quadruped
-from .runs import PLANS, Plan, Run, plan
-from .sensors import Sensor
+from .runs import PLANS, Job, Plan, plan
+from .sensors import Probe
 from .writers import Format, write_logs
 
 __all__ = [
     "BEYOND", "EFFECTS", "LAYOUTS", "LEG_JOINTS", "PLANS", "QUADRUPED_JOINTS", "QUADRUPED_NODES", "SINGLE",
-    "Columns", "Forcing", "Format", "Hidden", "Logs", "Mass", "Network", "Plan", "Record", "Robot", "Run",
-    "Segment", "Sensor", "draw_leg", "draw_quadruped", "leg_logs", "places", "plan", "quadruped",
+    "Balance", "Bout", "Columns", "Forcing", "Format", "Hidden", "Job", "Logs", "Mass", "Plan", "Probe",
+    "Record", "Robot", "draw_leg", "draw_quadruped", "leg_logs", "places", "plan", "quadruped",
     "quadruped_logs", "rows", "simulate_runs", "write_logs",
 ]  # fmt: skip

@@ -161,7 +161,7 @@ def _at_nodes(robot: Robot, values: Array) -> Array:
 # --- the balance and its integration -------------------------------------------------------------------------------
 
 
-class Network:
+class Balance:
     """The heat balance around one ambient temperature (degC); states are the nodes, the windings, the hidden masses.
 
     ``sensed`` are the indices of the states that the nodes' sensors sit on.
@@ -240,7 +240,7 @@ class Exponential:
     once, at the temperatures expected in its middle (second order).
     """
 
-    def __init__(self, network: Network) -> None:
+    def __init__(self, network: Balance) -> None:
         self.network, states = network, len(network.capacity)
         rates = network.exchange / network.capacity[:, None]
         # exp of [[A, 1], [0, 0]] holds exp(A) and the integral of exp(A t): what a constant slope adds.

@@ -10,11 +10,11 @@ import numpy as np
 import pandas as pd
 
 from .effects import Columns, Hidden, extra_columns
-from .heat import Means, Network, Series, Shared, battery_power, check_temperatures, copper_loss, forcing
-from .motion import BODY, Segment
+from .heat import Balance, Means, Series, Shared, battery_power, check_temperatures, copper_loss, forcing
+from .motion import BODY, Bout
 from .robot import LEG_JOINTS, PC_BUSY, PC_IDLE, Array, Robot, check_one_of, draw_leg, stream
-from .runs import Run
-from .sensors import Sensor, by_place, noise_free_readings, sensor_steps
+from .runs import Job
+from .sensors import Probe, by_place, noise_free_readings, sensor_steps
 from .surroundings import ambient, event_heat, fan, sun
 
 SAMPLES = 10  # a second
@@ -104,16 +104,16 @@ def in_random_order(
     return [(acts[i][0], int(length), *acts[i][2:]) for i, length in zip(order, lengths, strict=True)]
 
 
-def draw_runs(seed: int) -> dict[str, Run]:
+def draw_runs(seed: int) -> dict[str, Job]:
     """Draw the runs "fit1" (40 min, 22 degC), "fit2" (40 min, 12 degC) and "holdout" (30 min, 28 degC)."""
     runs = {}
     for name, (acts, seconds, air) in _RUNS.items():
         rng = stream(seed, "protocol", name)
         segments = [
-            Segment(activity, length, float(rng.uniform(*speeds)), float(rng.uniform(*loads)))
+            Bout(activity, length, float(rng.uniform(*speeds)), float(rng.uniform(*loads)))
             for activity, length, speeds, loads in in_random_order(acts, seconds, rng)
         ]
-        runs[name] = Run(tuple(segments), air, cutout=None)
+        runs[name] = Job(tuple(segments), air, cutout=None)
     return runs
 
 
@@ -126,12 +126,12 @@ class Signals(Series):
     base: Array
 
 
-def draw_signals(segments: Sequence[Segment], rng: np.random.Generator) -> Signals:
+def draw_signals(segments: Sequence[Bout], rng: np.random.Generator) -> Signals:
     """Draw the inputs of these segments, one after the other."""
     return Signals.joined([_perform(segment, rng) for segment in segments])
 
 
-def _perform(segment: Segment, rng: np.random.Generator) -> Signals:
+def _perform(segment: Bout, rng: np.random.Generator) -> Signals:
     act, speed = ACTIVITIES[segment.activity], segment.speed
     time = np.arange(segment.seconds * SAMPLES) / SAMPLES
     stride = (act.stride[0] + act.stride[1] * speed) * rng.uniform(0.9, 1.1)
@@ -177,7 +177,7 @@ def leg_logs(
     scatter: float = 0.03,
     rate: float = 10.0,
     columns: Columns = "asked",
-    runs: Mapping[str, Run] | None = None,
+    runs: Mapping[str, Job] | None = None,
 ) -> dict[str, pd.DataFrame]:
     """Simulate two runs to fit and one to hold out, or runs of your own; each begins 0.5 to 2 K above the ambient.
 
@@ -207,7 +207,7 @@ def leg_logs(
     """
     check_one_of("rate", rate, RATES, " Hz")
     check_one_of("columns", columns, get_args(Columns))
-    sensor, runs = Sensor(noise, quantisation, dropouts), draw_runs(seed) if runs is None else runs
+    sensor, runs = Probe(noise, quantisation, dropouts), draw_runs(seed) if runs is None else runs
     leg = draw_leg(seed, scatter)
     for effect in hidden:
         (replace(effect, robot="leg").set_in if isinstance(effect, Hidden) else effect)(leg)
@@ -239,7 +239,7 @@ def leg_logs(
     return logs
 
 
-def _simulate(leg: Robot, name: str, run: Run, seed: int) -> tuple[Signals, Array, Array, Shared]:
+def _simulate(leg: Robot, name: str, run: Job, seed: int) -> tuple[Signals, Array, Array, Shared]:
     """Return a run's inputs, its readings without noise and the logged ambient [degC] at 10 Hz; what nodes share."""
     rng, seconds = stream(seed, "movement", name), run.seconds
     signals = draw_signals(run.segments, rng)
@@ -248,7 +248,7 @@ def _simulate(leg: Robot, name: str, run: Run, seed: int) -> tuple[Signals, Arra
     computer = PC_IDLE + (PC_BUSY - PC_IDLE) * mean((signals.base[:, None] != 0).astype(float), SAMPLES)
     shared = Shared(computer, battery_power(computer, means), fan(seconds, seed, name), sun(seconds, seed, name))
     acting = forcing(leg, replace(means, shared=shared), event_heat(leg, seconds, seed, name))
-    network = Network(leg, float(air.true[0]))
+    network = Balance(leg, float(air.true[0]))
     start = network.start(network.ambient + stream(seed, "start", name).uniform(0.5, 2.0, COUNT))
     states = network.solve(acting.shifted(air.shift), start)
     check_temperatures(states, "leg", name)

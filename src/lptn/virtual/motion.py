@@ -71,7 +71,7 @@ ACTIVITIES = {
 
 
 @dataclass(frozen=True)
-class Segment:
+class Bout:
     """One activity for whole seconds.
 
     Args:
@@ -182,7 +182,7 @@ class Motion:
         return torque, velocity
 
 
-def draw_motion(segments: Sequence[Segment], rng: np.random.Generator) -> Motion:
+def draw_motion(segments: Sequence[Bout], rng: np.random.Generator) -> Motion:
     """Draw the movement of these segments, one after the other."""
     motions, begin = [], 0
     for segment in segments:
@@ -194,7 +194,7 @@ def draw_motion(segments: Sequence[Segment], rng: np.random.Generator) -> Motion
     return Motion(**moved, parts=parts, unit=Means.joined([motion.unit for motion in motions]))
 
 
-def _perform(segment: Segment, begin: int, rng: np.random.Generator) -> Motion:
+def _perform(segment: Bout, begin: int, rng: np.random.Generator) -> Motion:
     act, seconds = ACTIVITIES[segment.activity], segment.seconds
     # All is drawn whether used or not: a segment's draws don't depend on what it is.
     deviation, share = rng.uniform(-1, 1), rng.uniform(1 - SHARE, 1 + SHARE, (2, COUNT))

@@ -10,8 +10,8 @@ import numpy as np
 import pandas as pd
 
 from .effects import Columns, Hidden, extra_columns
-from .heat import Exponential, Forcing, Network, check_temperatures, copper_loss, forcing
-from .motion import SAMPLES, Motion, Segment, draw_motion
+from .heat import Balance, Exponential, Forcing, check_temperatures, copper_loss, forcing
+from .motion import SAMPLES, Bout, Motion, draw_motion
 from .robot import (
     PC,
     QUADRUPED_JOINTS,
@@ -25,8 +25,8 @@ from .robot import (
     draw_run_errors,
     stream,
 )
-from .runs import Plan, Run, plan
-from .sensors import Sensor, by_place, noise_free_readings, sensor_steps
+from .runs import Job, Plan, plan
+from .sensors import Probe, by_place, noise_free_readings, sensor_steps
 from .surroundings import Ambient, ambient, event_heat, fan, sun
 
 RATES = (1.0, 100.0)  # Hz
@@ -47,9 +47,9 @@ class Record:
     """
 
     name: str
-    run: Run
+    run: Job
     robot: Robot
-    network: Network
+    network: Balance
     ambient: Ambient
     motion: Motion
     states: Array
@@ -74,7 +74,7 @@ class Record:
         return pd.DataFrame(columns)
 
 
-def simulate_runs(robot: Robot, runs: Mapping[str, Run], seed: int, level: Level) -> Iterator[Record]:
+def simulate_runs(robot: Robot, runs: Mapping[str, Job], seed: int, level: Level) -> Iterator[Record]:
     """Simulate the runs, one after the other; each carries its temperatures over to the next that asks for them.
 
     Raises:
@@ -84,16 +84,16 @@ def simulate_runs(robot: Robot, runs: Mapping[str, Run], seed: int, level: Level
     for name, run in runs.items():
         own, error = draw_run_errors(robot.in_run(name), level, seed, name)
         air = ambient(own, run.ambient, error, run.swing, run.seconds, seed, name)
-        network = Network(own, float(air.true[0]))
+        network = Balance(own, float(air.true[0]))
         solver = Exponential(network)
         if state is None or not run.carried:
             start = network.ambient if run.start is None else run.start
             state = network.start(np.full(len(own.nodes), start))
         elif run.gap:
-            gap = Run((Segment("rest", run.gap),), cutout=None)
+            gap = Job((Bout("rest", run.gap),), cutout=None)
             state = _with_cutouts(solver, gap, draw_motion(gap.segments, stream(seed, "gap", name)), state)[1][-1]
         if run.lead:
-            lead = Run(run.lead, cutout=run.cutout)
+            lead = Job(run.lead, cutout=run.cutout)
             state = _with_cutouts(solver, lead, draw_motion(lead.segments, stream(seed, "lead", name)), state)[1][-1]
         motion = draw_motion(run.segments, stream(seed, "movement", name))
         motion = replace(motion, fan=fan(run.seconds, seed, name), sun=sun(run.seconds, seed, name))
@@ -105,7 +105,7 @@ def simulate_runs(robot: Robot, runs: Mapping[str, Run], seed: int, level: Level
 
 
 def _with_cutouts(
-    solver: Exponential, run: Run, motion: Motion, start: Array, events: Array | float = 0.0, shift: Array | None = None
+    solver: Exponential, run: Job, motion: Motion, start: Array, events: Array | float = 0.0, shift: Array | None = None
 ) -> tuple[Motion, Array]:
     """Return the movement with the run's cut-outs in it, and the states.
 
@@ -136,7 +136,7 @@ def _with_cutouts(
 # --- what is logged ------------------------------------------------------------------------------------------------
 
 
-def rows(record: Record, sensor: Sensor, seed: int, rate: float, columns: Columns = "asked") -> Iterator[pd.DataFrame]:
+def rows(record: Record, sensor: Probe, seed: int, rate: float, columns: Columns = "asked") -> Iterator[pd.DataFrame]:
     """Yield a run's log in pieces, whole seconds each: all of it at 1 Hz, 10 min at a time at 100 Hz.
 
     Args:
@@ -216,7 +216,7 @@ def quadruped_logs(
     hidden: Effects = (),
     *,
     seed: int,
-    runs: Plan | Mapping[str, Run] = "protocol",
+    runs: Plan | Mapping[str, Job] = "protocol",
     level: Level | None = None,
     physics: Physics = "full",
     noise: float = 0.15,
@@ -261,7 +261,7 @@ def quadruped_logs(
     """
     check_one_of("rate", rate, RATES, " Hz")
     check_one_of("columns", columns, get_args(Columns))
-    sensor = Sensor(noise, quantisation, dropouts)
+    sensor = Probe(noise, quantisation, dropouts)
     planned = runs if isinstance(runs, Mapping) else plan(runs, seed)
     robot = quadruped(hidden, seed=seed, physics=physics, scatter=scatter)
     robot.check_runs(planned)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
-from .motion import Segment
+from .motion import Bout
 from .robot import check_one_of, stream
 
 CUTOUT, RESUME = 65.0, 50.0  # degC
@@ -20,7 +20,7 @@ WARM_UP = 420  # s of trot with 4 kg, without a log, before the robot is left to
 
 
 @dataclass(frozen=True)
-class Run:
+class Job:
     """What happens in one log.
 
     Args:
@@ -36,11 +36,11 @@ class Run:
         resume: degC below which all of them must be to switch on again; ``None`` for never in this run.
     """
 
-    segments: tuple[Segment, ...]
+    segments: tuple[Bout, ...]
     ambient: float = 25.0
     carried: bool = False
     gap: int = GAP
-    lead: tuple[Segment, ...] = ()
+    lead: tuple[Bout, ...] = ()
     start: float | None = None
     cutout: float | None = CUTOUT
     resume: float | None = None
@@ -69,7 +69,7 @@ _DIAGONALS = {"RF_LR": ("FR", "RL"), "LF_RR": ("FL", "RR")}
 _TROTS = {"trot_low": 0.2, "trot_medium": 0.5, "trot_high": 1.0}
 
 
-def protocol(seed: int = 0) -> dict[str, Run]:
+def protocol(seed: int = 0) -> dict[str, Job]:
     """Return the 25 runs of [QuadrupedLPTN, table 1], 1800 s each, one after the other.
 
     "unpowered"; "<joint>_<diagonal>_<torque>Nm" for abd, hip and knee (the URDF's hip, thigh and calf) of the
@@ -77,58 +77,56 @@ def protocol(seed: int = 0) -> dict[str, Run]:
     right after a loaded trot that has no log. At 65 degC a trot is over; single joints pause until they are
     below 50 degC.
     """
-    single: dict[str, Segment] = {}
+    single: dict[str, Bout] = {}
     for diagonal, legs in _DIAGONALS.items():
         for word, part in _WORDS.items():
             joints = tuple(f"{leg}_{part}" for leg in legs)
             for torque in _TORQUES[word]:
-                single[f"{word}_{diagonal}_{torque}Nm"] = Segment(
-                    "hold", RUN_SECONDS, joints=joints, torque=float(torque)
-                )
-    acts, names = {"unpowered": Segment("rest", RUN_SECONDS)}, list(single)
+                single[f"{word}_{diagonal}_{torque}Nm"] = Bout("hold", RUN_SECONDS, joints=joints, torque=float(torque))
+    acts, names = {"unpowered": Bout("rest", RUN_SECONDS)}, list(single)
     # A trot after seven single joints: so each begins with a body that the one before hasn't left hot.
     for k, (name, speed) in enumerate(_TROTS.items()):
         acts |= {one: single[one] for one in names[7 * k : 7 * k + 7]}
-        acts[name] = Segment("trot", RUN_SECONDS, speed)
-    acts["cooling"] = Segment("rest", RUN_SECONDS)
+        acts[name] = Bout("trot", RUN_SECONDS, speed)
+    acts["cooling"] = Bout("rest", RUN_SECONDS)
     return _in_turn({name: (act,) for name, act in acts.items()}, seed, "protocol", GAP)
 
 
-def conditions(seed: int = 0) -> dict[str, Run]:
+def conditions(seed: int = 0) -> dict[str, Job]:
     """Return the conditions of [QuadrupedLPTN, table 3; multi-gait test].
 
     Another day, with an hour of rest before each, and a loaded trot without a log before "cooling".
     """
     multi = (("stand", 0.0, 0.0), ("stand", 0.0, 4.0), ("trot", 0.2, 2.0), ("trot", 0.2, 4.0), ("walk", 0.2, 4.0))
     acts = {
-        "stand": (Segment("stand", RUN_SECONDS),),
-        "trot_0kg_low": (Segment("trot", RUN_SECONDS, 0.2),),
-        "trot_0kg_high": (Segment("trot", RUN_SECONDS, 1.0),),
-        "trot_4kg_low": (Segment("trot", RUN_SECONDS, 0.2, 4.0),),
-        "walk_4kg": (Segment("walk", RUN_SECONDS, 0.2, 4.0),),
-        "cooling": (Segment("rest", RUN_SECONDS),),
-        "multi_gait": tuple(Segment(act, RUN_SECONDS // 5, speed, load) for act, speed, load in multi),
+        "stand": (Bout("stand", RUN_SECONDS),),
+        "trot_0kg_low": (Bout("trot", RUN_SECONDS, 0.2),),
+        "trot_0kg_high": (Bout("trot", RUN_SECONDS, 1.0),),
+        "trot_4kg_low": (Bout("trot", RUN_SECONDS, 0.2, 4.0),),
+        "walk_4kg": (Bout("walk", RUN_SECONDS, 0.2, 4.0),),
+        "cooling": (Bout("rest", RUN_SECONDS),),
+        "multi_gait": tuple(Bout(act, RUN_SECONDS // 5, speed, load) for act, speed, load in multi),
     }
     return _in_turn(acts, seed, "tests", PAUSE)
 
 
-def _in_turn(acts: dict[str, tuple[Segment, ...]], seed: int, day: str, gap: int) -> dict[str, Run]:
+def _in_turn(acts: dict[str, tuple[Bout, ...]], seed: int, day: str, gap: int) -> dict[str, Job]:
     """Return runs that carry their temperatures over; the room warms and cools by 1.5 K over the day."""
     morning = 24.5 + stream(seed, "day", day).uniform(-1, 1)
     runs = {}
     for k, (name, segments) in enumerate(acts.items()):
         ambient = round(morning + 1.5 * math.sin(math.pi * k / len(acts)), 1)
-        lead = (Segment("trot", WARM_UP, 0.2, 4.0),) if name == "cooling" else ()
+        lead = (Bout("trot", WARM_UP, 0.2, 4.0),) if name == "cooling" else ()
         resume = RESUME if segments[0].activity == "hold" else None
-        runs[name] = Run(segments, ambient, carried=k > 0, gap=gap, lead=lead, resume=resume)
+        runs[name] = Job(segments, ambient, carried=k > 0, gap=gap, lead=lead, resume=resume)
     return runs
 
 
 Plan = Literal["protocol", "tests"]
-PLANS: dict[str, Callable[[int], dict[str, Run]]] = {"protocol": protocol, "tests": conditions}
+PLANS: dict[str, Callable[[int], dict[str, Job]]] = {"protocol": protocol, "tests": conditions}
 
 
-def plan(name: Plan, seed: int = 0) -> dict[str, Run]:
+def plan(name: Plan, seed: int = 0) -> dict[str, Job]:
     """Return the runs of this name.
 
     Args:

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .heat import REFERENCE, Network
+from .heat import REFERENCE, Balance
 from .robot import Array, Robot, stream
 
 HOT_SPOT = 3.0  # s, time constant of a hot spot
 
 
 @dataclass(frozen=True)
-class Sensor:
+class Probe:
     """How temperatures are read.
 
     Args:
@@ -48,7 +48,7 @@ class Sensor:
         return np.where(chance < self.dropouts, np.nan, readings)
 
 
-def noise_free_readings(network: Network, states: Array, copper: Array) -> Array:
+def noise_free_readings(network: Balance, states: Array, copper: Array) -> Array:
     """Return what the sensors would show (degC) at 0, 1, … s, of shape (seconds + 1, nodes with a sensor).
 
     Args:
@@ -88,7 +88,7 @@ def lagged(temperature: Array, lag: Array) -> Array:
     return result
 
 
-def _hot_spots(network: Network, states: Array, copper: Array) -> Array:
+def _hot_spots(network: Balance, states: Array, copper: Array) -> Array:
     """Return what hot spots have above the mass around them, K: at zero when the run begins."""
     from scipy.signal import lfilter
 
