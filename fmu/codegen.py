@@ -266,7 +266,7 @@ def integration(component: Component, solver: str, step: float | None) -> Integr
     ros2_step = 0.1  # s; of second order, so no longer than this where no step is given
     if solver == "ros2":
         return Integration("ros2", step or ros2_step, fastest)
-    exact = 0.05  # step over fastest time constant at which RK4 errs by 5e-8 of a mode
+    exact = 0.05  # step over fastest time constant at which RK4 is off by 5e-8 of a mode
     longest = 1.0  # s; no robot's load keeps still for longer
     if step is None:
         return Integration("rk4", _rounded_down(min(longest, exact * fastest)), fastest)

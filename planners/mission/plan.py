@@ -1,4 +1,4 @@
-"""A mission answered: the fastest plan, or what gives way; the bottleneck and its price."""
+"""A mission answered: the fastest plan, or what is given up; the bottleneck and its price."""
 
 from __future__ import annotations
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from pathlib import Path
-from typing import cast
+from typing import cast, get_args
 
 import numpy as np
 import pytest
@@ -26,6 +26,7 @@ from lptn.identify.validation import holdout_errors
 from lptn.model.network import EffectDeclaration
 from lptn.report.narrative import details, narrative, removed_in_words, short_name, size_in_words
 from lptn.report.pages import conditions_picture
+from lptn.report.sentences import Label
 from lptn.report.shown import heat_fields
 from lptn.report.tables import history_table
 from lptn.report.text import certainty, kelvin, percent, significant, size_text
@@ -329,3 +330,12 @@ def test_a_size_is_a_multiple_or_a_percentage_of_the_typical_one(missing: Told, 
     resized = replace(declared, parameters=(replace(power, typical=usual * step.amplitude.value),))
     network = step.fit.model.network.without_effect(*step.key).with_effects([resized])
     assert said in size_in_words(step, continued(step.fit, network))
+
+
+@pytest.mark.parametrize("label", get_args(Label))
+def test_the_page_on_verdicts_explains_every_label(label: str) -> None:
+    page = (ROOT / "src/site/pages/how_to/verdict.md").read_text(encoding="utf-8")
+    explained = {
+        name.strip() for line in page.splitlines() if line.startswith("| ") for name in line.split("|")[1].split(",")
+    }
+    assert label in explained

@@ -69,7 +69,7 @@ class Advice:
     Args:
         experiment: the run that best tells the names of one answer apart; `None` for one name, or where no run is
             possible.
-        heat: each stretch of time in which the last model surely lacks heat, or has too much, the surest first.
+        heat: each interval in which the last model significantly lacks heat or has too much, the clearest first.
         detectable: the smallest size of each effect that the data would show, the easiest to see first.
         differing: held-out runs in which one parameter seems to differ.
         learned: what the unexplained heat goes with, and the curve; `None` where all is explained, no heat is sure, or

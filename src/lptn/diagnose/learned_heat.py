@@ -177,7 +177,7 @@ def _likeliest(
         heat: of the fitted model.
         data: as in `learned_curve`.
         beside: whether it has effects that the given model lacks.
-        most: nodes that are asked, those whose heat is surest: a heat without a name spreads from its place.
+        most: nodes that are tested, those with the most significant heat: unnamed heat spreads from its place.
         least: share of the heat that an input must explain to be named.
     """
     nodes = dict.fromkeys(peak.node for peak in stretches(heat.unexplained))

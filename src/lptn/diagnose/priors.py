@@ -22,7 +22,7 @@ def in_occams_window(probabilities: FloatArray) -> list[int]:
 
 
 _ERRORS_ALIKE = 0.1
-"""How usual the same error of several sensors is beside an error of one. A defect befalls single sensors; to drift
+"""How usual the same error of several sensors is beside an error of one. Defects are of single sensors; to drift
 alike, or to be off alike, they need a cause in common, such as the supply of all their bridges."""
 _ONE_OF_LIKES = 0.3
 """How usual it is of one place alone, beside others like it, to have what follows from how it is built: as other rare

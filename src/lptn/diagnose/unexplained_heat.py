@@ -203,7 +203,7 @@ class WanderingHeat:
 
 
 def stretches(runs: Sequence[UnexplainedHeat]) -> list[HeatPeak]:
-    """All stretches of time in which a node's heat lies beyond its band, and somewhere surely; the surest first."""
+    """All intervals in which a node's heat leaves its band, somewhere significantly; the most significant first."""
     found = []
     for run in runs:
         for row, node in enumerate(run.nodes):
@@ -322,7 +322,7 @@ def means_in_blocks(values: FloatArray, run: Run, time: FloatArray, seconds: flo
 def _variance(predicted: FloatArray, counts: FloatArray, fit: Fit, rows: IntArray, size: int) -> FloatArray:
     """Variance of independent errors of each block's mean reading that hide a slow heat as well as a sensor does [K²].
 
-    A coarse sensor errs the same way until the temperature has crossed a step, so errors of neighbouring blocks are one
+    A coarse sensor is off to one side until the temperature crosses a step, so errors of neighbouring blocks are one
     error. How much of it stays for minutes is worked out by rounding the model's own readings.
 
     Args:

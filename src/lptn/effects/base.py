@@ -230,7 +230,7 @@ class Effect(ABC):
     one_place_a_pattern: ClassVar[bool] = False
     """Whether a pattern of nodes is one place, and not one place for each node."""
     single_defect: ClassVar[bool] = False
-    """Whether it is a defect that befalls one place, and not several alike: it is looked for at each place alone."""
+    """Whether it is a defect of single places, which is tested at each place alone."""
     alike: ClassVar[bool] = False
     """Whether it follows from how parts are built, and what of: one of several like places rarely has it alone."""
     in_all_pairs: ClassVar[bool] = True

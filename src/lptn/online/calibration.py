@@ -126,7 +126,7 @@ def uncalibrated(model: Model, runs: Sequence[Run], rmse: float | None) -> Calib
     capacities = model.values[[model.network.capacities[node] for node in model.nodes]]
     heats = np.concatenate([warming_by_loads(model, bound) for bound in bound_runs], axis=1) * capacities[:, None]
     loaded = heats[heats.any(axis=1)]
-    # Heat of a watt for each kelvin that the fit errs, or as wrong a share of the loads' as the model's parameters.
+    # A watt of heat for each kelvin of the fit's error, or as large a share of the loads' heat as parameters are off.
     of_loads = MODEL_OFF * float(np.sqrt(np.square(loaded).mean())) if loaded.size else 0.0
     size = max(_FIRST_SIZES["heat"], rmse or 0.0, of_loads)
     inputs = {column: _FIRST_INPUT for column in model.inputs if column.startswith("temperature.")}
