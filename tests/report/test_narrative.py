@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import cast, get_args
 
 import numpy as np
@@ -24,7 +25,15 @@ from lptn.identify.comparison import Comparison, compare
 from lptn.identify.fitting import finished
 from lptn.identify.validation import holdout_errors
 from lptn.model.network import EffectDeclaration
-from lptn.report.narrative import details, narrative, removed_in_words, short_name, size_in_words
+from lptn.online.monitoring import Monitoring
+from lptn.report.narrative import (
+    details,
+    monitoring_narrative,
+    narrative,
+    removed_in_words,
+    short_name,
+    size_in_words,
+)
 from lptn.report.pages import conditions_picture
 from lptn.report.sentences import Label
 from lptn.report.shown import heat_fields
@@ -339,3 +348,39 @@ def test_the_page_on_verdicts_explains_every_label(label: str) -> None:
         name.strip() for line in page.splitlines() if line.startswith("| ") for name in line.split("|")[1].split(",")
     }
     assert label in explained
+
+
+def _watched(run: str, error: float, **kinds: str) -> SimpleNamespace:
+    called = [SimpleNamespace(node=node, channel="", kind=kind) for node, kind in kinds.items()]
+    largest = {"hip": error, "knee": error / 2}
+    return SimpleNamespace(
+        run=SimpleNamespace(name=run), threshold_alarms=[], statistical_alarms=called, largest_error=largest
+    )
+
+
+@pytest.mark.parametrize(
+    ("runs", "hours", "said"),
+    [
+        ((_watched("one", 1.2),), 2.0, ["No alarm in one.", "1.20 K at hip in one", "come from 2 h"]),
+        ((_watched("one", 9.0, knee="drift"),), 0.0, ["Alarm at knee (drift) in one.", "", "are guesses"]),
+        (
+            (_watched("one", 9.0, hip="stuck", knee="drift"), _watched("two", 0.5), _watched("three", 0.7)),
+            1.0,
+            ["Alarm at hip (stuck) and knee (drift) in one. No alarm in two and three.", "0.700 K at hip in three", ""],
+        ),
+        (
+            tuple(_watched(f"day{n}", 1.0) for n in range(9)),
+            1.0,
+            ["No alarm in day0, day1, day2 and 6 others.", "", ""],
+        ),
+    ],
+)
+def test_monitored_logs_are_said_in_three_sentences(
+    runs: tuple[SimpleNamespace, ...], hours: float, said: list[str]
+) -> None:
+    result = SimpleNamespace(runs=runs, calibration=SimpleNamespace(healthy_hours=hours))
+    told = {each.label: each.text for each in monitoring_narrative(cast("Monitoring", result))}
+    assert told["Verdict"] == said[0]
+    assert ("Largest error" in told) == any(not watched.statistical_alarms for watched in runs)
+    assert said[1] in told.get("Largest error", "")
+    assert said[2] in told["Uncertainty"]

@@ -110,21 +110,15 @@ _UNITS = {"offset": "K", "drift": "K/s", "lag": "s"}
 
 
 def _show_monitoring(result: Monitoring) -> None:
-    """A line for each sensor with an alarm: what both detectors say of it, and when."""
-    from lptn.cli.terminal import show_table
+    """What is wrong, and a line for each sensor with an alarm: what both detectors say of it, and when."""
+    from lptn.cli.terminal import is_quiet, show_table
+    from lptn.report.narrative import monitoring_narrative
 
+    print(monitoring_narrative(result))
     rows = [cells for watched in result.runs for cells in _rows(watched)]
-    if rows:
+    if rows and not is_quiet():
         show_table(("run", "sensor", "fault", "size", "since", "statistical", f"over {result.threshold:g} K"), rows)
         print("Times are in s on each log's clock, or since its start where that clock counts from 1970.")
-    for watched in result.runs:
-        if not (watched.threshold_alarms or watched.statistical_alarms):
-            node = max(watched.largest_error, key=watched.largest_error.__getitem__)
-            print(f"{watched.run.name}: no alarm; largest error {watched.largest_error[node]:.3g} K, {node}.")
-    hours = result.calibration.healthy_hours
-    learnt = f"come from {hours:.3g} h of healthy logs"
-    guessed = "are guesses; pass the logs of the fit as --healthy to calibrate them"
-    print(f"The statistical detector's limits {learnt if hours else guessed}.")
 
 
 def _rows(watched: MonitoredRun) -> Iterator[list[str]]:

@@ -57,6 +57,7 @@ from lptn.simulate.bound_run import bind
 
 if TYPE_CHECKING:
     from lptn.online.forecasting import Forecast
+    from lptn.online.monitoring import MonitoredRun, Monitoring
 
 HELPED = 0.99
 """The share of the error below which an error is called smaller."""
@@ -389,6 +390,40 @@ def _first_limit(ahead: Forecast) -> str:
         text = f"Nearest to it is {nearest.node}{settles}; its limit is {nearest.limit:g} °C"
         texts.append(f"No node reaches its limit. {text}.")
     return " ".join(texts)
+
+
+# --- monitored logs -----------------------------------------------------------------------------------------------
+
+
+def monitoring_narrative(result: Monitoring) -> Narrative:
+    """Which sensors and inputs have alarms, the largest error of logs without one, and where the limits are from."""
+    alarms = {watched.run.name: _alarms_of(watched) for watched in result.runs}
+    quiet = [watched for watched in result.runs if not alarms[watched.run.name]]
+    faulty = [f"{few(names, FEW)} in {run}" for run, names in alarms.items() if names]
+    sound = [watched.run.name for watched in quiet]
+    verdict = [f"{begin} {few(logs, FEW)}." for begin, logs in (("Alarm at", faulty), ("No alarm in", sound)) if logs]
+    said = [Sentence("Verdict", " ".join(verdict))]
+    if quiet:
+        error, node, run = max(
+            (error, node, one.run.name) for one in quiet for node, error in one.largest_error.items()
+        )
+        said.append(Sentence("Largest error", f"{kelvin(error)} at {node} in {run}, which has no alarm."))
+    said.append(Sentence("Uncertainty", f"The statistical detector's limits {_source_of_limits(result)}."))
+    return Narrative(said)
+
+
+def _source_of_limits(result: Monitoring) -> str:
+    hours = result.calibration.healthy_hours
+    if hours:
+        return f"come from {hours:.3g} h of healthy logs"
+    return "are guesses; pass the logs of the fit as --healthy to calibrate them"
+
+
+def _alarms_of(watched: MonitoredRun) -> list[str]:
+    """Sensors and inputs with alarms, each with its kind, which the statistical detector knows better."""
+    alarms = (*watched.threshold_alarms, *watched.statistical_alarms)
+    kinds = {alarm.channel or alarm.node: alarm.kind for alarm in alarms}
+    return [f"{name} ({kind})" for name, kind in kinds.items()]
 
 
 # --- logs, before any fit -------------------------------------------------------------------------------------
