@@ -29,6 +29,7 @@ def test_help_has_an_example_that_is_understood(command: str, capsys: pytest.Cap
     said = _help(command, capsys)
     examples = _EXAMPLE.findall(said)
     assert examples
+    assert not re.search(r"default: (None|False)?\]", said)  # what says nothing
     for example in examples:
         words = shlex.split(example)
         assert not command or words[0] == command

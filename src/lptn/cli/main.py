@@ -49,7 +49,7 @@ app = cyclopts.App(
 
     Example: lptn improve leg.toml monday.parquet --holdout friday.parquet -o better.toml --report story.html""",
     help_format="plaintext",
-    default_parameter=Option(show_default=lambda value: None if value is False else str(value)),
+    default_parameter=Option(show_default=lambda value: None if value in (None, "", False) else str(value)),
     suppress_keyboard_interrupt=False,  # `main` says what becomes of the files
 )
 for _command in (

@@ -141,7 +141,8 @@ class Data(HeldOut):
     surface_error: Annotated[
         float | None,
         Option(
-            help="Relative standard error of a surface's heat loss in each run; 0.03 by default, 0 in still air.",
+            help="Relative standard error of a surface's heat loss in each run; 0.03 by default, "
+            "0 in still or logged air.",
             validator=validators.Number(gte=0),
         ),
     ] = None
