@@ -144,3 +144,12 @@ def test_a_load_of_another_size_from_the_beginning_is_called_without_healthy_log
     wrongly, called = blamed(7, "untaught", ["healthy", "current off"], robot=robot)
     assert wrongly == {}
     assert called == {"current off"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("robot", "seed", "sensors"), [("leg", 1, "steps"), ("leg", 6, "steps"), ("leg", 7, "usual")])
+def test_a_load_that_is_logged_as_none_is_not_put_on_the_air(robot: str, seed: int, sensors: str) -> None:
+    """The air was weighed beside loads near one node alone, and blamed; where a load explained more, nobody was."""
+    wrongly, called = blamed(seed, "untaught", ["healthy", "current 0", "air 8 K too warm"], sensors, robot)
+    assert wrongly == {}
+    assert called == {"current 0", "air 8 K too warm"}

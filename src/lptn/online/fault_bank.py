@@ -314,9 +314,13 @@ def loads(model: Model) -> dict[str, str]:
             if quantity in INPUTS and place in model.nodes}  # fmt: skip
 
 
-def suspects(model: Model, node: str) -> list[str]:
-    """The inputs that lead a node's temperature astray: loads of its own and of its neighbours, and the air."""
+def suspects(model: Model, node: str, channel: str = "") -> list[str]:
+    """The inputs that lead a node's temperature astray: loads of its own and of its neighbours, and the air.
+
+    Where the air is suspected, which touches all nodes, any load may look like it.
+    """
     near = {node, *(end for link in model.network.resistors if node in link.ends for end in link.ends)}
+    near |= loads(model).keys() if channel.startswith("temperature.") else set()
     own = [column for place, column in sorted(loads(model).items(), key=lambda one: one[0] != node) if place in near]
     return own + [column for column in model.inputs if column.startswith("temperature.")]
 
@@ -560,7 +564,7 @@ def _attributed(given: Suspicion, alarm: Alarm, called: Collection[str], taught:
     alone = not np.isfinite(np.delete(given.measured, row, axis=0)).any()
     least = DECIDES if alone else best.gain - DECIDES
     likely = [answer for answer in (best, *rivals) if answer.gain > least]
-    if alarm.channel and alarm.channel not in {answer.what for answer in likely}:
+    if alarm.channel and likely == [sensor]:
         return [], given  # sensors are called by what they read themselves
     if best.gain <= DECIDES or any(answer.what in called for answer in likely):
         return [], given if alarm.channel else without
@@ -582,7 +586,7 @@ def undecided(alarm: Alarm, what: str) -> Alarm:
 def _inputs(given: Suspicion, alarm: Alarm) -> Iterator[_Answer]:
     """A load that is wrong, at the node or near it, or the air; of the likeliest load the size, too."""
     model, onset = given.model, alarm.onset
-    freed = {column: given.with_unknown_input(column) for column in suspects(model, alarm.node)}
+    freed = {column: given.with_unknown_input(column) for column in suspects(model, alarm.node, alarm.channel)}
     driving = freed.keys() & loads(model).values()
     likeliest = max(driving, key=lambda column: freed[column].nats(onset), default="")
     for column, trial in freed.items():
