@@ -159,6 +159,31 @@ def test_the_air_may_be_colder_than_all_that_it_surrounds(constant: float, outsi
     assert [issue.sentence for issue in issues] == []
 
 
+LAB = "temperature.lab"
+
+
+def _in_a_lab(air: Array, knee: Array | None = None) -> tuple[Issue, ...]:
+    """What is said of a knee whose surroundings are a node of the model with a given temperature."""
+    time, current, true = _knee()
+    readings = true + np.random.default_rng(0).normal(0, 0.05, time.size) if knee is None else knee
+    log = _log(time, current, readings).drop(columns="temperature.ambient").assign(**{LAB: air.round(2)})
+    return read_log(log, inputs=["current.knee", LAB], outputs=[KNEE], strict=False)[0].issues
+
+
+def test_surroundings_by_another_name_are_the_air() -> None:
+    time, _, true = _knee()
+    noise = np.random.default_rng(1).normal(0, 0.02, time.size)
+    outdoors = np.where(time < 900, 25.0, -5 + 30 * _dies(time - 900, 90))
+    assert _in_a_lab(outdoors) == ()
+    assert _in_a_lab(np.full(time.size, 25.0)) == ()  # people write one number for a room
+    (issue,) = _in_a_lab(25 + 0.3 * (true - 25) + noise)
+    assert (issue.key, issue.kind) == (LAB, "follows")
+    (issue,) = _in_a_lab(25 + noise, np.where(time < 1800, true, 25 + 15 * _dies(time - 1800, 100)) + noise[::-1])
+    assert (issue.key, issue.kind) == (KNEE, "disconnected")
+    (issue,) = _in_a_lab(25 + noise, np.round(true) + 40)
+    assert (issue.key, issue.kind) == (KNEE, "offset")
+
+
 def test_a_jump_of_all_channels_is_said_of_each_and_the_log_is_cut_where_the_air_jumps() -> None:
     time, current, true = _knee()
     rng = np.random.default_rng(5)

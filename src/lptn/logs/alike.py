@@ -12,7 +12,7 @@ import numpy as np
 
 from lptn.basics.arrays import FloatArray
 from lptn.logs.channels import FEWEST, Channels, spans
-from lptn.logs.columns import AMBIENT, HEATS, place_of
+from lptn.logs.columns import HEATS, place_of
 from lptn.logs.issue import Issue
 from lptn.logs.law import TOLD, heat_told, warming
 
@@ -73,7 +73,7 @@ def duplicates(log: Channels) -> dict[str, str]:
         exactly = _moves_alike(log.values[key], log.values[earlier])
         return exactly or (log.block >= _ROWS and _shares_noise(log, key, earlier))
 
-    return _pairs(log, [key for key in log.of("temperature") if key != AMBIENT], is_one)
+    return _pairs(log, [key for key in log.of("temperature") if key != log.air], is_one)
 
 
 def copies_in(log: Channels, twice: Mapping[str, str]) -> list[Issue]:

@@ -12,7 +12,7 @@ import pandas as pd
 
 from lptn.basics.arrays import BoolArray, FloatArray, IntArray
 from lptn.logs.clock import counted_from, stretch_in_words
-from lptn.logs.columns import HEATS, ColumnSource, as_line_or_option, place_of, quantity_of
+from lptn.logs.columns import AMBIENT, HEATS, ColumnSource, as_line_or_option, place_of, quantity_of
 from lptn.logs.resampling import means_of_blocks
 
 # --- Stretches of rows ----------------------------------------------------------------------------
@@ -145,6 +145,7 @@ class Channels:
         numbers: the file's columns, (n,) each, as they stand there.
         units: what a row of units in the file says of a column.
         where: a row's place in the file, in words, where each row has one.
+        air: the temperature of what surrounds the robot, whether it is logged or not.
         known_means: `means` that were asked for already.
     """
 
@@ -153,6 +154,7 @@ class Channels:
     numbers: Mapping[str, FloatArray] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
     where: Callable[[int], str] | None = None
+    air: str = AMBIENT
     known_means: dict[str, FloatArray] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

@@ -23,7 +23,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from lptn.basics.arrays import BoolArray, FloatArray, IntArray
 from lptn.logs.channels import GAP, SHORTEST, STILL, Channels, spans, standing
-from lptn.logs.columns import AMBIENT, place_of
+from lptn.logs.columns import place_of
 from lptn.logs.scatter import MAD_TO_SIGMA
 
 _FEWEST = 30  # blocks that tell a law
@@ -90,7 +90,7 @@ def warming(log: Channels, key: str, load: str) -> Warming | None:
     if log.block == 0 or not np.isfinite(log.means(key)).any():
         return None
     warm, speed = log.means(key), f"velocity.{place_of(load)}"
-    around = {AMBIENT: np.zeros(warm.size)}  # where no air is logged
+    around = {log.air: np.zeros(warm.size)}  # where no air is logged
     for other in (other for other in log.of("temperature") if other != key):
         read = log.means(other)
         if np.isnan(read).any():  # what is read more seldom than once a block lies between its readings
@@ -243,9 +243,9 @@ def against_heat(log: Channels, key: str, load: str, resolution: float) -> list[
 
 def _at_the_air(log: Channels, key: str, resolution: float) -> list[tuple[int, int]]:
     """Stretches in which a temperature is that of the air after it was warmer, and before in which it falls to it."""
-    if AMBIENT not in log.values or key == AMBIENT:
+    if log.air not in log.values or key == log.air:
         return []
-    warmth, rises = log.means(key) - log.means(AMBIENT), np.diff(log.means(key))
+    warmth, rises = log.means(key) - log.means(log.air), np.diff(log.means(key))
     cold = (np.abs(warmth) < _AT_AIR) & np.logical_or.accumulate(warmth > _WARM)
     stretches = []
     for begin, end in spans(cold):

@@ -14,7 +14,7 @@ import numpy as np
 
 from lptn.basics.arrays import BoolArray, FloatArray, IntArray
 from lptn.logs.channels import FEWEST, SHORTEST, Channels, Silence, spans
-from lptn.logs.columns import AMBIENT, place_of
+from lptn.logs.columns import place_of
 
 _MOST = 2000  # stretches; in more pieces a channel is noise, and nothing is known of it
 _SAMPLE = 100_000  # moves, of which the usual one is taken
@@ -75,11 +75,11 @@ class _Part:
         self.stamps, self.readings = log.time[there], readings
         others = [sensor for other, sensor in log.sensors.items() if other != key]
         self.start = float(np.median([sensor.first for sensor in others])) if others else np.nan
-        self.coldest = min((sensor.low for sensor in others), default=-np.inf) if key != AMBIENT else _WINTER
+        self.coldest = min((sensor.low for sensor in others), default=-np.inf) if key != log.air else _WINTER
         load, step = log.loads.get(place_of(key)), log.sensors[key].step
         self.heat = None if load is None else np.square(np.nan_to_num(load[there]))
         # All heat that is put in is logged, so that what moves otherwise is no part; into the air none is put.
-        self.is_known = load is not None or key == AMBIENT
+        self.is_known = load is not None or key == log.air
         apart, moves = np.diff(self.stamps), np.abs(np.diff(readings))
         thin = max(1, apart.size // _SAMPLE)
         every = float(np.median(apart[::thin]))

@@ -17,7 +17,6 @@ from lptn.logs.alike import copies_in
 from lptn.logs.channels import Channels, Silence
 from lptn.logs.clock import FEWEST_ROWS
 from lptn.logs.columns import (
-    AMBIENT,
     HEATS,
     INPUTS,
     ColumnSource,
@@ -74,7 +73,7 @@ def silent_channels(log: Channels, predicted: Collection[str]) -> dict[str, list
         if log.sources[key].how == "mean":  # half a dead sensor looks alive
             silent[key] = []
             for part in log.sources[key].parts():
-                alone = silences_of(Channels({"time": log.time, key: part.values(key, log.numbers)}))
+                alone = silences_of(Channels({"time": log.time, key: part.values(key, log.numbers)}, air=log.air))
                 silent[key] += [replace(one, column=part.columns[0]) for one in alone.get(key, [])]
     one_speaks = any(not any(one.whole for one in silent.get(key, [])) for key in predicted)
 
@@ -186,7 +185,7 @@ def _suspect_gains(log: Channels, said: Collection[str]) -> list[Issue]:
     issues = list[Issue]()
     if "time" in said:
         return issues
-    told = Channels({key: x for key, x in log.values.items() if key not in said})
+    told = Channels({key: x for key, x in log.values.items() if key not in said}, air=log.air)
     for key in [key for quantity in HEATS for key in told.of(quantity)]:
         part = f"temperature.{place_of(key)}"
         change = gain_change(told, part, key) if part in told.values and not log.is_believed(key) else None
@@ -213,10 +212,10 @@ _MOST_FOLLOWED = 1.0  # of a joint's warmth: what moves farther moves the joint
 
 def _suspect_ambient(log: Channels) -> list[Issue]:
     """An ambient sensor that is warmed by a joint: it goes with how much the joint is warmer than it."""
-    if AMBIENT not in log.values or log.is_believed(AMBIENT) or log.block == 0:
+    if log.air not in log.values or log.is_believed(log.air) or log.block == 0:
         return []
     for key in log.of("temperature"):
-        table = np.stack([log.means("time"), log.means(AMBIENT), log.means(key) - log.means(AMBIENT)])
+        table = np.stack([log.means("time"), log.means(log.air), log.means(key) - log.means(log.air)])
         time, *both = table[:, np.isfinite(table).all(axis=0)]
         if time.size < FEWEST_ROWS or min(np.ptp(x) for x in both) < _LEAST_FOLLOWED:
             continue
@@ -228,8 +227,8 @@ def _suspect_ambient(log: Channels) -> list[Issue]:
             problem = f"rises with {key}, by {slope:.2g} K for each kelvin that this is warmer"
             remedy = "is the sensor near that joint? What leaves to the air can't be fitted with it; use one further "
             remedy += 'away, or, for a log that begins at rest, ambient = "start" under [model]; if the room itself is '
-            remedy += f"warmed, write {log.believed(AMBIENT)}"
-            return [Issue(AMBIENT, log.sources[AMBIENT].columns[0], problem, remedy, False, kind="follows")]
+            remedy += f"warmed, write {log.believed(log.air)}"
+            return [Issue(log.air, log.sources[log.air].columns[0], problem, remedy, False, kind="follows")]
     return []
 
 
@@ -257,7 +256,7 @@ def issues_of(
             of_column = _suspect_power(log, key)
         issues += [*of_column, *_suspect_silence(log, key, said, predicted)]
     issues += [*copies_in(log, twice), *_suspect_ambient(log)]
-    dead_air = any(one.whole for one in silent.get(AMBIENT, []))
+    dead_air = any(one.whole for one in silent.get(log.air, []))
     if not dead_air and not any(quantity_of(issue.key) == "temperature" and issue.kind == "unit" for issue in issues):
         issues += suspect_starts(log)
     return (*issues, *_suspect_gains(log, {issue.key for issue in issues}))

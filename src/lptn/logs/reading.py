@@ -20,6 +20,7 @@ from lptn.logs.bags import open_bag
 from lptn.logs.channels import Channels, quantisation_step
 from lptn.logs.clock import FEWEST_ROWS, check_time, in_order, within_stamps
 from lptn.logs.columns import (
+    AMBIENT,
     MEANS,
     SAMPLES,
     ColumnSource,
@@ -386,6 +387,9 @@ def _checked_samples(table: Table, choice: ColumnChoice, strict: bool) -> tuple[
     """The log's samples in SI and degC, notes, and what looks wrong."""
     log, notes = _channels(table, choice.sources)
     predicted = set(choice.outputs) - set(choice.inputs)
+    given = [key for key in log.of("temperature") if key not in predicted and not log.load_of(place_of(key))]
+    if AMBIENT not in given and len(given) == 1:  # called something else
+        log = replace(log, air=given[0])
     log, held = (log, []) if table.mixed else without_held_rows(log)
     silent = silent_channels(log, predicted)
     clean = log.without({key: [one for one in some if one.left_out] for key, some in silent.items()})

@@ -17,7 +17,7 @@ import numpy as np
 
 from lptn.basics.arrays import FloatArray
 from lptn.logs.channels import FEWEST, GAP, SHORTEST, STILL, Channels, Kind, Silence, standing, without_silent
-from lptn.logs.columns import AMBIENT, HEATS, place_of
+from lptn.logs.columns import HEATS, place_of
 from lptn.logs.law import against_heat
 from lptn.logs.passive import CODES, off
 from lptn.logs.scatter import off_their_neighbours, white_noise
@@ -196,14 +196,14 @@ def _still_throughout(log: Channels) -> dict[str, list[Silence]]:
     moving = [sensor for key, sensor in log.sensors.items() if key not in stuck]
     least = max(_MOVED_APART, *(_MOVED_STEPS * sensor.step for sensor in moving), 0.0)
     told, still = any(sensor.most - sensor.least > least for sensor in moving), dict[str, list[Silence]]()
-    if not told and log.block and stuck.keys() - {AMBIENT} == log.sensors.keys() - {AMBIENT}:
+    if not told and log.block and stuck.keys() | {log.air} == log.sensors.keys() | {log.air}:
         of_loads = [log.means(log.load_of(place)) for place in log.loads]
         few_most = [np.nanquantile(x, _FEW_OR_MOST) for x in of_loads if np.isfinite(x).any()]
         told = any(most > _WORKS * few for few, most in few_most)
     for key, value in stuck.items() if told else ():
         rows = np.isfinite(log.values[key])
         a_code = value in CODES and all(abs(sensor.first - value) > _FAR for sensor in moving)
-        if rows.sum() > 2 and _logged(log.time[rows])[-1] >= _STUCK and (key != AMBIENT or a_code):
-            kind: Kind = "dead" if key == AMBIENT else "frozen"
+        if rows.sum() > 2 and _logged(log.time[rows])[-1] >= _STUCK and (key != log.air or a_code):
+            kind: Kind = "dead" if key == log.air else "frozen"
             still[key] = [Silence.at(log.time, kind, value, rows, whole=True)]
     return still

@@ -17,7 +17,6 @@ from lptn.basics.arrays import FloatArray
 from lptn.logs.channels import Channels, quantisation_step
 from lptn.logs.clock import suspect_unit_of_time
 from lptn.logs.columns import (
-    AMBIENT,
     UNITS,
     ColumnName,
     ColumnSource,
@@ -177,7 +176,7 @@ def _suspect_temperature(log: Channels, key: str, readings: FloatArray) -> list[
     Nor does a part begin where no robot does, and in another unit than the one that is stated as warm as the air.
     """
     source, middle, can = log.sources[key], _middle(readings), PLAUSIBLE["temperature"]
-    raw, air = log.numbers[source.columns[0]], log.sensors[AMBIENT].first if AMBIENT in log.sensors else np.nan
+    raw, air = log.numbers[source.columns[0]], log.sensors[log.air].first if log.air in log.sensors else np.nan
     above = float(readings[0]) - air
     elsewhere = _OUTDOORS[0] < air < _OUTDOORS[1] and not -2 * _COLDER <= above <= _WARMER
     inside = middle < can.most and (middle > _COLDEST or source.unit is None)  # who fails at -127 is no other unit's
@@ -233,7 +232,7 @@ def _below_zero(source: ColumnSource, turn: float) -> ColumnSource:
 def _room(log: Channels, key: str) -> float | None:
     """Where a robot begins [degC] by the other sensors that read what one has: the air's, else the coldest of them."""
     told = {k: x.first for k, x in log.sensors.items() if k != key and _can_be(x.first) and _can_be(x.middle)}
-    return told.get(AMBIENT, min(told.values(), default=None))
+    return told.get(log.air, min(told.values(), default=None))
 
 
 def _begins(log: Channels, key: str, way: ColumnSource) -> float:
@@ -265,7 +264,7 @@ def _proposed(
             break
         for words, way in group.items():
             if np.isfinite(start := _begins(log, key, way)):
-                above = usual - start if key == AMBIENT else start - usual
+                above = usual - start if key == log.air else start - usual
                 fits = _OUTDOORS[0] <= start <= _OUTDOORS[1] if room is None else -_COLDER <= above <= _WARMER
                 near.append((not fits, abs(start - usual), words, way, start))
         near.sort(key=lambda one: one[:2])
@@ -353,7 +352,7 @@ def suspect_starts(log: Channels) -> list[Issue]:
     free = {key: x for key, x in sensors.items() if sources[key].unit is None and not log.is_believed(key)}
     starts = {key: sensor.first for key, sensor in sensors.items()}
     in_kelvin = any(sources[key].unit not in (None, "degF") for key in sensors)
-    warm_air = sensors[AMBIENT].middle if AMBIENT in free else -np.inf
+    warm_air = sensors[log.air].middle if log.air in free else -np.inf
     coldest, begun = min((x.least for x in free.values()), default=np.nan), [x.first for x in free.values()]
     # Sensors that begin apart are those of a robot that was warm.
     if not in_kelvin and _FAHRENHEIT[0] < coldest < _FAHRENHEIT[1] and np.ptp(begun) < 2 * _ALIKE:
@@ -363,15 +362,15 @@ def suspect_starts(log: Channels) -> list[Issue]:
             problem = "begins at {:.4g} degC, as all sensors do, and none of them ever cools: which looks like degF"
         certain |= warm_air > _NO_ROOM
         return [in_unit(key, sources[key], "degF", problem.format(starts[key]), certain=certain) for key in free]
-    if AMBIENT not in starts:
+    if log.air not in starts:
         return []
-    room = starts.pop(AMBIENT)
+    room = starts.pop(log.air)
     robot = float(np.median(list(starts.values()))) if starts else np.nan
     around = room - robot > _OVER_ROBOT and abs((room - 32) / 1.8 - robot) < _ALIKE and not in_kelvin
-    if AMBIENT in free and _FAHRENHEIT[0] < room < _FAHRENHEIT[1] and (around or warm_air > _WARM_ROOM):
+    if log.air in free and _FAHRENHEIT[0] < room < _FAHRENHEIT[1] and (around or warm_air > _WARM_ROOM):
         problem = f"surroundings of {room:.4g} degC around a robot that begins at {robot:.4g} degC, "
         problem += "which look like degF"
-        return [in_unit(AMBIENT, sources[AMBIENT], "degF", problem, certain=around or warm_air > _NO_ROOM)]
+        return [in_unit(log.air, sources[log.air], "degF", problem, certain=around or warm_air > _NO_ROOM)]
     # Sensors that begin warmer than the air and hardly cool: their parts were warm, or at rest as the air.
     above, evidence, issues = {key: start - room for key, start in starts.items()}, dict[object, float](), list[Issue]()
     warm = {k: x for k, x in above.items() if x > _COOLS and sensors[k].least > sensors[k].first - _COOLS}
@@ -393,7 +392,7 @@ def _suspect_rest(
     What a usual mistake makes of a robot at rest is doubted unless the log contradicts it. If all sensors of a robot
     begin alike, and no such mistake explains it, it is rather the air that is another's.
     """
-    source, room = log.sources[key], log.sensors[AMBIENT].first
+    source, room = log.sources[key], log.sensors[log.air].first
     offset = min(_OFFSETS, key=lambda one: abs(one - start))
     byte = _are_whole(log.values[key][np.isfinite(log.values[key])]) and -1.0 <= start - offset <= _ALIKE
     degf = start > _OVER_ROOM and abs(start - (0.8 * room + 32)) < 2 * _ALIKE
