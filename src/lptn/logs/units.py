@@ -185,16 +185,12 @@ def _suspect_temperature(log: Channels, key: str, readings: FloatArray) -> list[
     raw = raw[np.isfinite(raw)]
     counted, whole = _middle(raw) * source.scale, _are_whole(raw)
     turns = [source.wrap] if source.wrap else [turn for turn in _TURNS if turn / 2 <= raw.min() <= raw.max() < turn]
-    if source.unit is None:
-        ways = {"kelvin": replace(source, unit="K")}
-        if whole or counted > _MELTS + _KELVIN:
-            parts = {words: part for words, part in _PARTS.items() if counted * part > _NOT_FROZEN}
-            ways |= {f"{words} of a degree": _in_parts(source, part) for words, part in parts.items()}
-            ways |= {
-                f"{words} of a kelvin": replace(_in_parts(source, part), unit="K") for words, part in parts.items()
-            }
-    else:
-        ways = {words: replace(source, unit=unit) for words, unit in _UNITS.items() if unit != source.unit}
+    units = _UNITS if source.unit else {"kelvin": "K"}
+    ways = {words: replace(source, unit=unit) for words, unit in units.items() if unit != source.unit}
+    if whole or counted > _MELTS + _KELVIN:
+        parts = {words: _in_parts(source, part) for words, part in _PARTS.items() if counted * part > _NOT_FROZEN}
+        ways |= {f"{words} of a degree": replace(way, unit=None) for words, way in parts.items()}
+        ways |= {f"{words} of a kelvin": replace(way, unit="K") for words, way in parts.items()}
     if inside and not any(abs(_begins(log, key, way) - air) < _ALIKE for way in ways.values()):
         return []
     below = {"a number that began below 0": _below_zero(source, turns[0])} if whole and turns and not inside else {}
