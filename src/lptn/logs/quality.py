@@ -193,7 +193,7 @@ def _suspect_gains(log: Channels, said: Collection[str]) -> list[Issue]:
             start, stop = float(log.time[change.row]), float(log.time[-1])
             if change.ratio > 1 and not change.of_a_unit:
                 start, stop = float(log.time[0]), start
-            problem, remedy = f"about {log.when(start, stop)} it ", "say each part's unit"
+            problem, remedy = f"roughly {log.when(start, stop)} it ", "say each part's unit"
             if change.of_a_unit:
                 problem += f"heats {part} {change.ratio:.2g} times as much as before for its square, "
                 problem += "which looks like another unit from there on"
