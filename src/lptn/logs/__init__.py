@@ -1,7 +1,7 @@
 """Logs of robots, read into runs: uniform sampling, SI units, every fault said.
 
-Larger than its budget of 4,000 lines, for two reasons. Seven formats, each with clocks, names and units of its own,
-take more than half of it. The rest finds what is wrong with a log: a fit believes every reading, and some ninety ways
+The largest room, for two reasons. Seven formats, each with clocks, names and units of its own, take more than half of
+it. The rest finds what is wrong with a log: a fit believes every reading, and some ninety ways
 of being wrong look like physics to it. They are told by four comparisons: of a channel with itself (`silence`,
 `units`), with what a passive part can do (`passive`), with the law of its own heat (`law`), and with other channels
 (`alike`, `streams`). Each finding needs its place in the file and the line that corrects it. Of ten checks that were

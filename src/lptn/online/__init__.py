@@ -1,6 +1,6 @@
 """Temperatures and their uncertainty in real time; forecasts of the time to a limit, and faults of sensors.
 
-Larger than its budget of 2,300 lines, since a filter that believes its readings burns motors. Of 3,300 lines 1,200 are
+A large room, since a filter that believes its readings burns motors. Of 3,300 lines 1,200 are
 the filter, and whether each sensor is alive (`living_sensors`, which the controller's C repeats). Another 1,250 tell a
 wrong sensor from a wrong load, wrong air and a wrong model: rival hypotheses, each with a filter of its own
 (`fault_bank`), limits that healthy logs set (`calibration`), and what needs no filter (`monitoring`). The other 850
