@@ -56,10 +56,8 @@ _SAMPLED = 2.0  # s between readings: in more a small part goes on no longer
 _QUICK, _SLOW_LEAP = 10.0, 30.0  # s between readings: in more a winding may warm and cool again by any number; K, then
 _WINDOWS = (3.0, 10.0, 30.0)  # s, within which a filter, or a wire that corrodes, lets a channel leave
 _TAIL = 3  # times ten seconds, in which the rest of its way is lost in what is usual
-_BEFORE, _LAG = (
-    (20.0, 5.0),
-    2.0,
-)  # s, in which the heat before is meant, of slow and quick parts; by which a sensor lags
+_BEFORE = 20.0, 5.0  # s, over which the heat before is meant, of slow parts and of quick ones
+_LAG = 2.0  # s, by which a sensor lags
 _AS_LARGE, _NEARLY, _GAIN = 0.5, 0.9, 3.0  # of a change of heat; share of such moves; times the largest of these
 _BEGINNING, _QUICKER, _NEARLY_ALL = 60.0, 12.0, 0.98  # s; times what it does elsewhere; share of a channel's moves
 _EDGE = 5  # readings at the ends of a stretch, whose middle value is taken
