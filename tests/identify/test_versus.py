@@ -64,7 +64,7 @@ def test_json_and_page_name_both_models(result: Versus) -> None:
     assert written["models"] == ["leg", "single nodes"]
     page = versus_html(result, "leg against single nodes")
     assert "monday" in page
-    assert "of the other" in page
+    assert page.count("single nodes") > 2  # in the table's head as in the text
     assert "the model as given" not in page
 
 
