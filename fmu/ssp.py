@@ -273,12 +273,12 @@ def _check_connections(pairs: Iterable[Connection], opened: Mapping[str, Unpacke
     driven: set[tuple[str, str]] = set()
     for pair in pairs:
         units = []
-        for (component, name), wanted in ((pair.start, ("output",)), (pair.end, ("input",))):
+        for (component, name), causalities in ((pair.start, ("output",)), (pair.end, ("input",))):
             if not component:
                 continue
             variable = opened[component].variables.get(name)
-            if variable is None or variable.causality not in wanted:
-                raise InputError(path, "connection", f"{component}.{name}", f"an {wanted[0]} of {component}")
+            if variable is None or variable.causality not in causalities:
+                raise InputError(path, "connection", f"{component}.{name}", f"an {causalities[0]} of {component}")
             units.append(unit_of(variable))
         if len(set(units)) == 2 and None not in units and (pair.factor, pair.offset) == (1.0, 0.0):
             both = f"{'.'.join(pair.start)} in {units[0]} to {'.'.join(pair.end)} in {units[1]}"

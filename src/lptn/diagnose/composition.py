@@ -84,7 +84,7 @@ class Composition:
         found = [declared for step in self.findings for declared in step.declarations]
 
         def later(step: Step) -> bool:
-            return step.is_structure and not any(_stands_on(one, own) for one in found for own in step.declarations)
+            return step.is_structure and not any(_depends_on(one, own) for one in found for own in step.declarations)
 
         return tuple(sorted((*self.findings, *self.structure), key=lambda step: (later(step), not step.is_structure)))
 
@@ -215,8 +215,8 @@ class _Search:
             odds = dict(zip((one.key for one in possible), priors.tolist(), strict=True))
             ranked = base.first_order(priors)
             self.report(f"{len(ranked)} candidates weighed, fitting the best of them")
-            wanted = [entry for entry in ranked[:_EXACT] if entry.log_odds > _WITHIN_REACH]
-            steps = self._fitted(wanted, base, odds)
+            shortlist = [entry for entry in ranked[:_EXACT] if entry.log_odds > _WITHIN_REACH]
+            steps = self._fitted(shortlist, base, odds)
             if not steps:
                 return
             shares = softmax([*(step.log_odds for step in steps), 0.0])[:-1]
@@ -239,12 +239,12 @@ class _Search:
                 self.findings[best.declaration] = best, rivals
             self._take_out()
 
-    def _fitted(self, wanted: Sequence[FirstOrder], base: Evidence, odds: dict[Key, float]) -> list[Step]:
+    def _fitted(self, shortlist: Sequence[FirstOrder], base: Evidence, odds: dict[Key, float]) -> list[Step]:
         """Each candidate fitted exactly, the most probable first; `log_odds` are those to the model without it."""
         steps = []
-        declared = [with_priors(one.candidate, one.amplitude, one.shape) for one in wanted]
+        declared = [with_priors(one.candidate, one.amplitude, one.shape) for one in shortlist]
         fits = self.map(_added, [(self.fit, declaration) for declaration in declared])
-        for entry, declaration, fit in zip(wanted, declared, fits, strict=True):
+        for entry, declaration, fit in zip(shortlist, declared, fits, strict=True):
             if fit is None or is_at_chosen_bound(fit, declaration):
                 continue  # no size was found
             try:
@@ -315,7 +315,7 @@ class _Search:
         self, gone: Sequence[EffectDeclaration], *, to_the_end: bool = False
     ) -> tuple[Fit, list[EffectDeclaration]] | None:
         """The model without some effects, and what then is added; what a place had beside them becomes its own."""
-        gone = [one for one in self.added if one in gone or any(_stands_on(one, other) for other in gone)]
+        gone = [one for one in self.added if one in gone or any(_depends_on(one, other) for other in gone)]
         rest = []
         for one in self.added:
             if one not in gone:
@@ -479,7 +479,7 @@ def _log_odds_of_none(evidence: Evidence, declared: EffectDeclaration) -> float:
     return evidence.log_odds_of_none(declared.shared_name(amplitude.name))
 
 
-def _stands_on(one: EffectDeclaration, other: EffectDeclaration) -> bool:
+def _depends_on(one: EffectDeclaration, other: EffectDeclaration) -> bool:
     """Whether an effect is about an exchange between two places that another one made."""
     return other.effect.site == "edge" and "~" in one.at and set(one.at.split("~")) == set(other.at.split("~"))
 

@@ -179,20 +179,20 @@ class Stage:
             return high if chosen else float(self._values[column].min())
         return float(np.median(self._values[column]))  # what all share: a computer's heat, the sun
 
-    def run(self, wanted: Program) -> Run:
+    def run(self, program: Program) -> Run:
         """A program as a log: inputs, and every node at the air's temperature."""
-        counts = [round(phase.seconds / STEP) for phase in wanted.phases]
+        counts = [round(phase.seconds / STEP) for phase in program.phases]
         n = sum(counts)
         columns = {
-            name: np.repeat([self.value(name, phase.move) for phase in wanted.phases], counts).astype(float)
+            name: np.repeat([self.value(name, phase.move) for phase in program.phases], counts).astype(float)
             for name in self.columns
         }
         for name in self.given:
-            columns[name] = np.full(n, wanted.ambient if name == self._air else float(np.median(self._values[name])))
-        columns |= {f"temperature.{node}": np.full(n, wanted.ambient) for node in self.nodes}
+            columns[name] = np.full(n, program.ambient if name == self._air else float(np.median(self._values[name])))
+        columns |= {f"temperature.{node}": np.full(n, program.ambient) for node in self.nodes}
         return Run("experiment", STEP, np.arange(n, dtype=float) * STEP, columns, True, "proposed experiment", "")
 
-    def as_json(self, wanted: Program) -> list[dict[str, object]]:
+    def as_json(self, program: Program) -> list[dict[str, object]]:
         """Each move with the values of every input that it sets."""
         return [
             {
@@ -203,14 +203,14 @@ class Stage:
                 "load_unit": " and ".join(self._loads(phase.move)),
                 "inputs": {name: self.value(name, phase.move) for name in self.columns},
             }
-            for phase in wanted.phases
+            for phase in program.phases
         ]
 
-    def text(self, wanted: Program) -> str:
+    def text(self, program: Program) -> str:
         """What to do, a sentence or two that a technician can follow."""
-        air = f"With the robot at rest and as warm as the air, {wanted.ambient:.0f} degC"
-        air += ", which is not the temperature of the logs" if wanted.ambient != self.ambient else ""
-        phases = [f"{self._doing(phase.move)} for {phase.seconds / 60:.3g} min" for phase in wanted.phases]
+        air = f"With the robot at rest and as warm as the air, {program.ambient:.0f} degC"
+        air += ", which is not the temperature of the logs" if program.ambient != self.ambient else ""
+        phases = [f"{self._doing(phase.move)} for {phase.seconds / 60:.3g} min" for phase in program.phases]
         return f"{air}: {', then '.join(phases)}."
 
     def _doing(self, move: Move) -> str:

@@ -96,7 +96,7 @@ _INTERFACES = {
     **dict.fromkeys(("current", "motor_current"), "current"),
     **{name: name for name in ("velocity", "powered", "power", "torque_abs", "mechanical_power")},
 }
-# Words of topics that say what was wanted, and not what was.
+# Words of topics that name a command and no reading.
 _COMMANDED = {"cmd", "command", "commands", "desired", "target", "ref", "reference", "setpoint"}
 _TYPES = ("JointState", "DynamicJointState", "Temperature", "Odometry", "TwistStamped")
 
@@ -156,24 +156,24 @@ class Decoder:
     Args:
         store: the types that rosbags knows.
         kind: of the messages.
-        wanted: names of the numbers, as `numbers_of` has them.
+        fields: names of the numbers, as `numbers_of` has them.
     """
 
-    def __init__(self, store: Any, kind: str, wanted: Sequence[str]) -> None:
-        self._store, self._kind, self._wanted = store, kind, wanted
+    def __init__(self, store: Any, kind: str, fields: Sequence[str]) -> None:
+        self._store, self._kind, self._fields = store, kind, fields
         self.templates: list[_Template] = []
         self._learns = True
 
     def read(self, raws: Sequence[bytes]) -> tuple[IntArray, FloatArray, list[Hashable]]:
-        """Header stamps, (n,) ns and 0 where there is none, and values, (n, wanted), NaN where a message lacks one.
+        """Header stamps, (n,) ns and 0 where there is none, and values, (n, fields), NaN where a message lacks one.
 
         And what each message says of who sent it.
         """
         stamps, labels = np.zeros(len(raws), np.int64), list[Hashable]([None] * len(raws))
-        values, rest = np.full((len(raws), len(self._wanted)), np.nan), np.arange(len(raws))
+        values, rest = np.full((len(raws), len(self._fields)), np.nan), np.arange(len(raws))
         for number in range(_LAYOUTS):
             if number == len(self.templates) and self._learns and rest.size:
-                template = _Template(self._store, self._kind, raws[int(rest[0])], self._wanted)
+                template = _Template(self._store, self._kind, raws[int(rest[0])], self._fields)
                 self.templates += [template] * template.usable
                 self._learns = template.usable
             if number == len(self.templates) or not rest.size:
@@ -186,21 +186,21 @@ class Decoder:
         for row in rest.tolist():
             message = self._store.deserialize_cdr(raws[row], self._kind)
             numbers = numbers_of(self._store, message)
-            values[row], labels[row] = [numbers.get(name, np.nan) for name in self._wanted], label_of(message)
+            values[row], labels[row] = [numbers.get(name, np.nan) for name in self._fields], label_of(message)
             if (header := getattr(message, "header", None)) is not None:
                 stamps[row] = header.stamp.sec * 10**9 + header.stamp.nanosec
         return stamps, values, labels
 
 
 class _Template:
-    """A message whose bytes show where those of others like it have their stamps and the wanted numbers; its sender.
+    """A message whose bytes show where those of others like it have their stamps and the fields numbers; its sender.
 
     It is not `usable` where it is laid out in another way than its type says.
     """
 
-    def __init__(self, store: Any, kind: str, raw: bytes, wanted: Sequence[str]) -> None:
+    def __init__(self, store: Any, kind: str, raw: bytes, fields: Sequence[str]) -> None:
         message = store.deserialize_cdr(raw, kind)
-        self.label, self._wanted, self.usable = label_of(message), wanted, False
+        self.label, self._fields, self.usable = label_of(message), fields, False
         places: dict[str, tuple[int, str]] = {}
         fixed, end = [0, 1], _HEAD  # bytes that are the same in all messages of this layout
         for name, base, value in _entries(store.fielddefs, message, ""):
@@ -216,12 +216,12 @@ class _Template:
                 fixed += range(begin, end)
         if raw[1] != _LITTLE_ENDIAN or not 0 <= len(raw) - end < _PADDED:
             return
-        there = {name: places[name] for name in (*wanted, *_STAMP) if name in places}
+        there = {name: places[name] for name in (*fields, *_STAMP) if name in places}
         offsets, formats = zip(*there.values(), strict=True) if there else ((), ())
         self._numbers = np.dtype({"names": list(there), "formats": formats, "offsets": offsets, "itemsize": len(raw)})
         self._raw, self._fixed = np.frombuffer(raw, np.uint8), np.array(fixed, np.int64)
         numbers = numbers_of(store, message)
-        expected = [numbers.get(name, np.nan) for name in wanted]
+        expected = [numbers.get(name, np.nan) for name in fields]
         self.usable = np.array_equal(self.read(self._raw[None])[1][0], expected, equal_nan=True)
 
     def like(self, raws: Sequence[bytes]) -> tuple[NDArray[np.uint8], BoolArray]:
@@ -233,10 +233,10 @@ class _Template:
         return rows[same], like
 
     def read(self, rows: NDArray[np.uint8]) -> tuple[IntArray, FloatArray]:
-        """Stamps, (n,) ns and 0 without one, and values, (n, wanted), of rows of bytes."""
+        """Stamps, (n,) ns and 0 without one, and values, (n, fields), of rows of bytes."""
         numbers = np.ascontiguousarray(rows).view(self._numbers)[:, 0]
-        known, values = self._numbers.names or (), np.full((len(rows), len(self._wanted)), np.nan)
-        for k, name in enumerate(self._wanted):
+        known, values = self._numbers.names or (), np.full((len(rows), len(self._fields)), np.nan)
+        for k, name in enumerate(self._fields):
             if name in known:
                 values[:, k] = numbers[name]
         stamps = np.zeros(len(rows), np.int64)
