@@ -80,6 +80,20 @@ def duration(seconds: float) -> str:
     return f"{whole // 3600} h {whole % 3600 // 60} min"
 
 
+@contextmanager
+def library_log_to(handler: logging.Handler) -> Iterator[None]:
+    """Within it a handler gets all that the library says of its work."""
+    logger = logging.getLogger("lptn")
+    level = logger.level
+    logger.addHandler(handler)
+    logger.setLevel(logging.INFO)
+    try:
+        yield
+    finally:
+        logger.removeHandler(handler)
+        logger.setLevel(level)
+
+
 # --- a notebook -----------------------------------------------------------------------------------------------
 
 
@@ -112,17 +126,12 @@ def shown_in_notebook(first: str) -> Iterator[None]:
 
     Where somebody shows what the library logs already, that stays as it is.
     """
-    logger = logging.getLogger("lptn")
-    level = logger.level
-    if not in_notebook() or logger.isEnabledFor(logging.INFO):
+    if not in_notebook() or logging.getLogger("lptn").isEnabledFor(logging.INFO):
         yield
         return
     bar = _Bar(first)
-    logger.addHandler(bar)
-    logger.setLevel(logging.INFO)
     try:
-        yield
+        with library_log_to(bar):
+            yield
     finally:
-        logger.setLevel(level)
-        logger.removeHandler(bar)
         bar.close()

@@ -20,7 +20,7 @@ from rich.text import Text
 
 from lptn.basics.errors import one_line
 from lptn.basics.files import finite, write_whole
-from lptn.basics.progress import ProgressLine
+from lptn.basics.progress import ProgressLine, library_log_to
 from lptn.basics.words import BOUND, UNIT_BEHIND
 from lptn.report.sentences import Sentence
 
@@ -73,16 +73,11 @@ def library_log_shown(verbose: bool = False, quiet: bool = False) -> Iterator[No
         verbose: each message as a line of its own, progress too.
         quiet: nothing; tables beside an answer are left out, too.
     """
-    logger = logging.getLogger("lptn")
-    level = logger.level
     _library_log.own_line = logging.INFO if verbose else logging.CRITICAL if quiet else logging.WARNING
-    logger.addHandler(_library_log)
-    logger.setLevel(logging.INFO)
     try:
-        yield
+        with library_log_to(_library_log):
+            yield
     finally:
-        logger.removeHandler(_library_log)
-        logger.setLevel(level)
         _library_log.own_line = logging.WARNING
 
 
