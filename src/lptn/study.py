@@ -58,7 +58,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from lptn.fmu.exporter import Exported
-    from lptn.online.operating_point import Gait, WindowChoice
+    from lptn.online.operating_point import GaitPeriod, WindowChoice
     from lptn.report.network_drawing import Drawing
     from lptn.report.sentences import Narrative
 
@@ -655,7 +655,7 @@ class Study:
             runs += read
         return runs
 
-    def _gait(self, run: Run) -> Gait | None:
+    def _gait(self, run: Run) -> GaitPeriod | None:
         """The gait at a log's end, from its joint speeds with their sign and at the log's own rate; of a file only."""
         from lptn.online.operating_point import find_gait
 

@@ -26,7 +26,7 @@ from lptn.basics.arrays import FloatArray
 from lptn.identify.data import LoadedModel, load_model, split_data
 from lptn.identify.validation import fit_segments
 from lptn.online.forecasting import Forecast, NodeForecast, forecast
-from lptn.online.operating_point import Gait, find_gait
+from lptn.online.operating_point import GaitPeriod, find_gait
 from lptn.online.present import ModelUncertainty
 from lptn.robots.presets import preset_text
 from lptn.virtual import Bout, Job, Probe, Record, quadruped, quadruped_logs, rows, write_logs
@@ -152,7 +152,7 @@ def _log(record: Record, seed: int, until: int, folder: Path) -> Path:
     return path
 
 
-def _gait(log: Path, joints: Sequence[str]) -> Gait:
+def _gait(log: Path, joints: Sequence[str]) -> GaitPeriod:
     table = pd.read_parquet(log, columns=[f"velocity.{joint}" for joint in joints])
     return find_gait([table[name].to_numpy() for name in table], 1 / RATE)
 

@@ -26,7 +26,7 @@ from lptn.workbench.bench import News
 from lptn.workbench.lines import RunLines
 from lptn.workbench.opening import Opening
 from lptn.workbench.server import serve
-from lptn.workbench.session import Session
+from lptn.workbench.session import WorkbenchSession
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 ANSWER: dict[str, object] = {
@@ -55,7 +55,7 @@ ANSWERS = {
 }
 
 
-def session(nodes: int, readings: int) -> Session:
+def session(nodes: int, readings: int) -> WorkbenchSession:
     """A session whose lines were made up: what a page costs beside any fit."""
     rng = np.random.default_rng(0)
     names = tuple(f"node{k}" for k in range(nodes))
@@ -83,7 +83,7 @@ def session(nodes: int, readings: int) -> Session:
         "conditions": {"given": [], "now": []},
         "answers": ANSWERS,
     }
-    made = Session(Opening(Path("made_up.toml"), ()))
+    made = WorkbenchSession(Opening(Path("made_up.toml"), ()))
     news = News(runs={"fit 0": RunLines(names, time_s, measured, inputs)})
     news.predicted["fit 0", "as given"] = measured + 0.5
     news.predicted["fit 0", "fan at node0"] = measured + 0.1
@@ -91,7 +91,7 @@ def session(nodes: int, readings: int) -> Session:
     return made
 
 
-def served(made: Session) -> str:
+def served(made: WorkbenchSession) -> str:
     """Serve it in a thread; its address."""
     address: list[str] = []
     threading.Thread(target=serve, args=(made, 0, lambda shown, _: address.append(shown)), daemon=True).start()

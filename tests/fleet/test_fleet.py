@@ -20,7 +20,7 @@ import pytest
 from lptn.basics.errors import InputError
 from lptn.cli.main import main
 from lptn.fleet.fleet import fit_each, outliers, spread_of
-from lptn.fleet.robots import Robot, robots_of
+from lptn.fleet.robots import RobotLogs, robots_of
 from lptn.fleet.work import FleetFit, Outcome, ResultFolder, fit_robot
 from lptn.model.file import read_model_file
 from lptn.model.model import Model
@@ -215,7 +215,7 @@ def test_what_can_not_be_is_refused_in_one_line(
 def test_names_that_can_be_no_file_names_are_refused(model: Path, logs: list[Path]) -> None:
     for names in (("../out",), (".hidden",), ("",), ("a", "a"), ()):
         with pytest.raises(InputError, match="robots: names"):
-            fit_each(model, [Robot(name, (logs[0],)) for name in names])
+            fit_each(model, [RobotLogs(name, (logs[0],)) for name in names])
 
 
 def _outcomes(values: Sequence[float], errors: Sequence[float | None], name: str = LINK) -> Iterator[Outcome]:

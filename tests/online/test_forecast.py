@@ -23,7 +23,7 @@ from lptn.model.tables import FitTable, FittedTable
 from lptn.online.augmented_model import ModelError
 from lptn.online.estimator import Estimator, run_filter
 from lptn.online.forecasting import Forecast, forecast
-from lptn.online.operating_point import Gait, find_gait, present_operating_point, steady_seconds
+from lptn.online.operating_point import GaitPeriod, find_gait, present_operating_point, steady_seconds
 from lptn.online.present import ModelUncertainty, present
 from lptn.robots.presets import preset_text
 from lptn.simulate.bound_run import bind
@@ -296,7 +296,7 @@ def test_a_longer_window_scatters_less(motor: Model) -> None:
 
 def test_part_of_a_step_counts_in_part(motor: Model) -> None:
     bound = bind(motor, warming(np.array([*[0.0] * 97, 4.0, 4.0, 2.0])))
-    point = present_operating_point(bound, motor.inputs, 2.5, 10, Gait(None))
+    point = present_operating_point(bound, motor.inputs, 2.5, 10, GaitPeriod(None))
     torque = point.inputs[motor.inputs.index("torque.m")]
     assert torque == pytest.approx(np.sqrt((0.5 * 16 + 16 + 4) / 2.5))
 

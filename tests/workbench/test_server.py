@@ -28,7 +28,7 @@ from lptn.workbench.calculation import _opened
 from lptn.workbench.content import content_of
 from lptn.workbench.orders import Keep, order
 from lptn.workbench.server import application, listening, serve
-from lptn.workbench.session import Session
+from lptn.workbench.session import WorkbenchSession
 from lptn.workbench.tour import EXAMPLES
 from tests.workbench.conftest import EXAMPLE, OPENING, unpacked
 
@@ -37,16 +37,16 @@ ORIGIN = {"origin": ADDRESS}
 
 
 @pytest.fixture(scope="module")
-def session(bench: Bench) -> Session:
+def session(bench: Bench) -> WorkbenchSession:
     """A session that heard of the fit, and whose process does nothing."""
-    session = Session(OPENING, bench.folder)
+    session = WorkbenchSession(OPENING, bench.folder)
     session._heard_opened(bench.folder)
     session._heard_shown(content_of(bench, OPENING), bench.news())
     return session
 
 
 @pytest.fixture
-def stranger(session: Session) -> Iterator[TestClient]:
+def stranger(session: WorkbenchSession) -> Iterator[TestClient]:
     """A browser that was not given the token."""
     with TestClient(application(session, 8000, "secret"), base_url=ADDRESS, follow_redirects=False) as client:
         yield client
@@ -74,7 +74,7 @@ def test_the_token_lets_in_once_and_is_answered_with_a_cookie(stranger: TestClie
     assert stranger.get("/", headers={"cookie": "lptn-8000=secret"}).status_code == 401
 
 
-def test_a_token_that_was_used_lets_nobody_else_in(session: Session) -> None:
+def test_a_token_that_was_used_lets_nobody_else_in(session: WorkbenchSession) -> None:
     site = application(session, 8000, "shown", "in the file")
 
     def opens(token: str) -> int:
@@ -227,7 +227,7 @@ def test_an_order_is_a_short_text(browser: TestClient, sent: bytes, status: int)
 
 
 @pytest.fixture(scope="module")
-def served(session: Session) -> Iterator[tuple[str, Path]]:
+def served(session: WorkbenchSession) -> Iterator[tuple[str, Path]]:
     """The address and the file that `lptn open` shows."""
     ready: queue.Queue[tuple[str, Path]] = queue.Queue()
     with pytest.MonkeyPatch.context() as patch:
@@ -331,7 +331,7 @@ def test_the_file_that_leads_to_the_page_goes_with_the_server(how: signal.Signal
 
 
 def test_a_second_session_of_one_study_is_refused_until_the_first_ends(tmp_path: Path) -> None:
-    first, second, other = (Session(OPENING, tmp_path) for _ in range(3))
+    first, second, other = (WorkbenchSession(OPENING, tmp_path) for _ in range(3))
     (tmp_path / "other").mkdir()
     first._heard_opened(tmp_path)
     second._heard_opened(tmp_path)
@@ -341,7 +341,7 @@ def test_a_second_session_of_one_study_is_refused_until_the_first_ends(tmp_path:
     first._heard_opened(tmp_path)  # after a stop
     assert first.folder == tmp_path
     first.close()
-    third = Session(OPENING, tmp_path)
+    third = WorkbenchSession(OPENING, tmp_path)
     third._heard_opened(tmp_path)
     assert third.folder == tmp_path
     third.close()
@@ -363,7 +363,7 @@ def test_a_session_that_was_killed_holds_nothing(tmp_path: Path) -> None:
     os.close(handle)
 
 
-def test_nothing_else_of_the_folder_is_given_away(browser: TestClient, session: Session) -> None:
+def test_nothing_else_of_the_folder_is_given_away(browser: TestClient, session: WorkbenchSession) -> None:
     assert session.folder is not None
     (session.folder / "study.pickle").write_bytes(b"")
     assert browser.get("/result/study.pickle").status_code == 404
@@ -373,7 +373,7 @@ def test_nothing_else_of_the_folder_is_given_away(browser: TestClient, session: 
     assert "attachment" in browser.get("/result/story.html").headers["content-disposition"]
 
 
-def test_a_stopped_search_keeps_its_steps(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_stopped_search_keeps_its_steps(session: WorkbenchSession, monkeypatch: pytest.MonkeyPatch) -> None:
     ours, theirs = Pipe()
     monkeypatch.setattr(session, "_begin", lambda after_a_stop: None)
     monkeypatch.setattr(session, "_pipe", ours)
@@ -424,7 +424,7 @@ def test_nothing_is_read_or_written_through_a_link_in_a_study(name: str, tmp_pat
     folder = _opened(theirs, OPENING, tmp_path, after_a_stop=True).folder
     (folder / name).unlink(missing_ok=True)
     (folder / name).symlink_to(elsewhere)
-    again = Session(OPENING, tmp_path)
+    again = WorkbenchSession(OPENING, tmp_path)
     with pytest.raises(InputError, match=f"{name}: a link"):
         again.open()
     again.close()

@@ -47,9 +47,9 @@ def open(  # noqa: A001 - the command's name
         check_inputs(model, *logs, *(data.holdout or ()), *(test or ()))
     from lptn.cli.terminal import progress
     from lptn.workbench.server import serve
-    from lptn.workbench.session import Session
+    from lptn.workbench.session import WorkbenchSession
 
-    session = Session(None if model is None else data.opening(model, logs, test))
+    session = WorkbenchSession(None if model is None else data.opening(model, logs, test))
     with progress("reading"):
         session.open()
 

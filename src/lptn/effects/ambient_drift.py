@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from types import SimpleNamespace
 
 from lptn.basics.parameters import LARGEST, Parameter
-from lptn.effects.base import BoundaryEffect, Layout, Signature, Symbol
+from lptn.effects.base import BoundaryEffect, NetworkPlaces, Signature, Symbol
 from lptn.effects.excitation import long_enough
 
 _SCALE = 1000.0  # K/h; so steep that what is given of the air moves the time by seconds
@@ -46,7 +46,7 @@ class AmbientDrift(BoundaryEffect):
     rises = _SCALE / _HOUR
 
     @classmethod
-    def makes_a_difference(cls, place: str, layout: Layout, driving: Sequence[Sequence[str]]) -> bool:
+    def makes_a_difference(cls, place: str, layout: NetworkPlaces, driving: Sequence[Sequence[str]]) -> bool:
         """It matters only where no column says what the temperature does."""
         return place in layout.unlogged
 

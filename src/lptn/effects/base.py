@@ -51,7 +51,7 @@ class Signature:
     confused_with: tuple[str, ...] = ()
 
 
-class Layout(Protocol):
+class NetworkPlaces(Protocol):
     """What an effect asks of a network to know where it can stand."""
 
     @property
@@ -237,18 +237,18 @@ class Effect(ABC):
     """Whether it may well stand at all its places at once."""
 
     @classmethod
-    def places(cls, at: str, layout: Layout) -> list[Place]:
+    def places(cls, at: str, layout: NetworkPlaces) -> list[Place]:
         """The places that a pattern means for this effect; by default nodes, those with the heat that it is about."""
         nodes = layout.nodes_with(cls.heat_of) if cls.heat_of else layout.dynamic
         return [(name, (name,)) for name in matching(at, nodes)]
 
     @classmethod
-    def places_in_words(cls, layout: Layout) -> str:
+    def places_in_words(cls, layout: NetworkPlaces) -> str:
         """What can stand in place of a pattern that means no place."""
         return f"a node that has {cls.heat_of}" if cls.heat_of else f"one of {', '.join(layout.dynamic)}"
 
     @classmethod
-    def makes_a_difference(cls, place: str, layout: Layout, driving: Sequence[Sequence[str]]) -> bool:
+    def makes_a_difference(cls, place: str, layout: NetworkPlaces, driving: Sequence[Sequence[str]]) -> bool:
         """Whether it could change anything at one of its places.
 
         Args:
@@ -369,7 +369,7 @@ class GroupEffect(Effect):
         """Time derivative of the state [K/s], from the nodes' mean temperature and that of the surroundings."""
 
     @classmethod
-    def places(cls, at: str, layout: Layout) -> list[Place]:
+    def places(cls, at: str, layout: NetworkPlaces) -> list[Place]:
         nodes = matching(at, layout.dynamic)
         return [(at, tuple(nodes))] if nodes else []
 
@@ -397,7 +397,7 @@ class LossEffect(Effect):
         """Factor on the heat, 1 when off."""
 
     @classmethod
-    def makes_a_difference(cls, place: str, layout: Layout, driving: Sequence[Sequence[str]]) -> bool:
+    def makes_a_difference(cls, place: str, layout: NetworkPlaces, driving: Sequence[Sequence[str]]) -> bool:
         """It matters only where the heat is computed from what the factor is about, if it is about an input."""
         return not cls.needs or any(set(cls.needs) <= set(features) for features in driving)
 
@@ -426,11 +426,11 @@ class LinkEffect(Effect):
         return 0.0
 
     @classmethod
-    def places(cls, at: str, layout: Layout) -> list[Place]:
+    def places(cls, at: str, layout: NetworkPlaces) -> list[Place]:
         return [(place, layout.surroundings[place]) for place in matching(at, layout.surroundings)]
 
     @classmethod
-    def places_in_words(cls, layout: Layout) -> str:
+    def places_in_words(cls, layout: NetworkPlaces) -> str:
         names = ", ".join(layout.surroundings)
         return f"one of {names}" if names else "a node linked to a prescribed temperature"
 
@@ -454,11 +454,11 @@ class ContactEffect(Effect):
         """Factor on the link's conductance, 1 when off."""
 
     @classmethod
-    def places(cls, at: str, layout: Layout) -> list[Place]:
+    def places(cls, at: str, layout: NetworkPlaces) -> list[Place]:
         return [(edge(*pair), pair) for pair in _pairs(at, layout) if edge(*pair) in layout.linked]
 
     @classmethod
-    def places_in_words(cls, layout: Layout) -> str:
+    def places_in_words(cls, layout: NetworkPlaces) -> str:
         names = ", ".join(place for place, _ in cls.places(EVERYWHERE, layout))
         return f"one of {names}" if names else "a link between two nodes; this model has none"
 
@@ -481,15 +481,15 @@ class EdgeEffect(Effect):
         """Conductance between the two nodes [W/K]."""
 
     @classmethod
-    def places(cls, at: str, layout: Layout) -> list[Place]:
+    def places(cls, at: str, layout: NetworkPlaces) -> list[Place]:
         return [(edge(*pair), pair) for pair in _pairs(at, layout)]
 
     @classmethod
-    def places_in_words(cls, layout: Layout) -> str:
+    def places_in_words(cls, layout: NetworkPlaces) -> str:
         return f'an edge "a~b" between two of {", ".join(layout.dynamic)}'
 
     @classmethod
-    def makes_a_difference(cls, place: str, layout: Layout, driving: Sequence[Sequence[str]]) -> bool:
+    def makes_a_difference(cls, place: str, layout: NetworkPlaces, driving: Sequence[Sequence[str]]) -> bool:
         """Beside a link it would be one more conductance in parallel."""
         return place not in layout.linked
 
@@ -535,7 +535,7 @@ class PairSensorEffect(SensorEffect):
         """Reading minus temperature [K]; `state` is the other node's temperature [degC]."""
 
     @classmethod
-    def places(cls, at: str, layout: Layout) -> list[Place]:
+    def places(cls, at: str, layout: NetworkPlaces) -> list[Place]:
         """Pairs of nodes that exchange heat directly, each in the order in which the pattern names it."""
         pairs = _pairs(at, layout)
         if at == EVERYWHERE:
@@ -543,7 +543,7 @@ class PairSensorEffect(SensorEffect):
         return [("~".join(pair), pair) for pair in pairs if edge(*pair) in layout.contacts]
 
     @classmethod
-    def places_in_words(cls, layout: Layout) -> str:
+    def places_in_words(cls, layout: NetworkPlaces) -> str:
         return f'two linked nodes, "a~b" for the sensor of a, of {", ".join(layout.dynamic)}'
 
     @classmethod
@@ -613,11 +613,11 @@ class BoundaryEffect(Effect):
         return 0.0
 
     @classmethod
-    def places(cls, at: str, layout: Layout) -> list[Place]:
+    def places(cls, at: str, layout: NetworkPlaces) -> list[Place]:
         return [(name, (name,)) for name in matching(at, layout.prescribed)]
 
     @classmethod
-    def places_in_words(cls, layout: Layout) -> str:
+    def places_in_words(cls, layout: NetworkPlaces) -> str:
         names = ", ".join(layout.prescribed)
         return f"one of {names}" if names else "a prescribed temperature; this model has none"
 
@@ -628,7 +628,7 @@ class BoundaryEffect(Effect):
         return self.rate(here.given, here.state, here.p)
 
 
-def _pairs(at: str, layout: Layout) -> list[tuple[str, str]]:
+def _pairs(at: str, layout: NetworkPlaces) -> list[tuple[str, str]]:
     """Pairs of dynamic nodes that `"a~b"`, a pattern of it, or `"*"` means."""
     one, _, other = at.partition("~") if at != EVERYWHERE else (EVERYWHERE, "~", EVERYWHERE)
     return expand_pair((one, other), layout.dynamic)

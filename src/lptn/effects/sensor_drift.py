@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from types import SimpleNamespace
 
 from lptn.basics.parameters import LARGEST, Parameter
-from lptn.effects.base import ExcessEffect, Layout, Signature, Symbol
+from lptn.effects.base import ExcessEffect, NetworkPlaces, Signature, Symbol
 from lptn.effects.excitation import long_enough
 
 _SCALE = 1000.0  # K/h; so steep that what is unsure about the state at the start is seconds, not degrees
@@ -50,7 +50,7 @@ class SensorDrift(ExcessEffect):
     rises = _SCALE / _HOUR
 
     @classmethod
-    def makes_a_difference(cls, place: str, layout: Layout, driving: Sequence[Sequence[str]]) -> bool:
+    def makes_a_difference(cls, place: str, layout: NetworkPlaces, driving: Sequence[Sequence[str]]) -> bool:
         """Where all heat is taken to be constant, heat that is not would be named a drift."""
         return place not in layout.nodes_of_constant_heat
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from lptn.basics.parameters import Parameter
-from lptn.effects.base import Conditions, Layout, Place, Signature, Symbol
+from lptn.effects.base import Conditions, NetworkPlaces, Place, Signature, Symbol
 from lptn.effects.excitation import LOAD_STEPS
 from lptn.effects.sensor_lag import SensorLag
 
@@ -43,11 +43,11 @@ class SensorLoose(SensorLag):
     source = "heat balance of a bead"
 
     @classmethod
-    def places(cls, at: str, layout: Layout) -> list[Place]:
+    def places(cls, at: str, layout: NetworkPlaces) -> list[Place]:
         return super().places(at, layout) if layout.prescribed else []
 
     @classmethod
-    def places_in_words(cls, layout: Layout) -> str:
+    def places_in_words(cls, layout: NetworkPlaces) -> str:
         return super().places_in_words(layout) if layout.prescribed else "a model with a prescribed temperature"
 
     def state_rate(self, here: Conditions) -> Symbol:

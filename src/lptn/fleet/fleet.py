@@ -19,7 +19,7 @@ import pandas as pd
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.basics.tables import write_table
-from lptn.fleet.robots import Robot, robots_of
+from lptn.fleet.robots import RobotLogs, robots_of
 from lptn.fleet.work import FleetFit, Outcome, ResultFolder, Status, Work, elsewhere, here, in_processes
 from lptn.identify.data import GUESS, LoadedModel, load_model
 from lptn.model.model import Model
@@ -212,7 +212,7 @@ class Fleet:
 
 def fit_each(
     model: Path | LoadedModel,
-    robots: Sequence[Robot] | Sequence[Path],
+    robots: Sequence[RobotLogs] | Sequence[Path],
     *,
     into: Path | None = None,
     executor: Executor | None = None,
@@ -280,9 +280,9 @@ def fit_each(
     return Fleet(ordered, spread, outliers(spread, good))
 
 
-def _as_robots(robots: Sequence[Robot] | Sequence[Path]) -> list[Robot]:
-    places = [place for place in robots if not isinstance(place, Robot)]
-    fleet = [robot for robot in robots if isinstance(robot, Robot)] + (robots_of(places) if places else [])
+def _as_robots(robots: Sequence[RobotLogs] | Sequence[Path]) -> list[RobotLogs]:
+    places = [place for place in robots if not isinstance(place, RobotLogs)]
+    fleet = [robot for robot in robots if isinstance(robot, RobotLogs)] + (robots_of(places) if places else [])
     if not fleet:
         raise InputError("robots", "names", "none", "one robot or more")
     names: set[str] = set()

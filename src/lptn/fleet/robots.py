@@ -16,7 +16,7 @@ _BAG = "metadata.yaml"  # what makes a folder a log: a ROS 2 bag
 
 
 @dataclass(frozen=True)
-class Robot:
+class RobotLogs:
     """A robot and its logs.
 
     Args:
@@ -28,7 +28,7 @@ class Robot:
     logs: tuple[Path, ...]
 
 
-def robots_of(places: Sequence[Path]) -> list[Robot]:
+def robots_of(places: Sequence[Path]) -> list[RobotLogs]:
     """The robots that files and folders stand for.
 
     A log is one robot, named as the file, or as the folder of a ROS 2 bag. Any other folder with logs in it
@@ -45,19 +45,19 @@ def robots_of(places: Sequence[Path]) -> list[Robot]:
     robots = [robot for place in places for robot in _robots_at(place)]
     _refuse_twice(robots)
     names = _different_names([_named_after(robot) for robot in robots])
-    return [Robot(name, robot.logs) for name, robot in zip(names, robots, strict=True)]
+    return [RobotLogs(name, robot.logs) for name, robot in zip(names, robots, strict=True)]
 
 
-def _robots_at(place: Path) -> list[Robot]:
+def _robots_at(place: Path) -> list[RobotLogs]:
     if not place.exists():
         raise InputError(place, "--each", "no such file or folder", "a robot's log, or a folder of its logs")
     if place.is_file() or _is_bag(place):
-        return [Robot(_stem(place), (place,))]
+        return [RobotLogs(_stem(place), (place,))]
     logs = _logs_in(place)
     if logs:
-        return [Robot(place.resolve().name, logs)]
+        return [RobotLogs(place.resolve().name, logs)]
     folders = sorted(path for path in place.iterdir() if path.is_dir() and not path.name.startswith("."))
-    robots = [Robot(folder.name, logs) for folder in folders if (logs := _logs_in(folder))]
+    robots = [RobotLogs(folder.name, logs) for folder in folders if (logs := _logs_in(folder))]
     if not robots:
         raise InputError(place, "--each", "no log in it", f"bags, or files that end in {', '.join(_ENDINGS)}")
     return robots
@@ -79,14 +79,14 @@ def _stem(path: Path) -> str:
     return path.name.removesuffix(ending).lstrip(".") or "robot"
 
 
-def _refuse_twice(robots: Sequence[Robot]) -> None:
+def _refuse_twice(robots: Sequence[RobotLogs]) -> None:
     seen = Counter(log.resolve() for robot in robots for log in robot.logs)
     log, times = max(seen.items(), key=lambda item: item[1], default=(Path(), 0))
     if times > 1:
         raise InputError(log, "--each", "a log that is given twice", "each log once")
 
 
-def _named_after(robot: Robot) -> list[str]:
+def _named_after(robot: RobotLogs) -> list[str]:
     """The robot's name and the folders above it, nearest first."""
     place = robot.logs[0].resolve().parent
     above = [place, *place.parents] if robot.name != place.name else [*place.parents]

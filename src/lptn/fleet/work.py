@@ -17,7 +17,7 @@ from lptn import __version__
 from lptn.basics.errors import InputError, one_line
 from lptn.basics.files import fingerprint, finite, write_whole
 from lptn.basics.processes import heard_interrupts, pool_of
-from lptn.fleet.robots import Robot
+from lptn.fleet.robots import RobotLogs
 from lptn.identify.data import LoadedModel, split_data
 from lptn.identify.fitting import fingerprint_of
 from lptn.identify.validation import fit_split, holdout_errors
@@ -270,13 +270,13 @@ class Work:
     def __init__(self, order: FleetFit, results: ResultFolder | None) -> None:
         self.order, self.results = order, results
 
-    def task(self, robot: Robot) -> tuple[FleetFit, str, list[str], str]:
+    def task(self, robot: RobotLogs) -> tuple[FleetFit, str, list[str], str]:
         """Arguments of `fit_robot`."""
         earlier = self.results.kept(robot.name) if self.results else None
         logs = [str(log.absolute()) for log in robot.logs]
         return self.order, robot.name, logs, earlier.fingerprint if earlier else ""
 
-    def kept(self, outcome: Outcome, robot: Robot) -> Outcome:
+    def kept(self, outcome: Outcome, robot: RobotLogs) -> Outcome:
         """The outcome, once its files are written; a message names logs as they were given."""
         for log in robot.logs if outcome.message else ():
             outcome = replace(outcome, message=outcome.message.replace(str(log.absolute()), str(log)))
@@ -287,7 +287,7 @@ class Work:
         )
 
 
-def here(work: Work, fleet: Iterable[Robot]) -> Generator[Outcome]:
+def here(work: Work, fleet: Iterable[RobotLogs]) -> Generator[Outcome]:
     """In this process, one after the other."""
     for robot in fleet:
         outcome = fit_robot(*work.task(robot))
@@ -296,17 +296,17 @@ def here(work: Work, fleet: Iterable[Robot]) -> Generator[Outcome]:
         yield outcome
 
 
-def elsewhere(work: Work, fleet: Iterable[Robot], executor: Executor, in_flight: int) -> Generator[Outcome]:
+def elsewhere(work: Work, fleet: Iterable[RobotLogs], executor: Executor, in_flight: int) -> Generator[Outcome]:
     """In an executor of the caller's."""
     for robot, outcome in _handed_out(work, fleet, executor, in_flight):
         yield outcome if isinstance(outcome, Outcome) else Outcome(robot.name, "failed", message=_DIED)
 
 
-def in_processes(work: Work, fleet: Sequence[Robot], jobs: int, in_flight: int) -> Generator[Outcome]:
+def in_processes(work: Work, fleet: Sequence[RobotLogs], jobs: int, in_flight: int) -> Generator[Outcome]:
     """In processes of one's own; where one dies, those who were out are tried alone, and the rest in new ones."""
     rest = list(fleet)
     while rest:
-        lost: dict[_Lost, list[Robot]] = {"out": [], "unsent": []}
+        lost: dict[_Lost, list[RobotLogs]] = {"out": [], "unsent": []}
         with pool_of(min(jobs, len(rest))) as pool:
             for robot, outcome in _handed_out(work, rest, pool, in_flight):
                 if isinstance(outcome, Outcome):
@@ -320,10 +320,10 @@ def in_processes(work: Work, fleet: Sequence[Robot], jobs: int, in_flight: int) 
 
 
 def _handed_out(
-    work: Work, fleet: Iterable[Robot], executor: Executor, in_flight: int
-) -> Iterator[tuple[Robot, Outcome | _Lost]]:
+    work: Work, fleet: Iterable[RobotLogs], executor: Executor, in_flight: int
+) -> Iterator[tuple[RobotLogs, Outcome | _Lost]]:
     """Outcomes as they come; which robots were out, or were not sent, when the executor broke."""
-    out: dict[Future[Outcome], Robot] = {}
+    out: dict[Future[Outcome], RobotLogs] = {}
     try:
         for robot in fleet:
             while len(out) >= in_flight:
@@ -339,7 +339,7 @@ def _handed_out(
             future.cancel()
 
 
-def _done(out: dict[Future[Outcome], Robot]) -> Iterator[tuple[Robot, Outcome | _Lost]]:
+def _done(out: dict[Future[Outcome], RobotLogs]) -> Iterator[tuple[RobotLogs, Outcome | _Lost]]:
     """Those that are done, once one is; they are no longer out."""
     for future in wait(out, return_when=FIRST_COMPLETED).done:
         robot = out.pop(future)

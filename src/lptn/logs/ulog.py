@@ -83,7 +83,7 @@ def _bounded_reader() -> Any:
                 raise ValueError("a definition that unfolds to too many fields")
             super()._parse_nested_type(prefix, name, formats)
 
-    class Bounded(ULog):  # type: ignore[misc]
+    class BoundedULog(ULog):  # type: ignore[misc]
         _MessageAddLogged = BoundedMessage
 
         def _read_file_definitions(self) -> None:
@@ -99,7 +99,7 @@ def _bounded_reader() -> Any:
             super()._read_file_definitions()
             self._file_handle = whole
 
-    return Bounded
+    return BoundedULog
 
 
 def _defaults(names: Sequence[str], topics: Mapping[str, Mapping[str, Any]]) -> dict[str, ColumnSource]:

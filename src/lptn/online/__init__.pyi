@@ -10,7 +10,7 @@ from .forecasting import forecast as forecast
 from .monitoring import MonitoredRun as MonitoredRun
 from .monitoring import Monitoring as Monitoring
 from .monitoring import monitor as monitor
-from .operating_point import Gait as Gait
+from .operating_point import GaitPeriod as GaitPeriod
 from .operating_point import OperatingPoint as OperatingPoint
 from .operating_point import find_gait as find_gait
 from .present import ModelUncertainty as ModelUncertainty

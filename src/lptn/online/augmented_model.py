@@ -82,7 +82,7 @@ def by_node(sizes: Sizes, nodes: Sequence[str]) -> FloatArray:
 # --- The augmented state and its rates ------------------------------------------------------------
 
 
-class Layout(NamedTuple):
+class StateLayout(NamedTuple):
     """The position of each kind of state in the augmented state vector z.
 
     The model's own states [degC]; wandering and lasting heat that the model lacks at each node [W]; the logarithm of a
@@ -97,7 +97,7 @@ class Layout(NamedTuple):
     parameters: slice
 
     @classmethod
-    def of(cls, model: Model, error: ModelError, parameters: int) -> Layout:
+    def of(cls, model: Model, error: ModelError, parameters: int) -> StateLayout:
         """The layout for a model and the errors allowed; an error of size 0 takes no place, but for inputs."""
         nodes = len(model.nodes)
         heat = bool(by_node(error.heat, model.nodes).any() or by_node(error.change, model.nodes).any())
@@ -112,7 +112,7 @@ class Layout(NamedTuple):
 
 
 def _functions(
-    model: Model, layout: Layout, columns: tuple[str, ...], doubtful: tuple[int, ...]
+    model: Model, layout: StateLayout, columns: tuple[str, ...], doubtful: tuple[int, ...]
 ) -> tuple[ca.Function, ca.Function, ca.Function]:
     """RK4 stages with their Jacobians; rates with theirs; readings with theirs. Matrices are dense.
 
@@ -177,7 +177,7 @@ class _BufferedCall:
 _LEAST_WALK = 1e-6  # K²/s, of each node's temperature: a filter that is sure of a node ceases to listen to its sensor
 
 
-class Step(NamedTuple):
+class StateStep(NamedTuple):
     """States after a step, shape (z,); its derivative by those before it, (z, z); covariance added, (z, z)."""
 
     states: FloatArray
@@ -197,7 +197,7 @@ class AugmentedModel:
 
     def __init__(self, model: Model, error: ModelError, doubtful: Sequence[int], walks: FloatArray) -> None:
         self.model = model
-        self.layout = layout = Layout.of(model, error, len(doubtful))
+        self.layout = layout = StateLayout.of(model, error, len(doubtful))
         columns, places = tuple(error.inputs), tuple(doubtful)
         key = ("augmented", tuple(where.stop for where in layout), columns, places)
         stages, rate, reading = model.made_once(key, lambda: _functions(model, layout, columns, places))
@@ -225,7 +225,7 @@ class AugmentedModel:
         self._rate = _BufferedCall(rate, [self._z, self._u, values, times], [self._slope, self._jacobian])
         self._reading = _BufferedCall(reading, [self._z, values], [self._read, self._read_by])
 
-    def step(self, z: FloatArray, u: FloatArray, h: float) -> Step:
+    def step(self, z: FloatArray, u: FloatArray, h: float) -> StateStep:
         """Advance by `h` seconds at constant inputs, in as many RK4 steps as the fastest rate needs."""
         self._z[:], self._u[:], self._h[0] = z, u, h
         self._stages()
@@ -246,9 +246,9 @@ class AugmentedModel:
             if number:
                 by_last, gained = by_last @ transition, by_last @ added @ by_last.T + gained
             transition, added = by_last, gained
-        return Step(z, transition, added)
+        return StateStep(z, transition, added)
 
-    def long_step(self, z: FloatArray, u: FloatArray, h: float) -> Step:
+    def long_step(self, z: FloatArray, u: FloatArray, h: float) -> StateStep:
         """Advance by a step longer than the fastest time constant, by the exact hold of the linearisation at its start.
 
         Errors are held over the step, and fade behind it. Of a nonlinear model the states are right to second order.
@@ -260,7 +260,7 @@ class AugmentedModel:
         whole[states] = integral @ by_state[states]
         whole[states, states] = transition
         following[states] = z[states] + integral @ rates[states]
-        return Step(following, whole, _spread(whole, 0.5 * self._gained(h)))
+        return StateStep(following, whole, _spread(whole, 0.5 * self._gained(h)))
 
     def readings(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:
         """What the sensors read [degC], shape (nodes,), and its derivative, shape (nodes, z)."""

@@ -22,7 +22,7 @@ from lptn.logs.run import Run
 from lptn.model.model import Model
 from lptn.online.augmented_model import AugmentedModel
 from lptn.online.estimator import Estimator
-from lptn.online.operating_point import Gait, OperatingPoint, WindowChoice, find_gait, present_operating_point
+from lptn.online.operating_point import GaitPeriod, OperatingPoint, WindowChoice, find_gait, present_operating_point
 from lptn.online.present import Doubt, ModelUncertainty, present_by_live_sensors
 from lptn.simulate.bound_run import BoundRun, bind
 
@@ -152,7 +152,7 @@ def forecast(
     fit: Fit | ModelUncertainty | None = None,
     *,
     window: WindowChoice = "steady",
-    gait: Gait | None = None,
+    gait: GaitPeriod | None = None,
 ) -> Forecast:
     """When each node reaches its limit if the robot goes on as it does at the end of a log.
 

@@ -26,7 +26,7 @@ _FINER = 8  # lags between two samples, so that a peak between them isn't missed
 
 
 @dataclass(frozen=True)
-class Gait:
+class GaitPeriod:
     """The gait at the end of a log.
 
     Args:
@@ -38,7 +38,7 @@ class Gait:
     why_not: str = ""
 
 
-def find_gait(speeds: Sequence[FloatArray], step: float) -> Gait:
+def find_gait(speeds: Sequence[FloatArray], step: float) -> GaitPeriod:
     """The gait at the end of a log.
 
     Its period is the lag at which the joint speeds look most like themselves, all joints together: the first peak of
@@ -52,17 +52,17 @@ def find_gait(speeds: Sequence[FloatArray], step: float) -> Gait:
     Source: [QuadrupedLPTN, application 3].
     """
     if not speeds:
-        return Gait(None, "the log has no joint speeds")
+        return GaitPeriod(None, "the log has no joint speeds")
     if step > _COARSEST:
-        return Gait(None, f"the gait can't be seen in samples {step:g} s apart")
+        return GaitPeriod(None, f"the gait can't be seen in samples {step:g} s apart")
     count = min(round(_LOOKED_AT / step), *(len(speed) for speed in speeds), len(speeds[0]))
     recent = np.array([speed[-count:] for speed in speeds], dtype=float)
     recent = recent[np.isfinite(recent).any(axis=1)]
     recent = np.nan_to_num(recent - np.nanmean(recent, axis=1, keepdims=True))
     if recent.size == 0 or np.sqrt(np.mean(recent**2)) < _STILL:
-        return Gait(None, "the joints stand")
+        return GaitPeriod(None, "the joints stand")
     period = _first_peak(recent, step)
-    return Gait(period, "" if period else "the joint speeds show no period")
+    return GaitPeriod(period, "" if period else "the joint speeds show no period")
 
 
 def _first_peak(series: FloatArray, step: float) -> float | None:
@@ -162,7 +162,7 @@ class OperatingPoint:
 
 
 def present_operating_point(
-    bound: BoundRun, columns: list[str], window: WindowChoice, cycles: int, gait: Gait
+    bound: BoundRun, columns: list[str], window: WindowChoice, cycles: int, gait: GaitPeriod
 ) -> OperatingPoint:
     """What the robot does at the end of a log, averaged over whole gait cycles where there is a gait.
 

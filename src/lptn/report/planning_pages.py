@@ -15,7 +15,7 @@ from lptn.planners.mission.answer import MissionAnswer
 from lptn.planners.mpc.answer import TrackAnswer
 from lptn.report.charts import POINTS, ChartPanel, Charts, Line, View
 from lptn.report.document import picture, render
-from lptn.report.tables import Table
+from lptn.report.tables import ReportTable
 from lptn.report.text import for_people, unit_text
 
 if TYPE_CHECKING:
@@ -165,7 +165,7 @@ def trade_html(result: StudyResult) -> str:
         title=result.study.question.name,
         said=[for_people(line) for line in remarks(result)],
         lead=for_people(headline(result).removeprefix(f"{result.study.question.name}: ")),
-        table=Table(tuple(for_people(head) for head in heads), tuple(rows)),
+        table=ReportTable(tuple(for_people(head) for head in heads), tuple(rows)),
         charts=list(charts.values()),
         headings=list(charts),
         still=picture("The study in one figure.", inline_svg(study_figure(result), result.study.question.name)),

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Table:
+class ReportTable:
     """A table of text.
 
     Args:
@@ -65,7 +65,7 @@ class Table:
 _LONG = 600.0  # s; longer times are in minutes, as in the figures
 
 
-def error_table(comparison: Comparison, most: int | None = None) -> Table:
+def error_table(comparison: Comparison, most: int | None = None) -> ReportTable:
     """Errors of one model by run and node; of more than `most` rows those with the largest RMSE."""
     rows: list[tuple[float, tuple[str, ...]]] = []
     for prediction in comparison.predictions:
@@ -79,17 +79,17 @@ def error_table(comparison: Comparison, most: int | None = None) -> Table:
     if most is not None and len(rows) > most:
         shown = sorted(rows, key=lambda one: -one[0])[:most]
     heads = ("run", "node", ">RMSE", ">max |error|", ">mean error", ">noise alone")
-    return Table(heads, tuple(row for _, row in shown))
+    return ReportTable(heads, tuple(row for _, row in shown))
 
 
-def condition_table(comparison: Comparison, most: int = 12) -> Table:
+def condition_table(comparison: Comparison, most: int = 12) -> ReportTable:
     """The conditions in which a model fails worst, worst first."""
     rows = []
     for condition in sorted(conditions_of(comparison), key=lambda condition: -condition.errors.rmse)[:most]:
         errors = condition.errors
         cells = (kelvin(errors.rmse), kelvin(errors.max), signed_kelvin(errors.mean))
         rows.append((condition.node, bin_text(condition.quantity, condition.lower, condition.upper), *cells))
-    return Table(("node", "condition", ">RMSE", ">max |error|", ">mean error"), tuple(rows))
+    return ReportTable(("node", "condition", ">RMSE", ">max |error|", ">mean error"), tuple(rows))
 
 
 def conditions_of(comparison: Comparison) -> list[Condition]:
@@ -119,7 +119,7 @@ def conditions_by_quantity(comparison: Comparison) -> dict[str, list[Condition]]
     return {quantity: [cell for cell in cells if cell.quantity == quantity] for quantity in quantities}
 
 
-def node_table(given: Comparison, best: Comparison | None) -> Table:
+def node_table(given: Comparison, best: Comparison | None) -> ReportTable:
     """Errors of each node over all runs, with the model as given and with the best one."""
     rows = []
     for node in given.model.nodes:
@@ -128,19 +128,19 @@ def node_table(given: Comparison, best: Comparison | None) -> Table:
             cells = (before.rmse, after.rmse, before.max, after.max) if after else (before.rmse, before.max)
             rows.append((node, *map(kelvin, cells), kelvin(given.floor(node), 2)))
     heads = (">RMSE before", ">RMSE after", ">max |error| before", ">max |error| after")
-    return Table(("node", *(heads if best else (">RMSE", ">max |error|")), ">noise alone"), tuple(rows))
+    return ReportTable(("node", *(heads if best else (">RMSE", ">max |error|")), ">noise alone"), tuple(rows))
 
 
-def versus_table(what: str, pairs: Sequence[Pair]) -> Table:
+def versus_table(what: str, pairs: Sequence[Pair]) -> ReportTable:
     """Two models' errors by class of nodes or by run, and the reduction of the largest."""
     rows = []
     for pair in pairs:
         mean, largest, square = (f"{mine:.2f} / {others:.2f} {unit}" for mine, others, unit in pair.figures)
         rows.append((pair.what, mean, largest, f"{pair.reduction:.0%}".replace("-", "−"), square))
-    return Table((what, ">mean |error|", ">max |error|", ">reduction", ">mean square"), tuple(rows))
+    return ReportTable((what, ">mean |error|", ">max |error|", ">reduction", ">mean square"), tuple(rows))
 
 
-def data_table(jobs: Mapping[str, Sequence[Segment]]) -> Table:
+def data_table(jobs: Mapping[str, Sequence[Segment]]) -> ReportTable:
     """One row for each segment: its run, and what it was used for."""
     rows = []
     clocked = any(segment.run.began for segments in jobs.values() for segment in segments)
@@ -157,13 +157,13 @@ def data_table(jobs: Mapping[str, Sequence[Segment]]) -> Table:
             rows.append((*names, *size, job, start, window_text(segment.evaluation, segment), notes))
     clock = ["began"] if clocked else []
     heads = "run", "file", "fingerprint", *clock, ">length", ">step", "used as", "start from", "errors counted", "notes"
-    return Table(heads, tuple(rows))
+    return ReportTable(heads, tuple(rows))
 
 
 # --- a forecast -------------------------------------------------------------------------------------------
 
 
-def forecast_table(ahead: Forecast) -> Table:
+def forecast_table(ahead: Forecast) -> ReportTable:
     """Each node with a limit: its temperature, when it reaches the limit, and where it settles."""
     rows = tuple(
         (
@@ -177,7 +177,7 @@ def forecast_table(ahead: Forecast) -> Table:
         for one in ahead.nodes.values()
     )
     heads = ("node", ">now", ">limit", ">time to limit", f">{percent(ahead.coverage)} interval", ">settles at [°C]")
-    return Table(heads, rows)
+    return ReportTable(heads, rows)
 
 
 def time_to_limit(one: NodeForecast) -> str:
@@ -206,7 +206,7 @@ def settling_temperature(one: NodeForecast) -> str:
 # --- a forward selection ----------------------------------------------------------------------------------
 
 
-def history_table(history: History) -> Table:
+def history_table(history: History) -> ReportTable:
     """One row for each step, the model as given first."""
     tested = any(step.test for step in history.steps)
     rows = []
@@ -216,10 +216,10 @@ def history_table(history: History) -> Table:
         what = title_of(step.effect) if step.effect else "as given"
         rows.append((str(place), what, place_of(step.at or ""), str(step.parameters), *map(kelvin, errors)))
     heads = ("step", "effect", "place", ">parameters", ">RMSE fitted", ">held out", ">max held out")
-    return Table((*heads, ">test") if tested else heads, tuple(rows))
+    return ReportTable((*heads, ">test") if tested else heads, tuple(rows))
 
 
-def effects_table(history: History) -> Table:
+def effects_table(history: History) -> ReportTable:
     """One row for each effect that was added, or is the answer where nothing was yet."""
     added = effects_shown(history)
     rows = []
@@ -231,19 +231,19 @@ def effects_table(history: History) -> Table:
         about = title_of(key), place_of(at), kind, size_text(step, added[-1].fit) or NOTHING, sure
         rows.append((str(place), *about, same, experiment_for(catalogue()[key])))
     heads = ("no.", "effect", "place", "kind", ">size", ">probability", "can't be told from")
-    return Table((*heads, "experiment that separates"), tuple(rows))
+    return ReportTable((*heads, "experiment that separates"), tuple(rows))
 
 
-def refused_table(history: History) -> Table:
+def refused_table(history: History) -> ReportTable:
     """One row for each effect that was fitted beside all that was added, and was not added."""
     rows = (
         (title_of(step.key[0]), place_of(step.key[1]), size_text(step, step.fit), percent(step.probability))
         for step in history.last.refused
     )
-    return Table(("effect", "place", ">size", ">probability"), tuple(rows))
+    return ReportTable(("effect", "place", ">size", ">probability"), tuple(rows))
 
 
-def stretch_table(stretches: Sequence[HeatPeak]) -> Table:
+def stretch_table(stretches: Sequence[HeatPeak]) -> ReportTable:
     """One row for each stretch of unexplained heat, in the order given."""
     rows = tuple(
         (
@@ -254,7 +254,7 @@ def stretch_table(stretches: Sequence[HeatPeak]) -> Table:
         )
         for stretch in stretches
     )
-    return Table(("run", "node", ">from [s]", ">to [s]", ">heat [W]", ">at least [W]", ">at most [W]"), rows)
+    return ReportTable(("run", "node", ">from [s]", ">to [s]", ">heat [W]", ">at least [W]", ">at most [W]"), rows)
 
 
 def _signed(value: float) -> str:
@@ -264,7 +264,7 @@ def _signed(value: float) -> str:
 _ZERO = 1e-9  # share of the typical size; what a search leaves of a zero
 
 
-def parameter_table(best: Fit, given: Fit | None = None, most: int | None = None) -> Table:
+def parameter_table(best: Fit, given: Fit | None = None, most: int | None = None) -> ReportTable:
     """Free parameters with their standard errors, beside their values in the model as given, once fitted; of more than
     `most` the least certain.
     """
@@ -284,14 +284,14 @@ def parameter_table(best: Fit, given: Fit | None = None, most: int | None = None
         row = (*what, spread, unit_text(parameter.declared.unit))
         rows.append(row if given is None else (*row, before.get(parameter.name, "new")))
     heads = ("parameter", "what it is", ">value", ">± standard error", "unit")
-    return Table(heads if given is None else (*heads, ">in the model as given, fitted"), tuple(rows))
+    return ReportTable(heads if given is None else (*heads, ">in the model as given, fitted"), tuple(rows))
 
 
 def _value(value: float, parameter: ParameterInstance) -> str:
     return number(0.0 if abs(value) < _ZERO * parameter.declared.typical else value)
 
 
-def source_table(effects: Sequence[type[Effect]]) -> Table:
+def source_table(effects: Sequence[type[Effect]]) -> ReportTable:
     """Where the equations come from: one row for each effect that cites a work."""
     rows = ((effect.title, cite(effect.source)) for effect in effects if works_cited([effect.source]))
-    return Table(("effect", "source"), tuple(rows))
+    return ReportTable(("effect", "source"), tuple(rows))

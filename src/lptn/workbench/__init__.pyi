@@ -1,4 +1,4 @@
 from .server import serve as serve
-from .session import Session as Session
+from .session import WorkbenchSession as WorkbenchSession
 
 __all__: list[str]

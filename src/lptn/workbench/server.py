@@ -36,7 +36,7 @@ from lptn.workbench.gate import MOVES_ON, Gate
 from lptn.workbench.lines import packed
 from lptn.workbench.orders import LinesAsked, NetworkAsked, ResidualsAsked, SpecialAsked, order
 from lptn.workbench.residuals import Residuals
-from lptn.workbench.session import BusyError, Session
+from lptn.workbench.session import BusyError, WorkbenchSession
 from lptn.workbench.special import Special
 
 _LARGEST_ORDER = Bound(10_000, "bytes")  # an order is a sentence
@@ -57,7 +57,7 @@ _PAGE = {
 _RESULTS = {"story.html": "text/html", "model.fmu": "application/octet-stream"}
 
 
-def application(session: Session, port: int, *tokens: str) -> Starlette:
+def application(session: WorkbenchSession, port: int, *tokens: str) -> Starlette:
     """The server's application.
 
     Args:
@@ -100,7 +100,7 @@ Found = TypeVar("Found")
 class _Site:
     """What is answered from a session."""
 
-    def __init__(self, session: Session) -> None:
+    def __init__(self, session: WorkbenchSession) -> None:
         self._session = session
 
     async def state(self, request: Request) -> Response:
@@ -252,7 +252,7 @@ class _Patient(H11Protocol):
             self._late = None
 
 
-def serve(session: Session, port: int = 0, ready: Callable[[str, Path], None] = lambda *_: None) -> None:
+def serve(session: WorkbenchSession, port: int = 0, ready: Callable[[str, Path], None] = lambda *_: None) -> None:
     """Serve a session's page until Ctrl-C.
 
     Args:

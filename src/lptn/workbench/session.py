@@ -57,7 +57,7 @@ class BusyError(RuntimeError):
     """An order was given while another is being done."""
 
 
-class Session:
+class WorkbenchSession:
     """A study that is shown in several tabs.
 
     Args:
@@ -88,7 +88,7 @@ class Session:
 
     # --- the process that works -----------------------------------------------------------------
 
-    def open(self) -> Session:
+    def open(self) -> WorkbenchSession:
         """Start the process, and wait until it has read the logs.
 
         Raises:
