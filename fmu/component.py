@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, reduce
 from typing import TYPE_CHECKING, Any, get_args
@@ -26,6 +26,7 @@ from .variables import (
     column_description,
     fmi_unit,
     from_column,
+    name_between,
     pattern_as_word,
     place_name,
     places_of_owner,
@@ -296,9 +297,8 @@ class _Builder:
         label, quantity, owner = parameter.effect, declared.name, parameter.owner
         title = declared.title or declared.name
         one, other = places_of_owner(owner, self.model.network.prescribed)
-        middle = f"{label}_to_{other}" if label and other else f"to_{other}" if other else label
         self._add(
-            structured_name(one, middle, quantity) if middle else structured_name(one, quantity),
+            name_between(one, label, other, quantity),
             "parameter",
             fmi_unit(unit),
             parameter.value + celsius_offset(unit),
@@ -326,9 +326,9 @@ class _Builder:
                 description = f"What the sensor of {node} reads: connect what would read the real one"
                 self._add(name, "output", "K", None, description, celsius=True, minimum=0.0)
                 outputs.append(of_component(reading) + ZERO_CELSIUS)
-        for flow in heat_flows(self.model):
-            self._add(flow.name, "output", "W", None, flow.description)
-            outputs.append(of_component(self.model.balance.with_faces_solved(flow.expression)))
+        for name, description, flow in _heat_flows(self.model):
+            self._add(name, "output", "W", None, description)
+            outputs.append(of_component(self.model.balance.with_faces_solved(flow)))
         band = self.p[self.model_parameters + len(self.model.places)]
         for row, node in enumerate(self.model.nodes):
             if node in with_torque:
@@ -344,98 +344,51 @@ class _Builder:
 # --- heat flows: what each link carries and what each effect brings --------------------------------
 
 
-@dataclass(frozen=True)
-class HeatFlow:
-    """One heat flow [W].
-
-    Args:
-        source: the node that it leaves, or for an effect at one node the node that it enters.
-        target: the node that it enters; empty for an effect at one node.
-        label: the effect's name; empty for a link.
-        share: `True` for a share of another flow, which must not be counted twice.
-        expression: its size.
-    """
-
-    source: str
-    target: str
-    label: str
-    share: bool
-    expression: Any
-
-    @property
-    def name(self) -> str:
-        """Name of the variable that shows it."""
-        if not self.target:
-            return structured_name(self.source, self.label, "heat_flow")
-        middle = f"{self.label}_to_{self.target}" if self.label else f"to_{self.target}"
-        return structured_name(self.source, middle, "heat_flow")
-
-    @property
-    def description(self) -> str:
-        """What a person reads of it."""
-        path = f"flows from {self.source} to {self.target}" if self.target else f"enters {self.source}"
-        if self.share:
-            return f"What {self.label} adds to the heat that {path}"
-        if self.target:
-            return f"Heat that {path} by {self.label}" if self.label else f"Heat that {path}"
-        return f"Heat that {self.label} brings into {self.source}"
-
-
-def heat_flows(model: Model) -> list[HeatFlow]:
-    """Every link's and every effect's heat flow, in the order of the network.
+def _heat_flows(model: Model) -> Iterator[tuple[str, str, Any]]:
+    """Name, description and size [W] of every link's and every effect's heat flow, in the order of the network.
 
     Links and effects between nodes count from the first node to the second, prescribed nodes last. A loss or link
     effect counts what it adds to the flow that it acts on: the flow with it less the flow without it.
 
     Source: [QuadrupedLPTN, eq. 1, 3, 5].
     """
-    flows = _HeatFlows(model)
-    of_links = [flows.of_link(link) for link in model.network.resistors]
-    return of_links + [flow for effect in model.network.effect_instances for flow in flows.of_effect(effect)]
+    network, heat = model.network, model.balance.heat_into_ends
 
+    def in_order(ends: Iterable[str]) -> list[str]:
+        return sorted(ends, key=lambda name: (name in network.prescribed, name))
 
-class _HeatFlows:
-    def __init__(self, model: Model) -> None:
-        self.network, self.balance = model.network, model.balance
-
-    def _ordered(self, ends: Iterable[str]) -> tuple[str, str]:
-        """The two ends by name, a prescribed one last."""
-        one, other = sorted(ends, key=lambda name: (name in self.network.prescribed, name))
-        return one, other
-
-    def _away(self, link: Link, source: str, left_out: EffectInstance | None = None) -> Any:
-        """Heat that a link carries away from one of its ends, perhaps with one effect left out."""
-        inward = self.balance.exchange(link, left_out)
+    def away(link: Link, source: str, left_out: EffectInstance | None = None) -> Any:
+        inward = model.balance.exchange(link, left_out)
         return -inward if link.ends[0] == source else inward
 
-    def of_link(self, link: Link) -> HeatFlow:
-        source, target = self._ordered(link.ends)
-        return HeatFlow(source, target, "", False, self._away(link, source))
-
-    def of_effect(self, instance: EffectInstance) -> list[HeatFlow]:
-        effect, node, label = instance.effect, instance.ends[0], instance.name
-        heats = self.balance.heat_into_ends(instance)
+    for link in network.resistors:
+        source, target = in_order(link.ends)
+        name = name_between(source, "", target, "heat_flow")
+        yield name, f"Heat that flows from {source} to {target}", away(link, source)
+    for instance in network.effect_instances:
+        effect, label, node = instance.effect, instance.name, instance.ends[0]
         if effect.between_ends:
-            one, other = self._ordered(instance.ends)
-            return [HeatFlow(one, other, label, False, heats[instance.ends.index(other)])]
-        if heats:
+            source, target = in_order(instance.ends)
+            name = name_between(source, label, target, "heat_flow")
+            yield (
+                name,
+                f"Heat that flows from {source} to {target} by {label}",
+                heat(instance)[instance.ends.index(target)],
+            )
+        elif heats := heat(instance):
             label = label if instance.place in instance.ends else f"{label}_{pattern_as_word(instance.place)}"
-            return [HeatFlow(end, "", label, False, heat) for end, heat in zip(instance.ends, heats, strict=True)]
-        if effect.scales_heat:
-            bases = [
-                base
-                for base in self.network.effect_instances
-                if base.effect.key == effect.heat_of and base.ends == instance.ends
-            ]
-            heat = self.balance.heat_into_ends
-            added = (heat(base)[0] - heat(base, instance)[0] for base in bases)
-            return [HeatFlow(node, "", label, True, sum(added, start=ca.SX(0)))]
-        return [self._of_link_effect(instance)] if effect.changes_link else []
-
-    def _of_link_effect(self, instance: EffectInstance) -> HeatFlow:
-        (link,) = (link for link in self.network.resistors if set(link.ends) == set(instance.ends))
-        node, around = instance.ends
-        added = self._away(link, node, instance) - self._away(link, node)
-        # A node with several surroundings has one such effect for each: the place then is an edge.
-        target = around if "~" in instance.place else ""
-        return HeatFlow(node, target, instance.name, True, -added if target else added)
+            for end, brought in zip(instance.ends, heats, strict=True):
+                yield name_between(end, label, "", "heat_flow"), f"Heat that {label} brings into {end}", brought
+        elif effect.scales_heat:
+            at_node = [base for base in network.effect_instances if base.ends == instance.ends]
+            scaled = [base for base in at_node if base.effect.key == effect.heat_of]
+            added = sum((heat(base)[0] - heat(base, instance)[0] for base in scaled), start=ca.SX(0))
+            yield name_between(node, label, "", "heat_flow"), f"What {label} adds to the heat that enters {node}", added
+        elif effect.changes_link:
+            (link,) = (link for link in network.resistors if set(link.ends) == set(instance.ends))
+            added = away(link, node, instance) - away(link, node)
+            # A node with several surroundings has one such effect for each: the place then is an edge.
+            target = instance.ends[1] if "~" in instance.place else ""
+            path = f"flows from {node} to {target}" if target else f"enters {node}"
+            name = name_between(node, label, target, "heat_flow")
+            yield name, f"What {label} adds to the heat that {path}", -added if target else added

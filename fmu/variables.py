@@ -170,6 +170,12 @@ def place_name(place: str, quantity: str) -> str:
     return structured_name(*place.split("."), quantity)
 
 
+def name_between(place: str, effect: str, other: str, quantity: str) -> str:
+    """The name of a quantity at a place, of an effect there, towards another place; empty for what there is not."""
+    middle = f"{effect}_to_{other}" if effect and other else f"to_{other}" if other else effect
+    return structured_name(place, middle, quantity) if middle else structured_name(place, quantity)
+
+
 def _name_part(text: str) -> str:
     ascii_text = "".join(letter if letter.isascii() else f"_u{ord(letter):04X}" for letter in text)
     if _IDENTIFIER.fullmatch(ascii_text):

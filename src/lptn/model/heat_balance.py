@@ -8,6 +8,7 @@ from typing import Any
 
 import casadi as ca
 
+from lptn.basics.places import edge
 from lptn.model.bodies import HottestPoint
 from lptn.model.network import START, EffectInstance, Link, Network
 
@@ -72,6 +73,7 @@ class HeatBalance:
         self.given = {name: self._prescribed(name) for name in network.prescribed}
         self._faces = {name: ca.SX.sym(name) for name in network.massless}
         self._solved: dict[str, ca.SX] = {}  # the faces' temperatures as expressions of all else
+        self._flows: dict[str, Any] = {}
         felt = {name: self._felt(name) for name in self.given}
         self.temperature: dict[str, ca.SX] = self._nodes | felt | self._faces
         self.warming = self._balance()
@@ -151,6 +153,13 @@ class HeatBalance:
         there = (other for other in self._at_ends[frozenset(ends)] if other.effect.key == key)
         return sum((self.heat_into_ends(other)[0] for other in there), start=ca.SX(0))
 
+    @property
+    def flows(self) -> dict[str, Any]:
+        """What flows [W]: through each link into its first end, `"a~b"`, and from each effect into its first end,
+        `"copper_loss.FR_calf"`.
+        """
+        return {name: self.with_faces_solved(flow) for name, flow in self._flows.items()}
+
     def with_faces_solved(self, expression: Any) -> Any:
         """An expression with the temperatures of faces without capacitance put in: one of states and inputs alone."""
         if not self._solved:
@@ -168,17 +177,18 @@ class HeatBalance:
             if node in heat:  # a prescribed node swallows it
                 heat[node] = heat[node] + flow
 
-        for link in network.resistors:
-            flow = self.exchange(link)
-            give(link.ends[0], flow)
-            give(link.ends[1], -flow)
+        links = [(link.place, link.ends, self.exchange(link)) for link in network.resistors]
         for inside in network.conductors:
             one, other = inside.ends
             flow = self.p[inside.conductivity] * inside.shape * (temperature[other] - temperature[one])
+            links.append((edge(one, other), inside.ends, flow))
+        for place, (one, other), flow in links:
+            self._flows[place] = flow
             give(one, flow)
             give(other, -flow)
         for instance in network.effect_instances:
             for node, flow in zip(instance.ends, self.heat_into_ends(instance), strict=False):
+                self._flows.setdefault(instance.label, flow)
                 give(node, flow)
         if self._faces:
             means = [self._nodes[element] for element in network.massless.values()]

@@ -32,21 +32,11 @@ def heat_flows(model: Model, states: FloatArray, inputs: FloatArray) -> dict[str
         W by the names of links, `"a~b"`, and of effects, `"copper_loss.FR_calf"`, shape (k,) each.
     """
     balance = model.balance
-    network = balance.network  # of a model at other values it still has the effects that the balance knows
-    parts = {link.place: balance.exchange(link) for link in network.resistors}
-    for inside in network.conductors:
-        one, other = inside.ends
-        drop = balance.temperature[other] - balance.temperature[one]
-        parts[edge(one, other)] = balance.p[inside.conductivity] * inside.shape * drop
-    for instance in network.effect_instances:
-        heats = balance.heat_into_ends(instance)
-        if heats:
-            parts[instance.label] = heats[0]
-    parts = {name: balance.with_faces_solved(flow) for name, flow in parts.items()}
+    flows = balance.flows
     arguments = [balance.x, balance.u, balance.p]
-    make = lambda: ca.Function("flows", arguments, [ca.vertcat(*parts.values())])  # noqa: E731
-    flows = model.made_once("heat flows", make)(states, inputs, model.values)
-    return dict(zip(parts, np.asarray(flows, dtype=float), strict=True))
+    make = lambda: ca.Function("flows", arguments, [ca.vertcat(*flows.values())])  # noqa: E731
+    values = model.made_once("heat flows", make)(states, inputs, model.values)
+    return dict(zip(flows, np.asarray(values, dtype=float), strict=True))
 
 
 # --- what is drawn -------------------------------------------------------------------------------------------
