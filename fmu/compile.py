@@ -13,6 +13,7 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from importlib.resources import files
 from importlib.util import find_spec
 from pathlib import Path
@@ -21,6 +22,7 @@ from typing import Literal
 import platformdirs
 
 from lptn.basics.c_library import compiler as compiler_here
+from lptn.basics.c_library import run_compiler
 from lptn.basics.errors import InputError
 from lptn.basics.own_folder import own_folder
 
@@ -32,7 +34,6 @@ _FLAGS = (
     "-fvisibility=hidden",
     "-ffp-contract=off",  # the same digits on every platform
 )
-_TIMEOUT = 600.0  # s
 _ROOM = 100_000_000  # bytes; zig keeps 30 MB for each platform in its cache
 _PATIENCE = 20.0  # s; a build takes 2 s, 20 s with admissible torques
 _PATIENTLY = "%s: still compiling; a large model or a busy machine takes a minute"
@@ -165,30 +166,6 @@ def _surroundings(folder: Path) -> dict[str, str]:
     return {"ZIG_GLOBAL_CACHE_DIR": str(folder / "zig"), **os.environ}
 
 
-def _run(words: Sequence[str], folder: Path, target: Platform) -> tuple[int, str]:
-    """Run a compiler: its exit code and what it said. Who waits long is told for what.
-
-    Raises:
-        InputError: it can't be run, or takes more than `_TIMEOUT`.
-    """
-    try:
-        with subprocess.Popen(
-            words, cwd=folder, env=_surroundings(folder), stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
-        ) as running:
-            try:
-                try:
-                    _, said = running.communicate(timeout=_PATIENCE)
-                except subprocess.TimeoutExpired:
-                    _log.warning(_PATIENTLY, target.name)
-                    _, said = running.communicate(timeout=_TIMEOUT)
-            except BaseException:
-                running.kill()
-                raise
-            return running.returncode, said
-    except (OSError, subprocess.TimeoutExpired) as error:
-        raise InputError(target.name, "compiler", str(error), "a working C compiler") from error
-
-
 def _compile(folder: Path, main: str, identifier: str, target: Platform, local: tuple[str, ...] | None) -> bytes:
     (folder / target.name).mkdir()
     library = folder / target.name / f"{identifier}{target.suffix}"
@@ -232,16 +209,20 @@ def _link_for_windows(zig: list[str], folder: Path, object_file: Path, library: 
 
 
 def _checked(words: Sequence[str], folder: Path, target: Platform) -> None:
-    """Run a compiler.
+    """Run a compiler. Who waits long is told for what.
 
     Raises:
-        InputError: it fails; its first error is said.
+        InputError: it can't be run, has no end, or fails; its first error is said.
     """
-    code, said = _run(words, folder, target)
-    if code:
-        lines = said.splitlines() or ["no message"]
+    still = partial(_log.warning, _PATIENTLY, target.name)
+    try:
+        run_compiler(words, folder, _surroundings(folder), still, _PATIENCE)
+    except OSError as error:
+        raise InputError(target.name, "compiler", str(error), "a working C compiler") from error
+    except subprocess.CalledProcessError as error:
+        lines = error.stderr.splitlines() or ["no message"]
         first = next((line for line in lines if "error" in line), lines[0])
-        raise InputError(target.name, "compiler", first[:200], "C code that compiles")
+        raise InputError(target.name, "compiler", first[:200], "C code that compiles") from error
 
 
 def universal(libraries: Sequence[bytes]) -> bytes:

@@ -45,8 +45,7 @@ class CosimulatedRun:
         readings: what the FMU predicts for them [degC], shape (nodes, n).
         measured: what the log holds [degC], shape (nodes, n), NaN where nothing counts.
         predicted: what the model predicts [degC], shape (nodes, n); `None` without a model.
-        outputs: all outputs by name at the n ends of steps, in the FMU's units.
-        table: the same by log column, temperatures in degC, with the ends of steps as `time`.
+        table: all outputs by log column at the n ends of steps, temperatures in degC, with these ends as `time`.
         seconds: time that the steps took.
     """
 
@@ -55,7 +54,6 @@ class CosimulatedRun:
     readings: FloatArray
     measured: FloatArray
     predicted: FloatArray | None
-    outputs: Mapping[str, FloatArray]
     table: Mapping[str, FloatArray]
     seconds: float
 
@@ -258,8 +256,8 @@ def _cosimulated(session: Driven, plan: _Plan, ramps: bool, given: Mapping[str, 
     }
     entrances = dict(zip(session.input_names, inputs[0].tolist(), strict=True))
     session.reset({**given, **start, **entrances}, start=float(run.time[0]))
-    table = np.empty((len(run) + 1, len(session.output_names)))
-    table[0] = session.outputs
+    rows = np.empty((len(run) + 1, len(session.output_names)))
+    rows[0] = session.outputs
     begun = said = time.perf_counter()
     for k in range(len(run)):
         now = time.perf_counter()
@@ -267,25 +265,18 @@ def _cosimulated(session: Driven, plan: _Plan, ramps: bool, given: Mapping[str, 
             said = now
             _log.info("%s: %d of %d steps", run.name, k, len(run))
         session.inputs[:] = inputs[k]
-        table[k + 1] = session.step(run.step, inputs[min(k + 1, len(run) - 1)] if ramps else None)
+        rows[k + 1] = session.step(run.step, inputs[min(k + 1, len(run) - 1)] if ramps else None)
     seconds = time.perf_counter() - begun
-    outputs = dict(zip(session.output_names, table.T, strict=True))
-    rows = [_reading(session, plan, node, outputs) for node in plan.nodes]
-    readings = over_steps(np.array(rows).reshape(len(rows), len(run) + 1), run.averaged)
-    ends = {name: values[1:] for name, values in outputs.items()}
+    # In the units of logs; by log column, or by their own name where two have the same column.
+    columns = {name: plan.column(session, name) for name in session.output_names}
+    many = Counter(columns.values())
+    outputs = {name: values - plan.offset(session, name) for name, values in zip(columns, rows.T, strict=True)}
+    ends = {column if many[column] == 1 else name: outputs[name][1:] for name, column in columns.items()}
+    sensed = [_reading(session, node, outputs) for node in plan.nodes]
+    readings = over_steps(np.array(sensed).reshape(len(sensed), len(run) + 1), run.averaged)
     nodes = tuple(node.removesuffix(".temperature") for node in plan.nodes)
-    shown = _table(session, plan, ends)
-    return CosimulatedRun(run, nodes, readings, plan.measured, plan.predicted, ends, shown, seconds)
-
-
-def _table(driven: Driven, plan: _Plan, outputs: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
-    """Outputs by log column; by their own name where two have the same column."""
-    columns = Counter(plan.column(driven, name) for name in outputs)
-    table = {"time": plan.run.time + plan.run.step}
-    for name, values in outputs.items():
-        column = plan.column(driven, name)
-        table[column if columns[column] == 1 else name] = values - plan.offset(driven, name)
-    return table
+    table = {"time": run.time + run.step} | ends
+    return CosimulatedRun(run, nodes, readings, plan.measured, plan.predicted, table, seconds)
 
 
 def _inputs(session: Driven, plan: _Plan) -> FloatArray:
@@ -303,11 +294,11 @@ def _inputs(session: Driven, plan: _Plan) -> FloatArray:
     return np.ascontiguousarray(np.array(rows).reshape(len(rows), len(plan.run)).T)
 
 
-def _reading(session: Driven, plan: _Plan, node: str, outputs: Mapping[str, FloatArray]) -> FloatArray:
+def _reading(session: Driven, node: str, outputs: Mapping[str, FloatArray]) -> FloatArray:
     """What the sensor of a node, or an output, reads [degC]; its temperature where the FMU has no sensor there."""
     temperature = node if node in outputs else from_column(f"temperature.{node}")
     sensor = temperature.removesuffix("temperature") + "reading"
     name = sensor if sensor in outputs else temperature
     if name not in outputs:
         raise InputError(session.path, "outputs", f"no {temperature}", "the temperature of each node of the model")
-    return outputs[name] - plan.offset(session, name)
+    return outputs[name]

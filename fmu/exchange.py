@@ -56,9 +56,6 @@ class Exchange(Session):
         model = fmpy.fmi2.FMU2Model if self._fmi == 2 else fmpy.fmi3.FMU3Model
         return model, self.unpacked.description.modelExchange.modelIdentifier
 
-    def _instance_arguments(self) -> dict[str, Any]:
-        return {}
-
     def _begin(self, values: Mapping[str, float], instantiate: bool = True) -> None:
         super()._begin(values, instantiate)
         again = True

@@ -6,7 +6,6 @@ import ctypes
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Self
 
 import numpy as np
@@ -32,9 +31,7 @@ class Closing(ABC):
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
 
@@ -222,16 +219,13 @@ class Session(Closing):
     def _instance_with_log(self, fmpy: Any) -> None:
         if self._fmi == 2:
             callbacks = fmpy.fmi2.fmi2CallbackFunctions()
-            callbacks.logger = fmpy.fmi2.fmi2CallbackLoggerTYPE(self._logged2)
+            callbacks.logger = fmpy.fmi2.fmi2CallbackLoggerTYPE(self._logged)
             callbacks.allocateMemory = fmpy.fmi2.fmi2CallbackAllocateMemoryTYPE(fmpy.calloc)
             callbacks.freeMemory = fmpy.fmi2.fmi2CallbackFreeMemoryTYPE(fmpy.free)
             self._kept_alive.append(callbacks)
             self._fmu.instantiate(callbacks=callbacks, loggingOn=True)
         else:
-            self._fmu.instantiate(loggingOn=True, logMessage=self._logged3, **self._instance_arguments())
-
-    def _instance_arguments(self) -> dict[str, Any]:
-        return self._intermediate()
+            self._fmu.instantiate(loggingOn=True, logMessage=self._logged, **self._intermediate())
 
     def _intermediate(self) -> dict[str, Any]:
         if not (self._ramps and getattr(self.unpacked.description.coSimulation, "providesIntermediateUpdate", False)):
@@ -275,14 +269,9 @@ class Session(Closing):
             reason = "" if self.messages is before else self.messages[-1]  # not what was logged of an earlier call
             raise FmuError(reason or str(error)) from error
 
-    def _logged2(self, environment: Any, instance: bytes, status: int, category: bytes, message: bytes) -> None:
-        self._note(message)
-
-    def _logged3(self, environment: Any, status: int, category: bytes, message: bytes) -> None:
-        self._note(message)
-
-    def _note(self, message: bytes) -> None:
-        self.messages = [*self.messages[-99:], (message or b"").decode("utf-8", "replace").strip()]
+    def _logged(self, *message: Any) -> None:
+        """Keep what the FMU logs: environment, instance (FMI 2 alone), status, category, text."""
+        self.messages = [*self.messages[-99:], (message[-1] or b"").decode("utf-8", "replace").strip()]
 
     def _ramp(self, step: float, target: FloatArray) -> None:
         slopes = (target - self.inputs) / step

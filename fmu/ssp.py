@@ -126,23 +126,15 @@ def _values(root: Any, path: Path) -> dict[str, Value]:
     return values
 
 
-@dataclass(frozen=True)
-class Entry:
-    """An entry of a mapping: `target` is `factor` times `source` plus `offset`."""
-
-    source: str
-    target: str
-    factor: float = 1.0
-    offset: float = 0.0
-
-
-def _mapping(root: Any, path: Path) -> list[Entry]:
-    entries = []
+def _mapped(values: Mapping[str, Value], root: Any, path: Path) -> dict[str, Value]:
+    """Values by the names that a mapping gives them; those that it does not name are left out, as SSP wants it."""
+    result = {}
     for entry in root.iterfind("ssm:MappingEntry", _NAMESPACES):
-        source, target = entry.get("source") or "", entry.get("target") or ""
+        target = entry.get("target") or ""
         factor, offset = _transformation(entry, path, target)
-        entries.append(Entry(source, target, factor, offset))
-    return entries
+        if value := values.get(entry.get("source") or ""):
+            result[target] = Value(factor * value.value + offset, value.unit)
+    return result
 
 
 def _transformation(entry: Any, path: Path, place: str) -> tuple[float, float]:
@@ -154,15 +146,6 @@ def _transformation(entry: Any, path: Path, place: str) -> tuple[float, float]:
         if kind.endswith("Transformation"):
             raise InputError(path, place, kind, "a LinearTransformation, or none")
     return 1.0, 0.0
-
-
-def mapped(values: Mapping[str, Value], mapping: Iterable[Entry]) -> dict[str, Value]:
-    """Values by the names that a mapping gives them; those that it does not name are left out, as SSP wants it."""
-    return {
-        entry.target: Value(entry.factor * values[entry.source].value + entry.offset, values[entry.source].unit)
-        for entry in mapping
-        if entry.source in values
-    }
 
 
 def in_units_of(values: Mapping[str, Value], unpacked: Unpacked, source: str | Path) -> dict[str, float]:
@@ -434,7 +417,7 @@ def _bound(element: Any, file: Path, shown: Path) -> dict[str, Value]:
             if source is not None:
                 own = _file(source, file, shown)
                 inner = _read(own, "ssm:ParameterMapping")
-            values = mapped(values, _mapping(inner, own))
+            values = _mapped(values, inner, own)
         prefix = binding.get("prefix", "")
         parameters |= {prefix + name: value for name, value in values.items()}
     return parameters

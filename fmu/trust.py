@@ -20,7 +20,8 @@ def remember(content: bytes) -> None:
         store = _store()
         store.mkdir(parents=True, exist_ok=True, mode=0o700)
         (store / _digest(content)).touch()
-        _forget_oldest(store)
+        for path in sorted(store.iterdir(), key=lambda path: path.stat().st_mtime)[:-_MOST]:
+            path.unlink(missing_ok=True)
 
 
 def is_own(content: bytes) -> bool:
@@ -29,13 +30,6 @@ def is_own(content: bytes) -> bool:
         return (_store() / _digest(content)).is_file()
     except (OSError, RuntimeError):
         return False
-
-
-def _forget_oldest(store: Path) -> None:
-    noted = list(store.iterdir())
-    if len(noted) > _MOST:
-        for path in sorted(noted, key=lambda path: path.stat().st_mtime)[:-_MOST]:
-            path.unlink(missing_ok=True)
 
 
 def _digest(content: bytes) -> str:

@@ -11,7 +11,7 @@ import signal
 import subprocess
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -71,11 +71,15 @@ def shared_library(sources: Mapping[str, str], main: str, options: Sequence[str]
                 path.touch()  # it is in use
             return path
         path.unlink(missing_ok=True)
-    _remove_expired(folder)
+    oldest = time.time() - 30 * 86400.0  # s; what nobody asked for in a month, or the cache would only grow
+    for path in folder.glob("*.so"):
+        with suppress(OSError):  # another process removes it
+            if path.lstat().st_mtime < oldest:
+                path.unlink()
     with tempfile.TemporaryDirectory() as scratch:
         for file, text in sources.items():
             (Path(scratch) / file).write_text(text, encoding="utf-8")
-        _run([*command, *options, "-shared", "-fPIC", main, "-o", "library.so", "-lm"], Path(scratch))
+        run_compiler([*command, *options, "-shared", "-fPIC", main, "-o", "library.so", "-lm"], Path(scratch))
         library = (Path(scratch) / "library.so").read_bytes()
     path = folder / f"{name}-{hashlib.sha256(library).hexdigest()[:_DIGITS]}.so"
     try:
@@ -97,45 +101,52 @@ def _of_this_process(reason: str) -> Path:
 _temporary: list[tempfile.TemporaryDirectory[str]] = []  # until the process ends
 
 
-def _remove_expired(folder: Path) -> None:
-    oldest = time.time() - 30 * 86400.0  # s; what nobody asked for in a month, or the cache would only grow
-    for path in folder.glob("*.so"):
-        with suppress(OSError):  # another process removes it
-            if path.lstat().st_mtime < oldest:
-                path.unlink()
-
-
-def _run(command: Sequence[str], folder: Path) -> None:
+def run_compiler(
+    command: Sequence[str],
+    folder: Path,
+    environment: Mapping[str, str] | None = None,
+    still: Callable[[], None] = lambda: None,
+    patience: float = 20.0,
+) -> None:
     """Run a compiler; what it started ends with it, in the time that it has or at Ctrl-C.
+
+    Args:
+        command: what to run.
+        folder: where.
+        environment: its environment variables; this process's by default.
+        still: called where it takes longer than `patience`.
+        patience: s; most builds take 2 s.
 
     Raises:
         OSError: it can't be started, or does not come to an end.
-        subprocess.CalledProcessError: it failed.
+        subprocess.CalledProcessError: it failed, with what it said as `stderr`.
     """
     process = subprocess.Popen(
         command,
         cwd=folder,
+        env=environment,
         stdin=subprocess.DEVNULL,  # a program that is no compiler may wait for a line
-        stdout=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
+        text=True,
+        errors="replace",
         start_new_session=True,  # a compiler is several processes
     )
     try:
-        output, errors = process.communicate(timeout=_LONGEST)
+        try:
+            _, said = process.communicate(timeout=min(patience, _LONGEST))
+        except subprocess.TimeoutExpired:
+            still()
+            _, said = process.communicate(timeout=max(0.0, _LONGEST - patience))
     except BaseException as error:
-        _end(process)
+        with suppress(ProcessLookupError):
+            if hasattr(os, "killpg"):
+                os.killpg(process.pid, signal.SIGKILL)
+            else:  # Windows
+                process.kill()
+        process.communicate()
         if isinstance(error, subprocess.TimeoutExpired):
             raise TimeoutError(f"{command[0]}: no end of the compilation after {_LONGEST:g} s") from error
         raise
     if process.returncode:
-        raise subprocess.CalledProcessError(process.returncode, command, output, errors)
-
-
-def _end(process: subprocess.Popen[bytes]) -> None:
-    """End a process that leads a session of its own, with all in it."""
-    with suppress(ProcessLookupError):
-        if hasattr(os, "killpg"):
-            os.killpg(process.pid, signal.SIGKILL)
-        else:  # Windows
-            process.kill()
-    process.communicate()
+        raise subprocess.CalledProcessError(process.returncode, command, stderr=said)
