@@ -11,12 +11,12 @@ from typing import Any, Literal, get_args
 import casadi as ca
 import numpy as np
 
-from lptn.basics.arrays import BoolArray, FloatArray
+from lptn.basics.arrays import BoolArray
 from lptn.basics.errors import InputError
 from lptn.model.model import rk4
 
 from .component import Component
-from .variables import Kind, Variable
+from .variables import Variable
 
 # --- C code: rates, steps, outputs and their derivatives -------------------------------------------
 
@@ -268,8 +268,11 @@ def integration(component: Component, solver: str, step: float | None) -> Integr
         return Integration("ros2", step or ros2_step, fastest)
     exact = 0.05  # step over fastest time constant at which RK4 is off by 5e-8 of a mode
     longest = 1.0  # s; no robot's load keeps still for longer
-    if step is None:
-        return Integration("rk4", _rounded_down(min(longest, exact * fastest)), fastest)
+    if step is None:  # the next smaller number of the row 1, 2, 5, 10
+        most = min(longest, exact * fastest)
+        power = 10.0 ** math.floor(math.log10(most) + 1e-12)
+        round_step = max(factor for factor in (1, 2, 5) if factor * power <= most * (1 + 1e-9)) * power
+        return Integration("rk4", float(f"{round_step:.6g}"), fastest)
     reach = 0.5  # longest step over fastest time constant that is left to RK4
     parts = math.ceil(step / (reach * fastest) - 1e-9)
     if parts <= 1:
@@ -286,7 +289,7 @@ def _fastest_rate(component: Component) -> float:
     """The largest eigenvalue at the start values, with each input at rest and at a usual size [1/s]."""
     arguments = [component.x, component.u, component.p]
     jacobian = ca.Function("jacobian", arguments, [ca.densify(ca.jacobian(component.rates, component.x))])
-    x, u, p = (_starts(component, kind) for kind in ("state", "input", "parameter"))
+    x, u, p = component.starts("state"), component.starts("input"), component.starts("parameter")
     hot = np.array([variable.celsius for variable in component.of("input")], dtype=bool)
     rates = []
     for size in (0.0, 1.0, 3.0):
@@ -294,13 +297,3 @@ def _fastest_rate(component: Component) -> float:
         eigenvalues = np.linalg.eigvals(jacobian(x + 10 * size, inputs, p).full())
         rates.append(float(np.abs(eigenvalues).max()))
     return max(*rates, 1e-12)
-
-
-def _starts(component: Component, kind: Kind) -> FloatArray:
-    return np.array([variable.start for variable in component.of(kind)], dtype=float)
-
-
-def _rounded_down(value: float) -> float:
-    """The next smaller number of the row 1, 2, 5, 10."""
-    power = 10.0 ** math.floor(math.log10(value) + 1e-12)
-    return float(f"{max(factor for factor in (1, 2, 5) if factor * power <= value * (1 + 1e-9)) * power:.6g}")

@@ -9,7 +9,9 @@ from functools import cached_property, reduce
 from typing import TYPE_CHECKING, Any, get_args
 
 import casadi as ca
+import numpy as np
 
+from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.basics.parameters import ParameterInstance
 from lptn.basics.places import matching
@@ -78,6 +80,10 @@ class Component:
         """The value reference of the first variable of a kind."""
         kinds = get_args(Kind)
         return len(self.of(*kinds[: kinds.index(kind)]))
+
+    def starts(self, kind: Kind) -> FloatArray:
+        """The start values of the variables of a kind, which all have one."""
+        return np.array([variable.start for variable in self.of(kind)], dtype=float)
 
     @cached_property
     def names(self) -> dict[str, Variable]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Any
 
@@ -18,18 +18,6 @@ from .exchange import Exchange
 from .session import Closing, Session
 from .ssp import OpenedSystem, in_units_of
 from .variables import to_column
-
-# Of the solver: two models that exchange temperatures near 300 K are one to 1e-9 K.
-_RELATIVE, _ABSOLUTE = 1e-12, 1e-11
-
-
-def _serves(file: Path, trust: bool) -> bool:
-    """Whether an FMU can be integrated together with others."""
-    unpacked = Unpacked(file, trust)
-    try:
-        return Exchange.serves(unpacked)
-    finally:
-        unpacked.close()
 
 
 class Connected(Closing):
@@ -62,7 +50,11 @@ class Connected(Closing):
             stack.enter_context(opened.named())
             self.structure = opened.structure
             files = opened.structure.components
-            self.together = not held and all(_serves(file, trust) for file in files.values())
+            self.together = not held
+            for file in files.values():
+                if self.together:
+                    with closing(Unpacked(file, trust)) as unpacked:
+                        self.together = Exchange.serves(unpacked)
             kind = Exchange if self.together else Session
             self._sessions: dict[str, Session] = {}
             for name, file in files.items():
@@ -173,7 +165,8 @@ class Connected(Closing):
 
         begin = np.concatenate([fmu.states for fmu in fmus])
         end = self.time + step
-        done = solve_ivp(rates, (self.time, end), begin, method="DOP853", rtol=_RELATIVE, atol=_ABSOLUTE)
+        # Two models that exchange temperatures near 300 K are one to 1e-9 K.
+        done = solve_ivp(rates, (self.time, end), begin, method="DOP853", rtol=1e-12, atol=1e-11)
         if not done.success:
             raise InputError(self.path, "step", str(done.message), "a system that a solver can follow")
         rates(end, done.y[:, -1])

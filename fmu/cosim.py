@@ -31,7 +31,6 @@ from .ssp import in_units_of, read_values
 from .variables import ZERO_CELSIUS, from_column, is_temperature
 
 Driven = Session | Connected
-_SAID = 0.5  # s between what is said of the progress
 _log = logging.getLogger("lptn.fmu")
 
 
@@ -261,7 +260,7 @@ def _cosimulated(session: Driven, plan: _Plan, ramps: bool, given: Mapping[str, 
     begun = said = time.perf_counter()
     for k in range(len(run)):
         now = time.perf_counter()
-        if now - said > _SAID:
+        if now - said > 0.5:  # s
             said = now
             _log.info("%s: %d of %d steps", run.name, k, len(run))
         session.inputs[:] = inputs[k]

@@ -35,7 +35,8 @@ def experiment(component: Component, step: float) -> dict[str, Any]:
     """
     inputs, states = component.of("input"), component.of("state")
     rows = _inputs(inputs)
-    solution = _solved(component, rows)
+    rates = ca.Function("rates", [component.x, component.u, component.p], [component.rates])
+    solution = held_solution(rates, component.starts("state"), rows, component.starts("parameter"), _HOLD)
     times = np.column_stack([_HOLD * np.arange(_JUMPS), _HOLD * np.arange(1, _JUMPS + 1)]).ravel()
     held = np.column_stack([times, np.repeat(rows, 2, axis=0)])
     seen = [row for row, state in enumerate(states) if not state.hidden]
@@ -74,20 +75,26 @@ def _inputs(variables: list[Variable]) -> FloatArray:
     return rows
 
 
-def _solved(component: Component, rows: FloatArray) -> FloatArray:
-    """States [K] at the start and after each stretch, shape (stretches + 1, states)."""
-    rates = ca.Function("rates", [component.x, component.u, component.p], [component.rates])
-    state, parameters = (
-        np.array([variable.start for variable in component.of(kind)], dtype=float) for kind in ("state", "parameter")
-    )
+def held_solution(rates: ca.Function, state: FloatArray, rows: FloatArray, p: FloatArray, hold: float) -> FloatArray:
+    """States at the start and after each stretch of held inputs, by SciPy's DOP853 at a tolerance of 1e-12.
+
+    Args:
+        rates: (x, u, p) -> dx/dt.
+        state: at the start.
+        rows: inputs of each stretch, shape (stretches, inputs).
+        p: parameters.
+        hold: how long a stretch lasts [s].
+
+    Returns:
+        Shape (stretches + 1, states).
+    """
     states = [state]
     for row in rows:
 
         def of_stretch(_: float, x: FloatArray, row: FloatArray = row) -> FloatArray:
-            return np.asarray(rates(x, row, parameters).full().ravel())
+            return np.asarray(rates(x, row, p).full().ravel())
 
-        state = solve_ivp(of_stretch, (0.0, _HOLD), state, method="DOP853", rtol=1e-12, atol=1e-12).y[:, -1]
-        states.append(state)
+        states.append(solve_ivp(of_stretch, (0.0, hold), states[-1], method="DOP853", rtol=1e-12, atol=1e-12).y[:, -1])
     return np.array(states)
 
 

@@ -38,7 +38,6 @@ _HEADERS = {
     3: ("fmi3Functions.h", "fmi3FunctionTypes.h", "fmi3PlatformTypes.h"),
 }
 _CORE = ("core.c", "core.h", "derivatives.c", "events.c", "snapshots.c", "solve.c")
-_LONGEST_NAME = 240  # characters; file systems take 255 with what compilers put behind a library's name
 _NOT_XML = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ufffe\uffff]")
 _NAMESPACE = uuid.UUID("6e1c2f0a-6c7b-5d0e-9a64-8f2d3b1c7e55")  # of the tokens; any fixed one would do
 
@@ -194,9 +193,10 @@ def _identifier(network: Network) -> str:
     """
     word = re.sub(r"\W+", "_", network.name, flags=re.ASCII).strip("_") or "model"
     word = word if word[0].isalpha() else f"model_{word}"
-    if len(word) > _LONGEST_NAME:
+    longest = 240  # characters; file systems take 255 with what compilers put behind a library's name
+    if len(word) > longest:
         problem = f"{len(network.name)} characters"
-        raise InputError(network.origin, "model.name", problem, f"at most {_LONGEST_NAME} for a library's name")
+        raise InputError(network.origin, "model.name", problem, f"at most {longest} for a library's name")
     return word
 
 

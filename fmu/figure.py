@@ -14,9 +14,6 @@ from lptn.basics.style import BEST, GIVEN, MEASURED, SMALL, TEXT, decimated, dre
 
 from .cosim import CosimulatedRun, Cosimulation
 
-_MOST = 60  # panels; more are no picture that anybody reads
-_COLUMNS = 2
-_PANEL = 1.7  # inch, height of a panel
 _Line = tuple[str, FloatArray, dict[str, object]]
 
 
@@ -27,10 +24,13 @@ def cosimulation_figure(done: Cosimulation) -> Figure:
         InputError: nothing to draw, or more than 60 panels.
     """
     panels = [panel for run in done.runs for panel in _panels(run)]
-    if not 0 < len(panels) <= _MOST:
-        raise InputError(done.fmu, "--plot", f"{len(panels)} nodes and outputs", f"1 to {_MOST}, by fewer logs at once")
-    figure = new_figure(_PANEL * ceil(len(panels) / _COLUMNS) + 0.4)
-    grid = figure.subplots(ceil(len(panels) / _COLUMNS), _COLUMNS, squeeze=False)
+    most = 60  # panels; more are no picture that anybody reads
+    if not 0 < len(panels) <= most:
+        raise InputError(done.fmu, "--plot", f"{len(panels)} nodes and outputs", f"1 to {most}, by fewer logs at once")
+    columns, height = 2, 1.7  # of panels; inch
+    rows = ceil(len(panels) / columns)
+    figure = new_figure(height * rows + 0.4)
+    grid = figure.subplots(rows, columns, squeeze=False)
     for ax in grid.flat[len(panels) :]:
         ax.remove()
     for ax, (title, unit, time, lines) in zip(grid.flat, panels, strict=False):

@@ -8,7 +8,7 @@ import os
 import tempfile
 import zipfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -224,8 +224,8 @@ def write_system(
     if target.suffix not in (".ssd", ".ssp"):
         raise InputError(target, "--output", f"a file name ending in '{target.suffix}'", "one ending in .ssd or .ssp")
     files = {component: Path(file) for component, file in fmus.items()}
-    opened = {component: Unpacked(file, trust=True) for component, file in files.items()}  # read, not run
-    try:
+    with ExitStack() as stack:  # read, not run
+        opened = {part: stack.enter_context(closing(Unpacked(file, trust=True))) for part, file in files.items()}
         for component, unpacked in opened.items():
             if unpacked.has_arrays:
                 raise InputError(target, component, "an FMU with arrays, which SSP 1.0 has none of", "one of scalars")
@@ -237,9 +237,6 @@ def write_system(
             seen = {component: Path(os.path.relpath(real_path(file), beside)) for component, file in files.items()}
             sources |= {component: quote(file.as_posix()) for component, file in seen.items()}
         text = _system_text(name, sources, opened, pairs)
-    finally:
-        for unpacked in opened.values():
-            unpacked.close()
     write_whole(target, _archive(text, files) if inside else text)
     return SystemStructure(name, files, pairs)
 

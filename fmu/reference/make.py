@@ -11,10 +11,10 @@ from zipfile import ZipFile
 
 import numpy as np
 import pandas as pd
-from scipy.integrate import solve_ivp
 
 from lptn.basics.arrays import FloatArray
 from lptn.fmu import Exported, export
+from lptn.fmu.experiments import held_solution
 from lptn.model.file import ModelFile, parse_model
 from lptn.model.model import Model
 from lptn.robots.presets import presets
@@ -40,19 +40,6 @@ def inputs_of(model: Model) -> FloatArray:
     return rows
 
 
-def outputs_of(model: Model, rows: FloatArray) -> FloatArray:
-    """Temperatures of the places [degC] at the start and after each hold."""
-    state, states = np.full(len(model.states), ROOM), [np.full(len(model.states), ROOM)]
-    for row in rows:
-
-        def rates(_: float, x: FloatArray, row: FloatArray = row) -> FloatArray:
-            return np.asarray(model.rhs(x, row, model.values).full().ravel())
-
-        state = solve_ivp(rates, (0.0, HOLD), state, method="DOP853", rtol=1e-12, atol=1e-12).y[:, -1]
-        states.append(state)
-    return np.array(states)[:, : len(model.places)]
-
-
 def write(name: str, file: ModelFile) -> None:
     """The folder of one preset."""
     folder = HERE / name
@@ -72,7 +59,10 @@ def write(name: str, file: ModelFile) -> None:
     pd.DataFrame(held, columns=inputs).assign(time=times)[["time", *inputs]].to_csv(
         folder / f"{name}_in.csv", index=False, float_format="%.10g"
     )
-    outputs = pd.DataFrame(outputs_of(model, rows) + ZERO, columns=[f"{place}.temperature" for place in model.places])
+    states = held_solution(model.rhs, np.full(len(model.states), ROOM), rows, model.values, HOLD)
+    outputs = pd.DataFrame(
+        states[:, : len(model.places)] + ZERO, columns=[f"{place}.temperature" for place in model.places]
+    )
     outputs.insert(0, "time", HOLD * np.arange(JUMPS + 1))
     outputs.to_csv(folder / f"{name}_ref.csv", index=False, float_format="%.12g")
     (folder / f"{name}_ref.opt").write_text(OPTIONS)
