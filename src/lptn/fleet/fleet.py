@@ -16,7 +16,6 @@ from typing import Any, Literal
 import numpy as np
 import pandas as pd
 
-from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.basics.tables import write_table
 from lptn.fleet.robots import RobotLogs, robots_of
@@ -114,7 +113,8 @@ def spread_of(model: Model, fitted: Sequence[Outcome]) -> tuple[Spread, ...]:
         values = np.array([value for value, _, _ in entries])
         low, median, high = (float(share) for share in np.quantile(values, (0.25, 0.5, 0.75)))
         straight = logarithmic.get(name, False) and bool((values > 0).all())
-        apart = _coordinate(values, straight) - _coordinate(np.array([median]), straight)
+        coordinate = np.log if straight else np.asarray
+        apart = coordinate(values) - coordinate([median])
         scale = mad_to_sigma * float(np.median(np.abs(apart)))
         spreads.append(Spread(name, entries[0][2], len(entries), median, (low, high), scale, straight))
     return tuple(spreads)
@@ -159,10 +159,6 @@ def _entry(outcome: Outcome, name: str) -> tuple[float, float, str] | None:
     if parameter is None or parameter["error"] is None or not math.isfinite(parameter["error"]):
         return None
     return float(parameter["value"]), float(parameter["error"]), str(parameter["unit"])
-
-
-def _coordinate(values: FloatArray, logarithmic: bool) -> FloatArray:
-    return np.log(values) if logarithmic else values
 
 
 # --- One model fitted to each robot of a fleet, and what came of it -------------------------------

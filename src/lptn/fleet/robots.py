@@ -43,8 +43,16 @@ def robots_of(places: Sequence[Path]) -> list[RobotLogs]:
         InputError: a place does not exist, holds no log, or is given twice.
     """
     robots = [robot for place in places for robot in _robots_at(place)]
-    _refuse_twice(robots)
-    names = _different_names([_named_after(robot) for robot in robots])
+    seen = Counter(log.resolve() for robot in robots for log in robot.logs)
+    for log, times in seen.most_common(1):
+        if times > 1:
+            raise InputError(log, "--each", "a log that is given twice", "each log once")
+    paths = []  # of each the robot's name and the folders above it, nearest first
+    for robot in robots:
+        place = robot.logs[0].resolve().parent
+        above = [place, *place.parents] if robot.name != place.name else place.parents
+        paths.append([robot.name, *(folder.name for folder in above if folder.name)])
+    names = _different_names(paths)
     return [RobotLogs(name, robot.logs) for name, robot in zip(names, robots, strict=True)]
 
 
@@ -77,20 +85,6 @@ def _stem(path: Path) -> str:
         return path.resolve().name
     ending = next((ending for ending in ENDINGS if path.name.endswith(ending)), path.suffix)
     return path.name.removesuffix(ending).lstrip(".") or "robot"
-
-
-def _refuse_twice(robots: Sequence[RobotLogs]) -> None:
-    seen = Counter(log.resolve() for robot in robots for log in robot.logs)
-    log, times = max(seen.items(), key=lambda item: item[1], default=(Path(), 0))
-    if times > 1:
-        raise InputError(log, "--each", "a log that is given twice", "each log once")
-
-
-def _named_after(robot: RobotLogs) -> list[str]:
-    """The robot's name and the folders above it, nearest first."""
-    place = robot.logs[0].resolve().parent
-    above = [place, *place.parents] if robot.name != place.name else [*place.parents]
-    return [robot.name, *(folder.name for folder in above if folder.name)]
 
 
 def _different_names(paths: list[list[str]]) -> list[str]:

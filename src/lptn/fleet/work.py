@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import pickle
 import time
 from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
@@ -15,7 +16,7 @@ from typing import Any, Literal
 
 from lptn import __version__
 from lptn.basics.errors import InputError, one_line
-from lptn.basics.files import fingerprint, finite, write_whole
+from lptn.basics.files import fingerprint, finite, held, write_whole
 from lptn.basics.processes import heard_interrupts, pool_of
 from lptn.fleet.robots import RobotLogs
 from lptn.identify.data import LoadedModel, split_data
@@ -170,11 +171,6 @@ def _unpickled(model: bytes) -> LoadedModel:
 # --- Results of a fleet in a folder: one model and one record a robot, each written whole as it comes ---
 
 
-try:
-    import fcntl
-except ImportError:  # not on Windows, where two processes on one folder do the work twice
-    fcntl = None  # type: ignore[assignment]
-
 _PATIENCE = 5.0  # s; workers of a process that was killed hold its lock for a moment more
 
 
@@ -226,32 +222,19 @@ class ResultFolder:
         Raises:
             InputError: another one does.
         """
-        if fcntl is None:
-            yield
-            return
-        with (self.folder / ".lock").open("w") as stream:
-            self._lock(stream.fileno())
-            self._tidy()
-            yield
-
-    def _lock(self, handle: int) -> None:
         stop = time.monotonic() + _PATIENCE
-        while True:
-            try:
-                return fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError as error:
-                if time.monotonic() > stop:
-                    problem = "another process that fits into this folder"
-                    raise InputError(self.folder, "output", problem, "a folder of its own for each") from error
-                time.sleep(0.1)
-            except OSError:
-                return None  # a file system without locks
-
-    def _tidy(self) -> None:
-        """Throw away what a killed process was writing."""
-        for folder in ("models", "records"):
-            for half in (self.folder / folder).glob(".*.part"):
-                half.unlink(missing_ok=True)
+        while (handle := held(self.folder / ".lock")) is None:
+            if time.monotonic() > stop:
+                problem = "another process that fits into this folder"
+                raise InputError(self.folder, "output", problem, "a folder of its own for each")
+            time.sleep(0.1)
+        try:
+            for folder in ("models", "records"):  # what a killed process was writing
+                for half in (self.folder / folder).glob(".*.part"):
+                    half.unlink(missing_ok=True)
+            yield
+        finally:
+            os.close(handle)
 
     def _record(self, robot: str) -> Path:
         return self.folder / "records" / f"{robot}.json"
