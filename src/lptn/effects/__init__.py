@@ -56,9 +56,6 @@ __all__ = [
     "effect_named",
 ]
 
-# difflib's ratio of like letters, 0 to 1:
-_TYPING_ERROR = 0.85  # `coper_loss`, `forced-convection`: only one effect can be meant
-_SIMILAR = 0.5  # `frictions_heat`: worth offering
 _SITES = get_args(Site)
 logger = logging.getLogger(__name__)
 
@@ -93,10 +90,11 @@ def effect_named(key: str, file: str | Path, place: str) -> type[Effect]:
     if key in effects:
         return effects[key]
     words = {word for word in key.lower().replace("-", "_").split("_") if len(word) > 2}
+    typing_error, similar_word = 0.85, 0.5  # difflib's ratio of like letters: only one can be meant; worth offering
     similar = (
-        get_close_matches(key, effects, n=1, cutoff=_TYPING_ERROR)
+        get_close_matches(key, effects, n=1, cutoff=typing_error)
         or [name for name in effects if words & set(name.split("_"))]
-        or get_close_matches(key, effects, cutoff=_SIMILAR)
+        or get_close_matches(key, effects, cutoff=similar_word)
     )
     hint = f"{' or '.join(similar)} (`lptn effects` lists them all)" if similar else f"one of {', '.join(effects)}"
     raise InputError(file, place, f'unknown effect "{key}"', hint)

@@ -6,11 +6,8 @@ from collections.abc import Sequence
 from types import SimpleNamespace
 
 from lptn.basics.parameters import LARGEST, Parameter
-from lptn.effects.base import BoundaryEffect, NetworkPlaces, Signature, Symbol
+from lptn.effects.base import CLOCK, BoundaryEffect, NetworkPlaces, Signature, Symbol
 from lptn.effects.excitation import long_enough
-
-_SCALE = 1000.0  # K/h; so steep that what is given of the air moves the time by seconds
-_HOUR = 3600.0  # s
 
 
 class AmbientDrift(BoundaryEffect):
@@ -43,7 +40,7 @@ class AmbientDrift(BoundaryEffect):
     )
     excitation = long_enough()
     source = "definition"
-    rises = _SCALE / _HOUR
+    rises = CLOCK
 
     @classmethod
     def makes_a_difference(cls, place: str, layout: NetworkPlaces, driving: Sequence[Sequence[str]]) -> bool:
@@ -51,7 +48,7 @@ class AmbientDrift(BoundaryEffect):
         return place in layout.unlogged
 
     def error(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:
-        return p.rate * (state - temperature) / _SCALE
+        return p.rate * (state - temperature) / (3600.0 * CLOCK)
 
     def rate(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:
         return self.rises

@@ -34,6 +34,9 @@ Symbol = Any
 """A symbolic scalar (`casadi.SX`) or a plain number: an equation is written once for both."""
 Place = tuple[str, tuple[str, ...]]
 """The name of a place, and its ends: the nodes that an effect touches there."""
+CLOCK = 1000.0 / 3600.0
+"""K/s at which a state rises that keeps the time: so steep that a kelvin in it, from what is given or believed of the
+start, moves the time by seconds."""
 
 
 @dataclass(frozen=True)
@@ -261,7 +264,7 @@ class Effect(ABC):
     @classmethod
     def like_places(cls, place: str, nodes: Sequence[str]) -> str:
         """A pattern that means a place and its like on the other legs."""
-        return class_of(place)
+        return _pattern_of_legs(place, nodes) or class_of(place)
 
     @classmethod
     def rests_with(cls, ends: tuple[str, ...]) -> tuple[str, ...]:
@@ -462,10 +465,6 @@ class ContactEffect(Effect):
         names = ", ".join(place for place, _ in cls.places(EVERYWHERE, layout))
         return f"one of {names}" if names else "a link between two nodes; this model has none"
 
-    @classmethod
-    def like_places(cls, place: str, nodes: Sequence[str]) -> str:
-        return _like_pairs(place, nodes)
-
     def link_factor(self, here: Conditions) -> Symbol:
         return self.conductance_factor(here.p)
 
@@ -492,10 +491,6 @@ class EdgeEffect(Effect):
     def makes_a_difference(cls, place: str, layout: NetworkPlaces, driving: Sequence[Sequence[str]]) -> bool:
         """Beside a link it would be one more conductance in parallel."""
         return place not in layout.linked
-
-    @classmethod
-    def like_places(cls, place: str, nodes: Sequence[str]) -> str:
-        return _like_pairs(place, nodes)
 
     def heat_into_ends(self, here: Conditions) -> Sequence[Symbol]:
         one, other = here.temperatures
@@ -634,14 +629,9 @@ def _pairs(at: str, layout: NetworkPlaces) -> list[tuple[str, str]]:
     return expand_pair((one, other), layout.dynamic)
 
 
-def _like_pairs(place: str, nodes: Sequence[str]) -> str:
-    """A pattern that means a pair of nodes and its like on the other legs."""
-    return _pattern_of_legs(place, nodes) or class_of(place)
-
-
 def _pattern_of_legs(place: str, nodes: Sequence[str]) -> str:
     """`{leg}_hip~{leg}_thigh` for a pair on one leg, where there are others like it; else `""`."""
-    one, other = place.split("~")
+    one, _, other = place.partition("~")
     leg, _, rest = one.partition("_")
     if not rest or not other.startswith(f"{leg}_"):
         return ""

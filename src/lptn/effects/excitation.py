@@ -11,11 +11,6 @@ from dataclasses import dataclass
 
 CHANGE = 0.1  # of an input's largest one-minute mean: less counts as constant
 ZERO = 1e-9  # in any SI unit: below it an input is 0 but for rounding
-_RISE = 10.0  # K; the usual laws bend the loss of heat by 5 % or so over it, more than the scatter of a fit
-_APART = 0.5  # K; nodes that differ by less exchange too little heat to tell from what reaches them otherwise
-_AMBIENT = 1.0  # K; a smaller change of the surroundings is within the error of an ambient sensor
-_DRIFT = 30.0  # min; a drift of 1 K/h shows as half a kelvin, well above the noise
-_ONE_THING = 0.97  # correlation; beyond it less than 6 % of the variance of the speed is free of the load
 
 
 @dataclass(frozen=True)
@@ -79,11 +74,12 @@ INPUTS_VARY = ExcitationRule("its inputs change from minute to minute", lambda l
 """Nothing but what is asked of every effect that reads inputs: that they are logged and not constant."""
 
 
-def hot(rise: float = _RISE) -> ExcitationRule:
+def hot(rise: float = 10.0) -> ExcitationRule:
     """What bends with temperature: a rise above the surroundings, passed through at more than one load.
 
     Args:
-        rise: of the hottest node [K].
+        rise: of the hottest node [K]; over 10 K the usual laws bend the loss of heat by 5 % or so, more than the
+            scatter of a fit.
     """
 
     def lacking(logs: Excitation, _: Collection[str]) -> str:
@@ -112,8 +108,11 @@ REST_OR_LEVELS = ExcitationRule("a standstill, a cool-down or two levels of load
 """What is there with and without load: a constant heat, an offset."""
 
 
-def speed_apart_from_load(most: float = _ONE_THING) -> ExcitationRule:
-    """What goes with the speed: speed and load of a place must not have a correlation above `most`."""
+def speed_apart_from_load(most: float = 0.97) -> ExcitationRule:
+    """What goes with the speed: speed and load of a place must not have a correlation above `most`.
+
+    Beyond 0.97 less than 6 % of the variance of the speed is free of the load.
+    """
 
     def lacking(logs: Excitation, places: Collection[str]) -> str:
         own = [logs.together[place] for place in places if place in logs.together]
@@ -124,8 +123,11 @@ def speed_apart_from_load(most: float = _ONE_THING) -> ExcitationRule:
     return ExcitationRule("speed that doesn't just follow the load", lacking)
 
 
-def nodes_apart(spread: float = _APART) -> ExcitationRule:
-    """What needs nodes of different temperatures: by `spread` [K], and by two steps of a coarse sensor."""
+def nodes_apart(spread: float = 0.5) -> ExcitationRule:
+    """What needs nodes of different temperatures: by `spread` [K], and by two steps of a coarse sensor.
+
+    Nodes that differ by less exchange too little heat to tell from what reaches them otherwise.
+    """
 
     def lacking(logs: Excitation, _: Collection[str]) -> str:
         enough = logs.spread >= max(spread, 2 * logs.coarse)
@@ -134,8 +136,8 @@ def nodes_apart(spread: float = _APART) -> ExcitationRule:
     return ExcitationRule(f"differences between the nodes that change by {spread:g} K", lacking)
 
 
-def surroundings_change(by: float = _AMBIENT) -> ExcitationRule:
-    """What acts on a change of the surroundings, by so many kelvin."""
+def surroundings_change(by: float = 1.0) -> ExcitationRule:
+    """What acts on a change of the surroundings, by so many kelvin: less is within the error of an ambient sensor."""
 
     def lacking(logs: Excitation, _: Collection[str]) -> str:
         if not logs.ambient > ZERO:
@@ -145,8 +147,8 @@ def surroundings_change(by: float = _AMBIENT) -> ExcitationRule:
     return ExcitationRule(f"surroundings that change by {by:g} K in a run", lacking)
 
 
-def long_enough(minutes: float = _DRIFT) -> ExcitationRule:
-    """What grows with time: logs of so many minutes."""
+def long_enough(minutes: float = 30.0) -> ExcitationRule:
+    """What grows with time: logs of so many minutes, in which a drift of 1 K/h is half a kelvin, above the noise."""
 
     def lacking(logs: Excitation, _: Collection[str]) -> str:
         return "" if logs.minutes >= minutes else f"{logs.minutes:.3g} min are too short for a drift"

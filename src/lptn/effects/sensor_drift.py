@@ -6,11 +6,8 @@ from collections.abc import Sequence
 from types import SimpleNamespace
 
 from lptn.basics.parameters import LARGEST, Parameter
-from lptn.effects.base import ExcessEffect, NetworkPlaces, Signature, Symbol
+from lptn.effects.base import CLOCK, ExcessEffect, NetworkPlaces, Signature, Symbol
 from lptn.effects.excitation import long_enough
-
-_SCALE = 1000.0  # K/h; so steep that what is unsure about the state at the start is seconds, not degrees
-_HOUR = 3600.0  # s
 
 
 class SensorDrift(ExcessEffect):
@@ -47,7 +44,7 @@ class SensorDrift(ExcessEffect):
     )
     excitation = long_enough()
     source = "definition"
-    rises = _SCALE / _HOUR
+    rises = CLOCK
 
     @classmethod
     def makes_a_difference(cls, place: str, layout: NetworkPlaces, driving: Sequence[Sequence[str]]) -> bool:
@@ -55,7 +52,7 @@ class SensorDrift(ExcessEffect):
         return place not in layout.nodes_of_constant_heat
 
     def error(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:
-        return p.rate * (state - temperature) / _SCALE
+        return p.rate * (state - temperature) / (3600.0 * CLOCK)
 
     def excess_rate(self, excess: Symbol, heat: Symbol, p: SimpleNamespace) -> Symbol:
         return self.rises
