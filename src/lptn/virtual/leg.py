@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import get_args
 
 import numpy as np
@@ -12,7 +13,7 @@ import pandas as pd
 from .effects import Columns, Hidden, extra_columns
 from .heat import Balance, Means, Series, Shared, battery_power, check_temperatures, copper_loss, forcing
 from .motion import BODY, Bout
-from .robot import LEG_JOINTS, PC_BUSY, PC_IDLE, Array, Robot, check_one_of, draw_leg, stream
+from .robot import LEG_JOINTS, PC_BUSY, PC_IDLE, Array, Robot, check_one_of, draw_leg, stream, wandering
 from .runs import Job
 from .sensors import Probe, by_place, noise_free_readings, sensor_steps
 from .surroundings import ambient, event_heat, fan, sun
@@ -20,7 +21,6 @@ from .surroundings import ambient, event_heat, fan, sun
 SAMPLES = 10  # a second
 RATES = (10.0, 5.0, 2.0, 1.0)  # Hz: those whose rows hold a whole number of samples
 MODULATION = 0.12  # standard deviation of the slow wandering of torque and speed
-KNOT = 8.0  # s between the knots of that wandering
 COUNT = len(LEG_JOINTS)
 
 # --- what the leg does ---------------------------------------------------------------------------------------------
@@ -134,22 +134,16 @@ def draw_signals(segments: Sequence[Bout], rng: np.random.Generator) -> Signals:
 def _perform(segment: Bout, rng: np.random.Generator) -> Signals:
     act, speed = ACTIVITIES[segment.activity], segment.speed
     time = np.arange(segment.seconds * SAMPLES) / SAMPLES
+    wander = partial(wandering, time[-1], time, MODULATION, 1, rng)  # anew each time
     stride = (act.stride[0] + act.stride[1] * speed) * rng.uniform(0.9, 1.1)
     first, second, moving = (2 * np.pi * (n * stride * time[:, None] + rng.uniform(0, 1, COUNT)) for n in (1, 2, 1))
     # Each segment has its own share of work among the joints: else their heats would go hand in hand.
-    effort = rng.uniform(0.75, 1.3, COUNT) * (BODY + segment.load) / BODY * _wander(time, rng)
+    effort = rng.uniform(0.75, 1.3, COUNT) * (BODY + segment.load) / BODY * wander()
     torque = effort * (np.array(act.hold) + np.array(act.swing) * (np.sin(first) + 0.3 * np.sin(second)))
-    reach = rng.uniform(0.6, 1.2, COUNT) * speed * _wander(time, rng)
+    reach = rng.uniform(0.6, 1.2, COUNT) * speed * wander()
     velocity = reach * np.array(act.sweep) * np.sin(moving)
-    base = speed * _wander(time, rng)[:, 0] * act.travels
+    base = speed * wander()[:, 0] * act.travels
     return Signals(torque, velocity, base)
-
-
-def _wander(time: Array, rng: np.random.Generator) -> Array:
-    """Return a factor around 1 that wanders slowly, of shape (samples, 1)."""
-    knots = np.arange(0.0, time[-1] + 2 * KNOT, KNOT)
-    factor: Array = np.interp(time, knots, rng.normal(1, MODULATION, len(knots)).clip(0.5, 1.5))[:, None]
-    return factor
 
 
 def mean(values: Array, block: int) -> Array:

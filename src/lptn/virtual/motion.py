@@ -14,13 +14,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .heat import Means, Shared, battery_power
-from .robot import DRIVE, PC_BUSY, PC_IDLE, QUADRUPED_JOINTS, Array, check_one_of
+from .robot import DRIVE, PC_BUSY, PC_IDLE, QUADRUPED_JOINTS, Array, check_one_of, wandering
 
 SAMPLES = 100  # a second
 BODY = 12.0  # kg: torque grows as body and load together
 LOADED = 4.0  # kg, the load at which the torques below are given
 MODULATION = 0.02  # standard deviation of the slow wandering of torque and speed
-KNOT = 8.0  # s between the knots of that wandering
 SHARE = 0.06  # half-width of each joint's own factor on torque and on speed in each segment
 COUNT = len(QUADRUPED_JOINTS)
 
@@ -198,7 +197,7 @@ def _perform(segment: Bout, begin: int, rng: np.random.Generator) -> Motion:
     act, seconds = ACTIVITIES[segment.activity], segment.seconds
     # All is drawn whether used or not: a segment's draws don't depend on what it is.
     deviation, share = rng.uniform(-1, 1), rng.uniform(1 - SHARE, 1 + SHARE, (2, COUNT))
-    shift, wander = rng.uniform(0, 1), _wander(seconds, rng)
+    shift, wander = rng.uniform(0, 1), wandering(seconds, np.arange(float(seconds)), MODULATION, 3, rng)
     cycle = round(SAMPLES / (act.stride[0] + act.stride[1] * segment.speed) * (1 + 0.06 * deviation))
     turn = np.arange(cycle)[:, None] / cycle + np.repeat(act.phases, COUNT // 4) + shift
     pattern = act.bias + np.sin(2 * np.pi * turn) + 0.3 * np.sin(4 * np.pi * turn)
@@ -236,10 +235,3 @@ def _unit_means(part: Part) -> Means:
         return means
 
     return Means.of_samples(part.torque, part.velocity, np.zeros((part.seconds, 1)), mean)
-
-
-def _wander(seconds: int, rng: np.random.Generator) -> Array:
-    """Return three factors around 1 that wander slowly, of shape (seconds, 3)."""
-    knots = np.arange(0.0, seconds + 2 * KNOT, KNOT)
-    factors = rng.normal(1, MODULATION, (3, len(knots)))
-    return np.column_stack([np.interp(np.arange(seconds), knots, one) for one in factors])

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+KNOT = 8.0  # s between the knots of what wanders slowly
 Physics = Literal["full", "plain"]
 Level = Literal["none", "default", "strong"]
 
@@ -49,6 +50,21 @@ def check_one_of(name: str, value: object, allowed: Collection[object], unit: st
         numbers = isinstance(value, int | float)
         choices = ", ".join(f"{choice:g}" if numbers else str(choice) for choice in allowed)
         raise ValueError(f"{name}: found {f'{value:g}' if numbers else repr(value)}; expected one of {choices}{unit}")
+
+
+def wandering(end: float, at: Array, deviation: float, count: int, rng: np.random.Generator) -> Array:
+    """Return factors around 1 that wander slowly, of shape (times, count).
+
+    Args:
+        end: s, up to which they are drawn.
+        at: s, where they are wanted.
+        deviation: standard deviation.
+        count: how many, each on its own.
+        rng: what they are drawn from.
+    """
+    knots = np.arange(0.0, end + 2 * KNOT, KNOT)
+    factors = rng.normal(1, deviation, (count, len(knots))).clip(0.5, 1.5)
+    return np.column_stack([np.interp(at, knots, one) for one in factors])
 
 
 # --- nodes and links -----------------------------------------------------------------------------------------------
@@ -323,11 +339,14 @@ def draw_quadruped(seed: int, physics: Physics = "full", scatter: float = 1.0) -
     housing, winding = drawn("housing", "mass", HOUSING * legs), drawn("winding", "mass", (WINDING,) * joints)
     pc = float(drawn("pc", "mass", (PC_CAPACITY,))[0])
     to_air = (*PLAIN_TO_AIR * legs, PLAIN_PC_TO_AIR) if plain else (*TO_AIR * legs, PC_TO_AIR)
+    pairs = [pair for hip in HIPS for pair in ((hip, hip + 1), (hip + 1, hip + 2), (hip + 2, hip))]
+    pairs += [(HIPS[0], HIPS[1]), (HIPS[2], HIPS[3])]
+    between = [*drawn("along", "link", ALONG * legs), *drawn("across", "link", (ACROSS,) * 2)]
     robot = Robot(
         nodes=QUADRUPED_NODES,
         capacity=np.append(housing + winding if plain else housing, pc),
         to_air=1 / drawn("air", "air", to_air),
-        links=_links(drawn("along", "link", ALONG * legs), drawn("across", "link", (ACROSS,) * 2)),
+        links=[(i, j, float(1 / r)) for (i, j), r in zip(pairs, between, strict=True)],
         resistance=np.append(drawn("resistance", "resistance", (WINDING_RESISTANCE,) * joints), 0.0),
         torque_constant=np.array([GEAR * MOTOR_CONSTANT] * joints + [1.0]),
         joints=joints,
@@ -347,13 +366,6 @@ def draw_quadruped(seed: int, physics: Physics = "full", scatter: float = 1.0) -
     robot.forced_convection[:joints] = FORCED
     robot.emissive_area[:joints] = EMISSIVE_AREA
     return _with_trunk(robot, drawn("body", "link", (TO_TRUNK,) * (legs + 1)))
-
-
-def _links(along: Array, across: Array) -> list[tuple[int, int, float]]:
-    """Return the links of all legs and between the hips, from their resistances in K/W."""
-    pairs = [pair for hip in HIPS for pair in ((hip, hip + 1), (hip + 1, hip + 2), (hip + 2, hip))]
-    pairs += [(HIPS[0], HIPS[1]), (HIPS[2], HIPS[3])]
-    return [(i, j, float(1 / r)) for (i, j), r in zip(pairs, [*along, *across], strict=True)]
 
 
 def _with_trunk(robot: Robot, resistances: Array) -> Robot:
