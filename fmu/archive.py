@@ -24,13 +24,19 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 from xml.etree import ElementTree
 
-from lptn.basics.bounds import ARCHIVE, DESCRIPTION, MEMBERS, VARIABLES
+from lptn.basics.bounds import DESCRIPTION, Bound
 from lptn.basics.errors import InputError
 from lptn.basics.files import bytes_of, text_of
 
 from .library import fault
 from .trust import is_own
 
+ARCHIVE = Bound(1 << 30, "bytes")
+"""Of an archive, packed and unpacked: FMUs with libraries of several machines have 100 MB."""
+MEMBERS = Bound(10_000, "files")
+"""Of an archive: FMUs with their sources and documentation have some hundred."""
+VARIABLES = Bound(100_000, "variables")
+"""Of an FMU, elements of arrays counted: an importer needs some 10 µs and 1 kB for each."""
 REALS = {"Real", "Float64"}
 _IDENTIFIER = re.compile(rb"""modelIdentifier\s*=\s*(["'])(.*?)\1""")
 _BEGINNING = re.compile(rb"\s*(?:<\?xml\b([^>]*)\?>|<[A-Za-z!])")

@@ -15,7 +15,7 @@ from typing import Any
 from urllib.parse import quote, unquote
 from xml.etree import ElementTree
 
-from lptn.basics.bounds import ARCHIVE, COMPONENTS, DESCRIPTION
+from lptn.basics.bounds import DESCRIPTION, Bound
 from lptn.basics.errors import InputError
 from lptn.basics.files import bytes_of, real_path, write_whole
 from lptn.basics.units import convert
@@ -23,7 +23,7 @@ from lptn.model.file import ModelFile
 from lptn.model.model import Model
 from lptn.model.network import Network
 
-from .archive import Unpacked, unit_of, unpack_files, unpacked_size
+from .archive import ARCHIVE, Unpacked, unit_of, unpack_files, unpacked_size
 from .component import component as component_of
 from .exporter import model_and_text
 from .variables import unit_definitions
@@ -38,6 +38,8 @@ _NAMESPACES = {
     }.items()
 }
 _ROOT = "SystemStructure.ssd"  # of an SSP archive
+_COMPONENTS = Bound(100, "FMUs")
+"""Of a system: each is unpacked and loaded, and a process holds some hundred libraries."""
 _NUMBERS = ("Real", "Integer")
 _EXPECTED = "a file of SSP 1.0"
 
@@ -395,7 +397,7 @@ def _components(system: Any, file: Path, shown: Path) -> tuple[dict[str, Path], 
         values[name] = _bound(element, file, shown)
     if not components:
         raise InputError(shown, "Elements", "no component", "one FMU or more")
-    COMPONENTS.check(len(components), shown, "Elements")
+    _COMPONENTS.check(len(components), shown, "Elements")
     ARCHIVE.check(sum(map(unpacked_size, components.values())), shown, "Elements, unpacked")
     return components, values
 

@@ -46,7 +46,6 @@ MADE = {
     "src/lptn/basics/tables.py": {"to_parquet"},
     "src/lptn/cli/options.py": {"savefig"},
     "src/lptn/cli/terminal.py": {"open"},  # /dev/null
-    "src/lptn/fleet/work.py": {"open"},  # a lock, always empty
     "src/lptn/virtual/writers.py": {"open", "to_csv", "to_parquet"},  # logs, renamed when they are whole
     "fmu/compile.py": {"write_bytes"},  # in a folder that is removed again
     "fmu/archive.py": {"open"},  # an FMU unpacked, checked below

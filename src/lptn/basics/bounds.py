@@ -38,23 +38,5 @@ DESCRIPTION = Bound(50_000_000, "bytes")
 """Of a file that programs write (XML, JSON): FMUs of whole vehicles have 20 MB. XML takes 0.1 s and 10 MB of memory a
 megabyte."""
 
-ARCHIVE = Bound(1 << 30, "bytes")
-"""Of an archive, packed and unpacked: FMUs with libraries of several machines have 100 MB."""
-
-MEMBERS = Bound(10_000, "files")
-"""Of an archive: FMUs with their sources and documentation have some hundred."""
-
 NODES = Bound(500, "nodes")
 """Of a network: a humanoid of 60 joints, four nodes each, has 240. With 480 `check` takes 42 s, `compare` 3 s."""
-
-LINKS = Bound(2_000, "links")
-"""Of a network, four a node. With 5,000 between 100 nodes `check` takes 20 s, a forecast minutes."""
-
-PLACES = Bound(5_000, "places")
-"""Of a network's effects: a humanoid has some hundred. With 20,000 an FMU took more than a minute."""
-
-VARIABLES = Bound(100_000, "variables")
-"""Of an FMU, elements of arrays counted: an importer needs some 10 µs and 1 kB for each."""
-
-COMPONENTS = Bound(100, "FMUs")
-"""Of a system: each is unpacked and loaded, and a process holds some hundred libraries."""

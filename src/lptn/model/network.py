@@ -9,7 +9,7 @@ from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
-from lptn.basics.bounds import LINKS, NODES, PLACES
+from lptn.basics.bounds import NODES, Bound
 from lptn.basics.errors import InputError
 from lptn.basics.parameters import Parameter, ParameterInstance
 from lptn.basics.places import (
@@ -273,10 +273,10 @@ class Network:
         bodies.lay_conductors(conductivity, [name for name, (_, element) in elements.items() if element.hottest])
         own.update(capacities=capacities, prescribed=prescribed, resistors=resistors)
         own.update(conductors=bodies.conductors, massless=bodies.massless, hottest=bodies.hottest)
-        LINKS.check(len(resistors), self.origin, "links")
+        _LINKS.check(len(resistors), self.origin, "links")
         _refuse_isolated(self, bodies)
         instances, runs = _effects(self, parameters)
-        PLACES.check(len(instances), self.origin, "effects")
+        _PLACES.check(len(instances), self.origin, "effects")
         own.update(effect_instances=instances, runs=runs)
         own.update(parameters=parameters.instances, declared_at=parameters.declared_at)
         # An effect that is taken out takes its values along: should it come back, it starts as it is declared then.
@@ -453,6 +453,10 @@ class Network:
 Key = tuple[str | int, ...]
 """A key of a declaration: `("nodes", "*_calf", "capacity")`, `("effects", 2, "gamma")`."""
 _NO_NAME = re.compile(r"[\s.~{}]|^$")
+_LINKS = Bound(2_000, "links")
+"""Of a network, four a node. With 5,000 between 100 nodes `check` takes 20 s, a forecast minutes."""
+_PLACES = Bound(5_000, "places")
+"""Of a network's effects: a humanoid has some hundred. With 20,000 an FMU took more than a minute."""
 ROUNDING = 1e-9  # of a value: it may lie so far outside its bounds, as numbers do that were printed and read
 
 
