@@ -218,24 +218,21 @@ def limit_curves(design: Design, currents: FloatArray) -> LimitCurve:
     """
     option = design.option
     limit = option.limits.get("winding", option.motor.limits.winding or ENAMEL_LIMIT)
-    simulator, task = Simulator(option, "current"), option.study.task
-    n = currents.size
-    one = np.ones(n)
-    capacity, resistance = (design.capacity or 1.0) * one, (design.resistance or 1.0) * one
-    hardest = capacity[0], resistance[0], float(currents.max())
+    simulator, task = Simulator(option, *(design.sink or ()), driven_by="current"), option.study.task
+    n, hardest = currents.size, float(currents.max())
     # Short steps at first: a winding at many times its rating warms within a second.
     first, growth = 0.02, 1.02
     growing = ceil(log1p(task.longest / first * (growth - 1)) / log(growth))  # steps, a geometric sum
-    if simulator.is_stiff(task.longest, growing, *hardest):
+    if simulator.is_stiff(task.longest, growing, hardest):
         advance, step = simulator.advance_implicitly, task.longest
     else:
-        advance, step = simulator.advance, task.longest / simulator.substeps(task.longest, *hardest)
+        advance, step = simulator.advance, task.longest / simulator.substeps(task.longest, hardest)
     x = np.full((len(simulator.plant.states), n), task.start)
     time, reached = 0.0, np.full(n, np.inf)
     h = min(step, first)
     while time < task.longest and np.isinf(reached).any():
         before = simulator.winding(x)
-        x = advance(x, currents, capacity, resistance, h * one)
+        x = advance(x, currents, h)
         after = simulator.winding(x)
         crossed = np.isinf(reached) & (after >= limit)
         reached[crossed] = time + h * ((limit - before[crossed]) / (after[crossed] - before[crossed]))

@@ -25,22 +25,29 @@ class Simulator:
 
     Args:
         option: the discrete choice, with a given ratio of its gear.
+        capacity, resistance: of its sink [J/K, K/W], one for all cases or one for each; without a sink they don't count.
         driven_by: `"torque"`: a drive is a torque [N·m] behind the gear for each case, shape (cases,), or torque, speed
             [rad/s] and acceleration [rad/s²], shape (3, cases); or `"current"`: the motor's [A], at standstill.
     """
 
-    def __init__(self, option: Option, driven_by: str = "torque") -> None:
-        self.option = option
+    def __init__(
+        self,
+        option: Option,
+        capacity: FloatArray | float = 1.0,
+        resistance: FloatArray | float = 1.0,
+        driven_by: str = "torque",
+    ) -> None:
+        self.option, self._sink = option, (np.atleast_2d(capacity), np.atleast_2d(resistance))
         parameters = Parameters()
-        capacity, resistance, h = (ca.SX.sym(name) for name in ("capacity", "resistance", "h"))
-        self.plant = plant = Plant(option, parameters, capacity, resistance)
+        sink, h = (ca.SX.sym("capacity"), ca.SX.sym("resistance")), ca.SX.sym("h")
+        self.plant = plant = Plant(option, parameters, *sink)
         x = ca.SX.sym("x", len(plant.states))
         self._by_torque = driven_by == "torque"
         drive = ca.SX.sym("drive", len(Load._fields)) if self._by_torque else ca.SX.sym("drive")
         load = Load(*ca.vertsplit(drive)) if self._by_torque else None
         numbers = parameters.values()
         rates = plant.rates_at_current(x, drive) if load is None else plant.rates(x, load)
-        given = [drive, capacity, resistance]
+        given = [drive, *sink]
         f = ca.Function("f", [x, *given, parameters.stacked], [rates])
         rates = f(x, *given, numbers)
         self.step = ca.Function(
@@ -68,60 +75,52 @@ class Simulator:
         still = np.zeros((len(Load._fields) - 1, rows.shape[1]))
         return np.vstack([rows, still]) if self._by_torque and len(rows) == 1 else rows
 
-    def substeps(self, duration: float, capacity: float, resistance: float, drive: float = 0.0) -> int:
-        """How many equal steps of RK4 a duration [s] needs for the fastest rate of a design in the air."""
+    def substeps(self, duration: float, drive: float = 0.0) -> int:
+        """How many equal steps of RK4 a duration [s] needs for the fastest rate of the smallest sink in the air."""
         cold = np.full(len(self.plant.states), self.option.study.task.ambient)
-        jacobian = self._jacobian(cold, self._drive(drive), capacity, resistance).full()
+        jacobian = self._jacobian(cold, self._drive(drive), *(float(values.min()) for values in self._sink)).full()
         fastest = float(np.abs(np.linalg.eigvals(jacobian)).max())  # 1/s
         longest = 0.5 / fastest  # s; RK4 is then good to 1e-4
         return max(1, int(np.ceil(duration / longest)))
 
-    def is_stiff(
-        self, duration: float, implicit_steps: int, capacity: float, resistance: float, drive: float = 0.0
-    ) -> bool:
-        """Whether so many implicit steps take a design through a duration [s] sooner than RK4 would."""
+    def is_stiff(self, duration: float, implicit_steps: int, drive: float = 0.0) -> bool:
+        """Whether so many implicit steps take the cases through a duration [s] sooner than RK4 would."""
         # With 10 to 14 states an implicit step takes the time of two of RK4.
-        return self.substeps(duration, capacity, resistance, drive) > 2 * implicit_steps
+        return self.substeps(duration, drive) > 2 * implicit_steps
 
-    def advance(
-        self, x: FloatArray, drive: FloatArray, capacity: FloatArray, resistance: FloatArray, h: FloatArray
-    ) -> FloatArray:
-        """States after one step of RK4, shape (number of states, number of cases), all arguments for all cases."""
-        return np.asarray(self.step(x, self._drive(drive), capacity[None], resistance[None], h[None]).full())
+    def advance(self, x: FloatArray, drive: FloatArray, h: FloatArray | float) -> FloatArray:
+        """States after one step of RK4, shape (states, cases), from states of this shape; h [s] for each case or all."""
+        return np.asarray(self.step(x, self._drive(drive), *self._sink, np.atleast_2d(h)).full())
 
-    def advance_implicitly(
-        self, x: FloatArray, drive: FloatArray, capacity: FloatArray, resistance: FloatArray, h: FloatArray
-    ) -> FloatArray:
+    def advance_implicitly(self, x: FloatArray, drive: FloatArray, h: FloatArray | float) -> FloatArray:
         """States after one Rosenbrock step of order 2, arguments and result as for `advance`.
 
         Source: Verwer, Spee, Blom and Hundsdorfer, SIAM J. Sci. Comput. 20 (1999) 1456: ROS2.
         """
         gamma = 1 - 0.5**0.5  # makes the method L-stable
-        rates, slope = self._linearised(x, drive, capacity, resistance)
-        system = np.eye(len(x)) - gamma * h[:, None, None] * slope
+        rates, slope = self._linearised(x, drive)
+        system = np.eye(len(x)) - gamma * np.reshape(h, (-1, 1, 1)) * slope
         first = np.linalg.solve(system, rates)
         middle = np.minimum(x + h * first[:, :, 0].T, _HOT)
-        ahead = self._rates(middle, self._drive(drive), capacity[None], resistance[None]).full().T[:, :, None]
+        ahead = self._rates(middle, self._drive(drive), *self._sink).full().T[:, :, None]
         second = np.linalg.solve(system, ahead - 2 * first)
         return np.minimum(x + h * (1.5 * first + 0.5 * second)[:, :, 0].T, _HOT)
 
-    def _linearised(
-        self, x: FloatArray, drive: FloatArray, capacity: FloatArray, resistance: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
+    def _linearised(self, x: FloatArray, drive: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Rates [K/s], shape (cases, states, 1), and their slope in the states [1/s], shape (cases, states, states)."""
-        (n, cases), rows = x.shape, (self._drive(drive), capacity[None], resistance[None])
+        (n, cases), rows = x.shape, (self._drive(drive), *self._sink)
         slope = self._jacobian(x, *rows).full().reshape(n, cases, n).transpose(1, 0, 2)
         return self._rates(x, *rows).full().T[:, :, None], slope
 
-    def steady(self, drive: FloatArray, capacity: FloatArray, resistance: FloatArray) -> FloatArray:
-        """States that no longer change, shape (number of states, number of cases); infinite where there are none.
+    def steady(self, drive: FloatArray) -> FloatArray:
+        """States that no longer change, shape (states, cases); infinite where there are none.
 
         By Newton's method; beyond runaway the balance has a root below the air's temperature, which is no state.
         """
         ambient = self.option.study.task.ambient
-        x = np.full((len(self.plant.states), capacity.size), ambient + 20.0)
+        x = np.full((len(self.plant.states), np.shape(drive)[-1]), ambient + 20.0)
         for _ in range(30):
-            rates, slope = self._linearised(x, drive, capacity, resistance)
+            rates, slope = self._linearised(x, drive)
             step = np.linalg.solve(slope, rates)[:, :, 0].T
             x = x - step
             if np.abs(step).max() < 1e-9 * np.abs(x).max():
@@ -140,19 +139,16 @@ def check_design(option: Option, design: DesignSolution) -> tuple[float, float]:
 
     A task that repeats for ever starts from the periodic state that was found, and runs one cycle.
     """
-    simulator = Simulator(option)
-    task = option.study.task
-    capacity, resistance = design.sink or (1.0, 1.0)
+    simulator, task = Simulator(option, *(design.sink or ())), option.study.task
     part = design.duration / len(task.shape)
     loads = task.operation * (design.torque, 1.0, 1.0)
-    steps = max(simulator.substeps(part, capacity, resistance, design.torque), 400 if task.is_hold else _CYCLE_STEPS)
+    steps = max(simulator.substeps(part, design.torque), 400 if task.is_hold else _CYCLE_STEPS)
     x = design.states[:, :1]
     hottest, most = float(simulator.winding(x)[0]), 0.0
     run = simulator.step.mapaccum(steps)
     for _ in range(task.repeats or 1):
         for load in loads:
-            drive, ones = load[:, None] * np.ones(steps), np.ones((1, steps))
-            path = run(x, drive, capacity * ones, resistance * ones, part / steps * ones).full()
+            path = run(x, np.tile(load[:, None], steps), *(design.sink or (1.0, 1.0)), part / steps).full()
             x = path[:, -1:]
             hottest = max(hottest, float(simulator.winding(path).max()))
             most = max(most, float(np.abs(simulator.electric(x, load[:, None])[0]).max()))
@@ -171,24 +167,23 @@ def peak_temperatures(
 
     Of a cycle that repeats for ever it is the mean over the cycle, from the RMS current; infinite where it runs away.
     """
-    simulator, task = Simulator(option), option.study.task
+    simulator, task = Simulator(option, capacity, resistance), option.study.task
     if task.repeats is None:
-        return simulator.winding(simulator.steady(_equivalent(option, torque), capacity, resistance))
+        return simulator.winding(simulator.steady(_equivalent(option, torque)))
     n, part = capacity.size, duration / len(task.shape)
     x = np.full((len(simulator.plant.states), n), task.start)
     hottest = simulator.winding(x)
-    hardest = float(capacity.min()), float(resistance.min()), float(torque.max())
+    hardest = float(torque.max())
     implicit_steps = hold_steps if task.is_hold else 10  # of order 2, and so shorter than RK4 would need them
-    if simulator.is_stiff(part, implicit_steps, *hardest):
+    if simulator.is_stiff(part, implicit_steps, hardest):
         advance, steps = simulator.advance_implicitly, implicit_steps
     else:
         advance = simulator.advance
-        steps = max(simulator.substeps(part, *hardest), hold_steps if task.is_hold else _CYCLE_STEPS)
-    h = np.full(n, part / steps)
+        steps = max(simulator.substeps(part, hardest), hold_steps if task.is_hold else _CYCLE_STEPS)
     for share, *motion in np.tile(task.operation, (task.repeats, 1)):
         drive = np.vstack([torque * share, *(np.full(n, value) for value in motion)])
         for _ in range(steps):
-            x = advance(x, drive, capacity, resistance, h)
+            x = advance(x, drive, part / steps)
             hottest = np.maximum(hottest, simulator.winding(x))
     return np.asarray(hottest)
 

@@ -77,8 +77,7 @@ def _endurance(
     design: Design, limits: dict[str, float], speed: FloatArray, durations: FloatArray
 ) -> Callable[[FloatArray], BoolArray]:
     """Whether torques [N·m] at these speeds keep the limits for so long, looked at after each step."""
-    simulator, task = Simulator(design.option), design.option.study.task
-    capacity, resistance = (np.full(speed.size, value) for value in design.sink or (1.0, 1.0))
+    simulator, task = Simulator(design.option, *(design.sink or ())), design.option.study.task
     start = np.full((len(simulator.plant.states), speed.size), task.start)
     ever = np.isinf(durations)
 
@@ -97,13 +96,12 @@ def _endurance(
         drive = np.vstack([torque, speed, np.zeros(torque.size)])
         good = within(start, drive)
         lasting, short = drive[:, ever], drive[:, ~ever]
-        good[ever] &= within(simulator.steady(lasting, capacity[ever], resistance[ever]), lasting)
+        good[ever] &= within(simulator.steady(lasting), lasting)
         x = start[:, ~ever]
         # Beyond a thermal runaway long steps mean nothing; before, short ones have passed a limit. A hold changes
         # fastest at the beginning, where steps are shorter.
         for share in np.diff((np.arange(61) / 60) ** 2):
-            h = share * durations[~ever]
-            x = simulator.advance_implicitly(x, short, capacity[~ever], resistance[~ever], h)
+            x = simulator.advance_implicitly(x, short, share * durations[~ever])
             good[~ever] &= within(x, short)
         return good
 

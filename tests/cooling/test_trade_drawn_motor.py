@@ -159,16 +159,16 @@ def test_heat_through_the_pipes_is_what_the_sink_takes_in() -> None:
 
 def test_implicit_steps_agree_with_explicit_ones() -> None:
     (option,) = study("held_torque", "duration = 120", HELD, cooling='"passive"').options()
-    simulator = Simulator(option)
-    assert not simulator.is_stiff(120.0, 200, 100.0, 2.0)
-    torque, capacity, resistance = np.array([1.5, 1.8]), np.full(2, 100.0), np.full(2, 2.0)
+    simulator = Simulator(option, 100.0, 2.0)
+    assert not simulator.is_stiff(120.0, 200)
+    torque = np.array([1.5, 1.8])
     paths = []
     for advance in (simulator.advance, simulator.advance_implicitly):
         x = np.full((4, 2), 21.5)
         for _ in range(240):
-            x = advance(x, torque, capacity, resistance, np.full(2, 0.5))
+            x = advance(x, torque, 0.5)
         paths.append(x)
     assert paths[1] == pytest.approx(paths[0], abs=2e-3)
     for _ in range(20):  # stable at any length: it settles
-        x = simulator.advance_implicitly(x, torque / 2, capacity, resistance, np.full(2, 1e5))
-    assert x == pytest.approx(simulator.steady(torque / 2, capacity, resistance), abs=1e-6)
+        x = simulator.advance_implicitly(x, torque / 2, 1e5)
+    assert x == pytest.approx(simulator.steady(torque / 2), abs=1e-6)
