@@ -10,10 +10,10 @@ import numpy as np
 
 from lptn.basics.errors import InputError
 
-from .designs import BUDGETS, Design, IsoMap, LimitCurve, Refusal, design_of, iso_map, limit_curves, refusal_of
+from .designs import Design, IsoMap, LimitCurve, Refusal, design_of, iso_map, limit_curves, refusal_of
 from .problem import DesignNumbers, DesignProblem, DesignSolution
 from .study import TradeStudy
-from .tables import SWEPT, Sweep
+from .tables import BUDGETS, SWEPT, Sweep
 from .torque_speed import TorqueSpeed, torque_speed
 from .uncertainty import Interval, intervals
 

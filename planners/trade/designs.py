@@ -15,9 +15,7 @@ from .plant import CAPACITY, RESISTANCE
 from .problem import DesignNumbers, DesignProblem, DesignSolution
 from .simulation import Simulator, check_design, peak_temperatures
 from .study import Option
-
-BUDGETS: tuple[str, ...] = ("mass", "volume", "price")
-"""What a design spends."""
+from .tables import BUDGETS
 
 
 @dataclass(frozen=True, repr=False)

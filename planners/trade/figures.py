@@ -15,7 +15,6 @@ from lptn.basics.style import BAD, FAINT, INK, LIMIT, PALETTE, PAPER, SMALL, TEX
 from .answer import StudyResult
 from .designs import Design
 from .export import strongest
-from .sink import fin_mass, sink_volume
 from .study import TradeStudy
 from .torque_speed import TorqueSpeed
 
@@ -154,18 +153,11 @@ def _map(ax: Axes, result: StudyResult) -> None:
 def _bounds(ax: Axes, design: Design, here: tuple[float, float]) -> None:
     """Where mass, volume and fins end what can be built; names away from the design, where all of them may meet."""
     option = design.option
-    sink, spacing, metal = option.study.sink, option.air.spacing, option.metal
-    c, r = np.meshgrid(*(np.geomspace(*ends, 200) for ends in sink.bounds))
-    fins = fin_mass(r, option.film, sink.fin_thickness, metal.density) * metal.specific_heat / c
-    named = {"all fins": (fins, 1.0)}
-    if "mass" in option.limits:
-        named["mass"] = (option.fixed_mass + c / metal.specific_heat, option.limits["mass"])
-    if "volume" in option.limits:
-        of_sink = sink_volume(c, r, option.film, sink.fin_thickness, spacing, metal.density, metal.specific_heat)
-        named["volume"] = (option.fixed_volume + of_sink, option.limits["volume"])
-    if "price" in option.limits:
-        spent = option.fixed_price + (metal.price or 0.0) * c / metal.specific_heat
-        named["price"] = (spent, option.limits["price"])
+    c, r = np.meshgrid(*(np.geomspace(*ends, 200) for ends in option.study.sink.bounds))
+    named = {"all fins": (option.sink.fin_share(c, r), 1.0)}
+    for name, spent in option.sink.spent(c, r).items():
+        if name in option.limits:
+            named[name] = (option.fixed[name] + spent, option.limits[name])
     for name, (values, level) in named.items():
         drawn = ax.contour(c, r, values, levels=[level], colors=LIMIT, linewidths=1.0)
         points = np.concatenate([np.reshape(path.vertices, (-1, 2)) for path in drawn.get_paths()])

@@ -14,15 +14,16 @@ from lptn.basics.places import edge
 from lptn.model.model import Model
 
 from .motors import REFERENCE
-from .sink import fin_mass, sink_volume
+from .sink import SinkNumbers
 from .study import Option, pipe_places
+from .tables import BUDGETS
 
 CAPACITY, RESISTANCE = "design.capacity", "design.resistance"
 """The sink's two design variables [J/K, K/W], as they are called among the parameters of a given design."""
-
-
 _KNOWN = ("temperature", "current", "current_abs", "torque_abs", "mechanical_power", "velocity", "velocity_rms")
 """Quantities of a model's inputs that follow from the air, the motor's current and its speed."""
+_SINK_UNITS = ("W/(m^2*K)", "m", "m", "kg/m^3", "J/(kg*K)", "{}/kg")
+"""Of `SinkNumbers`, in order; money in the study's currency."""
 
 
 class Load(NamedTuple):
@@ -83,22 +84,17 @@ class Plant:
         self.ambient = add("ambient", option.study.task.ambient, "degC")
         self._constant = add("torque_constant", option.motor.torque_constant, "N*m/A")
         self._coefficient = add("magnet_coefficient", option.motor.magnet_coefficient, "1/K")
-        self._fixed_mass = add("fixed_mass", option.fixed_mass, "kg")
-        self._fixed_volume = add("fixed_volume", option.fixed_volume, "m^3")
-        self._fixed_price = add("fixed_price", option.fixed_price, option.study.question.currency)
+        currency = option.study.question.currency
+        units = dict(zip(BUDGETS, ("kg", "m^3", currency), strict=True))
+        self._fixed = {budget: add(f"fixed_{budget}", option.fixed[budget], unit) for budget, unit in units.items()}
         self._inertia = add("rotor_inertia", option.motor.rotor_inertia, "kg*m^2")
         self.ratio, self._efficiency = (ca.SX(1.0) if ratio is None else ratio), ca.SX(1.0)
         if option.gear.name:
             self.ratio = add("gear.ratio", option.gear.ratio[0], "1") if ratio is None else ratio
             self._efficiency = add("gear.efficiency", option.gear.efficiency, "1")
         if option.has_sink:
-            sink = option.study.sink
-            self._film = add("film", option.film, "W/(m^2*K)")
-            self._thickness = add("fin_thickness", sink.fin_thickness, "m")
-            self._spacing = add("fin_spacing", option.air.spacing, "m")
-            self._density = add("density", option.metal.density, "kg/m^3")
-            self._heat = add("specific_heat", option.metal.specific_heat, "J/(kg*K)")
-            self._per_kilogram = add("price_per_kg", option.metal.price or 0.0, f"{option.study.question.currency}/kg")
+            named = zip(option.sink._asdict().items(), _SINK_UNITS, strict=True)
+            self.sink = SinkNumbers(*(add(name, value, unit.format(currency)) for (name, value), unit in named))
         self._refuse_other_inputs()
 
     def _refuse_other_inputs(self) -> None:
@@ -211,30 +207,9 @@ class Plant:
             )
         return self.capacity * self.rates(x, load)[sink] + (x[sink] - self.ambient) / self.resistance
 
-    # --- of the design ------------------------------------------------------------------------
-
     @property
-    def mass(self) -> Any:
-        """Motor, gear, pipes, fan and sink [kg]."""
-        return self._fixed_mass + (self.capacity / self._heat if self.option.has_sink else 0)
-
-    @property
-    def price(self) -> Any:
-        """Of all that has a price."""
-        metal = self._per_kilogram * self.capacity / self._heat if self.option.has_sink else 0
-        return self._fixed_price + metal
-
-    @property
-    def volume(self) -> Any:
-        """Motor, gear, fan and sink [m³]."""
+    def spent(self) -> dict[str, Any]:
+        """Mass [kg], volume [m³] and price of motor, gear, pipes, fan and sink."""
         if not self.option.has_sink:
-            return self._fixed_volume
-        return self._fixed_volume + sink_volume(
-            self.capacity, self.resistance, self._film, self._thickness, self._spacing, self._density, self._heat
-        )
-
-    @property
-    def fin_share(self) -> Any:
-        """Share of the sink's metal that its fins need; a sink is feasible up to 1."""
-        fins = fin_mass(self.resistance, self._film, self._thickness, self._density)
-        return fins * self._heat / self.capacity
+            return self._fixed
+        return {name: self._fixed[name] + of for name, of in self.sink.spent(self.capacity, self.resistance).items()}

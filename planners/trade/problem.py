@@ -256,32 +256,31 @@ class DesignProblem:
             self._program.constrain(windings / _WORST_SCALE - self._worst, "worst")
         if self._given:
             return  # its mass and volume are what they are
-        self._limit("mass", plant.mass)
-        self._limit("volume", plant.volume)
-        self._limit("price", plant.price)
+        for name, spent in plant.spent.items():
+            self._limit(name, spent)
         if self.option.has_sink:
-            self._program.constrain(plant.fin_share - 1, "fins")
+            self._program.constrain(plant.sink.fin_share(plant.capacity, plant.resistance) - 1, "fins")
 
     def _build(self) -> None:
-        plant = self.plant
+        plant, dear = self.plant, max(self.option.fixed["price"], 1.0)
         # What is minimised, and the factor that turns it back into the goal's own unit.
         objective, self._unit = {
             "held_torque": lambda: (-self._torque / self._torque_scale, -self._torque_scale),
             "time_to_limit": lambda: (-self._duration / self._time_scale, -self._time_scale),
             "worst_temperature": lambda: (self._worst, _WORST_SCALE),
-            "mass": lambda: (plant.mass, 1.0),
-            "volume": lambda: (plant.volume / 1e-3, 1e-3),
-            "price": lambda: (plant.price / max(self.option.fixed_price, 1.0), max(self.option.fixed_price, 1.0)),
+            "mass": lambda: (plant.spent["mass"], 1.0),
+            "volume": lambda: (plant.spent["volume"] / 1e-3, 1e-3),
+            "price": lambda: (plant.spent["price"] / dear, dear),
         }[self.option.study.question.goal]()
         weight = self.parameters.add("weight", 1.0, "1")  # 0 while the least relaxation is sought
         # Of two designs equally good the lighter one is meant; its weight is too small to show in a sensitivity.
-        tidy = 0 if self._given else 1e-6 * plant.mass
+        tidy = 0 if self._given else 1e-6 * plant.spent["mass"]
         cost = weight * (objective + tidy) + (1 - weight) * ca.sum1(ca.vertcat(*self._slack.values()))
         w, g = ca.vertcat(*self._program.symbols.values()), ca.vertcat(*self._program.expressions)
         p = self.parameters.stacked
         self._solver = ca.nlpsol("trade", "ipopt", {"x": w, "p": p, "f": cost, "g": g}, _OPTIONS)
-        numbers = (objective * self._unit, plant.capacity, plant.resistance, plant.ratio, plant.mass, plant.volume,
-                   plant.price, self._torque, self._duration)  # fmt: skip
+        numbers = (objective * self._unit, plant.capacity, plant.resistance, plant.ratio, *plant.spent.values(),
+                   self._torque, self._duration)  # fmt: skip
         self._look = ca.Function("look", [w, p], [ca.vertcat(*numbers), ca.horzcat(*self._states), g])
 
     # --- solving ------------------------------------------------------------------------------

@@ -25,7 +25,7 @@ class Simulator:
 
     Args:
         option: the discrete choice, with a given ratio of its gear.
-        capacity, resistance: of its sink [J/K, K/W], one for all cases or one for each; without a sink they don't count.
+        capacity, resistance: of its sink [J/K, K/W], one for all cases or for each; without a sink they don't count.
         driven_by: `"torque"`: a drive is a torque [N·m] behind the gear for each case, shape (cases,), or torque, speed
             [rad/s] and acceleration [rad/s²], shape (3, cases); or `"current"`: the motor's [A], at standstill.
     """
@@ -89,7 +89,7 @@ class Simulator:
         return self.substeps(duration, drive) > 2 * implicit_steps
 
     def advance(self, x: FloatArray, drive: FloatArray, h: FloatArray | float) -> FloatArray:
-        """States after one step of RK4, shape (states, cases), from states of this shape; h [s] for each case or all."""
+        """States after one step of RK4, shape (states, cases), from such states; h [s] for each case or all."""
         return np.asarray(self.step(x, self._drive(drive), *self._sink, np.atleast_2d(h)).full())
 
     def advance_implicitly(self, x: FloatArray, drive: FloatArray, h: FloatArray | float) -> FloatArray:

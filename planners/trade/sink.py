@@ -7,7 +7,7 @@ Fins have two sides. Radiation is left out, so passive sinks come out somewhat l
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from lptn.basics.toml import Strict
 from lptn.effects.base import Symbol
@@ -38,8 +38,7 @@ MATERIALS = {
 common alloys: extruded aluminium, magnesium AZ91, unalloyed steel."""
 
 
-@dataclass(frozen=True)
-class Air:
+class Air(NamedTuple):
     """What the air does at a fin: film coefficient [W/(m² K)] and the spacing [m] at which it holds."""
 
     film: float
@@ -85,28 +84,39 @@ def fin_efficiency(film: float, thickness: float, depth: float, conductivity: fl
     return math.tanh(product) / product
 
 
-def fin_mass(resistance: Symbol, film: Symbol, thickness: Symbol, density: Symbol = ALUMINIUM.density) -> Symbol:
-    """Mass [kg] of the fins that a resistance to the air [K/W] needs.
+class SinkNumbers(NamedTuple):
+    """What mass, volume and price of a sink follow from, beside capacity and resistance: numbers, or symbols.
 
     Args:
-        resistance: K/W.
         film: film coefficient times fin efficiency [W/(m² K)].
-        thickness: of a fin [m].
-        density: kg/m³.
+        fin_thickness: of a fin [m].
+        fin_spacing: between two fins [m].
+        density: of the metal [kg/m³].
+        specific_heat: of the metal [J/(kg K)].
+        price_per_kg: of the metal.
     """
-    return density * thickness / (2 * film * resistance)
 
+    film: Symbol
+    fin_thickness: Symbol
+    fin_spacing: Symbol
+    density: Symbol = ALUMINIUM.density
+    specific_heat: Symbol = ALUMINIUM.specific_heat
+    price_per_kg: Symbol = 0.0
 
-def sink_volume(
-    capacity: Symbol,
-    resistance: Symbol,
-    film: Symbol,
-    thickness: Symbol,
-    spacing: Symbol,
-    density: Symbol = ALUMINIUM.density,
-    specific_heat: Symbol = ALUMINIUM.specific_heat,
-) -> Symbol:
-    """Volume [m³] that fins with the air between them, and a slab of the rest of the metal, take up."""
-    fins = fin_mass(resistance, film, thickness, density)
-    slab = (capacity / specific_heat - fins) / density
-    return slab + (thickness + spacing) / (2 * film * resistance)
+    def fin_mass(self, resistance: Symbol) -> Symbol:
+        """Mass [kg] of the fins that a resistance to the air [K/W] needs."""
+        return self.density * self.fin_thickness / (2 * self.film * resistance)
+
+    def fin_share(self, capacity: Symbol, resistance: Symbol) -> Symbol:
+        """Share of the metal that the fins need; a sink can be built up to 1."""
+        return self.fin_mass(resistance) * self.specific_heat / capacity
+
+    def spent(self, capacity: Symbol, resistance: Symbol) -> dict[str, Symbol]:
+        """Mass [kg], volume [m³] and price of a sink [J/K, K/W].
+
+        Volume is what fins with the air between them, and a slab of the rest of the metal, take up.
+        """
+        slab = (capacity / self.specific_heat - self.fin_mass(resistance)) / self.density
+        fins = (self.fin_thickness + self.fin_spacing) / (2 * self.film * resistance)
+        price = self.price_per_kg * capacity / self.specific_heat
+        return {"mass": capacity / self.specific_heat, "volume": slab + fins, "price": price}

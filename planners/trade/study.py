@@ -19,8 +19,9 @@ from lptn.model.network import LinkDeclaration, Network, NodeDeclaration
 
 from ..values import Mass, TorqueConstant, Volume
 from .motors import CatalogueMotor
-from .sink import MATERIALS, Air, SinkMetal, blown_air, fin_efficiency, fin_mass, sink_volume, still_air
+from .sink import MATERIALS, SinkMetal, SinkNumbers, blown_air, fin_efficiency, still_air
 from .tables import (
+    BUDGETS,
     GOALS,
     NO_GEAR,
     Cooling,
@@ -163,54 +164,37 @@ class Option:
         return self.cooling != "none"
 
     @property
-    def fixed_mass(self) -> float:
-        """Motor, gear, pipes, mount and fan, all but the sink [kg]."""
-        pipes = self.study.pipes.mount + self.pipes * self.study.pipes.mass if self.has_sink else 0.0
-        return (
-            self.motor.mass
-            + self.gear.mass
-            + pipes
-            + (self.study.fan.mass_with_battery if self.cooling == "fan" else 0.0)
-        )
+    def fixed(self) -> dict[str, float]:
+        """Mass [kg], volume [m³] and price of all but the sink; what has no price counts for nothing.
 
-    @property
-    def fixed_volume(self) -> float:
-        """Motor, gear and fan, all but the sink [m³]; the pipes' is neglected."""
-        return self.motor.volume + self.gear.volume + (self.study.fan.volume if self.cooling == "fan" else 0.0)
-
-    @property
-    def fixed_price(self) -> float:
-        """All but the sink's metal; what has no price counts for nothing."""
-        study = self.study
-        sink = study.sink.price + self.pipes * study.pipes.price if self.has_sink else 0.0
-        fan = study.fan.price if self.cooling == "fan" else 0.0
-        return (self.motor.price or 0.0) + (self.gear.price or 0.0) + sink + fan
+        The heat pipes' volume is neglected.
+        """
+        pipes, fan = self.study.pipes, self.study.fan
+        parts = [(part.mass, part.volume, part.price or 0.0) for part in (self.motor, self.gear)]
+        if self.has_sink:
+            parts.append((pipes.mount + self.pipes * pipes.mass, 0.0, self.study.sink.price + self.pipes * pipes.price))
+        if self.cooling == "fan":
+            parts.append((fan.mass_with_battery, fan.volume, fan.price))
+        return dict(zip(BUDGETS, map(sum, zip(*parts, strict=True)), strict=True))
 
     def least(self, budget: str) -> float:
         """Mass [kg], volume [m³] or price below which nothing can be built, whatever the temperatures."""
-        fixed = {"mass": self.fixed_mass, "volume": self.fixed_volume, "price": self.fixed_price}[budget]
         if not self.has_sink:
-            return fixed
-        sink, metal, resistance = self.study.sink, self.metal, self.study.sink.resistance[1]
-        fins = metal.specific_heat * float(fin_mass(resistance, self.film, sink.fin_thickness, metal.density))
-        capacity = max(sink.capacity[0], fins)
-        if budget != "volume":
-            return fixed + capacity / metal.specific_heat * (1.0 if budget == "mass" else metal.price or 0.0)
-        spacing, density, heat = self.air.spacing, metal.density, metal.specific_heat
-        return fixed + float(sink_volume(capacity, resistance, self.film, sink.fin_thickness, spacing, density, heat))
+            return self.fixed[budget]
+        numbers, resistance = self.sink, self.study.sink.resistance[1]
+        capacity = max(self.study.sink.capacity[0], numbers.specific_heat * numbers.fin_mass(resistance))
+        return self.fixed[budget] + float(numbers.spent(capacity, resistance)[budget])
 
     @property
-    def air(self) -> Air:
-        """At the fins."""
-        sink, fan = self.study.sink, self.study.fan
+    def sink(self) -> SinkNumbers:
+        """What its sink would be made of, in the air of its cooling."""
+        sink, fan, metal = self.study.sink, self.study.fan, self.metal
         is_blown = self.cooling == "fan"
-        return blown_air(fan.speed, sink.fin_height) if is_blown else still_air(sink.excess, sink.fin_height)
-
-    @property
-    def film(self) -> float:
-        """Film coefficient times fin efficiency [W/(m² K)]."""
-        film, sink = self.air.film, self.study.sink
-        return film * fin_efficiency(film, sink.fin_thickness, sink.fin_depth, self.metal.conductivity)
+        air = blown_air(fan.speed, sink.fin_height) if is_blown else still_air(sink.excess, sink.fin_height)
+        used = fin_efficiency(air.film, sink.fin_thickness, sink.fin_depth, metal.conductivity)
+        return SinkNumbers(
+            air.film * used, sink.fin_thickness, air.spacing, metal.density, metal.specific_heat, metal.price or 0.0
+        )
 
     @property
     def limits(self) -> dict[str, float]:

@@ -59,6 +59,8 @@ GOALS: dict[Goal, tuple[str, str, bool]] = {
     "price": ("price", "", False),
 }
 """For each goal its words, its unit, and whether more is better; the unit of prices is the study's currency."""
+BUDGETS: tuple[str, ...] = ("mass", "volume", "price")
+"""What a design spends."""
 LIMITS = {
     "winding": "degC", "magnet": "degC", "current": "A", "voltage": "V", "speed": "rad/s", "pipe_power": "W",
     "mass": "kg", "volume": "m^3", "price": "",

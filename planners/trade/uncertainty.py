@@ -12,11 +12,11 @@ from scipy.stats import qmc
 from lptn.basics.errors import InputError
 from lptn.basics.places import matching
 
-from .designs import BUDGETS, Design
+from .designs import Design
 from .plant import CAPACITY, RESISTANCE
 from .problem import DesignProblem
 from .study import TradeStudy
-from .tables import StandardError, StudyUncertainty
+from .tables import BUDGETS, StandardError, StudyUncertainty
 
 Key = tuple[str, str]
 """A parameter that is drawn: of which motor (empty for what all choices share), and its name."""

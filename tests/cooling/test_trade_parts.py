@@ -16,7 +16,7 @@ from lptn.cli.main import main
 from lptn.planners.trade import load_study, motors, solve_study
 from lptn.planners.trade.motors import U8, U10
 from lptn.planners.trade.profiles import JUMP_RATIO, PEAK, STANCE, jump, level_walking
-from lptn.planners.trade.sink import blown_air, fin_efficiency, fin_mass, sink_volume, still_air
+from lptn.planners.trade.sink import SinkNumbers, blown_air, fin_efficiency, still_air
 from tests.cooling.studies import study
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "u8_trade"
@@ -74,8 +74,9 @@ def test_a_fan_of_the_textbook_cools_less_than_the_thesis_projects() -> None:
     assert passive.steady(11.0) == pytest.approx(86.6, abs=0.2)
     assert fan.steady(11.0) == pytest.approx(67.1, abs=0.2)
     # A sink of its resistance and capacity fits into the 1004 cm³ and the 867 g that it took with the motor.
-    assert sink_volume(353.0, 3.3, films[0], 1e-3, still.spacing) < (1003.7 - 159) * 1e-6
-    assert fin_mass(3.3, films[0], 1e-3) < 0.867 - 0.240
+    numbers = SinkNumbers(films[0], 1e-3, still.spacing)
+    assert numbers.spent(353.0, 3.3)["volume"] < (1003.7 - 159) * 1e-6
+    assert numbers.fin_mass(3.3) < 0.867 - 0.240
     assert fin_efficiency(1e-6, 1e-3, 0.03) == pytest.approx(1.0)
 
 
