@@ -52,6 +52,11 @@ class TorqueVectorEnv(VectorEnv[Observation, Array, Array]):
         penalty: by how much a kelvin above a limit lowers the reward of a step.
         request: `"torque"` or `"current"`; by default what the model's log columns hold.
 
+    Attributes:
+        asked: torques [N·m] or currents [A] of the robots' episodes, shape (num_envs, steps + 1, joints).
+        conditions: the model's other inputs in them, shape (num_envs, steps + 1, conditions).
+        rated: what each joint could give for ever, shape (joints,).
+
     Raises:
         InputError: no torque or current among the model's inputs, an unknown place, a condition without a range.
     """
@@ -94,8 +99,8 @@ class TorqueVectorEnv(VectorEnv[Observation, Array, Array]):
         self.robots = Robots(model, num_envs, period, largest, spread)
         self.steps = max(1, round(self.task.seconds / period))
         self._random = [np.random.default_rng() for _ in range(num_envs)]
-        self._courses = np.zeros((num_envs, self.steps + 1, len(self.rated)))
-        self._around = np.zeros((num_envs, self.steps + 1, len(self._ranges)))
+        self.asked = np.zeros((num_envs, self.steps + 1, len(self.rated)))
+        self.conditions = np.zeros((num_envs, self.steps + 1, len(self._ranges)))
         self._sums = np.zeros((num_envs, self.steps + 2, len(self.rated)))
         self._step = np.zeros(num_envs, dtype=int)
         self._over = np.ones(num_envs, dtype=bool)
@@ -140,12 +145,12 @@ class TorqueVectorEnv(VectorEnv[Observation, Array, Array]):
     def _begin(self, chosen: Array) -> None:
         for k in np.flatnonzero(chosen):
             rng = self._random[k]
-            asked, around = self.task.draw(rng, self.heating, self.rated, self._ranges, self.period)
-            air = 25.0 if self._air is None else float(around[0, self._air])
+            asked, conditions = self.task.draw(rng, self.heating, self.rated, self._ranges, self.period)
+            air = 25.0 if self._air is None else float(conditions[0, self._air])
             self.robots.draw(int(k), air + rng.uniform(*self.task.start), rng)
             # One row more than there are steps: what is seen at the end, where nothing is asked.
-            self._courses[k, :-1] = asked
-            self._around[k, :-1], self._around[k, -1] = around, around[-1]
+            self.asked[k, :-1] = asked
+            self.conditions[k, :-1], self.conditions[k, -1] = conditions, conditions[-1]
             self._sums[k, 1:-1] = np.cumsum(asked**2, axis=0)
             self._sums[k, -1] = self._sums[k, -2]
         self._step[chosen], self._over[chosen] = 0, False
@@ -154,10 +159,10 @@ class TorqueVectorEnv(VectorEnv[Observation, Array, Array]):
         """One period on all robots; one whose episode was over begins the next one instead."""
         began = self._over.copy()
         rows = np.arange(self.num_envs)
-        asked = self._courses[rows, self._step]
+        asked = self.asked[rows, self._step]
         share = np.clip(np.nan_to_num(np.asarray(actions, dtype=float)), 0.0, 1.0)
-        amounts, around = (share * asked).T, self._around[rows, self._step].T
-        self.robots.advance(np.asarray(self._inputs(self.robots.states, amounts, around, self.robots.values)))
+        amounts, conditions = (share * asked).T, self.conditions[rows, self._step].T
+        self.robots.advance(np.asarray(self._inputs(self.robots.states, amounts, conditions, self.robots.values)))
         cost = np.maximum((self.robots.states[self._limited] - self._limits[:, None]).max(axis=0), 0.0)
         reward = (asked**2 * share * (2 - share) / self.rated**2).mean(axis=1) - self.penalty * cost
         self._step += 1
@@ -175,11 +180,11 @@ class TorqueVectorEnv(VectorEnv[Observation, Array, Array]):
 
     def _observe(self) -> Observation:
         states, rows = self.robots.states, np.arange(self.num_envs)
-        air = 25.0 if self._air is None else self._around[rows, self._step.clip(max=self.steps), self._air]
+        air = 25.0 if self._air is None else self.conditions[rows, self._step.clip(max=self.steps), self._air]
         parts = [
             (self._limits[:, None] - states[self._limited]).T / UNIT,
             (states[self._free] - air).T / UNIT,
-            self._courses[rows, self._step] / self.rated,
+            self.asked[rows, self._step] / self.rated,
         ]
         for seconds in AHEAD:
             steps = max(1, round(seconds / self.period))

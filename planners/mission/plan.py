@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
@@ -12,13 +13,13 @@ from lptn.basics.places import class_of
 
 from .mission import Mission, Schedule, segments_of, with_complete_start
 from .program import Goal, MissionProgram, MissionSolution
-from .rests import solved
 from .simulation import Course, simulate_plan
 
 Verdict = Literal["met", "late", "cut", "none"]
 """All is done in time; all is done but later than the deadline; not all is done; nothing can be done but rest."""
 _EXACT = 0.005  # K by which a replayed plan may pass a limit
 _COUNTS = 1e-3  # s/K; smaller multipliers are solver dust
+_DUST = 0.05  # s; shorter pieces are likewise
 
 
 class PassedLimit(NamedTuple):
@@ -148,20 +149,63 @@ def plan_mission(mission: Mission, *, explain: bool = True) -> MissionPlan:
 
 def _planned(mission: Mission, explain: bool) -> MissionPlan:
     raised: float | None = None
-    program, fastest = solved(mission, "time")
+    program, fastest = _solved(mission, "time")
     if fastest.success:
         if mission.deadline is None or fastest.total <= mission.deadline + 1e-6 * mission.deadline:
             return _finished(program, "met", fastest, 0.0)
         raised = _rise(program, fastest) if explain else None
         if mission.gives_up == "deadline":
             return _finished(program, "late", fastest, raised)
-    program, part = solved(mission, "work", mission.deadline)
+    program, part = _solved(mission, "work", mission.deadline)
     if not part.success:
         return _resting(program, part)
     if explain and not fastest.success:
         undone = sum(activity.work for activity in mission.activities) - part.work(mission)  # s
         raised = _rise(program, fastest, guess=undone / max(_slope(part), _COUNTS))
     return _finished(program, "cut", part, raised)
+
+
+def _solved(mission: Mission, goal: Goal, deadline: float | None = None) -> tuple[MissionProgram, MissionSolution]:
+    """The program of a mission with the rests that are worth their transitions, and its solution.
+
+    A transition costs the same however short the rest is that it leads to, so that to rest or not is a question of its
+    own, which no program of smooth functions answers. Sought are the rests of a plan for which they cost nothing; then,
+    with their transitions, fewer and longer ones as long as that is better. Without transitions all rests are in it,
+    and it is solved once; with them some four times more.
+    """
+
+    def solve(rests: Sequence[int] | None) -> tuple[MissionProgram, MissionSolution]:
+        program = MissionProgram(mission, rests)
+        return program, program.solve(goal, deadline=deadline)
+
+    def longest_first(solution: MissionSolution, above: float = -1.0) -> list[int]:
+        """Numbers of the pieces that a rest precedes, of rests that last longer than so many seconds."""
+        pieces = zip(solution.time.tolist(), solution.segments, strict=True)
+        rests = [(time, segment.before) for time, segment in pieces if segment.before >= 0 and time > above]
+        return [before for _, before in sorted(rests, reverse=True)]
+
+    def worth(solution: MissionSolution) -> float:
+        """Seconds of work done, or of time not needed. Of plans that do equally much the faster is meant."""
+        return solution.work(mission) - 1e-4 * solution.total if goal == "work" else -solution.total
+
+    program, solution = solve(None)
+    if not mission.transitions or not solution.success:  # what can't be done without transitions can't with them
+        return program, solution
+    every = [segment.before for segment in program.segments if segment.before >= 0]
+    for rests in (longest_first(solution, above=_DUST), every, []):
+        program, solution = solve(rests)
+        if solution.success:
+            break
+    rests = longest_first(solution) if solution.success else []
+    dropped = (len(rests) + 1) // 2
+    while dropped:
+        fewer, candidate = solve(rests[: len(rests) - dropped])
+        if candidate.success and worth(candidate) > worth(solution):
+            program, solution, rests = fewer, candidate, longest_first(candidate)
+            dropped = min(dropped, len(rests))
+        else:
+            dropped //= 2
+    return program, solution
 
 
 def _rise(
@@ -245,7 +289,7 @@ def _finished(
 def _plan(
     program: MissionProgram, verdict: Verdict, solution: MissionSolution, lowered: float, raised: float | None
 ) -> MissionPlan:
-    kept = np.flatnonzero(solution.time > 0.05)  # s; shorter pieces are solver dust
+    kept = np.flatnonzero(solution.time > _DUST)
     segments, posture = [solution.segments[k] for k in kept], [solution.posture[k] for k in kept]
     schedule = Schedule(segments, solution.time[kept], solution.speed[kept], solution.load[kept], posture)
     course = simulate_plan(program.mission, schedule)

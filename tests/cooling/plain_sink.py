@@ -39,8 +39,10 @@ def fins_and_volume(c: FloatArray, r: FloatArray) -> tuple[FloatArray, FloatArra
     return metal / (c / HEAT), volume
 
 
-def hottest(c: FloatArray, r: FloatArray, torque: FloatArray, duration: float, step: float = 0.5) -> FloatArray:
-    """Winding temperature [degC] after a hold, by RK4."""
+def hottest(
+    c: FloatArray, r: FloatArray, torque: FloatArray, duration: float, step: float = 0.5, r_ws: float = R_WS
+) -> FloatArray:
+    """Winding temperature [degC] after a hold, by RK4; `r_ws` is between winding and stator [K/W]."""
     x = np.zeros((4, c.size)) + AMBIENT
 
     def rates(x: FloatArray) -> FloatArray:
@@ -49,8 +51,8 @@ def hottest(c: FloatArray, r: FloatArray, torque: FloatArray, duration: float, s
         loss = current**2 * RESISTANCE * (1 + ALPHA * (w - REFERENCE))
         return np.stack(
             [
-                (loss - (w - s) / R_WS) / C_W,
-                ((w - s) / R_WS - (s - h) / R_SH - (s - k) / R_SK) / C_S,
+                (loss - (w - s) / r_ws) / C_W,
+                ((w - s) / r_ws - (s - h) / R_SH - (s - k) / R_SK) / C_S,
                 ((s - h) / R_SH - (h - AMBIENT) / R_HA) / C_H,
                 ((s - k) / R_SK - (k - AMBIENT) / r) / c,
             ]
@@ -65,11 +67,13 @@ def hottest(c: FloatArray, r: FloatArray, torque: FloatArray, duration: float, s
     return np.asarray(x[0])
 
 
-def held_torque(c: FloatArray, r: FloatArray, duration: float, limit: float, step: float = 0.5) -> FloatArray:
+def held_torque(
+    c: FloatArray, r: FloatArray, duration: float, limit: float, step: float = 0.5, r_ws: float = R_WS
+) -> FloatArray:
     """Torque [N·m] that brings the winding just to its limit [degC], between 1.5 and 2, by bisection."""
     low, high = np.full(c.size, 1.5), np.full(c.size, 2.0)
     for _ in range(20):
         middle = (low + high) / 2
-        fits = hottest(c, r, middle, duration, step) <= limit
+        fits = hottest(c, r, middle, duration, step, r_ws) <= limit
         low, high = np.where(fits, middle, low), np.where(fits, high, middle)
     return low

@@ -22,7 +22,7 @@ def _errors(errors: str, draws: int = 64, level: float = 0.9) -> str:
 
 
 @pytest.mark.long
-def test_an_interval_is_that_of_the_built_design(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_interval_is_that_of_the_built_design() -> None:
     asked = study("held_torque", "duration = 120", HELD, more=_errors('"resistance.stator~winding" = 0.2'),
                   cooling='"passive"')  # fmt: skip
     result = solve_study(asked)
@@ -30,9 +30,8 @@ def test_an_interval_is_that_of_the_built_design(monkeypatch: pytest.MonkeyPatch
     sigma = np.sqrt(np.log1p(0.2**2))
     ends = []
     for normal in (Z95, -Z95):
-        monkeypatch.setattr(plain, "R_WS", 1.084 * np.exp(normal * sigma))
-        c, r = np.array([design.capacity]), np.array([design.resistance])
-        ends.append(float(plain.held_torque(c, r, 120.0, 105.0)[0]))
+        c, r, r_ws = np.array([design.capacity]), np.array([design.resistance]), 1.084 * np.exp(normal * sigma)
+        ends.append(float(plain.held_torque(c, r, 120.0, 105.0, r_ws=r_ws)[0]))
     spread = ends[1] - ends[0]
     assert interval.low == pytest.approx(ends[0], abs=0.08 * spread)  # 64 draws know a quantile to two of them
     assert interval.high == pytest.approx(ends[1], abs=0.08 * spread)

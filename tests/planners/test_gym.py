@@ -56,10 +56,10 @@ def test_temperatures_reward_and_cost_are_those_of_a_motor_worked_out_apart() ->
     rated = env.many.rated[0]
     middle = 0.5 * (15.0 + 30.0)
     assert rated == pytest.approx(np.sqrt((LIMIT - middle) / 10.0 / 0.2), rel=1e-6)  # for ever, in the middle's air
-    air, temperature = env.many._around[0, :, 0], float(env.many.robots.states[0, 0])
+    air, temperature = env.many.conditions[0, :, 0], float(env.many.robots.states[0, 0])
     hottest = 0.0
     for k in range(env.many.steps):
-        torque, share = env.many._courses[0, k, 0], 0.5 + 0.5 * (k % 2)
+        torque, share = env.many.asked[0, k, 0], 0.5 + 0.5 * (k % 2)
         heat = 0.2 * (share * torque) ** 2
         rate = lambda _, t, k=k, heat=heat: (heat - (t - air[k]) / 10.0) / 300.0  # noqa: E731
         temperature = float(solve_ivp(rate, (0.0, 5.0), [temperature], rtol=1e-9).y[0, -1])
@@ -121,8 +121,8 @@ def test_what_is_observed_is_named() -> None:
     observed = dict(zip(env.names, seen[0].tolist(), strict=True))
     calf = quadruped().nodes.index("FR_calf")
     assert observed["margin.FR_calf"] == pytest.approx((LIMIT - info["temperature"][0, calf]) / 10.0, abs=1e-5)
-    assert observed["asked.FR_calf"] == pytest.approx(env._courses[0, 0, 2] / env.rated[2], rel=1e-6)
-    ahead = np.sqrt((env._courses[0, :60, 2] ** 2).mean()) / env.rated[2]
+    assert observed["asked.FR_calf"] == pytest.approx(env.asked[0, 0, 2] / env.rated[2], rel=1e-6)
+    ahead = np.sqrt((env.asked[0, :60, 2] ** 2).mean()) / env.rated[2]
     assert observed["asked_300s.FR_calf"] == pytest.approx(ahead, rel=1e-6)
 
 

