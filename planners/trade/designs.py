@@ -216,7 +216,7 @@ def limit_curves(design: Design, currents: FloatArray) -> LimitCurve:
     """
     option = design.option
     limit = option.limits.get("winding", option.motor.limits.winding or ENAMEL_LIMIT)
-    simulator, task = Simulator(option, *(design.sink or ()), driven_by="current"), option.study.task
+    simulator, task = Simulator(option, design.sink, "current"), option.study.task
     n, hardest = currents.size, float(currents.max())
     # Short steps at first: a winding at many times its rating warms within a second.
     first, growth = 0.02, 1.02

@@ -25,7 +25,7 @@ class Simulator:
 
     Args:
         option: the discrete choice, with a given ratio of its gear.
-        capacity, resistance: of its sink [J/K, K/W], one for all cases or for each; without a sink they don't count.
+        sink: its capacity [J/K] and resistance [K/W], each one for all cases or for each; `None` without a sink.
         driven_by: `"torque"`: a drive is a torque [N·m] behind the gear for each case, shape (cases,), or torque, speed
             [rad/s] and acceleration [rad/s²], shape (3, cases); or `"current"`: the motor's [A], at standstill.
     """
@@ -33,21 +33,20 @@ class Simulator:
     def __init__(
         self,
         option: Option,
-        capacity: FloatArray | float = 1.0,
-        resistance: FloatArray | float = 1.0,
+        sink: tuple[FloatArray, FloatArray] | tuple[float, float] | None = None,
         driven_by: str = "torque",
     ) -> None:
-        self.option, self._sink = option, (np.atleast_2d(capacity), np.atleast_2d(resistance))
+        self.option, self._sink = option, [np.atleast_2d(value) for value in sink or (1.0, 1.0)]
         parameters = Parameters()
-        sink, h = (ca.SX.sym("capacity"), ca.SX.sym("resistance")), ca.SX.sym("h")
-        self.plant = plant = Plant(option, parameters, *sink)
+        capacity, resistance, h = (ca.SX.sym(name) for name in ("capacity", "resistance", "h"))
+        self.plant = plant = Plant(option, parameters, capacity, resistance)
         x = ca.SX.sym("x", len(plant.states))
         self._by_torque = driven_by == "torque"
         drive = ca.SX.sym("drive", len(Load._fields)) if self._by_torque else ca.SX.sym("drive")
         load = Load(*ca.vertsplit(drive)) if self._by_torque else None
         numbers = parameters.values()
         rates = plant.rates_at_current(x, drive) if load is None else plant.rates(x, load)
-        given = [drive, *sink]
+        given = [drive, capacity, resistance]
         f = ca.Function("f", [x, *given, parameters.stacked], [rates])
         rates = f(x, *given, numbers)
         self.step = ca.Function(
@@ -139,7 +138,7 @@ def check_design(option: Option, design: DesignSolution) -> tuple[float, float]:
 
     A task that repeats for ever starts from the periodic state that was found, and runs one cycle.
     """
-    simulator, task = Simulator(option, *(design.sink or ())), option.study.task
+    simulator, task = Simulator(option, design.sink), option.study.task
     part = design.duration / len(task.shape)
     loads = task.operation * (design.torque, 1.0, 1.0)
     steps = max(simulator.substeps(part, design.torque), 400 if task.is_hold else _CYCLE_STEPS)
@@ -167,7 +166,7 @@ def peak_temperatures(
 
     Of a cycle that repeats for ever it is the mean over the cycle, from the RMS current; infinite where it runs away.
     """
-    simulator, task = Simulator(option, capacity, resistance), option.study.task
+    simulator, task = Simulator(option, (capacity, resistance)), option.study.task
     if task.repeats is None:
         return simulator.winding(simulator.steady(_equivalent(option, torque)))
     n, part = capacity.size, duration / len(task.shape)

@@ -77,7 +77,7 @@ def _endurance(
     design: Design, limits: dict[str, float], speed: FloatArray, durations: FloatArray
 ) -> Callable[[FloatArray], BoolArray]:
     """Whether torques [N·m] at these speeds keep the limits for so long, looked at after each step."""
-    simulator, task = Simulator(design.option, *(design.sink or ())), design.option.study.task
+    simulator, task = Simulator(design.option, design.sink), design.option.study.task
     start = np.full((len(simulator.plant.states), speed.size), task.start)
     ever = np.isinf(durations)
 
