@@ -159,6 +159,59 @@ def test_the_air_may_be_colder_than_all_that_it_surrounds(constant: float, outsi
     assert [issue.sentence for issue in issues] == []
 
 
+@pytest.mark.parametrize("share", [0.6, 0.8, 1.0])
+def test_a_sensor_of_the_air_that_says_what_a_joints_does_is_doubted(share: float) -> None:
+    time, current, true = _knee()
+    noise = np.random.default_rng(2).normal(0, 0.05, (2, time.size))
+    readings = (true + noise[0]).round(2)
+    air = readings if share == 1 else (25 + share * (true - 25) + noise[1]).round(2)
+    _, (issue,) = _read(_log(time, current, readings).assign(**{"temperature.ambient": air}))
+    assert (issue.key, issue.kind) == ("temperature.ambient", "follows")
+
+
+@pytest.mark.parametrize(("capacity", "load"), [(300.0, 0.0), (20.0, 0.0), (20.0, 0.3), (300.0, 1.0)])
+def test_air_that_warms_a_joint_does_not_follow_it(capacity: float, load: float) -> None:
+    """A heater goes on and off in the room."""
+    rng, time = np.random.default_rng(3), np.arange(3600.0)
+    current = load * rng.choice([0.0, 2.0, 4.0, 6.0, 8.0], size=60)[(time // 60).astype(int)]
+    air = 25 + 3 * np.sin(2 * np.pi * time / 700)
+    true = np.full(time.size, 25.0)
+    for k in range(time.size - 1):
+        true[k + 1] = true[k] + (WINDING * current[k] ** 2 - (true[k] - air[k]) / RESISTANCE) / capacity
+    log = _log(time, current, true + rng.normal(0, 0.05, time.size))
+    _, issues = _read(log.assign(**{"temperature.ambient": (air + rng.normal(0, 0.05, time.size)).round(2)}))
+    assert [issue.sentence for issue in issues] == []
+
+
+@pytest.mark.parametrize(("every", "hold"), [(0.1, 5.0), (1.0, 5.0), (1.0, 20.0), (0.5, 3.0)])
+def test_a_load_that_is_sampled_and_held_beside_others_is_said_and_used(every: float, hold: float) -> None:
+    time, rng = np.arange(0.0, 1200.0, every), np.random.default_rng(8)
+    log = pd.DataFrame({"time": time} | {f"torque.{joint}": rng.normal(0, 3, time.size) for joint in "abc"})
+    rows = np.arange(time.size)
+    held = log["torque.b"].to_numpy()[rows // round(hold / every) * round(hold / every)]
+    (run,) = read_log(log.assign(**{"torque.b": held}))
+    (issue,) = run.issues
+    assert (issue.key, issue.kind) == ("torque.b", "held")
+    assert len(run) == pytest.approx(1200 / run.step, abs=1)
+    of_all = {name: log[name].to_numpy()[rows // round(hold / every) * round(hold / every)] for name in log.columns[1:]}
+    assert not read_log(log.assign(**of_all))[0].issues  # commands of so many seconds
+    commanded = np.repeat(rng.choice([0.0, 1.0, 2.0, 3.0], time.size), round(hold / every))[: time.size]
+    assert not read_log(log.assign(**{"torque.b": commanded}))[0].issues
+
+
+@pytest.mark.parametrize("count", [1, 2, 9, 10])
+def test_so_few_readings_that_they_say_next_to_nothing_are_said(count: int) -> None:
+    time, current, true = _knee()
+    log = _log(time, current, true).assign(**{"temperature.hip": np.nan})
+    rows = np.linspace(300, 3000, count).astype(int)
+    log.loc[rows, "temperature.hip"] = true[rows]
+    (run,) = read_log(log, inputs=["current.knee", "temperature.ambient"], outputs=[KNEE, "temperature.hip"])
+    said = [issue.problem for issue in run.issues]
+    assert said == [f"{count} reading{'s' * (count > 1)} in 3600 rows, which tell next to nothing of its part"] * (
+        count < 10
+    )
+
+
 LAB = "temperature.lab"
 
 
@@ -309,6 +362,49 @@ def test_an_offset_shows_beside_air_of_a_clock_of_its_own(every: float) -> None:
     beside = pd.DataFrame({"time": np.arange(0.5, 2700, every), "temperature.ambient": 18.0})
     both = pd.concat([log.drop(columns="temperature.ambient"), beside]).sort_values("time", ignore_index=True)
     assert [issue.key for issue in read_log(both)[0].issues] == ["temperature.elbow"]
+
+
+def _with_trunk(start: float = 18.0, seed: int = 0) -> tuple[pd.DataFrame, Array]:
+    """That arm, and a trunk without a load that its base warms."""
+    log, rng = _arm(seed=seed), np.random.default_rng(seed)
+    trunk = np.full(len(log), start)
+    for k in range(len(log) - 1):
+        trunk[k + 1] = trunk[k] + (0.5 * (log["temperature.base"][k] - trunk[k]) + 0.3 * (18.0 - trunk[k])) / 900
+    return log, trunk + rng.normal(0, 0.1, trunk.size)
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("offset", [30.0, 40.0, 50.0])
+def test_a_byte_with_an_offset_is_doubted_of_a_part_without_a_load(offset: float, seed: int) -> None:
+    log, trunk = _with_trunk(seed=seed)
+    (run,) = read_log(log.assign(**{"temperature.trunk": trunk.round() + offset}))
+    meant = {issue.key: issue.corrected for issue in run.issues if issue.kind == "offset" and issue.corrected}
+    assert meant.keys() == {issue.key for issue in run.issues} == {"temperature.trunk"}
+    assert meant["temperature.trunk"].offset == -offset
+    for start in (18.0 + offset, 18.0):  # one that was warm cools
+        log, trunk = _with_trunk(start, seed)
+        assert not read_log(log.assign(**{"temperature.trunk": trunk.round()}))[0].issues
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("joints", [("elbow",), ("wrist",), JOINTS], ids=str)
+@pytest.mark.parametrize("air", [4.0, 18.0])
+def test_degrees_that_are_stated_are_doubted_where_the_log_says_that_they_are_fahrenheit(
+    joints: tuple[str, ...], air: float, seed: int
+) -> None:
+    log = _arm(seed=seed)
+    names = [str(name) for name in log if str(name).startswith("temperature.")]
+    log[names] += air - 18.0
+    stated = {name: ColumnSource((name,), unit="degC") for name in names}
+    assert not read_log(log, stated)[0].issues
+    wrong = [f"temperature.{joint}" for joint in joints]
+    log[wrong] = 1.8 * log[wrong] + 32
+    issues = read_log(log, stated)[0].issues
+    assert {issue.key for issue in issues if issue.corrected and issue.corrected.unit == "degF"} == set(wrong)
+    assert {issue.key for issue in issues} == set(wrong)
+    believed = {name: ColumnSource((name,), unit="degC", valid=(-500.0, 500.0)) for name in wrong}
+    assert "valid = [" in issues[0].remedy
+    assert not read_log(log, stated | believed)[0].issues
 
 
 @pytest.mark.parametrize("warm", [30.4, 40.4, 22.5])

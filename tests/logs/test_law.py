@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -19,8 +20,19 @@ STEP, SINCE = 0.5, 1500.0  # s
 CAPACITY, TO_AIR, LINK, WINDING = 300.0, 0.2, 0.3, 0.2  # J/K, W/K, W/K, ohm
 
 
-def _two_joints(fan: float = 1.0, friction: float = 0.0, rise: float = 0.0, rest: float = 0.0) -> pd.DataFrame:
-    """50 min of two masses in one air; from the middle on one loses `fan` times as much; a rest."""
+def _two_joints(
+    fan: float = 1.0,
+    friction: float = 0.0,
+    rise: float = 0.0,
+    rest: float = 0.0,
+    gear: float = 0.0,
+    outside: float = 0.0,
+    off: tuple[float, float] = (0.0, 0.0),
+) -> pd.DataFrame:
+    """50 min of two masses in one air; from the middle on one loses `fan` times as much; a rest.
+
+    The first of them is in air `outside` K off the other's, and its drive is off from one time to another.
+    """
     time, rng = np.arange(0.0, 3000.0 + rest, STEP), np.random.default_rng(2)
     load = np.stack(
         [
@@ -34,8 +46,9 @@ def _two_joints(fan: float = 1.0, friction: float = 0.0, rise: float = 0.0, rest
     warmth = np.zeros((2, time.size))
     for k in range(time.size - 1):
         to_air = TO_AIR * np.array([fan if time[k] >= SINCE else 1.0, 1.0])
-        heat = WINDING * load[:, k] ** 2 * (1 + rise * warmth[:, k]) + friction * speed[:, k]
-        flow = heat - to_air * warmth[:, k] + LINK * (warmth[::-1, k] - warmth[:, k])
+        driven = load[:, k] * [not off[0] <= time[k] < off[1], True]
+        heat = WINDING * driven**2 * (1 + rise * warmth[:, k]) + (friction + gear * driven) * speed[:, k]
+        flow = heat - to_air * (warmth[:, k] - [outside, 0.0]) + LINK * (warmth[::-1, k] - warmth[:, k])
         warmth[:, k + 1] = warmth[:, k] + STEP * flow / CAPACITY
     readings = 25 + warmth + rng.normal(0, 0.05, warmth.shape)
     joints = {f"{key}.{joint}": rows[j] for j, joint in enumerate("ab")
@@ -71,16 +84,29 @@ def test_a_load_that_is_something_else_from_some_row_on_is_doubted_and_concluded
     assert not run.issues
 
 
-@pytest.mark.parametrize("robot", [{}, {"fan": 3.0}, {"friction": 2.0}, {"rise": 0.01}, {"fan": 0.3, "friction": 1.0}])
+@pytest.mark.parametrize(
+    "robot",
+    [{}, {"fan": 3.0}, {"friction": 2.0}, {"rise": 0.01}, {"fan": 0.3, "friction": 1.0}, {"gear": 2.0}],
+    ids=str,
+)
 @pytest.mark.parametrize("velocity", [True, False])
 @pytest.mark.parametrize("rest", [False, True])
-def test_of_what_a_robot_does_nothing_is_said(robot: dict[str, float], velocity: bool, rest: bool) -> None:
+def test_of_what_a_robot_does_nothing_is_said(robot: dict[str, Any], velocity: bool, rest: bool) -> None:
     log = _two_joints(**robot)
     if not velocity:
         log = log.drop(columns=["velocity.a", "velocity.b"])
     if rest:
         log = log[log["time"] < SINCE + 300]
     assert not read_log(log)[0].issues
+
+
+@pytest.mark.parametrize("outside", [-110.0, -80.0, 50.0])
+@pytest.mark.parametrize("friction", [0.0, 1.0])
+def test_of_a_part_in_other_air_that_nobody_logged_nothing_is_said(outside: float, friction: float) -> None:
+    log = _two_joints(outside=outside, friction=friction)
+    assert outside > 0 or friction > 0 or log["temperature.a"].min() < 10
+    assert not read_log(log)[0].issues
+    assert not read_log(log.drop(columns="temperature.ambient"))[0].issues
 
 
 # --- A sensor that is elsewhere than its part -------------------------------------------------------
@@ -123,7 +149,7 @@ def test_a_sensor_that_its_parts_heat_does_not_move_is_said_and_left_out(what: s
 @pytest.mark.parametrize("robot", [{}, {"fan": 3.0}, {"friction": 2.0}, {"rise": 0.01}])
 @pytest.mark.parametrize("velocity", [True, False])
 def test_a_coarse_sensor_of_a_joint_that_rests_or_cools_to_the_air_is_believed(
-    robot: dict[str, float], velocity: bool
+    robot: dict[str, Any], velocity: bool
 ) -> None:
     """It stands for long, and at last it is the air's: nothing else could be expected where no heat comes."""
     log = _two_joints(**robot, rest=6000.0)
@@ -164,6 +190,19 @@ def test_of_a_drive_that_is_disabled_the_load_is_said_and_not_the_sensor() -> No
     (issue,) = read_log(log.round(3))[0].issues
     assert issue.key == "current.a"
     assert "does not heat temperature.a" in issue.problem
+
+
+@pytest.mark.parametrize("off", [(0.0, 1100.0), (700.0, 1500.0), (1300.0, 2400.0), (1800.0, 9e9)], ids=str)
+@pytest.mark.parametrize("steps", [0.0, 0.25])
+def test_of_a_drive_that_is_disabled_for_a_while_the_load_is_said_and_when(
+    off: tuple[float, float], steps: float
+) -> None:
+    log = _two_joints(off=off)
+    log["temperature.a"] = np.round(log["temperature.a"] / steps) * steps if steps else log["temperature.a"]
+    (issue,) = read_log(log)[0].issues
+    assert issue.key == "current.a"
+    assert "does not heat temperature.a" in issue.problem
+    assert issue.stretch == pytest.approx((off[0], min(off[1], log["time"].max())), abs=150)
 
 
 @pytest.mark.parametrize(("row", "value"), [(700, 18_000.0), (2200, -3e5), (4000, 2e3)])

@@ -7,12 +7,13 @@ stand, though some hardly ever do, are what the logger had last.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 
 import numpy as np
 
 from lptn.basics.arrays import FloatArray
-from lptn.logs.channels import FEWEST, Channels, spans
-from lptn.logs.columns import HEATS, place_of
+from lptn.logs.channels import FEWEST, Channels, spans, standing
+from lptn.logs.columns import HEATS, INPUTS, place_of
 from lptn.logs.issue import Issue
 from lptn.logs.law import TOLD, heat_told, warming
 
@@ -56,24 +57,49 @@ def without_held_rows(log: Channels) -> tuple[Channels, list[Issue]]:
     return log.with_channels({key: np.where(rows, np.nan, x) for key, x in channels.items()}), [issue]
 
 
+_MEASURED = 50  # numbers that a measured load takes; fewer are what was asked for
+_BY_THE_CLOCK = 0.9  # share of the stretches of one number that have the usual length, where a slow topic is repeated
+
+
+def suspect_held(log: Channels) -> list[Issue]:
+    """Torques, currents or speeds that are sampled more seldom than others of their kind, and repeated between."""
+    issues = list[Issue]()
+    for quantity in INPUTS:
+        usual = dict[str, float]()  # s, that a number stands
+        for key, values in log.of(quantity).items():
+            rows = np.flatnonzero(np.isfinite(values))
+            first, last = standing(values[rows])
+            lengths, numbers = (last - first + 1)[1:-1], np.unique(values[rows]).size
+            if lengths.size < FEWEST or numbers < _MEASURED:
+                continue
+            usual[key] = float(np.median(lengths)) * float(np.median(np.diff(log.time[rows])))
+            if np.median(lengths) < _HELD_ROWS or np.mean(lengths == np.median(lengths)) < _BY_THE_CLOCK:
+                usual[key] = min(usual[key], _HELD)
+        for key in (key for key, each in usual.items() if each > max(_HELD, 2 * min(usual.values()))):
+            problem = f"a number each {usual[key]:.3g} s, repeated until the next, while others change in each row"
+            remedy = "it is used as it is, late by half of that; log it as often, or as root mean squares"
+            issues.append(Issue(key, log.sources[key].columns[0], problem, remedy, certain=False, kind="held"))
+    return issues
+
+
 # --- Channels that say the same -------------------------------------------------------------------
 
 _TOGETHER = 0.9
 """Share of the rows in which one of two channels changes, in which a copy does the same. Two joints as warm as each
 other, read in steps of 1 K, give the same number in 99 of 100 rows, but cross a step in different ones."""
-_MEASURED = 50  # numbers that a measured torque takes; fewer are what was asked for
 _UNTOLD = 0.3  # of `heat_told`, of a part that its column does not heat: with another joint's at most 0.15
 _WHOSE = "one of the two is not where it is said to be"
 
 
+def reads_alike(log: Channels, one: str, other: str) -> bool:
+    """Whether two temperatures say the same, number by number or to their noise."""
+    exactly = _moves_alike(log.values[one], log.values[other])
+    return exactly or (log.block >= _ROWS and _shares_noise(log, one, other))
+
+
 def duplicates(log: Channels) -> dict[str, str]:
-    """Of temperatures that say the same, number by number or to their noise, the later ones, each with the first."""
-
-    def is_one(key: str, earlier: str) -> bool:
-        exactly = _moves_alike(log.values[key], log.values[earlier])
-        return exactly or (log.block >= _ROWS and _shares_noise(log, key, earlier))
-
-    return _pairs(log, [key for key in log.of("temperature") if key != log.air], is_one)
+    """Of temperatures that read alike the later ones, each with the first; but for the air's."""
+    return _pairs(log, [key for key in log.of("temperature") if key != log.air], partial(reads_alike, log))
 
 
 def copies_in(log: Channels, twice: Mapping[str, str]) -> list[Issue]:

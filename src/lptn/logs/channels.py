@@ -231,11 +231,18 @@ class Channels:
         """Of one channel, (blocks,)."""
         if key not in self.known_means:
             values, quantity = self.values[key], quantity_of(key)
-            if quantity in HEATS:
-                values = np.square(values)
-                few = values[:: max(1, values.size // _THIN)]
-                usual = float(np.quantile(few[np.isfinite(few)], 0.99)) if np.isfinite(few).any() else 0.0
-                values = np.where(values > _BEYOND * usual, np.nan, values) if usual > 0 else values
+            values = np.square(self._borne(key)) if quantity in HEATS else values
             values = np.abs(values) if quantity == "velocity" else values
             self.known_means[key] = means_of_blocks(values, self.block)
         return self.known_means[key]
+
+    def work(self, load: str, speed: str) -> FloatArray:
+        """Of the size of a load's product with its joint's speed, (blocks,)."""
+        return means_of_blocks(np.abs(self._borne(load) * self.values[speed]), self.block)
+
+    def _borne(self, load: str) -> FloatArray:
+        """A load's values, (n,), NaN where it is one that nothing bears beside the others."""
+        values = self.values[load]
+        few = np.square(values[:: max(1, values.size // _THIN)])
+        usual = float(np.quantile(few[np.isfinite(few)], 0.99)) if np.isfinite(few).any() else 0.0
+        return np.where(np.square(values) > _BEYOND * usual, np.nan, values) if usual > 0 else values

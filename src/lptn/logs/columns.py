@@ -440,6 +440,19 @@ def words_of(name: str) -> tuple[str, ...]:
     return tuple(word.lower() for word in _WORD.findall(name))
 
 
+ELSEWHERE = frozenset(
+    words_of("baro barometer imu gyro accel accelerometer mag magnetometer cpu gpu soc core mcu fpga ssd disk camera")
+    + words_of("lidar gps radio airspeed charger")
+)
+"""Words for what is no joint and no battery, and has a thermometer of its own."""
+_WITH_HEAT = ELSEWHERE.union(words_of("pc computer onboard battery batt bat board controller inverter fet"))
+
+
+def has_own_heat(place: str) -> bool:
+    """Whether a place is called something that is warm by heat of its own, as a computer or a battery is."""
+    return not _WITH_HEAT.isdisjoint(words_of(place))
+
+
 @dataclass(frozen=True)
 class ColumnName:
     """A column's name taken apart.

@@ -22,6 +22,7 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.logs.channels import Channels
 from lptn.logs.columns import (
+    ELSEWHERE,
     HEATS,
     ColumnName,
     ColumnSource,
@@ -199,11 +200,6 @@ _DEVICES = _set(
     "lowstate status data value values msg esc drive drives axis servo vesc odrive moteus actpack bldc output"
 )
 """Words for a robot's motors and their messages, which say nothing more."""
-_ELSEWHERE = _set(
-    "baro barometer imu gyro accel accelerometer mag magnetometer cpu gpu soc core mcu fpga ssd disk camera lidar gps "
-    "radio airspeed charger"
-)
-"""Words for what is no joint and no battery, and has a thermometer of its own."""
 _MOST_WORDS = 24  # of a name; a line of a million characters is none
 _SHORT = 2  # letters: a word such as t, i or vx may stand for anything
 
@@ -314,7 +310,7 @@ def _by_number(missing: Sequence[str], names: Names, places: Sequence[str]) -> C
         for column, name in names.items():
             numbers = [word for word in name.words if word.isdigit()]
             rest = tuple(word for word in name.words if not word.isdigit())
-            if len(numbers) == 1 and _measures(quantity, rest) and _ELSEWHERE.isdisjoint(rest):
+            if len(numbers) == 1 and _measures(quantity, rest) and ELSEWHERE.isdisjoint(rest):
                 rows.setdefault(rest, {})[int(numbers[0])] = column
         unnamed = [row for rest, row in rows.items() if not any(place in "".join(rest) for place in spelled)]
         families = [row for row in unnamed if len(row) == len(wanted) > 1]

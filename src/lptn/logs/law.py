@@ -23,7 +23,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from lptn.basics.arrays import BoolArray, FloatArray, IntArray
 from lptn.logs.channels import GAP, SHORTEST, STILL, Channels, spans, standing
-from lptn.logs.columns import place_of
+from lptn.logs.columns import has_own_heat, place_of
 from lptn.logs.scatter import MAD_TO_SIGMA
 
 _FEWEST = 30  # blocks that tell a law
@@ -43,15 +43,18 @@ class Warming(NamedTuple):
     Args:
         rows: blocks before those steps from block to block in which all is known, (m,).
         moved: K from that block to the next, (m,).
-        design: s between them, times the load's square, 1, air less temperature, other temperatures less it, that of a
-            mass that no sensor reads less it, and size of the speed where it is logged: (m, columns).
+        design: s between them, times the heats that are put in (the load's square, where it has one, and where its
+            speed is logged the size of that, and of the product), 1, air less temperature, other temperatures less it,
+            and that of a mass that no sensor reads less it: (m, columns).
         likely: what their coefficients may be, (columns,).
+        heats: how many of the columns are heats; the next is that of a constant heat.
     """
 
     rows: IntArray
     moved: FloatArray
     design: FloatArray
     likely: FloatArray
+    heats: int
 
     def fitted(self, used: BoolArray | None = None) -> tuple[FloatArray, FloatArray]:
         """The law's coefficients, (columns,), and what a part moves otherwise than by it in each step [K], (m,).
@@ -62,13 +65,13 @@ class Warming(NamedTuple):
         columns = self.design * self.likely
         weights, noise = np.ones(used.sum()), _NOISE
         for _ in range(_REWEIGHTED):
-            kept = np.arange(self.likely.size)
+            kept = np.flatnonzero(self.likely)
             while True:
                 part = columns[used][:, kept]
                 normal = (part.T * weights) @ part + noise**2 * np.eye(kept.size)
                 found = np.linalg.solve(normal, part.T @ (weights * self.moved[used]))
-                below = np.where(kept == 1, 0.0, found)
-                if below.min() >= 0:
+                below = np.where(kept == self.heats, 0.0, found)
+                if below.min(initial=0.0) >= 0:
                     break
                 kept = np.delete(kept, below.argmin())
             off = self.moved - columns[:, kept] @ found
@@ -78,15 +81,19 @@ class Warming(NamedTuple):
         coefficients[kept] = found * self.likely[kept]
         return coefficients, off
 
+    def without(self, column: int) -> Warming:
+        """The same law without one of its terms."""
+        return self._replace(likely=np.where(np.arange(self.likely.size) == column, 0.0, self.likely))
+
     def over(self, steps: int) -> Warming:
         """The same of so many steps at a time, where they follow each other, and without a constant heat."""
         first = np.flatnonzero(self.rows[steps - 1 :] - self.rows[: 1 - steps] == steps - 1)
         moved, design = (sliding_window_view(x, steps, axis=0).sum(axis=-1)[first] for x in (self.moved, self.design))
-        return Warming(self.rows[first], moved, design, np.where(np.arange(self.likely.size) == 1, 0.0, self.likely))
+        return self._replace(rows=self.rows[first], moved=moved, design=design).without(self.heats)
 
 
 def warming(log: Channels, key: str, load: str) -> Warming | None:
-    """How a part of temperature `key` warms beside its load; `None` where the log is too short to tell."""
+    """How a part of temperature `key` warms beside its load, '' for none; `None` where the log is too short to tell."""
     if log.block == 0 or not np.isfinite(log.means(key)).any():
         return None
     warm, speed = log.means(key), f"velocity.{place_of(load)}"
@@ -96,22 +103,20 @@ def warming(log: Channels, key: str, load: str) -> Warming | None:
         if np.isnan(read).any():  # what is read more seldom than once a block lies between its readings
             read = np.asarray(pd.Series(read).interpolate(limit=_SELDOM, limit_area="inside"), np.float64)
         around |= {other: read} if np.isfinite(read).mean() > _THERE else {}
-    columns = [log.means(load), np.ones(warm.size), *(read - warm for read in around.values())]
+    heats = [log.means(load)] if load else []
+    if load and speed in log.values:
+        heats += [log.means(speed), log.work(load, speed)]
     apart = np.diff(log.means("time"))
-    columns.append(pd.Series(warm).ewm(com=_HIDDEN / float(np.median(apart)), adjust=False).mean().to_numpy() - warm)
-    if speed in log.values:
-        columns.append(log.means(speed))
-    table = np.column_stack(columns)
+    hidden = pd.Series(warm).ewm(com=_HIDDEN / float(np.median(apart)), adjust=False).mean().to_numpy() - warm
+    table = np.column_stack([*heats, np.ones(warm.size), *(read - warm for read in around.values()), hidden])
     moved, design = np.diff(warm), 0.5 * (table[:-1] + table[1:])
     rows = np.flatnonzero(np.isfinite(moved) & np.isfinite(design).all(axis=1) & (apart < GAP * np.median(apart)))
     if rows.size < _FEWEST:
         return None
+    likely = np.full(table.shape[1], _CONDUCTANCE)
     sizes = np.sqrt(np.square(design[rows]).mean(axis=0)) + np.finfo(float).tiny
-    is_heat = np.arange(sizes.size) == 0
-    is_heat[-1] = speed in log.values
-    likely = np.where(is_heat, _HEATS / sizes, _CONDUCTANCE)
-    likely[1] = _HEATS
-    return Warming(rows, moved[rows], design[rows] * apart[rows, None], likely)
+    likely[: len(heats)], likely[len(heats)] = _HEATS / sizes[: len(heats)], _HEATS
+    return Warming(rows, moved[rows], design[rows] * apart[rows, None], likely, len(heats))
 
 
 # --- Whether parts were at rest, as warm as the air, where a log begins ---------------------------------
@@ -127,15 +132,16 @@ def rest_evidence(log: Channels, warm: Mapping[str, float], *, all_warm: bool) -
     r"""Log likelihood ratio that some parts begin at rest, and their sensors read too much, to that no sensor does.
 
     The sensors begin `warm` [K] above the air, and read as much too much as the middle one; `all_warm` where no other
-    does. Either way no part has heat but by its load and speed. So parts that were warm cool without a load, each from
-    where its work had left it; parts at rest stay, and are alike, whatever an offset says. Both fit the law of each
-    part with as many coefficients: of logs without an offset at most one in :math:`e^x` has a ratio above x (Markov's
-    inequality). NaN where none of these parts has a law: a computer is warm by heat of its own.
+    does. Either way no part has heat but by its load and speed, and one without a load none at all. So parts that were
+    warm cool without a load, each from where its work had left it; parts at rest stay, and are alike, whatever an
+    offset says. Both fit the law of each part with as many coefficients: of logs without an offset at most one in
+    :math:`e^x` has a ratio above x (Markov's inequality). NaN where none of these parts has a law: a computer is warm
+    by heat of its own.
     """
     above, evidence = float(np.median(list(warm.values()))), np.nan
     shifted = log.with_channels({key: log.values[key] - above for key in warm})
-    loaded = [key for key in log.sensors if log.load_of(place_of(key))]
-    for key in loaded if not warm.keys().isdisjoint(loaded) else ():
+    passive = [key for key in log.sensors if key != log.air and not has_own_heat(place_of(key))]
+    for key in passive if log.loads and not warm.keys().isdisjoint(passive) else ():
         laws = [warming(told, key, log.load_of(place_of(key))) for told in (log, shifted)]
         off = [law.over(_WINDOW).fitted()[1] for law in laws if law]
         if len(off) == 2:
@@ -161,8 +167,7 @@ TOLD = 2.0
 
 def heat_told(law: Warming) -> float:
     r"""By how much a load explains a warming: :math:`\log (e_0^2 / e^2)` of the law's errors without and with it."""
-    unloaded = law._replace(likely=np.where(np.arange(law.likely.size) == 0, 0.0, law.likely))
-    less, more = (float(np.mean(np.abs(one.fitted()[1]))) + _FLOOR for one in (law, unloaded))
+    less, more = (float(np.mean(np.abs(one.fitted()[1]))) + _FLOOR for one in (law, law.without(0)))
     return 2 * float(np.log(more / less))
 
 
@@ -219,7 +224,7 @@ def against_heat(log: Channels, key: str, load: str, resolution: float) -> list[
     law = warming(log, key, load) if there.size else None
     if law is None:
         return []
-    groups: dict[object, list[tuple[int, int]]] = {one: [one] for one in _at_the_air(log, key, resolution)}
+    groups: dict[object, list[tuple[int, int]]] = {one: [one] for one in _at_the_air(log, key)}
     readings, (first, last) = log.values[key][there], standing(log.values[key][there])
     at_limit = np.isin(readings[first], (readings.min(), readings.max()))
     long = log.time[there[last]] - log.time[there[first]] >= np.where(at_limit, SHORTEST, STILL)
@@ -236,22 +241,35 @@ def against_heat(log: Channels, key: str, load: str, resolution: float) -> list[
             for begin, end in steps:
                 known[max(begin - 1, 0) : end + 1] = False
     change = None if found else gain_change(log, key, load)
-    if change and change.still and not change.of_a_unit:
-        found.append((change.row, int(there[-1])) if change.ratio < 1 else (int(there[0]), change.row))
-    return found
+    return [change.rows] if change and change.still and not change.of_a_unit else found
 
 
-def _at_the_air(log: Channels, key: str, resolution: float) -> list[tuple[int, int]]:
+def _at_the_air(log: Channels, key: str) -> list[tuple[int, int]]:
     """Stretches in which a temperature is that of the air after it was warmer, and before in which it falls to it."""
     if log.air not in log.values or key == log.air:
         return []
-    warmth, rises = log.means(key) - log.means(log.air), np.diff(log.means(key))
+    warmth = log.means(key) - log.means(log.air)
     cold = (np.abs(warmth) < _AT_AIR) & np.logical_or.accumulate(warmth > _WARM)
-    stretches = []
-    for begin, end in spans(cold):
-        before = np.flatnonzero(rises[:begin] > max(_RISES, 0.5 * resolution))
-        stretches.append(((int(before[-1]) + 1 if before.size else 0) * log.block, end * log.block - 1))
-    return stretches
+    return [(_last_rise(log, key, begin) * log.block, end * log.block - 1) for begin, end in spans(cold)]
+
+
+def contradicted(log: Channels, key: str, stretch: IntArray) -> bool:
+    """Whether a part would have moved otherwise, by its law in the rest of the log, from one row to another.
+
+    And on the way there, from where it last rose.
+    """
+    law = warming(log, key, log.load_of(place_of(key)))
+    if law is None:
+        return True
+    begin, end = (stretch // log.block).tolist()
+    steps = np.searchsorted(law.rows, [_last_rise(log, key, begin), end])
+    return _is_contradicted(law, [tuple(steps)], np.ones(law.moved.size, dtype=bool), log.sensors[key].step)
+
+
+def _last_rise(log: Channels, key: str, block: int) -> int:
+    """The block from which on a temperature does not rise until some other one."""
+    rises = np.flatnonzero(np.diff(log.means(key))[:block] > max(_RISES, 0.5 * log.sensors[key].step))
+    return int(rises[-1]) + 1 if rises.size else 0
 
 
 def _is_contradicted(law: Warming, stretches: Sequence[tuple[int, ...]], known: BoolArray, resolution: float) -> bool:
@@ -281,13 +299,14 @@ def _is_contradicted(law: Warming, stretches: Sequence[tuple[int, ...]], known: 
     return False
 
 
-# --- A load that from some row on makes another heat --------------------------------------------------
+# --- A load that in some stretch makes another heat ---------------------------------------------------
 
 _ROWS, _STEPS_AT_LEAST = 10, 60  # of a block: in fewer the mean square of a load that swings is not known; of a log
-_CHANGES, _LEAST_PARTS = 100, 15  # places at which it may change; steps on each side, that tell six numbers
+_EDGES, _LEAST_PARTS = 60, 12  # places where it may begin or end; steps of it and of the rest, that tell six numbers
 _RATIO = 3.0
 """By which heats differ: friction, iron and a winding that warms change them by less, a unit by the square of more."""
-_LOADED = 0.02  # of the mean square, on each side: with less load other heat is all that warms a part
+_LOADED = 0.02  # of the mean square, in it and else: with less load other heat is all that warms a part
+_NO_HEAT = 0.15  # of the heat else, that a stretch which ends makes at the most: units change for good
 _STILL = 0.5  # of the way that a part would go without heat, that a sensor goes at the most which stands
 _OF_ONE_GAIN = 0.5
 """Of the squares that one gain leaves with all else free to change: a load that is another explains half of them."""
@@ -295,58 +314,87 @@ _RIDGE = 1e-9  # of the squares of a column, so that two temperatures that are o
 
 
 class GainChange(NamedTuple):
-    """A load that from some row on makes another heat in its part.
+    """A load that in some stretch makes another heat in its part.
 
     Args:
-        row: the first of these.
-        ratio: of the heat for its square to that before, 0 where it makes none, infinite where it made none.
+        rows: the first and the last of the log's rows in which it does.
+        ratio: of the heat for its square to that else, 0 where it makes none.
         still: where it makes none, whether the part's temperature stands all the same: its sensor is stuck.
+        to_the_end: the log ends with it.
     """
 
-    row: int
+    rows: tuple[int, int]
     ratio: float
     still: bool
+    to_the_end: bool
 
     @property
     def of_a_unit(self) -> bool:
-        """Whether another unit may explain it: loaded on both sides, its numbers differ by no more."""
-        return _LOADED < self.ratio < 1 / _LOADED
+        """Whether another unit may explain it: its numbers differ by no more, and to the end of the log."""
+        return self.to_the_end and _LOADED < self.ratio < 1 / _LOADED
 
 
 def gain_change(log: Channels, key: str, load: str) -> GainChange | None:
-    """Where a load begins to make another heat in the part of temperature `key`; `None` where it makes the same."""
+    """Where a load makes another heat in the part of temperature `key` than else; `None` where it makes the same.
+
+    A stretch in which the load's heat differs, other heat and what leaves to the air with it, is that which leaves the
+    least squares: for each all are given by sums from the first step on.
+    """
     law = warming(log, key, load) if log.block >= _ROWS else None
     if law is None or law.rows.size < _STEPS_AT_LEAST:
         return None
-    square, count = law.design[:, 0], law.rows.size
+    count, square = law.rows.size, law.design[:, 0]
     design = law.design / (np.sqrt(np.square(law.design).sum(axis=0)) + np.finfo(float).tiny)
-    changes = np.arange(_LEAST_PARTS, count - _LEAST_PARTS, max(1, count // _CHANGES))
-    of_late = np.cumsum(square[::-1])[::-1][changes]
-    means = of_late / (count - changes), (square.sum() - of_late) / changes
-    changes = changes[np.minimum(*means) > _LOADED * np.maximum(*means)]
-    if not changes.size:
+    edges = np.linspace(0, count, min(_EDGES, count) + 1).astype(int)
+    edges = edges[(edges >= _LEAST_PARTS) & ((edges <= count - _LEAST_PARTS) | (edges == count))]
+    begin, end = (edges[some] for some in np.triu_indices(edges.size, 1))
+    inside = end - begin
+    sums = np.concatenate(([0.0], np.cumsum(square)))
+    mean = (sums[end] - sums[begin]) / inside, (sums[-1] - sums[end] + sums[begin]) / np.maximum(count - inside, 1)
+    usable = (np.minimum(inside, count - inside) >= _LEAST_PARTS) & (np.minimum(*mean) > _LOADED * np.maximum(*mean))
+    begin, end = begin[usable], end[usable]
+    if not begin.size:
         return None
-    # From each row on the load's heat changes, other heat, and what leaves to the air.
-    late = [np.where(np.arange(count) >= change, 1.0, 0.0)[:, None] * design[:, :3] for change in changes]
-
-    def fitted(*columns: FloatArray) -> tuple[FloatArray, float]:
-        """Coefficients by least squares, and the squares that are left."""
-        table = np.hstack([design, *columns])
-        found = np.linalg.solve(table.T @ table + _RIDGE * np.eye(table.shape[1]), table.T @ law.moved)
-        return found, float(np.square(law.moved - table @ found).sum())
-
-    fits = [fitted(own) for own in late]
-    best = min(range(len(fits)), key=lambda k: fits[k][1])
-    coefficients, left = fits[best]
-    first = coefficients[: design.shape[1]]
-    second = first + np.pad(coefficients[-3:], (0, first.size - 3))
-    before, after = (max(float(side[0]), 0.0) for side in (first, second))
-    if max(before, after) <= _RATIO * min(before, after):
+    own = [0, law.heats, law.heats + 1]  # the load's heat, other heat, and what leaves to the air
+    left, outer, more = _squares_left(design, law.moved, own, begin, end)
+    best = int(np.argmin(left))
+    if left[best] > _OF_ONE_GAIN * float(_squares_left(design, law.moved, own[1:], begin, end)[0].min()):
         return None
-    if left > _OF_ONE_GAIN * min(fitted(own[:, 1:])[1] for own in late):
+    other, inside = outer[best], np.zeros(count, dtype=bool)
+    inside[begin[best] : end[best]] = True
+    within, without = max(float(other[0] + more[best, 0]), 0.0), max(float(other[0]), 0.0)
+    if max(within, without) <= _RATIO * min(within, without):
         return None
-    ratio, change = after / before if before > 0 else np.inf, int(changes[best])
-    side, other = (slice(change, None), first) if ratio < 1 else (slice(change), second)
-    moved, otherwise = (np.ptp(np.cumsum(x[side])) for x in (law.moved, law.moved - design[:, 1:] @ other[1:]))
+    if without <= _LOADED * within:  # it makes no heat in the rest of the log, if that is one stretch
+        inside, within, without = ~inside, without, within
+        other[own] += more[best]
+    stretches = spans(inside)
+    moved, otherwise = (np.ptp(np.cumsum(x[inside])) for x in (law.moved, law.moved - design[:, 1:] @ other[1:]))
     still = bool(moved < min(_APART, _STILL * otherwise))
-    return GainChange(int((law.rows[change] + 1) * log.block), ratio, still)
+    first, stop = stretches[0]
+    begins = (int(law.rows[first]) + 1) * log.block if first else 0
+    ends = log.time.size - 1 if stop == count else (int(law.rows[stop - 1]) + 2) * log.block - 1
+    change = GainChange((begins, ends), within / without, still, to_the_end=stop == count)
+    return change if len(stretches) == 1 and (change.to_the_end or change.ratio < _NO_HEAT) else None
+
+
+def _squares_left(
+    design: FloatArray, moved: FloatArray, own: Sequence[int], begin: IntArray, end: IntArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Squares that a law leaves, its coefficients, and what is added to its `own` ones in each of many stretches."""
+    columns, inverse = design[:, own], np.linalg.inv(design.T @ design + _RIDGE * np.eye(design.shape[1]))
+    found = np.asarray(inverse @ (design.T @ moved), np.float64)
+    off = moved - design @ found
+
+    def within(products: FloatArray) -> FloatArray:
+        """Sums over each stretch."""
+        sums = np.concatenate((np.zeros((1, *products.shape[1:])), np.cumsum(products, axis=0)))
+        return np.asarray(sums[end] - sums[begin])
+
+    shared = inverse @ within(design[:, :, None] * columns[:, None, :])
+    alone = within(columns[:, :, None] * columns[:, None, :])
+    alone -= within(design[:, :, None] * columns[:, None, :]).transpose(0, 2, 1) @ shared
+    right = within(columns * off[:, None])
+    more = np.asarray(np.linalg.solve(alone + _RIDGE * np.eye(len(own)), right[:, :, None])[:, :, 0], np.float64)
+    left = float(off @ off) - np.asarray((more * right).sum(axis=1), np.float64)
+    return left, found - np.einsum("ijk,ik->ij", shared, more), more

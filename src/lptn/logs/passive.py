@@ -15,6 +15,7 @@ import numpy as np
 from lptn.basics.arrays import BoolArray, FloatArray, IntArray
 from lptn.logs.channels import FEWEST, SHORTEST, Channels, Silence, spans
 from lptn.logs.columns import place_of
+from lptn.logs.law import contradicted
 
 _MOST = 2000  # stretches; in more pieces a channel is noise, and nothing is known of it
 _SAMPLE = 100_000  # moves, of which the usual one is taken
@@ -71,6 +72,7 @@ class _Part:
 
     def __init__(self, log: Channels, key: str, there: IntArray, readings: FloatArray) -> None:
         self.stamps, self.readings = log.time[there], readings
+        self.log, self.key, self.rows = log, key, there
         others = [sensor for other, sensor in log.sensors.items() if other != key]
         self.start = float(np.median([sensor.first for sensor in others])) if others else np.nan
         self.coldest = min((sensor.low for sensor in others), default=-np.inf) if key != log.air else _WINTER
@@ -109,7 +111,12 @@ class _Part:
         cold, back = below > 0, below <= -self.least
         gone = cold[np.maximum.accumulate(np.where(cold | back, np.arange(cold.size), 0))]
         gone &= np.maximum.accumulate(~gone)
-        cuts[gone[1:] & gone[:-1] | (gone[1:] != gone[:-1]) & (cuts == 0)] = 2
+        for begin, end in spans(gone):
+            steps = slice(max(begin - 1, 0), end)
+            # Where it goes as its part does in the rest of the log, it is in colder air that nobody logged.
+            if cuts[steps].any() or contradicted(self.log, self.key, self.rows[[begin, end - 1]]):
+                cuts[steps][cuts[steps] == 0] = 2
+                cuts[begin : end - 1] = 2
         return cuts
 
     def _cut_slow(self, cuts: IntArray, window: float, rows: int) -> None:

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from lptn.basics.arrays import BoolArray, FloatArray
-from lptn.logs.alike import copies_in
+from lptn.logs.alike import copies_in, reads_alike, suspect_held
 from lptn.logs.channels import Channels, Silence
 from lptn.logs.clock import FEWEST_ROWS
 from lptn.logs.columns import (
@@ -190,13 +190,11 @@ def _suspect_gains(log: Channels, said: Collection[str]) -> list[Issue]:
         part = f"temperature.{place_of(key)}"
         change = gain_change(told, part, key) if part in told.values and not log.is_believed(key) else None
         if change is not None:
-            start, stop = float(log.time[change.row]), float(log.time[-1])
-            if change.ratio > 1 and not change.of_a_unit:
-                start, stop = float(log.time[0]), start
+            start, stop = (float(log.time[row]) for row in change.rows)
             problem, remedy = f"roughly {log.when(start, stop)} it ", "say each part's unit"
             if change.of_a_unit:
                 problem += f"heats {part} {change.ratio:.2g} times as much as before for its square, "
-                problem += "which looks like another unit from there on"
+                problem += "which looks like another unit there"
             else:
                 problem, remedy = f"{problem}does not heat {part}, as it does in the rest of the log", "leave that out"
             remedy = f"cut the log there, and {remedy}; if the column is right, write {log.believed(key)}"
@@ -204,32 +202,50 @@ def _suspect_gains(log: Channels, said: Collection[str]) -> list[Issue]:
     return issues
 
 
-_FOLLOWS = 0.8  # share of the variance of an ambient that a joint's own warmth explains, beside …
+_FOLLOWS = 0.8  # share of the variance of an ambient that a joint's temperature explains, beside …
 _SMOOTH = 3  # … powers of time: by chance a room may grow warm, or cool, as its robot does
 _LEAST_FOLLOWED = 2.0  # K, by which the ambient rises: less is the room, which a robot may warm
-_MOST_FOLLOWED = 1.0  # of a joint's warmth: what moves farther moves the joint
+_MOST_FOLLOWED = 0.9  # of a joint's warmth: what moves farther moves the joint
 
 
 def _suspect_ambient(log: Channels) -> list[Issue]:
-    """An ambient sensor that is warmed by a joint: it goes with how much the joint is warmer than it."""
+    """An ambient sensor that is warmed by a joint: it goes with how warm the joint is, or says the same."""
     if log.air not in log.values or log.is_believed(log.air) or log.block == 0:
         return []
+    problem = ""
     for key in log.of("temperature"):
-        table = np.stack([log.means("time"), log.means(log.air), log.means(key) - log.means(log.air)])
+        table = np.stack([log.means("time"), log.means(log.air), log.means(key)])
         time, *both = table[:, np.isfinite(table).all(axis=0)]
-        if time.size < FEWEST_ROWS or min(np.ptp(x) for x in both) < _LEAST_FOLLOWED:
+        if key == log.air or time.size < FEWEST_ROWS or min(np.ptp(x) for x in both) < _LEAST_FOLLOWED:
             continue
         course = np.vander((time - time[0]) / np.ptp(time), _SMOOTH + 1)
         ambient, warmth = (x - course @ np.linalg.lstsq(course, x, rcond=None)[0] for x in both)
         correlation = float(np.corrcoef(ambient, warmth)[0, 1])
         slope = correlation * float(ambient.std() / warmth.std())
-        if correlation > 0 and correlation**2 > _FOLLOWS and slope < _MOST_FOLLOWED:
-            problem = f"rises with {key}, by {slope:.2g} K for each kelvin that this is warmer"
+        if reads_alike(log, key, log.air):
+            problem = f"the same readings as {key}"
+        elif correlation > 0 and correlation**2 > _FOLLOWS and slope < _MOST_FOLLOWED:
+            problem = f"rises with {key}, by {slope:.2g} K for each kelvin of its warmth"
+        if problem:
             remedy = "is the sensor near that joint? What leaves to the air can't be fitted with it; use one further "
             remedy += 'away, or, for a log that begins at rest, ambient = "start" under [model]; if the room itself is '
             remedy += f"warmed, write {log.believed(log.air)}"
             return [Issue(log.air, log.sources[log.air].columns[0], problem, remedy, False, kind="follows")]
     return []
+
+
+def _suspect_few(log: Channels, predicted: Collection[str]) -> list[Issue]:
+    """Temperatures of which there are so few readings that they tell next to nothing of their part."""
+    issues = list[Issue]()
+    for key, values in log.of("temperature").items():
+        count = int(np.isfinite(values).sum())
+        if 0 < count < FEWEST_ROWS <= values.size and key in predicted:
+            problem = (
+                f"{count} reading{'s' * (count > 1)} in {values.size} rows, which tell next to nothing of its part"
+            )
+            remedy = "map its own column, or leave that out"
+            issues.append(Issue(key, log.sources[key].columns[0], problem, remedy, certain=False, kind="few"))
+    return issues
 
 
 # --- All that looks wrong in a log -----------------------------------------------------------------
@@ -255,7 +271,7 @@ def issues_of(
         elif key.startswith(("torque.", "velocity.")):
             of_column = _suspect_power(log, key)
         issues += [*of_column, *_suspect_silence(log, key, said, predicted)]
-    issues += [*copies_in(log, twice), *_suspect_ambient(log)]
+    issues += [*copies_in(log, twice), *suspect_held(log), *_suspect_ambient(log), *_suspect_few(log, predicted)]
     dead_air = any(one.whole for one in silent.get(log.air, []))
     if not dead_air and not any(quantity_of(issue.key) == "temperature" and issue.kind == "unit" for issue in issues):
         issues += suspect_starts(log)

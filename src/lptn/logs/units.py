@@ -22,6 +22,7 @@ from lptn.logs.columns import (
     ColumnSource,
     as_line_or_option,
     column_unit,
+    place_of,
     quantity_of,
     words_of,
 )
@@ -370,13 +371,16 @@ def suspect_starts(log: Channels) -> list[Issue]:
     # Sensors that begin warmer than the air and hardly cool: their parts were warm, or at rest as the air.
     above, evidence, issues = {key: start - room for key, start in starts.items()}, dict[object, float](), list[Issue]()
     warm = {k: x for k, x in above.items() if x > _COOLS and sensors[k].least > sensors[k].first - _COOLS}
-    for key, start in ((key, x) for key, x in warm.items() if key in free and not sources[key].offset):
-        group = tuple(other for other in warm if abs(warm[other] - start) <= _ALIKE)
+    doubted = [
+        k for k in warm if sources[k].unit in (None, "degC") and not sources[k].offset and not log.is_believed(k)
+    ]
+    for key in doubted:
+        group = tuple(other for other in warm if abs(warm[other] - warm[key]) <= _ALIKE)
         if group not in evidence:
             alike = {other: warm[other] for other in group}
             evidence[group] = rest_evidence(log, alike, all_warm=len(alike) == len(warm))
         others = [x for other, x in above.items() if other not in group]
-        issues += _suspect_rest(log, key, start, evidence[group], others, alone=len(group) == 1)
+        issues += _suspect_rest(log, key, warm[key], evidence[group], others, alone=len(group) == 1)
     return issues
 
 
@@ -385,25 +389,31 @@ def _suspect_rest(
 ) -> list[Issue]:
     """A sensor that begins so much above the air [K], `alone` or with some, by the evidence that its part was at rest.
 
-    What a usual mistake makes of a robot at rest is doubted unless the log contradicts it. If all sensors of a robot
-    begin alike, and no such mistake explains it, it is rather the air that is another's.
+    What a usual mistake makes of a robot at rest is doubted unless the log contradicts it, and where somebody stated
+    the unit only if the log says so. Of a part without a load any other offset may be heat that nobody logged. If all
+    sensors of a robot begin alike, and no such mistake explains it, it is rather the air that is another's.
     """
-    source, room = log.sources[key], log.sensors[log.air].first
+    source, room, has_load = log.sources[key], log.sensors[log.air].first, bool(log.load_of(place_of(key)))
     offset = min(_OFFSETS, key=lambda one: abs(one - start))
     byte = _are_whole(log.values[key][np.isfinite(log.values[key])]) and -1.0 <= start - offset <= _ALIKE
     degf = start > _OVER_ROOM and abs(start - (0.8 * room + 32)) < 2 * _ALIKE
     rested, issues = not others or float(np.median(others)) < 2 * _ALIKE, list[Issue]()
-    told = evidence > (-_SURE if rested and (byte or degf) else _SURE) or (np.isnan(evidence) and rested and degf)
-    if not told or not (byte or degf or others or alone):
+    usual = rested and source.unit is None and (byte or degf)
+    told = evidence > (-_SURE if usual else _SURE) or (np.isnan(evidence) and usual and degf)
+    if not told or not (byte or degf or (has_load and (others or alone))):
         return []
     stays = "and would stay so at rest" if evidence > _SURE else "and the log does not tell whether it was so warm"
+    right = f"if the part is as warm, write {log.believed(key)}"
     if degf:
         problem = f"begins at {start + room:.4g} degC where the surroundings have {room:.4g} degC, {stays}, "
-        issues.append(in_unit(key, source, "degF", f"{problem}which looks like degF", certain=False))
+        problem += "which looks like degF"
+        in_degf = in_unit(key, source, "degF", problem, certain=False)
+        in_degf = replace(in_degf, remedy=in_degf.remedy.partition(";")[0] + f"; {right}") if source.unit else in_degf
+        issues.append(in_degf)
     if not degf or (byte and np.isfinite(evidence)):
         what = f"a byte with an offset of {offset:g}" if byte else "an offset, or heat that is not logged"
         problem = f"begins {start:.3g} K above the surroundings{' in whole numbers' * byte}, {stays}: {what}?"
         meant = replace(source, offset=-offset if byte else -float(f"{start:.3g}"))
-        remedy = f"if it has an offset, write {{}}; if the part is as warm, write {log.believed(key)}"
+        remedy = f"if it has an offset, write {{}}; {right}"
         issues.append(correctable(key, problem, meant, False, remedy, kind="offset"))
     return issues
