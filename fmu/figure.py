@@ -10,7 +10,8 @@ from matplotlib.figure import Figure
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
-from lptn.basics.style import BEST, GIVEN, MEASURED, SMALL, TEXT, decimated, dress, new_figure, plain, time_axis
+from lptn.basics.lines import decimated, time_axis
+from lptn.basics.style import BEST, GIVEN, MEASURED, SMALL, TEXT, dress, new_figure, plain
 
 from .cosim import CosimulatedRun, Cosimulation
 

@@ -6,8 +6,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from lptn.basics.lines import time_axis
 from lptn.basics.places import class_of
-from lptn.basics.style import FAINT, INK, LIMIT, PALETTE, SHADE, SMALL, TEXT, dress, new_figure, plain, time_axis
+from lptn.basics.style import FAINT, INK, LIMIT, PALETTE, SHADE, SMALL, TEXT, dress, new_figure, plain
 
 from .plan import MissionPlan
 

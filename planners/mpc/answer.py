@@ -78,19 +78,8 @@ class TrackAnswer:
         """
         from matplotlib.lines import Line2D
 
-        from lptn.basics.style import (
-            BEST,
-            GIVEN,
-            INK,
-            LIMIT,
-            MEASURED,
-            SMALL,
-            TEXT,
-            dress,
-            new_figure,
-            plain,
-            time_axis,
-        )
+        from lptn.basics.lines import time_axis
+        from lptn.basics.style import BEST, GIVEN, INK, LIMIT, MEASURED, SMALL, TEXT, dress, new_figure, plain
 
         task, heat, limits = self.task, self.task.heating, self.limits
         shares = np.nan_to_num(self.shares, nan=1.0)

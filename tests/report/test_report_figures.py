@@ -19,7 +19,8 @@ from matplotlib.backend_bases import RendererBase
 from matplotlib.figure import Figure
 
 from lptn.basics.errors import InputError
-from lptn.basics.style import ERROR, decimated, inline_svg, new_figure, show
+from lptn.basics.lines import decimated
+from lptn.basics.style import ERROR, inline_svg, new_figure, show
 from lptn.identify.comparison import Comparison, compare
 from lptn.identify.data import holdout_segment
 from lptn.report.comparison_figures import (

@@ -18,8 +18,6 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.ticker import AutoLocator, MaxNLocator
 
-from lptn.basics.lines import decimated as decimated
-from lptn.basics.lines import time_axis as time_axis
 from lptn.basics.progress import in_notebook
 
 # --- The one visual language: which colour and line means what, and how axes look -----------------

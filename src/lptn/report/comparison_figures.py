@@ -13,6 +13,7 @@ from matplotlib.figure import Figure, FigureBase
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 
+from lptn.basics.lines import decimated, time_axis
 from lptn.basics.style import (
     BAD,
     BEST,
@@ -26,14 +27,12 @@ from lptn.basics.style import (
     SMALL,
     TEXT,
     TINY,
-    decimated,
     dress,
     new_axes,
     new_figure,
     new_panels,
     plain,
     strength,
-    time_axis,
 )
 from lptn.identify.comparison import Comparison, Condition, Pair, Prediction, Versus
 from lptn.report.shown import MOST, NOISE_BAND, View, initialisation_end, worst_view, worst_views

@@ -12,6 +12,7 @@ from matplotlib.patches import Patch, PathPatch
 from matplotlib.path import Path
 
 from lptn.basics.arrays import FloatArray
+from lptn.basics.lines import decimated, time_axis
 from lptn.basics.style import (
     BEST,
     COLD,
@@ -24,13 +25,11 @@ from lptn.basics.style import (
     SHADE,
     SMALL,
     TEXT,
-    decimated,
     dress,
     new_axes,
     new_figure,
     plain,
     strength,
-    time_axis,
 )
 from lptn.diagnose.learned_heat import LearnedCurve
 from lptn.diagnose.unexplained_heat import HeatPeak, UnexplainedHeat

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from lptn.basics.lines import decimated, time_axis
 from lptn.basics.style import (
     ERROR,
     FAINT,
@@ -21,12 +22,10 @@ from lptn.basics.style import (
     MEASURED,
     SMALL,
     TEXT,
-    decimated,
     dress,
     new_axes,
     new_figure,
     plain,
-    time_axis,
 )
 from lptn.online.forecasting import Forecast, NodeForecast
 from lptn.online.monitoring import MonitoredRun, Monitoring
