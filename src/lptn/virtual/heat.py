@@ -7,7 +7,7 @@ leg, and for the quadruped, whose windings are light, a matrix exponential that 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import repeat
 from typing import Self
@@ -43,26 +43,9 @@ class Series:
         return replace(first, **{name: np.concatenate([getattr(piece, name) for piece in pieces]) for name in names})
 
 
-@dataclass(frozen=True)
-class Shared(Series):
-    """Means of what all nodes share, each of shape (intervals, 1).
-
-    computer, battery: power, W. fan: share of its full speed. sun: irradiance, W/m².
-    """
-
-    computer: Array
-    battery: Array
-    fan: Array
-    sun: Array
-
-    def columns(self) -> dict[str, Array]:
-        """Return them by the names of a log's columns."""
-        return {
-            "power.pc": self.computer,
-            "power.battery": self.battery,
-            "speed.fan": self.fan,
-            "irradiance.global": self.sun,
-        }
+Shared = Mapping[str, Array]
+"""Means of what all nodes share by the columns of a log, each of shape (intervals, 1): power.pc and power.battery
+(W), speed.fan (share of its full speed), irradiance.global (W/m²)."""
 
 
 @dataclass(frozen=True)
@@ -127,8 +110,9 @@ def forcing(robot: Robot, means: Means, extra: Array) -> Forcing:
     to_air = 1 + means.wind * robot.forced_convection
     if means.shared is not None:
         shared = means.shared
-        other = other + shared.computer * robot.computer + shared.battery * robot.battery + shared.sun * robot.sunlit
-        to_air = to_air + shared.fan * robot.fanned
+        power = shared["power.pc"] * robot.computer, shared["power.battery"] * robot.battery
+        other = other + power[0] + power[1] + shared["irradiance.global"] * robot.sunlit
+        to_air = to_air + shared["speed.fan"] * robot.fanned
     if means.powered is not None:
         drives = _at_nodes(robot, means.powered) * robot.drive + drives
     # The drive's board sits on the motor's back: it heats the winding where that is a mass of its own.

@@ -222,7 +222,7 @@ def leg_logs(
         for quantity, values in moves.items():
             table |= by_place(quantity, values, LEG_JOINTS)
         table["speed.base"] = base[:, 0]
-        for column, values in shared.columns().items():
+        for column, values in shared.items():
             if column in extra:
                 table[column] = mean(values.repeat(SAMPLES, axis=0), block)[:, 0]
         rng = stream(seed, "sensors", name)
@@ -240,7 +240,8 @@ def _simulate(leg: Robot, name: str, run: Job, seed: int) -> tuple[Signals, Arra
     air = ambient(leg, run.ambient, 0.0, 0.0, seconds, seed, name)
     means = averaged(leg, signals)
     computer = PC_IDLE + (PC_BUSY - PC_IDLE) * mean((signals.base[:, None] != 0).astype(float), SAMPLES)
-    shared = Shared(computer, battery_power(computer, means), fan(seconds, seed, name), sun(seconds, seed, name))
+    shared = {"power.pc": computer, "power.battery": battery_power(computer, means)}
+    shared |= {"speed.fan": fan(seconds, seed, name), "irradiance.global": sun(seconds, seed, name)}
     acting = forcing(leg, replace(means, shared=shared), event_heat(leg, seconds, seed, name))
     network = Balance(leg, float(air.true[0]))
     start = network.start(network.ambient + stream(seed, "start", name).uniform(0.5, 2.0, COUNT))

@@ -159,7 +159,7 @@ class Motion:
         """Return what the nodes share; ``means`` are those of this movement."""
         computer = self.pc[:, None]
         battery = battery_power(computer + DRIVE * self.powered.sum(axis=1, keepdims=True), means)
-        return Shared(computer, battery, self.fan, self.sun)
+        return {"power.pc": computer, "power.battery": battery, "speed.fan": self.fan, "irradiance.global": self.sun}
 
     def only(self, on: Array) -> Motion:
         """Return the same movement with all drives off in the seconds in which ``on`` is 0."""

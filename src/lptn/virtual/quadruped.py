@@ -153,7 +153,7 @@ def rows(record: Record, sensor: Probe, seed: int, rate: float, columns: Columns
     noise = stream(seed, "torque", record.name).standard_normal((seconds, len(QUADRUPED_JOINTS)))
     gain = 1 + TORQUE_NOISE * noise
     extra = extra_columns(record.robot, columns)
-    shared = {name: values for name, values in motion.shared(means).columns().items() if name in extra}
+    shared = {name: values for name, values in motion.shared(means).items() if name in extra}
 
     def table(time: Array, moves: Mapping[str, Array], readings: Array, piece: str) -> pd.DataFrame:
         second = time.astype(int)
