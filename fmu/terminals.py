@@ -7,8 +7,6 @@ from dataclasses import dataclass
 
 from .variables import Variable, first_place
 
-_LOADS = ("torque", "current")
-
 
 @dataclass(frozen=True)
 class Terminal:
@@ -43,11 +41,10 @@ def terminals(variables: Sequence[Variable]) -> list[Terminal]:
             place, member = first_place(variable.name)
             if member:
                 places.setdefault(place, []).append((member, variable))
-    return [_terminal(place, members) for place, members in places.items()]
-
-
-def _terminal(place: str, members: list[tuple[str, Variable]]) -> Terminal:
-    entrances = {name for name, variable in members if variable.kind == "input"}
-    alone = entrances == {"temperature"} and len(members) == 1
-    kind = "lptn.joint" if entrances & set(_LOADS) else "lptn.temperature" if alone else "lptn.place"
-    return Terminal(place, kind, _KINDS[kind].format(place), tuple(members))
+    joined = []
+    for place, members in places.items():
+        entrances = {name for name, variable in members if variable.kind == "input"}
+        alone = entrances == {"temperature"} and len(members) == 1
+        kind = "lptn.joint" if entrances & {"torque", "current"} else "lptn.temperature" if alone else "lptn.place"
+        joined.append(Terminal(place, kind, _KINDS[kind].format(place), tuple(members)))
+    return joined

@@ -97,27 +97,22 @@ class _LinearBalance:
 
     def solve(self, squares: FloatArray, sides: FloatArray) -> FloatArray:
         """Bounded least squares with a weak pull to the declared values, from the normal equations."""
-        model = self.model
-        bounds = np.array([self._bounds(i) for i in self.chosen])
-        scale = np.array([self._scale(i) for i in self.chosen])
-        declared = self._declared[self.chosen]
+        model, declared, bounds = self.model, self._declared[self.chosen], []
+        scale = np.abs(declared)
+        for number, index in enumerate(self.chosen):
+            parameter = model.parameters[index].declared
+            scale[number] = scale[number] or abs(parameter.typical) or 1.0
+            lower, upper = parameter.bounds
+            bounds.append((1 / upper, 1 / lower if lower > 0 else np.inf) if self._inverse[index] else (lower, upper))
         slope = (squares @ declared - sides) * scale
         ridge = 1.0  # weight of a declared value: so far from it costs as much as one standard deviation of the data
         curvature = squares * np.outer(scale, scale) + ridge**2 * np.eye(len(scale))
-        lower, upper = ((bounds - declared[:, None]) / scale[:, None]).T
+        least, most = ((np.array(bounds) - declared[:, None]) / scale[:, None]).T
         w = self._declared.copy()
-        w[self.chosen] += bounded_minimum(slope, curvature, lower, upper) * scale
+        w[self.chosen] += bounded_minimum(slope, curvature, least, most) * scale
         faint = 1e-12  # W/K; a link that conducts less is none
         values = np.divide(1.0, np.maximum(w, faint), out=w.copy(), where=self._inverse)
         return np.where(np.isin(np.arange(len(values)), self.chosen), values, model.values)
-
-    def _bounds(self, index: int) -> tuple[float, float]:
-        lower, upper = self.model.parameters[index].declared.bounds
-        return (1 / upper, 1 / lower if lower > 0 else np.inf) if self._inverse[index] else (lower, upper)
-
-    def _scale(self, index: int) -> float:
-        typical = abs(self.model.parameters[index].declared.typical) or 1.0
-        return abs(self._declared[index]) or typical
 
 
 def _resting(model: Model, bound: BoundRun, temperatures: FloatArray) -> FloatArray:
