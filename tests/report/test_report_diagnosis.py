@@ -94,7 +94,7 @@ def test_the_line_has_the_heat_and_the_inputs(heat: HeatStory, missing: Told) ->
 
 def test_heat_without_a_burst_has_no_map(adequate: Told) -> None:
     story = HeatStory.of(adequate[0])
-    assert story.where == ""
+    assert story.where(story.peak) == ""
     assert heat_map_picture(story) is None
     assert "No node lacks heat beyond chance" in heat_line_picture(story).caption
 

@@ -12,10 +12,15 @@ from lptn.basics.arrays import FloatArray, IntArray
 LONG = 600.0  # s; longer time axes are in minutes
 
 
+def time_unit(span: float) -> tuple[float, str]:
+    """The unit [s] in which a person reads times that span so many seconds, and the label of an axis in it."""
+    return (60.0, "time [min]") if span > LONG else (1.0, "time [s]")
+
+
 def time_axis(time: FloatArray) -> tuple[FloatArray, str]:
     """Times [s] in the unit that a person reads them in, and the axis label."""
-    minutes = time.size > 0 and float(np.ptp(time)) > LONG
-    return (time / 60.0, "time [min]") if minutes else (time, "time [s]")
+    unit, label = time_unit(float(np.ptp(time)) if time.size else 0.0)
+    return time / unit, label
 
 
 MOST = 900  # points a line; a panel is some 300 pt wide

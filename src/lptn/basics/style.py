@@ -6,7 +6,7 @@ import hashlib
 import io
 import re
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
 from typing import Any
@@ -15,7 +15,7 @@ import matplotlib
 from markupsafe import Markup, escape
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_svg import FigureCanvasSVG
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, FigureBase
 from matplotlib.ticker import AutoLocator, MaxNLocator
 
 from lptn.basics.progress import in_notebook
@@ -58,6 +58,25 @@ def new_figure(height: float) -> Figure:
         height: in inch.
     """
     return Figure(figsize=(WIDTH, height), dpi=150, layout="constrained")
+
+
+def stacked_axes(figure: FigureBase, count: int, columns: int) -> list[tuple[Axes, Axes]]:
+    """So many axes side by side in rows, of temperatures, each with axes of errors over the same time below it."""
+    rows = -(-count // columns)
+    grid = figure.subplots(2 * rows, columns, squeeze=False, gridspec_kw={"height_ratios": [2, 1.15] * rows})
+    pairs = [(upper, lower) for row in range(rows) for upper, lower in grid[2 * row : 2 * row + 2].T]
+    for upper, lower in pairs:
+        lower.sharex(upper)
+        upper.tick_params(labelbottom=False)
+    for pair in pairs[count:]:
+        for ax in pair:
+            ax.set_axis_off()
+    return pairs[:count]
+
+
+def legend_above(figure: FigureBase, handles: Sequence[Any]) -> None:
+    """One legend for all axes of a figure."""
+    figure.legend(handles=handles, loc="outside upper center", ncols=5, frameon=False, fontsize=SMALL)
 
 
 def new_axes(height: float) -> Axes:

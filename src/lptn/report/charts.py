@@ -8,7 +8,7 @@ from __future__ import annotations
 import base64
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from datetime import datetime
 from typing import Any, Literal
 
@@ -22,7 +22,6 @@ POINTS = 1000
 
 Look = Literal["measured", "given", "best", "soft", "heat", "limit", "points"]
 _STEPS = 65534  # of a line's range that are told apart; 65535 is a missing value
-_CHOICES = 8  # colours of lines without a look
 
 
 @dataclass(frozen=True)
@@ -33,7 +32,7 @@ class Line:
         name: of its values in a view.
         label: what the legend calls it.
         look: how it is drawn; by default in one of several colours, by `colour`.
-        colour: number of the colour of a line without a look.
+        colour: number of the colour of a line without a look; after eight they begin again.
         dots: whether its points are marked.
         steps: whether a value holds until the next point.
     """
@@ -121,28 +120,14 @@ class Charts:
         content: dict[str, Any] = {
             "across": self.across,
             "log": self.log,
-            "panels": [
-                {
-                    "label": panel.label,
-                    "unit": panel.unit,
-                    "height": panel.height,
-                    "zero": panel.zero,
-                    "band": panel.band,
-                    "log": panel.log,
-                    "lines": [line.__dict__ | {"colour": line.colour % _CHOICES} for line in panel.lines],
-                }
-                for panel in self.panels
-            ],
+            "panels": [asdict(panel) for panel in self.panels],
             "choices": [{"label": label, "options": list(options)} for label, options in self.choices.items()],
             "values": {key: _rounded(values) for key, values in self.values.items()},
             "views": [
-                {
-                    "keys": view.keys,
-                    "title": view.title,
-                    "across": view.across,
+                vars(view)
+                | {
                     "lines": {line: packed(values) for line, values in view.lines.items()},
                     "shaded": [[float(f"{end:.7g}") for end in stretch] for stretch in view.shaded],
-                    "floor": view.floor,
                     "began": view.began and view.began.timestamp(),
                 }
                 for view in self.views

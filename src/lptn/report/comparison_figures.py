@@ -13,7 +13,7 @@ from matplotlib.figure import Figure, FigureBase
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 
-from lptn.basics.lines import decimated, time_axis
+from lptn.basics.lines import decimated, time_unit
 from lptn.basics.style import (
     BAD,
     BEST,
@@ -28,10 +28,11 @@ from lptn.basics.style import (
     TEXT,
     TINY,
     dress,
+    legend_above,
     new_axes,
     new_figure,
-    new_panels,
     plain,
+    stacked_axes,
     strength,
 )
 from lptn.identify.comparison import Comparison, Condition, Pair, Prediction, Versus
@@ -68,8 +69,8 @@ def plot_temperatures(
         InputError: the node is not measured there.
     """
     run, node = worst_view(given, node, run)
-    with_legend = ax is None
-    ax = new_axes(2.6) if ax is None else ax
+    alone = ax is None
+    ax = ax or new_axes(2.6)
     prediction = given.predictions[run]
     time = _shaded_time(ax, prediction)
     measured = prediction.bound.measured[given.model.nodes.index(node)]
@@ -77,7 +78,7 @@ def plot_temperatures(
     for comparison, style, name in _models(given, best, names):
         readings = comparison.predictions[run].readings[comparison.model.nodes.index(node)]
         ax.plot(*decimated(time, readings), label=name, **style)
-    if with_legend:
+    if alone:
         ax.legend(frameon=False, fontsize=SMALL)
     ax.set_title(plain(f"{node}, run {prediction.segment.run.name}"), size=TEXT, loc="left", pad=3)
     ax.set_ylabel("temperature [°C]", size=SMALL)
@@ -122,50 +123,16 @@ def _models(
 
 def _shaded_time(ax: Axes, prediction: Prediction) -> Any:
     """The run's time in the unit of the axis, which gets its label; the initialisation window is shaded."""
-    time, label = time_axis(prediction.bound.run.elapsed)
+    elapsed = prediction.bound.run.elapsed
+    unit, label = time_unit(float(np.ptp(elapsed)))
+    time = elapsed / unit
     end = initialisation_end(prediction)
     if end is not None:
-        stop = end / (60 if label.endswith("[min]") else 1)
-        ax.axvspan(float(time[0]), stop, color=SHADE, zorder=0, linewidth=0, label="finds the start")
+        ax.axvspan(float(time[0]), end / unit, color=SHADE, zorder=0, linewidth=0, label="finds the start")
     ax.set_xlabel(label, size=SMALL)
     ax.set_xlim(float(time[0]), float(time[-1]))
     dress(ax)
     return time
-
-
-def plot_predictions(
-    given: Comparison,
-    node: str | None = None,
-    run: int | None = None,
-    best: Comparison | None = None,
-    axes: Sequence[Axes] | None = None,
-    names: tuple[str, str] = NAMES,
-) -> Sequence[Axes]:
-    """Measured and predicted temperature [°C] of a node over a run, and the error [K] below.
-
-    Args:
-        given: a model's comparison.
-        node: its name; by default the node with the largest RMSE.
-        run: the number of the run in the comparison; by default the node's worst.
-        best: another model's comparison on the same runs.
-        axes: where to draw, the upper and the lower; by default new ones, with a legend.
-        names: of the two models.
-
-    Returns:
-        The upper and the lower axes.
-
-    Raises:
-        InputError: the node is not measured there.
-    """
-    run, node = worst_view(given, node, run)
-    upper, lower = new_panels(2.4, 1.4) if axes is None else axes
-    plot_temperatures(given, node, run, best, upper, names).set_xlabel("")
-    plot_errors(given, node, run, best, lower)
-    lower.sharex(upper)
-    upper.tick_params(labelbottom=False)
-    if axes is None:
-        upper.legend(frameon=False, fontsize=SMALL)
-    return upper, lower
 
 
 _PANEL, _LEGEND = 2.9, 0.35  # inch
@@ -204,19 +171,14 @@ def draw_predictions(
 ) -> None:
     """`predictions_figure` of chosen nodes and runs, within a figure."""
     columns = _columns(len(chosen))
-    rows = ceil(len(chosen) / columns)
-    grid = figure.subplots(2 * rows, columns, squeeze=False, gridspec_kw={"height_ratios": [2, 1.15] * rows})
-    for ax in grid.ravel():
-        ax.set_axis_off()
-    for place, (run, node) in enumerate(chosen):
-        row, column = 2 * (place // columns), place % columns
-        upper, lower = plot_predictions(given, node, run, best, list(grid[row : row + 2, column]))
-        upper.set_axis_on()
-        lower.set_axis_on()
+    pairs = stacked_axes(figure, len(chosen), columns)
+    for place, ((run, node), (upper, lower)) in enumerate(zip(chosen, pairs, strict=True)):
+        plot_temperatures(given, node, run, best, upper, names).set_xlabel("")
+        plot_errors(given, node, run, best, lower)
         most, title = _LETTERS * 3 // columns, f"{node}, run {given.predictions[run].segment.run.name}"
         title = title if len(title) <= most else f"{title[: most - 1]}…"
         upper.set_title(plain(title), size=TEXT, loc="left", pad=3)
-        if column:
+        if place % columns:
             upper.set_ylabel("")
             lower.set_ylabel("")
     handles: list[Line2D | Patch] = [Line2D([], [], label="measured", **MEASURED)]
@@ -224,7 +186,7 @@ def draw_predictions(
     if any(initialisation_end(prediction) is not None for prediction in given.predictions):
         handles.append(Patch(color=SHADE, label="finds the start"))
     handles.append(Patch(color=NOISE, label="sensor noise"))
-    figure.legend(handles=handles, loc="outside upper center", ncols=5, frameon=False, fontsize=SMALL)
+    legend_above(figure, handles)
 
 
 # --- where a model fails: RMSE by node and operating condition ----------------------------------------------

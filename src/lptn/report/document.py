@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import platform
-from dataclasses import dataclass
 from datetime import date
 from importlib.metadata import version
 from importlib.resources import files
@@ -16,17 +15,11 @@ from lptn.basics.words import BOUND, UNIT_BEHIND
 _VERSIONS = ("lptn", "numpy", "scipy", "casadi")
 
 
-@dataclass(frozen=True)
 class Picture:
-    """Drawings that share one sentence on what to see."""
+    """Drawings, and below them the sentence on what to see."""
 
-    drawings: tuple[Markup, ...]
-    caption: str
-
-
-def picture(caption: str, *drawings: Markup) -> Picture:
-    """Drawings and the sentence below them."""
-    return Picture(drawings, caption)
+    def __init__(self, caption: str, *drawings: Markup) -> None:
+        self.caption, self.drawings = caption, drawings
 
 
 def render(template: str, **content: object) -> str:

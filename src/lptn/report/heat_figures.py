@@ -12,7 +12,7 @@ from matplotlib.patches import Patch, PathPatch
 from matplotlib.path import Path
 
 from lptn.basics.arrays import FloatArray
-from lptn.basics.lines import decimated, time_axis
+from lptn.basics.lines import decimated, time_axis, time_unit
 from lptn.basics.style import (
     BEST,
     COLD,
@@ -161,8 +161,8 @@ def plot_heat(
         ax: where to draw; by default new axes.
     """
     ax = new_axes(_HEAT) if ax is None else ax
-    time, label = time_axis(given.time - given.origin)
-    unit = 60.0 if label.endswith("[min]") else 1.0
+    time = given.time - given.origin
+    unit, label = time_unit(float(np.ptp(time)))
     if peak is not None:
         ax.axvspan(peak.elapsed[0] / unit, peak.elapsed[1] / unit, color=SHADE, zorder=0, linewidth=0)
     for heat, style, name in ((given, GIVEN, NAMES[0] if best else "model"), (best, BEST, NAMES[1])):
@@ -170,7 +170,7 @@ def plot_heat(
             row = heat.nodes.index(node)
             _band(ax, (heat.time - heat.origin) / unit, heat.heat[row], heat.sure_band[row], style, name)
     ax.set_xlabel(label, size=SMALL)
-    ax.set_xlim(time[0], time[-1])
+    ax.set_xlim(time[0] / unit, time[-1] / unit)
     ax.set_title(plain(f"{node}, run {given.run}"), size=TEXT, loc="left", pad=3)
     return ax
 
@@ -206,8 +206,8 @@ def heat_figure(
     heights = [_HEAT, *(_INPUT for _ in links)]
     figure = new_figure(sum(heights) + 0.3)
     axes = figure.subplots(len(heights), 1, squeeze=False, sharex=True, height_ratios=heights)[:, 0]
-    label = plot_heat(given, node, best, peak, axes[0]).get_xlabel()
-    unit = 60.0 if label.endswith("[min]") else 1.0
+    plot_heat(given, node, best, peak, axes[0]).set_xlabel("")
+    unit, label = time_unit(float(np.ptp(given.time)))
     for ax, link in zip(axes[1:], links, strict=True):
         if peak is not None:
             ax.axvspan(peak.elapsed[0] / unit, peak.elapsed[1] / unit, color=SHADE, zorder=0, linewidth=0)
@@ -218,7 +218,6 @@ def heat_figure(
         title = for_people(f"{what} correlates with the heat by {link.correlation:+.2f}")
         ax.set_title(plain(title), size=SMALL, loc="left", pad=2)
         dress(ax)
-    axes[0].set_xlabel("")
     axes[-1].set_xlabel(label, size=SMALL)
     figure.align_ylabels(axes)
     return figure

@@ -20,7 +20,7 @@ from lptn.diagnose.unexplained_heat import (
 )
 from lptn.identify.fitting import Fit
 from lptn.logs.columns import quantity_of
-from lptn.report.document import Picture, picture
+from lptn.report.document import Picture
 from lptn.report.heat_figures import field_figures, heat_figure, learned_figure
 from lptn.report.shown import MOST_INPUTS, MOST_RUNS, InputLink, heat_fields, input_links
 from lptn.report.text import for_people, number
@@ -62,16 +62,6 @@ class HeatStory:
         return cls(fit, given, best, run, node, peak, links)
 
     @property
-    def where(self) -> str:
-        """Where and when heat is missing, in words; empty where none is beyond chance."""
-        return self._in_words(self.peak)
-
-    @property
-    def left(self) -> str:
-        """Where and when the best model still lacks heat; empty where none is beyond chance."""
-        return self._in_words(largest(self.best))
-
-    @property
     def stretches(self) -> list[HeatPeak]:
         """Every stretch of time in which the best model, or the given one without a better, surely lacks heat."""
         return stretches(self.best or self.given)
@@ -83,15 +73,14 @@ class HeatStory:
         band = f"the 95 % band over all nodes and times is ±{number(widest, 2)} W where it is widest"
         return f"no node lacks heat beyond chance; {band}"
 
-    def _in_words(self, peak: HeatPeak | None) -> str:
+    def where(self, peak: HeatPeak | None) -> str:
+        """Where and when heat is missing, in words; empty where none is beyond chance."""
         if peak is None:
             return ""
         what = "heat is missing" if peak.heat > 0 else "there is too much heat"
+        place = f"{peak.place} of run {peak.run}" if len(self.given) > 1 else peak.place
         about = replace(peak, heat=abs(peak.heat)).text().removeprefix(peak.place)
-        return for_people(f"{what} most clearly {self._place(peak)}{about}")
-
-    def _place(self, peak: HeatPeak) -> str:
-        return f"{peak.place} of run {peak.run}" if len(self.given) > 1 else peak.place
+        return for_people(f"{what} most clearly {place}{about}")
 
 
 def worst_of(runs: Sequence[UnexplainedHeat]) -> tuple[int, str, HeatPeak | None]:
@@ -121,12 +110,12 @@ def heat_map_picture(story: HeatStory) -> Picture | None:
     figures = field_figures(heat_fields(story.given), heat_fields(story.best), "W", least)
     drawings = [inline_svg(figure, "unexplained heat by node and time") for figure in figures]
     text = "Heat that the model lacks (red) or has too much of (blue, hatched); blank where zero lies within the 95 % "
-    text += f"band over all nodes and times. With the model as given {story.where}"
-    text += f"; with the best one {story.left or 'none stands out'}." if story.best else "."
+    text += f"band over all nodes and times. With the model as given {story.where(story.peak)}"
+    text += f"; with the best one {story.where(largest(story.best)) or 'none stands out'}." if story.best else "."
     text += " Place and time are more reliable than the watts: the fitted parameters absorb part."
     if len(story.given) > MOST_RUNS:
         text += f" Shown are the {MOST_RUNS} of {len(story.given)} runs that lack most."
-    return picture(text, *drawings)
+    return Picture(text, *drawings)
 
 
 def heat_line_picture(story: HeatStory) -> Picture:
@@ -138,8 +127,8 @@ def heat_line_picture(story: HeatStory) -> Picture:
     text = f"The heat that {story.node} lacks over time, with its 95 % band over all nodes and times; "
     text += "shaded where it is clearest."
     if story.peak is None:
-        return picture(f"No node lacks heat beyond chance; {story.node} comes nearest to it.", drawing)
-    return picture(f"{text} {_inputs(story.links)}", drawing)
+        return Picture(f"No node lacks heat beyond chance; {story.node} comes nearest to it.", drawing)
+    return Picture(f"{text} {_inputs(story.links)}", drawing)
 
 
 def learned_picture(curve: LearnedCurve | None) -> Picture | None:
@@ -147,7 +136,7 @@ def learned_picture(curve: LearnedCurve | None) -> Picture | None:
     if not curve or not curve.step:
         return None
     drawing = inline_svg(learned_figure(curve), f"unexplained heat over {curve.inputs[0].column}")
-    return picture(for_people(curve.text()), drawing)
+    return Picture(for_people(curve.text()), drawing)
 
 
 def _inputs(links: Sequence[InputLink]) -> str:

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import breadth_first_order, connected_components, shortest_path
 
-from lptn.basics.arrays import FloatArray
+from lptn.basics.arrays import FloatArray, IntArray
 from lptn.basics.places import class_of
 
 Point = tuple[float, float]
@@ -31,89 +33,50 @@ def places_of(names: Sequence[str], links: Sequence[tuple[str, str]], sizes: Map
         links: pairs of them.
         sizes: width and height of each node's box [px].
     """
-    columns: dict[tuple[str, ...], list[dict[str, Point]]] = {}
-    for part in _parts(names, links):
-        inside = [link for link in links if link[0] in part]
-        columns.setdefault(tuple(class_of(name) for name in part), []).append(_part(part, inside, sizes))
+    number = {name: place for place, name in enumerate(names)}
+    ends = np.array([[number[one], number[other]] for one, other in links], dtype=int).reshape(-1, 2)
+    graph = csr_array((np.ones(len(ends)), ends.T), shape=(len(names), len(names)))
+    count, parts = connected_components(graph, directed=False)
+    steps = shortest_path(graph, directed=False, unweighted=True)
+    boxes = np.array([sizes[name] for name in names])
+    columns: dict[tuple[str, ...], list[tuple[IntArray, FloatArray]]] = {}  # nodes and their places, by class
+    for part in range(count):
+        nodes = np.flatnonzero(parts == part)
+        inside = steps[np.ix_(nodes, nodes)]
+        points = _settled(_tree(graph[nodes][:, nodes], inside), _APART * inside)
+        points = _pushed_apart(_level(points) * [_WIDER, 1.0], boxes[nodes])
+        columns.setdefault(tuple(class_of(names[node]) for node in nodes.tolist()), []).append((nodes, points))
     if len(columns) == 1:  # all alike: a row
         (alike,) = columns.values()
         columns = {(str(number),): [part] for number, part in enumerate(alike)}
-    placed: dict[str, Point] = {}
+    placed = np.zeros((len(names), 2))
     left = 0.0
     for column in columns.values():
         top, right = 0.0, left
-        for points in column:
-            low, high = _extent(points, sizes)
-            for name, (x, y) in points.items():
-                placed[name] = (x - low[0] + left, y - low[1] + top)
+        for nodes, points in column:
+            low, high = (points - boxes[nodes] / 2).min(axis=0), (points + boxes[nodes] / 2).max(axis=0)
+            placed[nodes] = points - low + [left, top]
             top += high[1] - low[1] + 2 * _GAP
             right = max(right, left + high[0] - low[0])
         left = right + 2 * _GAP
-    return placed
+    return {name: (x, y) for name, (x, y) in zip(names, placed.tolist(), strict=True)}
 
 
-def _parts(names: Sequence[str], links: Sequence[tuple[str, str]]) -> list[list[str]]:
-    """Nodes that links join, directly or through others."""
-    root = {name: name for name in names}
-
-    def found(name: str) -> str:
-        while root[name] != name:
-            name = root[name]
-        return name
-
-    for one, other in links:
-        root[found(other)] = found(one)
-    parts: dict[str, list[str]] = {}
-    for name in names:
-        parts.setdefault(found(name), []).append(name)
-    return list(parts.values())
-
-
-def _part(names: Sequence[str], links: Sequence[tuple[str, str]], sizes: Mapping[str, Point]) -> dict[str, Point]:
-    """Nodes that hang together, around their middle."""
-    if len(names) == 1:
-        return {names[0]: (0.0, 0.0)}
-    near = {name: [other for link in links for other in link if name in link and other != name] for name in names}
-    steps = np.array([_steps_from(name, names, near) for name in names])
-    points = _settled(_tree(names, near, steps), _APART * steps)
-    points = _level(points) * [_WIDER, 1.0]
-    return dict(zip(names, map(tuple, _pushed_apart(points, np.array([sizes[name] for name in names]))), strict=True))
-
-
-def _steps_from(start: str, names: Sequence[str], near: Mapping[str, Sequence[str]]) -> list[float]:
-    """How many links lie between a node and each of the others."""
-    count, edge = {start: 0.0}, [start]
-    while edge:
-        edge = list(dict.fromkeys(other for name in edge for other in near[name] if other not in count))
-        count |= dict.fromkeys(edge, max(count.values()) + 1)
-    return [count[name] for name in names]
-
-
-def _tree(names: Sequence[str], near: Mapping[str, Sequence[str]], steps: FloatArray) -> FloatArray:
+def _tree(graph: csr_array, steps: FloatArray) -> FloatArray:
     """Nodes on circles around the one nearest to all; each has as wide a sector as there are nodes beyond it."""
-    middle = names[int(np.argmin(steps.sum(axis=1)))]
-    below: dict[str, list[str]] = {name: [] for name in names}
-    reached, order = {middle}, [middle]
-    for name in order:
-        for other in dict.fromkeys(near[name]):
-            if other not in reached:
-                reached.add(other)
-                below[name].append(other)
-                order.append(other)
-    weight = dict.fromkeys(names, 1.0)
-    for name in reversed(order):
-        weight[name] += sum(weight[other] for other in below[name])
-    points, sector = {middle: (0.0, 0.0)}, {middle: (0.0, 2 * np.pi)}
-    for name in order:
-        begin, end = sector[name]
-        whole = sum(weight[other] for other in below[name])
-        radius = _APART * (1 + steps[names.index(middle), names.index(name)])
-        for other in below[name]:
-            width = (end - sector[name][0]) * weight[other] / whole
-            sector[other] = (begin, begin + width)
-            points[other] = (radius * np.cos(begin + width / 2), radius * np.sin(begin + width / 2))
-            begin += width
-    return np.array([points[name] for name in names])
+    middle = int(np.argmin(steps.sum(axis=1)))
+    order, above = breadth_first_order(graph, middle, directed=False)
+    weight = np.ones(len(order))
+    for node in order[:0:-1]:
+        weight[above[node]] += weight[node]
+    width, begin, free = np.full(len(order), 2 * np.pi), np.zeros(len(order)), np.zeros(len(order))
+    for node in order[1:]:
+        parent = above[node]
+        width[node] = width[parent] * weight[node] / (weight[parent] - 1)
+        begin[node] = free[node] = free[parent]
+        free[parent] += width[node]
+    turn = begin + width / 2
+    return np.asarray(_APART * steps[middle][:, None] * np.column_stack([np.cos(turn), np.sin(turn)]))
 
 
 def _settled(points: FloatArray, wanted: FloatArray) -> FloatArray:
@@ -162,9 +125,3 @@ def _pushed_apart(points: FloatArray, sizes: FloatArray) -> FloatArray:
         if not moved:
             break
     return points
-
-
-def _extent(points: Mapping[str, Point], sizes: Mapping[str, Point]) -> tuple[FloatArray, FloatArray]:
-    middles = np.array([points[name] for name in points])
-    half = np.array([sizes[name] for name in points]) / 2
-    return (middles - half).min(axis=0), (middles + half).max(axis=0)

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from lptn.basics.lines import decimated, time_axis
+from lptn.basics.lines import decimated, time_unit
 from lptn.basics.style import (
     ERROR,
     FAINT,
@@ -23,9 +23,11 @@ from lptn.basics.style import (
     SMALL,
     TEXT,
     dress,
+    legend_above,
     new_axes,
     new_figure,
     plain,
+    stacked_axes,
 )
 from lptn.online.forecasting import Forecast, NodeForecast
 from lptn.online.monitoring import MonitoredRun, Monitoring
@@ -107,7 +109,7 @@ def forecast_figure(forecast: Forecast) -> Figure:
         Line2D([], [], color=LIMIT, linewidth=1.2, label="limit"),
         Line2D([], [], color=INK, linewidth=3.0, marker="o", markersize=4, label="time to the limit, interval"),
     ]
-    figure.legend(handles=handles, loc="outside upper center", ncols=5, fontsize=SMALL, frameon=False)
+    legend_above(figure, handles)
     return figure
 
 
@@ -140,8 +142,8 @@ def plot_monitored(monitored: MonitoredRun, node: str, threshold: float | None =
     """
     ax = new_axes(2.6) if ax is None else ax
     row = monitored.nodes.index(node)
-    seconds = monitored.run.time
-    time, label = time_axis(monitored.run.elapsed)
+    unit, label = time_unit(float(np.ptp(monitored.run.elapsed)))
+    time = monitored.run.elapsed / unit
     if threshold is None:
         ax.plot(*decimated(time, monitored.measured[row]), **MEASURED)
         ax.plot(*decimated(time, monitored.predicted[row]), **GIVEN)
@@ -153,12 +155,11 @@ def plot_monitored(monitored: MonitoredRun, node: str, threshold: float | None =
         top = 1.15 * max(threshold, float(np.nanmax(np.abs(monitored.error[row]), initial=0.0)))
         ax.set_ylim(-top, top)
         ax.set_ylabel(ERROR, size=SMALL)
-    per_second = (time[-1] - time[0]) / (seconds[-1] - seconds[0])
     alarms = ((monitored.threshold_alarms, _THRESHOLD_ALARM), (monitored.statistical_alarms, _STATISTICAL_ALARM))
     for called, style in alarms:
         for alarm in called:
             if alarm.node == node:
-                ax.axvline(float(time[0] + (alarm.time - seconds[0]) * per_second), **style)
+                ax.axvline((alarm.time - monitored.run.origin) / unit, **style)
     every = (*monitored.statistical_alarms, *monitored.threshold_alarms)
     kinds = dict.fromkeys(alarm.kind for alarm in every if alarm.node == node)
     title = f"{node}, run {monitored.run.name}: {' or '.join(kinds) or 'no alarm'}"
@@ -178,17 +179,10 @@ def monitoring_figure(result: Monitoring) -> Figure:
     columns = min(len(chosen), 2)
     rows = -(-len(chosen) // columns)
     figure = new_figure(_MONITOR_LEGEND + _MONITOR_PANEL * rows)
-    grid = figure.subplots(2 * rows, columns, squeeze=False, gridspec_kw={"height_ratios": [2, 1.15] * rows})
-    if len(chosen) < rows * columns:
-        for ax in grid[-2:, -1]:
-            ax.set_axis_off()
-    for place, (monitored, node) in enumerate(chosen):
-        line, column = 2 * (place // columns), place % columns
-        upper, lower = grid[line, column], grid[line + 1, column]
+    pairs = stacked_axes(figure, len(chosen), columns)
+    for (monitored, node), (upper, lower) in zip(chosen, pairs, strict=True):
         plot_monitored(monitored, node, ax=upper).set_xlabel("")
-        upper.tick_params(labelbottom=False)
         plot_monitored(monitored, node, result.threshold, lower).set_title("", loc="left")
-        lower.sharex(upper)
     handles = [
         Line2D([], [], label="measured; error", **MEASURED),
         Line2D([], [], label="model, running freely", **GIVEN),
@@ -196,7 +190,7 @@ def monitoring_figure(result: Monitoring) -> Figure:
         Line2D([], [], label="threshold alarm", **_THRESHOLD_ALARM),
         Line2D([], [], label=f"threshold ±{result.threshold:g} K", **_THRESHOLD),
     ]
-    figure.legend(handles=handles, loc="outside upper center", ncols=5, frameon=False, fontsize=SMALL)
+    legend_above(figure, handles)
     return figure
 
 

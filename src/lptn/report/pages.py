@@ -17,7 +17,7 @@ from lptn.identify.fitting import Fit
 from lptn.references import works_cited
 from lptn.report.comparison_figures import NAMES, condition_figures, predictions_figure, versus_figure
 from lptn.report.diagnosis_figures import detectability_figure, history_figure
-from lptn.report.document import Picture, picture, render
+from lptn.report.document import Picture, render
 from lptn.report.heat_figures import field_figures
 from lptn.report.heat_story import HeatStory, heat_line_picture, heat_map_picture, learned_picture
 from lptn.report.narrative import (
@@ -131,7 +131,7 @@ def story_html(
         more_stretches=max(len(left) - _FEW, 0),
         hiding=heat.hiding,
         more_than_noise=history.remaining != "adequate",
-        predictions=picture(_about_predictions(given, best, data, which), _predictions(given, best)),
+        predictions=Picture(_about_predictions(given, best, data, which), _predictions(given, best)),
         told=effects_table(history),
         refused=refused_table(history),
         coarse=_coarse_step(history),
@@ -184,7 +184,7 @@ def conditions_picture(given: Comparison, best: Comparison | None, which: str) -
     for model, comparison in (("model as given" if best else "model", given), ("best model", best)):
         if comparison is not None:
             text += f" Largest error of the {model}: {largest_error(comparison).text}"
-    return picture(text, *drawings) if drawings else None
+    return Picture(text, *drawings) if drawings else None
 
 
 def _errors(given: Comparison, best: Comparison | None, which: str) -> Picture:
@@ -192,7 +192,7 @@ def _errors(given: Comparison, best: Comparison | None, which: str) -> Picture:
     figures = field_figures(error_fields(given), error_fields(best) if best else [], "K", _PALE * noise)
     text = f"Error (predicted − measured) on the {which} runs: red where the model is too hot, blue where too cold"
     drawings = (inline_svg(figure, "errors by node and time") for figure in figures)
-    return picture(f"{text} (hatched where clearly so).", *drawings)
+    return Picture(f"{text} (hatched where clearly so).", *drawings)
 
 
 def _predictions(given: Comparison, best: Comparison | None = None, names: tuple[str, str] = NAMES) -> Markup:
@@ -227,7 +227,7 @@ def _fall(history: History) -> Picture:
     drawing = inline_svg(history_figure(history.steps), "RMSE of each step on fit, held-out and test data")
     held = "judge it by the held-out errors" if history.best.holdout else "no data were held out to test it"
     best = f"the best model (step {len(history.steps) - 1}, green)"
-    return picture(f"RMSE from the model as given (step 0, blue) to {best}; {held}.", drawing)
+    return Picture(f"RMSE from the model as given (step 0, blue) to {best}; {held}.", drawing)
 
 
 def detectability_picture(sizes: Sequence[Detectable]) -> Picture | None:
@@ -242,7 +242,7 @@ def detectability_picture(sizes: Sequence[Detectable]) -> Picture | None:
         "the largest would. An effect that was not found is smaller, or absent. Right of the dashed line even one of "
         f"typical size could be missed ({hidden} of {len(rows)} effects wherever they are)."
     )
-    return picture(text, drawing)
+    return Picture(text, drawing)
 
 
 # --- one model against logs: where it fails, without a diagnosis ----------------------------------------------
@@ -269,7 +269,7 @@ def comparison_html(comparison: Comparison, title: str) -> str:
         charts=charts.html(CHARTS),
         thinned=thinned,
         said=comparison_narrative(comparison),
-        predictions=picture(caption, _predictions(comparison)),
+        predictions=Picture(caption, _predictions(comparison)),
         maps=conditions_picture(comparison, None, "compared"),
         errors=error_table(comparison),
         conditions=condition_table(comparison),
@@ -309,8 +309,8 @@ def versus_html(result: Versus, title: str) -> str:
         thinned=thinned,
         names=result.names,
         said=versus_narrative(result),
-        bars=picture(bars, inline_svg(versus_figure(result), "errors of both models by class of joints and by run")),
-        predictions=picture(caption, _predictions(given, best, names)),
+        bars=Picture(bars, inline_svg(versus_figure(result), "errors of both models by class of joints and by run")),
+        predictions=Picture(caption, _predictions(given, best, names)),
         classes=versus_table("joints", result.classes),
         runs=versus_table("run", result.runs),
         data=data_table({"compared": tuple(prediction.segment for prediction in result.model.predictions)}),

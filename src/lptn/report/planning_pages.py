@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lptn.basics.arrays import FloatArray
-from lptn.basics.lines import LONG, thinned
+from lptn.basics.lines import thinned, time_unit
 from lptn.basics.style import inline_svg
 from lptn.planners.limiter.task import LimitAnswer
 from lptn.planners.mission.answer import MissionAnswer
 from lptn.planners.mpc.answer import TrackAnswer
 from lptn.report.charts import POINTS, ChartPanel, Charts, Line, View
-from lptn.report.document import picture, render
+from lptn.report.document import Picture, render
 from lptn.report.tables import ReportTable
 from lptn.report.text import for_people, unit_text
 
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from lptn.planners.tasks import Answer
     from lptn.planners.trade import FrontPoint, StudyResult
 
-_CHARTS = "plan"
 _TEMPERATURE = ChartPanel(
     "temperature [°C]", "°C", (Line("temperature", "temperature", "given"), Line("limit", "limit", "limit")), 210
 )
@@ -38,18 +37,15 @@ def plan_html(answer: Answer, title: str) -> str:
     Returns:
         HTML text, with all joints to look through.
     """
-    text = answer.text()
     charts = _charts_of(answer)
-    what = (
-        "The plan in one figure." if charts is None else "The plan in one figure; on screen all joints, one at a time."
-    )
+    what = f"The plan in one figure{'; on screen all joints, one at a time' if charts else ''}."
     return render(
         "planning.html.j2",
         title=title,
-        said=[for_people(line) for line in text.splitlines()],
-        charts=[charts.html(_CHARTS)] if charts is not None else [],
+        said=[for_people(line) for line in answer.text().splitlines()],
+        charts=[charts.html("plan")] if charts else [],
         headings=["Over time" if not isinstance(answer, LimitAnswer) else "By how long it is asked"],
-        still=picture(what, inline_svg(answer.figure(), title)),
+        still=Picture(what, inline_svg(answer.figure(), title)),
     )
 
 
@@ -65,47 +61,43 @@ def _charts_of(answer: Answer) -> Charts | None:
 def _track(answer: TrackAnswer) -> Charts:
     task, heat = answer.task, answer.task.heating
     ends = task.period * np.arange(len(task.asked) + 1, dtype=float)
-    unit = _time_unit(float(ends[-1]))
-    values: dict[str, FloatArray] = {}
-    views = []
     nodes = list(heat.model.places)
-    for name in dict.fromkeys([*heat.joints, *nodes]):
-        lines: dict[str, FloatArray] = {}
-        if name in heat.joints:
-            number = heat.joints.index(name)
-            for key, column in (("requested", np.abs(task.asked)), ("admitted", np.abs(answer.admitted))):
-                lines[key] = np.append(column[:, number], np.nan)
-        if name in nodes:
-            lines["temperature"] = answer.temperatures[nodes.index(name)]
-            lines |= _limit_line(answer.limits, name, ends)
-        at, thin = thinned(ends, np.array(list(lines.values())), POINTS)
-        values[name] = at / unit
-        views.append(View((name,), name, name, dict(zip(lines, thin, strict=True))))
-    unit_asked = unit_text(heat.unit)
+    lines: dict[str, dict[str, FloatArray]] = {name: {} for name in [*heat.joints, *nodes]}
+    for number, name in enumerate(heat.joints):
+        for key, column in (("requested", np.abs(task.asked)), ("admitted", np.abs(answer.admitted))):
+            lines[name][key] = np.append(column[:, number], np.nan)
+    for row, name in enumerate(nodes):
+        lines[name] |= {"temperature": answer.temperatures[row]} | _limit_line(answer.limits, name, ends)
+    unit = unit_text(heat.unit)
     asked = Line("requested", "requested", "measured", steps=True), Line("admitted", "admitted", "best", steps=True)
-    panels = (ChartPanel(f"{heat.request} [{unit_asked}]", unit_asked, asked, 170), _TEMPERATURE)
-    return Charts(_time_label(unit), panels, views, values, {"joint": [view.keys[0] for view in views]})
+    return _over_time(ends, lines, (ChartPanel(f"{heat.request} [{unit}]", unit, asked, 170), _TEMPERATURE), "joint")
 
 
 def _mission(answer: MissionAnswer) -> Charts:
     plan = answer.plan
     time = np.asarray(plan.course.time, dtype=float)
-    unit = _time_unit(float(time[-1]) if time.size else 0.0)
     piece = np.clip(np.searchsorted(np.cumsum(plan.time), time, side="right"), 0, max(len(plan.time) - 1, 0))
     common = {"speed": plan.speed[piece], "load": plan.load[piece]} if plan.time.size else {}
-    values: dict[str, FloatArray] = {}
-    views = []
-    for row, node in enumerate(plan.mission.model.places):
-        lines = {"temperature": plan.course.states[row], **_limit_line(plan.mission.limits, node, time), **common}
-        at, thin = thinned(time, np.array(list(lines.values())), POINTS)
-        values[node] = at / unit
-        views.append(View((node,), node, node, dict(zip(lines, thin, strict=True))))
-    panels = (
-        _TEMPERATURE,
-        ChartPanel("speed [m/s]", "m/s", (Line("speed", "speed", "measured", steps=True),), 110, zero=True),
-        ChartPanel("load [kg]", "kg", (Line("load", "load", "given", steps=True),), 100, zero=True),
-    )
-    return Charts(_time_label(unit), panels, views, values, {"node": [view.keys[0] for view in views]})
+    lines = {
+        node: {"temperature": plan.course.states[row], **_limit_line(plan.mission.limits, node, time), **common}
+        for row, node in enumerate(plan.mission.model.places)
+    }
+    speed = ChartPanel("speed [m/s]", "m/s", (Line("speed", "speed", "measured", steps=True),), 110, zero=True)
+    load = ChartPanel("load [kg]", "kg", (Line("load", "load", "given", steps=True),), 100, zero=True)
+    return _over_time(time, lines, (_TEMPERATURE, speed, load), "node")
+
+
+def _over_time(
+    time: FloatArray, lines: Mapping[str, Mapping[str, FloatArray]], panels: tuple[ChartPanel, ...], choice: str
+) -> Charts:
+    """Lines over time [s], a view for each place, which the reader chooses."""
+    unit, label = time_unit(float(time[-1]) if time.size else 0.0)
+    values, views = {}, []
+    for name, own in lines.items():
+        at, thin = thinned(time, np.array(list(own.values())), POINTS)
+        values[name] = at / unit
+        views.append(View((name,), name, name, dict(zip(own, thin, strict=True))))
+    return Charts(label, panels, views, values, {choice: list(lines)})
 
 
 def _limit(answer: LimitAnswer) -> Charts | None:
@@ -129,14 +121,6 @@ def _limit(answer: LimitAnswer) -> Charts | None:
 
 def _limit_line(limits: Mapping[str, float], name: str, time: FloatArray) -> dict[str, FloatArray]:
     return {"limit": np.full(time.size, limits[name])} if name in limits else {}
-
-
-def _time_unit(seconds: float) -> float:
-    return 60.0 if seconds > LONG else 1.0
-
-
-def _time_label(unit: float) -> str:
-    return "time [min]" if unit > 1 else "time [s]"
 
 
 # --- cooling studies ------------------------------------------------------------------------------------------
@@ -168,7 +152,7 @@ def trade_html(result: StudyResult) -> str:
         table=ReportTable(tuple(for_people(head) for head in heads), tuple(rows)),
         charts=list(charts.values()),
         headings=list(charts),
-        still=picture("The study in one figure.", inline_svg(study_figure(result), result.study.question.name)),
+        still=Picture("The study in one figure.", inline_svg(study_figure(result), result.study.question.name)),
     )
 
 
@@ -204,20 +188,16 @@ def _front_panels(
 ) -> list[tuple[str, str, int, Callable[[FrontPoint], float]]]:
     """The goal, and below it what the designs are: label, unit, height [px], value of a point."""
     panels: list[tuple[str, str, int, Callable[[FrontPoint], float]]] = [
-        (goal, _unit_in(goal), 380, lambda point: scale * point.value)
+        (goal, goal.partition("[")[2].rstrip("]"), 380, lambda point: scale * point.value)
     ]
     if any(gear.is_sought for gear in result.study.gears):
         panels.append(("gear ratio", "", 120, lambda point: point.ratio))
     if result.with_sink is not None:
         panels += [
-            ("C [J/K]", "J/K", 120, lambda point: _or_nan(point.capacity)),
-            ("R_h [K/W]", "K/W", 120, lambda point: _or_nan(point.resistance)),
+            ("C [J/K]", "J/K", 120, lambda point: np.nan if point.capacity is None else point.capacity),
+            ("R_h [K/W]", "K/W", 120, lambda point: np.nan if point.resistance is None else point.resistance),
         ]
     return panels
-
-
-def _or_nan(value: float | None) -> float:
-    return float("nan") if value is None else value
 
 
 def _torque_speed(result: StudyResult) -> Charts:
@@ -249,9 +229,4 @@ def _curves(result: StudyResult) -> Charts:
 
 def _colour(result: StudyResult, name: str) -> int:
     """The number of a choice, the same in all charts."""
-    names: list[str] = list(result.drawn)
-    return names.index(name)
-
-
-def _unit_in(label: str) -> str:
-    return label.partition("[")[2].rstrip("]")
+    return list(result.drawn).index(name)

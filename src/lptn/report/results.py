@@ -57,15 +57,19 @@ class StudyComparison(_Told, Comparison):
         Raises:
             InputError: no such node, or it is measured in none of the runs.
         """
-        from lptn.report.comparison_figures import plot_predictions, plot_temperatures
+        from lptn.basics.style import SMALL, new_panels
+        from lptn.report.comparison_figures import plot_errors, plot_temperatures
         from lptn.report.shown import worst_view
 
         run, node = worst_view(self, node)
         given, best = (self.as_given(), self) if self.as_given else (self, None)
-        names = "model as given", "model now"
-        if ax is not None:
-            return plot_temperatures(given, node, run, best, ax, names)
-        return plot_predictions(given, node, run, best, names=names)[0]
+        upper, *lower = new_panels(2.4, 1.4) if ax is None else [ax]
+        plot_temperatures(given, node, run, best, upper, ("model as given", "model now"))
+        for below in lower:
+            upper.set_xlabel("")
+            upper.legend(frameon=False, fontsize=SMALL)
+            plot_errors(given, node, run, best, below)
+        return upper
 
 
 class StudyVersus(_Told, Versus):

@@ -11,11 +11,11 @@ import numpy as np
 from markupsafe import Markup
 
 from lptn.basics.arrays import FloatArray
-from lptn.basics.lines import LONG, thinned
+from lptn.basics.lines import thinned, time_unit
 from lptn.diagnose.unexplained_heat import UnexplainedHeat
 from lptn.identify.comparison import Comparison, Errors, Prediction
 from lptn.report.charts import POINTS, ChartPanel, Charts, Line, View, sizes_in_words
-from lptn.report.document import Picture, picture
+from lptn.report.document import Picture
 from lptn.report.network_course import hottest_moment
 from lptn.report.shown import NOISE_BAND
 from lptn.report.text import kelvin, signed_kelvin, significant
@@ -114,9 +114,9 @@ def time_charts(
     Returns:
         The charts, and a sentence on how they were thinned.
     """
-    minutes = max(run.stop - run.start for run in runs) > LONG
-    unit = 60.0 if minutes else 1.0
+    unit, label = time_unit(max(run.stop - run.start for run in runs))
     values: dict[str, FloatArray] = {}
+    rmse: dict[tuple[str, ...], float] = {}
     views, longest = [], 0.0
     for run in runs:
         prediction = given.predictions[run.number]
@@ -133,13 +133,13 @@ def time_charts(
             at, thin = thinned(time[inside], np.array(list(lines.values()))[:, inside], POINTS)
             drawn = dict(zip(lines, thin, strict=True)) | _heat(run.heat, node, at)
             values[run.label] = at / unit
-            shown = best if best is not None else given
-            rmse = kelvin(shown.node(node, shown.predictions[run.number]).rmse)
+            shown = best or given
+            rmse[node, run.label] = shown.node(node, shown.predictions[run.number]).rmse
             start = prediction.segment.evaluation[0] - prediction.segment.run.origin
             shaded = [(run.start / unit, start / unit)] if start > run.start else []
             floor = NOISE_BAND * given.floor(node)
-            title, began = f"{node}, {run.label}: RMSE {rmse}", prediction.segment.run.began
-            views.append(View((node, run.label), title, run.label, drawn, shaded, floor, began))
+            title = f"{node}, {run.label}: RMSE {kelvin(rmse[node, run.label])}"
+            views.append(View((node, run.label), title, run.label, drawn, shaded, floor, prediction.segment.run.began))
     panels = (
         ChartPanel(
             "temperature [°C]", "°C", (Line("measured", "measured", "measured"), *_of_models("", names, best)), 250
@@ -155,15 +155,8 @@ def time_charts(
         ),
     )
     order = {"node": list(dict.fromkeys(view.keys[0] for view in views)), "run": [run.label for run in runs]}
-    worst = {view.keys: -_rmse(best or given, view.keys, runs) for view in views}
-    views.sort(key=lambda view: worst[view.keys])
-    charts = Charts("time [min]" if minutes else "time [s]", panels, views, values, order)
-    return charts, sizes_in_words(longest)
-
-
-def _rmse(comparison: Comparison, keys: tuple[str, ...], runs: Sequence[Shown]) -> float:
-    run = next(run for run in runs if run.label == keys[1])
-    return comparison.node(keys[0], comparison.predictions[run.number]).rmse
+    views.sort(key=lambda view: -rmse[view.keys])
+    return Charts(label, panels, views, values, order), sizes_in_words(longest)
 
 
 def _of_models(what: str, names: tuple[str, str], best: Comparison | None) -> tuple[Line, ...]:
@@ -201,4 +194,4 @@ def network_picture(comparison: Comparison) -> Picture:
         "that the model predicts, lines are as wide as the heat that flows through them. A short line with a bar leads "
         "to the surroundings; numbers name what acts there."
     )
-    return picture(caption, Markup(drawing))
+    return Picture(caption, Markup(drawing))

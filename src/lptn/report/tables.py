@@ -6,10 +6,11 @@ import math
 import sys
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
+from lptn.basics.lines import time_unit
 from lptn.basics.parameters import ParameterInstance
 from lptn.basics.words import short_size
 from lptn.diagnose.improvement import History
@@ -41,8 +42,7 @@ if TYPE_CHECKING:
     from lptn.online.forecasting import Forecast, NodeForecast
 
 
-@dataclass(frozen=True)
-class ReportTable:
+class ReportTable(NamedTuple):
     """A table of text.
 
     Args:
@@ -60,9 +60,6 @@ class ReportTable:
 
 
 # --- a comparison -----------------------------------------------------------------------------------------
-
-
-_LONG = 600.0  # s; longer times are in minutes, as in the figures
 
 
 def error_table(comparison: Comparison, most: int | None = None) -> ReportTable:
@@ -96,18 +93,12 @@ def conditions_of(comparison: Comparison) -> list[Condition]:
     """`Comparison.conditions` with times in the unit in which a person reads them."""
     conditions = comparison.conditions()
     longest = max((condition.upper for condition in conditions if condition.quantity.endswith("[s]")), default=0.0)
-    if longest <= _LONG:
-        return conditions
+    unit, label = time_unit(longest)
     return [
-        replace(
-            condition,
-            quantity=condition.quantity[:-3] + "[min]",
-            lower=condition.lower / 60,
-            upper=condition.upper / 60,
-        )
-        if condition.quantity.endswith("[s]")
-        else condition
-        for condition in conditions
+        replace(one, quantity=f"{one.quantity[:-3]}{label[5:]}", lower=one.lower / unit, upper=one.upper / unit)
+        if one.quantity.endswith("[s]")
+        else one
+        for one in conditions
     ]
 
 

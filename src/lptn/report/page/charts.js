@@ -107,7 +107,7 @@ class Charts {
       series: [{ label: across.replace(/ \[.*/, ""), value: (_, value) => value == null ? "–" : `${clear(value)} ${seconds}${clock(view.began, seconds === "min" ? 60 * value : value)}` },
         ...shown.map(line => ({
           label: line.label, width: { measured: 1.1, soft: 0.6, best: 2 }[line.look] ?? 1.6, dash: DASHES[line.look], spanGaps: this.content.log || line.dots || !time,
-          stroke: color(line.look ? `--${line.look}` : `--colour${line.colour}`), ...(line.look === "points" ? { width: 0 } : {}),
+          stroke: color(line.look ? `--${line.look}` : `--colour${line.colour % 8}`), ...(line.look === "points" ? { width: 0 } : {}),
           points: line.look === "points" ? { show: true, size: 8, fill: color("--ink"), stroke: color("--ink") } : { show: line.dots, size: 5 },
           ...(line.steps ? { paths: uPlot.paths.stepped({ align: 1 }) } : {}),
           value: (_, value) => value == null ? "–" : `${clear(value)} ${panel.unit}`,
