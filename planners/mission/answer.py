@@ -86,12 +86,20 @@ class MissionAnswer:
         if table.empty:
             return "\n".join([*lines, *_prices(plan), "", "nothing to do", "", *_check(plan)])
         table["[degC]"] = plan.course.states[: len(plan.mission.model.places), plan.course.ends].max(axis=0)
+        table.columns = table.columns.map(lambda name: _HEADS.get(name, name))
         formats = {name: "{:.3g}" for segment in plan.segments for name in segment.gait.postures} | {
-            "start [s]": "{:.0f}", "duration [s]": "{:.0f}", "speed [m/s]": "{:.2f}", "load [kg]": "{:.1f}",
-            "distance [m]": "{:.0f}", "[degC]": "{:.1f}",
+            "from [s]": "{:.0f}", "for [s]": "{:.0f}", "[m/s]": "{:.2f}", "[kg]": "{:.1f}", "[m]": "{:.0f}",
+            "[degC]": "{:.1f}",
         }  # fmt: skip
         rows = table.to_string(index=False, formatters={name: form.format for name, form in formats.items()})
-        return "\n".join([*lines, *_prices(plan), "", rows, "", *_check(plan)])
+        return "\n".join([*lines, *_prices(plan), *_check(plan), "", rows])
+
+
+_HEADS = {
+    "start [s]": "from [s]", "duration [s]": "for [s]",
+    "speed [m/s]": "[m/s]", "load [kg]": "[kg]", "distance [m]": "[m]",
+}  # fmt: skip
+"""Heads of the table's columns on a terminal, where a line has 80 characters."""
 
 
 def _verdict(plan: MissionPlan) -> list[str]:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict
 
 import numpy as np
+
+from lptn.basics.words import few, listed
 
 from .answer import StudyResult
 from .designs import Design
@@ -92,37 +94,68 @@ def _design(design: Design, intervals: Mapping[str, Interval]) -> dict[str, obje
 def headline(result: StudyResult) -> str:
     """What was sought."""
     words, _, more = result.study.goal
-    return f"{result.study.question.name}: {'most' if more else 'least'} {words}, best choice first"
+    return f"{result.study.question.name}: {'largest' if more else 'smallest'} {words}, best choice first"
 
 
-def table(result: StudyResult) -> list[tuple[str, ...]]:
-    """A row of heads, then one for each feasible choice."""
+def table(result: StudyResult, *, brief: bool = False) -> list[tuple[str, ...]]:
+    """A row of heads, then one for each feasible choice; `brief`: the goal and how sure it is, without the design."""
     columns = _columns(result)
+    if brief:
+        columns = dict(list(columns.items())[: 2 if result.study.uncertainty is None else 4])
     return [tuple(columns), *(tuple(write(design) for write in columns.values()) for design in result.designs)]
 
 
-def remarks(result: StudyResult) -> Iterable[str]:
-    """Cautions, what was refused, sensitivities, the ends of the front."""
+def summary(result: StudyResult) -> Iterator[str]:
+    """Cautions, the best choice's limits, what was refused, the largest sensitivities and the ends of the front."""
+    yield from _cautions(result)
+    best = result.designs[0]
+    if best.binding:
+        yield f"{best.option.name}: limited by {listed(best.binding)}."
+    if result.refusals:
+        names = [f"'{refusal.option.name}'" for refusal in result.refusals]
+        yield f"No feasible design: {few(names, 2)}."
+    slopes = [f"{name} {relative:+.2g} % per {_step(best, name)}" for name, _, relative in strongest(best, 3)]
+    if slopes:
+        yield f"Most sensitive to: {', '.join(slopes)}."
+    yield from _front_ends(result)
+
+
+def remarks(result: StudyResult) -> Iterator[str]:
+    """Cautions, what was refused and why, sensitivities of the best choice and of each sink, the ends of the front."""
     words, unit, _ = result.study.goal
-    for design in result.designs:
-        if abs(design.checked - design.winding) > 0.5:  # K between the program's few elements and fine steps
-            yield f"{design.option.name}: caution, a simulation in fine steps reaches {design.checked:.1f} degC"
-        if design.degenerate:
-            why = "more constraints are active than it has freedom"
-            yield f"{design.option.name}: caution, {why}; its sensitivities are not unique"
+    yield from _cautions(result)
     for refusal in result.refusals:
         yield f"{refusal.option.name}: no feasible design; it would need {refusal}"
     for best in result.designs[:1]:
         yield f"Sensitivities of {words}, {best.option.name}, the design re-optimised:"
         for name, slope, relative in strongest(best):
             value, its_unit = best.parameters[name]
-            step = "K" if its_unit == "degC" else "%"
-            yield f"  {name} {value:.4g} {its_unit}: {slope:+.4g} {unit} per {its_unit} ({relative:+.2f} % per {step})"
+            share = f"{relative:+.2f} % per {_step(best, name)}"
+            yield f"  {name} {value:.4g} {its_unit}: {slope:+.4g} {unit} per {its_unit} ({share})"
     for design in result.designs:
         if design.sink_sensitivities and design.option.name in result.drawn:
             gram, resistance = design.sink_sensitivities["mass"] / 1e3, design.sink_sensitivities["resistance"]
             numbers = f"{gram:+.3g} {unit} per g of slab, {resistance:+.3g} {unit} per K/W"
             yield f"  {design.option.name}, the sink as it is: {numbers}"
+    yield from _front_ends(result)
+
+
+def _step(design: Design, name: str) -> str:
+    """Of what a parameter's sensitivity is given as a share: a temperature has no natural zero."""
+    return "K" if design.parameters[name][1] == "degC" else "%"
+
+
+def _cautions(result: StudyResult) -> Iterator[str]:
+    for design in result.designs:
+        if abs(design.checked - design.winding) > 0.5:  # K between the program's few elements and fine steps
+            yield f"{design.option.name}: caution, a simulation in fine steps reaches {design.checked:.1f} degC"
+        if design.degenerate:
+            why = "more constraints are active than it has freedom"
+            yield f"{design.option.name}: caution, {why}; its sensitivities are not unique"
+
+
+def _front_ends(result: StudyResult) -> Iterator[str]:
+    unit = result.study.goal[1]
     if result.front:
         first, last = result.front[0], result.front[-1]
         against = result.study.sweep.against if result.study.sweep else ""

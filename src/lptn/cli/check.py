@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from lptn.diagnose.excitation import Identifiability
     from lptn.identify.data import LoadedModel
     from lptn.logs.guess import Guess
+    from lptn.logs.issue import Issue
     from lptn.logs.run import Run
     from lptn.model.model import Model
     from lptn.simulate.bound_run import BoundRun
@@ -66,6 +67,8 @@ def check(
     print(*(sentence for sentence in said if sentence not in held), sep="\n")
     mapped = tuple(text.partition("=")[0] for text in columns.map or ())
     _show_logs(contents, lambda content: _urgent(content, loaded.guessing, mapped, whole=details), whole=details)
+    if not details:
+        _show_issues(contents)
     if runs:
         print(*held, Sentence("Next", _next(model, contents)), sep="\n")
         warn_of_absent_runs(loaded.model.network, runs)
@@ -230,6 +233,7 @@ def _content(loaded: LoadedModel, log: Path) -> LogContent:
 _MANY = 12  # names in a row
 _FITTED = 0.7  # share of a single log's time that is proposed for the fit
 _FEW = 3  # logs, proposals and names that the answer has; the details have all
+_ALIKE = 2  # things of one kind that the answer says in full
 
 
 def _next(model: Path, contents: Sequence[LogContent]) -> str:
@@ -268,6 +272,23 @@ def _show_logs(contents: Sequence[LogContent], lines_of: Callable[[LogContent], 
                 print(line)
 
 
+def _show_issues(contents: Sequence[LogContent]) -> None:
+    """What seems wrong in the logs; of more than two things of one kind the first, and where the others are."""
+    kinds: dict[str, dict[str, tuple[LogContent, Issue]]] = {}
+    for content in contents:
+        for issue in (issue for run in content.runs for issue in run.issues):
+            kinds.setdefault(issue.kind, {}).setdefault(f"{content.path} {issue.sentence}", (content, issue))
+    for found in kinds.values():
+        several = list(found.values())
+        for content, issue in several[: 1 if len(several) > _ALIKE else _ALIKE]:
+            print(f"WRONG? {f'{content.path.name}, ' if len(contents) > 1 else ''}{issue.sentence}")
+        if len(several) > _ALIKE:
+            others = list(dict.fromkeys(issue.key for _, issue in several[1:]))
+            logs = len({content.path for content, _ in several})
+            where = f" in {logs} logs" if logs > 1 else ""
+            print(f"WRONG? {len(several) - 1} more of this kind{where} ({few(others, _FEW)}): --details")
+
+
 def _notes(content: LogContent) -> Iterator[str]:
     """What else was noticed in a log."""
     if content.unused:
@@ -280,9 +301,8 @@ def _urgent(content: LogContent, guessing: bool, mapped: Sequence[str], *, whole
     most = None if whole else _FEW
     if content.unused and not content.used:
         yield f"  columns: {few(content.unused, _MANY)}"
-    yield from (f"  WRONG? {sentence}" for sentence in content.wrong[:most])
-    if len(content.wrong) > len(content.wrong[:most]):
-        yield f"  WRONG? and {len(content.wrong) - _FEW} more: --details"
+    if whole:
+        yield from (f"  WRONG? {sentence}" for sentence in content.wrong)
     yield from (f"  {note}" for note in content.notes if note.partition(":")[0] in mapped and not whole)
     if content.guesses and not guessing and (whole or content.missing):
         use = "what is missing" if content.missing else "speeds, by which `lptn diagnose` can test more effects"

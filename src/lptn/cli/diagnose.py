@@ -90,8 +90,12 @@ def show_answers(diagnosis: Diagnosis) -> None:
         same = ", ".join(f"{effect} at {place}" for effect, place in missing.indistinguishable)
         rows.append((*missing.key, size_text(missing, missing.fit), percent(missing.probability), same))
     show_table(("effect", "at", "size", ">probability", "or"), rows)
-    one_run = any("@" in (step.at or "") for step in diagnosis.steps)
-    print(f"at: * is everywhere.{' NODE@RUN is in that run alone.' if one_run else ''}")
+    places = " ".join(step.at or "" for step in diagnosis.steps)
+    meaning = [
+        words for sign, words in (("*", "* is everywhere."), ("@", "NODE@RUN is in that run alone.")) if sign in places
+    ]
+    if meaning:
+        print("at:", *meaning)
 
 
 _FEW = 3  # rivals named in a sentence; all of them are in the JSON and on the page

@@ -71,7 +71,7 @@ def fit(
     if logs or held.holdout:
         beside = "LOGS" if logs else "--holdout"
         raise InputError("command line", "--each", f"{beside} beside it", "all logs behind --each, or no --each")
-    _fit_each(model, each, output, held, symmetry_penalty, json, jobs)
+    _fit_each(model, each, output, held, symmetry_penalty, details, json, jobs)
 
 
 # --- one robot --------------------------------------------------------------------------------------------
@@ -93,7 +93,7 @@ def _fit_one(
     check_inputs(model, *logs, *holdout)
     from lptn.cli.terminal import is_quiet, progress, show_written, write_json
     from lptn.identify.fitting import Checkpoint, fingerprint_of
-    from lptn.report.narrative import fit_narrative
+    from lptn.report.narrative import FEW, fit_narrative
     from lptn.study import Study
 
     with progress("reading"):
@@ -113,10 +113,11 @@ def _fit_one(
     with progress("fitting"):
         done = study.fit(symmetry_penalty=symmetry_penalty, checkpoint=checkpoint)
     held_out = study.steps[-1].holdout
-    print(fit_narrative(study.steps[-1], None) if details else fit_narrative(study.steps[-1]))
+    most = None if details else FEW
+    print(fit_narrative(study.steps[-1], most))
     if not is_quiet():
         _show_symmetry_trials(study.symmetry_trials)
-        _show_fit(done, None if details else _PARAMETERS)
+        _show_fit(done, most)
     if output is not None:
         study.save(output)
     show_written({"the fitted model": output})
@@ -135,9 +136,6 @@ def _show_symmetry_trials(trials: Sequence[SymmetryTrial]) -> None:
         show_table((">symmetry penalty", ">fit", ">held out"), rows)
 
 
-_PARAMETERS = 6  # in the answer; the details and the written file have all
-
-
 def _show_fit(done: Fit, most: int | None) -> None:
     """Values with standard errors; of many parameters the least certain."""
     from lptn.cli.terminal import show_table
@@ -153,7 +151,7 @@ def _show_fit(done: Fit, most: int | None) -> None:
 # --- each robot of a fleet --------------------------------------------------------------------------------
 
 
-_MOST = 20  # lines of outliers and of warnings
+_MOST = 3  # parameters, outliers, notes and warnings in the answer; the details have all
 
 
 def _fit_each(
@@ -162,6 +160,7 @@ def _fit_each(
     output: Path | None,
     held: HeldOut,
     symmetry_penalty: float | Literal["auto"],
+    details: bool,
     json: Path | None,
     jobs: int,
 ) -> None:
@@ -200,7 +199,7 @@ def _fit_each(
         sys.exit(130)
     write_tables(fleet, folder)
     write_json(json, fleet.as_json())
-    _show_fleet(fleet, folder)
+    _show_fleet(fleet, folder, details)
     if fleet.failed:
         sys.exit(1)
 
@@ -215,21 +214,32 @@ def _folder(output: Path | None) -> Path:
     return output
 
 
-def _show_fleet(fleet: Fleet, folder: Path) -> None:
+def _show_fleet(fleet: Fleet, folder: Path, details: bool) -> None:
     """The spread of each parameter, robots that stand apart, warnings, and one line that counts."""
     from lptn.cli.terminal import show_table
 
+    spreads, most = list(fleet.spread), None if details else _MOST
+    if most is not None and len(spreads) > most + 1:
+        width = {one.what: (one.quartiles[1] - one.quartiles[0]) / max(abs(one.median), 1e-300) for one in spreads}
+        spreads = [spreads[0], *sorted(spreads[1:], key=lambda one: -width[one.what])[:most]]
+        print(f"The RMSE, and the {most} of {len(fleet.spread) - 1} parameters that differ most between robots:")
     rows = []
-    for spread in fleet.spread:
+    for spread in spreads:
         numbers = (f"{value:.4g}" for value in (spread.quartiles[0], spread.median, spread.quartiles[1]))
         rows.append((spread.what, str(spread.robots), *numbers, spread.unit))
     if fleet.fitted:
         show_table(("parameter", ">robots", ">25 %", ">median", ">75 %", "unit"), rows)
     notes = Counter(note for outcome in fleet.fitted for note in outcome.result.get("notes", ()))
     warnings = Counter(warning for outcome in fleet.fitted for warning in _warnings_of(outcome))
-    _show_lines([str(outlier) for outlier in fleet.outliers], "robots that stand apart")
-    _show_lines([f"{count_of(count, 'robot')}: {what}" for what, count in notes.most_common()], "notes on logs")
-    _show_lines([f"Warning: {what}, {count_of(count, 'robot')}." for what, count in warnings.most_common()], "warnings")
+    for what, lines in (
+        ("robots that stand apart", [str(outlier) for outlier in fleet.outliers]),
+        ("notes on logs", [f"{count_of(count, 'robot')}: {note}" for note, count in notes.most_common()]),
+        ("warnings", [f"Warning: {what}, {count_of(count, 'robot')}." for what, count in warnings.most_common()]),
+    ):
+        for line in lines[:most]:
+            print(line)
+        if len(lines) > len(lines[:most]):
+            print(f"... and {len(lines) - len(lines[:most])} more {what}: --details")
     before = sum(outcome.status == "unchanged" for outcome in fleet.outcomes)
     words = f"{len(fleet.fitted)} of {len(fleet.outcomes)} robots fitted"
     words += f", {before} of them before" if before else ""
@@ -241,11 +251,3 @@ def _warnings_of(outcome: Outcome) -> list[str]:
     """A robot's warnings without its own numbers, so that like ones count together."""
     warnings = [warning.partition(" (")[0] for warning in outcome.result.get("warnings", ())]
     return warnings if outcome.converged else [*warnings, f"search {outcome.result.get('status')}"]
-
-
-def _show_lines(lines: list[str], what: str) -> None:
-    """The first of many lines."""
-    for line in lines[:_MOST]:
-        print(line)
-    if len(lines) > _MOST:
-        print(f"... and {len(lines) - _MOST} more {what}: see --json")

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from itertools import accumulate
+from math import ceil
 from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter as Option
 
-from lptn.cli.options import HtmlReport, Json, Picture, check_outputs, write_figure
+from lptn.cli.options import Details, HtmlReport, Json, Picture, check_outputs, write_figure
+
+_LINES, _COLUMNS = 14, 80  # of a plan in the answer; the details and the table have all
 
 
 def plan(
@@ -18,6 +22,7 @@ def plan(
     output: Annotated[
         Path | None, Option(name=["--output", "-o"], help="Table to write the plan to: .csv or .parquet.")
     ] = None,
+    details: Details = False,
     json: Json = None,
     plot: Picture = None,
     report: HtmlReport = None,
@@ -44,7 +49,10 @@ def plan(
     asked = kind.read(table, str(task), Model(read_model_file(model).network))
     with progress("planning"):
         answer = kind.run(asked)
-    print(answer.text())
+    lines = answer.text().splitlines()
+    ends = list(accumulate(max(1, ceil(len(line) / _COLUMNS)) for line in lines))
+    kept = len(lines) if details or ends[-1] <= _LINES else sum(end < _LINES for end in ends)
+    print(*lines[:kept], *([f"and {len(lines) - kept} more lines: --details"] if kept < len(lines) else []), sep="\n")
     if output is not None:
         write_table(output, answer.table())
     if plot is not None:

@@ -7,7 +7,8 @@ from typing import Annotated
 
 from cyclopts import Parameter as Option
 
-from lptn.cli.options import HtmlReport, Picture, check_outputs, write_figure
+from lptn.basics.words import count_of
+from lptn.cli.options import Details, HtmlReport, Picture, check_outputs, write_figure
 
 Result = Annotated[Path | None, Option(name=["--json", "--output", "-o"], help="JSON file for the result.")]
 Diagram = Annotated[
@@ -16,10 +17,18 @@ Diagram = Annotated[
         help="File for the torque-speed-time diagram: how long each torque can be held at each speed (PNG, SVG, PDF)."
     ),
 ]
+_BEST = 5  # choices in the answer; the details have all
 
 
 def trade(
-    study: Path, /, *, json: Result = None, plot: Picture = None, diagram: Diagram = None, report: HtmlReport = None
+    study: Path,
+    /,
+    *,
+    details: Details = False,
+    json: Result = None,
+    plot: Picture = None,
+    diagram: Diagram = None,
+    report: HtmlReport = None,
 ) -> None:
     """Solve a trade study of motor, gear and cooling.
 
@@ -27,9 +36,10 @@ def trade(
 
     Example: lptn trade u8.toml --json result.json --plot study.png
     """
-    from lptn.cli.terminal import progress, show_table, write_json
+    from lptn.cli.terminal import progress, show_table, show_written, write_json
     from lptn.planners.trade import load_study, solve_study
-    from lptn.planners.trade.export import as_json, headline, remarks, table
+    from lptn.planners.trade.export import as_json, headline, remarks, summary, table
+    from lptn.report.text import for_people
 
     check_outputs(json, report, pictures=[plot, diagram], inputs=(study,))
     asked = load_study(study)
@@ -42,10 +52,14 @@ def trade(
         from lptn.planners.trade.figures import torque_speed_figure
 
         write_figure(torque_speed_figure(result), diagram)
-    (choice, *numbers, constraints), *rows = table(result)
-    show_table((choice, *(f">{head}" for head in numbers), constraints), rows, headline(result))
-    for remark in remarks(result):
-        print(remark)
+    (choice, *numbers), *rows = table(result, brief=not details)
+    heads = [choice, *(for_people(head if head == "active constraints" else f">{head}") for head in numbers)]
+    shown = rows if details else rows[:_BEST]
+    show_table(heads, shown, headline(result))
+    if len(shown) < len(rows):
+        print(f"and {count_of(len(rows) - _BEST, 'choice')} more: --details")
+    for remark in remarks(result) if details else summary(result):
+        print(for_people(remark))
     if plot is not None:
         from lptn.planners.trade.figures import study_figure
 
@@ -56,3 +70,4 @@ def trade(
 
         write_whole(report, trade_html(result))
     write_json(json, as_json(result))
+    show_written({"open it in a browser": report})

@@ -169,11 +169,12 @@ def narrative(steps: Sequence[Step], last: Diagnosis | None, advice: Advice | No
 def fit_narrative(step: Step, most: int | None = FEW) -> Narrative:
     """The errors of a fit, how its search ended, and what its data leave open, `most` warnings of it."""
     warnings, ended = step.fit.uncertainty.warnings, _ENDED[step.fit.status]
+    more = len(warnings) - len(warnings[:most])
     said = [Sentence("Error", errors_in_words([step]))]
     said.append(Sentence("Fit", f"{count_of(len(step.fit.free), 'free parameter')}; the search {ended}."))
     said += [Sentence("Warning", f"{warning}.") for warning in warnings[:most]]
-    if len(warnings) > len(warnings[:most]):
-        said.append(Sentence("Warning", f"{len(warnings[most:])} more parameters are in doubt."))
+    if more:
+        said.append(Sentence("Warning", f"{count_of(more, 'more warning')}: --details."))
     return Narrative(said)
 
 

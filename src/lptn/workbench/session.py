@@ -250,7 +250,8 @@ class WorkbenchSession:
             InputError: no such run or node, or a stretch that can't be compared with the rest.
         """
         lines, models = self._lines_of(asked.segment)
-        return special(lines.time, lines.error(asked.node, models["now"]), lines.inputs, asked.start, asked.stop)
+        error, origin = lines.error(asked.node, models["now"]), self._segment(asked.segment)["origin"]
+        return special(lines.time, error, lines.inputs, asked.start, asked.stop, origin)
 
     def residuals(self, asked: ResidualsAsked) -> Residuals:
         """What the errors of a node look like where they count.
@@ -259,7 +260,7 @@ class WorkbenchSession:
             InputError: no such run or node, or too little was measured.
         """
         lines, models = self._lines_of(asked.segment)
-        segment = next(entry for entry in self._content["segments"] if entry["key"] == asked.segment)
+        segment = self._segment(asked.segment)
         counts = (lines.time >= segment["from"]) & (lines.time < segment["to"])
         step = float(lines.time[1] - lines.time[0])
         return residuals(lines.error(asked.node, models["now"])[counts], step)
@@ -276,6 +277,9 @@ class WorkbenchSession:
             raise InputError("network", "run", asked.segment, f"one of {', '.join(self._networks) or 'none yet'}")
         time = course.hottest[2] if asked.time is None else asked.time
         return {"drawing": course.drawing(time), "time": time}
+
+    def _segment(self, key: str) -> dict[str, Any]:
+        return next(entry for entry in self._content["segments"] if entry["key"] == key)
 
     def _lines_of(self, segment: str) -> tuple[RunLines, dict[str, str]]:
         with self._lock:

@@ -21,6 +21,7 @@ from scipy.signal import fftconvolve, lfilter
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
+from lptn.logs.clock import stretch_in_words
 from lptn.logs.resampling import means_of_blocks
 
 _LAGS = {"": 0.0, "over the last minute": 60.0, "over the last ten minutes": 600.0}  # s
@@ -64,7 +65,12 @@ class Special:
 
 
 def special(
-    time: FloatArray, error: FloatArray, inputs: Mapping[str, FloatArray], start: float, stop: float
+    time: FloatArray,
+    error: FloatArray,
+    inputs: Mapping[str, FloatArray],
+    start: float,
+    stop: float,
+    origin: float = 0.0,
 ) -> Special:
     """What is special from `start` to `stop` of a run.
 
@@ -74,6 +80,7 @@ def special(
         inputs: the run's other columns, (n,) each.
         start: s.
         stop: s.
+        origin: of the log's clock [s]; messages count from there.
 
     Raises:
         InputError: too little was measured in the stretch, or outside it, to compare the two.
@@ -85,7 +92,7 @@ def special(
     finite = np.isfinite(deviation)
     length = int(inside.sum())
     if (inside & finite).sum() < _LEAST_INSIDE or (~inside & finite).sum() < 2 * length:
-        stretch = f"{start:.6g} to {stop:.6g} s"
+        stretch = stretch_in_words(start, stop, origin)
         raise InputError("plot", "stretch", stretch, "a third of the run or less, with readings in it and outside")
     shape = np.where(finite, deviation - np.mean(deviation[~inside & finite]), 0.0)[inside]
     first = int(np.argmax(inside))
