@@ -22,7 +22,7 @@ def add(
     run: Annotated[str, Option(help="The only run in which the effect acts; all by default.")] = "",
     set: Annotated[  # noqa: A002 - the option's name
         list[str] | None,
-        Option(help="Options and parameters of the effect: input=velocity span=6.", negative="", consume_multiple=True),
+        Option(help="Options and parameters of the effect: input=velocity span=6.", consume_multiple=True),
     ] = None,
     output: Output,
 ) -> None:

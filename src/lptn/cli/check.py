@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from lptn.model.model import Model
     from lptn.simulate.bound_run import BoundRun
 
-Drawing = Annotated[Path | None, Option(name="--drawing", help="Drawing of the network to write: .svg.")]
-Guessing = Annotated[bool, Option(name="--guess", help="Use the proposed columns, like --map guess.", negative="")]
+Drawing = Annotated[Path | None, Option(help="Drawing of the network to write: .svg.")]
+Guessing = Annotated[bool, Option(help="Use the proposed columns, like --map guess.")]
 
 
 def check(
@@ -67,8 +67,7 @@ def check(
     print(*(sentence for sentence in said if sentence not in held), sep="\n")
     mapped = tuple(text.partition("=")[0] for text in columns.map or ())
     _show_logs(contents, lambda content: _urgent(content, loaded.guessing, mapped, whole=details), whole=details)
-    if not details:
-        _show_issues(contents)
+    _show_issues(contents, most=None if details else _ALIKE)
     if runs:
         print(*held, Sentence("Next", _next(model, contents)), sep="\n")
         warn_of_absent_runs(loaded.model.network, runs)
@@ -272,17 +271,17 @@ def _show_logs(contents: Sequence[LogContent], lines_of: Callable[[LogContent], 
                 print(line)
 
 
-def _show_issues(contents: Sequence[LogContent]) -> None:
-    """What seems wrong in the logs; of more than two things of one kind the first, and where the others are."""
+def _show_issues(contents: Sequence[LogContent], most: int | None) -> None:
+    """What seems wrong in the logs; of more than `most` things of one kind the first, and where the others are."""
     kinds: dict[str, dict[str, tuple[LogContent, Issue]]] = {}
     for content in contents:
         for issue in (issue for run in content.runs for issue in run.issues):
             kinds.setdefault(issue.kind, {}).setdefault(f"{content.path} {issue.sentence}", (content, issue))
     for found in kinds.values():
-        several = list(found.values())
-        for content, issue in several[: 1 if len(several) > _ALIKE else _ALIKE]:
+        several, folded = list(found.values()), most is not None and len(found) > most
+        for content, issue in several[:1] if folded else several:
             print(f"WRONG? {f'{content.path.name}, ' if len(contents) > 1 else ''}{issue.sentence}")
-        if len(several) > _ALIKE:
+        if folded:
             others = list(dict.fromkeys(issue.key for _, issue in several[1:]))
             logs = len({content.path for content, _ in several})
             where = f" in {logs} logs" if logs > 1 else ""
@@ -301,8 +300,6 @@ def _urgent(content: LogContent, guessing: bool, mapped: Sequence[str], *, whole
     most = None if whole else _FEW
     if content.unused and not content.used:
         yield f"  columns: {few(content.unused, _MANY)}"
-    if whole:
-        yield from (f"  WRONG? {sentence}" for sentence in content.wrong)
     yield from (f"  {note}" for note in content.notes if note.partition(":")[0] in mapped and not whole)
     if content.guesses and not guessing and (whole or content.missing):
         use = "what is missing" if content.missing else "speeds, by which `lptn diagnose` can test more effects"

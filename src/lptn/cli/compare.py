@@ -20,7 +20,8 @@ from lptn.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from lptn.identify.comparison import Comparison, Versus
+    from lptn.identify.comparison import Versus
+    from lptn.report.tables import Table
 
 _WORST = 6  # rows of a table in the answer; the details have all
 
@@ -48,8 +49,9 @@ def compare(
     check_outputs(json, report, pictures=[plot], inputs=(model, *logs, *(() if against is None else (against,))))
     check_inputs(model, *logs)
     from lptn.basics.files import write_whole
-    from lptn.cli.terminal import is_quiet, progress, write_json
+    from lptn.cli.terminal import is_quiet, progress, show_table, write_json
     from lptn.identify.comparison import Versus
+    from lptn.report.tables import condition_table, error_table
     from lptn.study import Study
 
     with progress("reading"):
@@ -58,13 +60,18 @@ def compare(
         result = studies[0].compare(*studies[1:])
     print(result.narrative())
     if isinstance(result, Versus):
-        if not is_quiet():
-            _show_versus(result)
-        write_json(json, result.model.as_json() | {"against": result.as_json()})
+        tables = [] if is_quiet() else _tables_of_both(result)
+        written = result.model.as_json() | {"against": result.as_json()}
     else:
-        if not is_quiet():
-            _show_comparison(result, details)
-        write_json(json, result.as_json())
+        tables = [] if is_quiet() else [("", error_table(result, None if details else _WORST))]
+        tables += [("Worst by operating condition:", condition_table(result))] if details else []
+        written = result.as_json()
+    for title, table in tables:
+        if table.rows:
+            show_table(*table, title)
+    if tables and against is None:
+        print("error = predicted − measured; noise alone: RMSE from sensor noise alone.")
+    write_json(json, written)
     if plot is not None:
         from lptn.report.comparison_figures import comparison_figure, versus_figure
 
@@ -78,27 +85,11 @@ def compare(
             write_whole(report, comparison_html(result, studies[0].model.network.name))
 
 
-def _show_comparison(comparison: Comparison, details: bool) -> None:
-    """Errors by run and node, and among the details the conditions in which the model fails worst."""
-    from lptn.cli.terminal import show_table
-    from lptn.report.tables import condition_table, error_table
-
-    table = error_table(comparison, None if details else _WORST)
-    show_table(table.columns, table.rows)
-    worst = condition_table(comparison)
-    if worst.rows and details:
-        show_table(worst.columns, worst.rows, "Worst by operating condition:")
-    print("error = predicted − measured; noise alone: RMSE from sensor noise alone.")
-
-
-def _show_versus(result: Versus) -> None:
-    """Two models' errors by class of nodes and by run."""
-    from lptn.cli.terminal import show_table
+def _tables_of_both(result: Versus) -> list[tuple[str, Table]]:
+    """Two models' errors by class of nodes and by run, each with the line above it."""
     from lptn.report.tables import versus_table
 
-    print(f"Errors (predicted − measured) of {' / '.join(result.names)}, and the reduction of the largest:")
+    title = f"Errors (predicted − measured) of {' / '.join(result.names)}, and the reduction of the largest:"
     classes = result.classes[:1] if len(result.classes) == 2 else result.classes  # of one class and all
     runs = result.runs if len(result.runs) > 1 else []  # errors of one run are those of all nodes
-    for what, pairs in (("nodes", classes), *([("run", runs)] if runs else [])):
-        table = versus_table(what, pairs)
-        show_table(table.columns, table.rows)
+    return [(title, versus_table("nodes", classes)), ("", versus_table("run", runs))]

@@ -15,8 +15,7 @@ if TYPE_CHECKING:
     from lptn.fmu.cosim import Cosimulation
 
 Outputs = Annotated[
-    Path | None,
-    Option(name=["--output", "-o"], help="File for all outputs at the end of each step: .csv or .parquet."),
+    Path | None, Option(name=["--output", "-o"], help="File for all outputs at the end of each step: .csv or .parquet.")
 ]
 
 
@@ -27,14 +26,9 @@ def cosim(
     model: Annotated[Path | None, Option(help="Model file to compare with; by default the one inside the FMU.")] = None,
     ramps: Annotated[
         bool,
-        Option(
-            help="Interpolate the FMU's inputs between samples; by default they are constant, as in the model.",
-            negative="",
-        ),
+        Option(help="Interpolate the FMU's inputs between samples; by default they are constant, as in the model."),
     ] = False,
-    trust: Annotated[
-        bool, Option(help="Run native code of an FMU that was not exported on this machine.", negative="")
-    ] = False,
+    trust: Annotated[bool, Option(help="Run native code of an FMU that was not exported on this machine.")] = False,
     parameters: Annotated[
         Path | None,
         Option(help="Parameter values for the FMU: an SSV file, as lptn fmu MODEL -o VALUES.ssv writes it."),
@@ -56,6 +50,8 @@ def cosim(
     needs_logs(logs)
     inputs = (fmu, *logs, *filter(None, (model, parameters)))
     check_outputs(json, tables=[output], pictures=[plot], inputs=inputs)
+    import pandas as pd
+
     from lptn.cli.terminal import progress, write_json
     from lptn.fmu.cosim import cosimulate
     from lptn.fmu.session import FmuError
@@ -68,8 +64,9 @@ def cosim(
         raise InputError(fmu, "FMU", str(error), "inputs that it takes") from error
     _show_cosimulation(done)
     write_json(json, done.as_json())
-    if output is not None:
-        _write_outputs(done, output)
+    if output is not None:  # all outputs at the ends of steps as a log, temperatures in degC
+        tables = [pd.DataFrame(dict(run.table)) for run in done.runs]
+        write_table(output, pd.concat(tables, ignore_index=True), digits=9)
     if plot is not None:
         from lptn.fmu.figure import cosimulation_figure
 
@@ -94,11 +91,3 @@ def _show_cosimulation(done: Cosimulation) -> None:
     simulated = sum(len(run.run) * run.run.step for run in done.runs)
     speed = simulated / max(seconds, 1e-9)
     print(f"FMI {done.fmi}: {steps} steps in {seconds:.2g} s, {speed:,.0f} times as fast as the robot.")
-
-
-def _write_outputs(done: Cosimulation, path: Path) -> None:
-    """All outputs at the ends of steps as a log, temperatures in degC."""
-    import pandas as pd
-
-    tables = [pd.DataFrame(dict(run.table)) for run in done.runs]
-    write_table(path, pd.concat(tables, ignore_index=True), digits=9)

@@ -113,6 +113,6 @@ def show_advice(advice: Advice) -> None:
         print(for_people(text))
     if len(advice.heat) > 1:
         table = stretch_table(advice.heat[:_MOST_SEGMENTS])
-        show_table(table.columns, table.rows, "Unexplained heat, most significant first (+: the model lacks it):")
+        show_table(*table, "Unexplained heat, most significant first (+: the model lacks it):")
         if len(advice.heat) > _MOST_SEGMENTS:
             print(f"and {len(advice.heat) - _MOST_SEGMENTS} more, in the JSON")

@@ -15,25 +15,18 @@ from lptn.basics.words import count_of
 from lptn.cli.options import HELD_OUT, Details, HeldOut, Json, SymmetryPenalty, check_inputs, check_outputs, needs_logs
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from lptn.fleet.fleet import Fleet
     from lptn.fleet.work import Outcome
-    from lptn.identify.fitting import Checkpoint, Fit
-    from lptn.identify.validation import SymmetryTrial
+    from lptn.identify.fitting import Checkpoint
 
 Each = Annotated[
     list[Path] | None,
     Option(
-        name="--each",
         help="Fit each robot on its own: a log file, a folder of one robot's logs, or a folder of such folders.",
-        negative="",
         consume_multiple=True,
     ),
 ]
-FitJobs = Annotated[
-    int, Option(name="--jobs", help="With --each: number of processes.", validator=validators.Number(gte=1))
-]
+FitJobs = Annotated[int, Option(help="With --each: number of processes.", validator=validators.Number(gte=1))]
 FitOutput = Annotated[
     Path | None, Option(name=["--output", "-o"], help="File to write the model to; with --each, a folder.")
 ]
@@ -63,37 +56,21 @@ def fit(
 
     Example: lptn fit leg.toml --each logs/* -o fleet --jobs 8
     """
-    if each is None:
-        if jobs > 1:
-            raise InputError("command line", "--jobs", "no --each beside it", "one process for one fit")
-        _fit_one(model, logs, output, held, symmetry_penalty, details, json)
+    if each is not None:
+        _fit_each(model, logs, each, output, held, symmetry_penalty, details, json, jobs)
         return
-    if logs or held.holdout:
-        beside = "LOGS" if logs else "--holdout"
-        raise InputError("command line", "--each", f"{beside} beside it", "all logs behind --each, or no --each")
-    _fit_each(model, each, output, held, symmetry_penalty, details, json, jobs)
-
-
-# --- one robot --------------------------------------------------------------------------------------------
-
-
-def _fit_one(
-    model: Path,
-    logs: tuple[Path, ...],
-    output: Path | None,
-    held: HeldOut,
-    symmetry_penalty: float | Literal["auto"],
-    details: bool,
-    json: Path | None,
-) -> None:
+    if jobs > 1:
+        raise InputError("command line", "--jobs", "no --each beside it", "one process for one fit")
     needs_logs(logs)
     holdout = held.holdout or []
     check_outputs(output, json, inputs=(*logs, *holdout))
     check_outputs(json, inputs=(model,))  # only the fitted model may take its place
     check_inputs(model, *logs, *holdout)
-    from lptn.cli.terminal import is_quiet, progress, show_written, write_json
+    from lptn.cli.terminal import is_quiet, progress, show_table, show_written, write_json
     from lptn.identify.fitting import Checkpoint, fingerprint_of
     from lptn.report.narrative import FEW, fit_narrative
+    from lptn.report.tables import parameter_table
+    from lptn.report.text import kelvin
     from lptn.study import Study
 
     with progress("reading"):
@@ -112,40 +89,23 @@ def _fit_one(
 
     with progress("fitting"):
         done = study.fit(symmetry_penalty=symmetry_penalty, checkpoint=checkpoint)
-    held_out = study.steps[-1].holdout
-    most = None if details else FEW
+    held_out, most, trials = study.steps[-1].holdout, None if details else FEW, study.symmetry_trials
     print(fit_narrative(study.steps[-1], most))
     if not is_quiet():
-        _show_symmetry_trials(study.symmetry_trials)
-        _show_fit(done, most)
+        if trials:
+            rows = [(f"{one.symmetry_penalty:g}", kelvin(one.fit.rmse), kelvin(one.holdout.rmse)) for one in trials]
+            show_table((">symmetry penalty", ">fit", ">held out"), rows)
+        if most is not None and len(done.free) > most:
+            print(f"The {most} least certain of {len(done.free)} parameters:")
+        table = parameter_table(done, most=most)
+        kept = [place for place, head in enumerate(table.columns) if head != "what it is"]
+        show_table([table.columns[place] for place in kept], [[row[place] for place in kept] for row in table.rows])
     if output is not None:
         study.save(output)
     show_written({"the fitted model": output})
-    tried = [{"weight": trial.symmetry_penalty, "rmse_holdout": trial.holdout.rmse} for trial in study.symmetry_trials]
+    tried = [{"weight": trial.symmetry_penalty, "rmse_holdout": trial.holdout.rmse} for trial in trials]
     more = {"rmse_holdout": held_out.rmse if held_out else None, "symmetry_trials": tried}
     write_json(json, done.as_json() | more)
-
-
-def _show_symmetry_trials(trials: Sequence[SymmetryTrial]) -> None:
-    """What each symmetry penalty gave on held-out runs."""
-    from lptn.cli.terminal import show_table
-    from lptn.report.text import kelvin
-
-    rows = [(f"{trial.symmetry_penalty:g}", kelvin(trial.fit.rmse), kelvin(trial.holdout.rmse)) for trial in trials]
-    if rows:
-        show_table((">symmetry penalty", ">fit", ">held out"), rows)
-
-
-def _show_fit(done: Fit, most: int | None) -> None:
-    """Values with standard errors; of many parameters the least certain."""
-    from lptn.cli.terminal import show_table
-    from lptn.report.tables import parameter_table
-
-    if most is not None and len(done.free) > most:
-        print(f"The {most} least certain of {len(done.free)} parameters:")
-    table = parameter_table(done, most=most)
-    kept = [place for place, head in enumerate(table.columns) if head != "what it is"]
-    show_table([table.columns[place] for place in kept], [[row[place] for place in kept] for row in table.rows])
 
 
 # --- each robot of a fleet --------------------------------------------------------------------------------
@@ -156,6 +116,7 @@ _MOST = 3  # parameters, outliers, notes and warnings in the answer; the details
 
 def _fit_each(
     model: Path,
+    logs: tuple[Path, ...],
     places: list[Path],
     output: Path | None,
     held: HeldOut,
@@ -169,6 +130,9 @@ def _fit_each(
     from lptn.fleet.robots import robots_of
     from lptn.identify.data import load_model
 
+    if logs or held.holdout:
+        beside = "LOGS" if logs else "--holdout"
+        raise InputError("command line", "--each", f"{beside} beside it", "all logs behind --each, or no --each")
     folder = _folder(output)
     loaded, robots = load_model(model, held.texts), robots_of(places)
     check_outputs(json, inputs=(model, *(log for robot in robots for log in robot.logs)))

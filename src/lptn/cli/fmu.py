@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, cast
 from cyclopts import Parameter as Option
 
 from lptn.basics.errors import InputError
-from lptn.cli.options import Json, Output, check_outputs
+from lptn.cli.options import Json, Output, check_outputs, limits_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -19,76 +19,34 @@ if TYPE_CHECKING:
 Platforms = Annotated[
     str | None,
     Option(
-        name="--platforms",
         help="Comma-separated: linux64, linux-aarch64, win64, darwin-x86_64, darwin-arm64; source for sources alone. "
-        "By default this machine.",
+        "By default this machine."
     ),
 ]
-Limit = Annotated[
-    list[str] | None,
-    Option(name="--limit", help="Limit in degC, for all nodes or as NODE=90; may be repeated.", negative=""),
-]
+Limit = Annotated[list[str] | None, Option(help="Limit in degC, for all nodes or as NODE=90; may be repeated.")]
 Forecast = Annotated[
-    bool,
-    Option(
-        name="--forecast",
-        help="Add the time to each node's limit as an output; it depends on the whole model.",
-        negative="",
-    ),
+    bool, Option(help="Add the time to each node's limit as an output; it depends on the whole model.")
 ]
 Events = Annotated[
-    bool,
-    Option(
-        name="--events",
-        help="Crossing a limit is an event: outputs limit_crossed, and in FMI 3 event mode and clocks.",
-        negative="",
-    ),
+    bool, Option(help="Crossing a limit is an event: outputs limit_crossed, and in FMI 3 event mode and clocks.")
 ]
-Arrays = Annotated[
-    bool,
-    Option(
-        name="--arrays", help="Combine the variables of all joints into arrays, such as torque[12]; FMI 3.", negative=""
-    ),
-]
+Arrays = Annotated[bool, Option(help="Combine the variables of all joints into arrays, such as torque[12]; FMI 3.")]
 Reference = Annotated[
-    bool,
-    Option(
-        name="--reference",
-        help="Include an experiment with reference results (FMI-LS-REF), to check an importer with.",
-        negative="",
-    ),
+    bool, Option(help="Include an experiment with reference results (FMI-LS-REF), to check an importer with.")
 ]
 Admissible = Annotated[
     bool,
-    Option(
-        name="--admissible",
-        help="Add each joint's admissible torque within --limit for 10 s, 60 s, 300 s and for ever as outputs.",
-        negative="",
-    ),
+    Option(help="Add each joint's admissible torque within --limit for 10 s, 60 s, 300 s and for ever as outputs."),
 ]
 CurrentLimit = Annotated[
-    list[str] | None,
-    Option(
-        name="--current-limit",
-        help="With --admissible: limit in A, for all joints or as JOINT=30; may be repeated.",
-        negative="",
-    ),
+    list[str] | None, Option(help="With --admissible: limit in A, for all joints or as JOINT=30; may be repeated.")
 ]
 Connect = Annotated[
     list[str] | None,
-    Option(
-        name="--connect",
-        help="With -o SYSTEM.ssd or .ssp and FMUs: OUTPUT=INPUT, each FMU.VARIABLE; may be repeated.",
-        negative="",
-    ),
+    Option(help="With -o SYSTEM.ssd or .ssp and FMUs: OUTPUT=INPUT, each FMU.VARIABLE; may be repeated."),
 ]
 Casadi = Annotated[
-    bool,
-    Option(
-        name="--casadi",
-        help="Allow setting states and parameters in any mode, for CasADi's import; the standard forbids it.",
-        negative="",
-    ),
+    bool, Option(help="Allow setting states and parameters in any mode, for CasADi's import; the standard forbids it.")
 ]
 
 
@@ -141,8 +99,11 @@ def fmu(
         return
     if others or connect:
         raise InputError(output, "--output", "several FMUs", "a file name ending in .ssd or .ssp")
+    limits = limits_of(limit, "*") or None
     if output.suffix == ".ssv":
-        _write_values(model, output, _limits(limit))
+        from lptn.fmu.ssp import write_values
+
+        print(f"{output}: {write_values(model, output, limits)} parameters")
         return
     if compiler not in ("auto", "zig", "cc"):
         raise InputError("command line", "--compiler", f"'{compiler}'", "auto, zig or cc")
@@ -153,14 +114,14 @@ def fmu(
             model,
             output,
             fmi=fmi,
-            platforms=_platforms(platforms),
+            platforms=platforms and [name.strip() for name in platforms.split(",") if name.strip() != "source"],
             solver=solver,
             step=step,
-            limits=_limits(limit),
+            limits=limits,
             forecast=forecast,
             events=events,
             admissible=admissible,
-            current_limits=_limits(current_limit, "--current-limit", "A", "JOINT"),
+            current_limits=limits_of(current_limit, "*", "--current-limit", "A", "JOINT") or None,
             arrays=arrays,
             reference=reference,
             casadi=casadi,
@@ -187,31 +148,6 @@ def _write_system(fmus: list[Path], output: Path, connect: Sequence[str]) -> Non
         pairs.append((start.strip(), end.strip()))
     done = write_system(output, dict(zip(names, fmus, strict=True)), pairs, output.stem)
     print(f"{output}: {', '.join(done.components)}; {len(done.connections)} connections")
-
-
-def _write_values(model: Path, output: Path, limits: dict[str, float] | None) -> None:
-    from lptn.fmu.ssp import write_values
-
-    print(f"{output}: {write_values(model, output, limits)} parameters")
-
-
-def _platforms(text: str | None) -> list[str] | None:
-    if text is None:
-        return None
-    return [name.strip() for name in text.split(",") if name.strip() != "source"]
-
-
-def _limits(
-    texts: list[str] | None, option: str = "--limit", unit: str = "degC", place: str = "NODE"
-) -> dict[str, float] | None:
-    limits = {}
-    for text in texts or ():
-        node, equals, value = text.rpartition("=")
-        try:
-            limits[node if equals else "*"] = float(value)
-        except ValueError as error:
-            raise InputError("command line", option, f"'{text}'", f"a number in {unit}, or {place}=number") from error
-    return limits or None
 
 
 def _show_export(done: Exported) -> None:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, cast
 
 from cyclopts import Parameter as Option
 from cyclopts import validators
 
 from lptn.basics.errors import InputError
-from lptn.cli.options import COLUMNS, Columns, Json, Picture, check_inputs, check_outputs, write_figure
+from lptn.cli.options import COLUMNS, Columns, Json, Picture, check_inputs, check_outputs, limits_of, write_figure
 
 if TYPE_CHECKING:
     from lptn.online.operating_point import WindowChoice
@@ -23,10 +23,7 @@ def forecast(
     *,
     limit: Annotated[
         list[str],
-        Option(
-            help="Limit in degC for all joints, or NODE=degC, also for a pattern of nodes; may be repeated.",
-            negative="",
-        ),
+        Option(help="Limit in degC for all joints, or NODE=degC, also for a pattern of nodes; may be repeated."),
     ],
     window: Annotated[
         str,
@@ -49,7 +46,7 @@ def forecast(
     Example: lptn forecast fitted.toml now.parquet --limit 60
     """
     check_outputs(json, pictures=[plot], inputs=(model, log))
-    limits, chosen = _limits(limit), _window(window)
+    limits, chosen = limits_of(limit, ""), _window(window)
     check_inputs(model, log)
     from lptn.cli.terminal import is_quiet, progress, show_table, write_json
     from lptn.report.tables import forecast_table
@@ -61,7 +58,7 @@ def forecast(
     print(ahead.narrative())
     if not is_quiet():
         table = forecast_table(ahead.result)
-        show_table(table.columns, table.rows)
+        show_table(*table)
     write_json(json, ahead.result.as_json())
     if plot is not None:
         from lptn.report.online_figures import forecast_figure
@@ -69,27 +66,9 @@ def forecast(
         write_figure(forecast_figure(ahead.result), plot)
 
 
-def _limits(words: list[str]) -> dict[str, float]:
-    """Limits by node or pattern; the empty pattern stands for all joints."""
-    limits = {}
-    for word in words:
-        node, separator, number = word.rpartition("=")
-        try:
-            value = float(number)
-        except ValueError:
-            value = float("nan")
-        if not isfinite(value) or (separator and not node.strip()):
-            raise InputError("command line", "--limit", f"'{word}'", "degC or NODE=degC, such as 60 or FR_calf=70")
-        limits[node.strip()] = value
-    # The limit of one joint overrides that of all.
-    return {"": limits.pop(""), **limits} if "" in limits else limits
-
-
 def _window(word: str) -> WindowChoice:
-    if word == "steady":
-        return "steady"
-    if word == "cycles":
-        return "cycles"
+    if word in ("steady", "cycles"):
+        return cast("WindowChoice", word)
     try:
         seconds = float(word)
     except ValueError:

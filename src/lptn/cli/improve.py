@@ -30,12 +30,7 @@ if TYPE_CHECKING:
     from lptn.identify.data import DataSplit
 
 Steps = Annotated[
-    int,
-    Option(
-        name="--steps",
-        help="Largest number of findings to add; structure is not counted.",
-        validator=validators.Number(gte=0),
-    ),
+    int, Option(help="Largest number of findings to add; structure is not counted.", validator=validators.Number(gte=0))
 ]
 
 
@@ -87,7 +82,7 @@ def show_details(history: History, data: DataSplit, advice: Advice) -> None:
 
     print()
     table = history_table(history)
-    show_table(table.columns, table.rows)
+    show_table(*table)
     for sentence in (
         *details(history, data),
         *(f"Warning: {warning}." for warning in history.best.fit.uncertainty.warnings),

@@ -49,7 +49,9 @@ app = cyclopts.App(
 
     Example: lptn improve leg.toml monday.parquet --holdout friday.parquet -o better.toml --report story.html""",
     help_format="plaintext",
-    default_parameter=Option(show_default=lambda value: None if value in (None, "", False) else str(value)),
+    default_parameter=Option(
+        negative="", show_default=lambda value: None if value in (None, "", False) else str(value)
+    ),
     suppress_keyboard_interrupt=False,  # `main` says what becomes of the files
 )
 for _command in (
@@ -81,16 +83,10 @@ app.meta.suppress_keyboard_interrupt = False
 @app.meta.default
 def _command_of(
     *words: Annotated[str, Option(show=False, allow_leading_hyphen=True)],
-    verbose: Annotated[
-        bool, Option(name=["--verbose", "-v"], help="Also print what is being done.", negative="")
-    ] = False,
+    verbose: Annotated[bool, Option(name=["--verbose", "-v"], help="Also print what is being done.")] = False,
     quiet: Annotated[
         bool,
-        Option(
-            name=["--quiet", "-q"],
-            help="Print the answer alone, without progress, warnings and tables beside it.",
-            negative="",
-        ),
+        Option(name=["--quiet", "-q"], help="Print the answer alone, without progress, warnings and tables beside it."),
     ] = False,
 ) -> None:
     """Run the command that words make."""

@@ -16,15 +16,12 @@ if TYPE_CHECKING:
     from lptn.logs.run import Run
     from lptn.model.model import Model
     from lptn.online.calibration import Calibration
-    from lptn.online.fault_bank import Alarm
-    from lptn.online.monitoring import MonitoredRun, Monitoring
+    from lptn.online.monitoring import MonitoredRun
 
 Healthy = Annotated[
     list[Path] | None,
     Option(
-        name="--healthy",
         help="Logs of the same kind without faults, preferably those that the model was fitted to.",
-        negative="",
         consume_multiple=True,
     ),
 ]
@@ -63,9 +60,10 @@ def monitor(
     inputs = (model, *logs, *(healthy or ()), *(() if read is None else (read,)))
     check_outputs(json, written, pictures=[plot], inputs=inputs)
     check_inputs(model, *logs, *(healthy or ()))
-    from lptn.cli.terminal import progress, write_json
+    from lptn.cli.terminal import is_quiet, progress, show_table, write_json
     from lptn.identify.data import load_model
     from lptn.online.monitoring import monitor as watch
+    from lptn.report.narrative import monitoring_narrative
 
     loaded = load_model(model, columns.texts)
     runs, healthy_runs = loaded.runs(logs), loaded.runs(healthy or [])
@@ -75,7 +73,11 @@ def monitor(
         result = watch(
             loaded.model, runs, threshold=threshold, calibration=learnt, rmse=loaded.file.fit.rmse, report=report
         )
-    _show_monitoring(result)
+    print(monitoring_narrative(result))
+    rows = [cells for watched in result.runs for cells in _rows(watched)]
+    if rows and not is_quiet():
+        show_table(("run", "sensor", "fault", "size", "since", "statistical", f"over {threshold:g} K"), rows)
+        print("Times are in s on each log's clock, or since its start where that clock counts from 1970.")
     write_json(json, result.as_json())
     if plot is not None:
         from lptn.report.online_figures import monitoring_figure
@@ -109,27 +111,13 @@ def _refuse_shared(runs: list[Run], healthy: list[Run]) -> None:
 _UNITS = {"offset": "K", "drift": "K/s", "lag": "s"}
 
 
-def _show_monitoring(result: Monitoring) -> None:
-    """What is wrong, and a line for each sensor with an alarm: what both detectors say of it, and when."""
-    from lptn.cli.terminal import is_quiet, show_table
-    from lptn.report.narrative import monitoring_narrative
-
-    print(monitoring_narrative(result))
-    rows = [cells for watched in result.runs for cells in _rows(watched)]
-    if rows and not is_quiet():
-        show_table(("run", "sensor", "fault", "size", "since", "statistical", f"over {result.threshold:g} K"), rows)
-        print("Times are in s on each log's clock, or since its start where that clock counts from 1970.")
-
-
 def _rows(watched: MonitoredRun) -> Iterator[list[str]]:
+    """A line for each sensor with an alarm: what both detectors say of it, and when."""
     direct = {alarm.channel or alarm.node: alarm for alarm in watched.threshold_alarms}
     statistical = {alarm.channel or alarm.node: alarm for alarm in watched.statistical_alarms}
     for node in [*statistical, *(node for node in direct if node not in statistical)]:
         best = statistical.get(node) or direct[node]
         size = best.detail if best.size is None else f"{best.size:+.2g} {_UNITS[best.kind]}"
-        times = [_time(alarms.get(node), watched.run.origin) for alarms in (statistical, direct)]
+        alarms = statistical.get(node), direct.get(node)
+        times = [f"{alarm.time - watched.run.origin:.0f} s" if alarm else "–" for alarm in alarms]
         yield [watched.run.name, node, best.kind, size, f"{best.onset - watched.run.origin:.0f} s", *times]
-
-
-def _time(alarm: Alarm | None, origin: float) -> str:
-    return "–" if alarm is None else f"{alarm.time - origin:.0f} s"

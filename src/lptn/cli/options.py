@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import dataclass
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -37,20 +38,14 @@ Beginning = Annotated[
     ),
 ]
 OptionalOutput = Annotated[Path | None, Option(name=["--output", "-o"], help="File to write the model to.")]
-Json = Annotated[Path | None, Option(name="--json", help="JSON file for the result.")]
-HtmlReport = Annotated[Path | None, Option(name="--report", help="HTML page to write, with zoomable charts.")]
-Details = Annotated[bool, Option(name="--details", help="Print all results below the answer.", negative="")]
-Picture = Annotated[Path | None, Option(name="--plot", help="Picture to write: .png, .svg or .pdf.")]
+Json = Annotated[Path | None, Option(help="JSON file for the result.")]
+HtmlReport = Annotated[Path | None, Option(help="HTML page to write, with zoomable charts.")]
+Details = Annotated[bool, Option(help="Print all results below the answer.")]
+Picture = Annotated[Path | None, Option(help="Picture to write: .png, .svg or .pdf.")]
 Test = Annotated[
-    list[Path] | None,
-    Option(
-        name="--test",
-        help="Test logs: only the final model predicts them.",
-        negative="",
-        consume_multiple=True,
-    ),
+    list[Path] | None, Option(help="Test logs: only the final model predicts them.", consume_multiple=True)
 ]
-Jobs = Annotated[int, Option(name="--jobs", help="Number of processes.", validator=validators.Number(gte=1))]
+Jobs = Annotated[int, Option(help="Number of processes.", validator=validators.Number(gte=1))]
 
 
 def _not_negative(_type: object, value: float | str) -> None:
@@ -61,9 +56,7 @@ def _not_negative(_type: object, value: float | str) -> None:
 SymmetryPenalty = Annotated[
     float | Literal["auto"],
     Option(
-        name="--symmetry-penalty",
-        help="Weight of the left-right symmetry penalty; auto: the best one on held-out runs.",
-        validator=_not_negative,
+        help="Weight of the left-right symmetry penalty; auto: the best one on held-out runs.", validator=_not_negative
     ),
 ]
 
@@ -86,8 +79,7 @@ class Columns:
     map: Annotated[
         list[str] | None,
         Option(
-            help="Which column is a quantity: temperature.FR_calf=T3[degF]; may be repeated. guess: by similar names.",
-            negative="",
+            help="Which column is a quantity: temperature.FR_calf=T3[degF]; may be repeated. guess: by similar names."
         ),
     ] = None
     rate: Annotated[
@@ -108,7 +100,7 @@ class HeldOut(Columns):
 
     holdout: Annotated[
         list[Path] | None,
-        Option(help="Held-out logs: no parameter is fitted to them.", negative="", consume_multiple=True),
+        Option(help="Held-out logs: no parameter is fitted to them.", consume_multiple=True),
     ] = None
     holdout_after: Annotated[
         float | str | None,
@@ -158,6 +150,34 @@ class Data(HeldOut):
 
 COLUMNS, HELD_OUT, DATA = Columns(), HeldOut(), Data()
 """Nothing said of either."""
+
+
+def limits_of(
+    texts: Sequence[str] | None, every: str, option: str = "--limit", unit: str = "degC", place: str = "NODE"
+) -> dict[str, float]:
+    """Limits by place, or by pattern of places, those of all places first: the limit of one overrides it.
+
+    Args:
+        texts: `60` or `PLACE=60`.
+        every: what stands for all places.
+        option: the option's name, for messages.
+        unit: of the limits, for messages.
+        place: what a place is called, for messages.
+
+    Raises:
+        InputError: a text is no limit.
+    """
+    limits = {}
+    for text in texts or ():
+        name, equals, number = text.rpartition("=")
+        try:
+            value = float(number)
+        except ValueError:
+            value = float("nan")
+        if not isfinite(value) or (equals and not name.strip()):
+            raise InputError("command line", option, f"'{text}'", f"{unit} or {place}={unit}, such as 60 or {place}=70")
+        limits[name.strip() if equals else every] = value
+    return {every: limits.pop(every), **limits} if every in limits else limits
 
 
 def typed() -> str:

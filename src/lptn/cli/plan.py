@@ -26,9 +26,7 @@ def plan(
     json: Json = None,
     plot: Picture = None,
     report: HtmlReport = None,
-    emit_c: Annotated[
-        Path | None, Option(name="--emit-c", help="Folder for the controller step as C code for the robot.")
-    ] = None,
+    emit_c: Annotated[Path | None, Option(help="Folder for the controller step as C code for the robot.")] = None,
 ) -> None:
     """Plan torque, speeds or loads within limits.
 
