@@ -21,7 +21,7 @@ from lptn.cli.options import (
 
 if TYPE_CHECKING:
     from lptn.identify.comparison import Versus
-    from lptn.report.tables import Table
+    from lptn.report.tables import ReportTable
 
 _WORST = 6  # rows of a table in the answer; the details have all
 
@@ -85,7 +85,7 @@ def compare(
             write_whole(report, comparison_html(result, studies[0].model.network.name))
 
 
-def _tables_of_both(result: Versus) -> list[tuple[str, Table]]:
+def _tables_of_both(result: Versus) -> list[tuple[str, ReportTable]]:
     """Two models' errors by class of nodes and by run, each with the line above it."""
     from lptn.report.tables import versus_table
 
