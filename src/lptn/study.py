@@ -37,6 +37,7 @@ from lptn.identify.data import (
     all_but,
     holdout_segment,
     load_model,
+    refuse_repeated,
     split_data,
     warn_of_absent_runs,
     without_stretches,
@@ -45,20 +46,17 @@ from lptn.identify.fitting import Checkpoint, Fit, finished
 from lptn.identify.noise import estimate_noise
 from lptn.identify.validation import SymmetryTrial, fit_split
 from lptn.logs.beside import refuse_doubtful, refuse_other_units
-from lptn.logs.clock import stretch_in_words
-from lptn.logs.reading import read_log
-from lptn.logs.repeated import repeated_stretch
 from lptn.logs.run import Run
 from lptn.model.file import ModelFile, added
 from lptn.model.model import Model
 from lptn.report.results import StudyComparison, StudyForecast, StudyVersus
-from lptn.simulate.bound_run import bind, needed_columns
+from lptn.simulate.bound_run import bind
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from lptn.fmu.exporter import Exported
-    from lptn.online.operating_point import GaitPeriod, WindowChoice
+    from lptn.online.operating_point import WindowChoice
     from lptn.report.network_drawing import Drawing
     from lptn.report.sentences import Narrative
 
@@ -139,7 +137,7 @@ class Study:
         self.surface_error = SURFACE_ERROR if surface_error is None else surface_error
         self.executor = executor
         groups = {name: self._read(name, logs) for name, logs in (("fit", fit), ("holdout", holdout), ("test", test))}
-        _refuse_twice(groups)
+        refuse_repeated(groups)
         refuse_other_units([run for runs in groups.values() for run in runs])
         self._given = split_data(groups["fit"], groups["holdout"], groups["test"], holdout_after)
         self.data: DataSplit = self._given
@@ -166,8 +164,7 @@ class Study:
     @property
     def runs(self) -> list[Run]:
         """All runs, each once: fitted ones, held-out ones, those for the test."""
-        segments = (*self.data.fit, *self.data.holdout, *self.data.test)
-        return list({id(segment.run): segment.run for segment in segments}.values())
+        return list({id(segment.run): segment.run for segment in self.data.segments}.values())
 
     @property
     def shown(self) -> Sequence[Segment]:
@@ -314,6 +311,7 @@ class Study:
         gait is that of the log at its own rate.
         """
         from lptn.online.forecasting import forecast
+        from lptn.online.operating_point import gait_of
         from lptn.online.present import ModelUncertainty
 
         if not self.runs:
@@ -321,7 +319,9 @@ class Study:
         run = self.runs[-1]
         noise = estimate_noise([bind(self.model, run)], self.model.nodes)
         known = ModelUncertainty.of_table(self.model, self.file.fit, noise.floor)
-        ahead = forecast(self.model, run, limits, cycles, coverage, known, window=window, gait=self._gait(run))
+        log = self._logs.get(run.source)
+        gait = None if log is None else gait_of(self._loaded, log)
+        ahead = forecast(self.model, run, limits, cycles, coverage, known, window=window, gait=gait)
         return StudyForecast(ahead)
 
     def predictions(self, step: int | Step = -1) -> dict[str, list[Prediction]]:
@@ -565,7 +565,7 @@ class Study:
                 names = ", ".join(parameter.name for parameter in self.model.parameters)
                 raise InputError("parameter", name, "no such parameter", f"one of {names}")
             number, key = own[0]
-            loaded, added[number] = self._loaded, _with_setting(added[number], key, setting)
+            loaded, added[number] = self._loaded, added[number].with_setting(key, setting)
         self._loaded, self.settings = loaded, (*self.settings, setting)
         return self._fit_again(added)
 
@@ -655,31 +655,9 @@ class Study:
             runs += read
         return runs
 
-    def _gait(self, run: Run) -> GaitPeriod | None:
-        """The gait at a log's end, from its joint speeds with their sign and at the log's own rate; of a file only."""
-        from lptn.online.operating_point import find_gait
-
-        if run.source not in self._logs:
-            return None
-        loaded = self._loaded
-        inputs, outputs = needed_columns(loaded.model)
-        signed = [f"signed_velocity.{node}" for node in loaded.model.nodes]
-        finest = 1e-3  # s; no robot logs its joints faster
-        last = read_log(
-            self._logs[run.source],
-            loaded.columns,
-            step=finest,
-            inputs=inputs if loaded.guessing else (),  # for its guesses are what the model needs
-            outputs=outputs,
-            optional=signed,
-            guessing=loaded.guessing,
-        )[-1]
-        return find_gait([last.columns[name] for name in signed if last.has(name)], last.step)
-
     def _as_read(self, run: str) -> str:
         """The name of the run that a piece was cut from."""
-        groups = (*self._given.fit, *self._given.holdout, *self._given.test)
-        names = (segment.run.name for segment in groups)
+        names = (segment.run.name for segment in self._given.segments)
         return next((name for name in names if run == name or run.startswith(f"{name}#")), run)
 
     def _use(self, *stretches: Stretch) -> Study:
@@ -736,35 +714,3 @@ class Study:
                 executor=self.executor,
                 report=logger.info,
             )
-
-
-def _with_setting(step: Step, key: str, setting: Setting) -> Step:
-    """A step whose effect is declared with what is set of its parameter of this key, at all its places."""
-    assert step.declaration is not None
-    resolved = step.declaration.resolved
-    parameters = tuple(setting.of(parameter) if name == key else parameter for name, parameter in resolved.items())
-    return replace(step, declaration=replace(step.declaration, parameters=parameters))
-
-
-def _refuse_twice(groups: dict[str, list[Run]]) -> None:
-    """A log that is fitted twice counts double; one that is fitted and held out proves nothing.
-
-    Raises:
-        InputError: the same data stand in two places.
-    """
-    places: dict[tuple[str, float], tuple[str, str]] = {}
-    for job, runs in groups.items():
-        for run in runs:
-            data = run.fingerprint, float(run.time[0])  # pieces of one log begin at times of their own
-            if data in places:
-                before, where = places[data]
-                same = f"the same data as {before} ({where})"
-                raise InputError(run.source, job, same, "each log once: to fit, to hold out, or for the test")
-            places[data] = run.source, job
-    jobs = [(job, run) for job, runs in groups.items() for run in runs]
-    for number, (job, run) in enumerate(jobs):
-        for before, earlier in jobs[:number]:
-            if run.source != earlier.source and (stretch := repeated_stretch(earlier, run)) is not None:
-                when = stretch_in_words(*stretch, run.origin)
-                same = f"the same readings as {earlier.source} ({before}), {when}"
-                raise InputError(run.source, job, same, "each stretch once: to fit, to hold out, or for the test")

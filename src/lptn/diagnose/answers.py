@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import pandas as pd
 
-from lptn.basics.parameters import Parameter, ParameterInstance
+from lptn.basics.parameters import Parameter, ParameterInstance, Setting
 from lptn.basics.places import EVERYWHERE
 from lptn.basics.tables import Tabular
 from lptn.identify.comparison import Errors, Prediction, errors_of, predict
@@ -85,6 +85,13 @@ class Step(Tabular):
         if declared is None or declared.run or declared.difference or declared.effect.measurement_error:
             return False
         return declared.at == EVERYWHERE or (declared.effect.common and declared.effect.site == "edge")
+
+    def with_setting(self, key: str, setting: Setting) -> Step:
+        """The step, its effect declared with what is set of its parameter of this key, at all its places."""
+        assert self.declaration is not None
+        resolved = self.declaration.resolved
+        parameters = tuple(setting.of(parameter) if name == key else parameter for name, parameter in resolved.items())
+        return replace(self, declaration=replace(self.declaration, parameters=parameters))
 
     @property
     def amplitude(self) -> ParameterInstance | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -14,9 +14,11 @@ import pandas as pd
 from lptn.basics.errors import InputError
 from lptn.basics.places import is_of_run
 from lptn.effects import catalogue
+from lptn.logs.clock import stretch_in_words
 from lptn.logs.columns import ColumnSource, parse_map_option
 from lptn.logs.joining import ONE_CLOCK, SECOND_TIME
 from lptn.logs.reading import GUESSED, ROWS_UNKNOWN, read_log
+from lptn.logs.repeated import repeated_stretch
 from lptn.logs.resampling import raw_keys
 from lptn.logs.run import Run
 from lptn.logs.streams import ANOTHER_SOURCE
@@ -76,6 +78,11 @@ class DataSplit:
     holdout: tuple[Segment, ...] = ()
     test: tuple[Segment, ...] = ()
 
+    @property
+    def segments(self) -> tuple[Segment, ...]:
+        """All of them: fitted, held out, for the test."""
+        return (*self.fit, *self.holdout, *self.test)
+
     def coarsened(self, step: float) -> DataSplit:
         """All segments in steps of about `step` seconds."""
 
@@ -90,7 +97,7 @@ class DataSplit:
 
     def lacking(self) -> dict[str, list[str]]:
         """The inputs that a run lacks and others have, by the run's name; temperatures are no inputs."""
-        runs = [segment.run for segment in (*self.fit, *self.holdout, *self.test)]
+        runs = [segment.run for segment in self.segments]
         inputs = dict.fromkeys(name for run in runs for name in run.columns if not name.startswith("temperature."))
         by_run = {run.name: [name for name in inputs if name not in run.columns] for run in runs}
         return {run: names for run, names in by_run.items() if names}
@@ -109,6 +116,30 @@ class DataSplit:
 
 def _log_of(run: Run) -> tuple[str, str]:
     return run.source, run.fingerprint
+
+
+def refuse_repeated(groups: Mapping[str, Sequence[Run]]) -> None:
+    """A log that is fitted twice counts double; one that is fitted and held out proves nothing.
+
+    Raises:
+        InputError: the same data stand in two places.
+    """
+    places: dict[tuple[str, float], tuple[str, str]] = {}
+    for job, runs in groups.items():
+        for run in runs:
+            data = run.fingerprint, float(run.time[0])  # pieces of one log begin at times of their own
+            if data in places:
+                before, where = places[data]
+                same = f"the same data as {before} ({where})"
+                raise InputError(run.source, job, same, "each log once: to fit, to hold out, or for the test")
+            places[data] = run.source, job
+    jobs = [(job, run) for job, runs in groups.items() for run in runs]
+    for number, (job, run) in enumerate(jobs):
+        for before, earlier in jobs[:number]:
+            if run.source != earlier.source and (stretch := repeated_stretch(earlier, run)) is not None:
+                when = stretch_in_words(*stretch, run.origin)
+                same = f"the same readings as {earlier.source} ({before}), {when}"
+                raise InputError(run.source, job, same, "each stretch once: to fit, to hold out, or for the test")
 
 
 def split_data(

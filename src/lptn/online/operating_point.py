@@ -4,16 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
 from lptn.basics.arrays import FloatArray
+from lptn.identify.data import LoadedModel
+from lptn.logs.reading import read_log
 from lptn.logs.resampling import feature
-from lptn.simulate.bound_run import BoundRun
+from lptn.simulate.bound_run import BoundRun, needed_columns
 
 # --- The period of the gait, from the joint speeds ------------------------------------------------
 
+_FINEST = 1e-3  # s between samples; no robot logs its joints faster
 _LOOKED_AT = 30.0  # s, from the end: long enough for ten cycles of a slow walk
 _STILL = 0.05  # rad/s; joints that move no faster than this, on the average, stand
 _COARSEST = 0.2  # s between samples; of rarer ones a trot at 2 Hz would look like something slower
@@ -36,6 +40,22 @@ class GaitPeriod:
 
     period: float | None
     why_not: str = ""
+
+
+def gait_of(loaded: LoadedModel, log: str | Path) -> GaitPeriod:
+    """The gait at the end of a log's file, from its joint speeds with their sign and at the log's own rate."""
+    inputs, outputs = needed_columns(loaded.model)
+    signed = [f"signed_velocity.{node}" for node in loaded.model.nodes]
+    last = read_log(
+        log,
+        loaded.columns,
+        step=_FINEST,
+        inputs=inputs if loaded.guessing else (),  # for its guesses are what the model needs
+        outputs=outputs,
+        optional=signed,
+        guessing=loaded.guessing,
+    )[-1]
+    return find_gait([last.columns[name] for name in signed if last.has(name)], last.step)
 
 
 def find_gait(speeds: Sequence[FloatArray], step: float) -> GaitPeriod:

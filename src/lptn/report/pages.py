@@ -151,8 +151,7 @@ def story_html(
 
 def _compared(fit: Fit, data: DataSplit) -> Comparison:
     """A fitted model on all runs."""
-    segments = (*data.fit, *data.holdout, *data.test)
-    predicted = tuple(predict(fit.model, segment) for segment in segments)
+    predicted = tuple(predict(fit.model, segment) for segment in data.segments)
     return Comparison(fit.model, predicted, fit.noise)
 
 
