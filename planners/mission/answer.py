@@ -116,7 +116,7 @@ def _verdict(plan: MissionPlan) -> list[str]:
     else:
         shares = zip(mission.names, plan.share.tolist(), strict=True)
         parts = ", ".join(f"{name} {100 * share:.1f} %" for name, share in shares if share < 1 - 1e-4)
-        given_up, why = f"part of the work; done of {parts} ({total}{until})", []
+        given_up, why = f"part of the work; done: {parts} ({total}{until})", []
     if first := plan.obstacle:
         passed = f"{first.node} passes its {mission.limits[first.node]:g} degC after {_time(first.time)}"
         why.append(f"done straight on at full speed, {passed}, in {first.name}")

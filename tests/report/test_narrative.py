@@ -188,8 +188,7 @@ def test_an_answer_that_was_not_added_yet_is_a_finding_with_its_size(missing: To
     assert said["Verdict"] == "The model as given lacks the effects below, which explain most of its error."
     assert re.match(rf"Constant heat at {re.escape(NODES[0])} \(3 ± \S+ W, ", said["Findings"])
     assert (
-        said["Next"]
-        == "Add the effects above, as `lptn improve` does, and see whether the error on held-out data falls."
+        said["Next"] == "Add the effects above, as lptn improve does, and see whether the error on held-out data falls."
     )
 
 

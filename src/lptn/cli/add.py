@@ -28,7 +28,7 @@ def add(
 ) -> None:
     """Add an effect to a model file.
 
-    It has its typical size, or what --set gives it.
+    It gets its typical size, or the values given with --set.
 
     Example: lptn add leg.toml forced_convection --at "*" -o next.toml
     """

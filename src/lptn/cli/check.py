@@ -40,9 +40,10 @@ def check(
 ) -> None:
     """Check logs for what is wrong or missing.
 
-    Also says what they hold, and how many effects they could show.
+    Also says what they hold, and how many effects could be found with them.
 
-    Two logs of one run are one: temperatures.csv+currents.csv; +currents.csv@12.4 with its clock 12.4 s forward
+    Join two logs of one run by a plus: temperatures.csv+currents.csv; @12.4 behind it sets the second clock 12.4 s
+    forward.
 
     Example: lptn check leg.toml monday.parquet
     """

@@ -24,7 +24,7 @@ def add_completion(app: cyclopts.App) -> None:
     ) -> None:
         """Complete commands and options with the TAB key.
 
-        From the next shell on.
+        It takes effect in the next shell.
 
         Example: lptn --install-completion --shell bash
         """

@@ -48,9 +48,8 @@ def fit(
 
     Ctrl-C keeps the best point so far; the same command continues from it.
 
-    With --each, each robot is fitted on its own: the folder gets one model a
-    robot, and a table of all. A robot that can't be fitted is named in one
-    line, and the exit status is 1.
+    With --each, each robot is fitted on its own: a model for each and a table of all are written into the folder.
+    A robot that can't be fitted is named in one line, and the exit status is 1.
 
     Example: lptn fit leg.toml monday.parquet --holdout friday.parquet -o fitted.toml
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 Platforms = Annotated[
     str | None,
     Option(
-        help="Comma-separated: linux64, linux-aarch64, win64, darwin-x86_64, darwin-arm64; source for sources alone. "
+        help="Comma-separated: linux64, linux-aarch64, win64, darwin-x86_64, darwin-arm64; source for C code only. "
         "By default this machine."
     ),
 ]
@@ -78,8 +78,8 @@ def fmu(
 ) -> None:
     """Write a model as an FMU for other simulators.
 
-    Model Exchange and Co-Simulation, in native code. An .ssv file gets the values of all parameters; an .ssd or .ssp
-    file gets a system of FMUs that exist.
+    Model Exchange and Co-Simulation, in native code. An .ssv file holds the values of all parameters; an .ssd or
+    .ssp file connects existing FMUs.
 
     Example: lptn fmu fitted.toml -o leg.fmu --fmi 3 --platforms linux64,win64
 

@@ -41,7 +41,7 @@ def forecast(
 ) -> None:
     """Forecast when each joint reaches its limit.
 
-    The robot is assumed to go on as at the log's end.
+    The robot is assumed to continue as at the end of the log.
 
     Example: lptn forecast fitted.toml now.parquet --limit 60
     """

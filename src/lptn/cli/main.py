@@ -86,7 +86,7 @@ def _command_of(
     verbose: Annotated[bool, Option(name=["--verbose", "-v"], help="Also print what is being done.")] = False,
     quiet: Annotated[
         bool,
-        Option(name=["--quiet", "-q"], help="Print the answer alone, without progress, warnings and tables beside it."),
+        Option(name=["--quiet", "-q"], help="Print only the answer, without progress, warnings and tables."),
     ] = False,
 ) -> None:
     """Run the command that words make."""

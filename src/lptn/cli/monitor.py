@@ -50,8 +50,8 @@ def monitor(
     """Find faulty temperature sensors and dead inputs.
 
     A sensor is called stuck, dead, clamped, noisy, spiky or silent (dropout), off (offset), drifting, lagging,
-    disconnected (it reads the air) or swapped with another; a torque, current, speed or air that the readings
-    contradict is an input. Undecided: these readings don't tell which of the two it is.
+    disconnected (it reads the air) or swapped with another. A torque, current, speed or ambient temperature that the
+    readings contradict is called a faulty input. Undecided: either a sensor or an input would explain the readings.
 
     Example: lptn monitor fitted.toml today.parquet --threshold 10 --healthy monday.parquet tuesday.parquet
     """

@@ -22,7 +22,7 @@ def motor(
 ) -> None:
     """Make a model file from a motor's drawing.
 
-    Without a drawing, write a sample of one, to put your motor's numbers into.
+    Without a drawing, write a sample drawing, to be filled with your motor's numbers.
 
     Example: lptn motor drawing.toml -o motor.toml
     """

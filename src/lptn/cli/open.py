@@ -31,8 +31,8 @@ def open(  # noqa: A001 - the command's name
 ) -> None:
     """Open the workbench in the browser.
 
-    It shows where the model fails and what is missing, and adds it. The page is served on this machine, to this
-    machine alone. Its work is kept: the same command continues it. Ctrl-C ends it.
+    It shows where the model fails and what is missing, and adds it. The page is served on this machine only. Your work
+    is saved: the same command continues it. Ctrl-C ends it.
 
     Without a model it offers a tour of two examples, five minutes each.
 

@@ -33,7 +33,7 @@ Beginning = Annotated[
     Path | None,
     Option(
         name=["--output", "-o"],
-        help="File to write, by default one of its name here; - prints the text.",
+        help="File to write; by default named after its source, in this folder; - prints the text.",
         allow_leading_hyphen=True,
     ),
 ]

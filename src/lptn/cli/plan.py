@@ -30,7 +30,7 @@ def plan(
 ) -> None:
     """Plan torque, speeds or loads within limits.
 
-    A task file says what is planned, and which temperatures may not be passed.
+    A task file states what is planned, and the temperature limits.
 
     Example: lptn plan quadruped.toml track.toml -o plan.csv --json plan.json --plot plan.png
     """

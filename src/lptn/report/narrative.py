@@ -168,7 +168,7 @@ def narrative(steps: Sequence[Step], last: Diagnosis | None, advice: Advice | No
 
 def fit_narrative(step: Step, most: int | None = FEW) -> Narrative:
     """The errors of a fit, how its search ended, and what its data leave open, `most` warnings of it."""
-    warnings, ended = step.fit.uncertainty.warnings, _ENDED[step.fit.status]
+    warnings, ended = step.fit.uncertainty.warnings, ENDED[step.fit.status]
     more = len(warnings) - len(warnings[:most])
     said = [Sentence("Error", errors_in_words([step]))]
     said.append(Sentence("Fit", f"{count_of(len(step.fit.free), 'free parameter')}; the search {ended}."))
@@ -178,7 +178,7 @@ def fit_narrative(step: Step, most: int | None = FEW) -> Narrative:
     return Narrative(said)
 
 
-_ENDED = {"converged": "converged", "not converged": "did not converge", "interrupted": "was interrupted"}
+ENDED = {"converged": "converged", "not converged": "did not converge", "interrupted": "was interrupted"}
 """How a search ended, by the status of its fit."""
 
 
@@ -270,7 +270,7 @@ def _next(steps: Sequence[Step], last: Diagnosis, kinds: Kinds, advice: Advice |
     if kinds.idle and not (kinds.findings or kinds.structure or kinds.helped or kinds.fitted or kinds.learned):
         return "Undo the added effects, which did not help."
     if last.verdict == "missing":
-        command = "the effects above, as `lptn improve` does"
+        command = "the effects above, as lptn improve does"
         answer = _short_and_sure(last.steps[0]) if len(steps) > 1 else command
         return f"Add {answer}, and see whether the error on held-out data falls."
     if advice and advice.learned and advice.learned.offered:
@@ -349,7 +349,7 @@ def _not_fitted(*comparisons: Comparison) -> list[Sentence]:
         return []
     names = listed([Path(network.origin).name for network in networks])
     plural = "are" if len(networks) > 1 else "is"
-    return [Sentence("Not fitted", f"{names} {plural} compared with the file's own values; run `lptn fit` first.")]
+    return [Sentence("Not fitted", f"{names} {plural} compared with the file's own values; run lptn fit first.")]
 
 
 # --- a forecast -------------------------------------------------------------------------------------------------

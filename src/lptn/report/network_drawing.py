@@ -114,7 +114,7 @@ font:13px system-ui,"Segoe UI","Helvetica Neue",Arial,"DejaVu Sans",sans-serif}
 --mark:#5ab4e5;--badge:#161719;--paper:#161719}}
 .network text{fill:var(--ink)}.network .soft,.network .badge text{fill:var(--soft);font-size:11px}
 .network .badge text{font-size:9px;fill:var(--ink)}.network rect{fill:var(--node);stroke:var(--edge);stroke-width:1.2}
-.network .link line{stroke:var(--edge);stroke-linecap:round}.network .link .reach{stroke:transparent;stroke-width:14}
+.network .link line{stroke:var(--edge)}.network .link .reach{stroke:transparent;stroke-width:14}
 .network .bare line:not(.reach){stroke-dasharray:3 4}
 .network .air path{fill:none;stroke:var(--mark);stroke-width:2;stroke-linecap:round}
 .network .badge circle{fill:var(--badge);stroke:var(--edge);stroke-width:1}

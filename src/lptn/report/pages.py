@@ -21,6 +21,7 @@ from lptn.report.document import Picture, render
 from lptn.report.heat_figures import field_figures
 from lptn.report.heat_story import HeatStory, heat_line_picture, heat_map_picture, learned_picture
 from lptn.report.narrative import (
+    ENDED,
     comparison_narrative,
     content_narrative,
     details,
@@ -141,7 +142,7 @@ def story_html(
         parameters_given=parameter_table(first.fit),
         parameters=parameter_table(last.fit, first.fit if last is not first else None),
         warnings=last.fit.uncertainty.warnings,
-        status=last.fit.status,
+        status=ENDED[last.fit.status],
         data=data_table({"fit": data.fit, "held out": data.holdout, "test": data.test}),
         commands=commands,
         sources=source_table(effects),
