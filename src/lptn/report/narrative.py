@@ -8,12 +8,11 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from math import isfinite, sqrt
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 
@@ -68,56 +67,45 @@ FEW = 3
 # --- what the steps are -------------------------------------------------------------------------------------
 
 
-@dataclass
-class Kinds:
-    """The steps that added an effect, sorted by how they are reported.
+Kind = Literal["finding", "structure", "learned", "helped", "fitted", "idle"]
+"""How a step is reported. Of a diagnosis: an effect of one place, sensor, limb or run, or one of all parts. Added by
+hand: a learned curve, which names no cause; what lowers the errors, those on fit data only, or none."""
 
-    Args:
-        findings: effects of one place, sensor, limb or run that a diagnosis found.
-        structure: effects of all parts that a diagnosis found.
-        helped: effects added by hand that lower the errors.
-        fitted: effects added by hand that lower the errors on fit data only.
-        idle: effects added by hand that lower no error.
-        learned: learned curves added by hand that lower an error; they name no cause.
+
+def kinds_of(steps: Sequence[Step]) -> dict[Kind, list[Step]]:
+    """The steps of a history, the model as given first, by how they are reported.
+
+    Answers of a diagnosis have a probability; effects added by hand are judged by the errors.
     """
-
-    findings: list[Step] = field(default_factory=list)
-    structure: list[Step] = field(default_factory=list)
-    helped: list[Step] = field(default_factory=list)
-    fitted: list[Step] = field(default_factory=list)
-    idle: list[Step] = field(default_factory=list)
-    learned: list[Step] = field(default_factory=list)
-
-    @classmethod
-    def of(cls, steps: Sequence[Step]) -> Kinds:
-        """Sort the steps of a history, the model as given first.
-
-        Answers of a diagnosis have a probability; effects added by hand are judged by the errors.
-        """
-        kinds = cls()
-        for before, step in pairwise(steps):
-            if step.probability:
-                (kinds.structure if step.is_structure else kinds.findings).append(step)
-            elif step.effect == LearnedHeat.key and _lowered(before, step):
-                kinds.learned.append(step)
-            else:
-                {"all": kinds.helped, "fitted": kinds.fitted, "": kinds.idle}[_lowered(before, step)].append(step)
-        return kinds
+    kinds: dict[Kind, list[Step]] = {kind: [] for kind in get_args(Kind)}
+    for before, step in pairwise(steps):
+        kind: Kind = _judged(before, step)
+        if step.probability:
+            kind = "structure" if step.is_structure else "finding"
+        elif step.effect == LearnedHeat.key and kind != "idle":
+            kind = "learned"
+        kinds[kind].append(step)
+    return kinds
 
 
-def _lowered(before: Step, after: Step) -> Literal["", "fitted", "all"]:
-    """Which errors a step lowered: those of held-out data, `"fitted"` where those of the fit data alone, or none.
+def _judged(before: Step, after: Step) -> Literal["helped", "fitted", "idle"]:
+    """Which errors a step lowers: those of held-out data, `"fitted"` where those of the fit data alone, or none.
 
     Errors on fit data count as lower if Schwarz's criterion falls; this decides if nothing is held out. A held-out
     error counts as lower if it falls by more than scatter explains, or by less if the fit data agree.
     """
     pays = criterion_difference(before.fit, after.fit) > 0
     if before.holdout is None or after.holdout is None:
-        return "all" if pays else ""
+        return "helped" if pays else "idle"
     share = after.holdout.rmse / before.holdout.rmse
     if share < 1 - WORTH or (pays and share < HELPED):
-        return "all"
-    return "fitted" if pays else ""
+        return "helped"
+    return "fitted" if pays else "idle"
+
+
+def _useful(kinds: Mapping[Kind, list[Step]]) -> bool:
+    """Whether any step lowers an error."""
+    return any(own for kind, own in kinds.items() if kind != "idle")
 
 
 # --- the answer -----------------------------------------------------------------------------------------------
@@ -131,18 +119,18 @@ def narrative(steps: Sequence[Step], last: Diagnosis | None, advice: Advice | No
         last: the diagnosis of the last step; without one nothing is said of what is missing.
         advice: what to do next, where it was worked out.
     """
-    single, kinds = len(steps) == 1, Kinds.of(steps)
+    single, kinds = len(steps) == 1, kinds_of(steps)
     unexplained = last is not None and last.verdict == "unexplained"
     hopeless = unexplained and (single or not explains(MOST, steps[0].fit, steps[-1].fit))
-    answers = Kinds.of([steps[0], *last.steps]) if last and single else kinds
+    answers = kinds_of([steps[0], *last.steps]) if last and single else kinds
     said = [Sentence("Verdict", _verdict(steps, last, kinds))] if last else []
     for one in last.learned if last else ():
         column = goes_with(one.effect, one.driven_by or one.at)
         text = f"{said[0].text} Heat at {one.where} is {UNNAMED}{column}: learned, without a name."
         said[0] = Sentence("Verdict", text)
     groups: tuple[tuple[Label, list[Step]], ...] = (
-        ("Best candidates" if hopeless else "Findings", answers.findings),
-        ("Structure", answers.structure),
+        ("Best candidates" if hopeless else "Findings", answers["finding"]),
+        ("Structure", answers["structure"]),
     )
     for label, group in groups:
         if group:
@@ -153,8 +141,10 @@ def narrative(steps: Sequence[Step], last: Diagnosis | None, advice: Advice | No
     if unexplained and (found := [step for step in worse if not step.is_structure]):
         text = capitalised(few([_in_full(step, steps) for step in found], FEW))
         said.append(Sentence("Best candidates", f"{text}; not added, because held-out data would be predicted worse."))
-    if kinds.helped or kinds.fitted or kinds.idle:
-        said.append(Sentence("Added by hand", f"{capitalised(_chosen(kinds))}."))
+    help_: dict[Kind, str] = {"helped": "", "fitted": " (lowers the error on fit data only)", "idle": " (no help)"}
+    by_hand = [f"{short_name(*step.key)}{words}" for kind, words in help_.items() for step in kinds[kind]]
+    if by_hand:
+        said.append(Sentence("Added by hand", f"{capitalised(listed(by_hand))}."))
     said.append(Sentence("Error", errors_in_words(steps)))
     heat = [f"Most significant {for_people(advice.heat[0].text())}."] if advice and advice.heat and unexplained else []
     if advice and advice.learned:
@@ -182,12 +172,13 @@ ENDED = {"converged": "converged", "not converged": "did not converge", "interru
 """How a search ended, by the status of its fit."""
 
 
-def _verdict(steps: Sequence[Step], last: Diagnosis, kinds: Kinds) -> str:
+def _verdict(steps: Sequence[Step], last: Diagnosis, kinds: Mapping[Kind, list[Step]]) -> str:
     """What is known of the model as it is now."""
     subject = "The model as given"
     if len(steps) > 1:
-        helped = kinds.findings or kinds.structure or kinds.helped or kinds.fitted or kinds.learned
-        subject = "The model with the effects below" if helped else "With or without the added effects the model"
+        subject = (
+            "The model with the effects below" if _useful(kinds) else "With or without the added effects the model"
+        )
     if last.verdict == "adequate":
         return f"{subject} is adequate; what remains is {allowance_in_words(last)}."
     if last.only_held_out_runs_object:
@@ -254,20 +245,11 @@ def _in_full(step: Step, steps: Sequence[Step]) -> str:
     return f"{short_name(*step.key)} ({text})"
 
 
-def _chosen(kinds: Kinds) -> str:
-    """What somebody added, and whether it lowered the errors."""
-    kinds_of_help = ((kinds.helped, ""), (kinds.fitted, "lowers the error on fit data only"), (kinds.idle, "no help"))
-    texts = [
-        f"{short_name(*step.key)}{f' ({help_})' if help_ else ''}" for some, help_ in kinds_of_help for step in some
-    ]
-    return listed(texts)
-
-
-def _next(steps: Sequence[Step], last: Diagnosis, kinds: Kinds, advice: Advice | None) -> str:
+def _next(steps: Sequence[Step], last: Diagnosis, kinds: Mapping[Kind, list[Step]], advice: Advice | None) -> str:
     """What to do next, in a sentence or two."""
     if advice and advice.rows:
         return advice.rows
-    if kinds.idle and not (kinds.findings or kinds.structure or kinds.helped or kinds.fitted or kinds.learned):
+    if kinds["idle"] and not _useful(kinds):
         return "Undo the added effects, which did not help."
     if last.verdict == "missing":
         command = "the effects above, as lptn improve does"

@@ -94,6 +94,12 @@ def story_html(
     said = narrative(history.steps, history.last, advice)
     effects = _effects_named(history)
     works = [cited.reference.full for cited in works_cited(effect.source for effect in effects)]
+    held = "judge it by the held-out errors" if last.holdout else "no data were held out to test it"
+    fall = None
+    if all_best:
+        best_step = f"the best model (step {len(history.steps) - 1}, green)"
+        drawing = inline_svg(history_figure(history.steps), "RMSE of each step on fit, held-out and test data")
+        fall = Picture(f"RMSE from the model as given (step 0, blue) to {best_step}; {held}.", drawing)
     titles = [
         "In short",
         "The log",
@@ -120,7 +126,7 @@ def story_html(
         charts=charts.html(CHARTS),
         thinned=thinned,
         history=history_table(history),
-        fall=_fall(history) if all_best else None,
+        fall=fall,
         conditions=conditions_picture(given, best, which),
         errors=_errors(given, best, which),
         nodes=node_table(given, best),
@@ -221,13 +227,6 @@ def _about_predictions(
     count = len(views(given))
     chosen = f"the worst {MOST} of {count}" if count > MOST else "all measured"
     return f"{text} Shown are {chosen} nodes and runs."
-
-
-def _fall(history: History) -> Picture:
-    drawing = inline_svg(history_figure(history.steps), "RMSE of each step on fit, held-out and test data")
-    held = "judge it by the held-out errors" if history.best.holdout else "no data were held out to test it"
-    best = f"the best model (step {len(history.steps) - 1}, green)"
-    return Picture(f"RMSE from the model as given (step 0, blue) to {best}; {held}.", drawing)
 
 
 def detectability_picture(sizes: Sequence[Detectable]) -> Picture | None:

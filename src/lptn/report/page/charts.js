@@ -99,7 +99,7 @@ class Charts {
     const options = {
       width: stack.clientWidth || 1000, height: panel.height + (last ? 32 : 0), padding: [8, 18, last ? null : 0, 0],
       cursor: { sync: { key: this.sync.key, setSeries: false }, drag: { x: true, y: false, setScale: false }, points: { size: 6 }, bind: { dblclick: () => () => this.zoom(null, view.across) } },
-      scales: { x: { time: false, auto: false, min: window[0], max: window[1], distr: this.content.log ? 3 : 1, range: (_, low, high) => [low, high] }, y: panel.log ? { distr: 3 } : { range: (_, low, high) => limits(low, high, panel.zero, floor(panel, view)) } },
+      scales: { x: { time: false, auto: false, min: window[0], max: window[1], distr: this.content.log ? 3 : 1, range: (_, low, high) => [low, high] }, y: panel.log ? { distr: 3 } : { range: (_, low, high) => limits(low, high, panel.zero, noiseOf(panel, view)) } },
       axes: [
         { show: last, stroke: ink, grid, ticks, ...(time ? { incrs: GRID } : {}), size: 42, label: across, labelSize: 16, font, labelFont: font },
         { stroke: ink, grid, ticks, label: panel.label, labelSize: 18, size: 54, space: 26, font, labelFont: font },
@@ -128,7 +128,7 @@ class Charts {
     ctx.save();
     ctx.fillStyle = color("--shade");
     for (const [start, stop] of view.shaded) ctx.fillRect(x(start), bbox.top, x(stop) - x(start), bbox.height);
-    const band = panel.zero && floor(panel, view);
+    const band = panel.zero && noiseOf(panel, view);
     if (band) {
       ctx.fillStyle = color("--noise");
       ctx.fillRect(bbox.left, y(band), bbox.width, Math.max(y(-band) - y(band), 1));
@@ -163,7 +163,7 @@ class Charts {
 }
 
 // The sensors' noise is one of temperatures, and no band around another quantity.
-function floor(panel, view) { return panel.unit === "K" ? view.floor : null; }
+function noiseOf(panel, view) { return panel.unit === "K" ? view.floor : null; }
 
 function limits(low, high, zero, floor) {
   if (low == null) return [0, 1];
