@@ -138,38 +138,25 @@ def cosimulate(
         InputError: an FMU or log that can't be used, or native code that is not trusted.
         FmuError: the FMU refuses an input.
     """
-    if Path(fmu).suffix in (".ssd", ".ssp"):
-        return _cosimulate_system(Path(fmu), logs, model, mapped or {}, ramps, trust, parameters)
-    with Session(fmu, ramps=ramps, trust=trust) as session:
-        text = session.unpacked.model_text
-        given = {} if parameters is None else in_units_of(read_values(parameters), session.unpacked, parameters)
-        if (model is None and text is None) or session.variables.keys() & (mapped or {}).keys():
-            plans = _plans_by_names(session, logs, mapped or {})
-        else:
-            inside = session.path / "resources" / "model.toml"
-            file = parse_model(text or "", inside) if model is None else read_model_file(Path(model))
-            loaded = LoadedModel(file, Model(file.network), dict(mapped or {}))
-            plans = _plans_by_model(loaded.model, loaded.runs([Path(log) for log in logs]))
-        done = tuple(_cosimulated(session, plan, ramps, given) for plan in plans)
-        return Cosimulation(Path(fmu), str(session.unpacked.description.fmiVersion), done)
-
-
-def _cosimulate_system(
-    path: Path,
-    logs: Sequence[str | Path],
-    model: str | Path | None,
-    mapped: Mapping[str, str],
-    ramps: bool,
-    trust: bool,
-    parameters: str | Path | None,
-) -> Cosimulation:
-    """A system of FMUs with the inputs that nothing inside it drives."""
+    system, given, renamed = Path(fmu).suffix in (".ssd", ".ssp"), {}, dict(mapped or {})
     for option, value in (("--model", model), ("--parameters", parameters), ("--ramps", ramps or None)):
-        if value is not None:
-            raise InputError(path, option, "a system of FMUs", "one FMU; a system's file says its own parameters")
-    with Connected(path, trust=trust) as system:
-        done = tuple(_cosimulated(system, plan, False, {}) for plan in _plans_by_names(system, logs, mapped))
-        return Cosimulation(path, "SSP 1.0", done)
+        if system and value is not None:
+            raise InputError(Path(fmu), option, "a system of FMUs", "one FMU; a system's file says its own parameters")
+    with Connected(fmu, trust=trust) if system else Session(fmu, ramps=ramps, trust=trust) as driven:
+        text, version = None, "SSP 1.0"
+        if isinstance(driven, Session):
+            text, version = driven.unpacked.model_text, str(driven.unpacked.description.fmiVersion)
+            if parameters is not None:
+                given = in_units_of(read_values(parameters), driven.unpacked, parameters)
+        if (model is None and text is None) or driven.variables.keys() & renamed.keys():
+            plans = _plans_by_names(driven, logs, renamed)
+        else:
+            inside = driven.path / "resources" / "model.toml"
+            file = parse_model(text or "", inside) if model is None else read_model_file(Path(model))
+            loaded = LoadedModel(file, Model(file.network), renamed)
+            plans = _plans_by_model(loaded.model, loaded.runs([Path(log) for log in logs]))
+        done = tuple(_cosimulated(driven, plan, ramps, given) for plan in plans)
+        return Cosimulation(Path(fmu), version, done)
 
 
 @dataclass(frozen=True)

@@ -150,8 +150,8 @@ def test_logs_drive_arrays(tmp_path: Path, built: Build) -> None:
         for on in (False, True)
     ]
     (one,), (other,) = (cosimulation.runs for cosimulation in done)
-    assert one.outputs.keys() == other.outputs.keys()
-    assert all((one.outputs[name] == other.outputs[name]).all() for name in one.outputs)
+    assert one.table.keys() == other.table.keys()
+    assert all((one.table[name] == other.table[name]).all() for name in one.table)
 
 
 ROBOTS = {

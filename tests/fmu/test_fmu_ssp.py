@@ -100,9 +100,9 @@ def test_cosim_takes_values_from_a_file_in_any_unit(log: Path, built: Build, tmp
     inside = entry.format("FR_calf.capacity", 0.15, "kJ/K") + entry.format("FR_calf.temperature_limit", 60.0, "degC")
     path.write_text(f"{head}<Parameters>{inside}</Parameters></ParameterSet>")
     plain, hot = (cosimulate(built("leg").path, [log], parameters=file).runs[0] for file in (None, path))
-    warming = [run.outputs["FR_calf.temperature"][-1] - ZERO - 22.0 for run in (plain, hot)]
+    warming = [run.table["temperature.FR_calf"][-1] - 22.0 for run in (plain, hot)]
     assert warming[1] == pytest.approx(2 * warming[0], rel=0.1)
-    scale = hot.outputs["FR_calf.torque_scale"][-1]
+    scale = hot.table["torque_scale.FR_calf"][-1]
     assert scale == pytest.approx(np.clip((60.0 - (22.0 + warming[1])) / 10.0, 0, 1), abs=1e-9)
 
 
