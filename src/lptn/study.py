@@ -1,6 +1,7 @@
 """A study: a model, the runs it is fitted to and tested on, and the history of the effects that were added.
 
-The object to use in a notebook; the commands, the workbench and the report wrap it.
+The object to use in a notebook; the commands, the workbench and the report wrap it. A third of the file are docstrings
+of what people call; the rest keeps track of steps, data and settings, each of which can be changed and taken back.
 """
 
 from __future__ import annotations

@@ -59,7 +59,9 @@ def show_effects(key: str | None, details: bool = True) -> None:
     if details:
         options = (f"Option: {option}" for option in options_text(effect))
         needs = f"A log shows it with: {effect.excitation.needs}."
-        print(*options, needs, *_confused(effect), *_references(effect), sep="\n")
+        others = effect.signature.confused_with
+        confused = [f"Confused with: {', '.join(others)}."] if others else []
+        print(*options, needs, *confused, *_references(effect), sep="\n")
 
 
 def catalogue_json(key: str | None) -> dict[str, object]:
@@ -128,11 +130,6 @@ def columns_text(effect: type[Effect], place: str = "<place>") -> str:
 def options_text(effect: type[Effect]) -> list[str]:
     """The options of an effect as the model file has them: `input = "torque" | "current"`; the first is the default."""
     return [f"{option} = " + " | ".join(f'"{word}"' for word in words) for option, words in effect.options.items()]
-
-
-def _confused(effect: type[Effect]) -> list[str]:
-    others = effect.signature.confused_with
-    return [f"Confused with: {', '.join(others)}."] if others else []
 
 
 def _references(effect: type[Effect]) -> list[str]:

@@ -9,6 +9,7 @@ from cyclopts import Parameter as Option
 
 from lptn.cli.options import (
     COLUMNS,
+    ROWS,
     Columns,
     Details,
     Json,
@@ -22,8 +23,6 @@ from lptn.cli.options import (
 if TYPE_CHECKING:
     from lptn.identify.comparison import Versus
     from lptn.report.tables import ReportTable
-
-_WORST = 6  # rows of a table in the answer; the details have all
 
 
 def compare(
@@ -63,12 +62,12 @@ def compare(
         tables = [] if is_quiet() else _tables_of_both(result)
         written = result.model.as_json() | {"against": result.as_json()}
     else:
-        tables = [] if is_quiet() else [("", error_table(result, None if details else _WORST))]
+        tables = [] if is_quiet() else [("", error_table(result, None if details else ROWS))]
         tables += [("Worst by operating condition:", condition_table(result))] if details else []
         written = result.as_json()
     for title, table in tables:
         if table.rows:
-            show_table(*table, title)
+            show_table(*table, title, None if details else ROWS)
     if tables and against is None:
         print("error = predicted − measured; noise alone: RMSE from sensor noise alone.")
     write_json(json, written)

@@ -9,7 +9,7 @@ from cyclopts import Parameter as Option
 
 from lptn.basics.errors import InputError
 from lptn.basics.tables import write_table
-from lptn.cli.options import COLUMNS, Columns, Json, Picture, check_outputs, needs_logs, write_figure
+from lptn.cli.options import COLUMNS, ROWS, Columns, Details, Json, Picture, check_outputs, needs_logs, write_figure
 
 if TYPE_CHECKING:
     from lptn.fmu.cosim import Cosimulation
@@ -34,6 +34,7 @@ def cosim(
         Option(help="Parameter values for the FMU: an SSV file, as lptn fmu MODEL -o VALUES.ssv writes it."),
     ] = None,
     output: Outputs = None,
+    details: Details = False,
     plot: Picture = None,
     json: Json = None,
     columns: Columns = COLUMNS,
@@ -62,7 +63,7 @@ def cosim(
             done = cosimulate(fmu, logs, model=model, mapped=pairs, ramps=ramps, trust=trust, parameters=parameters)
     except FmuError as error:
         raise InputError(fmu, "FMU", str(error), "inputs that it takes") from error
-    _show_cosimulation(done)
+    _show_cosimulation(done, details)
     write_json(json, done.as_json())
     if output is not None:  # all outputs at the ends of steps as a log, temperatures in degC
         tables = [pd.DataFrame(dict(run.table)) for run in done.runs]
@@ -73,20 +74,25 @@ def cosim(
         write_figure(cosimulation_figure(done), plot)
 
 
-def _show_cosimulation(done: Cosimulation) -> None:
+def _show_cosimulation(done: Cosimulation, details: bool) -> None:
+    """Errors of the FMU by run and node, in the answer the largest first, and its speed."""
     from lptn.cli.terminal import show_table
     from lptn.report.text import kelvin, signed_kelvin
 
-    rows = []
+    rows: list[tuple[float, list[str]]] = []
     for run in done.runs:
         for row, node in enumerate(run.nodes):
             errors, from_model = run.errors(row), run.from_model(row)
             cells = ["not measured", "", ""]
             if errors.count:
                 cells = [kelvin(errors.rmse), kelvin(errors.max), signed_kelvin(errors.mean)]
-            rows.append((run.run.name, node, *cells, "" if from_model is None else f"{from_model:.2g} K"))
+            beside = "" if from_model is None else f"{from_model:.2g} K"
+            rows.append((errors.rmse if errors.count else 0.0, [run.run.name, node, *cells, beside]))
+    if not details:
+        rows.sort(key=lambda one: -one[0])
     heads = ("run", "node", ">RMSE", ">max |error|", ">mean error", ">max |FMU − model|")
-    show_table(heads, rows, title="error = predicted by the FMU − measured")
+    title, most = "error = predicted by the FMU − measured", None if details else ROWS
+    show_table(heads, [cells for _, cells in rows], title, most)
     steps, seconds = sum(len(run.run) for run in done.runs), sum(run.seconds for run in done.runs)
     simulated = sum(len(run.run) * run.run.step for run in done.runs)
     speed = simulated / max(seconds, 1e-9)

@@ -10,7 +10,18 @@ from cyclopts import Parameter as Option
 from cyclopts import validators
 
 from lptn.basics.errors import InputError
-from lptn.cli.options import COLUMNS, Columns, Json, Picture, check_inputs, check_outputs, limits_of, write_figure
+from lptn.cli.options import (
+    COLUMNS,
+    ROWS,
+    Columns,
+    Details,
+    Json,
+    Picture,
+    check_inputs,
+    check_outputs,
+    limits_of,
+    write_figure,
+)
 
 if TYPE_CHECKING:
     from lptn.online.operating_point import WindowChoice
@@ -35,6 +46,7 @@ def forecast(
     coverage: Annotated[
         float, Option(help="Probability of the intervals.", validator=validators.Number(gt=0, lt=1))
     ] = 0.9,
+    details: Details = False,
     json: Json = None,
     plot: Picture = None,
     columns: Columns = COLUMNS,
@@ -57,8 +69,8 @@ def forecast(
         ahead = study.forecast(limits, cycles, coverage, window=chosen)
     print(ahead.narrative())
     if not is_quiet():
-        table = forecast_table(ahead.result)
-        show_table(*table)
+        most = None if details else ROWS
+        show_table(*forecast_table(ahead.result, most), most=most)
     write_json(json, ahead.result.as_json())
     if plot is not None:
         from lptn.report.online_figures import forecast_figure

@@ -10,7 +10,18 @@ from cyclopts import Parameter as Option
 from cyclopts import validators
 
 from lptn.basics.errors import InputError
-from lptn.cli.options import COLUMNS, Columns, Json, Picture, check_inputs, check_outputs, needs_logs, write_figure
+from lptn.cli.options import (
+    COLUMNS,
+    ROWS,
+    Columns,
+    Details,
+    Json,
+    Picture,
+    check_inputs,
+    check_outputs,
+    needs_logs,
+    write_figure,
+)
 
 if TYPE_CHECKING:
     from lptn.logs.run import Run
@@ -43,6 +54,7 @@ def monitor(
         Path | None,
         Option(help="Calibration file: written with --healthy, read without it."),
     ] = None,
+    details: Details = False,
     json: Json = None,
     plot: Picture = None,
     columns: Columns = COLUMNS,
@@ -76,7 +88,8 @@ def monitor(
     print(monitoring_narrative(result))
     rows = [cells for watched in result.runs for cells in _rows(watched)]
     if rows and not is_quiet():
-        show_table(("run", "sensor", "fault", "size", "since", "statistical", f"over {threshold:g} K"), rows)
+        heads = "run", "sensor", "fault", "size", "since", "statistical", f"over {threshold:g} K"
+        show_table(heads, rows, most=None if details else ROWS)
         print("Times are in s on each log's clock, or since its start where that clock counts from 1970.")
     write_json(json, result.as_json())
     if plot is not None:

@@ -41,6 +41,8 @@ OptionalOutput = Annotated[Path | None, Option(name=["--output", "-o"], help="Fi
 Json = Annotated[Path | None, Option(help="JSON file for the result.")]
 HtmlReport = Annotated[Path | None, Option(help="HTML page to write, with zoomable charts.")]
 Details = Annotated[bool, Option(help="Print all results below the answer.")]
+ROWS = 6
+"""Of a table in the answer; the details have all."""
 Picture = Annotated[Path | None, Option(help="Picture to write: .png, .svg or .pdf.")]
 Test = Annotated[
     list[Path] | None, Option(help="Test logs: only the final model predicts them.", consume_multiple=True)

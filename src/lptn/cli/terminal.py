@@ -116,7 +116,7 @@ def complain(message: object) -> None:
 _WIDEST = 100_000  # characters of a row in a pipe; more than names and numbers ever fill
 
 
-def show_table(heads: Sequence[str], rows: Iterable[Sequence[str]], title: str = "") -> None:
+def show_table(heads: Sequence[str], rows: Iterable[Sequence[str]], title: str = "", most: int | None = None) -> None:
     """Print a table without lines and without cutting a cell.
 
     On a terminal long names and texts are folded, and a table of few rows that is too wide even so is turned, each row
@@ -126,8 +126,10 @@ def show_table(heads: Sequence[str], rows: Iterable[Sequence[str]], title: str =
         heads: of the columns; those of numbers begin with ">", which aligns them right.
         rows: the cells.
         title: a line above it.
+        most: how many rows are printed; a line counts the others.
     """
-    rows = [list(row) for row in rows]
+    every = [list(row) for row in rows]
+    rows = every[:most]
     if out.is_terminal and not _fits(heads, rows):
         turned = (
             [heads[0].removeprefix(">"), *(row[0] for row in rows)],
@@ -145,6 +147,8 @@ def show_table(heads: Sequence[str], rows: Iterable[Sequence[str]], title: str =
     if not out.is_terminal or not _fits(heads, rows):
         table.width = out.measure(table, options=out.options.update(max_width=_WIDEST)).maximum
     out.print(table, crop=False)
+    if len(rows) < len(every):
+        print(f"and {len(every) - len(rows)} more: --details")
 
 
 _FOLDED = 8  # characters of a text's column that is folded

@@ -7,7 +7,6 @@ from typing import Annotated
 
 from cyclopts import Parameter as Option
 
-from lptn.basics.words import count_of
 from lptn.cli.options import Details, HtmlReport, Picture, check_outputs, write_figure
 
 Result = Annotated[Path | None, Option(name=["--json", "--output", "-o"], help="JSON file for the result.")]
@@ -54,10 +53,7 @@ def trade(
         write_figure(torque_speed_figure(result), diagram)
     (choice, *numbers), *rows = table(result, brief=not details)
     heads = [choice, *(for_people(head if head == "active constraints" else f">{head}") for head in numbers)]
-    shown = rows if details else rows[:_BEST]
-    show_table(heads, shown, headline(result))
-    if len(shown) < len(rows):
-        print(f"and {count_of(len(rows) - _BEST, 'choice')} more: --details")
+    show_table(heads, rows, headline(result), None if details else _BEST)
     for remark in remarks(result) if details else summary(result):
         print(for_people(remark))
     if plot is not None:

@@ -106,6 +106,11 @@ class Forecast:
         )
         return f"<Forecast: {nodes}>"
 
+    @property
+    def soonest(self) -> list[NodeForecast]:
+        """The nodes with a limit, the next to reach it first, then the hottest."""
+        return sorted(self.nodes.values(), key=lambda one: (one.time_to_limit, one.low, -one.steady))
+
     def as_json(self) -> dict[str, object]:
         """The forecast as other tools read it: s and degC; what is never reached is null."""
         return {

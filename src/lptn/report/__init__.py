@@ -1,4 +1,9 @@
-"""Reports: figures, and self-contained HTML pages from an improvement or a comparison."""
+"""Reports: sentences, tables, figures, and self-contained HTML pages of searches, comparisons, forecasts and plans.
+
+A large room, since it says the same in three media: sentences and tables (`narrative`, `tables`, `text`) for terminal,
+workbench and page; stills for paper and notebooks (`*_figures`); charts to zoom and the drawing of a network (`charts`,
+`story_charts`, `planning_pages`, `network_*`) for the screen. Each takes about a third of it.
+"""
 
 import lazy_loader
 

@@ -122,7 +122,7 @@ class Charts:
             "log": self.log,
             "panels": [asdict(panel) for panel in self.panels],
             "choices": [{"label": label, "options": list(options)} for label, options in self.choices.items()],
-            "values": {key: _rounded(values) for key, values in self.values.items()},
+            "values": {key: [float(f"{value:.7g}") for value in own.tolist()] for key, own in self.values.items()},
             "views": [
                 vars(view)
                 | {
@@ -149,10 +149,6 @@ def packed(values: FloatArray) -> list[Any]:
     steps = np.full(values.size, _STEPS + 1, dtype="<u2")
     steps[finite] = np.rint((values[finite] - low) / ((high - low) or 1.0) * _STEPS)
     return [float(f"{low:.9g}"), float(f"{high:.9g}"), base64.b64encode(steps.tobytes()).decode()]
-
-
-def _rounded(values: FloatArray) -> list[float]:
-    return [float(f"{value:.7g}") for value in values.tolist()]
 
 
 def sizes_in_words(seconds: float) -> str:

@@ -55,7 +55,7 @@ def plot_temperatures(
     ax: Axes | None = None,
     names: tuple[str, str] = NAMES,
 ) -> Axes:
-    """Measured and predicted temperature [°C] of a node over a run; the readings that find the start are shaded.
+    """Measured and predicted temperature [°C] of a node over a run; readings that set its start are shaded.
 
     Args:
         given: a model's comparison.
@@ -128,7 +128,7 @@ def _shaded_time(ax: Axes, prediction: Prediction) -> Any:
     time = elapsed / unit
     end = initialisation_end(prediction)
     if end is not None:
-        ax.axvspan(float(time[0]), end / unit, color=SHADE, zorder=0, linewidth=0, label="finds the start")
+        ax.axvspan(float(time[0]), end / unit, color=SHADE, zorder=0, linewidth=0, label="initialisation")
     ax.set_xlabel(label, size=SMALL)
     ax.set_xlim(float(time[0]), float(time[-1]))
     dress(ax)
@@ -184,7 +184,7 @@ def draw_predictions(
     handles: list[Line2D | Patch] = [Line2D([], [], label="measured", **MEASURED)]
     handles += [Line2D([], [], label=name, **style) for _, style, name in _models(given, best, names)]
     if any(initialisation_end(prediction) is not None for prediction in given.predictions):
-        handles.append(Patch(color=SHADE, label="finds the start"))
+        handles.append(Patch(color=SHADE, label="initialisation"))
     handles.append(Patch(color=NOISE, label="sensor noise"))
     legend_above(figure, handles)
 

@@ -37,15 +37,11 @@ def render(template: str, **content: object) -> str:
     )
     # Style sheet and script contain braces, and must not be parsed as templates.
     style = Markup("".join(map(_text, ("uplot/uPlot.css", "colours.css", "style.css"))))
+    # uPlot and our charts as one module, as a page without other files needs it.
+    script = Markup(_text("uplot/uPlot.esm.js").replace("export { uPlot as default };", "") + _text("charts.js"))
     made = f"{date.today().isoformat()} with {', '.join(f'{name} {version(name)}' for name in _VERSIONS)}"
     made += f", Python {platform.python_version()}"
-    return environment.get_template(template).render(css=style, script=_script(), made=made, **content)
-
-
-def _script() -> Markup:
-    """uPlot and our charts as one module, as a page without other files needs it."""
-    library = _text("uplot/uPlot.esm.js").replace("export { uPlot as default };", "")
-    return Markup(library + _text("charts.js"))
+    return environment.get_template(template).render(css=style, script=script, made=made, **content)
 
 
 def _text(name: str) -> str:

@@ -1,7 +1,7 @@
 """The sentences on logs, searches, comparisons and forecasts that terminal, workbench, report and Python show.
 
-Of a search, first the verdict on the model as it is now, then what sets a place, a sensor, a limb or a run apart
-(findings), what all parts have in common (structure), what somebody added, the errors, and what to do next.
+Of a search, first the verdict on the model as it is now, then effects at one place, of one sensor, limb or run
+(findings), effects that all parts have (structure), what somebody added, the errors, and what to do next.
 """
 
 from __future__ import annotations

@@ -118,7 +118,6 @@ font:13px system-ui,"Segoe UI","Helvetica Neue",Arial,"DejaVu Sans",sans-serif}
 .network .bare line:not(.reach){stroke-dasharray:3 4}
 .network .air path{fill:none;stroke:var(--mark);stroke-width:2;stroke-linecap:round}
 .network .badge circle{fill:var(--badge);stroke:var(--edge);stroke-width:1}
-.network .halo{stroke:var(--paper);stroke-width:3px;paint-order:stroke}
 """
 
 

@@ -84,8 +84,7 @@ def plot_forecast(
 
 def forecast_figure(forecast: Forecast) -> Figure:
     """Readings [°C] so far, expected temperatures with their interval, and the limit; the twelve soonest nodes."""
-    soonest = sorted(forecast.nodes.values(), key=lambda node: (node.time_to_limit, node.low, -node.steady))[:_MOST]
-    chosen = [node for node in forecast.nodes.values() if node in soonest]
+    chosen = [node for node in forecast.nodes.values() if node in forecast.soonest[:_MOST]]
     columns = min(_COLUMNS, len(chosen))
     rows = ceil(len(chosen) / columns)
     figure = new_figure(rows * _PANEL + _LEGEND)

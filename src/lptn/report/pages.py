@@ -92,14 +92,9 @@ def story_html(
     charts, thinned = time_charts(runs, all_given, all_best, NAMES)
     left = heat.stretches
     said = narrative(history.steps, history.last, advice)
+    searched, fitted = (fit.problem.bound_runs[0].run.step for fit in (history.first.fit, first.fit))
     effects = _effects_named(history)
     works = [cited.reference.full for cited in works_cited(effect.source for effect in effects)]
-    held = "judge it by the held-out errors" if last.holdout else "no data were held out to test it"
-    fall = None
-    if all_best:
-        best_step = f"the best model (step {len(history.steps) - 1}, green)"
-        drawing = inline_svg(history_figure(history.steps), "RMSE of each step on fit, held-out and test data")
-        fall = Picture(f"RMSE from the model as given (step 0, blue) to {best_step}; {held}.", drawing)
     titles = [
         "In short",
         "The log",
@@ -126,7 +121,7 @@ def story_html(
         charts=charts.html(CHARTS),
         thinned=thinned,
         history=history_table(history),
-        fall=fall,
+        fall=_fall(history) if all_best else None,
         conditions=conditions_picture(given, best, which),
         errors=_errors(given, best, which),
         nodes=node_table(given, best),
@@ -141,7 +136,7 @@ def story_html(
         predictions=Picture(_about_predictions(given, best, data, which), _predictions(given, best)),
         told=effects_table(history),
         refused=refused_table(history),
-        coarse=_coarse_step(history),
+        coarse=searched if searched > fitted else None,
         detectability=detectability_picture(smallest(history.last.weighed)),
         experiment=for_people(advice.experiment.text()) if advice and advice.experiment else None,
         few=_FEW,
@@ -166,12 +161,6 @@ def _only(comparison: Comparison, wanted: Sequence[bool]) -> Comparison:
     """A comparison of some of its runs."""
     kept = tuple(prediction for prediction, is_wanted in zip(comparison.predictions, wanted, strict=True) if is_wanted)
     return replace(comparison, predictions=kept)
-
-
-def _coarse_step(history: History) -> float | None:
-    """The step of the search [s], `None` where it is that of the fits."""
-    searched, fitted = (fit.problem.bound_runs[0].run.step for fit in (history.first.fit, history.steps[0].fit))
-    return searched if searched > fitted else None
 
 
 def _effects_named(history: History) -> list[type[Effect]]:
@@ -201,6 +190,13 @@ def _errors(given: Comparison, best: Comparison | None, which: str) -> Picture:
     return Picture(f"{text} (hatched where clearly so).", *drawings)
 
 
+def _fall(history: History) -> Picture:
+    drawing = inline_svg(history_figure(history.steps), "RMSE of each step on fit, held-out and test data")
+    held = "judge it by the held-out errors" if history.best.holdout else "no data were held out to test it"
+    best = f"the best model (step {len(history.steps) - 1}, green)"
+    return Picture(f"RMSE from the model as given (step 0, blue) to {best}; {held}.", drawing)
+
+
 def _predictions(given: Comparison, best: Comparison | None = None, names: tuple[str, str] = NAMES) -> Markup:
     figure = predictions_figure(given, best, names=names)
     return inline_svg(figure, "measured and predicted temperatures, and errors")
@@ -221,9 +217,9 @@ def _about_predictions(
         fitted = {segment.run.name for segment in data.fit}
         same = all(prediction.segment.run.name in fitted for prediction in given.predictions)
         shaded = "the shaded time, which was fitted," if same else "the shaded time"
-        text += f" Readings in {shaded} only set the start; what follows is predicted freely."
+        text += f" Readings in {shaded} only set the initial temperatures; what follows is predicted freely."
     else:
-        text += " The start was fitted along with these readings, so this is no test."
+        text += " The initial temperatures were fitted to all of these readings, so this is no test."
     count = len(views(given))
     chosen = f"the worst {MOST} of {count}" if count > MOST else "all measured"
     return f"{text} Shown are {chosen} nodes and runs."

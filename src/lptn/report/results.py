@@ -110,5 +110,4 @@ class StudyForecast(_Told):
         """
         from lptn.report.online_figures import plot_forecast
 
-        first = min(self.result.nodes.values(), key=lambda one: (one.time_to_limit, one.low, -one.steady))
-        return plot_forecast(self.result, node or first.node, ax=ax)
+        return plot_forecast(self.result, node or self.result.soonest[0].node, ax=ax)

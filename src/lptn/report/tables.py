@@ -63,7 +63,7 @@ class ReportTable(NamedTuple):
 
 
 def error_table(comparison: Comparison, most: int | None = None) -> ReportTable:
-    """Errors of one model by run and node; of more than `most` rows those with the largest RMSE."""
+    """Errors of one model by run and node; of more than `most` rows the largest RMSE first."""
     rows: list[tuple[float, tuple[str, ...]]] = []
     for prediction in comparison.predictions:
         for node in comparison.model.nodes:
@@ -72,11 +72,10 @@ def error_table(comparison: Comparison, most: int | None = None) -> ReportTable:
                 cells = (kelvin(errors.rmse), kelvin(errors.max), signed_kelvin(errors.mean))
                 row = prediction.segment.run.name, node, *cells, kelvin(comparison.floor(node), 2)
                 rows.append((errors.rmse, row))
-    shown = rows
     if most is not None and len(rows) > most:
-        shown = sorted(rows, key=lambda one: -one[0])[:most]
+        rows.sort(key=lambda one: -one[0])
     heads = ("run", "node", ">RMSE", ">max |error|", ">mean error", ">noise alone")
-    return ReportTable(heads, tuple(row for _, row in shown))
+    return ReportTable(heads, tuple(row for _, row in rows))
 
 
 def condition_table(comparison: Comparison, most: int = 12) -> ReportTable:
@@ -139,7 +138,7 @@ def data_table(jobs: Mapping[str, Sequence[Segment]]) -> ReportTable:
         for segment in segments:
             run = segment.run
             whole = segment.initialisation == segment.evaluation
-            start = "the counted readings" if whole else window_text(segment.initialisation, segment)
+            start = "all counted readings" if whole else window_text(segment.initialisation, segment)
             size = time_span(len(run) * run.step), f"{run.step:g} s"
             names = [run.name, Path(run.source).name, run.fingerprint[:12]]
             if clocked:
@@ -147,15 +146,30 @@ def data_table(jobs: Mapping[str, Sequence[Segment]]) -> ReportTable:
             notes = " ".join(run.notes) or "none"
             rows.append((*names, *size, job, start, window_text(segment.evaluation, segment), notes))
     clock = ["began"] if clocked else []
-    heads = "run", "file", "fingerprint", *clock, ">length", ">step", "used as", "start from", "errors counted", "notes"
+    heads = (
+        "run",
+        "file",
+        "fingerprint",
+        *clock,
+        ">length",
+        ">step",
+        "used as",
+        "initialised on",
+        "errors counted",
+        "notes",
+    )
     return ReportTable(heads, tuple(rows))
 
 
 # --- a forecast -------------------------------------------------------------------------------------------
 
 
-def forecast_table(ahead: Forecast) -> ReportTable:
-    """Each node with a limit: its temperature, when it reaches the limit, and where it settles."""
+def forecast_table(ahead: Forecast, most: int | None = None) -> ReportTable:
+    """Each node with a limit: its temperature, when it reaches the limit, and where it settles; of more than `most`
+    nodes the next to reach it first.
+    """
+    every = list(ahead.nodes.values())
+    nodes = every if most is None or len(every) <= most else ahead.soonest
     rows = tuple(
         (
             one.node,
@@ -165,7 +179,7 @@ def forecast_table(ahead: Forecast) -> ReportTable:
             interval_to_limit(one),
             settling_temperature(one),
         )
-        for one in ahead.nodes.values()
+        for one in nodes
     )
     heads = ("node", ">now", ">limit", ">time to limit", f">{percent(ahead.coverage)} interval", ">settles at [°C]")
     return ReportTable(heads, rows)
@@ -241,15 +255,14 @@ def stretch_table(stretches: Sequence[HeatPeak]) -> ReportTable:
             stretch.run,
             stretch.node,
             *(f"{time:.0f}" for time in stretch.elapsed),
-            *(_signed(stretch.heat + side * stretch.band) for side in (0, -1, 1)),
+            *(
+                f"{'−' if watts < 0 else '+'}{short_size(abs(watts))}"
+                for watts in (stretch.heat, stretch.heat - stretch.band, stretch.heat + stretch.band)
+            ),
         )
         for stretch in stretches
     )
     return ReportTable(("run", "node", ">from [s]", ">to [s]", ">heat [W]", ">at least [W]", ">at most [W]"), rows)
-
-
-def _signed(value: float) -> str:
-    return f"{'−' if value < 0 else '+'}{short_size(abs(value))}"
 
 
 _ZERO = 1e-9  # share of the typical size; what a search leaves of a zero

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections import Counter
+from dataclasses import asdict
 from itertools import combinations
 from typing import Any
 
@@ -12,7 +13,7 @@ from lptn.diagnose.answers import Key, Step
 from lptn.diagnose.diagnosis import Diagnosis
 from lptn.effects import catalogue
 from lptn.identify.comparison import Comparison, Errors
-from lptn.identify.data import Segment, Stretch
+from lptn.identify.data import Segment
 from lptn.report.narrative import content_narrative, largest_error, narrative, size_in_words
 from lptn.report.shown import noise_alone, views, worst_view
 from lptn.report.tables import conditions_by_quantity
@@ -39,7 +40,7 @@ def content_of(bench: Bench, opening: Opening) -> dict[str, Any]:
         "segments": [_segment(study, key, segment) for key, segment in segments(study).items()],
         "contents": [(each.label, each.text) for each in content_narrative(study.model, study.runs)],
         "issues": _issues(study),
-        "stretches": [_stretch(stretch) for stretch in study.stretches],
+        "stretches": [asdict(stretch) for stretch in study.stretches],
         "fitted": bool(study.steps),
         "effects": {key: effect.title for key, effect in sorted(catalogue().items())},
         "commands": commands(study, opening),
@@ -257,10 +258,6 @@ def _issues(study: Study) -> list[dict[str, Any]]:
             content |= {"problem": for_people(issue.problem), "remedy": for_people(issue.remedy)}
             issues.setdefault((run.source, issue.sentence), content | {"stretch": issue.stretch})
     return list(issues.values())
-
-
-def _stretch(stretch: Stretch) -> dict[str, Any]:
-    return {"run": stretch.run, "start": stretch.start, "stop": stretch.stop, "held_out": stretch.held_out}
 
 
 # --- the same without the page --------------------------------------------------------------------------------
