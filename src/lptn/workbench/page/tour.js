@@ -9,7 +9,7 @@ const STEPS = [
   { at: ".tiles button", words: "Each tile is a joint in a run, orange where the model is too hot, blue where it is too cold. Click the strongest one.", done: page => page.clicked },
   { at: ".stack", words: "Its plots: what was measured, what the model says, and the error between them. Drag to zoom in.", done: (page, plots) => Object.keys(plots.windows).length },
   { at: "[id='whole']", words: "Hover to read values. Back to the whole run with this button, or with the key 0.", done: (page, plots) => !Object.keys(plots.windows).length },
-  { at: "#diagnose", words: "Now find the missing effects: those of all parts, and those that set one apart.", done: page => page.state.answers },
+  { at: "#diagnose", words: "Now find the missing effects: those of all parts, and those of one part alone.", done: page => page.state.answers },
   { at: ".answers li", words: "First the findings, which set one place apart, then what all parts have in common. Put the mouse on an answer, or press Try: plots and dashed bar show the model with this answer alone.", done: page => page.attempt },
   { at: ".answers button.first", words: "Add it: the model that you tried is kept, and the error falls.", done: page => page.state.steps.length > 1 },
   { at: "#improve", words: "The error fell. Undo it, and press “Find and add automatically”: all answers are added, one after the other, and the errors fall.", done: page => page.state.head.now <= FALLEN * page.state.head.given },
