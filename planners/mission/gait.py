@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import reduce
 from pathlib import Path
 from typing import Any
 
 import casadi as ca
 import numpy as np
 from scipy.interpolate import CubicSpline
+from scipy.linalg import khatri_rao
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError, shown
@@ -311,10 +313,7 @@ def gait_from_logs(
 
 def _over_cells(by_axis: Sequence[FloatArray]) -> FloatArray:
     """Weights of the cells, shape (windows, cells), from those along each axis, shape (windows, knots)."""
-    weights = np.ones((len(by_axis[0]), 1))
-    for along in by_axis:
-        weights = (weights[:, :, None] * along[:, None, :]).reshape(len(weights), -1)
-    return weights
+    return np.ascontiguousarray(reduce(khatri_rao, [along.T for along in by_axis]).T)
 
 
 def _refuse_empty(bare: Gait, at: FloatArray, origin: str, least: float = 3.0) -> None:

@@ -10,11 +10,11 @@ import numpy as np
 
 from lptn.basics.errors import InputError
 
-from .designs import Design, IsoMap, LimitCurve, Refusal, design_of, iso_map, limit_curves, refusal_of
+from .designs import Design, Refusal, design_of, refusal_of
+from .maps import IsoMap, LimitCurve, TorqueSpeed, iso_map, limit_curves, torque_speed
 from .problem import DesignNumbers, DesignProblem, DesignSolution
 from .study import TradeStudy
 from .tables import BUDGETS, SWEPT, Sweep
-from .torque_speed import TorqueSpeed, torque_speed
 from .uncertainty import Interval, intervals
 
 Report = Callable[[str], None]

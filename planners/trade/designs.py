@@ -1,19 +1,16 @@
-"""A feasible choice at its best, its sensitivities, map and curve; or a refused choice and the limits in its way."""
+"""A feasible choice at its best, and its sensitivities; or a refused choice and the limits in its way."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import ceil, log, log1p
 
 import numpy as np
 
 from lptn.basics.arrays import FloatArray
-from lptn.basics.errors import InputError
 
-from .motors import ENAMEL_LIMIT
 from .plant import CAPACITY, RESISTANCE
 from .problem import DesignNumbers, DesignProblem, DesignSolution
-from .simulation import Simulator, check_design, peak_temperatures
+from .simulation import check_design
 from .study import Option
 from .tables import BUDGETS
 
@@ -161,79 +158,3 @@ def refusal_of(problem: DesignProblem) -> Refusal:
     single.sort(key=lambda obstacle: obstacle.move)
     together = [] if single else [obstacle for obstacle in obstacles(names) if obstacle.move > 1e-4]  # others stayed
     return Refusal(problem.option, tuple(single), tuple(together))
-
-
-# --- maps and curves ----------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class IsoMap:
-    """Highest winding temperature [degC] over capacity [J/K] (n,) and resistance [K/W] (m,), shape (m, n)."""
-
-    option: Option
-    capacity: FloatArray
-    resistance: FloatArray
-    winding: FloatArray
-    torque: float
-    duration: float
-
-
-@dataclass(frozen=True)
-class LimitCurve:
-    """Time [s] until the winding reaches its limit [degC] at each constant current [A]; infinite for never."""
-
-    name: str
-    limit: float
-    current: FloatArray
-    time: FloatArray
-
-
-def iso_map(design: Design, points: int = 30) -> IsoMap:
-    """The design's task on sinks of all sizes within the study's bounds.
-
-    Args:
-        design: whose torque and duration are taken; it must have a sink.
-        points: along each axis.
-
-    Raises:
-        InputError: the design has no sink.
-    """
-    option, study = design.option, design.option.study
-    if not option.has_sink:
-        raise InputError(study.origin, "map", f"{option.name}", "a design with a sink")
-    capacity, resistance = (np.geomspace(*ends, points) for ends in study.sink.bounds)
-    every_c, every_r = (grid.ravel() for grid in np.meshgrid(capacity, resistance))
-    peaks = peak_temperatures(option, every_c, every_r, np.full(every_c.size, design.torque), design.duration)
-    return IsoMap(option, capacity, resistance, peaks.reshape(points, points), design.torque, design.duration)
-
-
-def limit_curves(design: Design, currents: FloatArray) -> LimitCurve:
-    """Time from the start until the winding reaches its limit, for constant currents.
-
-    Args:
-        design: the motor and its cooling.
-        currents: A, shape (n,).
-    """
-    option = design.option
-    limit = option.limits.get("winding", option.motor.limits.winding or ENAMEL_LIMIT)
-    simulator, task = Simulator(option, design.sink, "current"), option.study.task
-    n, hardest = currents.size, float(currents.max())
-    # Short steps at first: a winding at many times its rating warms within a second.
-    first, growth = 0.02, 1.02
-    growing = ceil(log1p(task.longest / first * (growth - 1)) / log(growth))  # steps, a geometric sum
-    if simulator.is_stiff(task.longest, growing, hardest):
-        advance, step = simulator.advance_implicitly, task.longest
-    else:
-        advance, step = simulator.advance, task.longest / simulator.substeps(task.longest, hardest)
-    x = np.full((len(simulator.plant.states), n), task.start)
-    time, reached = 0.0, np.full(n, np.inf)
-    h = min(step, first)
-    while time < task.longest and np.isinf(reached).any():
-        before = simulator.winding(x)
-        x = advance(x, currents, h)
-        after = simulator.winding(x)
-        crossed = np.isinf(reached) & (after >= limit)
-        reached[crossed] = time + h * ((limit - before[crossed]) / (after[crossed] - before[crossed]))
-        time += h
-        h = min(step, h * growth)
-    return LimitCurve(option.name, limit, currents, reached)

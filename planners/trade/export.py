@@ -71,8 +71,6 @@ def as_json(result: StudyResult) -> dict[str, object]:
 
 
 def _design(design: Design, intervals: Mapping[str, Interval]) -> dict[str, object]:
-    names = ("value", "capacity", "resistance", "ratio", "mass", "volume", "price", "torque", "duration", "winding",
-             "current", "checked")  # fmt: skip
     interval = intervals.get(design.option.name)
     return {
         "option": design.option.name,
@@ -81,7 +79,8 @@ def _design(design: Design, intervals: Mapping[str, Interval]) -> dict[str, obje
         "pipes": design.option.pipes,
         "gear": design.option.gear.name,
         "material": design.option.material if design.option.has_sink else None,
-        **{name: getattr(design, name) for name in names},
+        **design.numbers,
+        **{name: getattr(design, name) for name in ("winding", "current", "checked")},
         "fan_power": design.option.study.fan.power if design.option.cooling == "fan" else 0.0,
         "binding": list(design.binding),
         "degenerate": design.degenerate,

@@ -15,8 +15,8 @@ from lptn.basics.style import BAD, FAINT, INK, LIMIT, PALETTE, PAPER, SMALL, TEX
 from .answer import StudyResult
 from .designs import Design
 from .export import strongest
+from .maps import TorqueSpeed
 from .study import TradeStudy
-from .torque_speed import TorqueSpeed
 
 RPM = 30 / np.pi
 """Revolutions a minute in a radian a second."""

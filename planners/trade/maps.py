@@ -1,9 +1,10 @@
-"""How long a motor holds each torque at each speed, within winding, magnets, current and supply voltage."""
+"""What a design does beside its task: on other sinks, at other currents, at other torques and speeds."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import ceil, log, log1p
 
 import numpy as np
 
@@ -11,10 +12,82 @@ from lptn.basics.arrays import BoolArray, FloatArray
 from lptn.basics.errors import InputError
 
 from .designs import Design
-from .motors import REFERENCE
-from .simulation import Simulator
+from .motors import ENAMEL_LIMIT, REFERENCE
+from .simulation import Simulator, peak_temperatures
+from .study import Option
 
-_DURATIONS = (10.0, 30.0, 60.0, 180.0, 600.0, 1800.0, 3600.0)  # s
+
+@dataclass(frozen=True)
+class IsoMap:
+    """Highest winding temperature [degC] over capacity [J/K] (n,) and resistance [K/W] (m,), shape (m, n)."""
+
+    option: Option
+    capacity: FloatArray
+    resistance: FloatArray
+    winding: FloatArray
+    torque: float
+    duration: float
+
+
+def iso_map(design: Design, points: int = 30) -> IsoMap:
+    """The design's task on sinks of all sizes within the study's bounds.
+
+    Args:
+        design: whose torque and duration are taken; it must have a sink.
+        points: along each axis.
+
+    Raises:
+        InputError: the design has no sink.
+    """
+    option, study = design.option, design.option.study
+    if not option.has_sink:
+        raise InputError(study.origin, "map", f"{option.name}", "a design with a sink")
+    capacity, resistance = (np.geomspace(*ends, points) for ends in study.sink.bounds)
+    every_c, every_r = (grid.ravel() for grid in np.meshgrid(capacity, resistance))
+    peaks = peak_temperatures(option, every_c, every_r, np.full(every_c.size, design.torque), design.duration)
+    return IsoMap(option, capacity, resistance, peaks.reshape(points, points), design.torque, design.duration)
+
+
+@dataclass(frozen=True)
+class LimitCurve:
+    """Time [s] until the winding reaches its limit [degC] at each constant current [A]; infinite for never."""
+
+    name: str
+    limit: float
+    current: FloatArray
+    time: FloatArray
+
+
+def limit_curves(design: Design, currents: FloatArray) -> LimitCurve:
+    """Time from the start until the winding reaches its limit, for constant currents.
+
+    Args:
+        design: the motor and its cooling.
+        currents: A, shape (n,).
+    """
+    option = design.option
+    limit = option.limits.get("winding", option.motor.limits.winding or ENAMEL_LIMIT)
+    simulator, task = Simulator(option, design.sink, "current"), option.study.task
+    n, hardest = currents.size, float(currents.max())
+    # Short steps at first: a winding at many times its rating warms within a second.
+    first, growth = 0.02, 1.02
+    growing = ceil(log1p(task.longest / first * (growth - 1)) / log(growth))  # steps, a geometric sum
+    if simulator.is_stiff(task.longest, growing, hardest):
+        advance, step = simulator.advance_implicitly, task.longest
+    else:
+        advance, step = simulator.advance, task.longest / simulator.substeps(task.longest, hardest)
+    x = np.full((len(simulator.plant.states), n), task.start)
+    time, reached = 0.0, np.full(n, np.inf)
+    h = min(step, first)
+    while time < task.longest and np.isinf(reached).any():
+        before = simulator.winding(x)
+        x = advance(x, currents, h)
+        after = simulator.winding(x)
+        crossed = np.isinf(reached) & (after >= limit)
+        reached[crossed] = time + h * ((limit - before[crossed]) / (after[crossed] - before[crossed]))
+        time += h
+        h = min(step, h * growth)
+    return LimitCurve(option.name, limit, currents, reached)
 
 
 @dataclass(frozen=True)
@@ -59,7 +132,8 @@ def torque_speed(design: Design, speeds: int = 49, unlimited: float = 40.0) -> T
         expected = "voltage = … or speed = …, where the diagram ends"
         raise InputError(study.origin, "limits", "no voltage and no speed", expected)
     speed = np.linspace(0.0, min(ends) / ratio, speeds)
-    durations = np.array([0.0, *(time for time in _DURATIONS if time < study.task.longest), study.task.longest, np.inf])
+    usual = 10.0, 30.0, 60.0, 180.0, 600.0, 1800.0, 3600.0  # s
+    durations = np.array([0.0, *(time for time in usual if time < study.task.longest), study.task.longest, np.inf])
     most = limits.get("current", unlimited) * option.motor.torque_constant * ratio
     holds = _endurance(design, limits, np.tile(speed, durations.size), np.repeat(durations, speed.size))
     low, high = np.zeros(durations.size * speed.size), np.full(durations.size * speed.size, most)
