@@ -106,9 +106,9 @@ class Walker:
 def fixed(walker: Walker, mission: Mission) -> tuple[float, float]:
     """The plan made at the start: time of the whole [s], worst above the limit [K]."""
     plan, worst = plan_mission(mission, explain=False), -np.inf
-    for segment, seconds, speed, load in zip(plan.segments, plan.time, plan.speed, plan.load, strict=True):
-        order = Order(segment.name, segment.gait.name, float(speed), float(load))
-        whole = max(1, round(float(seconds)))
+    for segment, seconds, speed, load, _ in plan.pieces():
+        order = Order(segment.name, segment.gait.name, speed, load)
+        whole = max(1, round(seconds))
         for begin in range(0, whole, int(SAMPLE)):
             worst = max(worst, _over(walker, walker.follow(order, min(int(SAMPLE), whole - begin))))
     return walker.clock if plan.verdict == "met" else np.nan, worst

@@ -32,8 +32,7 @@ def plans() -> tuple[MissionPlan, MissionPlan]:
 
 
 def doing(plan: MissionPlan) -> list[tuple[str, float, float, float]]:
-    rows = zip(plan.segments, plan.time.tolist(), plan.speed.tolist(), plan.load.tolist(), strict=True)
-    return [(segment.gait.name, time, speed, load) for segment, time, speed, load in rows]
+    return [(segment.gait.name, time, speed, load) for segment, time, speed, load, _ in plan.pieces()]
 
 
 def rests(plan: MissionPlan) -> int:
