@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -27,9 +28,6 @@ class Design(DesignNumbers):
         parameters: value and unit of every number of the program, by name.
         sensitivities: derivative of the goal to every parameter, by name, in the goal's unit per the parameter's, the
             design re-optimised; Lagrange multipliers of the converged program.
-        sink_sensitivities: derivative of the goal to the sink's capacity [per J/K], mass [per kg of its metal] and
-            resistance [per K/W] with all else of the design held; empty without a sink, or where that program did not
-            converge.
         checked: the highest winding temperature in a fine simulation of the same design [degC].
         times, states: the course [s], [degC].
     """
@@ -40,7 +38,6 @@ class Design(DesignNumbers):
     binding: tuple[str, ...]
     parameters: dict[str, tuple[float, str]]
     sensitivities: dict[str, float]
-    sink_sensitivities: dict[str, float]
     checked: float
     times: FloatArray
     states: FloatArray
@@ -48,6 +45,27 @@ class Design(DesignNumbers):
     def __repr__(self) -> str:
         held = f"{self.torque:.4g} N*m for {self.duration:g} s"
         return f"<Design {self.option.name}: {held}, {1e3 * self.mass:.0f} g, winding {self.winding:.1f} degC>"
+
+    @cached_property
+    def as_built(self) -> tuple[DesignProblem, DesignSolution]:
+        """Its program with the sink as it was found, and what IPOPT finds then."""
+        problem = DesignProblem(self.option, self.sink)
+        return problem, problem.solve()
+
+    @cached_property
+    def sink_sensitivities(self) -> dict[str, float]:
+        """Derivative of the goal to the sink's capacity [per J/K], mass [per kg of its metal] and resistance [per K/W].
+
+        All else of the design is held. Empty without a sink, where mass, volume or price is sought (at a given sink its
+        mass is given), and where that program did not converge.
+        """
+        if self.sink is None or self.option.study.question.goal in BUDGETS:
+            return {}
+        gradient = self.as_built[1].gradient
+        if not gradient:
+            return {}
+        per_mass = gradient[CAPACITY] * self.option.metal.specific_heat
+        return {"capacity": gradient[CAPACITY], "mass": per_mass, "resistance": gradient[RESISTANCE]}
 
     @property
     def degenerate(self) -> bool:
@@ -118,23 +136,10 @@ def design_of(problem: DesignProblem, solution: DesignSolution) -> Design:
             name: (value, problem.parameters.units[name]) for name, value in problem.parameters.defaults.items()
         },
         sensitivities=solution.gradient,
-        sink_sensitivities=_sink_sensitivities(option, solution.sink) if solution.sink else {},
         checked=hottest,
         times=solution.times,
         states=solution.states,
     )
-
-
-def _sink_sensitivities(option: Option, sink: tuple[float, float]) -> dict[str, float]:
-    """Derivatives of the goal to the sink's two numbers, the rest of the design held."""
-    if option.study.question.goal in BUDGETS:
-        return {}  # at a given sink its mass is given
-    solution = DesignProblem(option, sink).solve()
-    if not solution.success:
-        return {}
-    per_capacity = solution.gradient[CAPACITY]
-    per_mass = per_capacity * option.metal.specific_heat
-    return {"capacity": per_capacity, "mass": per_mass, "resistance": solution.gradient[RESISTANCE]}
 
 
 def refusal_of(problem: DesignProblem) -> Refusal:

@@ -10,7 +10,7 @@ thermal runaway does no harm, since the states are found together with the desig
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any
 
@@ -21,7 +21,7 @@ from lptn.basics.arrays import FloatArray
 
 from .plant import CAPACITY, RESISTANCE, Load, Parameters, Plant
 from .study import Option
-from .tables import LIMITS
+from .tables import BUDGETS, LIMITS
 
 _WORST_SCALE = 100.0  # K
 _OPTIONS: dict[str, Any] = {
@@ -224,11 +224,11 @@ class DesignProblem:
         if task.repeats is None:
             self._program.constrain(self._states[-1] - self._states[0], "heat balance", equal=True)
 
-    def _limit(self, name: str, values: Any) -> None:
-        """`values` at most the limit of this name, which a slack can move by multiples of its size."""
+    def _limit(self, name: str, values: Callable[[], Any]) -> None:
+        """`values` at most the limit of this name where there is one; a slack can move it by multiples of its size."""
         if name in self._limits:
             self._slack[name] = self._program.variable(f"slack.{name}", 0.0, 0.0, 0.0)
-            self._program.constrain((values - self._limits[name]) / self._size(name) - self._slack[name], name)
+            self._program.constrain((values() - self._limits[name]) / self._size(name) - self._slack[name], name)
 
     def _size(self, name: str) -> float:
         if name == "torque":
@@ -239,25 +239,24 @@ class DesignProblem:
         plant, motor, task = self.plant, self.option.motor, self.option.study.task
         begins, ends = (list(zip(states, self._loads, strict=True)) for states in (self._states[:-1], self._states[1:]))
 
-        def size_of(values: list[Any], signed: bool) -> Any:
+        def of_all(quantity: Callable[[Any, Load], Any], at: Sequence[Any] = ends, signed: bool = False) -> Any:
+            values = [quantity(*moment) for moment in at]
             return ca.vertcat(*values, *([-value for value in values] if signed else []))
 
-        windings = ca.vertcat(*[plant.temperatures(x, motor.winding_nodes) for x, _ in ends])
-        self._limit("winding", windings)
-        self._limit("magnet", ca.vertcat(*[plant.temperatures(x, motor.magnet_nodes) for x, _ in ends]))
-        currents, voltages = [plant.current(*at) for at in ends], [plant.voltage(*at) for at in (*begins, *ends)]
-        self._limit("current", size_of(currents, signed=bool(task.accelerations.any())))
-        self._limit("voltage", size_of(voltages, signed=bool((task.motion < 0).any())))
-        self._limit("speed", plant.ratio * float(np.abs(task.motion).max()))
-        if self.option.has_sink:
-            self._limit("pipe_power", ca.vertcat(*[plant.pipe_power(x, load) for x, load in ends]))
+        windings = of_all(lambda x, _: plant.temperatures(x, motor.winding_nodes))
+        self._limit("winding", lambda: windings)
+        self._limit("magnet", lambda: of_all(lambda x, _: plant.temperatures(x, motor.magnet_nodes)))
+        self._limit("current", lambda: of_all(plant.current, signed=bool(task.accelerations.any())))
+        self._limit("voltage", lambda: of_all(plant.voltage, [*begins, *ends], signed=bool((task.motion < 0).any())))
+        self._limit("speed", lambda: plant.ratio * float(np.abs(task.motion).max()))
+        self._limit("pipe_power", lambda: of_all(plant.pipe_power))
         if self.option.study.question.goal == "worst_temperature":
             self._worst = self._program.variable("worst", 0.6, -1.0, 20.0)
             self._program.constrain(windings / _WORST_SCALE - self._worst, "worst")
         if self._given:
             return  # its mass and volume are what they are
-        for name, spent in plant.spent.items():
-            self._limit(name, spent)
+        for name in BUDGETS:
+            self._limit(name, lambda name=name: plant.spent[name])
         if self.option.has_sink:
             self._program.constrain(plant.sink.fin_share(plant.capacity, plant.resistance) - 1, "fins")
 

@@ -73,8 +73,7 @@ def intervals(
     values = np.full((len(solved), uncertainty.draws), worst)
     for row, ((problem, design), error) in enumerate(zip(solved, errors, strict=True)):
         report(f"drawing what is not known for {design.option.name}")
-        asked = problem if study.question.goal in BUDGETS else DesignProblem(design.option, design.sink)
-        near = asked.solve()
+        asked, near = (problem, problem.solve()) if study.question.goal in BUDGETS else design.as_built
         columns = [keys.index(key) for key in error]
         for number, draw in enumerate(draws[:, columns]):
             drawn = {name: _drawn(asked, name, of, normal)
