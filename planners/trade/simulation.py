@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 
 from lptn.basics.arrays import FloatArray
+from lptn.model.array_function import ArrayFunction
 from lptn.model.model import rk4
 
 from .plant import Load, Parameters, Plant
@@ -52,11 +53,12 @@ class Simulator:
         self.step = ca.Function(
             "step", [x, *given, h], [ca.fmin(rk4(lambda state: f(state, *given, numbers), x, h), _HOT)]
         )
-        self._rates = ca.Function("rates", [x, *given], [rates])
+        self._rates = ca.Function("rates", [x, *given], [ca.densify(rates)])
         self._jacobian = ca.Function("jacobian", [x, *given], [ca.densify(ca.jacobian(rates, x))])
         amperes, volts = (drive, 0) if load is None else (plant.current(x, load), plant.voltage(x, load))
         electric = ca.substitute(ca.vertcat(amperes, volts), parameters.stacked, numbers)
-        self._electric = ca.Function("electric", [x, drive], [electric])
+        self._electric = ca.Function("electric", [x, drive], [ca.densify(electric)])
+        self._of_cases: dict[tuple[str, int], ArrayFunction] = {}
         self._winding = [plant.states.index(node) for node in option.motor.winding_nodes]
         self._magnet = [plant.states.index(node) for node in option.motor.magnet_nodes]
 
@@ -89,7 +91,7 @@ class Simulator:
 
     def advance(self, x: FloatArray, drive: FloatArray, h: FloatArray | float) -> FloatArray:
         """States after one step of RK4, shape (states, cases), from such states; h [s] for each case or all."""
-        return np.asarray(self.step(x, self._drive(drive), *self._sink, np.atleast_2d(h)).full())
+        return self._at(self.step, x, self._drive(drive), *self._sink, np.atleast_2d(h))
 
     def advance_implicitly(self, x: FloatArray, drive: FloatArray, h: FloatArray | float) -> FloatArray:
         """States after one Rosenbrock step of order 2, arguments and result as for `advance`.
@@ -101,15 +103,15 @@ class Simulator:
         system = np.eye(len(x)) - gamma * np.reshape(h, (-1, 1, 1)) * slope
         first = np.linalg.solve(system, rates)
         middle = np.minimum(x + h * first[:, :, 0].T, _HOT)
-        ahead = self._rates(middle, self._drive(drive), *self._sink).full().T[:, :, None]
+        ahead = self._at(self._rates, middle, self._drive(drive), *self._sink).T[:, :, None]
         second = np.linalg.solve(system, ahead - 2 * first)
         return np.minimum(x + h * (1.5 * first + 0.5 * second)[:, :, 0].T, _HOT)
 
     def _linearised(self, x: FloatArray, drive: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Rates [K/s], shape (cases, states, 1), and their slope in the states [1/s], shape (cases, states, states)."""
         (n, cases), rows = x.shape, (self._drive(drive), *self._sink)
-        slope = self._jacobian(x, *rows).full().reshape(n, cases, n).transpose(1, 0, 2)
-        return self._rates(x, *rows).full().T[:, :, None], slope
+        slope = self._at(self._jacobian, x, *rows).reshape(n, cases, n).transpose(1, 0, 2)
+        return self._at(self._rates, x, *rows).T[:, :, None], slope
 
     def steady(self, drive: FloatArray) -> FloatArray:
         """States that no longer change, shape (states, cases); infinite where there are none.
@@ -129,8 +131,19 @@ class Simulator:
 
     def electric(self, x: FloatArray, drive: FloatArray | float) -> tuple[FloatArray, FloatArray]:
         """Current [A] and supply voltage [V] for each case, each of shape (number of cases,)."""
-        current, voltage = self._electric(x, self._drive(drive)).full()
+        current, voltage = self._at(self._electric, x, self._drive(drive))
         return current, voltage
+
+    def _at(self, function: ca.Function, *rows: FloatArray) -> FloatArray:
+        """The results of all cases side by side; the first argument has a column for each, others may have one for all.
+
+        Hundreds of short steps of many cases: half of the time went into copying CasADi's matrices.
+        """
+        cases = rows[0].shape[1]
+        key = function.name(), cases
+        if key not in self._of_cases:
+            self._of_cases[key] = ArrayFunction(function, cases)
+        return self._of_cases[key](*(np.broadcast_to(row, (len(row), cases)) for row in rows))
 
 
 def check_design(option: Option, design: DesignSolution) -> tuple[float, float]:
