@@ -88,7 +88,7 @@ class StandingTemperatures:
         nodes, x, time = limits.size, start, 0.0
         if (x[:nodes] >= limits).any():
             return 0.0, int((x[:nodes] - limits).argmax())
-        h = self._step(x, torques, longest=1.0)
+        h = min(1.0, self._longest_step(x, torques))
         while time < horizon:
             u = np.repeat(self._inputs(torques[:, None]), _STEPS, axis=1)
             path = np.hstack([x[:, None], self.model.run(_STEPS)(x, u, self._values, h).full()])
@@ -115,15 +115,14 @@ class StandingTemperatures:
         squared = np.repeat((torques**2)[:, None], torques.size + 1, axis=1)
         squared[np.arange(torques.size), np.arange(1, torques.size + 1)] += nudge
         x = np.repeat(start[:, None], torques.size + 1, axis=1)
-        h = self._step(start, torques, np.inf, horizon)
-        blocks = max(1, round(horizon / (h * _STEPS)))
+        blocks = max(1, int(np.ceil(horizon / (_STEPS * self._longest_step(start, torques)))))
         run = self.model.made_once(
             ("together", _STEPS, torques.size + 1), lambda: self.model.run(_STEPS).map(torques.size + 1)
         )
         u = np.repeat(self._inputs(np.sqrt(squared)), _STEPS, axis=1)
         p = np.repeat(self._values[:, None], torques.size + 1, axis=1)
         for _ in range(blocks):
-            path = run(x, u, p, np.full((1, torques.size + 1), h)).full()
+            path = run(x, u, p, np.full((1, torques.size + 1), horizon / (_STEPS * blocks))).full()
             x = path[:, _STEPS - 1 :: _STEPS]
         nodes = len(self.model.nodes)
         return x[:nodes, 0], (x[:nodes, 1:] - x[:nodes, :1]) / nudge
@@ -132,7 +131,5 @@ class StandingTemperatures:
         """The model's inputs for magnitudes of the torques, shapes (inputs, n) and (joints, n)."""
         return np.asarray(self._constant[:, None] + self._weights @ np.abs(torques))
 
-    def _step(self, x: FloatArray, torques: FloatArray, longest: float, horizon: float | None = None) -> float:
-        """A step that is short for the fastest rate; where there is a horizon, a whole number of blocks of it."""
-        h = min(longest, longest_step(self.model, x, self._inputs(torques[:, None])[:, 0], self._values))
-        return h if horizon is None else horizon / (_STEPS * max(1, int(np.ceil(horizon / (_STEPS * h)))))
+    def _longest_step(self, x: FloatArray, torques: FloatArray) -> float:
+        return longest_step(self.model, x, self._inputs(torques[:, None])[:, 0], self._values)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -184,18 +185,16 @@ class Plant:
         with R the heat in the copper by the square of the current, so that U I is the power into the motor. What the
         inductance takes is left out.
         """
-        return self._winding_resistance(x) * self.current(x, load) + self._torque_constant(x) * self.motor_speed(load)
+        resistance = self._copper_heat(x, self._inputs(x, 1.0, 0.0), self._p)
+        return resistance * self.current(x, load) + self._torque_constant(x) * self.motor_speed(load)
 
-    def _winding_resistance(self, x: Any) -> Any:
-        """Heat in the copper at 1 A [W]."""
-        balance = self.model.balance
-        of_copper = (
-            instance for instance in self.model.network.effect_instances if instance.effect.key == "copper_loss"
-        )
-        heat = sum((ca.sum1(ca.vertcat(*balance.heat_into_ends(instance))) for instance in of_copper), start=ca.SX(0))
-        symbols = self.model.symbols
-        function = ca.Function("heat", [symbols.x, symbols.u, symbols.p], [heat])
-        return function(x, self._inputs(x, 1.0, 0.0), self._p)
+    @cached_property
+    def _copper_heat(self) -> ca.Function:
+        """(x, u, p) -> heat in the copper [W]."""
+        instances, symbols = self.model.network.effect_instances, self.model.symbols
+        of_copper = [self.model.balance.heat_into_ends(one) for one in instances if one.effect.key == "copper_loss"]
+        heat = sum((ca.sum1(ca.vertcat(*ends)) for ends in of_copper), start=ca.SX(0))
+        return ca.Function("heat", [symbols.x, symbols.u, symbols.p], [heat])
 
     def pipe_power(self, x: Any, load: Load) -> Any:
         """Heat through the heat pipes [W]; a body's face has no state, so there it is what the sink takes in."""
