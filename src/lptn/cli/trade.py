@@ -65,5 +65,6 @@ def trade(
         from lptn.report.planning_pages import trade_html
 
         write_whole(report, trade_html(result))
-    write_json(json, as_json(result))
+    if json is not None:  # its maps and curves take as long as the study
+        write_json(json, as_json(result))
     show_written({"open it in a browser": report})
