@@ -332,7 +332,7 @@ class MissionControl:
         times = np.array(time)
         times[0] = max(times[0] - self._gone, _FEWEST)
         course = simulate_plan(left, Schedule(now, times, np.array(speed), np.array(load), list(posture)))
-        peaks = peaks_of(left, course)
+        peaks = peaks_of(left, now, course)
         nearest = min(peaks, key=lambda node: left.limits[node] - peaks[node])
         spare = left.limits[nearest] - peaks[nearest]
         said = f"{nearest} would get to {peaks[nearest]:.1f} degC, {abs(spare):.1f} K"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal, NamedTuple
 
@@ -120,24 +120,6 @@ class Mission:
         """Time of the whole if nothing gets hot [s]."""
         between = sum(segment.length for segment in segments_of(self, ()) if segment.is_transition)
         return between + sum(activity.least_time for activity in self.activities)
-
-    @property
-    def too_hot(self) -> list[str]:
-        """Nodes that begin above what they may not pass."""
-        return [node for node, most in self.limits.items() if self._begins(node) > self.utmost.get(node, most)]
-
-    @property
-    def within_margin(self) -> dict[str, float]:
-        """Temperatures at the start [degC] of the nodes that begin between their limit and their utmost."""
-        begins = {node: self._begins(node) for node in self.limits}
-        return {
-            node: begins[node]
-            for node, most in self.limits.items()
-            if most < begins[node] <= self.utmost.get(node, most)
-        }
-
-    def _begins(self, node: str) -> float:
-        return float(self.start[self.model.places.index(node)])
 
 
 def with_complete_start(mission: Mission) -> tuple[Mission, tuple[str, ...]]:
@@ -274,12 +256,23 @@ def _with_transitions(mission: Mission, pieces: list[MissionSegment], *, free_re
     return segments
 
 
-def first_rest(mission: Mission, segments: list[MissionSegment]) -> int:
-    """How many pieces at the beginning are rest, and the way to it."""
-    rested = 0
+def limited_later(mission: Mission, segments: Sequence[MissionSegment]) -> dict[str, tuple[int, float]]:
+    """Nodes that begin above their limit: after how many pieces it counts, and what they may not pass before [degC].
+
+    One that begins above its utmost has to be below its limit when the rest that comes first ends; one that begins
+    within its margin when the first piece ends that is no rest, and it gets no hotter until then.
+    """
+    rested = 0  # pieces at the beginning that are rest, or the way to it
     for k, segment in enumerate(segments):
         if segment.gait is mission.rest:
             rested = k + 1
         elif not segment.is_transition:
             break
-    return rested
+    later = {}
+    for node, limit in mission.limits.items():
+        begins = float(mission.start[mission.model.places.index(node)])
+        if begins > mission.utmost.get(node, limit):
+            later[node] = rested, np.inf
+        elif begins > limit:
+            later[node] = min(rested + 1, len(segments)), begins
+    return later

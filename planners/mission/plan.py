@@ -11,7 +11,7 @@ import numpy as np
 from lptn.basics.arrays import FloatArray
 from lptn.basics.places import class_of
 
-from .mission import Mission, Schedule, segments_of, with_complete_start
+from .mission import Mission, MissionSegment, Schedule, limited_later, segments_of, with_complete_start
 from .program import Goal, MissionProgram, MissionSolution
 from .simulation import Course, simulate_plan
 
@@ -96,7 +96,7 @@ class MissionPlan(Schedule):
     @property
     def peaks(self) -> dict[str, float]:
         """Greatest temperature of each limited node along the replayed plan [degC]."""
-        return peaks_of(self.mission, self.course)
+        return peaks_of(self.mission, self.segments, self.course)
 
     @property
     def obstacle(self) -> PassedLimit | None:
@@ -314,12 +314,11 @@ def _resting(program: MissionProgram, failed: MissionSolution) -> MissionPlan:
     )  # fmt: skip
 
 
-def peaks_of(mission: Mission, course: Course) -> dict[str, float]:
-    """Greatest temperature of each limited node along a course [degC].
-
-    A node that begins too hot counts from when the rest at the beginning is over, one that begins within its margin
-    from the end of the first piece.
-    """
-    begins = dict.fromkeys(mission.too_hot, course.rested) | dict.fromkeys(mission.within_margin, course.settled)
-    rows = {node: mission.model.places.index(node) for node in mission.limits}
-    return {node: float(course.states[row, begins.get(node, 0) :].max()) for node, row in rows.items()}
+def peaks_of(mission: Mission, segments: Sequence[MissionSegment], course: Course) -> dict[str, float]:
+    """Greatest temperature of each limited node along a course [degC], from where its limit counts."""
+    later, peaks = limited_later(mission, segments), {}
+    for node in mission.limits:
+        pieces, _ = later.get(node, (0, np.inf))
+        begin = course.ends[pieces - 1] if pieces else 0
+        peaks[node] = float(course.states[mission.model.places.index(node), begin:].max())
+    return peaks

@@ -18,7 +18,7 @@ import numpy as np
 from lptn.basics.arrays import FloatArray
 
 from .gait import Gait
-from .mission import Mission, Schedule, first_rest, segments_of
+from .mission import Mission, Schedule, limited_later, segments_of
 from .simulation import simulate_plan
 
 Goal = Literal["time", "work"]
@@ -213,20 +213,14 @@ class MissionProgram:
         return np.array([low for low, _ in bounds]), np.array([high for _, high in bounds])
 
     def _ceilings(self, limits: dict[str, float]) -> FloatArray:
-        """Greatest temperature of each state at each stage [degC], shape (states, stages).
-
-        What begins too hot has to be below its limit when the rest that comes first ends.
-        """
-        mission = self.mission
+        """Greatest temperature of each state at each stage [degC], shape (states, stages)."""
         ceilings = np.full((self._states, self._stages), self._range[1])
-        leading = first_rest(mission, self.segments)
-        settled = min(leading + 1, len(self.segments)) * ELEMENTS * DEGREE - 1
+        later = limited_later(self.mission, self.segments)
         for node, limit in limits.items():
-            first = max(leading * ELEMENTS * DEGREE - 1, 0) if node in mission.too_hot else 0
-            row = mission.model.places.index(node)
+            pieces, until = later.get(node, (0, limit))
+            row, first = self.mission.model.places.index(node), max(pieces * ELEMENTS * DEGREE - 1, 0)
+            ceilings[row, :first] = min(max(limit, until), self._range[1])
             ceilings[row, first:] = limit
-            if node in mission.within_margin:
-                ceilings[row, :settled] = max(limit, mission.within_margin[node])
         return ceilings
 
     def _guess(self, eagerness: float, ceilings: FloatArray) -> FloatArray:

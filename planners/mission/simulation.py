@@ -11,7 +11,7 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.bounds import Bound
 from lptn.simulate.dynamics import longest_step
 
-from .mission import Mission, Schedule, first_rest
+from .mission import Mission, Schedule
 
 _BLOCK = 32  # steps that one call takes
 _STEPS = Bound(500_000, "steps")  # of a plan: a day by a part of 0.4 s; a mission with so many takes half a minute
@@ -25,15 +25,11 @@ class Course:
         time: since the start [s], shape (n,).
         states: [degC], shape (states, n).
         ends: index into `time` at which each segment ends.
-        rested: index into `time` at which the rest at the beginning ends.
-        settled: index into `time` at which the first piece that is no rest ends.
     """
 
     time: FloatArray
     states: FloatArray
     ends: list[int]
-    rested: int
-    settled: int
 
 
 def simulate_plan(mission: Mission, schedule: Schedule) -> Course:
@@ -70,6 +66,4 @@ def simulate_plan(mission: Mission, schedule: Schedule) -> Course:
             clock += (begin + h * (block * _BLOCK + np.arange(1, _BLOCK + 1))).tolist()
         count += blocks * _BLOCK
         ends.append(count)
-    leading = first_rest(mission, schedule.segments)
-    settled = ends[min(leading, len(ends) - 1)] if ends else 0
-    return Course(np.array(clock), np.hstack(states), ends, ends[leading - 1] if leading else 0, settled)
+    return Course(np.array(clock), np.hstack(states), ends)
