@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
+from functools import partial
 from typing import Any
 
 import casadi as ca
@@ -256,7 +257,7 @@ class DesignProblem:
         if self._given:
             return  # its mass and volume are what they are
         for name in BUDGETS:
-            self._limit(name, lambda name=name: plant.spent[name])
+            self._limit(name, partial(plant.spent.get, name))
         if self.option.has_sink:
             self._program.constrain(plant.sink.fin_share(plant.capacity, plant.resistance) - 1, "fins")
 

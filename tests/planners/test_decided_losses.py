@@ -191,11 +191,11 @@ def held(case: Case, planner: TorqueMPC | ControlLoop, asked: float) -> tuple[Fl
     """What is admitted in the last quarter hour of two, a row a period, the temperatures then, and the last plan."""
     mpc = planner if isinstance(planner, TorqueMPC) else planner.mpc
     count, given = len(case.joints), around(mpc)
-    x, rows = np.full(count, 55.0), []
+    x, rows, plan = np.full(count, 55.0), [], None
     for _ in range(1440):
         if isinstance(planner, TorqueMPC):
-            plan: Plan | None = planner.step(x, np.full(count, asked), given)
-            admitted = plan.admitted
+            step = planner.step(x, np.full(count, asked), given)
+            admitted, plan = step.admitted, step
         else:
             admitted, plan = planner.update(np.full(count, asked), x, given) * asked, planner.plan
         heat = np.array([case.heat(amount) for amount in admitted])
