@@ -16,6 +16,8 @@ from lptn.basics.toml import Number, quantity
 from lptn.model.model import Model
 
 LONGEST = 86400.0  # s, a day: fine simulations take steps of a second
+SINE = math.pi / (2 * math.sqrt(2))
+"""RMS over mean magnitude of a sine: of a joint's speed in a gait, where only its mean is known."""
 
 # --- quantities of a TOML file ------------------------------------------------------------------
 

@@ -14,10 +14,9 @@ from lptn.basics.places import matching
 
 from ..heating import Heating
 from ..limiter import Limiter
+from ..values import SINE
 
 Range = tuple[float, float]
-SINE = np.pi / (2 * np.sqrt(2.0))
-"""RMS over mean magnitude of a sine: a joint's speed in a gait."""
 
 _CONDITIONS: Mapping[str, Range] = {
     "temperature.*": (15.0, 30.0),  # degC

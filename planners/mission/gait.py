@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce
@@ -22,9 +21,10 @@ from lptn.logs.reading import read_log
 from lptn.logs.resampling import reduce_blocks
 from lptn.model.model import Model
 
+from ..values import SINE
+
 REST = "rest"
 """The gait with all drives off."""
-_FORM = math.pi / (2 * math.sqrt(2))  # RMS over mean magnitude of a sine, for a speed of which only the mean is given
 _IDLE = ("torque", "torque_abs", "current", "current_abs", "velocity", "velocity_rms", "mechanical_power", "powered")
 
 
@@ -77,6 +77,16 @@ class Gait:
             weights = weights_at(np.linspace(knots[0], knots[-1], points if knots.size > 2 else knots.size), knots)
             inputs = np.moveaxis(np.tensordot(weights, inputs, axes=(1, axis)), 0, axis)
         return np.asarray(inputs.reshape(-1, inputs.shape[-1]).min(axis=0))
+
+
+def with_surroundings(inputs: Any, columns: Sequence[str], speed: Any, air: Any) -> Any:
+    """Inputs of a model with what no gait says: the base's speed [m/s] and the temperature around [degC]."""
+    for row, column in enumerate(columns):
+        if column.startswith("temperature."):
+            inputs[row] = air
+        elif column == "speed.base":
+            inputs[row] = speed
+    return inputs
 
 
 def weights_at(value: Any, knots: FloatArray) -> FloatArray:
@@ -193,7 +203,7 @@ def _of(column: str, tables: Mapping[str, FloatArray], name: str, origin: str, t
     if name == REST and quantity in _IDLE:
         return np.zeros((1, 1))
     if quantity == "velocity_rms" and f"velocity.{place}" in tables:
-        return _FORM * tables[f"velocity.{place}"]
+        return SINE * tables[f"velocity.{place}"]
     if quantity in ("current_abs", "torque_abs") and (rms := f"{quantity[:-4]}.{place}") in tables:
         return tables[rms]  # a mean magnitude is no more
     if quantity == "mechanical_power" and f"torque.{place}" in tables:

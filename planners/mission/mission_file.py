@@ -28,7 +28,7 @@ from lptn.model.model import Model
 from ..reach import check_limits_at_rest
 from ..tasks import mistakes_with_line, start_of
 from ..values import LONGEST, Celsius, ExtraMass, Length, NotNegative, Positive, Seconds, Speed, by_place
-from .gait import REST, Gait, LogPart, gait_from_logs, gait_from_tables
+from .gait import REST, Gait, LogPart, gait_from_logs, gait_from_tables, with_surroundings
 from .mission import Activity, GivesUp, Mission, Range, Transition
 
 # --- tables and keys ----------------------------------------------------------------------------
@@ -163,7 +163,7 @@ def read_mission(table: Mapping[str, Any], origin: str, model: Model) -> Mission
             task.deadline, task.carry, task.gives_up, task.name, origin,
             transitions=_transitions(tables.transitions, gaits, activities, model, origin), begins=task.begins,
         )  # fmt: skip
-        off = np.array([task.ambient if name.startswith("temperature.") else 0.0 for name in model.inputs])
+        off = with_surroundings(np.zeros(len(model.inputs)), model.inputs, 0.0, task.ambient)
 
         def idle(_: float, x: FloatArray) -> FloatArray:
             return np.asarray(model.rhs(x, off, model.values).full()).ravel()

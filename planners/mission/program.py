@@ -17,7 +17,7 @@ import numpy as np
 
 from lptn.basics.arrays import FloatArray
 
-from .gait import Gait
+from .gait import Gait, with_surroundings
 from .mission import Mission, Schedule, limited_later, segments_of
 from .simulation import simulate_plan
 
@@ -142,9 +142,7 @@ class MissionProgram:
         """(speed, load, ambient, postures) -> the model's inputs in a gait, shape (inputs,)."""
         v, m, air, q = (ca.SX.sym(*of) for of in (("v",), ("m",), ("air",), ("q", len(gait.postures))))
         u = gait.inputs(v, m, ca.vertsplit(q) if gait.postures else ())
-        for row, column in enumerate(self.mission.model.inputs):
-            u[row] = air if column.startswith("temperature.") else v if column == "speed.base" else u[row]
-        return ca.Function("gait", [v, m, air, q], [u])
+        return ca.Function("gait", [v, m, air, q], [with_surroundings(u, self.mission.model.inputs, v, air)])
 
     def _element(self) -> ca.Function:
         """(x before, stages, inputs, length) -> how far the stages are from the heat balance."""

@@ -11,6 +11,7 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.bounds import Bound
 from lptn.simulate.dynamics import longest_step
 
+from .gait import with_surroundings
 from .mission import Mission, Schedule
 
 _BLOCK = 32  # steps that one call takes
@@ -47,12 +48,7 @@ def simulate_plan(mission: Mission, schedule: Schedule) -> Course:
     clock, states, ends = [0.0], [mission.start[:, None]], []
     count = 0
     for segment, duration, speed, load, posture in schedule.pieces():
-        u = segment.gait.at(speed, load, posture)
-        for row, column in enumerate(model.inputs):
-            if column.startswith("temperature."):
-                u[row] = mission.ambient
-            elif column == "speed.base":
-                u[row] = speed
+        u = with_surroundings(segment.gait.at(speed, load, posture), model.inputs, speed, mission.ambient)
         # A Runge-Kutta step that is half of the fastest time constant is exact to 1e-4.
         step = min(1.0, longest_step(model, states[-1][:, -1], u, values, 0.5))  # s
         blocks = max(1, ceil(duration / (_BLOCK * step)))

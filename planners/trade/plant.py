@@ -17,7 +17,7 @@ from lptn.model.model import Model
 from .motors import REFERENCE
 from .sink import SinkNumbers
 from .study import Option, pipe_places
-from .tables import BUDGETS
+from .tables import LIMITS
 
 CAPACITY, RESISTANCE = "design.capacity", "design.resistance"
 """The sink's two design variables [J/K, K/W], as they are called among the parameters of a given design."""
@@ -85,9 +85,8 @@ class Plant:
         self.ambient = add("ambient", option.study.task.ambient, "degC")
         self._constant = add("torque_constant", option.motor.torque_constant, "N*m/A")
         self._coefficient = add("magnet_coefficient", option.motor.magnet_coefficient, "1/K")
-        currency = option.study.question.currency
-        units = dict(zip(BUDGETS, ("kg", "m^3", currency), strict=True))
-        self._fixed = {budget: add(f"fixed_{budget}", option.fixed[budget], unit) for budget, unit in units.items()}
+        currency, fixed = option.study.question.currency, option.fixed.items()
+        self._fixed = {name: add(f"fixed_{name}", value, LIMITS[name] or currency) for name, value in fixed}
         self._inertia = add("rotor_inertia", option.motor.rotor_inertia, "kg*m^2")
         self.ratio, self._efficiency = (ca.SX(1.0) if ratio is None else ratio), ca.SX(1.0)
         if option.gear.name:
