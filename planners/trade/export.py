@@ -40,34 +40,22 @@ def as_json(result: StudyResult) -> dict[str, object]:
             "options": {name: [asdict(point) for point in points] for name, points in result.by_option.items()},
         },
         "time_to_limit": [  # over constant current
-            {
-                "option": curve.name,
-                "limit": curve.limit,
-                "current": curve.current.tolist(),
-                "time": curve.time.tolist(),
-            }
-            for curve in result.curves
+            {"option": curve.name, "limit": curve.limit, **_lists(curve, "current", "time")} for curve in result.curves
         ],
         # Winding temperature over (C, R) for the best choice with a sink; `winding[i][j]` at resistance i, capacity j.
         "map": grid
-        and {
-            "option": grid.option.name,
-            "torque": grid.torque,
-            "capacity": grid.capacity.tolist(),
-            "resistance": grid.resistance.tolist(),
-            "winding": grid.winding.tolist(),
-        },
+        and {"option": grid.option.name, "torque": grid.torque, **_lists(grid, "capacity", "resistance", "winding")},
         # Torque [N·m] that is held for each duration [s] at each speed [rad/s]: for ever null, null for none.
         "torque_speed": [
-            {
-                "option": diagram.name,
-                "speed": diagram.speed.tolist(),
-                "durations": diagram.durations.tolist(),
-                "torque": diagram.torque.tolist(),
-            }
+            {"option": diagram.name, **_lists(diagram, "speed", "durations", "torque")}
             for diagram in result.torque_speed
         ],
     }
+
+
+def _lists(of: object, *names: str) -> dict[str, object]:
+    """Arrays by name, as JSON takes them."""
+    return {name: getattr(of, name).tolist() for name in names}
 
 
 def _design(design: Design, intervals: Mapping[str, Interval]) -> dict[str, object]:

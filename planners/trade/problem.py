@@ -139,22 +139,19 @@ class DesignProblem:
     def __init__(self, option: Option, given_design: tuple[float, float] | None = None) -> None:
         self.option = option
         self.parameters, self._program = Parameters(), NonlinearProgram()
+        add, sink = self.parameters.add, option.study.sink
         self._slack: dict[str, Any] = {}
         self._given = given_design is not None and option.has_sink
         capacity = resistance = ca.SX(1.0)
         if given_design is not None and option.has_sink:
-            capacity, resistance = (
-                self.parameters.add(name, value, unit)
-                for name, value, unit in zip((CAPACITY, RESISTANCE), given_design, ("J/K", "K/W"), strict=True)
-            )
+            capacity, resistance = add(CAPACITY, given_design[0], "J/K"), add(RESISTANCE, given_design[1], "K/W")
         elif option.has_sink:
-            sink = option.study.sink
             capacity = self._sought("capacity", sink.capacity, "J/K")
             resistance = self._sought("resistance", sink.resistance, "K/W")
         ratio = self._sought("ratio", option.gear.ratio, "1") if option.gear.is_sought else None
         self.plant = Plant(option, self.parameters, capacity, resistance, ratio)
         self._limits = {
-            name: self.parameters.add(f"limit.{name}", value, LIMITS[name] or option.study.question.currency)
+            name: add(f"limit.{name}", value, LIMITS[name] or option.study.question.currency)
             for name, value in option.limits.items()
         }
         self._task()
@@ -165,12 +162,11 @@ class DesignProblem:
     # --- building -----------------------------------------------------------------------------
 
     def _sought(self, name: str, bounds: Sequence[float], unit: str) -> Any:
-        """A number of the design between two bounds, which are parameters; as a logarithm it is positive, and well
-        scaled."""
-        low, high = (
-            self.parameters.add(f"{end}.{name}", value, unit)
-            for end, value in zip(("least", "most"), bounds, strict=True)
-        )
+        """A number of the design between two bounds, which are parameters.
+
+        As a logarithm it is positive, and well scaled.
+        """
+        low, high = (self.parameters.add(f"{end}.{name}", bounds[k], unit) for k, end in enumerate(("least", "most")))
         ends = np.log(bounds)
         logarithm = self._program.variable(name, float(ends.mean()), float(ends[0]) - 3, float(ends[1]) + 3)
         self._program.constrain(ca.log(low) - logarithm, f"least.{name}")
