@@ -56,8 +56,8 @@ class Exchange(Session):
         model = fmpy.fmi2.FMU2Model if self._fmi == 2 else fmpy.fmi3.FMU3Model
         return model, self.unpacked.description.modelExchange.modelIdentifier
 
-    def _begin(self, values: Mapping[str, float], instantiate: bool = True) -> None:
-        super()._begin(values, instantiate)
+    def _begin(self, values: Mapping[str, float]) -> None:
+        super()._begin(values)
         again = True
         while again:
             again = bool((self._fmu.newDiscreteStates if self._fmi == 2 else self._fmu.updateDiscreteStates)()[0])

@@ -100,6 +100,7 @@ class Session(Closing):
         self.unpacked = Unpacked(self.path, trust)
         try:
             self._prepare(inputs, outputs)
+            self._instantiate()
             self._begin(values or {})
         except BaseException:
             self.close()
@@ -155,7 +156,7 @@ class Session(Closing):
         """Begin anew at the start values, changed by `values`."""
         self._call(self._fmu.reset)
         self.time = start
-        self._begin(values or {}, instantiate=False)
+        self._begin(values or {})
 
     def close(self) -> None:
         """Free the instance and remove the unpacked files."""
@@ -180,9 +181,7 @@ class Session(Closing):
         self._input_access = unpacked.access(self.input_names, "inputs")
         self._output_access = unpacked.access(self.output_names, "outputs")
 
-    def _begin(self, values: Mapping[str, float], instantiate: bool = True) -> None:
-        if instantiate:
-            self._instantiate()
+    def _begin(self, values: Mapping[str, float]) -> None:
         self.write(values)
         if self._fmi == 2:
             self._call(self._fmu.setupExperiment, None, self.time)
@@ -205,7 +204,15 @@ class Session(Closing):
                 instanceName="lptn",
                 modelIdentifier=identifier,
             )
-            self._instance_with_log(fmpy)
+            if self._fmi == 2:
+                callbacks = fmpy.fmi2.fmi2CallbackFunctions()
+                callbacks.logger = fmpy.fmi2.fmi2CallbackLoggerTYPE(self._logged)
+                callbacks.allocateMemory = fmpy.fmi2.fmi2CallbackAllocateMemoryTYPE(fmpy.calloc)
+                callbacks.freeMemory = fmpy.fmi2.fmi2CallbackFreeMemoryTYPE(fmpy.free)
+                self._kept_alive.append(callbacks)
+                self._fmu.instantiate(callbacks=callbacks, loggingOn=True)
+            else:
+                self._fmu.instantiate(loggingOn=True, logMessage=self._logged, **self._intermediate())
         except Exception as error:
             raise InputError(self.path, "binaries", str(error)[:200], "a library that loads") from error
         self._instance = self._fmu.component
@@ -215,17 +222,6 @@ class Session(Closing):
         """fmpy's class for the FMU, and the name of its library."""
         slave = fmpy.fmi2.FMU2Slave if self._fmi == 2 else fmpy.fmi3.FMU3Slave
         return slave, self.unpacked.description.coSimulation.modelIdentifier
-
-    def _instance_with_log(self, fmpy: Any) -> None:
-        if self._fmi == 2:
-            callbacks = fmpy.fmi2.fmi2CallbackFunctions()
-            callbacks.logger = fmpy.fmi2.fmi2CallbackLoggerTYPE(self._logged)
-            callbacks.allocateMemory = fmpy.fmi2.fmi2CallbackAllocateMemoryTYPE(fmpy.calloc)
-            callbacks.freeMemory = fmpy.fmi2.fmi2CallbackFreeMemoryTYPE(fmpy.free)
-            self._kept_alive.append(callbacks)
-            self._fmu.instantiate(callbacks=callbacks, loggingOn=True)
-        else:
-            self._fmu.instantiate(loggingOn=True, logMessage=self._logged, **self._intermediate())
 
     def _intermediate(self) -> dict[str, Any]:
         if not (self._ramps and getattr(self.unpacked.description.coSimulation, "providesIntermediateUpdate", False)):

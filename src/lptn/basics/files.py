@@ -62,14 +62,14 @@ def _without_waiting(path: str, flags: int) -> int:
     return handle
 
 
-def text_of(path: Path, expected: str, bound: Bound = TEXT) -> str:
+def text_of(path: Path, expected: str) -> str:
     """The text of a user's file, in UTF-8 with or without a byte order mark.
 
     Raises:
         InputError: see `bytes_of`; or it is no text.
     """
     try:
-        text = bytes_of(path, bound, expected).decode("utf-8-sig")
+        text = bytes_of(path, TEXT, expected).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError(path, "file", "bytes that are not UTF-8 text", expected) from error
     return text.replace("\r\n", "\n").replace("\r", "\n")
