@@ -104,6 +104,23 @@ def test_what_can_not_be_right_is_shown_and_refused(lptn: Lptn, model: Path, tmp
     assert not target.exists()
 
 
+def test_what_is_wrong_alike_in_three_logs_is_said_once(lptn: Lptn, model: Path, tmp_path: Path) -> None:
+    logs = [tmp_path / f"{day}.csv" for day in ("monday", "tuesday", "friday")]
+    for number, log in enumerate(logs):
+        data = table()
+        kelvin = {name: data[name] + 273.15 + number for name in data if str(name).startswith("temperature.")}
+        data.assign(**kelvin).to_csv(log, index=False)
+    status, answer, _ = lptn("check", model, *logs)
+    assert status == 2
+    assert answer.count("which look like kelvin") == 1
+    assert (
+        "WRONG? 8 more of this kind in 3 logs (temperature.a, temperature.b and temperature.ambient): --details"
+        in answer
+    )
+    assert sum(len(wrap(line.replace(str(tmp_path), ""), 80)) for line in answer.splitlines()) <= 15
+    assert lptn("check", model, *logs, "--details")[1].count("which look like kelvin") == 9
+
+
 def test_columns_are_proposed_and_taken_on_request(lptn: Lptn, model: Path, tmp_path: Path) -> None:
     names = {"time": "t_s", "temperature.ambient": "T_amb", "speed.base": "v"}
     for joint in "ab":

@@ -62,6 +62,16 @@ def test_a_table_that_is_too_wide_is_turned_or_left_whole(count: int, monkeypatc
         assert all(" ".join(row) == " ".join(line.split()) for row, line in zip(rows, lines[1:], strict=True))
 
 
+def test_of_a_long_table_the_first_rows_are_shown_and_the_others_counted(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    written = io.StringIO()
+    monkeypatch.setattr(terminal, "out", Console(file=written, width=80, color_system=None))
+    show_table(("node", ">RMSE"), [(f"n{number}", "1 K") for number in range(9)], most=6)
+    assert [line.split()[0] for line in written.getvalue().splitlines()[1:]] == [f"n{number}" for number in range(6)]
+    assert capsys.readouterr().out == "and 3 more: --details\n"
+
+
 class _Watched(io.StringIO):
     """A terminal."""
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import json
 from pathlib import Path
+from textwrap import wrap
 
 import facts
 import numpy as np
@@ -104,6 +105,9 @@ def test_example_studies_run(name: str, tmp_path: Path, capsys: pytest.CaptureFi
     written = json.loads(target.read_text())
     assert written["best"] == written["designs"][0]["option"]
     assert written["best"] in out
+    assert sum(len(wrap(line, 80)) for line in out.splitlines()) <= 15
+    assert all(name in out for name in written["designs"][0]["binding"])
+    assert "Most sensitive to: " in out
     assert picture.stat().st_size > 30_000
     for design in written["designs"]:
         assert design["checked"] == pytest.approx(design["winding"], abs=0.05)

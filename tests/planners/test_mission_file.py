@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import re
 import tomllib
 from functools import lru_cache
 from pathlib import Path
+from textwrap import wrap
 
 import numpy as np
 import pandas as pd
@@ -134,7 +136,11 @@ def test_the_command_plans_the_deliveries(tmp_path: Path, capsys: pytest.Capture
     assert max(answer["peaks"][node] - limit for node, limit in answer["limits"].items()) < 0.01
     assert rows["distance [m]"].sum() == pytest.approx(1050.0, rel=1e-4)
     assert np.isclose(rows["duration [s]"].sum(), answer["total"])
-    assert "bottleneck" in capsys.readouterr().out
+    out = capsys.readouterr().out
+    assert "bottleneck" in out
+    assert sum(len(wrap(line.replace(str(tmp_path), ""), 80)) or 1 for line in out.splitlines()) <= 15
+    assert re.search(r"and \d+ more lines: --details", out)
+    assert len(plan_kind.run(read(DELIVERIES)).text().splitlines()) > 15
     assert plot.stat().st_size > 10_000
 
 
