@@ -108,7 +108,7 @@ def test_what_is_wrong_alike_in_three_logs_is_said_once(lptn: Lptn, model: Path,
     logs = [tmp_path / f"{day}.csv" for day in ("monday", "tuesday", "friday")]
     for number, log in enumerate(logs):
         data = table()
-        kelvin = {name: data[name] + 273.15 + number for name in data if str(name).startswith("temperature.")}
+        kelvin = {str(name): data[name] + 273.15 + number for name in data if str(name).startswith("temperature.")}
         data.assign(**kelvin).to_csv(log, index=False)
     status, answer, _ = lptn("check", model, *logs)
     assert status == 2

@@ -37,16 +37,22 @@ def plan_html(answer: Answer, title: str) -> str:
     Returns:
         HTML text, with all joints to look through.
     """
-    charts = _charts_of(answer)
+    charts, lines = _charts_of(answer), [for_people(line) for line in answer.text().splitlines() if line]
     what = f"The plan in one figure{'; on screen all joints, one at a time' if charts else ''}."
     return render(
         "planning.html.j2",
         title=title,
-        said=[for_people(line) for line in answer.text().splitlines()],
+        said=[line for line in lines if not _is_row(line)],
+        rows=[line for line in lines if _is_row(line)],
         charts=[charts.html("plan")] if charts else [],
-        headings=["Over time" if not isinstance(answer, LimitAnswer) else "By how long it is asked"],
+        headings=["Over time" if not isinstance(answer, LimitAnswer) else "Admissible load by its duration"],
         still=Picture(what, inline_svg(answer.figure(), title)),
     )
+
+
+def _is_row(line: str) -> bool:
+    """Whether a line is one of a table, whose cells stand apart; such lines are never broken."""
+    return "  " in line.strip()
 
 
 def _charts_of(answer: Answer) -> Charts | None:
@@ -114,9 +120,7 @@ def _limit(answer: LimitAnswer) -> Charts | None:
         views.append(View((joint,), joint, "horizon", lines))
     shown = Line("admissible", "admissible", "best", dots=True), Line("load", "load now", "measured")
     panel = ChartPanel(f"admissible {limiter.heating.request} [{unit}]", unit, shown, 240, zero=True)
-    return Charts(
-        "asked for [s]", (panel,), views, {"horizon": horizons[finite]}, {"joint": list(limiter.joints)}, True
-    )
+    return Charts("duration [s]", (panel,), views, {"horizon": horizons[finite]}, {"joint": list(limiter.joints)}, True)
 
 
 def _limit_line(limits: Mapping[str, float], name: str, time: FloatArray) -> dict[str, FloatArray]:
@@ -148,6 +152,7 @@ def trade_html(result: StudyResult) -> str:
         "planning.html.j2",
         title=result.study.question.name,
         said=[for_people(line) for line in remarks(result)],
+        rows=[],
         lead=for_people(headline(result).removeprefix(f"{result.study.question.name}: ")),
         table=ReportTable(tuple(for_people(head) for head in heads), tuple(rows)),
         charts=list(charts.values()),
