@@ -375,12 +375,8 @@ def _heat_flows(model: Model) -> Iterator[tuple[str, str, Any]]:
         effect, label, node = instance.effect, instance.name, instance.ends[0]
         if effect.between_ends:
             source, target = in_order(instance.ends)
-            name = name_between(source, label, target, "heat_flow")
-            yield (
-                name,
-                f"Heat that flows from {source} to {target} by {label}",
-                heat(instance)[instance.ends.index(target)],
-            )
+            name, inward = name_between(source, label, target, "heat_flow"), heat(instance)[instance.ends.index(target)]
+            yield name, f"Heat that flows from {source} to {target} by {label}", inward
         elif heats := heat(instance):
             label = label if instance.place in instance.ends else f"{label}_{pattern_as_word(instance.place)}"
             for end, brought in zip(instance.ends, heats, strict=True):

@@ -244,10 +244,11 @@ def _cosimulated(session: Driven, plan: _Plan, ramps: bool, given: Mapping[str, 
     session.reset({**given, **start, **entrances}, start=float(run.time[0]))
     rows = np.empty((len(run) + 1, len(session.output_names)))
     rows[0] = session.outputs
+    quiet = 0.5  # s between what is said of the progress
     begun = said = time.perf_counter()
     for k in range(len(run)):
         now = time.perf_counter()
-        if now - said > 0.5:  # s
+        if now - said > quiet:
             said = now
             _log.info("%s: %d of %d steps", run.name, k, len(run))
         session.inputs[:] = inputs[k]
