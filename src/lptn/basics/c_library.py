@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import logging
+import math
 import os
 import shlex
 import shutil
@@ -106,7 +107,7 @@ def run_compiler(
     folder: Path,
     environment: Mapping[str, str] | None = None,
     still: Callable[[], None] = lambda: None,
-    patience: float = 20.0,
+    patience: float = math.inf,
 ) -> None:
     """Run a compiler; what it started ends with it, in the time that it has or at Ctrl-C.
 
@@ -115,7 +116,7 @@ def run_compiler(
         folder: where.
         environment: its environment variables; this process's by default.
         still: called where it takes longer than `patience`.
-        patience: s; most builds take 2 s.
+        patience: s.
 
     Raises:
         OSError: it can't be started, or does not come to an end.
