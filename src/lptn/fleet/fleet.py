@@ -65,34 +65,29 @@ class Outlier:
 
     Args:
         robot: its name.
-        what: the parameter's name, or `"rmse"`.
+        spread: of the parameter, or the RMSE, over the fleet.
         value: the robot's.
-        median: the fleet's.
-        unit: of both.
         z: distance from the median in standard deviations: the fleet's robust one and the robot's own standard error
             together, so that a robot whose logs hardly determine the value does not count as different.
     """
 
     robot: str
-    what: str
+    spread: Spread
     value: float
-    median: float
-    unit: str
     z: float
 
     def __str__(self) -> str:
         """One line."""
-        ratio = self.value / self.median if self.median else math.nan
+        what, unit, median = self.spread.what, self.spread.unit, self.spread.median
+        ratio = self.value / median if median else math.nan
         times = f"{ratio:.2g} times the fleet's" if ratio > 0 else "far from the fleet's"
-        return (
-            f"{self.robot}: {self.what} {times}: {self.value:.3g} against {self.median:.3g} {self.unit} "
-            f"(robust z {self.z:+.1f})"
-        )
+        sizes = f"{self.value:.3g} against {median:.3g} {unit}"
+        return f"{self.robot}: {what} {times}: {sizes} (robust z {self.z:+.1f})"
 
     def as_json(self) -> dict[str, object]:
         """As other tools read it."""
-        numbers = {"value": self.value, "median": self.median, "unit": self.unit, "z": self.z}
-        return {"robot": self.robot, "parameter": self.what, **numbers}
+        numbers = {"value": self.value, "median": self.spread.median, "unit": self.spread.unit, "z": self.z}
+        return {"robot": self.robot, "parameter": self.spread.what, **numbers}
 
 
 def spread_of(model: Model, fitted: Sequence[Outcome]) -> tuple[Spread, ...]:
@@ -135,9 +130,7 @@ def outliers(spread: Sequence[Spread], fitted: Sequence[Outcome]) -> tuple[Outli
         for outcome in fitted:
             entry = _entry(outcome, distribution.what)
             if entry is not None and abs(z := _distance(distribution, *entry[:2])) > FAR:
-                result.append(
-                    Outlier(outcome.robot, distribution.what, entry[0], distribution.median, distribution.unit, z)
-                )
+                result.append(Outlier(outcome.robot, distribution, entry[0], z))
     return tuple(sorted(result, key=lambda outlier: -abs(outlier.z)))
 
 
