@@ -26,10 +26,7 @@ class AmbientDrift(BoundaryEffect):
     measurement_error = True
     per_run = True
     has_state = True
-    in_one_run = (
-        "in {run} the {place} warmed by {size} K an hour",
-        "in {run} the {place} cooled by {size} K an hour",
-    )
+    in_one_run = ("in {run} the {place} warmed by {size} K an hour", "in {run} the {place} cooled by {size} K an hour")
     parameters = (
         Parameter("rate", 1.0, "K/h", (-LARGEST, LARGEST), off=0.0, typical=1.0, title="rise of the temperature"),
     )

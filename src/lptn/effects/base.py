@@ -415,11 +415,7 @@ class LinkEffect(Effect):
     changes_link = True
 
     def conductance_factor(
-        self,
-        temperature: Symbol,
-        surroundings: Symbol,
-        inputs: SimpleNamespace,
-        p: SimpleNamespace,
+        self, temperature: Symbol, surroundings: Symbol, inputs: SimpleNamespace, p: SimpleNamespace
     ) -> Symbol:
         """Factor on the link's conductance, 1 when off; temperatures in degC."""
         return 1.0

@@ -26,13 +26,7 @@ class CopperLoss(NodeEffect):
     parameters = (
         Parameter("resistance", 0.15, "ohm", (1e-6, LARGEST), typical=0.15, title="winding resistance", fixed=True),
         Parameter(
-            "torque_constant",
-            0.84,
-            "N*m/A",
-            (1e-6, LARGEST),
-            typical=0.84,
-            title="joint torque per ampere",
-            fixed=True,
+            "torque_constant", 0.84, "N*m/A", (1e-6, LARGEST), typical=0.84, title="joint torque per ampere", fixed=True
         ),
     )
     signature = Signature(

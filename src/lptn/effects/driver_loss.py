@@ -26,13 +26,7 @@ class DriverLoss(NodeEffect):
     parameters = (
         Parameter("voltage", 0.5, "V", (0.0, LARGEST), off=0.0, typical=0.5, title="voltage drop of the drive"),
         Parameter(
-            "torque_constant",
-            0.84,
-            "N*m/A",
-            (1e-6, LARGEST),
-            typical=0.84,
-            title="joint torque per ampere",
-            fixed=True,
+            "torque_constant", 0.84, "N*m/A", (1e-6, LARGEST), typical=0.84, title="joint torque per ampere", fixed=True
         ),
     )
     signature = Signature(

@@ -30,10 +30,7 @@ class SensorDrift(ExcessEffect):
     """Calibrated sensors drift by fractions of a kelvin in a year; a drift within a log is a defect, that none of the
     thirteen measured logs of `tests/benchmarks/measured_verdicts.py` is known to have."""
     per_run = True
-    in_one_run = (
-        "in {run} {of} drifts up by {size} K an hour",
-        "in {run} {of} drifts down by {size} K an hour",
-    )
+    in_one_run = ("in {run} {of} drifts up by {size} K an hour", "in {run} {of} drifts down by {size} K an hour")
     parameters = (
         Parameter("rate", 1.0, "K/h", (-LARGEST, LARGEST), off=0.0, typical=1.0, title="drift of the reading"),
     )

@@ -28,13 +28,7 @@ class SensorLag(SensorEffect):
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("fraction", 1.0, "1", (0.0, 1.0), off=0.0, on=1.0, typical=1.0, title="share behind the lag"),
         Parameter(
-            "time_constant",
-            15.0,
-            "s",
-            (0.5, LARGEST),
-            typical=15.0,
-            title="time constant",
-            grid=(5.0, 15.0, 45.0),
+            "time_constant", 15.0, "s", (0.5, LARGEST), typical=15.0, title="time constant", grid=(5.0, 15.0, 45.0)
         ),
     )
     signature = Signature(

@@ -23,10 +23,7 @@ class SensorOffset(SensorEffect):
     prior_odds = 0.5
     """Common sensors keep to their class, 0.3 to 1 K, and a robot at rest shows those that do not."""
     per_run = True
-    in_one_run = (
-        "in {run} {of} reads {size} K high",
-        "in {run} {of} reads {size} K low",
-    )
+    in_one_run = ("in {run} {of} reads {size} K high", "in {run} {of} reads {size} K low")
     parameters = (
         Parameter("offset", 1.0, "K", (-LARGEST, LARGEST), off=0.0, typical=1.0, title="reading minus temperature"),
     )
