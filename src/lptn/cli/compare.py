@@ -21,7 +21,7 @@ from lptn.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from lptn.identify.comparison import Versus
+    from lptn.identify.comparison import Comparison, Versus
     from lptn.report.tables import ReportTable
 
 
@@ -50,7 +50,6 @@ def compare(
     from lptn.basics.files import write_whole
     from lptn.cli.terminal import is_quiet, progress, show_table, write_json
     from lptn.identify.comparison import Versus
-    from lptn.report.tables import condition_table, error_table
     from lptn.study import Study
 
     with progress("reading"):
@@ -58,19 +57,11 @@ def compare(
     with progress("comparing"):
         result = studies[0].compare(*studies[1:])
     print(result.narrative())
-    if isinstance(result, Versus):
-        tables = [] if is_quiet() else _tables_of_both(result)
-        written = result.model.as_json() | {"against": result.as_json()}
-    else:
-        tables = [] if is_quiet() else [("", error_table(result, None if details else ROWS))]
-        tables += [("Worst by operating condition:", condition_table(result))] if details else []
-        written = result.as_json()
-    for title, table in tables:
-        if table.rows:
+    if not is_quiet():
+        for title, table in _tables(result, details):
             show_table(*table, title, None if details else ROWS)
-    if tables and against is None:
-        print("error = predicted − measured; noise alone: RMSE from sensor noise alone.")
-    write_json(json, written)
+    more = {"against": result.as_json()} if isinstance(result, Versus) else {}
+    write_json(json, (result.model if isinstance(result, Versus) else result).as_json() | more)
     if plot is not None:
         from lptn.report.comparison_figures import comparison_figure, versus_figure
 
@@ -84,11 +75,17 @@ def compare(
             write_whole(report, comparison_html(result, studies[0].model.network.name))
 
 
-def _tables_of_both(result: Versus) -> list[tuple[str, ReportTable]]:
-    """Two models' errors by class of nodes and by run, each with the line above it."""
-    from lptn.report.tables import versus_table
+def _tables(result: Comparison | Versus, details: bool) -> list[tuple[str, ReportTable]]:
+    """Errors by run and node, or two models' by class of nodes and by run, each with the line above it."""
+    from lptn.identify.comparison import Versus
+    from lptn.report.tables import condition_table, error_table, versus_table
 
-    title = f"Errors (predicted − measured) of {' / '.join(result.names)}, and the reduction of the largest:"
-    classes = result.classes[:1] if len(result.classes) == 2 else result.classes  # of one class and all
-    runs = result.runs if len(result.runs) > 1 else []  # errors of one run are those of all nodes
-    return [(title, versus_table("nodes", classes)), ("", versus_table("run", runs))]
+    if isinstance(result, Versus):
+        title = f"Errors (predicted − measured) of {' / '.join(result.names)}, and the reduction of the largest:"
+        classes = result.classes[:1] if len(result.classes) == 2 else result.classes  # of one class and all
+        tables = [(title, versus_table("nodes", classes))]
+        # Errors of one run are those of all nodes.
+        return [*tables, ("", versus_table("run", result.runs))] if len(result.runs) > 1 else tables
+    title = "Errors (predicted − measured), and the RMSE that sensor noise alone would leave:"
+    tables, worst = [(title, error_table(result, None if details else ROWS))], condition_table(result)
+    return [*tables, ("Worst by operating condition:", worst)] if details and worst.rows else tables

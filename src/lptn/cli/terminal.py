@@ -137,7 +137,9 @@ def show_table(heads: Sequence[str], rows: Iterable[Sequence[str]], title: str =
         )
         if _fits(*turned):
             heads, rows = turned
-    table = Table(box=None, header_style="bold", pad_edge=False, title=title or None, title_justify="left")
+    if title:
+        print(title)
+    table = Table(box=None, header_style="bold", pad_edge=False)
     for head in heads:
         numeric = head.startswith(">")
         name = Text(head.removeprefix(">"))
