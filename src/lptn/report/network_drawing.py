@@ -52,50 +52,6 @@ class _Line:
     effects: list[EffectInstance] = field(default_factory=list)
 
 
-class _Parts:
-    """A network as boxes, lines and badges; faces stand for the body that they belong to."""
-
-    def __init__(self, network: Network) -> None:
-        self.nodes, self.around = list(network.dynamic), list(network.prescribed)
-        self.effects: dict[str, list[EffectInstance]] = {}
-        self._lines: dict[str, _Line] = {}
-        names = [parameter.name for parameter in network.parameters]
-        resistors = [(link.place, link.ends, link.resistance) for link in network.resistors]
-        inside = [(edge(*conductor.ends), conductor.ends, conductor.conductivity) for conductor in network.conductors]
-        for place, ends, index in [*resistors, *inside]:
-            if line := self._line(place, ends):
-                line.parameters.append(names[index])
-        for instance in network.effect_instances:
-            place_of_it = self._line_of(instance)
-            if place_of_it:
-                place_of_it.effects.append(instance)
-            else:
-                self.effects.setdefault(self._body(instance.ends[0]), []).append(instance)
-
-    @property
-    def lines(self) -> list[_Line]:
-        """Every link, and what effects exchange heat where there is none."""
-        return list(self._lines.values())
-
-    def _body(self, place: str) -> str:
-        return place if place in (*self.nodes, *self.around) else place.rpartition(".")[0]
-
-    def _line(self, name: str, places: Sequence[str]) -> _Line | None:
-        """The line of a link; none within one body and between places whose temperatures are given."""
-        one, other = (self._body(place) for place in places)
-        if one == other or {one, other} <= set(self.around):
-            return None
-        return self._lines.setdefault(name, _Line(name, (one, other)))
-
-    def _line_of(self, instance: EffectInstance) -> _Line | None:
-        """The line that an effect acts on; none where it acts on a node."""
-        if len(instance.ends) < 2:
-            return None
-        bodies = {self._body(place) for place in instance.ends}
-        matches = (line for line in self.lines if set(line.ends) == bodies)
-        return next(matches, None) or self._line(instance.place, instance.ends[:2])
-
-
 # --- how it looks --------------------------------------------------------------------------------------------
 
 
@@ -157,39 +113,65 @@ def draw_network(
         2
     """
     network = model.network if isinstance(model, Model) else model
-    parts = _Parts(network)
-    kinds = list(dict.fromkeys(instance.effect.key for instance in network.effect_instances))
-    return Drawing(_Drawing(network, parts, kinds, dict(temperatures or {}), dict(flows or {})).text())
+    return Drawing(_Drawing(network, dict(temperatures or {}), dict(flows or {})).text())
 
 
 class _Drawing:
-    """Boxes placed, then lines below them, then badges and a legend."""
+    """Boxes placed, then lines below them, then badges and a legend; faces stand for the body that they belong to."""
 
-    def __init__(
-        self,
-        network: Network,
-        parts: _Parts,
-        kinds: Sequence[str],
-        temperatures: dict[str, float],
-        flows: dict[str, float],
-    ) -> None:
-        self.network, self.parts, self.kinds = network, parts, kinds
-        self.temperatures, self.flows = temperatures, flows
+    def __init__(self, network: Network, temperatures: dict[str, float], flows: dict[str, float]) -> None:
+        self.network, self.temperatures, self.flows = network, temperatures, flows
         self.names = [parameter.name for parameter in network.parameters]
+        self.kinds = list(dict.fromkeys(instance.effect.key for instance in network.effect_instances))
+        self.nodes, self.around = list(network.dynamic), list(network.prescribed)
+        self.effects: dict[str, list[EffectInstance]] = {}  # of nodes
+        self._lines: dict[str, _Line] = {}
+        resistors = [(link.place, link.ends, link.resistance) for link in network.resistors]
+        inside = [(edge(*conductor.ends), conductor.ends, conductor.conductivity) for conductor in network.conductors]
+        for place, ends, index in [*resistors, *inside]:
+            if line := self._line(place, ends):
+                line.parameters.append(self.names[index])
+        for instance in network.effect_instances:
+            acted_on = self._line_of(instance)
+            effects = acted_on.effects if acted_on else self.effects.setdefault(self._body(instance.ends[0]), [])
+            effects.append(instance)
         finite = [value for value in temperatures.values() if np.isfinite(value)]
         self.coolest, self.hottest = (min(finite), max(finite)) if finite else (0.0, 0.0)
-        through = [abs(flows[line.name]) for line in parts.lines if np.isfinite(flows.get(line.name, np.nan))]
+        through = [abs(flows[line.name]) for line in self.lines if np.isfinite(flows.get(line.name, np.nan))]
         self.most = max(through, default=0.0)
-        self.sizes = {name: self._size(name) for name in parts.nodes}
-        inner = [line.ends for line in parts.lines if not set(line.ends) & set(parts.around)]
-        self.at = places_of(parts.nodes, inner, self.sizes)
+        self.sizes = {name: self._size(name) for name in self.nodes}
+        inner = [line.ends for line in self.lines if not set(line.ends) & set(self.around)]
+        self.at = places_of(self.nodes, inner, self.sizes)
         self.badges: list[str] = []
         self.reached: list[FloatArray] = []  # corners of what is drawn beside the boxes
+
+    @property
+    def lines(self) -> list[_Line]:
+        """Every link, and what effects exchange heat where there is none."""
+        return list(self._lines.values())
+
+    def _body(self, place: str) -> str:
+        return place if place in (*self.nodes, *self.around) else place.rpartition(".")[0]
+
+    def _line(self, name: str, places: Sequence[str]) -> _Line | None:
+        """The line of a link; none within one body and between places whose temperatures are given."""
+        one, other = (self._body(place) for place in places)
+        if one == other or {one, other} <= set(self.around):
+            return None
+        return self._lines.setdefault(name, _Line(name, (one, other)))
+
+    def _line_of(self, instance: EffectInstance) -> _Line | None:
+        """The line that an effect acts on; none where it acts on a node."""
+        if len(instance.ends) < 2:
+            return None
+        bodies = {self._body(place) for place in instance.ends}
+        matches = (line for line in self.lines if set(line.ends) == bodies)
+        return next(matches, None) or self._line(instance.place, instance.ends[:2])
 
     def _size(self, name: str) -> Point:
         shown = [name, self._degrees(name)]
         width = _LETTER * max(map(len, shown)) + 20
-        badges = 2.3 * _BADGE * len(self.parts.effects.get(name, ()))
+        badges = 2.3 * _BADGE * len(self.effects.get(name, ()))
         return max(width, badges + 8), _HIGH + (15.0 if shown[1] else 0.0) + (2 * _BADGE if badges else 0.0)
 
     def _degrees(self, name: str) -> str:
@@ -197,9 +179,9 @@ class _Drawing:
         return f"{value:.1f} °C" if np.isfinite(value) else ""
 
     def text(self) -> str:
-        links = [self._between(line) for line in self.parts.lines if not self._surroundings_of(line)]
+        links = [self._between(line) for line in self.lines if not self._surroundings_of(line)]
         stubs = self._stubs()
-        boxes = [self._box(name) for name in self.parts.nodes]
+        boxes = [self._box(name) for name in self.nodes]
         for name, middle in self.at.items():
             half = np.divide(self.sizes[name], 2)
             self.reached += [middle - half, middle + half]
@@ -211,7 +193,7 @@ class _Drawing:
             left, width = left - (across - width) / 2, across
             legend, below, _ = self._legend(left + 8, top + height + 4, across)
         box = " ".join(f"{value:.0f}" for value in (left, top, width, height + below))
-        label = f"thermal network {self.network.name}: {len(self.parts.nodes)} nodes, {len(self.parts.lines)} links"
+        label = f"thermal network {self.network.name}: {len(self.nodes)} nodes, {len(self.lines)} links"
         return (
             f'<svg xmlns="http://www.w3.org/2000/svg" class="network" viewBox="{box}" width="{width:.0f}" '
             f'height="{height + below:.0f}" role="img" aria-label="{escape(label)}"><style>{_STYLE}</style>'
@@ -231,7 +213,7 @@ class _Drawing:
         if degrees:
             low = y - height / 2 + 33
             lines.append(f'<text x="{x:.1f}" y="{low:.1f}" text-anchor="middle" class="soft"{words}>{degrees}</text>')
-        self._add_badges(self.parts.effects.get(name, ()), x, y + height / 2 - 1)
+        self._add_badges(self.effects.get(name, ()), x, y + height / 2 - 1)
         corner = f'x="{x - width / 2:.1f}" y="{y - height / 2:.1f}" width="{width:.1f}" height="{height:.1f}"'
         return (
             f'<g class="node" data-node="{escape(name)}" data-parameter="{_names([capacity])}">'
@@ -253,7 +235,7 @@ class _Drawing:
     # --- links ------------------------------------------------------------------------------------
 
     def _surroundings_of(self, line: _Line) -> str:
-        return next((end for end in line.ends if end in self.parts.around), "")
+        return next((end for end in line.ends if end in self.around), "")
 
     def _width(self, line: _Line) -> float:
         flow = abs(self.flows.get(line.name, np.nan))
@@ -264,7 +246,7 @@ class _Drawing:
     def _between(self, line: _Line) -> str:
         start, end = np.array(self.at[line.ends[0]]), np.array(self.at[line.ends[1]])
         along = end - start
-        beside = [other for other in self.parts.lines if {*other.ends} == {*line.ends}]
+        beside = [other for other in self.lines if {*other.ends} == {*line.ends}]
         across = np.array([-along[1], along[0]]) / max(float(np.hypot(*along)), 1e-9)
         shift = 13.0 * (beside.index(line) - (len(beside) - 1) / 2) * across
         middle = (start + end) / 2 + shift
@@ -287,15 +269,15 @@ class _Drawing:
 
     def _stubs(self) -> list[str]:
         """Links to the surroundings, each where its node has most room."""
-        angles: dict[str, list[float]] = {name: [] for name in self.parts.nodes}
-        for line in self.parts.lines:
+        angles: dict[str, list[float]] = {name: [] for name in self.nodes}
+        for line in self.lines:
             if not self._surroundings_of(line):
                 for one, other in (line.ends, line.ends[::-1]):
                     dx, dy = np.subtract(self.at[other], self.at[one])
                     angles[one].append(float(np.arctan2(dy, dx)))
         drawn = []
-        named = len(self.parts.around) > 1 or len(self.parts.nodes) < 3
-        for line in self.parts.lines:
+        named = len(self.around) > 1 or len(self.nodes) < 3
+        for line in self.lines:
             around = self._surroundings_of(line)
             if not around:
                 continue
@@ -327,11 +309,11 @@ class _Drawing:
     def _free_angle(self, name: str, angles: Sequence[float]) -> float:
         """The direction with most room between the node's other lines and other boxes; upward among equals."""
         here = np.array(self.at[name])
-        badges = bool(self.parts.effects.get(name))
-        others = [other for other in self.parts.nodes if other != name]
+        badges = bool(self.effects.get(name))
+        others = [other for other in self.nodes if other != name]
         middles = np.array([self.at[other] for other in others]).reshape(-1, 2)
         halves = np.array([self.sizes[other] for other in others]).reshape(-1, 2) / 2
-        inner = [line.ends for line in self.parts.lines if not self._surroundings_of(line) and name not in line.ends]
+        inner = [line.ends for line in self.lines if not self._surroundings_of(line) and name not in line.ends]
         ends = np.array([[self.at[one], self.at[other]] for one, other in inner]).reshape(-1, 2, 2)
         best, room = 0.0, -np.inf
         for place in range(_DIRECTIONS):
@@ -370,7 +352,7 @@ class _Drawing:
     def _legend(self, x: float, y: float, width: float) -> tuple[str, float, float]:
         """The legend, its height, and how wide the drawing must be for it [px]."""
         entries = []
-        for name in self.parts.around:
+        for name in self.around:
             degrees = self._degrees(name)
             entries.append(("air", name, f"{name}{f', {degrees}' if degrees else ''}"))
         entries += [("dot", str(place), title_of(key)) for place, key in enumerate(self.kinds, start=1)]
@@ -383,7 +365,7 @@ class _Drawing:
             if kind == "air":
                 mark = _mark(np.array([left + 7, top + 1]), np.array([1.0, 0.0]))
                 symbol = f'<g class="air" data-node="{escape(what)}">{mark}</g>'
-                beside = self.parts.effects.get(what, ())
+                beside = self.effects.get(what, ())
             else:
                 symbol, beside = f'<g class="badge">{_dot(left + 7, top, what)}</g>', ()
             drawn.append(f'{symbol}<text class="soft" x="{left + 20:.1f}" y="{top + 4:.1f}">{escape(words)}</text>')
