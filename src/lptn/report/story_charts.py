@@ -148,7 +148,11 @@ def time_charts(
         ChartPanel(
             "heat [W]",
             "W",
-            (Line("from", "from", "soft"), Line("to", "to", "soft"), Line("heat", "heat that the model lacks", "heat")),
+            (
+                Line("from", "95 % band from", "soft"),
+                Line("to", "to", "soft"),
+                Line("heat", "heat that the model lacks", "heat"),
+            ),
             130,
             zero=True,
             band=("from", "to"),
