@@ -32,7 +32,7 @@ View = tuple[int, str]
 
 
 def initialisation_end(prediction: Prediction) -> float | None:
-    """Where the window that finds the start ends [s, counted from the run's origin], `None` where it also counts."""
+    """Where the initialisation window ends [s, counted from the run's origin], `None` where its errors count, too."""
     segment = prediction.segment
     if segment.initialisation == segment.evaluation:
         return None
