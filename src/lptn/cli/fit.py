@@ -157,7 +157,7 @@ def _fit_each(
                 on_outcome=on_outcome,
             )
     except KeyboardInterrupt:
-        kept = sum(outcome.status in ("fitted", "unchanged") for outcome in outcomes)
+        kept = sum(outcome.fitted for outcome in outcomes)
         complain(f"stopped; {kept} of {len(robots)} robots are kept in {folder}, the same command goes on from there")
         sys.exit(130)
     write_tables(fleet, folder)

@@ -180,12 +180,12 @@ class Fleet:
     @property
     def fitted(self) -> tuple[Outcome, ...]:
         """Those with a result, of this call or an earlier one."""
-        return tuple(outcome for outcome in self.outcomes if outcome.status in ("fitted", "unchanged"))
+        return tuple(outcome for outcome in self.outcomes if outcome.fitted)
 
     @property
     def failed(self) -> tuple[Outcome, ...]:
         """Those without."""
-        return tuple(outcome for outcome in self.outcomes if outcome.status in ("failed", "interrupted"))
+        return tuple(outcome for outcome in self.outcomes if not outcome.fitted)
 
     def as_json(self) -> dict[str, object]:
         """The fleet as other tools read it."""
@@ -264,7 +264,7 @@ def fit_each(
                     failed, new = done["failed"] + done["interrupted"], done.total() - done["unchanged"]
                     report(f"fitting robot {new + 1} of {new + left}" + (f", {failed} failed" if failed else ""))
     ordered = tuple(by_robot[robot.name] for robot in fleet)
-    good = [outcome for outcome in ordered if outcome.status in ("fitted", "unchanged")]
+    good = [outcome for outcome in ordered if outcome.fitted]
     spread = spread_of(loaded.model, good)
     return Fleet(ordered, spread, outliers(spread, good))
 
@@ -306,7 +306,7 @@ def write_tables(fleet: Fleet, folder: Path) -> None:
 def _row(outcome: Outcome, names: list[str]) -> dict[str, object]:
     row: dict[str, object] = {
         "robot": outcome.robot,
-        "fitted": outcome.status in ("fitted", "unchanged"),
+        "fitted": outcome.fitted,
         "converged": outcome.converged,
         "search": outcome.result.get("status"),
         "rmse": outcome.rmse,

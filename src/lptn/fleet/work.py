@@ -81,6 +81,11 @@ class Outcome:
     text: str = ""
 
     @property
+    def fitted(self) -> bool:
+        """Whether there is a result, of this call or an earlier one."""
+        return self.status in ("fitted", "unchanged")
+
+    @property
     def converged(self) -> bool:
         """Whether the search ended at an optimum."""
         return self.result.get("status") == "converged"
@@ -263,7 +268,7 @@ class Work:
         """The outcome, once its files are written; a message names logs as they were given."""
         for log in robot.logs if outcome.message else ():
             outcome = replace(outcome, message=outcome.message.replace(str(log.absolute()), str(log)))
-        if self.results is None or outcome.status not in ("fitted", "unchanged"):
+        if self.results is None or not outcome.fitted:
             return outcome
         return (
             self.results.kept(outcome.robot) or outcome if outcome.status == "unchanged" else self.results.keep(outcome)
