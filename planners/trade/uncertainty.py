@@ -72,7 +72,7 @@ def intervals(
     worst = -np.inf if study.goal[2] else np.inf
     values = np.full((len(solved), uncertainty.draws), worst)
     for row, ((problem, design), error) in enumerate(zip(solved, errors, strict=True)):
-        report(f"drawing what is not known for {design.option.name}")
+        report(f"sampling the uncertain parameters of {design.option.name}")
         asked, near = (problem, problem.solve()) if study.question.goal in BUDGETS else design.as_built
         columns = [keys.index(key) for key in error]
         for number, draw in enumerate(draws[:, columns]):

@@ -73,7 +73,7 @@ def calibration(model: Model) -> Calibration:
     """Learnt from two healthy runs."""
     said: list[str] = []
     calibrated = calibrate(model, [log(seed) for seed in (1, 2)], report=said.append)
-    assert said[-1] == "learning what is healthy: log 2 of 2"
+    assert said[-1] == "calibrating on healthy logs: 2 of 2"
     return calibrated
 
 

@@ -121,7 +121,7 @@ def advise(first: Diagnosis, last: Diagnosis, data: DataSplit, report: Report = 
         data: the runs, in the steps of the search.
         report: called with a sentence on what is being done.
     """
-    report("looking for what is left, and for the next experiment")
+    report("looking for unexplained heat, and for the next experiment")
     # A missing effect also shows in held-out runs: runs are compared only once all effects have been added.
     added = last is not first or first.verdict != "missing"
     heat = WanderingHeat(last.fit)

@@ -163,7 +163,7 @@ class _Search:
         more = [with_priors(one, None, None) for one in self._common(network)] if was.is_lacking() else []
         if not more:
             return
-        self.report(f"fitting {len(more)} effects that every part may have, all at once")
+        self.report(f"fitting {len(more)} effects of all parts at once")
         before = self.fit, self.structure, self.findings
         fit = _continued(self.fit, network.with_effects(more))
         if fit is not None:
@@ -337,7 +337,7 @@ class _Search:
 
     def result(self) -> Composition:
         """The model as it is now, fitted to the end."""
-        self.report("fitting what was found to the end")
+        self.report("fitting the effects found")
         self.fit = self._unless_too_stiff(tolerant(self.fit, None), self.fit)
         self._take_out()
         self.fit = self._unless_too_stiff(finished(self.fit), self.fit)

@@ -83,6 +83,11 @@ class DataSplit:
         """All of them: fitted, held out, for the test."""
         return (*self.fit, *self.holdout, *self.test)
 
+    @property
+    def by_job(self) -> dict[str, tuple[Segment, ...]]:
+        """The segments by what they are for: `"fit"`, `"holdout"`, `"test"`."""
+        return {"fit": self.fit, "holdout": self.holdout, "test": self.test}
+
     def coarsened(self, step: float) -> DataSplit:
         """All segments in steps of about `step` seconds."""
 

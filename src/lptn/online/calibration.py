@@ -99,7 +99,7 @@ def calibrate(
     error = _likeliest(model, noise, [coarsely_bound(model, runs[index], _SEARCH_STEP) for index in some], report)
     weights = list[FloatArray]()
     for number, run in enumerate(runs, start=1):
-        report(f"learning what is healthy: log {number} of {len(runs)}")
+        report(f"calibrating on healthy logs: {number} of {len(runs)}")
         bound = coarsely_bound(model, run, STEP)
         weight = Innovations(gaussian_estimator(model, noise, error), bound, bound.measured).faults(len(bound)).weight
         blocks = max(1, round(len(bound) * bound.run.step / _BLOCK))
@@ -205,7 +205,7 @@ def _likeliest(model: Model, noise: Sequence[float], bound_runs: Sequence[BoundR
 
     @cache
     def value(sizes: tuple[tuple[str, float], ...]) -> float:
-        report(f"learning what is healthy: sizes of the model's errors, trial {value.cache_info().misses}")
+        report(f"calibrating: sizes of the model's errors, trial {value.cache_info().misses}")
         said = [filtered(gaussian_estimator(model, noise, error(dict(sizes))), bound, bound.measured)[0]
                 for bound in bound_runs]  # fmt: skip
         return sum(float(nats.sum()) for nats in said) / max(readings, 1)

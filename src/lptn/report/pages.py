@@ -81,7 +81,7 @@ def story_html(
         HTML text; the same arguments give the same text, but for the day and the versions at its end.
     """
     first, last = history.steps[0], history.best
-    jobs = [(job, segment) for job in _JOBS for segment in getattr(data, job)]
+    jobs = [(job, segment) for job, group in data.by_job.items() for segment in group]
     all_given = _compared(first.fit, data)
     all_best = _compared(last.fit, data) if len(history.steps) > 1 else None
     which = "held-out" if data.holdout else "test" if data.test else "fitted"

@@ -19,8 +19,6 @@ from lptn.workbench.lines import RunLines
 from lptn.workbench.orders import Add, Back, Cut, Keep, Order, Plain, Set, Try
 
 _MOST_WEIGHED = 12  # candidates beyond the answers; less probable ones are useless
-JOBS = ("fit", "holdout", "test")
-"""What a run may be there for, in the order in which a page shows them."""
 
 
 @dataclass
@@ -173,8 +171,7 @@ class Bench:
         """What the model of a step, or of an attempt, predicts, by segment."""
         name = names_of(self.study.steps)[step] if isinstance(step, int) else self.name_tried(step)
         if name not in self._predictions:
-            by_job = self.study.predictions(step)
-            of_all = [prediction for job in JOBS for prediction in by_job[job]]
+            of_all = [one for predicted in self.study.predictions(step).values() for one in predicted]
             self._predictions[name] = dict(zip(segments(self.study), of_all, strict=True))
         return self._predictions[name]
 
@@ -203,7 +200,7 @@ class Bench:
 
 def segments(study: Study) -> dict[str, Segment]:
     """The study's segments by the names that the page has for them."""
-    groups = zip(JOBS, (study.data.fit, study.data.holdout, study.data.test), strict=True)
+    groups = study.data.by_job.items()
     return {f"{job} {number}": segment for job, group in groups for number, segment in enumerate(group)}
 
 

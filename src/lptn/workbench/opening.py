@@ -48,7 +48,7 @@ class Opening:
 
     def fingerprint(self, study: Study) -> str:
         """What tells one session from another: the model's text, the logs' contents and jobs, the options."""
-        groups = (("fit", study.data.fit), ("holdout", study.data.holdout), ("test", study.data.test))
+        groups = study.data.by_job.items()
         logs = [(f"{job} {segment.run.name}", segment.run.fingerprint) for job, group in groups for segment in group]
         options = {
             "holdout_after": self.holdout_after,
