@@ -20,7 +20,11 @@ def listed(items: Sequence[str], last: str = "and") -> str:
     return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} {last} {items[-1]}"
 
 
-def few(items: Sequence[str], most: int) -> str:
+FEW = 3
+"""Names in a row that a sentence carries, and things of one kind that an answer names; `--details` has all."""
+
+
+def few(items: Sequence[str], most: int = FEW) -> str:
     """A list, shortened to `a, b and 7 others` where it has more than one item beyond `most`."""
     return listed(items if len(items) <= most + 1 else [*items[:most], f"{len(items) - most} others"])
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter as Option
 
 from lptn.basics.errors import InputError
-from lptn.basics.words import count_of, few
+from lptn.basics.words import FEW, count_of, few
 from lptn.cli.options import COLUMNS, Columns, Details, Json, check_inputs, check_outputs
 
 if TYPE_CHECKING:
@@ -232,7 +232,6 @@ def _content(loaded: LoadedModel, log: Path) -> LogContent:
 
 _MANY = 12  # names in a row
 _FITTED = 0.7  # share of a single log's time that is proposed for the fit
-_FEW = 3  # logs, proposals and names that the answer has; the details have all
 _ALIKE = 2  # things of one kind that the answer says in full
 
 
@@ -259,12 +258,12 @@ def _show_logs(contents: Sequence[LogContent], lines_of: Callable[[LogContent], 
     for content, own in zip(contents, lines, strict=True):
         own = [line for line in own if line not in common]
         quiet += not own
-        if own or whole or quiet <= _FEW:
+        if own or whole or quiet <= FEW:
             print(f"{content.path.name} ({content.kind}): {_lengths(content.runs)}")
         for line in own:
             print(line)
-    if quiet > _FEW and not whole:
-        print(f"and {count_of(quiet - _FEW, 'more log')}")
+    if quiet > FEW and not whole:
+        print(f"and {count_of(quiet - FEW, 'more log')}")
     if common:
         print("All logs:")
         for line in lines[0]:
@@ -286,7 +285,7 @@ def _show_issues(contents: Sequence[LogContent], most: int | None) -> None:
             others = list(dict.fromkeys(issue.key for _, issue in several[1:]))
             logs = len({content.path for content, _ in several})
             where = f" in {logs} logs" if logs > 1 else ""
-            print(f"WRONG? {len(several) - 1} more of this kind{where} ({few(others, _FEW)}): --details")
+            print(f"WRONG? {len(several) - 1} more of this kind{where} ({few(others)}): --details")
 
 
 def _notes(content: LogContent) -> Iterator[str]:
@@ -298,7 +297,7 @@ def _notes(content: LogContent) -> Iterator[str]:
 
 def _urgent(content: LogContent, guessing: bool, mapped: Sequence[str], *, whole: bool) -> Iterator[str]:
     """What is wrong with a log, what became of `--map`, and the lines that would map what is missing."""
-    most = None if whole else _FEW
+    most = None if whole else FEW
     if content.unused and not content.used:
         yield f"  columns: {few(content.unused, _MANY)}"
     yield from (f"  {note}" for note in content.notes if note.partition(":")[0] in mapped and not whole)
@@ -307,7 +306,7 @@ def _urgent(content: LogContent, guessing: bool, mapped: Sequence[str], *, whole
         yield f"  Some columns may be {use}. If so, put into the model file, under [columns]:"
         yield from (f"    {guess.line}   # {guess.why}" for guess in content.guesses[:most])
         if len(content.guesses) > len(content.guesses[:most]):
-            yield f"    and {len(content.guesses) - _FEW} more: --details"
+            yield f"    and {len(content.guesses) - FEW} more: --details"
         else:
             yield f"  or write behind the command: {' '.join(guess.option for guess in content.guesses)}"
         yield "  or write --map guess behind the command, which uses all of them."

@@ -83,7 +83,7 @@ def show_answers(diagnosis: Diagnosis) -> None:
         others = [f"{named(*key)} {percent(share)}" for key, share in shares.items() if key != NOTHING]
         nothing = "nothing is missing" if diagnosis.verdict == "adequate" else "no effect of the catalogue explains it"
         text = f"Probability that {nothing}, by the fit data: {percent(shares[NOTHING])}"
-        print(f"{text}; next: {few(others, _FEW)}." if others else f"{text}.")
+        print(f"{text}; next: {few(others)}." if others else f"{text}.")
         return
     rows = []
     for missing in sorted(diagnosis.steps, key=lambda step: -step.probability):
@@ -98,7 +98,6 @@ def show_answers(diagnosis: Diagnosis) -> None:
         print("at:", *meaning)
 
 
-_FEW = 3  # rivals named in a sentence; all of them are in the JSON and on the page
 _MOST_SEGMENTS = 8  # of unexplained heat, on the terminal
 
 

@@ -11,7 +11,7 @@ from cyclopts import Parameter as Option
 from cyclopts import validators
 
 from lptn.basics.errors import InputError
-from lptn.basics.words import count_of
+from lptn.basics.words import FEW, count_of
 from lptn.cli.options import HELD_OUT, Details, HeldOut, Json, SymmetryPenalty, check_inputs, check_outputs, needs_logs
 
 if TYPE_CHECKING:
@@ -67,7 +67,7 @@ def fit(
     check_inputs(model, *logs, *holdout)
     from lptn.cli.terminal import is_quiet, progress, show_table, show_written, write_json
     from lptn.identify.fitting import Checkpoint, fingerprint_of
-    from lptn.report.narrative import FEW, fit_narrative
+    from lptn.report.narrative import fit_narrative
     from lptn.report.tables import parameter_table
     from lptn.report.text import kelvin
     from lptn.study import Study
@@ -108,9 +108,6 @@ def fit(
 
 
 # --- each robot of a fleet --------------------------------------------------------------------------------
-
-
-_MOST = 3  # parameters, outliers, notes and warnings in the answer; the details have all
 
 
 def _fit_each(
@@ -181,7 +178,7 @@ def _show_fleet(fleet: Fleet, folder: Path, details: bool) -> None:
     """The spread of each parameter, robots that stand apart, warnings, and one line that counts."""
     from lptn.cli.terminal import show_table
 
-    spreads, most = list(fleet.spread), None if details else _MOST
+    spreads, most = list(fleet.spread), None if details else FEW
     if most is not None and len(spreads) > most + 1:
         width = {one.what: (one.quartiles[1] - one.quartiles[0]) / max(abs(one.median), 1e-300) for one in spreads}
         spreads = [spreads[0], *sorted(spreads[1:], key=lambda one: -width[one.what])[:most]]

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Literal, get_args
 import numpy as np
 
 from lptn.basics.parameters import Parameter
-from lptn.basics.words import count_of, few, listed, short_size
+from lptn.basics.words import FEW, count_of, few, listed, short_size
 from lptn.diagnose.advice import Advice
 from lptn.diagnose.answers import LIKELY, Step
 from lptn.diagnose.diagnosis import Diagnosis, is_met
@@ -34,7 +34,7 @@ from lptn.logs.run import Run
 from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration
 from lptn.report.sentences import Label, Narrative, Sentence
-from lptn.report.shown import noise_alone, worst_view
+from lptn.report.shown import ONE_SIDED, noise_alone, worst_view
 from lptn.report.tables import interval_to_limit, settling_temperature, time_to_limit
 from lptn.report.text import (
     capitalised,
@@ -60,8 +60,6 @@ if TYPE_CHECKING:
 
 HELPED = 0.99
 """The share of the error below which an error is called smaller."""
-FEW = 3
-"""Names in a row that a sentence carries."""
 
 
 # --- what the steps are -------------------------------------------------------------------------------------
@@ -135,11 +133,11 @@ def narrative(steps: Sequence[Step], last: Diagnosis | None, advice: Advice | No
     for label, group in groups:
         if group:
             likeliest = sorted(group, key=lambda step: -step.probability)
-            said.append(Sentence(label, f"{capitalised(few([_in_full(step, steps) for step in likeliest], FEW))}."))
+            said.append(Sentence(label, f"{capitalised(few([_in_full(step, steps) for step in likeliest]))}."))
     # What was refused for its size, or is less probable than nothing, predicted no held-out run.
     worse = [step for step in last.refused if step.holdout and step.probability >= LIKELY] if last and single else []
     if unexplained and (found := [step for step in worse if not step.is_structure]):
-        text = capitalised(few([_in_full(step, steps) for step in found], FEW))
+        text = capitalised(few([_in_full(step, steps) for step in found]))
         said.append(Sentence("Best candidates", f"{text}; not added, because held-out data would be predicted worse."))
     help_: dict[Kind, str] = {"helped": "", "fitted": " (lowers the error on fit data only)", "idle": " (no help)"}
     by_hand = [f"{short_name(*step.key)}{words}" for kind, words in help_.items() for step in kinds[kind]]
@@ -188,7 +186,7 @@ def _verdict(steps: Sequence[Step], last: Diagnosis, kinds: Mapping[Kind, list[S
     if last.verdict == "missing":
         if len(steps) == 1:
             return f"{subject} lacks the effects below, which explain most of its error."
-        return f"{subject} still lacks {few([_short_and_sure(step) for step in last.steps], FEW)}."
+        return f"{subject} still lacks {few([_short_and_sure(step) for step in last.steps])}."
     still, rest = ("", "it") if len(steps) == 1 else ("still ", "the rest")
     return f"{subject} is {still}wrong by more than noise, and the catalogue explains little of {rest}."
 
@@ -286,7 +284,6 @@ def _first_sentence(text: str) -> str:
 
 FAR = 2.0
 """Multiples of the noise from which an error is no longer called noise."""
-_PLAIN = 0.5  # share of the RMSE from which its mean says to which side a model is off
 
 
 def comparison_narrative(comparison: Comparison) -> Narrative:
@@ -305,7 +302,7 @@ def largest_error(comparison: Comparison) -> Sentence:
     if errors.rmse <= FAR * comparison.floor(node):
         return Sentence("Largest error", "Nowhere much larger than the sensors' noise.")
     side = "hot" if errors.mean > 0 else "cold"
-    text = "" if abs(errors.mean) < _PLAIN * errors.rmse else f", predicted too {side}"
+    text = "" if abs(errors.mean) < ONE_SIDED * errors.rmse else f", predicted too {side}"
     return Sentence("Largest error", f"At {node} in {prediction.segment.run.name}, RMSE {kelvin(errors.rmse)}{text}.")
 
 
@@ -360,7 +357,7 @@ def _first_limit(ahead: Forecast) -> str:
     """The nodes above their limits, the next to reach one, or the nearest to one."""
     nodes = list(ahead.nodes.values())
     passed = [f"{one.node} ({one.limit:g} °C)" for one in nodes if one.time_to_limit == 0]
-    texts = [f"Above the limit now: {few(passed, FEW)}."] if passed else []
+    texts = [f"Above the limit now: {few(passed)}."] if passed else []
     coming = sorted((one for one in nodes if one.reaches and one.time_to_limit > 0), key=lambda one: one.time_to_limit)
     if coming:
         first = coming[0]
@@ -382,9 +379,9 @@ def monitoring_narrative(result: Monitoring) -> Narrative:
     """Which sensors and inputs have alarms, the largest error of logs without one, and where the limits are from."""
     alarms = {watched.run.name: _alarms_of(watched) for watched in result.runs}
     quiet = [watched for watched in result.runs if not alarms[watched.run.name]]
-    faulty = [f"{few(names, FEW)} in {run}" for run, names in alarms.items() if names]
+    faulty = [f"{few(names)} in {run}" for run, names in alarms.items() if names]
     sound = [watched.run.name for watched in quiet]
-    verdict = [f"{begin} {few(logs, FEW)}." for begin, logs in (("Alarm at", faulty), ("No alarm in", sound)) if logs]
+    verdict = [f"{begin} {few(logs)}." for begin, logs in (("Alarm at", faulty), ("No alarm in", sound)) if logs]
     said = [Sentence("Verdict", " ".join(verdict))]
     if quiet:
         error, node, run = max(
@@ -430,8 +427,8 @@ def logs_narrative(model: Model, runs: Sequence[Run], logs: int | None = None, u
     elif suspect:
         verdict = f"{count_of(suspect, 'thing')} in {all_} may be wrong, see below"
     said = [Sentence("Verdict", f"{capitalised(verdict)}.")] if count else []
-    nodes = f"{count_of(len(model.nodes), 'node')} ({few(model.nodes, FEW)})"
-    inputs = f"inputs {few(model.inputs, FEW)}" if model.inputs else "no input"
+    nodes = f"{count_of(len(model.nodes), 'node')} ({few(model.nodes)})"
+    inputs = f"inputs {few(model.inputs)}" if model.inputs else "no input"
     text = f"{model.network.name}, {nodes}, {count_of(len(model.free), 'free parameter')}; {inputs}."
     started = [
         f" {column} is no column of the log: it is estimated from each run's first readings."
@@ -450,7 +447,7 @@ def content_narrative(model: Model, runs: Sequence[Run]) -> Narrative:
     without = [node for node, has_sensor in zip(model.nodes, there, strict=True) if not has_sensor]
     noise = "–".join(dict.fromkeys(f"{value:.2g}" for value in (floors.min(), floors.max())))
     sensors = f"{np.nanmin(measured):.1f} to {np.nanmax(measured):.1f} °C, noise {noise} K"
-    sensors += f"; not measured: {few(without, FEW)}." if without else "."
+    sensors += f"; not measured: {few(without)}." if without else "."
     excited = excitation(runs, model.nodes)
     load = "no load"
     if excited.levels:
@@ -482,7 +479,7 @@ def details(history: History, data: DataSplit) -> list[str]:
     texts += [_step_in_words(history, number) for number in range(1, len(history.steps))]
     if history.last.refused:
         names = [f"{named(*step.key)} ({percent(step.probability)})" for step in history.last.refused]
-        texts.append(f"Fitted as well, and not added: {few(names, FEW)}.")
+        texts.append(f"Fitted as well, and not added: {few(names)}.")
     return texts
 
 
@@ -502,7 +499,7 @@ def _which_data(history: History, data: DataSplit) -> str:
 def _runs(segments: Sequence[Segment]) -> str:
     """Runs by name, and the segment that counts where it is not all."""
     parts = [(segment.run.name, window_text(segment.evaluation, segment)) for segment in segments]
-    return few([name if part == "all" else f"{name} ({part})" for name, part in parts], FEW)
+    return few([name if part == "all" else f"{name} ({part})" for name, part in parts])
 
 
 def _covered(fit: Fit) -> str:

@@ -24,6 +24,9 @@ from lptn.logs.resampling import means_of_blocks
 NOISE_BAND = 2.0
 """Half-width of the band of noise, in multiples of the RMSE that noise alone would leave."""
 
+ONE_SIDED = 0.5
+"""Share of an RMSE from which on its mean error says to which side a model is off."""
+
 MOST = 6
 """Panels in one figure."""
 

@@ -17,13 +17,11 @@ from lptn.identify.comparison import Comparison, Errors, Prediction
 from lptn.report.charts import POINTS, ChartPanel, Charts, Line, View, sizes_in_words
 from lptn.report.document import Picture
 from lptn.report.network_course import hottest_moment
-from lptn.report.shown import NOISE_BAND
+from lptn.report.shown import NOISE_BAND, ONE_SIDED
 from lptn.report.text import kelvin, signed_kelvin, significant
 
 CHARTS = "story"
 """Name of the charts on the page, which the tiles pick from."""
-
-_PLAIN = 0.5  # share of its RMSE from which an error's mean says to which side it is
 
 
 @dataclass(frozen=True)
@@ -88,7 +86,7 @@ def tiles(runs: Sequence[Shown], comparison: Comparison) -> dict[str, Any]:
 
 
 def _tile(node: str, run: str, errors: Errors, floor: float) -> dict[str, Any]:
-    side = "even" if abs(errors.mean) < _PLAIN * errors.rmse else "hot" if errors.mean > 0 else "cold"
+    side = "even" if abs(errors.mean) < ONE_SIDED * errors.rmse else "hot" if errors.mean > 0 else "cold"
     title = (
         f"{node}, {run}: RMSE {kelvin(errors.rmse)}, mean {signed_kelvin(errors.mean)}, largest {kelvin(errors.max)}"
     )
