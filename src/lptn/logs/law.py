@@ -254,12 +254,15 @@ def _at_the_air(log: Channels, key: str) -> list[tuple[int, int]]:
 
 
 def contradicted(log: Channels, key: str, stretch: IntArray) -> bool:
-    """Whether a part would have moved otherwise, by its law in the rest of the log, from one row to another.
+    """Whether a part goes otherwise from one row to another, and there from where it last rose, than by its law.
 
-    And on the way there, from where it last rose.
+    By that its load does not cool it, and no other heat, nor loss of heat, sets in at some row.
     """
-    law = warming(log, key, log.load_of(place_of(key)))
-    if law is None:
+    law = warming(log, key, load := log.load_of(place_of(key)))
+    if law is None or (load and np.linalg.lstsq(law.design, law.moved)[0][0] < 0):
+        return True
+    late = np.arange(_LEAST_PARTS, law.moved.size - _LEAST_PARTS)
+    if late.size and _squares_left(law, [law.heats], late, np.full_like(late, law.moved.size))[0].min() < _OF_ONE_GAIN:
         return True
     begin, end = (stretch // log.block).tolist()
     steps = np.searchsorted(law.rows, [_last_rise(log, key, begin), end])
@@ -343,22 +346,20 @@ def gain_change(log: Channels, key: str, load: str) -> GainChange | None:
     law = warming(log, key, load) if log.block >= _ROWS else None
     if law is None or law.rows.size < _STEPS_AT_LEAST:
         return None
-    count, square = law.rows.size, law.design[:, 0]
-    design = law.design / (np.sqrt(np.square(law.design).sum(axis=0)) + np.finfo(float).tiny)
+    count, square = law.rows.size, np.concatenate(([0.0], np.cumsum(law.design[:, 0])))
     edges = np.linspace(0, count, min(_EDGES, count) + 1).astype(int)
     edges = edges[(edges >= _LEAST_PARTS) & ((edges <= count - _LEAST_PARTS) | (edges == count))]
     begin, end = (edges[some] for some in np.triu_indices(edges.size, 1))
-    inside = end - begin
-    sums = np.concatenate(([0.0], np.cumsum(square)))
-    mean = (sums[end] - sums[begin]) / inside, (sums[-1] - sums[end] + sums[begin]) / np.maximum(count - inside, 1)
-    usable = (np.minimum(inside, count - inside) >= _LEAST_PARTS) & (np.minimum(*mean) > _LOADED * np.maximum(*mean))
-    begin, end = begin[usable], end[usable]
+    length, inner = end - begin, square[end] - square[begin]
+    means = inner / length, (square[-1] - inner) / (count - length)
+    loaded = (length >= _LEAST_PARTS) & (np.minimum(*means) > _LOADED * np.maximum(*means))
+    begin, end = begin[loaded], end[loaded]
     if not begin.size:
         return None
     own = [0, law.heats, law.heats + 1]  # the load's heat, other heat, and what leaves to the air
-    left, outer, more = _squares_left(design, law.moved, own, begin, end)
+    left, outer, more = _squares_left(law, own, begin, end)
     best = int(np.argmin(left))
-    if left[best] > _OF_ONE_GAIN * float(_squares_left(design, law.moved, own[1:], begin, end)[0].min()):
+    if left[best] > _OF_ONE_GAIN * float(_squares_left(law, own[1:], begin, end)[0].min()):
         return None
     other, inside = outer[best], np.zeros(count, dtype=bool)
     inside[begin[best] : end[best]] = True
@@ -368,33 +369,38 @@ def gain_change(log: Channels, key: str, load: str) -> GainChange | None:
     if without <= _LOADED * within:  # it makes no heat in the rest of the log, if that is one stretch
         inside, within, without = ~inside, without, within
         other[own] += more[best]
-    stretches = spans(inside)
-    moved, otherwise = (np.ptp(np.cumsum(x[inside])) for x in (law.moved, law.moved - design[:, 1:] @ other[1:]))
+    moved, otherwise = (np.ptp(np.cumsum(x[inside])) for x in (law.moved, law.moved - law.design[:, 1:] @ other[1:]))
     still = bool(moved < min(_APART, _STILL * otherwise))
-    first, stop = stretches[0]
+    (first, stop), *others = spans(inside)
     begins = (int(law.rows[first]) + 1) * log.block if first else 0
     ends = log.time.size - 1 if stop == count else (int(law.rows[stop - 1]) + 2) * log.block - 1
     change = GainChange((begins, ends), within / without, still, to_the_end=stop == count)
-    return change if len(stretches) == 1 and (change.to_the_end or change.ratio < _NO_HEAT) else None
+    return change if not others and (change.to_the_end or change.ratio < _NO_HEAT) else None
 
 
 def _squares_left(
-    design: FloatArray, moved: FloatArray, own: Sequence[int], begin: IntArray, end: IntArray
+    law: Warming, own: Sequence[int], begin: IntArray, end: IntArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Squares that a law leaves, its coefficients, and what is added to its `own` ones in each of many stretches."""
+    """What is added to some coefficients of a law, its `own` ones, in each of many stretches.
+
+    Returns:
+        the share of its squares that is left, its coefficients else, and what is added there.
+    """
+    sizes = np.sqrt(np.square(law.design).sum(axis=0)) + np.finfo(float).tiny
+    design = law.design / sizes
     columns, inverse = design[:, own], np.linalg.inv(design.T @ design + _RIDGE * np.eye(design.shape[1]))
-    found = np.asarray(inverse @ (design.T @ moved), np.float64)
-    off = moved - design @ found
+    found = np.asarray(inverse @ (design.T @ law.moved), np.float64)
+    off = law.moved - design @ found
 
     def within(products: FloatArray) -> FloatArray:
         """Sums over each stretch."""
         sums = np.concatenate((np.zeros((1, *products.shape[1:])), np.cumsum(products, axis=0)))
         return np.asarray(sums[end] - sums[begin])
 
-    shared = inverse @ within(design[:, :, None] * columns[:, None, :])
-    alone = within(columns[:, :, None] * columns[:, None, :])
-    alone -= within(design[:, :, None] * columns[:, None, :]).transpose(0, 2, 1) @ shared
+    both = within(design[:, :, None] * columns[:, None, :])
+    shared = inverse @ both
+    alone = within(columns[:, :, None] * columns[:, None, :]) - both.transpose(0, 2, 1) @ shared
     right = within(columns * off[:, None])
     more = np.asarray(np.linalg.solve(alone + _RIDGE * np.eye(len(own)), right[:, :, None])[:, :, 0], np.float64)
-    left = float(off @ off) - np.asarray((more * right).sum(axis=1), np.float64)
-    return left, found - np.einsum("ijk,ik->ij", shared, more), more
+    explained = np.asarray((more * right).sum(axis=1), np.float64) / float(off @ off)
+    return 1 - explained, (found - np.einsum("ijk,ik->ij", shared, more)) / sizes, more / sizes[own]
