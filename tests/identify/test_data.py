@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from lptn.basics.errors import InputError
-from lptn.identify.data import Segment, holdout_segment, split_data
+from lptn.identify.data import Segment, holdout_segment, load_model, split_data
 from lptn.logs.run import Run
+from lptn.robots.presets import presets
 from tests.builders import make_run
 
 ALWAYS = (float("-inf"), float("inf"))
@@ -94,3 +96,12 @@ def test_pieces_of_one_log_spare_what_all_of_it_can() -> None:
 def test_coarsening_to_a_finer_step_changes_nothing() -> None:
     segment = Segment(_run(1000, 5.0), ALWAYS, ALWAYS)
     assert segment.coarsened(1.0) is segment
+
+
+def test_so_many_logs_that_no_command_would_end_are_refused_before_one_is_read(tmp_path: Path) -> None:
+    (tmp_path / "leg.toml").write_text(presets()["leg"], encoding="utf-8")
+    loaded = load_model(tmp_path / "leg.toml")
+    with pytest.raises(InputError, match=r"2,001 logs; expected at most 2,000"):
+        loaded.runs(["log.csv"] * 2001)
+    with pytest.raises(InputError, match="no such file"):
+        loaded.runs(["log.csv"] * 2000)

@@ -146,6 +146,16 @@ def test_a_sensor_that_its_parts_heat_does_not_move_is_said_and_left_out(what: s
     assert np.isnan(taken[~wrong]).mean() < 0.4  # it may stand where its part passes
 
 
+@pytest.mark.parametrize("steps", [0.1, 1.0])
+def test_a_sensor_that_is_read_upside_down_is_in_no_colder_air(steps: float) -> None:
+    """What its load cools is colder than all around it by no law of a part."""
+    log = _two_joints()
+    log["temperature.a"] = np.round((50 - log["temperature.a"]) / steps) * steps
+    (run,) = read_log(log)
+    assert {issue.key for issue in run.issues} == {"temperature.a"}
+    assert np.isnan(run.columns["temperature.a"]).mean() > 0.7
+
+
 @pytest.mark.parametrize("robot", [{}, {"fan": 3.0}, {"friction": 2.0}, {"rise": 0.01}])
 @pytest.mark.parametrize("velocity", [True, False])
 def test_a_coarse_sensor_of_a_joint_that_rests_or_cools_to_the_air_is_believed(
@@ -190,6 +200,25 @@ def test_of_a_drive_that_is_disabled_the_load_is_said_and_not_the_sensor() -> No
     (issue,) = read_log(log.round(3))[0].issues
     assert issue.key == "current.a"
     assert "does not heat temperature.a" in issue.problem
+
+
+@pytest.mark.parametrize("what", ["temperature", "current"])
+@pytest.mark.parametrize("steps", [0.1, 1.0])
+def test_columns_of_two_joints_that_are_exchanged_are_said_and_concluded_from_by_nobody(
+    what: str, steps: float
+) -> None:
+    log = _two_joints()
+    names = ["temperature.a", "temperature.b"]
+    log[names] = np.round(log[names] / steps) * steps
+    assert not read_log(log)[0].issues
+    own = [f"{what}.a", f"{what}.b"]
+    log[own] = log[own[::-1]].to_numpy()
+    (run,) = read_log(log)
+    assert {(issue.key, issue.kind) for issue in run.issues} == {(name, "exchanged") for name in names}
+    with pytest.raises(InputError, match=r"better than current.a.*valid = \["):
+        refuse_doubtful([run])
+    believed = {name: ColumnSource((name,), valid=(-500.0, 500.0)) for name in names}
+    assert not read_log(log, believed)[0].issues
 
 
 @pytest.mark.parametrize("off", [(0.0, 1100.0), (700.0, 1500.0), (1300.0, 2400.0), (1800.0, 9e9)], ids=str)

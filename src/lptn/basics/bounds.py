@@ -38,5 +38,8 @@ DESCRIPTION = Bound(50_000_000, "bytes")
 """Of a file that programs write (XML, JSON): FMUs of whole vehicles have 20 MB. XML takes 0.1 s and 10 MB of memory a
 megabyte."""
 
+LOGS = Bound(2_000, "logs")
+"""Of one command: one takes 7 ms at least, and 5,000 take a minute; fleets have a command of their own."""
+
 NODES = Bound(500, "nodes")
 """Of a network: a humanoid of 60 joints, four nodes each, has 240. With 480 `check` takes 42 s, `compare` 3 s."""

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from lptn.basics.bounds import LOGS
 from lptn.basics.errors import InputError
 from lptn.basics.places import is_of_run
 from lptn.effects import catalogue
@@ -401,18 +402,20 @@ class LoadedModel:
         Raises:
             InputError: a log can't be used, or lacks a column that the model needs.
         """
+        LOGS.check(len(logs), self.file.path, "logs")
         inputs, outputs = needed_columns(self.model)
+        columns, optional = self.columns, optional_columns(self.model)
         all_runs: list[Run] = []
         said: list[str] = []
         for number, log in enumerate(logs, start=1):
             runs = read_log(
                 log,
-                self.columns,
+                columns,
                 name=named if len(logs) == 1 else f"{named}{number}",
                 step=self.file.step,
                 inputs=inputs,
                 outputs=outputs,
-                optional=optional_columns(self.model),
+                optional=optional,
                 strict=strict,
                 guessing=self.guessing,
             )

@@ -36,7 +36,7 @@ def refuse_other_units(runs: Sequence[Run]) -> None:
                 )
 
 
-_DECIDES = ("unit", "counts", "offset", "follows")
+_DECIDES = ("unit", "counts", "offset", "follows", "exchanged")
 """Kinds of issues by which all readings of a channel are other numbers, or those of another place: to the data an
 offset from the first row on is a constant heat; of air that a joint warms, what leaves to the room looks like a second
 mass, a larger surface, surroundings that lag. A sign turned round

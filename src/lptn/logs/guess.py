@@ -32,7 +32,7 @@ from lptn.logs.columns import (
     toml_line,
     words_of,
 )
-from lptn.logs.law import better_order
+from lptn.logs.law import exchanged
 from lptn.logs.resampling import raw_keys
 from lptn.logs.tables import Table, column_sources
 from lptn.logs.units import suspect_unit
@@ -342,10 +342,6 @@ def _by_being_alone(missing: Sequence[str], names: Names, places: Sequence[str])
 
 # --- Whether the data contradict an order that was guessed ---------------------------------------------
 
-_BOUND = 0.3
-"""Of `better_order`: the other order leaves a quarter less of the squared error. On virtual quadrupeds and legs it is 0
-in the right order; of joints exchanged, at least 0.39 with sensors of 1 K steps, 1.5 with others."""
-
 
 def refuse_exchanged(
     path: Path, guesses: Collection[Guess], sources: Mapping[str, ColumnSource], log: Channels
@@ -356,17 +352,11 @@ def refuse_exchanged(
         InputError: they do; it has the lines by which each would follow its own.
     """
     numbered = {guess.key for guess in guesses if guess.why.startswith(_NUMBERED)}
-    for quantity in HEATS:
-        places = [place_of(key) for key in log.of("temperature") if f"{quantity}.{place_of(key)}" in log.values]
-        keys = {f"{name}.{place}" for place in places for name in (quantity, "temperature")}
-        if len(places) < 2 or numbered.isdisjoint(keys):
+    for quantity in HEATS if numbered else ():
+        followed, gain = exchanged(log, quantity)
+        moved = [place for place, of in followed.items() if place != of]
+        if numbered.isdisjoint(f"{name}.{place}" for place in moved for name in (quantity, "temperature")):
             continue
-        told = Channels({key: log.values[key] for key in ("time", *sorted(keys))})
-        other, gain = better_order(told, places, quantity)
-        if gain < _BOUND:
-            continue
-        followed = dict(zip(places, (places[k] for k in other), strict=True))
-        moved = [place for place in places if followed[place] != place]
         if any(f"{quantity}.{place}" in numbered for place in moved):
             lines = {f"{quantity}.{place}": f"{quantity}.{of}" for place, of in followed.items()}
         else:

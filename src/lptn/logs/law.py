@@ -171,29 +171,45 @@ def heat_told(law: Warming) -> float:
     return 2 * float(np.log(more / less))
 
 
+def _explained_by_load(law: Warming) -> float:
+    """Share of the squares that a law leaves without its load, that it does not leave with it."""
+    designs = law.design, law.design[:, 1:]
+    less, more = (law.moved @ (law.moved - x @ np.linalg.lstsq(x, law.moved)[0]) for x in designs)
+    return 1 - float(less / more)
+
+
 _FLOOR = 1e-3  # K: what no sensor's means over a block are better than
+DOUBTED = 0.45
+"""Of the squares of a part's warming, of which its load explains less where it is another's. Of joints of virtual legs,
+arms and quadrupeds their own explained 0.51 and more, another's half of the time less than 0.17."""
+_BETTER = 0.3
+"""Of the statistic of `exchanged`: the other order leaves a quarter less of the squared error. On virtual robots it is
+0 in the right one; of joints exchanged, at least 0.39 with sensors of 1 K steps, 1.5 with others."""
 
 
-def better_order(log: Channels, places: Sequence[str], quantity: str) -> tuple[list[int], float]:
-    r"""For each place's temperature the load, torque or current, that it follows, all assigned once; and the statistic.
+def exchanged(log: Channels, quantity: str, most: float = 1.0) -> tuple[dict[str, str], float]:
+    r"""For each place the one whose torque, or current, its temperature follows, if not all their own; the statistic.
 
-    With the mean error :math:`e_{ij}` that the law of joint i's temperature leaves where joint j's load heats it, the
-    assignment with the least sum of :math:`\log e_{ij}^2` is compared with the given one: the statistic is the mean of
-    :math:`\log (e_{ii}^2 / e_{i \pi(i)}^2)` over the joints that change, 0 for the given order. Joints that work alike
-    give next to 0, whatever their order, and heat from a neighbour does not matter, since it would have to fit both
-    ways.
+    Of places of the squares of whose warming their own load explains less than `most`. With the mean error
+    :math:`e_{ij}` that the law of joint i's temperature leaves where joint j's load heats it, the assignment with the
+    least sum of :math:`\log e_{ij}^2` is compared with the given one: the statistic is the mean of
+    :math:`\log (e_{ii}^2 / e_{i \pi(i)}^2)` over the joints that change. Joints that work alike give next to 0,
+    whatever their order, and heat from a neighbour does not matter, since it would have to fit both ways.
     """
     from scipy.optimize import linear_sum_assignment  # here, since it takes a while to import
 
-    own = list(range(len(places)))
+    places = [place for key in log.of("temperature") if f"{quantity}.{(place := place_of(key))}" in log.values]
+    own = {place: warming(log, f"temperature.{place}", f"{quantity}.{place}") for place in places}
+    places = [place for place, law in own.items() if law and (most == 1 or _explained_by_load(law) < most)]
     laws = [[warming(log, f"temperature.{part}", f"{quantity}.{of}") for of in places] for part in places]
-    if any(law is None for row in laws for law in row):
-        return own, 0.0
+    if len(places) < 2 or any(law is None for row in laws for law in row):
+        return {}, 0.0
     errors = np.array([[np.mean(np.abs(law.fitted()[1])) for law in row if law] for row in laws])
     costs = 2 * np.log(errors + _FLOOR)
     order = linear_sum_assignment(costs)[1]
-    moved = np.flatnonzero(order != own)
-    return order.tolist(), float(np.mean(costs[moved, moved] - costs[moved, order[moved]])) if moved.size else 0.0
+    moved = np.flatnonzero(order != np.arange(order.size))
+    gain = float(np.mean(costs[moved, moved] - costs[moved, order[moved]])) if moved.size else 0.0
+    return (dict(zip(places, (places[k] for k in order), strict=True)), gain) if gain >= _BETTER else ({}, 0.0)
 
 
 # --- Stretches in which a part would not have stayed where its sensor says that it was --------------

@@ -26,7 +26,7 @@ from lptn.logs.columns import (
     quantity_of,
 )
 from lptn.logs.issue import Issue, correctable, in_unit
-from lptn.logs.law import gain_change
+from lptn.logs.law import DOUBTED, exchanged, gain_change
 from lptn.logs.silence import silences_of
 from lptn.logs.tables import Table
 from lptn.logs.units import PLAUSIBLE, suspect_starts, suspect_unit, suspect_wrap
@@ -202,6 +202,19 @@ def _suspect_gains(log: Channels, said: Collection[str]) -> list[Issue]:
     return issues
 
 
+def _suspect_exchange(log: Channels) -> list[Issue]:
+    """Temperatures that follow the loads of each other's joints better than their own."""
+    issues = list[Issue]()
+    for quantity in HEATS:
+        for place, of in exchanged(log, quantity, DOUBTED)[0].items():
+            key, load = f"temperature.{place}", f"{quantity}.{of}"
+            if place != of and not log.is_believed(key):
+                problem = f"follows {load} better than {quantity}.{place}, whose part the other's sensor follows"
+                remedy = f"map each to its own column; if they are right, write {log.believed(key)}"
+                issues.append(Issue(key, log.sources[key].columns[0], problem, remedy, False, kind="exchanged"))
+    return issues
+
+
 _FOLLOWS = 0.8  # share of the variance of an ambient that a joint's temperature explains, beside …
 _SMOOTH = 3  # … powers of time: by chance a room may grow warm, or cool, as its robot does
 _LEAST_FOLLOWED = 2.0  # K, by which the ambient rises: less is the room, which a robot may warm
@@ -271,7 +284,13 @@ def issues_of(
         elif key.startswith(("torque.", "velocity.")):
             of_column = _suspect_power(log, key)
         issues += [*of_column, *_suspect_silence(log, key, said, predicted)]
-    issues += [*copies_in(log, twice), *suspect_held(log), *_suspect_ambient(log), *_suspect_few(log, predicted)]
+    issues += [
+        *copies_in(log, twice),
+        *suspect_held(log),
+        *_suspect_exchange(log),
+        *_suspect_ambient(log),
+        *_suspect_few(log, predicted),
+    ]
     dead_air = any(one.whole for one in silent.get(log.air, []))
     if not dead_air and not any(quantity_of(issue.key) == "temperature" and issue.kind == "unit" for issue in issues):
         issues += suspect_starts(log)
