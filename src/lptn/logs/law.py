@@ -160,37 +160,29 @@ def rest_evidence(log: Channels, warm: Mapping[str, float], *, all_warm: bool) -
 # --- Whose heat a temperature follows ---------------------------------------------------------------
 
 
-TOLD = 2.0
-"""Of `heat_told`, where a load surely heats a part: of joints of virtual legs and arms that were commanded alike it was
-2.3 and more, with sensors of 0.1 K."""
+TOLD, DOUBTED = 2.0, 0.6
+"""Of `heat_told`, where a load surely heats a part, and below which the part may be heated by another's: of joints of
+virtual legs, arms and quadrupeds their own told 0.7 and more, another's half of the time less than 0.2."""
 
 
 def heat_told(law: Warming) -> float:
     r"""By how much a load explains a warming: :math:`\log (e_0^2 / e^2)` of the law's errors without and with it."""
-    less, more = (float(np.mean(np.abs(one.fitted()[1]))) + _FLOOR for one in (law, law.without(0)))
-    return 2 * float(np.log(more / less))
-
-
-def _explained_by_load(law: Warming) -> float:
-    """Share of the squares that a law leaves without its load, that it does not leave with it."""
-    designs = law.design, law.design[:, 1:]
-    less, more = (law.moved @ (law.moved - x @ np.linalg.lstsq(x, law.moved)[0]) for x in designs)
-    return 1 - float(less / more)
+    designs = law.design[:, 1:], law.design
+    more, less = (float(law.moved @ (law.moved - x @ np.linalg.lstsq(x, law.moved)[0])) for x in designs)
+    noise = law.moved.size * _FLOOR**2
+    return float(np.log((more + noise) / (less + noise)))
 
 
 _FLOOR = 1e-3  # K: what no sensor's means over a block are better than
-DOUBTED = 0.45
-"""Of the squares of a part's warming, of which its load explains less where it is another's. Of joints of virtual legs,
-arms and quadrupeds their own explained 0.51 and more, another's half of the time less than 0.17."""
 _BETTER = 0.3
 """Of the statistic of `exchanged`: the other order leaves a quarter less of the squared error. On virtual robots it is
 0 in the right one; of joints exchanged, at least 0.39 with sensors of 1 K steps, 1.5 with others."""
 
 
-def exchanged(log: Channels, quantity: str, most: float = 1.0) -> tuple[dict[str, str], float]:
+def exchanged(log: Channels, quantity: str, most: float = np.inf) -> tuple[dict[str, str], float]:
     r"""For each place the one whose torque, or current, its temperature follows, if not all their own; the statistic.
 
-    Of places of the squares of whose warming their own load explains less than `most`. With the mean error
+    Of places of whose warming their own load tells less than `most`, by `heat_told`. With the mean error
     :math:`e_{ij}` that the law of joint i's temperature leaves where joint j's load heats it, the assignment with the
     least sum of :math:`\log e_{ij}^2` is compared with the given one: the statistic is the mean of
     :math:`\log (e_{ii}^2 / e_{i \pi(i)}^2)` over the joints that change. Joints that work alike give next to 0,
@@ -200,7 +192,7 @@ def exchanged(log: Channels, quantity: str, most: float = 1.0) -> tuple[dict[str
 
     places = [place for key in log.of("temperature") if f"{quantity}.{(place := place_of(key))}" in log.values]
     own = {place: warming(log, f"temperature.{place}", f"{quantity}.{place}") for place in places}
-    places = [place for place, law in own.items() if law and (most == 1 or _explained_by_load(law) < most)]
+    places = [place for place, law in own.items() if law and heat_told(law) < most]
     laws = [[warming(log, f"temperature.{part}", f"{quantity}.{of}") for of in places] for part in places]
     if len(places) < 2 or any(law is None for row in laws for law in row):
         return {}, 0.0
@@ -357,7 +349,7 @@ def gain_change(log: Channels, key: str, load: str) -> GainChange | None:
     """Where a load makes another heat in the part of temperature `key` than else; `None` where it makes the same.
 
     A stretch in which the load's heat differs, other heat and what leaves to the air with it, is that which leaves the
-    least squares: for each all are given by sums from the first step on.
+    least squares: for each all are given by sums from the first step on. Rather it is one to the end of the log.
     """
     law = warming(log, key, load) if log.block >= _ROWS else None
     if law is None or law.rows.size < _STEPS_AT_LEAST:
@@ -369,29 +361,43 @@ def gain_change(log: Channels, key: str, load: str) -> GainChange | None:
     length, inner = end - begin, square[end] - square[begin]
     means = inner / length, (square[-1] - inner) / (count - length)
     loaded = (length >= _LEAST_PARTS) & (np.minimum(*means) > _LOADED * np.maximum(*means))
+    if not loaded.any():
+        return None
     begin, end = begin[loaded], end[loaded]
-    if not begin.size:
-        return None
-    own = [0, law.heats, law.heats + 1]  # the load's heat, other heat, and what leaves to the air
-    left, outer, more = _squares_left(law, own, begin, end)
-    best = int(np.argmin(left))
-    if left[best] > _OF_ONE_GAIN * float(_squares_left(law, own[1:], begin, end)[0].min()):
-        return None
-    other, inside = outer[best], np.zeros(count, dtype=bool)
-    inside[begin[best] : end[best]] = True
-    within, without = max(float(other[0] + more[best, 0]), 0.0), max(float(other[0]), 0.0)
+    others = [law.heats, law.heats + 1]  # other heat, and what leaves to the air
+    left, outer, more = _squares_left(law, [0, *others], begin, end)
+    least = _OF_ONE_GAIN * float(_squares_left(law, others, begin, end)[0].min())
+    for family in (end == count, end < count):
+        best = int(np.argmin(np.where(family, left, np.inf)))
+        if family[best] and left[best] <= least:
+            within = outer[best].copy()
+            within[[0, *others]] += more[best]
+            change = _change(log, law, int(begin[best]), int(end[best]), [outer[best], within])
+            if change:
+                return change
+    return None
+
+
+def _change(log: Channels, law: Warming, start: int, stop: int, sides: list[FloatArray]) -> GainChange | None:
+    """That of a stretch from a step to the one behind its last, by the law's coefficients else and within."""
+    count, square = law.rows.size, np.concatenate(([0.0], np.cumsum(law.design[:, 0])))
+    # Where there is no load the stretch may as well go on, to the end of the log or to its start.
+    usual, before, behind = _LOADED * square[-1] / count, square[start], square[-1] - square[stop]
+    stop = count if behind <= usual * (count - stop) else stop
+    if before <= usual * start and stop < count:
+        start, stop, sides = stop, count, sides[::-1]
+    without, within = (max(float(side[0]), 0.0) for side in sides)
     if max(within, without) <= _RATIO * min(within, without):
         return None
-    if without <= _LOADED * within:  # it makes no heat in the rest of the log, if that is one stretch
-        inside, within, without = ~inside, without, within
-        other[own] += more[best]
-    moved, otherwise = (np.ptp(np.cumsum(x[inside])) for x in (law.moved, law.moved - law.design[:, 1:] @ other[1:]))
+    if without <= _LOADED * within and stop == count:  # it makes no heat until then
+        start, stop, within, without, sides = 0, start, without, within, sides[::-1]
+    unheated = law.moved - law.design[:, 1:] @ sides[0][1:]
+    moved, otherwise = (np.ptp(np.cumsum(x[start:stop])) for x in (law.moved, unheated))
     still = bool(moved < min(_APART, _STILL * otherwise))
-    (first, stop), *others = spans(inside)
-    begins = (int(law.rows[first]) + 1) * log.block if first else 0
-    ends = log.time.size - 1 if stop == count else (int(law.rows[stop - 1]) + 2) * log.block - 1
-    change = GainChange((begins, ends), within / without, still, to_the_end=stop == count)
-    return change if not others and (change.to_the_end or change.ratio < _NO_HEAT) else None
+    first = (int(law.rows[start]) + 1) * log.block if start else 0
+    last = log.time.size - 1 if stop == count else (int(law.rows[stop - 1]) + 2) * log.block - 1
+    change = GainChange((first, last), within / without if without > 0 else np.inf, still, to_the_end=stop == count)
+    return change if stop == count or change.ratio < _NO_HEAT else None
 
 
 def _squares_left(
@@ -418,5 +424,5 @@ def _squares_left(
     alone = within(columns[:, :, None] * columns[:, None, :]) - both.transpose(0, 2, 1) @ shared
     right = within(columns * off[:, None])
     more = np.asarray(np.linalg.solve(alone + _RIDGE * np.eye(len(own)), right[:, :, None])[:, :, 0], np.float64)
-    explained = np.asarray((more * right).sum(axis=1), np.float64) / float(off @ off)
+    explained = np.asarray((more * right).sum(axis=1), np.float64) / (float(off @ off) + np.finfo(float).tiny)
     return 1 - explained, (found - np.einsum("ijk,ik->ij", shared, more)) / sizes, more / sizes[own]
