@@ -257,7 +257,7 @@ def _next(steps: Sequence[Step], last: Diagnosis, kinds: Mapping[Kind, list[Step
         return f"That heat has no name, and can be learned as a curve. {advice.learned.offer}"
     if advice and advice.differing:
         differs = advice.differing[0]
-        return f"Check this difference between the runs. {differs.sentence}" if differs.sentence else differs.text()
+        return f"Check this difference between the runs. {differs.sentence or differs.text()}"
     if advice and advice.experiment:
         first = _first_sentence(advice.experiment.text())
         return first if advice.experiment.separates else f"{first.partition(': ')[0].rstrip('.')}."
