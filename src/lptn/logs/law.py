@@ -160,9 +160,12 @@ def rest_evidence(log: Channels, warm: Mapping[str, float], *, all_warm: bool) -
 # --- Whose heat a temperature follows ---------------------------------------------------------------
 
 
-TOLD, DOUBTED = 2.0, 0.6
-"""Of `heat_told`, where a load surely heats a part, and below which the part may be heated by another's: of joints of
-virtual legs, arms and quadrupeds their own told 0.7 and more, another's half of the time less than 0.2."""
+TOLD = 2.0
+"""Of `heat_told`, where a load surely heats a part: of joints of virtual legs and arms that were commanded alike it was
+2.3 and more, with sensors of 0.1 K."""
+DOUBTED, AT_MOST = 1.0, 4
+"""Of `heat_told`, below which a part may be heated by another's load, and how many of those that are told the least:
+where it moves, its speed tells of its heat, too, and all of a quadruped's thighs would take as long as all else."""
 
 
 def heat_told(law: Warming) -> float:
@@ -179,10 +182,12 @@ _BETTER = 0.3
 0 in the right one; of joints exchanged, at least 0.39 with sensors of 1 K steps, 1.5 with others."""
 
 
-def exchanged(log: Channels, quantity: str, most: float = np.inf) -> tuple[dict[str, str], float]:
+def exchanged(
+    log: Channels, quantity: str, most: float = np.inf, at_most: int | None = None
+) -> tuple[dict[str, str], float]:
     r"""For each place the one whose torque, or current, its temperature follows, if not all their own; the statistic.
 
-    Of places of whose warming their own load tells less than `most`, by `heat_told`. With the mean error
+    Of places of whose warming their own load tells less than `most`, by `heat_told`, the least. With the mean error
     :math:`e_{ij}` that the law of joint i's temperature leaves where joint j's load heats it, the assignment with the
     least sum of :math:`\log e_{ij}^2` is compared with the given one: the statistic is the mean of
     :math:`\log (e_{ii}^2 / e_{i \pi(i)}^2)` over the joints that change. Joints that work alike give next to 0,
@@ -192,7 +197,9 @@ def exchanged(log: Channels, quantity: str, most: float = np.inf) -> tuple[dict[
 
     places = [place for key in log.of("temperature") if f"{quantity}.{(place := place_of(key))}" in log.values]
     own = {place: warming(log, f"temperature.{place}", f"{quantity}.{place}") for place in places}
-    places = [place for place, law in own.items() if law and heat_told(law) < most]
+    told = {place: gain for place, law in own.items() if law and (gain := heat_told(law)) < most}
+    least = sorted(told.values())[:at_most]
+    places = [place for place in told if told[place] in least]
     laws = [[warming(log, f"temperature.{part}", f"{quantity}.{of}") for of in places] for part in places]
     if len(places) < 2 or any(law is None for row in laws for law in row):
         return {}, 0.0

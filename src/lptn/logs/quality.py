@@ -26,7 +26,7 @@ from lptn.logs.columns import (
     quantity_of,
 )
 from lptn.logs.issue import Issue, correctable, in_unit
-from lptn.logs.law import DOUBTED, exchanged, gain_change
+from lptn.logs.law import AT_MOST, DOUBTED, exchanged, gain_change
 from lptn.logs.silence import silences_of
 from lptn.logs.tables import Table
 from lptn.logs.units import PLAUSIBLE, suspect_starts, suspect_unit, suspect_wrap
@@ -206,7 +206,7 @@ def _suspect_exchange(log: Channels) -> list[Issue]:
     """Temperatures that follow the loads of each other's joints better than their own."""
     issues = list[Issue]()
     for quantity in HEATS:
-        for place, of in exchanged(log, quantity, DOUBTED)[0].items():
+        for place, of in exchanged(log, quantity, DOUBTED, AT_MOST)[0].items():
             key, load = f"temperature.{place}", f"{quantity}.{of}"
             if place != of and not log.is_believed(key):
                 problem = f"follows {load} better than {quantity}.{place}, whose part the other's sensor follows"
