@@ -2,14 +2,15 @@ r"""How the part warms that a sensor reads, by the log itself; and what of the l
 
 By block means a part with a heat capacity follows
 
-.. math:: \frac{dT}{dt} = a q^2 + \sum_j b_j (T_j - T) + c + d |\omega|, \quad a, b_j, d \ge 0
+.. math:: \frac{dT}{dt} = a q^2 + d |\omega| + e |q \omega| + \sum_j b_j (T_j - T) + c, \quad a, b_j, d, e \ge 0
 
-with its load q, what surrounds it and the speed of its joint, by least squares. A reading that stands, or that is the
+with its load q, the speed of its joint and what surrounds it, by least squares. A reading that stands, or that is the
 air's, is right where the part would have stayed so; it is none where what the law adds up to over that stretch is far
-beyond what the law is off elsewhere in as long a time. A load that from some row on makes another heat for its square
-is in another unit from there on. A temperature whose law is better with another joint's load is that joint's. And
-where a log begins warm, without any constant c, its parts cool as warm ones do, or stay as parts at rest under a sensor
-with an offset.
+beyond what the law is off elsewhere in as long a time. So it is where a part is colder than all around it, which it
+may be by its law, in air that nobody logged. A load that from some row on makes another heat for its square is in
+another unit from there on, and one that for a while makes none is that of a drive that is off. A temperature whose law
+is better with another joint's load is that joint's. And where a log begins warm, without any constant c, its parts cool
+as warm ones do, or stay as parts at rest under a sensor with an offset.
 """
 
 from __future__ import annotations
