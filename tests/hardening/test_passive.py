@@ -271,6 +271,17 @@ def test_rows_that_a_logger_repeats_are_left_out_and_a_robot_at_rest_is_logged()
     assert (issue.key, issue.kind) == ("time", "held")
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_a_code_beside_a_coarse_sensor_that_rests_is_no_repeated_row(seed: int) -> None:
+    """Both flicker between two numbers until the one fails for three seconds, in which the other happens to stand."""
+    rng, time = np.random.default_rng(seed), np.arange(0.0, 900.0, 0.1)
+    flickers = 50.0 + rng.integers(0, 2, (2, time.size))
+    off = (time > 600) & (time < 603)
+    flickers[0, off], flickers[1, off] = 30.0, 50.0
+    log = pd.DataFrame({"time": time, "temperature.a": flickers[0], "temperature.b": flickers[1]})
+    assert {issue.key for issue in read_log(log)[0].issues} == {"temperature.a"}
+
+
 @pytest.mark.parametrize(("sigma", "steps"), [(0.1, 0.1), (0.1, 1.0), (0.3, 1.0), (0.5, 1.0), (0.0, 0.1)])
 def test_coarse_sensors_that_seldom_move_are_no_repeated_rows(sigma: float, steps: float) -> None:
     time, current, true = _knee()

@@ -18,6 +18,7 @@ from lptn.logs.issue import Issue
 from lptn.logs.law import TOLD, heat_told, warming
 
 _HELD, _HELD_ROWS, _AROUND = 2.0, 3, 50  # s, and rows in turn, that stand; rows on both sides that tell what is usual
+_USUALLY = 0.2, 0.8  # shares of those rows, between whose numbers, or as far again from them, a column is
 _NEW = 0.5  # share of rows in which a column that tells has another number, back and forth
 _SEVERAL = 2  # columns that hardly ever stand: one alone is a sensor that froze
 _SURE = 1e-9  # chance that temperatures and speeds of a robot that was logged all the while would stand so long
@@ -38,7 +39,12 @@ def without_held_rows(log: Channels) -> tuple[Channels, list[Issue]]:
         if last - first < _HELD_ROWS or time[last] - time[first] < _HELD:
             continue
         beside = np.r_[max(first - _AROUND, 0) : first, last : min(last + _AROUND, alike.size)]
-        moved = (x[beside + 1] - x[beside] for x in measured if x[first] != 0)
+        # What stands where it hardly is beside, as at a code, may stand alone.
+        near = list[FloatArray]()
+        for x in (x for x in measured if np.isfinite(x[beside]).any()):
+            low, high = np.nanquantile(x[beside], _USUALLY)
+            near += [x] * bool(2 * low - high <= x[first] <= 2 * high - low)
+        moved = (x[beside + 1] - x[beside] for x in near if x[first] != 0)
         moves = [x[np.abs(x) > 0] for x in moved]
         # What is noise turns back in every second move, on average.
         noise = [min(x.size, 2 * int(np.count_nonzero(x[1:] * x[:-1] < 0))) for x in moves]
