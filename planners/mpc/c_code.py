@@ -17,10 +17,10 @@ from lptn.online import living_sensors
 from ..compiled import c_code, compiled
 from ..heating import Heating
 
-SOLVER = ("lptn_mpc.h", "lptn_mpc.c", "linear.inc", "living.inc", "observe.inc", "bounds.inc", "newton.inc",
-          "interior.inc", "lptn_loop.h", "lptn_loop.c")  # fmt: skip
+SOLVER = ("lptn_mpc.h", "lptn_mpc.c", "linear.inc", "living.inc", "sound.inc", "observe.inc", "bounds.inc",
+          "newton.inc", "interior.inc", "lptn_loop.h", "lptn_loop.c")  # fmt: skip
 _LIVING = ("STANDS", "SHORTEST", "LEAST_CHANCE", "COARSEST", "ERROR", "BELOW", "BELOW_IF_LOST", "MISLEADS", "ABOVE",
-           "NOISE", "LEAST", "LEAST_SHARE", "FEWEST")  # fmt: skip
+           "NOISE", "LEAST", "LEAST_SHARE", "FOLLOWS", "FEWEST")  # fmt: skip
 _GLUE = """\
 #define LPTN_WIDE
 #include "lptn_mpc.c"
@@ -31,6 +31,13 @@ long long lptn_mpc_sizes(int which) {
     return sizes[which];
 }
 """
+
+
+def unsure(heating: Heating) -> list[int]:
+    """Parameters that a robot has of its own: those that heat flows depend on, but for temperatures of reference."""
+    depends = ca.which_depends(ca.sum1(heating.rates), heating.p, 1, False)
+    units = [parameter.declared.unit for parameter in heating.model.parameters]
+    return [index for index, (used, unit) in enumerate(zip(depends, units, strict=True)) if used and unit != "degC"]
 
 
 def sources(heating: Heating, limits: int, stages: int) -> dict[str, str]:
@@ -50,6 +57,7 @@ def sources(heating: Heating, limits: int, stages: int) -> dict[str, str]:
         "NU": joints,
         "ND": len(heating.conditions),
         "NP": heating.p.numel(),
+        "NK": len(unsure(heating)),
         "NL": limits,
         "N": stages,
         # Iterations between linearisations: more where only the temperatures make the problem not linear.
@@ -124,6 +132,7 @@ def structs(made: Mapping[str, str]) -> dict[str, type[Any]]:
     numbers = re.findall(r"#define LPTN_(\w+) (\d+)", made["sizes.h"] + made["lptn_mpc.h"])
     sizes = {name: int(value) for name, value in numbers}
     sizes["NZ"] = sizes["NX"] + 2 * sizes["NN"]
+    sizes["NS"] = sizes["NX"] + sizes["NN"] + sizes["NK"]
     declared = re.sub(r"/\*.*?\*/", "", made["lptn_mpc.h"], flags=re.DOTALL)
     kinds: dict[str, Any] = {"double": ctypes.c_double, "int": ctypes.c_int}
     for body, name in re.findall(r"typedef struct \{(.*?)\} (\w+);", declared, re.DOTALL):

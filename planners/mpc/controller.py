@@ -22,7 +22,7 @@ from lptn.online.living_sensors import LEAST
 
 from ..heating import Request, heating, requested_by
 from ..values import Each, Values, in_order
-from .c_code import python_library, settings_header, sources, structs
+from .c_code import python_library, settings_header, sources, structs, unsure
 from .settings import LostSensor, settle
 
 _MEANING = {
@@ -397,9 +397,10 @@ class TorqueMPC:
             "stage": own.stages, "limit": own.planned_limits,
             "node": [self.model.places.index(node) for node in own.limits], "owner": self.model.owners,
             "weight": own.weights, "most": own.currents, "rate": own.rates, "floor": own.floors,
-            "p": [*self.model.values, 0.0], "recovery": own.recovery, "smoothing": own.smoothing,
-            "linear": linear, "quadratic": quadratic, "noise": math.hypot(own.noise, own.grain), "grain": own.grain,
-            "sigmas": own.sigmas, "doubt": own.doubt, "gain_doubt": own.gain_doubt, "settles": own.settles,
+            "p": [*self.model.values, 0.0], "unsure": unsure(self.heating),
+            "recovery": own.recovery, "smoothing": own.smoothing, "linear": linear, "quadratic": quadratic,
+            "noise": math.hypot(own.noise, own.grain), "grain": own.grain, "sigmas": own.sigmas,
+            "doubt": own.doubt, "gain_doubt": own.gain_doubt, "settles": own.settles,
             "tolerance": own.tolerance, "iterations": own.iterations, "warm": own.warm,
             "lost_sensor": get_args(LostSensor).index(own.lost_sensor),
         }  # fmt: skip

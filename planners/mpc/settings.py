@@ -148,7 +148,9 @@ def settle(
         raise InputError(model.network.origin, "priorities", f"{levels.max():g}", f"at most {most}")
     # Mean time in which each node forgets how warm all began [s], at most a day: of one mass its time constant.
     nodes, day = len(model.nodes), 86400.0
-    forgets = np.linalg.lstsq(-_at_limits(heating, bounds).slope[:nodes, :nodes], np.ones(nodes))[0]
+    slope = _at_limits(heating, bounds).slope[:nodes, :nodes]
+    forgets = np.linalg.lstsq(-slope, np.ones(nodes))[0]
+    forgets[np.abs(slope @ forgets + 1) > 1e-6] = day  # without air nothing is forgotten
     return Settings(
         lengths,
         bounds,

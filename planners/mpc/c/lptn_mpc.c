@@ -9,6 +9,7 @@
 #include "heat.inc"
 #include "linear.inc"
 #include "living.inc"
+#include "sound.inc"
 #include "observe.inc"
 #include "bounds.inc"
 #include "newton.inc"
@@ -107,6 +108,7 @@ static void report(const lptn_mpc_settings *o, lptn_mpc_state *m, const lptn_mpc
 void lptn_mpc_step(const lptn_mpc_settings *o, lptn_mpc_state *m, lptn_mpc_work *w, const double *measured,
                    const double *request, const double *conditions, const double *applied, lptn_mpc_result *out) {
     memset(out, 0, sizeof *out);
+    memcpy(w->p, o->p, sizeof w->p);
     if (m->started) predict(o, m, w, applied);
     take(o, m, w, request, conditions, out);
     observe(o, m, measured, out);

@@ -25,6 +25,7 @@ enum { LPTN_ALIVE, LPTN_MISSING, LPTN_STANDS, LPTN_CONTRADICTS, LPTN_UNPROVEN };
 enum { LPTN_MODEL, LPTN_DERATE, LPTN_STOP };
 
 #define LPTN_NZ (LPTN_NX + 2 * LPTN_NN)
+#define LPTN_NS (LPTN_NX + LPTN_NN + LPTN_NK)
 
 /* What does not change from step to step. */
 typedef struct {
@@ -37,6 +38,7 @@ typedef struct {
     double rate[LPTN_NU];       /* largest change of a request's unit per second; 0 for none */
     double floor[LPTN_NU];      /* of the request's unit that a joint gets whatever gets hot, if so much is asked */
     double p[LPTN_NP + 1];      /* parameters of the model */
+    int unsure[LPTN_NK];        /* those of them that a robot has of its own: all that rates depend on */
     double recovery[LPTN_NL];   /* time constant with which a node above its limit comes down to it [s]; 0: at once */
     double smoothing;           /* time constant with which a joint's share rises, while the same is asked [s] */
     double linear, quadratic;   /* price of slack, per K and per K^2; the cost of admitting nothing at all is 1 */
@@ -69,13 +71,12 @@ typedef struct {
                                                              not to be, and has not come back */
 } lptn_mpc_sensors;
 
-/* What the estimate would be without any sensor's readings since it began. */
+/* What is known of the robot if it is sound, from all readings that agree with it. z: its temperatures [degC], the heat that each node
+ * lacks [K/s], and the logarithms of its parameters over the model's. */
 typedef struct {
-    double x[LPTN_NX], bias[LPTN_NN], gain[LPTN_NN]; /* as in the state */
-    double raised[LPTN_NX];                          /* how much of x comes from the controlled heat since [K] */
-    double deviation[LPTN_NX];                       /* what x may be off by, one standard deviation [K] */
-    double lacks[LPTN_NN][3];                        /* variance of bias, covariance of both, variance of gain */
-} lptn_mpc_reference;
+    double z[LPTN_NS], spread[LPTN_NS][LPTN_NS];   /* and its covariance */
+    double evidence[LPTN_NN][3];                 /* that a sensor is false, as log likelihood ratios */
+} lptn_mpc_sound;
 
 /* What is kept between steps; all zero before the first. z: states, missing heat and relative error of each node. */
 typedef struct {
@@ -83,9 +84,11 @@ typedef struct {
     double gain[LPTN_NX];                /* relative error of the controlled heat */
     double spread[LPTN_NZ][LPTN_NZ];     /* covariance of z */
     double made[LPTN_NN];                /* what the controlled heat warmed each node by, over the last period [K/s] */
-    lptn_mpc_reference model, recent;    /* the estimate without any sensor: since the start, and of late */
+    double raised[LPTN_NX];              /* how much of x comes from the controlled heat since its node began [K] */
+    lptn_mpc_sound sound[3];             /* by no reading; by the sensors that are not lost; by these and a lost one */
+    int returning;                       /* which one that is */
     double coldest;                      /* of all that surrounded the robot, and of sensors that live as they began [degC] */
-    double renewed;                      /* s of the clock: the recent reference began with the estimate */
+    double unknown[LPTN_NN];             /* of one that was never trusted: variance of the model alone when it last contradicted [K^2] */
     double woken[LPTN_NN];               /* of a sensor that was never trusted: by how much it began above the model alone [K] */
     double hotter[LPTN_NX];              /* by how much each is hotter if nodes that no sensor tells began as hot as allowed [K] */
     double returns[LPTN_NN];             /* of a sensor that came back: error without it, by the time that it has to agree [K/s] */
@@ -134,6 +137,7 @@ typedef struct {
     double heat[LPTN_HEAT_OUT], casadi[LPTN_HEAT_W + 1];
     double transition[LPTN_NX][LPTN_NX], start[LPTN_NX]; /* of one period; temperatures that are planned from [degC] */
     int stopped[LPTN_NU];                                /* joints that get nothing but their floor */
+    double p[LPTN_NP + 1], by[LPTN_NX][LPTN_NK], sound[2][LPTN_NX][LPTN_NS]; /* parameters that are tried, and slopes by them */
 } lptn_mpc_work;
 
 /* One control period.

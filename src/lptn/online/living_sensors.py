@@ -2,14 +2,14 @@
 
 Each reading is compared with its *reference*, one prediction that takes in no reading: the model alone since the start;
 of a sensor that was never trusted, from what it read when it last contradicted. A node follows the heat that is put in:
-so a sensor is trusted once it has moved as its reference did, and as long as it agrees with it. Until then limits are
-planned by the hotter of the two. A sensor that contradicts its reference, or stays where it is while that moves, is
-lost. It is trusted again when it has
-agreed for as long as it contradicted or, where that was over a minute or not the first time that it contradicted
-without having moved, for as long as its node takes to settle, and has moved as the model does; as much time again has
-to pass until that is forgotten. A sensor that repeats its last reading bit for bit for longer than noise, steps and the
-model's movement explain is lost, too. The C code of `lptn.planners.mpc` judges each reading alike, with the constants
-of this file; what a filter does with the verdict is its own.
+so a sensor is trusted once it has moved as its reference did, for half a minute at least, and as long as it agrees with
+it. Until then limits are planned by the hotter of the two. A sensor that contradicts its reference, or stays where it
+is while that moves, is lost. It is trusted again when it has agreed for as long as it contradicted or, where that was
+over a minute or not the first time that it contradicted without having moved, for as long as its node takes to settle,
+and has moved as the model does; as much time again has to pass until that is forgotten. A sensor that repeats its last
+reading bit for bit for longer than noise, steps and the model's movement explain is lost, too. The C code of
+`lptn.planners.mpc` judges each reading alike, with the constants of this file; what a filter does with the verdict is
+its own.
 """
 
 from __future__ import annotations
@@ -36,6 +36,8 @@ LEAST = 1.0  # K; the accuracy of sensors of motors, and the least movement (roo
 LEAST_SHARE = 0.1
 """Of the reference's movement, root mean square: a sensor that moves by less, beside a reference that moves, does not
 follow it, however little is known of the model. No model of a machine is wrong tenfold."""
+FOLLOWS = 0.7
+"""Of the reference's movement, that a sensor has to make to follow it: with every value 10 % off it makes 0.8."""
 FEWEST = 4  # readings; the regression of one on the other needs two, its scatter more
 STANDS = float(-np.log(CHANCE))
 """Evidence from which a sensor counts as frozen, as for whole logs."""
@@ -69,8 +71,10 @@ class LivingSensors:
         """s for which each has agreed with its reference."""
         self.regression = np.zeros((6, count))
         """Readings and reference since then: count, means of reference and reading, sums of squares and products."""
-        self.contradicted_for = np.zeros(count)
-        """s for which it had contradicted its reference before, less those for which it has been trusted again."""
+        self.contradicted_for = np.full(count, SHORTEST / 2)
+        """s for which it had contradicted its reference before, less those for which it has been trusted again.
+
+        At first none has shown anything."""
         self.stands, self.agrees, self.proven = (np.zeros(count, dtype=bool) for _ in range(3))
         """Whether it repeats itself bit for bit; agrees with its reference; has moved as its reference did."""
         self.trusted, self.lost = np.zeros(count, dtype=bool), np.zeros(count, dtype=bool)
@@ -97,7 +101,7 @@ class LivingSensors:
             reference: the same without the sensor [degC].
             deviation: of the reference, its standard deviation [K].
             learned: what the model must be wrong by for the readings to be true, in standard deviations, negative where
-                it must cool the node.
+                it must cool the node; infinite where no values of its parameters explain them.
             settles: time constants of the nodes [s].
         """
         noise, seen = np.sqrt(self._noise + self._step**2 / 12), np.isfinite(readings)
@@ -107,13 +111,13 @@ class LivingSensors:
             near = away >= -np.maximum(below * deviation + NOISE * noise, LEAST)
             near &= away <= np.maximum(ABOVE * deviation + NOISE * noise, LEAST)
             near &= np.abs(readings - predicted) <= LEAST + NOISE * np.sqrt(np.maximum(variance, 0) + noise**2)
-            misleads = ~self.lost & ((learned < -np.where(self.proven, MISLEADS, BELOW)) | (learned > ABOVE))
+            misleads = (learned < -np.where(self.proven, MISLEADS, BELOW)) | (learned > ABOVE)
             self._watch_repeats(seen, readings, predicted, variance, near)
             agrees = seen & near & ~misleads & ~self.stands
             begins = agrees & ~self.agrees
             self.agreed_for = np.where(begins, 0.0, self.agreed_for + seconds * agrees)
             self.regression[:, begins] = 0.0
-            self.proven |= self._follow_reference(agrees, readings, reference, noise, below)
+            self.proven |= self._follow_reference(agrees, readings, reference, noise)
             count, _, _, squares, of_readings, _ = self.regression
             idle = agrees & (squares >= count * LEAST**2) & (of_readings + count * noise**2 < LEAST_SHARE**2 * squares)
             agrees &= ~idle
@@ -131,7 +135,7 @@ class LivingSensors:
         self.contradicted_for -= np.minimum(seconds, self.contradicted_for) * (seen & self.trusted)
 
     def _follow_reference(
-        self, agrees: BoolArray, readings: FloatArray, reference: FloatArray, noise: FloatArray, below: FloatArray
+        self, agrees: BoolArray, readings: FloatArray, reference: FloatArray, noise: FloatArray
     ) -> BoolArray:
         """Which sensors have moved as their reference did: by the regression of one on the other since they agree."""
         count, mean_reference, mean_reading, squares, of_readings, products = self.regression
@@ -145,7 +149,7 @@ class LivingSensors:
         products += np.where(agrees, along * (readings - mean_reading), 0.0)
         slope = products / squares
         scatter = np.sqrt(np.maximum(of_readings - slope * products, 0) / (count - 2))
-        enough = agrees & (count >= FEWEST) & (squares >= LEAST**2) & (slope >= 1 - below * ERROR)
+        enough = agrees & (count >= FEWEST) & (squares >= LEAST**2) & (slope >= FOLLOWS)
         return np.asarray(enough & (slope * np.sqrt(squares) >= NOISE * np.maximum(scatter, noise)))
 
     def _watch_repeats(
