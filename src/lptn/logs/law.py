@@ -194,8 +194,6 @@ def exchanged(
     :math:`\log (e_{ii}^2 / e_{i \pi(i)}^2)` over the joints that change. Joints that work alike give next to 0,
     whatever their order, and heat from a neighbour does not matter, since it would have to fit both ways.
     """
-    from scipy.optimize import linear_sum_assignment  # here, since it takes a while to import
-
     places = [place for key in log.of("temperature") if f"{quantity}.{(place := place_of(key))}" in log.values]
     own = {place: warming(log, f"temperature.{place}", f"{quantity}.{place}") for place in places}
     told = {place: gain for place, law in own.items() if law and (gain := heat_told(law)) < most}
@@ -204,6 +202,8 @@ def exchanged(
     laws = [[warming(log, f"temperature.{part}", f"{quantity}.{of}") for of in places] for part in places]
     if len(places) < 2 or any(law is None for row in laws for law in row):
         return {}, 0.0
+    from scipy.optimize import linear_sum_assignment  # heavy, and few logs need it
+
     errors = np.array([[np.mean(np.abs(law.fitted()[1])) for law in row if law] for row in laws])
     costs = 2 * np.log(errors + _FLOOR)
     order = linear_sum_assignment(costs)[1]
