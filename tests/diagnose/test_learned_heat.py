@@ -152,7 +152,7 @@ def test_advice_tells_it_and_other_tools_read_it() -> None:
     assert str(told["add"]).startswith("lptn add MODEL learned_heat --at FR_calf --set input=torque")
     drawn = learned_picture(curve)
     assert drawn is not None
-    assert "unexplained heat over torque.FR_calf" in str(drawn)
+    assert any("unexplained heat over torque.FR_calf" in drawing for drawing in drawn.drawings)
     assert len(told["curve"]["watts"]) == len(told["curve"]["band"]) == len(told["curve"]["input"])
 
 

@@ -191,8 +191,9 @@ def exchanged(
     Of places of whose warming their own load tells less than `most`, by `heat_told`, the least. With the mean error
     :math:`e_{ij}` that the law of joint i's temperature leaves where joint j's load heats it, the assignment with the
     least sum of :math:`\log e_{ij}^2` is compared with the given one: the statistic is the mean of
-    :math:`\log (e_{ii}^2 / e_{i \pi(i)}^2)` over the joints that change. Joints that work alike give next to 0,
-    whatever their order, and heat from a neighbour does not matter, since it would have to fit both ways.
+    :math:`\log (e_{ii}^2 / e_{i \pi(i)}^2)` over the joints that change, each of which has to follow the other's load
+    better than its own. Joints that work alike give next to 0, whatever their order, and heat from a neighbour does not
+    matter, since it would have to fit both ways.
     """
     places = [place for key in log.of("temperature") if f"{quantity}.{(place := place_of(key))}" in log.values]
     own = {place: warming(log, f"temperature.{place}", f"{quantity}.{place}") for place in places}
@@ -208,8 +209,10 @@ def exchanged(
     costs = 2 * np.log(errors + _FLOOR)
     order = linear_sum_assignment(costs)[1]
     moved = np.flatnonzero(order != np.arange(order.size))
-    gain = float(np.mean(costs[moved, moved] - costs[moved, order[moved]])) if moved.size else 0.0
-    return (dict(zip(places, (places[k] for k in order), strict=True)), gain) if gain >= _BETTER else ({}, 0.0)
+    gains = costs[moved, moved] - costs[moved, order[moved]]
+    if not moved.size or gains.min() <= 0 or (gain := float(gains.mean())) < _BETTER:
+        return {}, 0.0
+    return dict(zip(places, (places[k] for k in order), strict=True)), gain
 
 
 # --- Stretches in which a part would not have stayed where its sensor says that it was --------------
