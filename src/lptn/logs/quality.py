@@ -209,7 +209,7 @@ def _suspect_exchange(log: Channels) -> list[Issue]:
         for place, of in exchanged(log, quantity, DOUBTED, AT_MOST)[0].items():
             key, load = f"temperature.{place}", f"{quantity}.{of}"
             if place != of and not log.is_believed(key):
-                problem = f"follows {load} better than {quantity}.{place}, whose part the other's sensor follows"
+                problem = f"follows {load} better than {quantity}.{place}: columns of joints are probably exchanged"
                 remedy = f"map each to its own column; if they are right, write {log.believed(key)}"
                 issues.append(Issue(key, log.sources[key].columns[0], problem, remedy, False, kind="exchanged"))
     return issues
