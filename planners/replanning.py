@@ -13,10 +13,10 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.online import Estimator, ModelError
 
+from .mission.answer import MissionPlan, peaks_of
 from .mission.gait import REST, Gait
-from .mission.mission import Activity, Mission, Schedule, Timed
-from .mission.plan import MissionPlan, peaks_of, plan_mission
-from .mission.simulation import simulate_plan
+from .mission.mission import Activity, Mission, Schedule, Timed, simulate_plan
+from .mission.plan import plan_mission
 
 _FEWEST = 0.5  # s; what takes less is done
 

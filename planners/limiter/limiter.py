@@ -11,7 +11,9 @@ as C on a robot.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from importlib.resources import files
 from math import ceil, inf, isinf
+from pathlib import Path
 from subprocess import CalledProcessError
 from typing import Any, NamedTuple
 
@@ -20,6 +22,7 @@ import numpy as np
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.bounds import Bound
+from lptn.basics.files import write_folder
 from lptn.model.model import Model, rk4
 
 from ..compiled import CompiledFunction, c_code
@@ -125,9 +128,41 @@ class Limiter:
         factor = float(self._scales[seconds](x, np.zeros(len(load)), load, most, given, ready, self.limits))
         return inf if factor >= _LARGEST_SCALE else factor
 
-    def c_code(self) -> str:
-        """`lptn_limiter` as a C function in CasADi's calling convention: see `function`."""
-        return c_code(self.function, "limiter.c")
+    def emit(self, folder: Path, x: FloatArray, load: FloatArray, conditions: FloatArray) -> list[Path]:
+        """Write it as C files for a robot into a folder, made where it is missing; the arrays are its example.
+
+        Returns:
+            The files, in the order in which a person reads them.
+
+        Raises:
+            InputError: the folder can't be written.
+        """
+        function, heat = self.function, self.heating
+        names = [f"temperature.{state} [degC]" for state in self.model.states]
+        names += [f"{heat.request}.{joint} [{heat.unit}]" for joint in self.joints] + list(self.conditions)
+        lasting = ", ".join("ever" if isinf(seconds) else f"{seconds:g} s" for seconds in self.horizons)
+        sizes = {
+            "NX": len(x), "NU": len(load), "ND": len(conditions), "HORIZONS": len(self.horizons),
+            "ARGUMENTS": function.sz_arg(), "RESULTS": function.sz_res(), "INTEGERS": max(1, function.sz_iw()),
+            "DOUBLES": max(1, function.sz_w()),
+        }  # fmt: skip
+        numbers = {"parameters": self.model.values, "limits": self.limits, "most": self.most}
+        return write_folder(folder, {
+            **{name: files("lptn.planners.limiter").joinpath("c", name).read_text(encoding="utf-8")
+               for name in ("main.c", "admissible.h", "admissible.c")},
+            "limiter_sizes.h": "\n".join([
+                f"/* Sizes of one model's limiter: admissible {heat.request} [{heat.unit}] for {lasting}. */",
+                *(f"#define LPTN_{name} {value}" for name, value in sizes.items()), "",
+            ]),
+            "limiter_numbers.h": "\n".join([
+                "/* The model's parameters; limits of its places [degC] and of the joints' currents [A]. */",
+                *(f"static const double {name}[] = {{{', '.join(map(repr, values.tolist()))}}};"
+                  for name, values in numbers.items()), "",
+            ]),
+            "limiter.inc": c_code(function, "limiter.c"),
+            "names.txt": "\n".join([*names, ""]),
+            "example.txt": " ".join(f"{value:.17g}" for value in [*x, *load, *conditions]) + "\n",
+        })  # fmt: skip
 
     def _states(self, temperatures: Values) -> FloatArray:
         if not isinstance(temperatures, dict) and len(temperatures) == len(self.model.states):

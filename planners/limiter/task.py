@@ -18,7 +18,6 @@ from lptn.model.model import Model
 from ..heating import Request
 from ..tasks import Kind, conditions_of, mistakes_with_line, start_of
 from ..values import ByPlace, Celsius, Positive, by_place
-from .emit import emit
 from .limiter import Limiter
 
 if TYPE_CHECKING:
@@ -180,4 +179,4 @@ def _short(value: float) -> str:
     return "no limit" if isinf(value) or value > _NO_LIMIT else f"{value:.3g}"
 
 
-plan_kind = Kind(_read, _run, lambda task, folder: emit(task.limiter, folder, task.x, task.load, task.conditions))
+plan_kind = Kind(_read, _run, lambda task, folder: task.limiter.emit(folder, task.x, task.load, task.conditions))

@@ -1,10 +1,10 @@
 """Mission planning: speeds, rests and loads such that nothing overheats and the time is least (`lptn plan`)."""
 
-from .answer import MissionAnswer, plan_kind
+from .answer import MissionPlan
 from .gait import Gait, LogPart, gait_from_logs, gait_from_tables
 from .mission import Activity, Mission, MissionSegment, Transition
 from .mission_file import read_mission
-from .plan import MissionPlan, plan_mission
+from .plan import plan_kind, plan_mission
 from .program import MissionProgram, MissionSolution
 
 __all__ = [
@@ -12,7 +12,6 @@ __all__ = [
     "Gait",
     "LogPart",
     "Mission",
-    "MissionAnswer",
     "MissionPlan",
     "MissionProgram",
     "MissionSegment",

@@ -1,45 +1,151 @@
-"""`kind = "mission"` for `lptn plan`: a plan as table, figure, JSON and text."""
+"""The answer to a mission: the fastest plan, or what is given up; the bottleneck and its price; how they show."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 import pandas as pd
 
+from lptn.basics.arrays import FloatArray
+from lptn.basics.lines import time_axis
 from lptn.basics.places import class_of
 
-from ..tasks import Kind
-from .mission_file import read_mission
-from .plan import MissionPlan, plan_mission
+from .mission import Course, Mission, MissionSegment, Schedule, limited_later, segments_of, simulate_plan
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+Verdict = Literal["met", "late", "cut", "none"]
+"""All is done in time; all is done but later than the deadline; not all is done; nothing can be done but rest."""
+EXACT = 0.005  # K by which a replayed plan may pass a limit
+COUNTS = 1e-3  # s/K; smaller multipliers are solver dust
 
-@dataclass(frozen=True)
-class MissionAnswer:
-    """A plan as table, figure, JSON and text.
+
+class PassedLimit(NamedTuple):
+    """The first limit that a mission passes: whose it is, when [s], and the name of the piece in which it is passed."""
+
+    node: str
+    time: float
+    name: str
+
+
+@dataclass(frozen=True, repr=False)
+class MissionPlan(Schedule):
+    """The answer to a mission: a schedule without rests of no length, and further.
 
     Args:
-        plan: the plan.
+        mission: what was asked.
+        verdict: whether it can be done.
+        share: of each activity that is done.
+        course: temperatures along it, from the replay in fine steps.
+        coarse: greatest temperature of each limited node as the program has it [degC].
+        lowered: by how much the limits were lowered so that the replayed plan keeps them [K].
+        prices: seconds of the whole (of work done, where the verdict is "cut") for one unit more of a parameter;
+            empty where no solve converged.
+        raise_needed: by how much all limits together would have to rise for all to be done in time [K]; 0 where
+            nothing is missing, `None` where no rise up to 100 K was found that would suffice. Where the verdict is
+            "cut" it is enough, and at most a tenth too much.
+        status: IPOPT's return status.
+        assumed: nodes without a temperature at the start; they are taken to be at their limit.
     """
 
-    plan: MissionPlan
+    mission: Mission
+    verdict: Verdict
+    share: FloatArray
+    course: Course
+    coarse: dict[str, float]
+    lowered: float
+    prices: dict[str, float]
+    raise_needed: float | None
+    status: str
+    assumed: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        pieces = f"{len(self.segments)} piece{'s' * (len(self.segments) != 1)}"
+        return f"<MissionPlan of {self.mission.name}: {self.verdict}, {pieces}, {self.total:.0f} s>"
+
+    @property
+    def late(self) -> float:
+        """Seconds after the deadline; negative before it, 0 where there is none."""
+        return 0.0 if self.mission.deadline is None else self.total - self.mission.deadline
+
+    @property
+    def limit_prices(self) -> dict[str, float]:
+        """Seconds gained for one kelvin more of each node's limit, dearest first; only those that count."""
+        sign = 1.0 if self.verdict == "cut" else -1.0
+        by_node = {name.removeprefix("limit."): sign * value for name, value in self.prices.items() if "limit." in name}
+        return dict(sorted(((n, v) for n, v in by_node.items() if v > COUNTS), key=lambda item: -item[1]))
+
+    @property
+    def class_prices(self) -> dict[str, float]:
+        """Seconds gained for one kelvin more of the limits of all joints of a class, dearest first.
+
+        Joints that are loaded alike reach their limits together. Then one joint's own price is not unique, the sum is.
+        """
+        by_class: dict[str, float] = {}
+        for node, price in self.limit_prices.items():
+            by_class[class_of(node)] = by_class.get(class_of(node), 0.0) + price
+        return dict(sorted(by_class.items(), key=lambda item: -item[1]))
+
+    @property
+    def bottleneck(self) -> str | None:
+        """The node whose limit is worth most; `None` where no limit holds the plan up."""
+        return next(iter(self.limit_prices), None)
+
+    @property
+    def peaks(self) -> dict[str, float]:
+        """Greatest temperature of each limited node along the replayed plan [degC]."""
+        return peaks_of(self.mission, self.segments, self.course)
+
+    @property
+    def obstacle(self) -> PassedLimit | None:
+        """Where the mission fails if it is done straight on, as fast as it goes, without rests but those asked for.
+
+        `None` where no limit is passed so.
+        """
+        mission = self.mission
+        segments = [segment for segment in segments_of(mission) if segment.activity >= 0]
+        activities = [mission.activities[segment.activity] for segment in segments]
+        asked = [activity for activity in mission.activities if activity.chooses_load]
+        room = sum(activity.load[1] - activity.load[0] for activity in asked)
+        lacking = mission.carry - sum(activity.load[0] for activity in asked)
+        share = min(max(lacking, 0.0) / room, 1.0) if room else 0.0
+        speed = np.array([activity.speed[1] for activity in activities])
+        load = np.array([low + share * (high - low) for low, high in (activity.load for activity in activities)])
+        time = np.array([
+            segment.length / activity.speed[1] if segment.travels else segment.time[0]
+            for segment, activity in zip(segments, activities, strict=True)
+        ])  # fmt: skip
+        middle = [tuple((low + high) / 2 for low, high in segment.posture) for segment in segments]
+        course = simulate_plan(mission, Schedule(segments, time, speed, load, middle))
+        first: PassedLimit | None = None
+        for node, limit in mission.limits.items():
+            over = np.flatnonzero(course.states[mission.model.places.index(node)] > limit + EXACT)
+            if over.size and (first is None or course.time[over[0]] < first.time):
+                at = int(np.searchsorted(course.ends, over[0]))
+                first = PassedLimit(node, float(course.time[over[0]]), segments[at].name)
+        return first
+
+    @property
+    def coarseness(self) -> float:
+        """Greatest difference between the program's peaks and the replayed ones [K]."""
+        return max((abs(self.peaks[node] - value) for node, value in self.coarse.items()), default=0.0)
 
     def table(self) -> pd.DataFrame:
         """A row for each piece of the plan; with the temperature of every node at its end."""
-        plan = self.plan
-        places = plan.mission.model.places
-        ends = plan.course.states[: len(places), plan.course.ends]
+        places = self.mission.model.places
+        ends = self.course.states[: len(places), self.course.ends]
         columns: dict[str, object] = {
-            "start [s]": np.concatenate([[0.0], np.cumsum(plan.time)])[:-1], "duration [s]": plan.time,
-            "activity": [segment.name for segment in plan.segments],
-            "speed [m/s]": plan.speed, "load [kg]": plan.load, "distance [m]": plan.speed * plan.time,
-            "hottest": [places[k] for k in ends.argmax(axis=0)] if plan.segments else [],
+            "start [s]": np.concatenate([[0.0], np.cumsum(self.time)])[:-1], "duration [s]": self.time,
+            "activity": [segment.name for segment in self.segments],
+            "speed [m/s]": self.speed, "load [kg]": self.load, "distance [m]": self.speed * self.time,
+            "hottest": [places[k] for k in ends.argmax(axis=0)] if self.segments else [],
         }  # fmt: skip
-        named = [dict(zip(piece.segment.gait.postures, piece.posture, strict=True)) for piece in plan.pieces()]
+        named = [dict(zip(piece.segment.gait.postures, piece.posture, strict=True)) for piece in self.pieces()]
         for name in dict.fromkeys(name for posture in named for name in posture):
             columns[name] = [posture.get(name, np.nan) for posture in named]
         warm = {f"temperature.{node} [degC]": row for node, row in zip(places, ends, strict=True)}
@@ -52,48 +158,66 @@ class MissionAnswer:
 
     def figure(self) -> Figure:
         """Temperatures with their limits, speed and load over time, and the prices."""
-        from .figure import mission_figure
+        from lptn.basics.style import TEXT, new_figure, plain
 
-        return mission_figure(self.plan)
+        figure = new_figure(6.4)
+        upper, lower = np.asarray(figure.subfigures(2, 1, height_ratios=[3.2, 1]))
+        top = upper.subplots(2, 1, sharex=True, height_ratios=[2.6, 1])
+        _draw_temperatures(top[0], self)
+        _draw_speed_and_load(top[1], self)
+        _draw_prices(lower.subplots(), self)
+        figure.suptitle(plain(f"{self.mission.name}: {_VERDICTS[self.verdict]}"), fontsize=TEXT + 1)
+        return figure
 
     def as_json(self) -> dict[str, object]:
         """The whole answer, SI and degC; `seconds_per_kelvin` counts what one kelvin more of a limit gains."""
-        plan, mission, first = self.plan, self.plan.mission, self.plan.obstacle
+        mission, first = self.mission, self.obstacle
         rows = self._activities().rename(columns=lambda name: name.partition(" ")[0]).to_dict("records")
         return {
-            "mission": mission.name, "verdict": plan.verdict, "total": plan.total, "deadline": mission.deadline,
-            "late": plan.late if mission.deadline is not None else None, "plan": rows,
+            "mission": mission.name, "verdict": self.verdict, "total": self.total, "deadline": mission.deadline,
+            "late": self.late if mission.deadline is not None else None, "plan": rows,
             "done": [
                 {"activity": activity.do, "share": share}
-                for activity, share in zip(mission.activities, plan.share.tolist(), strict=True)
+                for activity, share in zip(mission.activities, self.share.tolist(), strict=True)
             ],
             "obstacle": None if first is None else {"node": first.node, "time": first.time, "in": first.name},
-            "bottleneck": plan.bottleneck, "seconds_per_kelvin": plan.limit_prices,
-            "seconds_per_kelvin_of_class": plan.class_prices, "prices": plan.prices,
-            "raise_needed": plan.raise_needed, "limits": mission.limits, "peaks": plan.peaks,
-            "limits_lowered": plan.lowered, "program_peaks": plan.coarse, "coarseness": plan.coarseness,
-            "solver": plan.status, "assumed": list(plan.assumed),
+            "bottleneck": self.bottleneck, "seconds_per_kelvin": self.limit_prices,
+            "seconds_per_kelvin_of_class": self.class_prices, "prices": self.prices,
+            "raise_needed": self.raise_needed, "limits": mission.limits, "peaks": self.peaks,
+            "limits_lowered": self.lowered, "program_peaks": self.coarse, "coarseness": self.coarseness,
+            "solver": self.status, "assumed": list(self.assumed),
         }  # fmt: skip
 
     def text(self) -> str:
-        """What was given up first, then what is in the way, then the plan."""
-        plan = self.plan
-        lines = _verdict(plan)
-        if plan.assumed:
-            nodes = ", ".join(plan.assumed)
+        """What was given up first, then what is in the way, then the self."""
+        lines = _verdict(self)
+        if self.assumed:
+            nodes = ", ".join(self.assumed)
             lines.append(f"no temperature of {nodes}: taken to be at its limit, or as hot as the hottest")
         table = self._activities()
         if table.empty:
-            return "\n".join([*lines, *_prices(plan), "", "nothing to do", "", *_check(plan)])
-        table["[degC]"] = plan.course.states[: len(plan.mission.model.places), plan.course.ends].max(axis=0)
+            return "\n".join([*lines, *_prices(self), "", "nothing to do", "", *_check(self)])
+        table["[degC]"] = self.course.states[: len(self.mission.model.places), self.course.ends].max(axis=0)
         table.columns = table.columns.map(lambda name: _HEADS.get(name, name))
-        formats = {name: "{:.3g}" for segment in plan.segments for name in segment.gait.postures} | {
+        formats = {name: "{:.3g}" for segment in self.segments for name in segment.gait.postures} | {
             "from [s]": "{:.0f}", "for [s]": "{:.0f}", "[m/s]": "{:.2f}", "[kg]": "{:.1f}", "[m]": "{:.0f}",
             "[degC]": "{:.1f}",
         }  # fmt: skip
         rows = table.to_string(index=False, formatters={name: form.format for name, form in formats.items()})
-        return "\n".join([*lines, *_prices(plan), *_check(plan), "", rows])
+        return "\n".join([*lines, *_prices(self), *_check(self), "", rows])
 
+
+def peaks_of(mission: Mission, segments: Sequence[MissionSegment], course: Course) -> dict[str, float]:
+    """Greatest temperature of each limited node along a course [degC], from where its limit counts."""
+    later, peaks = limited_later(mission, segments), {}
+    for node in mission.limits:
+        pieces, _ = later.get(node, (0, np.inf))
+        begin = course.ends[pieces - 1] if pieces else 0
+        peaks[node] = float(course.states[mission.model.places.index(node), begin:].max())
+    return peaks
+
+
+# --- in words -------------------------------------------------------------------------------------
 
 _HEADS = {
     "start [s]": "from [s]", "duration [s]": "for [s]",
@@ -171,4 +295,75 @@ def _time(seconds: float) -> str:
     return f"{seconds:.0f} s" if seconds < 600 else f"{seconds / 60:.1f} min"
 
 
-plan_kind = Kind(read_mission, lambda mission: MissionAnswer(plan_mission(mission)))
+# --- as a figure ----------------------------------------------------------------------------------
+
+_VERDICTS = {
+    "met": "all done",
+    "late": "all done, after the deadline",
+    "cut": "a part done",
+    "none": "nothing but rest",
+}
+
+
+def _draw_temperatures(ax: Axes, plan: MissionPlan) -> None:
+    from lptn.basics.style import LIMIT, PALETTE, SMALL, dress, plain
+
+    nodes = plan.mission.model.places
+    classes = list(dict.fromkeys(class_of(node) for node in nodes))
+    time, _ = time_axis(plan.course.time)
+    seen: set[str] = set()
+    for row, node in enumerate(nodes):
+        group = class_of(node)
+        label = None if group in seen else plain(group)
+        seen.add(group)
+        colour = PALETTE[classes.index(group) % len(PALETTE)]
+        ax.plot(time, plan.course.states[row], lw=1.0, color=colour, label=label)
+    for limit in sorted(set(plan.mission.limits.values())):
+        held = [class_of(node) for node, most in plan.mission.limits.items() if most == limit]
+        ax.axhline(limit, color=LIMIT, lw=1.0, ls=(0, (4, 2)))
+        named = ", ".join(dict.fromkeys(held))
+        ax.annotate(f"limit of {plain(named)}", (0.005, limit), (0, 2), xycoords=("axes fraction", "data"),
+                    textcoords="offset points", fontsize=SMALL, color=LIMIT)  # fmt: skip
+    ax.set_ylabel("temperature [°C]")
+    ax.set_ylim(top=max([*plan.mission.limits.values(), float(plan.course.states.max())]) + 4)
+    ax.legend(frameon=False, fontsize=SMALL, ncols=len(classes), loc="lower right")
+    dress(ax)
+
+
+def _draw_speed_and_load(ax: Axes, plan: MissionPlan) -> None:
+    from lptn.basics.style import FAINT, INK, PALETTE, SHADE, SMALL, dress
+
+    edges = np.concatenate([[0.0], np.cumsum(plan.time)])
+    scale = 1 / 60 if time_axis(plan.course.time)[1].endswith("[min]") else 1.0
+    for segment, begin, end in zip(plan.segments, edges[:-1] * scale, edges[1:] * scale, strict=True):
+        if segment.gait is plan.mission.rest:
+            ax.axvspan(begin, end, color=SHADE, lw=0)
+            if end - begin > 0.05 * edges[-1] * scale:
+                ax.annotate("rest", ((begin + end) / 2, 0.5), xycoords=("data", "axes fraction"), ha="center",
+                            fontsize=SMALL, color=FAINT)  # fmt: skip
+    ax.stairs(plan.speed, edges * scale, color=INK, lw=1.4, baseline=None)
+    ax.set(xlabel=time_axis(plan.course.time)[1], ylabel="speed [m/s]")
+    ax.set_ylim(0, max(1.15 * float(plan.speed.max(initial=0.0)), 0.1))
+    other = ax.twinx()
+    other.stairs(plan.load, edges * scale, color=PALETTE[0], lw=1.4, ls=(0, (5, 1.5)), baseline=None)
+    other.set_ylim(0, max(1.3 * float(plan.load.max(initial=0.0)), 0.1))
+    other.set_ylabel("load [kg]", color=PALETTE[0])
+    other.tick_params(labelsize=SMALL, colors=PALETTE[0])
+    other.spines["top"].set_visible(False)
+    dress(ax)
+
+
+def _draw_prices(ax: Axes, plan: MissionPlan) -> None:
+    from lptn.basics.style import PALETTE, SMALL, dress, plain
+
+    shown = list(plan.class_prices.items())[:8][::-1]
+    ax.barh(range(len(shown)), [price for _, price in shown], 0.6, color=PALETTE[0])
+    ax.set_yticks(range(len(shown)), [plain(name) for name, _ in shown])
+    what = "work gained" if plan.verdict == "cut" else "time saved"
+    ax.set_xlabel(f"{what} by one kelvin more of the limit [s/K]")
+    if not shown:
+        said = "no temperature limit holds it up" if plan.prices else "not given: the solve did not converge"
+        ax.annotate(said, (0.5, 0.5), xycoords="axes fraction", ha="center", fontsize=SMALL)
+        ax.set_yticks([])
+    ax.set_ylim(-0.6, max(len(shown), 3) - 0.4)
+    dress(ax)

@@ -1,20 +1,27 @@
-"""A mission: activities, what may be chosen, what must hold; times in s, temperatures in degC, all else SI."""
+"""A mission: activities, what may be chosen, what must hold; the pieces of a plan, and its course in fine steps.
+
+Times in s, temperatures in degC, all else SI.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from math import ceil
 from typing import Literal, NamedTuple
 
 import numpy as np
 
 from lptn.basics.arrays import FloatArray
+from lptn.basics.bounds import Bound
 from lptn.model.model import Model
+from lptn.simulate.dynamics import longest_step
 
-from .gait import REST, Gait
+from .gait import REST, Gait, with_surroundings
 
 GivesUp = Literal["deadline", "distance"]
 Range = tuple[float, float]
+_STEPS = Bound(500_000, "steps")  # of a plan: a day by a part of 0.4 s; a mission with so many takes half a minute
 
 
 @dataclass(frozen=True)
@@ -276,3 +283,53 @@ def limited_later(mission: Mission, segments: Sequence[MissionSegment]) -> dict[
         elif begins > limit:
             later[node] = min(rested + 1, len(segments)), begins
     return later
+
+
+# --- a plan simulated in fine steps ---------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Course:
+    """Temperatures along a plan.
+
+    Args:
+        time: since the start [s], shape (n,).
+        states: [degC], shape (states, n).
+        ends: index into `time` at which each segment ends.
+    """
+
+    time: FloatArray
+    states: FloatArray
+    ends: list[int]
+
+
+def simulate_plan(mission: Mission, schedule: Schedule) -> Course:
+    """Simulate a plan.
+
+    Args:
+        mission: model, start, ambient.
+        schedule: the pieces.
+
+    Raises:
+        InputError: the model is so fast that the plan would take too many steps.
+    """
+    model, values = mission.model, mission.model.values
+    steps = 32  # that one call takes
+    run = model.run(steps)
+    clock, states, ends, count = [0.0], [mission.start[:, None]], [], 0
+    for segment, duration, speed, load, posture in schedule.pieces():
+        u = with_surroundings(segment.gait.at(speed, load, posture), model.inputs, speed, mission.ambient)
+        # A Runge-Kutta step that is half of the fastest time constant is exact to 1e-4.
+        step = min(1.0, longest_step(model, states[-1][:, -1], u, values, 0.5))  # s
+        blocks = max(1, ceil(duration / (steps * step)))
+        why = f"a time constant of {step / 0.5:.2g} s in a plan of {schedule.total:.4g} s"
+        _STEPS.check(count + blocks * steps, model.network.origin, why)
+        h = duration / (steps * blocks)
+        begin = clock[-1]
+        for block in range(blocks):
+            path = run(states[-1][:, -1], np.repeat(u[:, None], steps, axis=1), values, h).full()
+            states.append(path)
+            clock += (begin + h * (block * steps + np.arange(1, steps + 1))).tolist()
+        count += blocks * steps
+        ends.append(count)
+    return Course(np.array(clock), np.hstack(states), ends)

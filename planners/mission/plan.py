@@ -1,136 +1,19 @@
-"""A mission answered: the fastest plan, or what is given up; the bottleneck and its price."""
+"""How the plan of a mission is found: the fastest that keeps all limits, or the best of what is possible."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Literal, NamedTuple
+from dataclasses import replace
 
 import numpy as np
 
-from lptn.basics.arrays import FloatArray
-from lptn.basics.places import class_of
-
-from .mission import Mission, MissionSegment, Schedule, limited_later, segments_of, with_complete_start
+from ..tasks import Kind
+from .answer import COUNTS, EXACT, MissionPlan, Verdict
+from .mission import Mission, Schedule, simulate_plan, with_complete_start
+from .mission_file import read_mission
 from .program import Goal, MissionProgram, MissionSolution
-from .simulation import Course, simulate_plan
 
-Verdict = Literal["met", "late", "cut", "none"]
-"""All is done in time; all is done but later than the deadline; not all is done; nothing can be done but rest."""
-_EXACT = 0.005  # K by which a replayed plan may pass a limit
-_COUNTS = 1e-3  # s/K; smaller multipliers are solver dust
-_DUST = 0.05  # s; shorter pieces are likewise
-
-
-class PassedLimit(NamedTuple):
-    """The first limit that a mission passes: whose it is, when [s], and the name of the piece in which it is passed."""
-
-    node: str
-    time: float
-    name: str
-
-
-@dataclass(frozen=True, repr=False)
-class MissionPlan(Schedule):
-    """The answer to a mission: a schedule without rests of no length, and further.
-
-    Args:
-        mission: what was asked.
-        verdict: whether it can be done.
-        share: of each activity that is done.
-        course: temperatures along it, from the replay in fine steps.
-        coarse: greatest temperature of each limited node as the program has it [degC].
-        lowered: by how much the limits were lowered so that the replayed plan keeps them [K].
-        prices: seconds of the whole (of work done, where the verdict is "cut") for one unit more of a parameter;
-            empty where no solve converged.
-        raise_needed: by how much all limits together would have to rise for all to be done in time [K]; 0 where
-            nothing is missing, `None` where no rise up to 100 K was found that would suffice. Where the verdict is
-            "cut" it is enough, and at most a tenth too much.
-        status: IPOPT's return status.
-        assumed: nodes without a temperature at the start; they are taken to be at their limit.
-    """
-
-    mission: Mission
-    verdict: Verdict
-    share: FloatArray
-    course: Course
-    coarse: dict[str, float]
-    lowered: float
-    prices: dict[str, float]
-    raise_needed: float | None
-    status: str
-    assumed: tuple[str, ...] = ()
-
-    def __repr__(self) -> str:
-        pieces = f"{len(self.segments)} piece{'s' * (len(self.segments) != 1)}"
-        return f"<MissionPlan of {self.mission.name}: {self.verdict}, {pieces}, {self.total:.0f} s>"
-
-    @property
-    def late(self) -> float:
-        """Seconds after the deadline; negative before it, 0 where there is none."""
-        return 0.0 if self.mission.deadline is None else self.total - self.mission.deadline
-
-    @property
-    def limit_prices(self) -> dict[str, float]:
-        """Seconds gained for one kelvin more of each node's limit, dearest first; only those that count."""
-        sign = 1.0 if self.verdict == "cut" else -1.0
-        by_node = {name.removeprefix("limit."): sign * value for name, value in self.prices.items() if "limit." in name}
-        return dict(sorted(((n, v) for n, v in by_node.items() if v > _COUNTS), key=lambda item: -item[1]))
-
-    @property
-    def class_prices(self) -> dict[str, float]:
-        """Seconds gained for one kelvin more of the limits of all joints of a class, dearest first.
-
-        Joints that are loaded alike reach their limits together. Then one joint's own price is not unique, the sum is.
-        """
-        by_class: dict[str, float] = {}
-        for node, price in self.limit_prices.items():
-            by_class[class_of(node)] = by_class.get(class_of(node), 0.0) + price
-        return dict(sorted(by_class.items(), key=lambda item: -item[1]))
-
-    @property
-    def bottleneck(self) -> str | None:
-        """The node whose limit is worth most; `None` where no limit holds the plan up."""
-        return next(iter(self.limit_prices), None)
-
-    @property
-    def peaks(self) -> dict[str, float]:
-        """Greatest temperature of each limited node along the replayed plan [degC]."""
-        return peaks_of(self.mission, self.segments, self.course)
-
-    @property
-    def obstacle(self) -> PassedLimit | None:
-        """Where the mission fails if it is done straight on, as fast as it goes, without rests but those asked for.
-
-        `None` where no limit is passed so.
-        """
-        mission = self.mission
-        segments = [segment for segment in segments_of(mission) if segment.activity >= 0]
-        activities = [mission.activities[segment.activity] for segment in segments]
-        asked = [activity for activity in mission.activities if activity.chooses_load]
-        room = sum(activity.load[1] - activity.load[0] for activity in asked)
-        lacking = mission.carry - sum(activity.load[0] for activity in asked)
-        share = min(max(lacking, 0.0) / room, 1.0) if room else 0.0
-        speed = np.array([activity.speed[1] for activity in activities])
-        load = np.array([low + share * (high - low) for low, high in (activity.load for activity in activities)])
-        time = np.array([
-            segment.length / activity.speed[1] if segment.travels else segment.time[0]
-            for segment, activity in zip(segments, activities, strict=True)
-        ])  # fmt: skip
-        middle = [tuple((low + high) / 2 for low, high in segment.posture) for segment in segments]
-        course = simulate_plan(mission, Schedule(segments, time, speed, load, middle))
-        first: PassedLimit | None = None
-        for node, limit in mission.limits.items():
-            over = np.flatnonzero(course.states[mission.model.places.index(node)] > limit + _EXACT)
-            if over.size and (first is None or course.time[over[0]] < first.time):
-                at = int(np.searchsorted(course.ends, over[0]))
-                first = PassedLimit(node, float(course.time[over[0]]), segments[at].name)
-        return first
-
-    @property
-    def coarseness(self) -> float:
-        """Greatest difference between the program's peaks and the replayed ones [K]."""
-        return max((abs(self.peaks[node] - value) for node, value in self.coarse.items()), default=0.0)
+_DUST = 0.05  # s; shorter pieces are solver dust
 
 
 def plan_mission(mission: Mission, *, explain: bool = True) -> MissionPlan:
@@ -161,7 +44,7 @@ def _planned(mission: Mission, explain: bool) -> MissionPlan:
         return _resting(program, part)
     if explain and not fastest.success:
         undone = sum(activity.work for activity in mission.activities) - part.work(mission)  # s
-        raised = _rise(program, fastest, guess=undone / max(_slope(part), _COUNTS))
+        raised = _rise(program, fastest, guess=undone / max(_slope(part), COUNTS))
     return _finished(program, "cut", part, raised)
 
 
@@ -245,7 +128,7 @@ def _rise(
         if enough is not None and (abs(late) <= close or enough - little <= max(fine, fine * enough)):
             return enough
         slope = _slope(solution)
-        if np.isfinite(late) and slope > _COUNTS:
+        if np.isfinite(late) and slope > COUNTS:
             raised += late / slope
         elif enough is None:
             raised = max(guess, 2 * raised, fine)
@@ -272,9 +155,9 @@ def _finished(
     plan = _plan(program, verdict, solution, lowered, raised)
     for _ in range(3):
         beyond = max((plan.peaks[node] - limit for node, limit in mission.limits.items()), default=0.0)
-        if beyond <= _EXACT:
+        if beyond <= EXACT:
             break
-        lowered += beyond + _EXACT
+        lowered += beyond + EXACT
         limits = {node: limit - lowered for node, limit in mission.limits.items()}
         goal: Goal = "work" if verdict == "cut" else "time"
         again = program.solve(goal, limits=limits, deadline=mission.deadline if goal == "work" else None, near=solution)
@@ -314,11 +197,4 @@ def _resting(program: MissionProgram, failed: MissionSolution) -> MissionPlan:
     )  # fmt: skip
 
 
-def peaks_of(mission: Mission, segments: Sequence[MissionSegment], course: Course) -> dict[str, float]:
-    """Greatest temperature of each limited node along a course [degC], from where its limit counts."""
-    later, peaks = limited_later(mission, segments), {}
-    for node in mission.limits:
-        pieces, _ = later.get(node, (0, np.inf))
-        begin = course.ends[pieces - 1] if pieces else 0
-        peaks[node] = float(course.states[mission.model.places.index(node), begin:].max())
-    return peaks
+plan_kind = Kind(read_mission, plan_mission)

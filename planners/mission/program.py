@@ -18,8 +18,7 @@ import numpy as np
 from lptn.basics.arrays import FloatArray
 
 from .gait import Gait, with_surroundings
-from .mission import Mission, Schedule, limited_later, segments_of
-from .simulation import simulate_plan
+from .mission import Mission, Schedule, limited_later, segments_of, simulate_plan
 
 Goal = Literal["time", "work"]
 """Least time; or the most work within the deadline."""

@@ -1,12 +1,10 @@
 """Trade studies of motor, gear and cooling: small optimisation problems on the model (`lptn trade STUDY.toml`)."""
 
 from .answer import FrontPoint, StudyResult, solve_study
-from .designs import Design, Obstacle, Refusal
-from .maps import IsoMap, LimitCurve, TorqueSpeed, iso_map, limit_curves, torque_speed
-from .problem import DesignProblem
-from .study import Option, TradeStudy
+from .designs import Design, IsoMap, LimitCurve, TorqueSpeed, iso_map, limit_curves, torque_speed
+from .problem import DesignProblem, Obstacle, Refusal
+from .study import Gear, Option, TradeStudy
 from .study_file import load_study, parse_study
-from .tables import Gear
 from .uncertainty import Interval
 
 __all__ = [

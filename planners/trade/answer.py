@@ -10,11 +10,9 @@ import numpy as np
 
 from lptn.basics.errors import InputError
 
-from .designs import Design, Refusal, design_of, refusal_of
-from .maps import IsoMap, LimitCurve, TorqueSpeed, iso_map, limit_curves, torque_speed
-from .problem import DesignNumbers, DesignProblem, DesignSolution
-from .study import TradeStudy
-from .tables import BUDGETS, SWEPT, Sweep
+from .designs import Design, IsoMap, LimitCurve, TorqueSpeed, design_of, iso_map, limit_curves, torque_speed
+from .problem import DesignNumbers, DesignProblem, DesignSolution, Refusal
+from .study import BUDGETS, SWEPT, Sweep, TradeStudy
 from .uncertainty import Interval, intervals
 
 Report = Callable[[str], None]
@@ -135,7 +133,7 @@ def solve_study(study: TradeStudy, report: Report = lambda _: None) -> StudyResu
         if solution.success:
             solved.append((problem, design_of(problem, solution)))
         else:
-            refusals.append(refusal_of(problem))
+            refusals.append(problem.refusal())
     better = study.goal[2]
     solved.sort(key=lambda pair: (-pair[1].value if better else pair[1].value, pair[1].mass))
     designs = tuple(design for _, design in solved)

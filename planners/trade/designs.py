@@ -1,46 +1,43 @@
-"""A feasible choice at its best, and its sensitivities; or a refused choice and the limits in its way."""
+"""A feasible choice at its best, simulated in fine steps: a check on the program's few elements, maps and curves."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import ceil, log, log1p
 
 import numpy as np
 
-from lptn.basics.arrays import FloatArray
+from lptn.basics.arrays import BoolArray, FloatArray
+from lptn.basics.errors import InputError
 
+from .motors import ENAMEL_LIMIT, REFERENCE
 from .plant import CAPACITY, RESISTANCE
-from .problem import DesignNumbers, DesignProblem, DesignSolution
-from .simulation import check_design
-from .study import Option
-from .tables import BUDGETS
+from .problem import DesignProblem, DesignSolution
+from .simulation import Simulator
+from .study import BUDGETS, Option
+
+_CYCLE_STEPS = 2  # of RK4 at least, in each part of a cycle
 
 
 @dataclass(frozen=True, repr=False)
-class Design(DesignNumbers):
-    """A feasible choice at its best: its numbers, and further.
+class Design(DesignSolution):
+    """A feasible choice at its best: a solution that converged, and further.
 
     Args:
         option: the discrete choice, its gear's ratio as it was found.
         winding: the highest winding temperature [degC].
         current: the highest current [A].
-        binding: names of the active constraints.
         parameters: value and unit of every number of the program, by name.
-        sensitivities: derivative of the goal to every parameter, by name, in the goal's unit per the parameter's, the
-            design re-optimised; Lagrange multipliers of the converged program.
         checked: the highest winding temperature in a fine simulation of the same design [degC].
-        times, states: the course [s], [degC].
     """
 
     option: Option
     winding: float
     current: float
-    binding: tuple[str, ...]
     parameters: dict[str, tuple[float, str]]
-    sensitivities: dict[str, float]
     checked: float
-    times: FloatArray
-    states: FloatArray
 
     def __repr__(self) -> str:
         held = f"{self.torque:.4g} N*m for {self.duration:g} s"
@@ -61,11 +58,11 @@ class Design(DesignNumbers):
         """
         if self.sink is None or self.option.study.question.goal in BUDGETS:
             return {}
-        gradient = self.as_built[1].gradient
-        if not gradient:
+        slopes = self.as_built[1].sensitivities
+        if not slopes:
             return {}
-        per_mass = gradient[CAPACITY] * self.option.metal.specific_heat
-        return {"capacity": gradient[CAPACITY], "mass": per_mass, "resistance": gradient[RESISTANCE]}
+        per_mass = slopes[CAPACITY] * self.option.metal.specific_heat
+        return {"capacity": slopes[CAPACITY], "mass": per_mass, "resistance": slopes[RESISTANCE]}
 
     @property
     def degenerate(self) -> bool:
@@ -76,90 +73,238 @@ class Design(DesignNumbers):
         return active > 2 * self.option.has_sink + sought + ("most.ratio" in self.parameters)
 
 
-@dataclass(frozen=True)
-class Obstacle:
-    """A limit in the way: what it is, what it alone would have to be, and its unit."""
-
-    name: str
-    given: float
-    needed: float
-    unit: str
-
-    @property
-    def move(self) -> float:
-        """By how much it would have to change, relative."""
-        return abs(self.needed / self.given - 1)
-
-    def __str__(self) -> str:
-        return f"{self.name} {self.given:.4g} -> {self.needed:.4g} {self.unit}"
-
-
-@dataclass(frozen=True)
-class Refusal:
-    """A choice without a feasible design.
-
-    Args:
-        option: the discrete choice.
-        obstacles: the limits that would each make it feasible alone, the nearest first.
-        together: where no single one would, those that would together, by the least sum of relative moves.
-    """
-
-    option: Option
-    obstacles: tuple[Obstacle, ...]
-    together: tuple[Obstacle, ...] = ()
-
-    def __str__(self) -> str:
-        if self.obstacles:
-            return " or ".join(str(obstacle) for obstacle in self.obstacles)
-        return " with ".join(str(obstacle) for obstacle in self.together) or "no limit would help"
-
-    @property
-    def distance(self) -> float:
-        """Relative move of the nearest obstacle, or of those that must move together."""
-        chosen = self.obstacles[:1] or self.together
-        return sum(obstacle.move for obstacle in chosen) if chosen else float("inf")
-
-
 def design_of(problem: DesignProblem, solution: DesignSolution) -> Design:
-    """A converged solution as a design, with its sensitivities."""
-    gear = problem.option.gear.model_copy(update={"ratio": [solution.ratio] * 2})
-    option = replace(problem.option, gear=gear)
+    """A converged solution as a design, checked in fine steps."""
+    option = replace(problem.option, gear=problem.option.gear.model_copy(update={"ratio": [solution.ratio] * 2}))
     winding = [problem.plant.states.index(node) for node in option.motor.winding_nodes]
     hottest, current = check_design(option, solution)
-    return Design(
-        **solution.numbers,
-        option=option,
-        winding=float(solution.states[winding].max()),
-        current=current,
-        binding=solution.binding,
-        parameters={
-            name: (value, problem.parameters.units[name]) for name, value in problem.parameters.defaults.items()
-        },
-        sensitivities=solution.gradient,
-        checked=hottest,
-        times=solution.times,
-        states=solution.states,
-    )
+    parameters = {name: (value, problem.parameters.units[name]) for name, value in problem.parameters.defaults.items()}
+    return Design(**vars(solution), option=option, winding=float(solution.states[winding].max()), current=current,
+                  parameters=parameters, checked=hottest)  # fmt: skip
 
 
-def refusal_of(problem: DesignProblem) -> Refusal:
-    """Each limit that would make an infeasible problem feasible if it alone were moved; else several together."""
-    given, units, names = problem.parameters.defaults, problem.parameters.units, problem.relaxable()
+def check_design(option: Option, design: DesignSolution) -> tuple[float, float]:
+    """The task of a study on one design: highest winding temperature [degC] and highest current [A].
 
-    def obstacles(relaxed: list[str]) -> list[Obstacle]:
-        """These limits where the least relaxation moves them; none where it does not help."""
-        moved = problem.solve(relax=relaxed)
-        keys = {name: name if name == "torque" else f"limit.{name}" for name in relaxed if moved.success}
-        signs = {"torque": -1.0}  # less torque is easier, more of a limit
-        return [
-            Obstacle(name, given[key], given[key] + signs.get(name, 1.0) * moved.slack[name], units[key])
-            for name, key in keys.items()
-        ]
+    A task that repeats for ever starts from the periodic state that was found, and runs one cycle.
+    """
+    simulator, task = Simulator(option, design.sink), option.study.task
+    part = design.duration / len(task.shape)
+    loads = task.operation * (design.torque, 1.0, 1.0)
+    steps = max(simulator.substeps(part, design.torque), 400 if task.is_hold else _CYCLE_STEPS)
+    x = design.states[:, :1]
+    hottest, most = float(simulator.winding(x)[0]), 0.0
+    run = simulator.step.mapaccum(steps)
+    for _ in range(task.repeats or 1):
+        for load in loads:
+            path = run(x, np.tile(load[:, None], steps), *(design.sink or (1.0, 1.0)), part / steps).full()
+            x = path[:, -1:]
+            hottest = max(hottest, float(simulator.winding(path).max()))
+            most = max(most, float(np.abs(simulator.electric(x, load[:, None])[0]).max()))
+    return hottest, most
 
-    # Where there is not even mass for the parts, no other limit could help alone.
-    short = [name for name in BUDGETS if given.get(f"limit.{name}", np.inf) < problem.option.least(name)]
-    alone = names if not short else short if len(short) == 1 else []
-    single = [obstacle for name in alone for obstacle in obstacles([name])]
-    single.sort(key=lambda obstacle: obstacle.move)
-    together = [] if single else [obstacle for obstacle in obstacles(names) if obstacle.move > 1e-4]  # others stayed
-    return Refusal(problem.option, tuple(single), tuple(together))
+
+def peak_temperatures(
+    option: Option,
+    capacity: FloatArray,
+    resistance: FloatArray,
+    torque: FloatArray,
+    duration: float,
+    hold_steps: int = 200,
+) -> FloatArray:
+    """Highest winding temperature [degC] of many designs under a study's task, shape as given.
+
+    Of a cycle that repeats for ever it is the mean over the cycle, from the RMS current; infinite where it runs away.
+    """
+    simulator, task = Simulator(option, (capacity, resistance)), option.study.task
+    if task.repeats is None:
+        return simulator.winding(simulator.steady(_equivalent(option, torque)))
+    n, part = capacity.size, duration / len(task.shape)
+    x = np.full((len(simulator.plant.states), n), task.start)
+    hottest = simulator.winding(x)
+    hardest = float(torque.max())
+    implicit_steps = hold_steps if task.is_hold else 10  # of order 2, and so shorter than RK4 would need them
+    advance, needed = simulator.method(part, implicit_steps, hardest)
+    steps = max(needed, hold_steps if task.is_hold else _CYCLE_STEPS)
+    for share, *motion in np.tile(task.operation, (task.repeats, 1)):
+        drive = np.vstack([torque * share, *(np.full(n, value) for value in motion)])
+        for _ in range(steps):
+            x = advance(x, drive, part / steps)
+            hottest = np.maximum(hottest, simulator.winding(x))
+    return np.asarray(hottest)
+
+
+def _equivalent(option: Option, torque: FloatArray) -> FloatArray:
+    """The steady load, shape (3, n), that needs the cycle's RMS current at its RMS speed, for peak torques (n,)."""
+    task, gear = option.study.task, option.gear
+    through = np.where(task.motion < 0, gear.efficiency, 1 / gear.efficiency)
+    at_rotor = torque[:, None] * task.shape * through / gear.ratio[0]
+    at_rotor = at_rotor + option.motor.rotor_inertia * gear.ratio[0] * task.accelerations
+    rms = np.sqrt(np.mean(at_rotor**2, axis=1)) * gear.ratio[0] * gear.efficiency
+    return np.vstack([rms, np.full(torque.size, np.sqrt(np.mean(task.motion**2))), np.zeros(torque.size)])
+
+
+# --- what a design does beside its task: on other sinks, at other currents, torques and speeds ------
+
+
+@dataclass(frozen=True)
+class IsoMap:
+    """Highest winding temperature [degC] over capacity [J/K] (n,) and resistance [K/W] (m,), shape (m, n)."""
+
+    option: Option
+    capacity: FloatArray
+    resistance: FloatArray
+    winding: FloatArray
+    torque: float
+    duration: float
+
+
+def iso_map(design: Design, points: int = 30) -> IsoMap:
+    """The design's task on sinks of all sizes within the study's bounds.
+
+    Args:
+        design: whose torque and duration are taken; it must have a sink.
+        points: along each axis.
+
+    Raises:
+        InputError: the design has no sink.
+    """
+    option, study = design.option, design.option.study
+    if not option.has_sink:
+        raise InputError(study.origin, "map", f"{option.name}", "a design with a sink")
+    capacity, resistance = study.sink.grid(points)
+    every_c, every_r = (grid.ravel() for grid in np.meshgrid(capacity, resistance))
+    peaks = peak_temperatures(option, every_c, every_r, np.full(every_c.size, design.torque), design.duration)
+    return IsoMap(option, capacity, resistance, peaks.reshape(points, points), design.torque, design.duration)
+
+
+@dataclass(frozen=True)
+class LimitCurve:
+    """Time [s] until the winding reaches its limit [degC] at each constant current [A]; infinite for never."""
+
+    name: str
+    limit: float
+    current: FloatArray
+    time: FloatArray
+
+
+def limit_curves(design: Design, currents: FloatArray) -> LimitCurve:
+    """Time from the start until the winding reaches its limit, for constant currents.
+
+    Args:
+        design: the motor and its cooling.
+        currents: A, shape (n,).
+    """
+    option = design.option
+    limit = option.limits.get("winding", option.motor.limits.winding or ENAMEL_LIMIT)
+    simulator, task = Simulator(option, design.sink, "current"), option.study.task
+    n, hardest = currents.size, float(currents.max())
+    # Short steps at first: a winding at many times its rating warms within a second.
+    first, growth = 0.02, 1.02
+    growing = ceil(log1p(task.longest / first * (growth - 1)) / log(growth))  # steps, a geometric sum
+    advance, steps = simulator.method(task.longest, growing, hardest)
+    longest = task.longest if advance == simulator.advance_implicitly else task.longest / steps
+    x = np.full((len(simulator.plant.states), n), task.start)
+    time, reached = 0.0, np.full(n, np.inf)
+    h = min(longest, first)
+    while time < task.longest and np.isinf(reached).any():
+        before = simulator.winding(x)
+        x = advance(x, currents, h)
+        after = simulator.winding(x)
+        crossed = np.isinf(reached) & (after >= limit)
+        reached[crossed] = time + h * ((limit - before[crossed]) / (after[crossed] - before[crossed]))
+        time += h
+        h = min(longest, h * growth)
+    return LimitCurve(option.name, limit, currents, reached)
+
+
+@dataclass(frozen=True)
+class TorqueSpeed:
+    """What a design can do, behind its gear.
+
+    Args:
+        name: of the choice.
+        speed: rad/s, shape (n,), up to where nothing is left.
+        durations: s, shape (k,), from 0 (a moment, at the start's temperature) to infinity (for ever).
+        torque: that can be held so long, from the start of the study's task [N·m], shape (k, n); NaN where the speed
+            can't be held at all.
+    """
+
+    name: str
+    speed: FloatArray
+    durations: FloatArray
+    torque: FloatArray
+
+
+def torque_speed(design: Design, speeds: int = 49, unlimited: float = 40.0) -> TorqueSpeed:
+    """The torque that can be held for each of some durations at each speed.
+
+    A point can be held as long as winding and magnets stay below their limits and current and voltage suffice, with
+    the magnets and the copper as warm as they are then.
+
+    Args:
+        design: the motor, its gear and its cooling.
+        speeds: how many.
+        unlimited: largest current [A] that is looked at where nothing limits it.
+
+    Raises:
+        InputError: neither the voltage nor the speed is limited.
+    """
+    option, study = design.option, design.option.study
+    ratio = option.gear.ratio[0]
+    limits = option.motor.limits.given | option.limits
+    magnets = option.motor.torque_constant * (1 + option.motor.magnet_coefficient * (study.task.start - REFERENCE))
+    ends = [limits["speed"]] if "speed" in limits else []
+    ends += [limits["voltage"] / magnets] if "voltage" in limits else []
+    if not ends:
+        expected = "voltage = … or speed = …, where the diagram ends"
+        raise InputError(study.origin, "limits", "no voltage and no speed", expected)
+    speed = np.linspace(0.0, min(ends) / ratio, speeds)
+    usual = 10.0, 30.0, 60.0, 180.0, 600.0, 1800.0, 3600.0  # s
+    durations = np.array([0.0, *(time for time in usual if time < study.task.longest), study.task.longest, np.inf])
+    most = limits.get("current", unlimited) * option.motor.torque_constant * ratio
+    holds = _endurance(design, limits, np.tile(speed, durations.size), np.repeat(durations, speed.size))
+    low, high = np.zeros(durations.size * speed.size), np.full(durations.size * speed.size, most)
+    held_idle = holds(low)
+    for _ in range(14):  # halvings: to 1e-4 of the largest torque
+        middle = (low + high) / 2
+        good = holds(middle)
+        low, high = np.where(good, middle, low), np.where(good, high, middle)
+    held = np.where(held_idle, low, np.nan).reshape(durations.size, speed.size)
+    # Copper warms before the magnets do: the voltage that is needed may be largest on the way.
+    return TorqueSpeed(option.name, speed, durations, np.minimum.accumulate(held))
+
+
+def _endurance(
+    design: Design, limits: dict[str, float], speed: FloatArray, durations: FloatArray
+) -> Callable[[FloatArray], BoolArray]:
+    """Whether torques [N·m] at these speeds keep the limits for so long, looked at after each step."""
+    simulator, task = Simulator(design.option, design.sink), design.option.study.task
+    start = np.full((len(simulator.plant.states), speed.size), task.start)
+    ever = np.isinf(durations)
+
+    def within(x: FloatArray, drive: FloatArray) -> BoolArray:
+        current, voltage = simulator.electric(np.where(np.isfinite(x), x, task.ambient), drive)
+        reached = {
+            "winding": simulator.winding(x),
+            "magnet": simulator.magnet(x),
+            "current": current,
+            "voltage": voltage,
+        }
+        kept = [value <= limits.get(name, np.inf) * (1 + 1e-9) for name, value in reached.items()]
+        return np.asarray(np.all(kept, axis=0))
+
+    def holds(torque: FloatArray) -> BoolArray:
+        drive = np.vstack([torque, speed, np.zeros(torque.size)])
+        good = within(start, drive)
+        lasting, short = drive[:, ever], drive[:, ~ever]
+        good[ever] &= within(simulator.steady(lasting), lasting)
+        x = start[:, ~ever]
+        # Beyond a thermal runaway long steps mean nothing; before, short ones have passed a limit. A hold changes
+        # fastest at the beginning, where steps are shorter.
+        for share in np.diff((np.arange(61) / 60) ** 2):
+            x = simulator.advance_implicitly(x, short, share * durations[~ever])
+            good[~ever] &= within(x, short)
+        return good
+
+    return holds

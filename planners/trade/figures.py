@@ -13,9 +13,8 @@ from lptn.basics.errors import InputError
 from lptn.basics.style import BAD, FAINT, INK, LIMIT, PALETTE, PAPER, SMALL, TEXT, dress, new_figure, plain
 
 from .answer import StudyResult
-from .designs import Design
+from .designs import Design, TorqueSpeed
 from .export import strongest
-from .maps import TorqueSpeed
 from .study import TradeStudy
 
 RPM = 30 / np.pi
@@ -153,7 +152,7 @@ def _map(ax: Axes, result: StudyResult) -> None:
 def _bounds(ax: Axes, design: Design, here: tuple[float, float]) -> None:
     """Where mass, volume and fins end what can be built; names away from the design, where all of them may meet."""
     option = design.option
-    c, r = np.meshgrid(*(np.geomspace(*ends, 200) for ends in option.study.sink.bounds))
+    c, r = np.meshgrid(*option.study.sink.grid(200))
     named = {"all fins": (option.sink.fin_share(c, r), 1.0)}
     for name, spent in option.sink.spent(c, r).items():
         if name in option.limits:

@@ -1,32 +1,25 @@
-"""Motors: what a study needs to know of one beside its thermal network, and those whose data are known here."""
+"""Motors: what a study needs to know of one beside its thermal network, those whose data are known here, and tables.
+
+A table that people extend is a CSV or TOML file whose rows have the keys of a study's `[[motors]]`.
+"""
 
 from __future__ import annotations
 
+import csv
 import math
+from contextlib import suppress
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
-from pydantic import Field
+from pydantic import Field, ValidationError
 
-from lptn.basics.toml import Number, Strict
+from lptn.basics.errors import InputError
+from lptn.basics.files import text_of
+from lptn.basics.toml import Number, Strict, expectation, first_mistake, found_in, mistakes_by_line, place_of, toml_of
 from lptn.model.file import parse_model
 from lptn.model.network import Network
 
-from ..values import (
-    Celsius,
-    Current,
-    Inertia,
-    Length,
-    Mass,
-    NotNegative,
-    Ohms,
-    Resistance,
-    Seconds,
-    ShaftSpeed,
-    SpeedConstant,
-    TorqueConstant,
-    Volume,
-)
+from .. import values as si
 
 MAGNET_COEFFICIENT = -0.0012
 """Temperature coefficient of the flux density of NdFeB magnets [1/K], [Chen2017, eq. 2.6]."""
@@ -41,10 +34,10 @@ REFERENCE = 25.0
 class MotorLimits(Strict):
     """What a motor's data sheet limits; none where it is silent."""
 
-    winding: Celsius | None = None
-    magnet: Celsius | None = None
-    current: Current | None = None
-    speed: ShaftSpeed | None = None  # of the motor's shaft
+    winding: si.Celsius | None = None
+    magnet: si.Celsius | None = None
+    current: si.Current | None = None
+    speed: si.ShaftSpeed | None = None  # of the motor's shaft
 
     @property
     def given(self) -> dict[str, float]:
@@ -55,11 +48,11 @@ class MotorLimits(Strict):
 class DataSheet(Strict):
     """The thermal numbers that makers of motors print: two resistances, two time constants."""
 
-    resistance: Ohms
-    winding_to_housing: Resistance
-    housing_to_ambient: Resistance
-    winding_time: Seconds
-    motor_time: Seconds
+    resistance: si.Ohms
+    winding_to_housing: si.Resistance
+    housing_to_ambient: si.Resistance
+    winding_time: si.Seconds
+    motor_time: si.Seconds
 
 
 class CatalogueMotor(Strict):
@@ -71,15 +64,15 @@ class CatalogueMotor(Strict):
     winding: str | None = None  # node or pattern; the nodes with copper loss
     magnet: str | None = None  # node or pattern; nodes called magnet…, else the housing
     sink_at: str | None = None  # node, body's face or pattern; else [sink] at, else the stator or housing's outside
-    mass: Mass | None = None
-    volume: Volume | None = None
-    diameter: Length | None = None
-    length: Length | None = None
-    torque_constant: TorqueConstant | None = None  # at 25 degC
-    speed_constant: SpeedConstant | None = None
+    mass: si.Mass | None = None
+    volume: si.Volume | None = None
+    diameter: si.Length | None = None
+    length: si.Length | None = None
+    torque_constant: si.TorqueConstant | None = None  # at 25 degC
+    speed_constant: si.SpeedConstant | None = None
     magnet_coefficient: Annotated[Number, Field(gt=-0.01, le=0)] = MAGNET_COEFFICIENT  # of the torque constant, 1/K
-    rotor_inertia: Inertia = 0.0
-    price: NotNegative | None = None  # none where nobody said
+    rotor_inertia: si.Inertia = 0.0
+    price: si.NotNegative | None = None  # none where nobody said
     limits: MotorLimits = MotorLimits()
     source: str | None = None
 
@@ -149,10 +142,10 @@ reference = {REFERENCE}
 class KnownMotor(CatalogueMotor):
     """A motor whose data sheet is known here; its model is a ready one."""
 
-    mass: Mass
-    diameter: Length
-    length: Length
-    torque_constant: TorqueConstant
+    mass: si.Mass
+    diameter: si.Length
+    length: si.Length
+    torque_constant: si.TorqueConstant
     source: str
 
 
@@ -179,3 +172,78 @@ U10 = KnownMotor(
 )
 MOTORS: dict[str, CatalogueMotor] = {motor.name: motor for motor in (U8, U10)}
 """The motors whose data are known here, by name."""
+
+
+# --- tables of motors ----------------------------------------------------------------------------
+
+
+class CatalogueFile(Strict):
+    """A catalogue in TOML."""
+
+    motors: list[CatalogueMotor] = Field(min_length=1)
+
+
+def read_catalogue(path: Path) -> dict[str, CatalogueMotor]:
+    """Motors of a table, by name.
+
+    Args:
+        path: a TOML file with tables `[[motors]]`, or a CSV file whose columns are called as their keys, with units in
+            brackets: `name, mass [g], limits.current [A]`; empty cells say nothing.
+
+    Raises:
+        InputError: it can't be read, or says something that can't be; with its line.
+    """
+    text = text_of(path, "a catalogue of motors")
+    if path.suffix.lower() == ".csv":
+        rows = _rows_of_csv(path, text)
+    else:
+        with mistakes_by_line(path, text):
+            tables = CatalogueFile.model_validate(toml_of(path, text))
+        rows = [(f"motors[{number}].name", motor) for number, motor in enumerate(tables.motors)]
+    motors: dict[str, CatalogueMotor] = {}
+    for place, motor in rows:
+        if motor.name in motors:
+            raise InputError(path, place, f'"{motor.name}" a second time', "a name of its own for each motor")
+        motors[motor.name] = motor
+    return motors
+
+
+def _rows_of_csv(path: Path, text: str) -> list[tuple[str, CatalogueMotor]]:
+    lines = csv.reader(text.splitlines())
+    try:
+        said = [(lines.line_num, cells) for cells in lines if any(cell.strip() for cell in cells)]
+    except csv.Error as error:
+        raise InputError(path, f"line {lines.line_num}", str(error), "cells as in a table of motors") from error
+    said = [(number, cells) for number, cells in said if not cells[0].lstrip().startswith("#")]
+    if len(said) < 2:
+        raise InputError(path, "motors", "no row of a motor", "a line of column names, then a line for each motor")
+    names = [name.strip() for name in said[0][1]]
+    rows = []
+    for number, cells in said[1:]:
+        if len(cells) > len(names):
+            raise InputError(path, f"line {number}", f"{len(cells)} cells", f"at most {len(names)}, as many as columns")
+        try:
+            rows.append((f"line {number}", CatalogueMotor.model_validate(_nested(names, cells))))
+        except ValidationError as error:
+            first = first_mistake(error)
+            place = f"line {number}, column{place_of(first).replace('.', ' ', 1)}"
+            raise InputError(path, place, found_in(first), expectation(first)) from error
+    return rows
+
+
+def _nested(names: list[str], cells: list[str]) -> dict[str, Any]:
+    """A row as the table that TOML would hold."""
+    table: dict[str, Any] = {}
+    for name, cell in zip(names, cells, strict=False):
+        if not cell.strip():
+            continue
+        key, _, unit = name.partition("[")
+        *path, last = key.strip().split(".")
+        inner = table
+        for part in path:
+            if not isinstance(inner := inner.setdefault(part, {}), dict):
+                inner = table[name] = {}  # `a` and `a.b`: no key of a motor, which is said as such
+        inner[last], unit = cell.strip(), unit.strip().removesuffix("]").strip()
+        with suppress(ValueError):  # a text
+            inner[last] = {"value": float(cell), "unit": unit} if unit else float(cell)
+    return table

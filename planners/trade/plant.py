@@ -16,8 +16,7 @@ from lptn.model.model import Model
 
 from .motors import REFERENCE
 from .sink import SinkNumbers
-from .study import Option, pipe_places
-from .tables import LIMITS
+from .study import LIMITS, Option, pipe_places
 
 CAPACITY, RESISTANCE = "design.capacity", "design.resistance"
 """The sink's two design variables [J/K, K/W], as they are called among the parameters of a given design."""

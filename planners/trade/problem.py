@@ -1,4 +1,4 @@
-"""One discrete choice of a study as a nonlinear program for IPOPT: variables, heat balance, limits, goal, solution.
+"""One discrete choice of a study as a nonlinear program for IPOPT: a solution, or the limits in the way of any.
 
 Every limit and every number of the model is a parameter of the program: one solve gives the sensitivities to all of
 them, and a limit can be moved without building anything again.
@@ -21,8 +21,7 @@ import numpy as np
 from lptn.basics.arrays import FloatArray
 
 from .plant import CAPACITY, RESISTANCE, Load, Parameters, Plant
-from .study import Option
-from .tables import BUDGETS, LIMITS
+from .study import BUDGETS, LIMITS, Option
 
 _WORST_SCALE = 100.0  # K
 _OPTIONS: dict[str, Any] = {
@@ -108,7 +107,8 @@ class DesignSolution(DesignNumbers):
         success: whether it converged; if not, nothing else means anything.
         status: IPOPT's return status.
         slack: by how much each limit was moved, in its unit.
-        gradient: derivative of the goal to each parameter by name; empty unless it converged.
+        sensitivities: derivative of the goal to every parameter, by name, in the goal's unit per the parameter's, the
+            design re-optimised; Lagrange multipliers of the converged program. Empty unless it converged.
         binding: names of the active constraints.
         states: at the ends of the elements [degC], shape (number of states, elements + 1).
         times: of those [s].
@@ -118,11 +118,55 @@ class DesignSolution(DesignNumbers):
     success: bool
     status: str
     slack: dict[str, float]
-    gradient: dict[str, float]
+    sensitivities: dict[str, float]
     binding: tuple[str, ...]
     states: FloatArray
     times: FloatArray
     raw: FloatArray
+
+
+@dataclass(frozen=True)
+class Obstacle:
+    """A limit in the way: what it is, what it alone would have to be, and its unit."""
+
+    name: str
+    given: float
+    needed: float
+    unit: str
+
+    @property
+    def move(self) -> float:
+        """By how much it would have to change, relative."""
+        return abs(self.needed / self.given - 1)
+
+    def __str__(self) -> str:
+        return f"{self.name} {self.given:.4g} -> {self.needed:.4g} {self.unit}"
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """A choice without a feasible design.
+
+    Args:
+        option: the discrete choice.
+        obstacles: the limits that would each make it feasible alone, the nearest first.
+        together: where no single one would, those that would together, by the least sum of relative moves.
+    """
+
+    option: Option
+    obstacles: tuple[Obstacle, ...]
+    together: tuple[Obstacle, ...] = ()
+
+    def __str__(self) -> str:
+        if self.obstacles:
+            return " or ".join(str(obstacle) for obstacle in self.obstacles)
+        return " with ".join(str(obstacle) for obstacle in self.together) or "no limit would help"
+
+    @property
+    def distance(self) -> float:
+        """Relative move of the nearest obstacle, or of those that must move together."""
+        chosen = self.obstacles[:1] or self.together
+        return sum(obstacle.move for obstacle in chosen) if chosen else float("inf")
 
 
 class DesignProblem:
@@ -341,14 +385,31 @@ class DesignProblem:
             success=success,
             status=str(stats["return_status"]),
             slack={name: float(point[self._program.index(f"slack.{name}")]) * self._size(name) for name in self._slack},
-            gradient=dict(zip(self.parameters.symbols, slope.tolist(), strict=True)) if success else {},
+            sensitivities=dict(zip(self.parameters.symbols, slope.tolist(), strict=True)) if success else {},
             binding=tuple(name for name in self._program.active(g.ravel()) if name != "worst"),
             states=path,
             times=self._share * numbers["duration"],
             raw=point,
         )  # fmt: skip
 
-    def relaxable(self) -> list[str]:
-        """Limits that can be moved, and the torque where it is given."""
-        given = "torque" in self.parameters.symbols
-        return [name for name in self._slack if given or name != "torque"]
+    def refusal(self) -> Refusal:
+        """Each limit that would make an infeasible problem feasible if it alone were moved; else several together."""
+        given, units = self.parameters.defaults, self.parameters.units
+        names = [name for name in self._slack if name != "torque" or name in given]
+
+        def obstacles(relaxed: list[str]) -> list[Obstacle]:
+            """These limits where the least relaxation moves them; none where it does not help."""
+            moved = self.solve(relax=relaxed)
+            keys = {name: name if name == "torque" else f"limit.{name}" for name in relaxed if moved.success}
+            signs = {"torque": -1.0}  # less torque is easier, more of a limit
+            return [
+                Obstacle(name, given[key], given[key] + signs.get(name, 1.0) * moved.slack[name], units[key])
+                for name, key in keys.items()
+            ]
+
+        # Where there is not even mass for the parts, no other limit could help alone.
+        short = [name for name in BUDGETS if given.get(f"limit.{name}", np.inf) < self.option.least(name)]
+        alone = names if not short else short if len(short) == 1 else []
+        single = sorted((each for name in alone for each in obstacles([name])), key=lambda each: each.move)
+        together = [] if single else [each for each in obstacles(names) if each.move > 1e-4]  # others stayed
+        return Refusal(self.option, tuple(single), tuple(together))

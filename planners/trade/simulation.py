@@ -6,6 +6,8 @@ would have to follow for an hour; maps and curves of it take Rosenbrock steps, w
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import casadi as ca
 import numpy as np
 
@@ -14,10 +16,10 @@ from lptn.model.array_function import ArrayFunction
 from lptn.model.model import rk4
 
 from .plant import Load, Parameters, Plant
-from .problem import DesignSolution
 from .study import Option
 
-_CYCLE_STEPS = 2  # of RK4 at least, in each part of a cycle
+Advance = Callable[[FloatArray, FloatArray, FloatArray | float], FloatArray]
+"""States after a step, from the states before it, the drive and the length of the step [s]."""
 _HOT = 2000.0  # degC; what runs away is held here instead of overflowing
 
 
@@ -84,10 +86,11 @@ class Simulator:
         longest = 0.5 / fastest  # s; RK4 is then good to 1e-4
         return max(1, int(np.ceil(duration / longest)))
 
-    def is_stiff(self, duration: float, implicit_steps: int, drive: float = 0.0) -> bool:
-        """Whether so many implicit steps take the cases through a duration [s] sooner than RK4 would."""
+    def method(self, duration: float, implicit_steps: int, drive: float = 0.0) -> tuple[Advance, int]:
+        """What takes the cases through a duration [s] sooner: so many implicit steps, or RK4 in as many as needed."""
+        steps = self.substeps(duration, drive)
         # With 10 to 14 states an implicit step takes the time of two of RK4.
-        return self.substeps(duration, drive) > 2 * implicit_steps
+        return (self.advance_implicitly, implicit_steps) if steps > 2 * implicit_steps else (self.advance, steps)
 
     def advance(self, x: FloatArray, drive: FloatArray, h: FloatArray | float) -> FloatArray:
         """States after one step of RK4, shape (states, cases), from such states; h [s] for each case or all."""
@@ -144,67 +147,3 @@ class Simulator:
         if key not in self._of_cases:
             self._of_cases[key] = ArrayFunction(function, cases)
         return self._of_cases[key](*(np.broadcast_to(row, (len(row), cases)) for row in rows))
-
-
-def check_design(option: Option, design: DesignSolution) -> tuple[float, float]:
-    """The task of a study on one design: highest winding temperature [degC] and highest current [A].
-
-    A task that repeats for ever starts from the periodic state that was found, and runs one cycle.
-    """
-    simulator, task = Simulator(option, design.sink), option.study.task
-    part = design.duration / len(task.shape)
-    loads = task.operation * (design.torque, 1.0, 1.0)
-    steps = max(simulator.substeps(part, design.torque), 400 if task.is_hold else _CYCLE_STEPS)
-    x = design.states[:, :1]
-    hottest, most = float(simulator.winding(x)[0]), 0.0
-    run = simulator.step.mapaccum(steps)
-    for _ in range(task.repeats or 1):
-        for load in loads:
-            path = run(x, np.tile(load[:, None], steps), *(design.sink or (1.0, 1.0)), part / steps).full()
-            x = path[:, -1:]
-            hottest = max(hottest, float(simulator.winding(path).max()))
-            most = max(most, float(np.abs(simulator.electric(x, load[:, None])[0]).max()))
-    return hottest, most
-
-
-def peak_temperatures(
-    option: Option,
-    capacity: FloatArray,
-    resistance: FloatArray,
-    torque: FloatArray,
-    duration: float,
-    hold_steps: int = 200,
-) -> FloatArray:
-    """Highest winding temperature [degC] of many designs under a study's task, shape as given.
-
-    Of a cycle that repeats for ever it is the mean over the cycle, from the RMS current; infinite where it runs away.
-    """
-    simulator, task = Simulator(option, (capacity, resistance)), option.study.task
-    if task.repeats is None:
-        return simulator.winding(simulator.steady(_equivalent(option, torque)))
-    n, part = capacity.size, duration / len(task.shape)
-    x = np.full((len(simulator.plant.states), n), task.start)
-    hottest = simulator.winding(x)
-    hardest = float(torque.max())
-    implicit_steps = hold_steps if task.is_hold else 10  # of order 2, and so shorter than RK4 would need them
-    if simulator.is_stiff(part, implicit_steps, hardest):
-        advance, steps = simulator.advance_implicitly, implicit_steps
-    else:
-        advance = simulator.advance
-        steps = max(simulator.substeps(part, hardest), hold_steps if task.is_hold else _CYCLE_STEPS)
-    for share, *motion in np.tile(task.operation, (task.repeats, 1)):
-        drive = np.vstack([torque * share, *(np.full(n, value) for value in motion)])
-        for _ in range(steps):
-            x = advance(x, drive, part / steps)
-            hottest = np.maximum(hottest, simulator.winding(x))
-    return np.asarray(hottest)
-
-
-def _equivalent(option: Option, torque: FloatArray) -> FloatArray:
-    """The steady load, shape (3, n), that needs the cycle's RMS current at its RMS speed, for peak torques (n,)."""
-    task, gear = option.study.task, option.gear
-    through = np.where(task.motion < 0, gear.efficiency, 1 / gear.efficiency)
-    at_rotor = torque[:, None] * task.shape * through / gear.ratio[0]
-    at_rotor = at_rotor + option.motor.rotor_inertia * gear.ratio[0] * task.accelerations
-    rms = np.sqrt(np.mean(at_rotor**2, axis=1)) * gear.ratio[0] * gear.efficiency
-    return np.vstack([rms, np.full(torque.size, np.sqrt(np.mean(task.motion**2))), np.zeros(torque.size)])

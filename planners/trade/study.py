@@ -1,4 +1,7 @@
-"""A trade study: its tables with the motors found, and each discrete choice with its network."""
+"""A trade study: the tables of its file, which are checked as they are read, and its discrete choices.
+
+All in SI, temperatures in degC. A field's type has its unit and its bounds, its comment what it means.
+"""
 
 from __future__ import annotations
 
@@ -7,34 +10,328 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, Generic, TypeVar
+from typing import Annotated, Any, Generic, Literal, NamedTuple, TypeVar
 
-from pydantic import BeforeValidator, ConfigDict, Field
+import numpy as np
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    PlainValidator,
+    TypeAdapter,
+    ValidationError,
+    ValidationInfo,
+    field_validator,
+)
 
+from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.basics.parameters import Parameter
 from lptn.basics.places import edge, matching
-from lptn.basics.toml import Strict
+from lptn.basics.toml import Number, Strict
 from lptn.model.network import LinkDeclaration, Network, NodeDeclaration
 
-from ..values import Mass, TorqueConstant, Volume
-from .motors import CatalogueMotor
+from .. import values as si
+from . import profiles
+from .motors import CatalogueMotor, MotorLimits
 from .sink import MATERIALS, SinkMetal, SinkNumbers, blown_air, fin_efficiency, still_air
-from .tables import (
-    BUDGETS,
-    GOALS,
-    NO_GEAR,
-    Cooling,
-    DutyTask,
-    Gear,
-    Limits,
-    Pipes,
-    Question,
-    Sink,
-    SinkFan,
-    StudyUncertainty,
-    Sweep,
-)
+
+Goal = Literal["held_torque", "time_to_limit", "worst_temperature", "mass", "volume", "price"]
+Cooling = Literal["none", "passive", "fan"]
+GOALS: dict[Goal, tuple[str, str, bool]] = {
+    "held_torque": ("held torque", "N*m", True),
+    "time_to_limit": ("time to the limit", "s", True),
+    "worst_temperature": ("worst winding temperature", "degC", False),
+    "mass": ("mass", "kg", False),
+    "volume": ("volume", "m^3", False),
+    "price": ("price", "", False),
+}
+"""For each goal its words, its unit, and whether more is better; the unit of prices is the study's currency."""
+BUDGETS: tuple[str, ...] = ("mass", "volume", "price")
+"""What a design spends."""
+LIMITS = {
+    "winding": "degC", "magnet": "degC", "current": "A", "voltage": "V", "speed": "rad/s", "pipe_power": "W",
+    "mass": "kg", "volume": "m^3", "price": "",
+}  # fmt: skip
+"""What may be limited, and its unit; that of prices is the study's currency."""
+
+
+class Swept(NamedTuple):
+    """A quantity that may be swept: its type, its unit; 1 where more of it allows more, -1 less, 0 either."""
+
+    kind: Any
+    unit: str
+    eases: int
+
+
+SWEPT = {
+    "mass": Swept(si.Mass, "kg", 1),
+    "volume": Swept(si.Volume, "m^3", 1),
+    "price": Swept(si.Positive, "", 1),
+    "voltage": Swept(si.Voltage, "V", 1),
+    "torque": Swept(si.Torque, "N*m", -1),
+    "duration": Swept(si.Seconds, "s", -1),
+    "ratio": Swept(si.Positive, "revolutions of the motor by one of the load", 0),
+}
+"""What may be swept, by name; the unit of prices is the study's currency."""
+
+
+# --- kinds of values ----------------------------------------------------------------------------
+
+
+def _ascending(ends: list[float]) -> list[float]:
+    if not ends[0] <= ends[1]:
+        raise ValueError("[least, greatest]")
+    return ends
+
+
+def _pair(given: Any) -> Any:
+    if isinstance(given, bool) or not isinstance(given, int | float | list):
+        raise ValueError("a number above 0, or [least, greatest]")
+    return given if isinstance(given, list) else [given, given]
+
+
+def _standard_error(given: Any) -> StandardError:
+    is_absolute = isinstance(given, dict) and set(given) == {"value", "unit"}
+    number = given["value"] if is_absolute else given
+    if is_absolute and given["unit"] not in ("K", "SI"):
+        raise ValueError('unit = "K", or "SI" for a number in SI units')
+    if isinstance(number, bool) or not isinstance(number, int | float) or not 0 <= number < math.inf:
+        raise ValueError('a relative standard error such as 0.1, or { value = 3, unit = "K" }')
+    return StandardError(float(number), not is_absolute)
+
+
+class StandardError(NamedTuple):
+    """Of a parameter: in its unit, or as a share of its value."""
+
+    size: float
+    is_relative: bool
+
+
+Of = TypeVar("Of")
+Ends = Annotated[list[Of], Field(min_length=2, max_length=2), AfterValidator(_ascending)]
+"""The least and the greatest of a range."""
+Choices = Annotated[list[Of], Field(min_length=1), AfterValidator(lambda values: list(dict.fromkeys(values)))]
+"""What may be chosen, each once."""
+Parts = Annotated[list[Of], Field(min_length=2, max_length=400)]
+"""A number for each equal part of a duty cycle."""
+Share = Annotated[Number, Field(gt=0, le=1)]
+
+
+# --- tables of the file -------------------------------------------------------------------------
+
+
+class Question(Strict):
+    """Table `[study]`: what is made best, and between which kinds of cooling."""
+
+    name: str = "study"
+    goal: Goal
+    cooling: Choices[Cooling] = Field(default=["none", "passive", "fan"])
+    catalogue: str | list[str] = Field(default=[])  # files of motors beside the study's
+    currency: Annotated[str, Field(pattern=r"^\S{1,8}$")] = "EUR"  # of all prices
+
+
+class DutyTask(Strict):
+    """Table `[task]`: what torque must be given behind the gear, at which speed, and for how long."""
+
+    kind: Literal["hold", "cycle", "level_walking", "jump"] = "hold"
+    torque: si.Torque | None = None  # of a hold; none where it is sought
+    profile: Parts[si.NotNegative] | None = None  # N*m, of a cycle
+    duration: si.Seconds | None = None  # of a hold; none where it is sought
+    longest: si.Seconds = 3600.0  # a sought duration is not looked for beyond
+    ambient: si.Celsius = 25.0
+    start: si.Celsius = Field(default_factory=lambda said: said.get("ambient"))  # all nodes at the beginning
+    period: si.Seconds | None = None  # of one cycle
+    cycles: Annotated[int, Field(ge=1, le=100, strict=True)] | None = None  # from the start; none for ever (periodic)
+    samples: Annotated[int, Field(ge=5, le=400, strict=True)] = 40  # parts of a walking or jumping cycle
+    body_mass: si.Mass = 75.0
+    speed: si.AnySpeed = 0.0  # of a hold; negative where the load drives the motor
+    speeds: Parts[si.AnySpeed] | None = None  # of a cycle; none where nobody said
+    gear: si.Positive = 50.0  # between ankle and motor in walking and jumping; 1 in a study of gears
+    share: Share = 1.0  # of the ankle's moment that the motor gives
+
+    @property
+    def is_hold(self) -> bool:
+        """Whether torque is held constant."""
+        return self.kind == "hold"
+
+    @property
+    def repeats(self) -> int | None:
+        """How many cycles from the start, `None` for ever; 1 for a hold."""
+        return 1 if self.is_hold else self.cycles
+
+    @property
+    def time(self) -> float | None:
+        """Of a hold, or of one cycle [s]; `None` where it is sought."""
+        usual = {"level_walking": profiles.WALKING_PERIOD, "jump": profiles.JUMP_PERIOD}
+        return self.duration if self.is_hold else self.period or usual.get(self.kind)
+
+    @property
+    def factor(self) -> float:
+        """Torque of the motor [N·m] by the ankle's moment by the kilogram of body [N·m/kg]."""
+        return self.body_mass * self.share / self.gear
+
+    @property
+    def torques(self) -> FloatArray:
+        """In each equal part of a cycle [N·m], shape (n,); 1 for a hold."""
+        if self.kind == "level_walking":
+            return profiles.level_walking(self.samples) * self.factor
+        if self.kind == "jump":
+            return profiles.jump(self.samples) * self.factor
+        return np.array([1.0] if self.profile is None else self.profile)
+
+    @property
+    def shape(self) -> FloatArray:
+        """Torque in each part over its peak, shape (n,)."""
+        return np.asarray(self.torques / self.torques.max())
+
+    @property
+    def has_speeds(self) -> bool:
+        """Whether anybody said how fast it turns."""
+        return self.kind in ("hold", "level_walking") or self.speeds is not None
+
+    @property
+    def motion(self) -> FloatArray:
+        """Speed in each part [rad/s], standstill where nobody said, shape (n,)."""
+        if self.is_hold:
+            return np.array([self.speed])
+        if self.kind == "level_walking":
+            return profiles.walking_speed(self.samples, self.time or profiles.WALKING_PERIOD) * self.gear
+        return np.zeros(len(self.torques)) if self.speeds is None else np.array(self.speeds, dtype=float)
+
+    @property
+    def accelerations(self) -> FloatArray:
+        """In each part [rad/s²], from the speeds of its neighbours in a cycle that repeats itself, shape (n,)."""
+        if self.is_hold or self.time is None:
+            return np.zeros(len(self.torques))
+        speed = self.motion
+        return np.asarray((np.roll(speed, -1) - np.roll(speed, 1)) / (2 * self.time / len(speed)))
+
+    @property
+    def operation(self) -> FloatArray:
+        """Share of the peak torque, speed [rad/s] and acceleration [rad/s²] in each part, shape (n, 3)."""
+        return np.column_stack([self.shape, self.motion, self.accelerations])
+
+
+class Limits(MotorLimits):
+    """Table `[limits]`: what must hold; what it leaves out does not bind, or falls back on the motor's data sheet."""
+
+    voltage: si.Voltage | None = None
+    pipe_power: si.Power | None = None
+    mass: si.Mass | None = None
+    volume: si.Volume | None = None
+    price: si.Positive | None = None
+
+
+class Gear(Strict):
+    """Table `[[gears]]`: a gearbox between motor and task."""
+
+    name: str
+    ratio: Annotated[Ends[si.Positive], BeforeValidator(_pair)]  # speed of the motor over that of the task
+    efficiency: Share = 1.0  # of the power, from the motor to the load or back
+    mass: si.ExtraMass = 0.0
+    volume: si.ExtraVolume = 0.0
+    price: si.NotNegative | None = None
+
+    @property
+    def is_sought(self) -> bool:
+        """Whether the ratio is part of the design."""
+        return self.ratio[0] < self.ratio[1]
+
+
+NO_GEAR = Gear(name="", ratio=[1.0, 1.0], price=0.0)
+"""The only one of a study without any."""
+
+
+class Sink(Strict):
+    """Table `[sink]`: within which bounds a heat sink may be built, and what its fins are like."""
+
+    at: str | None = None  # what the heat pipes touch, a node, a body's face or a pattern, where the motor doesn't say
+    node: str = "sink"  # name of the sink's own node
+    material: str | Annotated[list[str], Field(min_length=1)] = "aluminium"
+    price: si.NotNegative = 0.0  # of making it, beside its metal
+    capacity: Ends[si.Capacity] = Field(default=[20.0, 1500.0])
+    resistance: Ends[si.Resistance] = Field(default=[0.05, 10.0])  # to the air
+    fin_thickness: si.Length = 1e-3
+    fin_depth: si.Length = 0.03  # root to tip
+    fin_height: si.Length = 0.08  # along the air
+    excess: si.Kelvins = 30.0  # fins above still air
+
+    def grid(self, points: int) -> tuple[FloatArray, FloatArray]:
+        """Capacities [J/K] and resistances [K/W] between the bounds, evenly on logarithmic axes, each (points,)."""
+        (least_c, most_c), (least_r, most_r) = self.capacity, self.resistance
+        return np.geomspace(least_c, most_c, points), np.geomspace(least_r, most_r, points)
+
+    @property
+    def metals(self) -> list[str]:
+        """Names of the metals to choose from."""
+        return list(dict.fromkeys([self.material] if isinstance(self.material, str) else self.material))
+
+
+class Pipes(Strict):
+    """Table `[pipes]`: the heat pipes between motor and sink."""
+
+    count: Choices[Annotated[int, Field(ge=1, le=64, strict=True)]] = Field(default=[4])
+    resistance: si.Resistance = 0.708  # each, with its contacts: four make the 0.177 K/W of the thesis's exchanger
+    power: si.Power = 65.0  # each; [Chen2017, appendix A.4]
+    mass: si.ExtraMass = 0.03  # each; assumed
+    mount: si.ExtraMass = 0.06  # the insert that holds them; assumed
+    price: si.NotNegative = 0.0  # each
+
+
+class SinkFan(Strict):
+    """Table `[fan]`: a fan and its battery."""
+
+    mass: si.ExtraMass = 0.05
+    volume: si.ExtraVolume = 1e-4
+    power: si.ExtraPower = 2.0  # electrical
+    speed: si.Speed = 3.0  # of the air between the fins
+    runtime: si.Runtime = 0.0
+    battery: si.SpecificEnergy = 5.4e5  # 150 W·h/kg
+    price: si.NotNegative = 0.0
+
+    @property
+    def mass_with_battery(self) -> float:
+        """With the battery for its runtime [kg]."""
+        return self.mass + self.power * self.runtime / self.battery
+
+
+class Sweep(Strict):
+    """Table `[pareto]`: values of one given quantity over which the study is solved again."""
+
+    against: Literal["mass", "volume", "price", "voltage", "torque", "duration", "ratio"] = "mass"
+    least: float
+    most: float
+    points: Annotated[int, Field(ge=2, le=200, strict=True)] = 12
+
+    @field_validator("least", "most", mode="plain")
+    @classmethod
+    def _end(cls, given: Any, info: ValidationInfo) -> Any:
+        """In the unit of what is swept."""
+        swept = SWEPT.get(info.data.get("against", ""))
+        if swept is None:
+            return given
+        try:
+            return float(TypeAdapter(swept.kind).validate_python(given))
+        except ValidationError as error:
+            raise ValueError(f"a number above 0 in {swept.unit or 'the currency'}") from error
+
+    @property
+    def values(self) -> FloatArray:
+        """In the unit of what is swept, ascending, shape (points,)."""
+        return np.linspace(self.least, self.most, self.points)
+
+
+class StudyUncertainty(Strict):
+    """Table `[uncertainty]`: what is not known for sure."""
+
+    draws: Annotated[int, Field(ge=8, le=4096, strict=True)] = 128  # of all of them; 4096 take an hour
+    level: Annotated[Number, Field(ge=0.5, lt=1)] = 0.95  # probability of the intervals
+    errors: dict[str, Annotated[StandardError, PlainValidator(_standard_error)]] = Field(default={})  # by pattern
+
+
+# --- a study -------------------------------------------------------------------------------------
 
 
 class MotorChoice(CatalogueMotor):
@@ -50,9 +347,9 @@ class MotorChoice(CatalogueMotor):
 
     model_config = ConfigDict(arbitrary_types_allowed=True)
 
-    mass: Mass
-    volume: Volume
-    torque_constant: TorqueConstant
+    mass: si.Mass
+    volume: si.Volume
+    torque_constant: si.TorqueConstant
     network: Network
     winding_nodes: tuple[str, ...]
     magnet_nodes: tuple[str, ...]

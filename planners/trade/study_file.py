@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from lptn.basics.errors import InputError
@@ -13,10 +13,8 @@ from lptn.model.file import parse_model, read_model_file
 from lptn.model.network import Network
 from lptn.robots.presets import presets
 
-from .catalogue import read_catalogue
-from .motors import MOTORS, CatalogueMotor, data_sheet_network
-from .study import MotorChoice, StudyTables, TradeStudy, attachable, pipe_places
-from .tables import SWEPT, DutyTask, Sweep
+from .motors import MOTORS, CatalogueMotor, data_sheet_network, read_catalogue
+from .study import SWEPT, DutyTask, MotorChoice, StudyTables, Sweep, TradeStudy, attachable, pipe_places
 
 _NEEDED = {"mass": "kg", "volume": "m^3", "torque_constant": "N*m/A at 25 degC"}
 Tables = StudyTables[CatalogueMotor]
@@ -44,13 +42,18 @@ def parse_study(text: str, path: Path) -> TradeStudy:
         tables = Tables.model_validate(toml_of(path, text))
         motors = [_motor(motor, place, tables, path) for place, motor in _chosen_motors(tables, path)]
         if "gears" in tables.model_fields_set:
-            _check_gears(tables, path)
+            _refuse(path, _mistakes_of_gears(tables))
             tables.task = tables.task.model_copy(update={"gear": 1.0})
         named = (*_catalogues(tables), *(motor.model for motor in tables.motors if motor.model))
         files = tuple(path.parent / name for name in named)
         study = TradeStudy(**dict(tables) | {"motors": motors, "origin": str(path), "files": files})
-        _check(study, path)
+        _refuse(path, _mistakes(study))
         return study
+
+
+def _refuse(path: Path, mistakes: Iterable[tuple[str, str, str]]) -> None:
+    for place, found, expected in mistakes:
+        raise InputError(path, place, found, expected)
 
 
 # --- motors -------------------------------------------------------------------------------------
@@ -169,108 +172,103 @@ def _network(name: str, place: str, path: Path) -> tuple[Network, dict[str, floa
 
 # --- mistakes that only the whole study shows ---------------------------------------------------
 
+Mistake = tuple[str, str, str]
+"""Its place in the file, what was found there, what was expected."""
 
-def _check_gears(tables: Tables, path: Path) -> None:
+
+def _mistakes_of_gears(tables: Tables) -> Iterator[Mistake]:
     """Answers are kept by name; a gear stands in one place."""
     names = [gear.name for gear in tables.gears]
     for number, name in enumerate(names):
         if not name:
-            raise InputError(path, f"gears[{number}].name", '""', "a name")
+            yield f"gears[{number}].name", '""', "a name"
         if name in names[:number]:
-            raise InputError(path, f"gears[{number}].name", f'"{name}" a second time', "a name of its own for each")
+            yield f"gears[{number}].name", f'"{name}" a second time', "a name of its own for each"
     if "gear" in tables.task.model_fields_set:
-        raise InputError(path, "task.gear", f"{tables.task.gear:g}", "no gear in [task] beside [[gears]]")
+        yield "task.gear", f"{tables.task.gear:g}", "no gear in [task] beside [[gears]]"
 
 
-def _check(study: TradeStudy, path: Path) -> None:
+def _mistakes(study: TradeStudy) -> Iterator[Mistake]:
     goal, task = study.question.goal, study.task
-    if task.is_hold:
-        _check_hold(task, goal, path)
-    else:
-        _check_cycle(task, goal, path)
+    yield from _mistakes_of_hold(task, goal) if task.is_hold else _mistakes_of_cycle(task, goal)
     for name in study.sink.metals:
         if name not in study.materials:
-            expected = f"one of {', '.join(study.materials)}, or a table [materials.{name}]"
-            raise InputError(path, "sink.material", f'"{name}"', expected)
+            yield "sink.material", f'"{name}"', f"one of {', '.join(study.materials)}, or a table [materials.{name}]"
     if study.sweep is not None:
-        _check_sweep(study.sweep, study, path)
+        yield from _mistakes_of_sweep(study.sweep, study)
     for name in ("voltage", "speed"):
         if name in study.limits.given and not task.has_speeds:
             expected = 'speeds = […] in [task], with kind = "cycle": nobody knows how fast this cycle turns'
-            raise InputError(path, f"limits.{name}", "a task without speeds", expected)
+            yield f"limits.{name}", "a task without speeds", expected
     if study.asks_for_prices:
-        _check_prices(study, path)
-    _check_winding(study, path)
+        yield from _mistakes_of_prices(study)
+    yield from _mistakes_of_winding(study, goal)
 
 
-def _check_winding(study: TradeStudy, path: Path) -> None:
-    hottest = max(study.task.start, study.task.ambient)
-    for option in study.options():
-        limit = option.limits.get("winding")
-        if limit is None and study.question.goal != "worst_temperature":
-            expected = f"winding = … in degC, for no data sheet gives {option.motor.name}'s"
-            raise InputError(path, "limits", "no limit of the winding's temperature", expected)
-        if limit is not None and limit <= hottest:
-            where = f"motors[{study.motors.index(option.motor)}]"
-            where = where if study.limits.winding is None else "limits.winding"
-            raise InputError(path, where, f"{limit:g} degC", f"more than the {hottest:g} degC of the start and the air")
-
-
-def _check_hold(task: DutyTask, goal: str, path: Path) -> None:
-    for name, value, sought in (("torque", task.torque, "held_torque"), ("duration", task.duration, "time_to_limit")):
-        if value is None and goal != sought:
-            raise InputError(path, "task", f"no {name}", f"{name} = … for the goal {goal}")
-        if value is not None and goal == sought:
-            raise InputError(path, f"task.{name}", f"{value:g}", f"no {name}, for the goal {goal} seeks it")
-    for name in ("profile", "period", "cycles", "speeds"):
-        if name in task.model_fields_set:
-            raise InputError(path, f"task.{name}", "a key of a duty cycle", 'kind = "cycle" with it')
-
-
-def _check_cycle(task: DutyTask, goal: str, path: Path) -> None:
-    if goal == "time_to_limit":
-        raise InputError(path, "task.kind", f'"{task.kind}"', 'kind = "hold" for the goal time_to_limit')
-    if task.duration is not None:
-        raise InputError(path, "task.duration", f"{task.duration:g} s", "period and cycles for a duty cycle")
-    if "speed" in task.model_fields_set:
-        expected = "speeds = […] for a duty cycle, one for each part"
-        raise InputError(path, "task.speed", f"{task.speed:g} rad/s", expected)
-    if task.kind == "cycle":
-        if task.profile is None or task.period is None:
-            missing = "profile" if task.profile is None else "period"
-            raise InputError(path, "task", f"no {missing}", f"{missing} = … for a duty cycle")
-        if task.speeds is not None and len(task.speeds) != len(task.profile):
-            expected = f"{len(task.profile)}, one for each part of the profile"
-            raise InputError(path, "task.speeds", f"{len(task.speeds)} speeds", expected)
-    elif task.torque is not None or task.profile is not None or task.speeds is not None:
-        raise InputError(path, "task", "a torque or speeds of its own", f"body_mass, gear and share for {task.kind}")
-    elif not 0 < task.factor < 1e6:  # kg of body on a motor without gear
-        raise InputError(path, "task", f"{task.factor:g} kg", "body_mass * share / gear below 1e+06 kg")
-    if not task.torques.any():
-        raise InputError(path, "task.profile", "no torque at all", "one part of the cycle at least above 0 N*m")
-
-
-def _check_prices(study: TradeStudy, path: Path) -> None:
+def _mistakes_of_prices(study: TradeStudy) -> Iterator[Mistake]:
     """What has no price must not pass for free."""
     for table, choices in (("motors", study.motors), ("gears", study.gears)):
         for choice in choices:
             if choice.price is None:
-                expected = f"price = … for each {table.removesuffix('s')}"
-                raise InputError(path, table, f'"{choice.name}" without a price', expected)
-    for name in study.sink.metals:
-        if study.materials[name].price is None and study.question.cooling != ["none"]:
+                yield table, f'"{choice.name}" without a price', f"price = … for each {table.removesuffix('s')}"
+    for name in study.sink.metals if study.question.cooling != ["none"] else ():
+        if study.materials[name].price is None:
             expected = f"[materials.{name}] with price = …, by the kilogram"
-            raise InputError(path, "sink.material", f'"{name}" without a price', expected)
+            yield "sink.material", f'"{name}" without a price', expected
 
 
-def _check_sweep(sweep: Sweep, study: TradeStudy, path: Path) -> None:
+def _mistakes_of_winding(study: TradeStudy, goal: str) -> Iterator[Mistake]:
+    hottest = max(study.task.start, study.task.ambient)
+    for option in study.options():
+        limit = option.limits.get("winding")
+        if limit is None and goal != "worst_temperature":
+            expected = f"winding = … in degC, for no data sheet gives {option.motor.name}'s"
+            yield "limits", "no limit of the winding's temperature", expected
+        if limit is not None and limit <= hottest:
+            own = f"motors[{study.motors.index(option.motor)}]" if study.limits.winding is None else "limits.winding"
+            yield own, f"{limit:g} degC", f"more than the {hottest:g} degC of the start and the air"
+
+
+def _mistakes_of_hold(task: DutyTask, goal: str) -> Iterator[Mistake]:
+    for name, value, sought in (("torque", task.torque, "held_torque"), ("duration", task.duration, "time_to_limit")):
+        if value is None and goal != sought:
+            yield "task", f"no {name}", f"{name} = … for the goal {goal}"
+        if value is not None and goal == sought:
+            yield f"task.{name}", f"{value:g}", f"no {name}, for the goal {goal} seeks it"
+    for name in ("profile", "period", "cycles", "speeds"):
+        if name in task.model_fields_set:
+            yield f"task.{name}", "a key of a duty cycle", 'kind = "cycle" with it'
+
+
+def _mistakes_of_cycle(task: DutyTask, goal: str) -> Iterator[Mistake]:
+    if goal == "time_to_limit":
+        yield "task.kind", f'"{task.kind}"', 'kind = "hold" for the goal time_to_limit'
+    if task.duration is not None:
+        yield "task.duration", f"{task.duration:g} s", "period and cycles for a duty cycle"
+    if "speed" in task.model_fields_set:
+        yield "task.speed", f"{task.speed:g} rad/s", "speeds = […] for a duty cycle, one for each part"
+    if task.kind == "cycle":
+        if task.profile is None or task.period is None:
+            missing = "profile" if task.profile is None else "period"
+            yield "task", f"no {missing}", f"{missing} = … for a duty cycle"
+        elif task.speeds is not None and len(task.speeds) != len(task.profile):
+            expected = f"{len(task.profile)}, one for each part of the profile"
+            yield "task.speeds", f"{len(task.speeds)} speeds", expected
+    elif task.torque is not None or task.profile is not None or task.speeds is not None:
+        yield "task", "a torque or speeds of its own", f"body_mass, gear and share for {task.kind}"
+    elif not 0 < task.factor < 1e6:  # kg of body on a motor without gear
+        yield "task", f"{task.factor:g} kg", "body_mass * share / gear below 1e+06 kg"
+    if not task.torques.any():
+        yield "task.profile", "no torque at all", "one part of the cycle at least above 0 N*m"
+
+
+def _mistakes_of_sweep(sweep: Sweep, study: TradeStudy) -> Iterator[Mistake]:
     against, goal = sweep.against, study.question.goal
     if not sweep.least < sweep.most:
         unit = SWEPT[against].unit or study.question.currency
-        found = f"{sweep.least:g} to {sweep.most:g} {unit}"
-        raise InputError(path, "pareto.least", found, "a least below the most")
+        yield "pareto.least", f"{sweep.least:g} to {sweep.most:g} {unit}", "a least below the most"
     if against == "ratio" and not any(gear.name and not gear.is_sought for gear in study.gears):
-        raise InputError(path, "pareto.against", '"ratio"', "a [[gears]] with one ratio, which the sweep replaces")
+        yield "pareto.against", '"ratio"', "a [[gears]] with one ratio, which the sweep replaces"
     is_sought = {"torque": study.torque is None, "duration": study.task.time is None or not study.task.is_hold}
     if is_sought.get(against, against == goal):
-        raise InputError(path, "pareto.against", f'"{against}"', f"what a study of {goal} is given, not seeks")
+        yield "pareto.against", f'"{against}"', f"what a study of {goal} is given, not seeks"

@@ -15,8 +15,7 @@ from lptn.basics.places import matching
 from .designs import Design
 from .plant import CAPACITY, RESISTANCE
 from .problem import DesignProblem
-from .study import TradeStudy
-from .tables import BUDGETS, StandardError, StudyUncertainty
+from .study import BUDGETS, StandardError, StudyUncertainty, TradeStudy
 
 Key = tuple[str, str]
 """A parameter that is drawn: of which motor (empty for what all choices share), and its name."""

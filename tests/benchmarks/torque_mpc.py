@@ -29,7 +29,6 @@ import numpy as np
 from lptn.basics.arrays import FloatArray
 from lptn.model.model import Model
 from lptn.planners.limiter import Limiter
-from lptn.planners.limiter.emit import emit as emit_limiter
 from lptn.planners.mpc import TorqueMPC
 from lptn.planners.mpc.reference import ReferenceProgram
 from tests.planners.truth import World, conditions, model_of, stage_means, true_robot
@@ -328,7 +327,7 @@ def emitted(seed: int, steps: int) -> None:
     here = [limiter.admissible(start, load, given).ravel() for start in starts]
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        emit_limiter(limiter, folder, starts[0], load, given)
+        limiter.emit(folder, starts[0], load, given)
         lines = [" ".join(f"{value:.17g}" for value in (*row, *load, *given)) for row in starts]
         output, said = _built_and_run(folder, "admissible.c", "\n".join(lines))
     apart = float(np.abs(output - np.array(here)).max())

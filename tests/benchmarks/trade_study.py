@@ -15,7 +15,7 @@ import numpy as np
 
 from lptn.basics.arrays import FloatArray
 from lptn.planners.trade import DesignProblem, Option, load_study, solve_study
-from lptn.planners.trade.simulation import peak_temperatures
+from lptn.planners.trade.designs import peak_temperatures
 from tests.cooling import plain_sink as plain
 
 CELLS, DURATION, LIMIT = 200, 120.0, 105.0

@@ -92,7 +92,7 @@ def test_multipliers_agree_with_finite_differences(goal: str, task: str, limits:
         ends = [problem.solve({name: value + side * step}, near=optimum) for side in (1, -1)]
         assert all(end.success for end in ends)
         difference = (ends[0].value - ends[1].value) / (2 * step)
-        assert optimum.gradient[name] == pytest.approx(difference, rel=0.01), name
+        assert optimum.sensitivities[name] == pytest.approx(difference, rel=0.01), name
         assert difference != 0.0
 
 
@@ -112,7 +112,7 @@ def test_a_failed_solve_has_no_multipliers() -> None:
     (option,) = study("mass", "torque = 3.3\nduration = 300", cooling='"passive"').options()
     solution = DesignProblem(option).solve()
     assert not solution.success
-    assert solution.gradient == {}
+    assert solution.sensitivities == {}
 
 
 @pytest.mark.long

@@ -28,8 +28,7 @@ from lptn.model.network import EffectDeclaration, Network
 from lptn.planners import ControlLoop, Limiter, Plan, TorqueMPC
 from lptn.planners.export import thermal_constraint
 from lptn.planners.heating import Request
-from lptn.planners.limiter.emit import emit
-from lptn.planners.load_sharing.temperatures import StandingTemperatures
+from lptn.planners.load_sharing.sharing import StandingTemperatures
 from lptn.planners.mission.gait import gait_from_tables
 from lptn.planners.mpc.reference import ReferenceProgram
 from lptn.planners.trade import parse_study, solve_study
@@ -243,7 +242,7 @@ def test_the_emitted_limiter_says_the_same(name: str, tmp_path: Path) -> None:
     case = CASES[name]
     limiter = Limiter(case.model, LIMIT, request=case.request)
     load, conditions = np.array([1.0]), np.array(list(around(limiter).values()))
-    emit(limiter, tmp_path, np.array([WARM]), load, conditions)
+    limiter.emit(tmp_path, np.array([WARM]), load, conditions)
     printed = answered(built(tmp_path, "admissible.c"), np.array([[WARM, *load, *conditions]]))
     assert printed.ravel() == pytest.approx(limiter.admissible([WARM], load, conditions).ravel(), rel=1e-9)
 

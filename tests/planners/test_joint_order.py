@@ -17,7 +17,7 @@ from lptn.fmu import Session, export
 from lptn.model.model import Model
 from lptn.model.network import Network
 from lptn.planners import ControlLoop, Limiter, TorqueMPC
-from lptn.planners.load_sharing.temperatures import StandingTemperatures
+from lptn.planners.load_sharing.sharing import StandingTemperatures
 from lptn.robots.urdf import urdf_model_text
 from tests.builders import AMBIENT, effect, link, node
 

@@ -241,9 +241,9 @@ def test_a_dead_sensor_is_taken_to_be_at_its_limit() -> None:
     asked = mission([{"do": "walk", "distance": 100, "load": 4, "pieces": 1}])
     blind = replace(asked, start=np.array([25.0, 25.0, np.nan]))
     answer = plan_kind.run(blind)
-    hottest = truth.simulate(pieces(answer.plan), np.array([25.0, 25.0, truth.LIMIT])).max()
+    hottest = truth.simulate(pieces(answer), np.array([25.0, 25.0, truth.LIMIT])).max()
     assert hottest < truth.LIMIT + 0.02
-    assert answer.plan.total > plan_mission(asked).total
+    assert answer.total > plan_mission(asked).total
     assert "no temperature of FR_calf: taken to be at its limit" in answer.text()
     assert answer.as_json()["assumed"] == ["FR_calf"]
 
@@ -252,10 +252,10 @@ def test_a_dead_sensor_is_taken_to_be_at_its_limit() -> None:
 def test_where_even_a_rest_is_too_hot_the_answer_says_so() -> None:
     asked = mission([{"do": "walk", "distance": 60}], deadline=500)
     answer = plan_kind.run(replace(asked, ambient=61.0, start=np.full(3, 61.0)))
-    assert answer.plan.verdict == "none"
-    assert answer.plan.prices == {}
+    assert answer.verdict == "none"
+    assert answer.prices == {}
     assert "even at rest" in answer.text()
-    assert [segment.gait.name for segment in answer.plan.segments] == ["rest"]
+    assert [segment.gait.name for segment in answer.segments] == ["rest"]
 
 
 def test_limits_below_the_air_are_refused_where_the_task_is_read() -> None:
@@ -281,8 +281,8 @@ def test_a_rest_that_was_asked_for_yields_to_a_short_deadline() -> None:
 
 def test_a_deadline_below_the_fastest_time_is_distinguished_from_heat() -> None:
     answer = plan_kind.run(mission([{"do": "walk", "distance": 50}], deadline=20))
-    assert answer.plan.verdict == "late"
-    assert answer.plan.raise_needed is None
+    assert answer.verdict == "late"
+    assert answer.raise_needed is None
     assert "no rise of the limits would suffice: at its fastest it takes 50 s" in answer.text()
 
 

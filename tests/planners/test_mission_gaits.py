@@ -16,7 +16,6 @@ from lptn.model.model import Model
 from lptn.planners.mission import (
     Gait,
     LogPart,
-    MissionAnswer,
     gait_from_logs,
     gait_from_tables,
     plan_kind,
@@ -213,7 +212,7 @@ def test_the_posture_that_is_chosen_is_the_best_of_all() -> None:
     assert chosen.verdict == "cut"
     assert max(fixed) > 1.1 * min(fixed), "the posture must matter"
     assert chosen.share[0] >= max(fixed) * (1 - 1e-6)
-    assert "height" in MissionAnswer(chosen).text()
+    assert "height" in chosen.text()
 
 
 def test_a_posture_that_the_gait_has_not_is_refused() -> None:

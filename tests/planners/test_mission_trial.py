@@ -67,7 +67,7 @@ def planned(folder: Path, seed: int) -> MissionPlan:
     asked = plan_kind.read(
         tomllib.loads(task.read_text(encoding="utf-8")), str(task), Model(read_model_file(model).network)
     )
-    return plan_kind.run(asked).plan
+    return plan_kind.run(asked)
 
 
 def hottest(plan: MissionPlan, seed: int) -> float:

@@ -13,7 +13,6 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.c_library import compiler
 from lptn.model.model import Model
 from lptn.planners import Limiter, TorqueMPC
-from lptn.planners.limiter.emit import emit as emit_limiter
 from tests.builders import effect, leg
 
 needs_a_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler")
@@ -128,7 +127,7 @@ def test_every_emitted_source_compiles_on_its_own_and_a_program_in_cpp_calls_the
     """As a build that takes all `*.c` of a folder does, and the C++ node of a robot."""
     start, around = np.full(3, 50.0), np.full((1, 1), 25.0)
     TorqueMPC(MODEL, 60.0, request="torque").emit(tmp_path / "mpc", start, np.full((1, 3), 9.0), around)
-    emit_limiter(Limiter(MODEL, 60.0, request="torque"), tmp_path / "limiter", start, np.full(3, 9.0), around[0])
+    Limiter(MODEL, 60.0, request="torque").emit(tmp_path / "limiter", start, np.full(3, 9.0), around[0])
     for source in tmp_path.glob("*/*.c"):
         words = [*(compiler() or ()), "-std=c99", *WARN, "-O1", "-c", source.name]
         subprocess.run(words, cwd=source.parent, check=True)
@@ -145,7 +144,7 @@ def test_the_emitted_limiter_is_pythons(tmp_path: Path) -> None:
     limiter = Limiter(MODEL, 60.0, request="torque", current_limits=40.0)
     random = np.random.default_rng(0)
     rows = np.hstack([random.uniform(40, 61, (20, 3)), random.uniform(0, 5, (20, 3)), np.full((20, 1), 25.0)])
-    emit_limiter(limiter, tmp_path, rows[0, :3], rows[0, 3:6], rows[0, 6:])
+    limiter.emit(tmp_path, rows[0, :3], rows[0, 3:6], rows[0, 6:])
     answers = answered(built(tmp_path, "admissible.c", "-O2", "-ffp-contract=off"), rows)
     for row, given in zip(answers, rows, strict=True):
         here = limiter.admissible(given[:3], given[3:6], given[6:])

@@ -11,7 +11,7 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.lines import thinned, time_unit
 from lptn.basics.style import inline_svg
 from lptn.planners.limiter.task import LimitAnswer
-from lptn.planners.mission.answer import MissionAnswer
+from lptn.planners.mission.answer import MissionPlan
 from lptn.planners.mpc.answer import TrackAnswer
 from lptn.report.charts import POINTS, ChartPanel, Charts, Line, View
 from lptn.report.document import Picture, render
@@ -59,7 +59,7 @@ def _charts_of(answer: Answer) -> Charts | None:
     """What can be looked through; `None` for kinds of task that are not ours."""
     if isinstance(answer, TrackAnswer):
         return _track(answer)
-    if isinstance(answer, MissionAnswer):
+    if isinstance(answer, MissionPlan):
         return _mission(answer)
     return _limit(answer) if isinstance(answer, LimitAnswer) else None
 
@@ -79,8 +79,7 @@ def _track(answer: TrackAnswer) -> Charts:
     return _over_time(ends, lines, (ChartPanel(f"{heat.request} [{unit}]", unit, asked, 170), _TEMPERATURE), "joint")
 
 
-def _mission(answer: MissionAnswer) -> Charts:
-    plan = answer.plan
+def _mission(plan: MissionPlan) -> Charts:
     time = np.asarray(plan.course.time, dtype=float)
     piece = np.clip(np.searchsorted(np.cumsum(plan.time), time, side="right"), 0, max(len(plan.time) - 1, 0))
     common = {"speed": plan.speed[piece], "load": plan.load[piece]} if plan.time.size else {}
