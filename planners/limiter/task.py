@@ -63,26 +63,24 @@ class LimitTask:
 
 
 @dataclass(frozen=True)
-class LimitAnswer:
-    """What each joint may give, and how far all can be scaled.
+class LimitAnswer(LimitTask):
+    """What each joint may give at present, and how far all can be scaled.
 
     Args:
-        task: what was asked.
         admissible: shape (joints, horizons).
         scales: of the present load of all joints, by horizon; infinite without a load.
     """
 
-    task: LimitTask
     admissible: FloatArray
     scales: FloatArray
 
     def table(self) -> pd.DataFrame:
         """A row a joint."""
-        limiter = self.task.limiter
+        limiter = self.limiter
         unit, nodes = limiter.heating.unit, limiter.model.nodes
-        warm = [self.task.x[nodes.index(joint)] if joint in nodes else np.nan for joint in limiter.joints]
+        warm = [self.x[nodes.index(joint)] if joint in nodes else np.nan for joint in limiter.joints]
         columns: dict[str, object] = {"joint": list(limiter.joints), "temperature [degC]": warm,
-                                      f"load [{unit}]": self.task.load}  # fmt: skip
+                                      f"load [{unit}]": self.load}  # fmt: skip
         for number, seconds in enumerate(limiter.horizons):
             columns[f"{_named(seconds)} [{unit}]"] = self.admissible[:, number]
         return pd.DataFrame(columns)
@@ -96,18 +94,18 @@ class LimitAnswer:
 
         from lptn.basics.style import BAD, INK, SMALL, dress, new_figure, plain
 
-        limiter = self.task.limiter
+        limiter = self.limiter
         figure, width = new_figure(3.2), 0.84  # inch; of a joint's bars
         ax = figure.subplots()
         count, places = len(limiter.horizons), np.arange(len(limiter.joints))
         limited = self.admissible[self.admissible < _NO_LIMIT]
-        top = 1.15 * max(float(limited.max(initial=0.0)), float(np.abs(self.task.load).max(initial=0.0)), 1e-9)
+        top = 1.15 * max(float(limited.max(initial=0.0)), float(np.abs(self.load).max(initial=0.0)), 1e-9)
         shades = np.linspace(1.0, 0.25, count)
         for number, seconds in enumerate(limiter.horizons):
             at = places + width * ((number + 0.5) / count - 0.5)
             shown = np.minimum(self.admissible[:, number], top)
             ax.bar(at, shown, width / count, color=BAD, alpha=shades[number], label=_named(seconds))
-        ax.hlines(np.abs(self.task.load), places - width / 2, places + width / 2, color=INK, linewidth=1.4)
+        ax.hlines(np.abs(self.load), places - width / 2, places + width / 2, color=INK, linewidth=1.4)
         ax.set_xticks(places, [plain(joint) for joint in limiter.joints], size=SMALL, rotation=30, ha="right")
         ax.set_ylim(0, top)
         ax.set_ylabel(f"admissible {limiter.heating.request} [{limiter.heating.unit.replace('*', '·')}]", size=SMALL)
@@ -121,10 +119,10 @@ class LimitAnswer:
 
     def as_json(self) -> dict[str, object]:
         """Admissible values by joint and horizon; `for ever` under null seconds."""
-        limiter = self.task.limiter
+        limiter = self.limiter
         return {
             "kind": "limit",
-            "name": self.task.name,
+            "name": self.name,
             "unit": limiter.heating.unit,
             "seconds": [None if isinf(seconds) else seconds for seconds in limiter.horizons],
             "admissible": dict(zip(limiter.joints, self.admissible.tolist(), strict=True)),
@@ -133,11 +131,11 @@ class LimitAnswer:
 
     def text(self) -> str:
         """The table, and the scales of the whole load."""
-        limiter = self.task.limiter
+        limiter = self.limiter
         names = [_named(seconds) for seconds in limiter.horizons]
         head = "".join(f"{name:>12}" for name in names)
         lines = [f"{'joint':16} {'load':>8} {head} [{limiter.heating.unit}]"]
-        for joint, load, row in zip(limiter.joints, self.task.load, self.admissible, strict=True):
+        for joint, load, row in zip(limiter.joints, self.load, self.admissible, strict=True):
             lines.append(f"{joint:16} {load:8.3g} " + "".join(f"{_short(value):>12}" for value in row))
         lines.append(f"{'all, as a factor':16} {1:8} " + "".join(f"{_short(value):>12}" for value in self.scales))
         nothing = [joint for joint, row in zip(limiter.joints, self.admissible, strict=True) if not row.any()]
@@ -168,7 +166,8 @@ def _run(task: LimitTask) -> LimitAnswer:
     """The admissible values now."""
     limiter = task.limiter
     scales = [limiter.largest_scale(task.x, task.load, seconds, task.conditions) for seconds in limiter.horizons]
-    return LimitAnswer(task, limiter.admissible(task.x, task.load, task.conditions), np.array(scales))
+    admissible = limiter.admissible(task.x, task.load, task.conditions)
+    return LimitAnswer(**vars(task), admissible=admissible, scales=np.array(scales))
 
 
 def _named(seconds: float) -> str:

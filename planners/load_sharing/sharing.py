@@ -166,18 +166,9 @@ class LoadSharing:
         along = np.linalg.norm(forces - np.outer(normal, equations.up), axis=1)
         stands = np.array(equations.standing)
         grip = float(np.max(along[stands] / (stance.friction * np.maximum(normal[stands], 1e-9))))
-        return Sharing(
-            how,
-            forces,
-            torques,
-            tuple(self.body.joints),
-            time,
-            self.model.nodes[node] if node >= 0 else None,
-            float(np.min(self._limits - there)),
-            grip,
-            float(np.max(np.abs(torques) / equations.most)),
-            rounds,
-        )
+        first = self.model.nodes[node] if node >= 0 else None
+        margin, effort = float(np.min(self._limits - there)), float(np.max(np.abs(torques) / equations.most))
+        return Sharing(how, forces, torques, tuple(self.body.joints), time, first, margin, grip, effort, rounds)
 
 
 # --- the convex program ---------------------------------------------------------------------------

@@ -124,12 +124,12 @@ def solve_study(study: TradeStudy, report: Report = lambda _: None) -> StudyResu
     """
     solved: list[tuple[DesignProblem, Design]] = []
     refusals: list[Refusal] = []
-    tried: list[tuple[DesignProblem, DesignSolution | None]] = []
+    tried: list[tuple[DesignProblem, DesignSolution]] = []
     for option in study.options():
         report(f"solving {option.name}")
         problem = DesignProblem(option)
         solution = problem.solve()
-        tried.append((problem, solution if solution.success else None))
+        tried.append((problem, solution))
         if solution.success:
             solved.append((problem, design_of(problem, solution)))
         else:
@@ -164,7 +164,7 @@ def _front_of(points: list[FrontPoint], more_is_better: bool, cheap_first: int) 
     return tuple(sorted(front, key=lambda point: point.amount))
 
 
-def _sweep_points(problem: DesignProblem, near: DesignSolution | None, sweep: Sweep) -> tuple[FrontPoint, ...]:
+def _sweep_points(problem: DesignProblem, near: DesignSolution, sweep: Sweep) -> tuple[FrontPoint, ...]:
     """One option's answers; where more is harder, or less is, up to the first amount that is too hard."""
     against, study = sweep.against, problem.option.study
     parameter = {"torque": "torque", "duration": "duration", "ratio": "gear.ratio"}.get(against, f"limit.{against}")

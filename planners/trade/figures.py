@@ -13,7 +13,7 @@ from lptn.basics.errors import InputError
 from lptn.basics.style import BAD, FAINT, INK, LIMIT, PALETTE, PAPER, SMALL, TEXT, dress, new_figure, plain
 
 from .answer import StudyResult
-from .designs import Design, TorqueSpeed
+from .designs import Design
 from .export import strongest
 from .study import TradeStudy
 
@@ -69,7 +69,13 @@ def torque_speed_figure(result: StudyResult) -> Figure:
     figure = new_figure(3.2 * rows + 0.9)
     panels = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
     for ax, diagram in zip(panels, diagrams, strict=False):
-        _torque_speed(ax, diagram)
+        speed, torque = RPM * diagram.speed, np.nan_to_num(diagram.torque)
+        # Bands between the torques of two durations, the darker the shorter.
+        for row, shade in enumerate(np.linspace(1.0, 0.15, len(torque)).tolist()):
+            below = torque[row + 1] if row + 1 < len(torque) else np.zeros(speed.size)
+            label = duration_words(diagram.durations[row])
+            ax.fill_between(speed, below, torque[row], color=BAD, alpha=shade, lw=0, label=label)
+        ax.set(xlim=(0, speed[-1]), ylim=(0, 1.05 * float(torque.max())))
         ax.set_title(plain(diagram.name), fontsize=TEXT)
         dress(ax)
     for ax in panels[len(diagrams) :]:
@@ -84,18 +90,6 @@ def torque_speed_figure(result: StudyResult) -> Figure:
         f"{plain(result.study.question.name)}: how long a torque can be held, behind the gear", fontsize=TEXT + 1
     )
     return figure
-
-
-def _torque_speed(ax: Axes, diagram: TorqueSpeed) -> None:
-    """Bands between the torques of two durations, the darker the shorter."""
-    speed = RPM * diagram.speed
-    shades = np.linspace(1.0, 0.15, len(diagram.durations))
-    torque = np.nan_to_num(diagram.torque)
-    for row in range(len(diagram.durations)):
-        below = torque[row + 1] if row + 1 < len(torque) else np.zeros(speed.size)
-        label = duration_words(diagram.durations[row])
-        ax.fill_between(speed, below, torque[row], color=BAD, alpha=shades[row], lw=0, label=label)
-    ax.set(xlim=(0, speed[-1]), ylim=(0, 1.05 * float(torque.max())))
 
 
 def duration_words(seconds: float) -> str:

@@ -147,14 +147,12 @@ class Plant:
         """Of the shaft [rad/s]."""
         return self.ratio * load.speed
 
-    def motor_torque(self, load: Load) -> Any:
-        """At the rotor's windings [N·m]: through the gear, and to accelerate the rotor."""
-        through = ca.if_else(load.speed < 0, self._efficiency, 1 / self._efficiency)
-        return load.torque / self.ratio * through + self._inertia * self.ratio * load.acceleration
-
     def current(self, x: Any, load: Load) -> Any:
         """Current [A] that gives a torque with the magnets as warm as they are; [Chen2017, eq. 2.6]."""
-        return self.motor_torque(load) / self._torque_constant(x)
+        # At the rotor's windings [N·m]: through the gear, and to accelerate the rotor.
+        through = ca.if_else(load.speed < 0, self._efficiency, 1 / self._efficiency)
+        torque = load.torque / self.ratio * through + self._inertia * self.ratio * load.acceleration
+        return torque / self._torque_constant(x)
 
     def _torque_constant(self, x: Any) -> Any:
         nodes = self.option.motor.magnet_nodes

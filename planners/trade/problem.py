@@ -337,7 +337,7 @@ class DesignProblem:
             changed: parameters by name that differ from the study's.
             relax: find instead the least relaxation of these limits (or of the torque asked for), as a sum of shares
                 of their sizes, that makes the rest possible.
-            near: a solution to start from.
+            near: a solution to start from; one that failed is passed over.
         """
         start, lower, upper = np.array(self._program.numbers).T
         for name in relax:
@@ -349,8 +349,7 @@ class DesignProblem:
             upper[self._program.index(f"slack.{name}")] = most
         p = self.parameters.values(changed)
         least = np.where([equal for _, equal in self._program.rows], 0.0, -np.inf)
-        starts = [start, self._second_start(start)] if near is None else [near.raw, start, self._second_start(start)]
-        for begin in starts:
+        for begin in (*([near.raw] if near and near.success else []), start, self._second_start(start)):
             done = self._solver(x0=begin, p=p, lbx=lower, ubx=upper, lbg=least, ubg=0.0)
             solution = self._read(done, p)
             # A relaxation that IPOPT calls infeasible is not tried again: what matters then is what does help.

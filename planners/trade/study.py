@@ -361,13 +361,8 @@ def _with_known_metals(tables: Any) -> Any:
     """Metals of a study over those that are known; of a known one it may change single numbers."""
     if not isinstance(tables, Mapping):
         return tables
-    own = {
-        name: {**(MATERIALS[name].model_dump() if name in MATERIALS else {}), **table}
-        if isinstance(table, Mapping)
-        else table
-        for name, table in tables.items()
-    }
-    return MATERIALS | own
+    known = {name: metal.model_dump() for name, metal in MATERIALS.items()}
+    return known | {n: known.get(n, {}) | dict(t) if isinstance(t, Mapping) else t for n, t in tables.items()}
 
 
 Motor = TypeVar("Motor", bound=CatalogueMotor)

@@ -77,7 +77,7 @@ def intervals(
         for number, draw in enumerate(draws[:, columns]):
             drawn = {name: _drawn(asked, name, of, normal)
                      for (_, name), of, normal in zip(error, error.values(), draw, strict=True)}  # fmt: skip
-            solution = asked.solve(_built(asked, drawn), near=near if near.success else None)
+            solution = asked.solve(_built(asked, drawn), near=near)
             if solution.success:
                 values[row, number] = solution.value
     best = values.argmax(axis=0) if worst < 0 else values.argmin(axis=0)

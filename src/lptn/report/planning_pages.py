@@ -106,7 +106,7 @@ def _over_time(
 
 
 def _limit(answer: LimitAnswer) -> Charts | None:
-    limiter = answer.task.limiter
+    limiter = answer.limiter
     horizons = np.array(limiter.horizons, dtype=float)
     finite = np.isfinite(horizons)
     if finite.sum() < 2:
@@ -115,7 +115,7 @@ def _limit(answer: LimitAnswer) -> Charts | None:
     views = []
     for number, joint in enumerate(limiter.joints):
         admissible = np.where(np.isfinite(answer.admissible[number]), answer.admissible[number], np.nan)[finite]
-        lines = {"admissible": admissible, "load": np.full(int(finite.sum()), answer.task.load[number])}
+        lines = {"admissible": admissible, "load": np.full(int(finite.sum()), answer.load[number])}
         views.append(View((joint,), joint, "horizon", lines))
     shown = Line("admissible", "admissible", "best", dots=True), Line("load", "load now", "measured")
     panel = ChartPanel(f"admissible {limiter.heating.request} [{unit}]", unit, shown, 240, zero=True)
