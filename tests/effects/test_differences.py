@@ -164,3 +164,14 @@ def test_without_the_word_an_effect_of_fewer_places_stands_in_place_of_the_commo
     parse_model(FILE + second + "difference = true\n", tmp_path / "a.toml")
     with pytest.raises(InputError, match="difference"):
         parse_model(FILE + second + 'difference = "yes"\n', tmp_path / "a.toml")
+
+
+def test_a_mass_that_is_added_where_a_common_one_stands_is_the_place_s_own(tmp_path: Path) -> None:
+    """Less of one could not be a difference: a negative mass would send its temperature away."""
+    text = FILE.replace("constant_heat", "second_mass")
+    file = added(parse_model(text, tmp_path / "a.toml"), "second_mass", "a")
+    common, own = file.network.effects
+    assert (common.difference, own.difference) == (False, False)
+    assert own.in_place_of(common)
+    assert not common.in_place_of(own)
+    assert Model(file.network).states == ["a", "b", "second_mass.b", "second_mass.a"]

@@ -103,8 +103,7 @@ class Step(Tabular):
         """The fitted parameter that states the size of the effect: its amplitude, or, where that only says whether the
         effect is there, its time constant or other shape; `None` as for `amplitude`.
         """
-        effect = self.declaration.effect if self.declaration else None
-        return self.amplitude if effect is None or effect.adds_up() else self._fitted(effect.shape())
+        return self._fitted(self.declaration.effect.size() if self.declaration else None)
 
     def _fitted(self, parameter: Parameter | None) -> ParameterInstance | None:
         """A parameter of the effect as it was fitted."""

@@ -17,7 +17,7 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.parameters import Parameter
 from lptn.basics.places import EVERYWHERE, class_of, in_run, is_glob, is_of_run, limb_of, matching, run_label
 from lptn.effects import Effect, GroupEffect, MassEffect, catalogue
-from lptn.effects.base import Place
+from lptn.effects.base import Place, either_sign
 from lptn.identify.fitting import Fit
 from lptn.logs.resampling import raw_keys
 from lptn.model.heat_balance import input_column
@@ -38,7 +38,7 @@ _OF_A_JOINT = {"torque", "current", "velocity", "powered"}
 """What a log says of a joint as a whole; sun or air that is logged at a place are not its neighbour's."""
 _JOINTS = "*_*"  # names such as FR_calf
 _ONE_RUN_ONLY = 0.1  # prior odds of what acts in one run and no other, relative to the same in all runs
-_LEAST_SHAPE = 0.1  # of a shape that is scored: as short as an own time constant starts where others have a longer one
+_LEAST_SHARE = 0.1  # of a mass or time constant that the others have: as little as an own one starts with
 _OF_A_STEP = 0.5
 """Share of a log's step. A mass that warms in less is as warm as its node at the end of the step, e⁻² of the difference
 aside, and counts as more of the node; each halving of its time constant doubles the Runge-Kutta steps of every fit."""
@@ -107,7 +107,7 @@ class Candidate:
         grid: values of the effect's shape at which it is scored; the effect's own by default.
         shortest: least time constant of a mass that a fit to these steps may try [s]; 0 for what the effect allows.
         difference: whether it is what a place has beside the same effect that it has in common with others.
-        common_shape: of a difference the shape that the place has in common with others.
+        common_shape, common_size: of a difference the shape and the amplitude that the place has in common with others.
         one_logger: whether its runs are known to come each from one logger, whose clock is one.
         one_of_likes: whether it has at one place, beside others like it, what like places have alike.
         windings: for each place the winding whose log columns drive it, where that is not the place itself.
@@ -123,6 +123,7 @@ class Candidate:
     shortest: float = field(default=0.0, compare=False)  # of the log
     difference: bool = False
     common_shape: float = field(default=0.0, compare=False)  # of the fit
+    common_size: float = field(default=0.0, compare=False)
     one_logger: bool = field(default=False, compare=False)  # of the log
     one_of_likes: bool = field(default=False, compare=False)  # of the network
     windings: tuple[str, ...] = field(default=(), compare=False)  # of the network and the log
@@ -149,8 +150,8 @@ class Candidate:
     @property
     def amplitude(self) -> Parameter:
         """The parameter that switches the effect off, with the size that is usual at its places."""
-        stated = next(parameter for parameter in self.effect.stated(self.difference) if parameter.off is not None)
-        return replace(stated, typical=self.typical)
+        stated = next(parameter for parameter in self.effect.parameters if parameter.off is not None)
+        return replace(either_sign(stated) if self.difference else stated, typical=self.typical)
 
     @property
     def one_sided(self) -> bool:
@@ -187,12 +188,15 @@ class Candidate:
     def declaration(self, amplitude: float | None, shape: float | None) -> EffectDeclaration:
         """The effect switched on, one amplitude shared by all its places.
 
-        Where a place has its own in place of what the others have (`Effect.adds_up`), it starts later, or earlier, than
-        they by what the score says.
+        Where a place has its own in place of what the others have (`Effect.adds_up`), it starts larger or smaller, or
+        where it is all or nothing later or earlier, than they by what the score says.
         """
         difference = self.difference and self.effect.adds_up()
         if self.difference and not difference and amplitude is not None and shape is not None:
-            shape = max(self.common_shape + amplitude * shape, _LEAST_SHAPE * shape)
+            if self.amplitude.on is None:
+                shape, amplitude = self.common_shape, max(self.common_size + amplitude, _LEAST_SHARE * self.common_size)
+            else:
+                shape = max(self.common_shape + amplitude * shape, _LEAST_SHARE * shape)
         parameters = []
         for parameter in self.effect.stated(difference):
             on = replace(_set(parameter, self.typical, shape).switched_on, share="all")
@@ -489,6 +493,7 @@ def _differences(network: Network, effect: type[Effect], columns: Collection[str
             words=tuple(instance.effect.chosen.items()),
             difference=True,
             common_shape=values[instance.parameters[shape.name]] if shape else 0.0,
+            common_size=values[instance.parameters[amplitude.name]],
             windings=() if instance.driven_by == instance.ends[0] else (instance.driven_by,),
         )
         for instance in {instance.place: instance for instance in common}.values()

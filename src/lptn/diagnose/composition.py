@@ -376,15 +376,22 @@ class _Search:
         """
         size, errors = step.size_parameter, self.fit.standard_errors
         error = errors.get(size.name, 0.0) if size else 0.0
-        if size is None or error == 0.0:
+        if size is None or error == 0.0 or step.declaration is None:
             return np.inf
+        instead_of = _instead_of(self.fit, step.declaration)
+        parameter = step.declaration.effect.size()
+        if instead_of and parameter:
+            values = {one.name: one.value for one in self.fit.model.parameters}
+            none = values[instead_of.shared_name(parameter.name)]
+        else:
+            none = size.declared.off or 0.0
         beside = self.structure if step.declaration in self.structure else []
         held = {own.shared_name(parameter) for own in beside for parameter in own.resolved} - {size.name}
         names = list(errors)
         rows = [names.index(size.name), *(row for row, name in enumerate(names) if name in held)]
         correlations = self.fit.uncertainty.correlations[np.ix_(rows, rows)] + _RIDGE * np.eye(len(rows))
         error /= sqrt(float(np.linalg.inv(correlations)[0, 0]))
-        return abs(size.value - (size.declared.off or 0.0)) / error
+        return abs(size.value - none) / error
 
 
 def with_priors(one: Candidate, amplitude: float | None, shape: float | None) -> EffectDeclaration:
@@ -462,7 +469,7 @@ def _continued(base: Fit, network: Network) -> Fit | None:
 def _is_none(fit: Fit, declared: EffectDeclaration) -> bool:
     amplitude, shape = declared.effect.amplitude(), declared.effect.shape()
     values = {parameter.name: parameter for parameter in fit.model.parameters}
-    if amplitude is None:
+    if amplitude is None or _instead_of(fit, declared):
         return False
     size = values[declared.shared_name(amplitude.name)]
     if amplitude.on is not None:  # there or not: none where it acts within a step
@@ -472,11 +479,17 @@ def _is_none(fit: Fit, declared: EffectDeclaration) -> bool:
 
 
 def _log_odds_of_none(evidence: Evidence, declared: EffectDeclaration) -> float:
-    """To first order; infinite for an effect that is either present or not, which only a fit can decide."""
+    """To first order; infinite for an effect that is either present or not, or stands in place of what others have,
+    which only a fit can decide."""
     amplitude = declared.effect.amplitude()
-    if amplitude is None or amplitude.on is not None:
+    if amplitude is None or amplitude.on is not None or _instead_of(evidence.fitted, declared):
         return float("inf")
     return evidence.log_odds_of_none(declared.shared_name(amplitude.name))
+
+
+def _instead_of(fit: Fit, declared: EffectDeclaration) -> EffectDeclaration | None:
+    """What a place has in common with others in whose place it has an effect of its own."""
+    return next((other for other in fit.model.network.effects if declared.in_place_of(other)), None)
 
 
 def _depends_on(one: EffectDeclaration, other: EffectDeclaration) -> bool:

@@ -201,28 +201,27 @@ class Effect(ABC):
         return next((parameter for parameter in cls.parameters if parameter.grid), None)
 
     @classmethod
-    def adds_up(cls) -> bool:
-        """Whether a place may have more of it than it has in common with others; of what is all or nothing it has its
-        own, with a shape of its own, in place of what the others have.
-        """
+    def size(cls) -> Parameter | None:
+        """The parameter that states its size: the amplitude, or where that only says whether it is there the shape."""
         amplitude = cls.amplitude()
-        return amplitude is not None and amplitude.on is None
+        return cls.shape() if amplitude is not None and amplitude.on is not None else amplitude
+
+    @classmethod
+    def adds_up(cls) -> bool:
+        """Whether a place may have more of it than it has in common with others.
+
+        Of what is all or nothing, and of masses, it has its own in place of what the others have.
+        """
+        amplitude, is_mass = cls.amplitude(), cls.has_state and cls.site != "sensor"
+        return amplitude is not None and amplitude.on is None and not is_mass
 
     @classmethod
     def stated(cls, difference: bool = False) -> tuple[Parameter, ...]:
         """Its parameters, or those of the difference that one place makes to what it has in common with others.
 
-        A difference adds to heat, readings and exchange, and multiplies factors. It may be of either sign, but for
-        masses: a negative one would send its temperature away.
+        A difference adds to heat, readings and exchange, and multiplies factors. It may be of either sign.
         """
-        if not difference or (cls.has_state and cls.site != "sensor" and cls.adds_up()):
-            return cls.parameters
-        return tuple(
-            parameter
-            if parameter.off is None or parameter.off > parameter.bounds[0]
-            else replace(parameter, bounds=(2 * parameter.off - parameter.bounds[1], parameter.bounds[1]))
-            for parameter in cls.parameters
-        )
+        return tuple(map(either_sign, cls.parameters)) if difference and cls.adds_up() else cls.parameters
 
     def needed(self) -> tuple[str, ...]:
         """Input features that the equation reads; an option called `input` names the one."""
@@ -617,6 +616,13 @@ class BoundaryEffect(Effect):
 
     def state_rate(self, here: Conditions) -> Symbol:
         return self.rate(here.given, here.state, here.p)
+
+
+def either_sign(parameter: Parameter) -> Parameter:
+    """An amplitude as that of a difference, which may be negative; all else as it is."""
+    if parameter.off is None or parameter.off > parameter.bounds[0]:
+        return parameter
+    return replace(parameter, bounds=(2 * parameter.off - parameter.bounds[1], parameter.bounds[1]))
 
 
 def _pairs(at: str, layout: NetworkPlaces) -> list[tuple[str, str]]:

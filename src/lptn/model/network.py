@@ -135,6 +135,11 @@ class EffectDeclaration:
         """What a parameter is called among the model's, where all places of the effect have it in common."""
         return f"{self.name}.{parameter}.{self.where}"
 
+    def in_place_of(self, other: EffectDeclaration) -> bool:
+        """Whether it is what one place has of an effect in place of what it would have in common with others."""
+        alike = self.effect.key == other.effect.key and self.run == other.run
+        return alike and not self.difference and self.at != other.at and bool(matching(other.at, [self.at]))
+
     @property
     def resolved(self) -> dict[str, Parameter]:
         """All parameters of the effect, this model's values first."""

@@ -541,13 +541,14 @@ def size_in_words(step: Step, last: Fit) -> str:
             text = f"{parameter.name.replace('_', ' ')} {value_in_words(value, error, parameter.unit_behind)}"
             if parameter.off is None and parameter.unit == "s":
                 times = text + _where_others_have(declaration, parameter, last)
-            elif parameter.off is None and not declaration.effect.adds_up():
+            elif parameter.off is None and declaration.effect.size() != declaration.effect.amplitude():
                 sizes = text
             elif parameter.off is not None:
                 share = abs(value / values[name].declared.typical)
                 times_as_large = f"{short_size(share)} times" if share > 1 else f"{short_size(100 * share)} % of"
                 beside = " beyond what it has in common with others" if declaration.difference else ""
-                sizes = f"{text}{beside}, {times_as_large} a typical value"
+                others = _where_others_have(declaration, parameter, last)
+                sizes = f"{text}{beside}{others}, {times_as_large} a typical value"
                 doubt = "" if abs(value - parameter.off) >= _DIFFERENT * error else "; not significant"
     return "; ".join(filter(None, (sizes + doubt, times)))
 
