@@ -17,9 +17,9 @@ from lptn.online import living_sensors
 from ..compiled import c_code, compiled
 from ..heating import Heating
 
-SOLVER = ("lptn_mpc.h", "lptn_mpc.c", "linear.inc", "living.inc", "sound.inc", "observe.inc", "bounds.inc",
+SOLVER = ("lptn_mpc.h", "lptn_mpc.c", "linear.inc", "living.inc", "filter.inc", "observe.inc", "bounds.inc",
           "newton.inc", "interior.inc", "lptn_loop.h", "lptn_loop.c")  # fmt: skip
-_LIVING = ("STANDS", "SHORTEST", "LEAST_CHANCE", "COARSEST", "ERROR", "BELOW", "BELOW_IF_LOST", "MISLEADS", "ABOVE",
+_LIVING = ("STANDS", "SHORTEST", "LEAST_CHANCE", "COARSEST", "BELOW", "BELOW_IF_LOST", "MISLEADS", "ABOVE",
            "NOISE", "LEAST", "LEAST_SHARE", "FOLLOWS", "FEWEST")  # fmt: skip
 _GLUE = """\
 #define LPTN_WIDE
@@ -131,8 +131,8 @@ def structs(made: Mapping[str, str]) -> dict[str, type[Any]]:
     """Classes of the structs that `lptn_mpc.h` declares, by name, for the sizes of these sources."""
     numbers = re.findall(r"#define LPTN_(\w+) (\d+)", made["sizes.h"] + made["lptn_mpc.h"])
     sizes = {name: int(value) for name, value in numbers}
-    sizes["NZ"] = sizes["NX"] + 2 * sizes["NN"]
-    sizes["NS"] = sizes["NX"] + sizes["NN"] + sizes["NK"]
+    sizes["NE"] = sizes["NN"] + sizes["NK"]
+    sizes["NS"] = sizes["NX"] + sizes["NE"]
     declared = re.sub(r"/\*.*?\*/", "", made["lptn_mpc.h"], flags=re.DOTALL)
     kinds: dict[str, Any] = {"double": ctypes.c_double, "int": ctypes.c_int}
     for body, name in re.findall(r"typedef struct \{(.*?)\} (\w+);", declared, re.DOTALL):
@@ -168,7 +168,7 @@ def _number(value: float) -> str:
     return "INFINITY" if math.isinf(value) else repr(value)
 
 
-def _list(values: list[float]) -> str:
-    words = [_number(value) for value in values]
+def _list(values: list[Any]) -> str:
+    words = [_list(list(value)) if hasattr(value, "__len__") else _number(value) for value in values]
     rows = [", ".join(words[k : k + 8]) for k in range(0, len(words), 8)]
     return "{" + ",\n        ".join(rows) + "}"

@@ -37,6 +37,7 @@ _INSTEAD = {
     "stop": "its joint gets no more than its floor",
 }
 _MISSING, _STANDS, _CONTRADICTS = 1, 2, 3  # of a sensor, as in `c/lptn_mpc.h`
+_ESTIMATE = 3  # of the filters, as there
 _NO_CUT = 5e-4  # of a request; a smaller cut is none to a person
 _SHORTCUT, _TOO_HOT, _NOT_BEST, _NOT_ALIVE = 1, 16, 32, 128
 
@@ -158,8 +159,8 @@ class TorqueMPC:
     linearised anew on the way down; each stage is the exact exponential of its linearisation. The same C code runs on a
     robot (`emit`). Where the full request stays cool nothing is solved.
 
-    What the model lacks is estimated from the readings, for each node a heat and a relative error of its controlled
-    heat, so that the limits are kept by a model that is wrong.
+    What the model lacks is estimated from the readings by an extended Kalman filter of its parameters and a heat of
+    each node, so that the limits are kept by a model that is wrong.
 
     Args:
         model: the model, at the values to use.
@@ -187,8 +188,9 @@ class TorqueMPC:
         margin: K that is kept beside it.
         noise: standard deviation of a reading [K], its rounding aside.
         resolution: step to which readings are rounded [K]: 1 where a drive tells whole degrees.
-        model_error: what the model's heat flows may be off by, relative. 0 where temperatures come from an estimator of
-            your own: then readings are taken as they are, with an error of `noise`.
+        model_error: what the model's heat flows may be off by, relative; half of it each parameter. 0 where
+            temperatures come from an estimator of your own: then readings are taken as they are, with an error of
+            `noise`.
         standard_errors: of the model's parameters by name; they add to `model_error`. By default those of the table
             `[fit]` of its file, where there is one.
         lost_sensor: what a joint gets whose node has lost its sensor: `"model"`, what the model allows, with the
@@ -303,23 +305,31 @@ class TorqueMPC:
         return self._answer()
 
     def reset(self) -> None:
-        """Forget estimate, bias and the last plan."""
+        """Forget the estimate and the last plan."""
         ctypes.memset(ctypes.byref(self._state), 0, ctypes.sizeof(self._state))
 
     @property
     def estimate(self) -> dict[str, float]:
         """Estimated temperature of each state [degC]."""
-        return dict(zip(self.model.states, self._state.x, strict=True))
+        return dict(zip(self.model.states, self._estimated, strict=False))
 
     @property
     def bias(self) -> dict[str, float]:
         """Heat that the model lacks, as a rate of each node [K/s]."""
-        return dict(zip(self.model.nodes, self._state.bias, strict=False))
+        return dict(zip(self.model.nodes, self._estimated[len(self.model.states) :], strict=False))
 
     @property
-    def gain(self) -> dict[str, float]:
-        """Relative error found in the controlled heat of each node."""
-        return dict(zip(self.model.nodes, self._state.gain, strict=False))
+    def parameters(self) -> dict[str, float]:
+        """Values of the model's parameters as the readings tell them, by name."""
+        found = dict(zip((parameter.name for parameter in self.model.parameters), self.model.values, strict=True))
+        names, first = list(found), len(self.model.states) + len(self.model.nodes)
+        for number, off in zip(unsure(self.heating), self._estimated[first:], strict=True):
+            found[names[number]] *= math.exp(off)
+        return {name: float(value) for name, value in found.items()}
+
+    @property
+    def _estimated(self) -> FloatArray:
+        return np.array(self._state.filter[_ESTIMATE].z)
 
     def emit(self, folder: Path | str, start: FloatArray, asked: FloatArray, conditions: FloatArray) -> list[Path]:
         """Write the controller as C files for a robot: solver, model, settings and a small program that runs it.
@@ -400,13 +410,13 @@ class TorqueMPC:
             "p": [*self.model.values, 0.0], "unsure": unsure(self.heating),
             "recovery": own.recovery, "smoothing": own.smoothing, "linear": linear, "quadratic": quadratic,
             "noise": math.hypot(own.noise, own.grain), "grain": own.grain, "sigmas": own.sigmas,
-            "doubt": own.doubt, "gain_doubt": own.gain_doubt, "settles": own.settles,
+            "error": own.errors, "learns": own.model_error > 0, "settles": own.settles,
             "tolerance": own.tolerance, "iterations": own.iterations, "warm": own.warm,
             "lost_sensor": get_args(LostSensor).index(own.lost_sensor),
         }  # fmt: skip
         for name, _ in self._settings._fields_:
             if np.ndim(values[name]):
-                getattr(self._settings, name)[:] = np.asarray(values[name]).tolist()
+                np.ctypeslib.as_array(getattr(self._settings, name))[...] = values[name]
             else:
                 setattr(self._settings, name, values[name])
 

@@ -14,9 +14,11 @@ from scipy.special import ndtri
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
+from lptn.online.living_sensors import ERROR
 
 from ..heating import Heating
 from ..values import Each, checked_by_place, limits_of
+from .c_code import unsure
 
 LostSensor = Literal["model", "derate", "stop"]
 """What a joint gets whose node has lost its sensor; the order is that of `c/lptn_mpc.h`."""
@@ -34,8 +36,8 @@ class Settings:
         limits: degC by node; the margin is not taken off yet.
         weights, currents, rates, floors: of the joints, shape (joints,); infinite currents, rates of 0: no limits.
         recovery: of the limited nodes, shape (limited nodes,).
-        doubt: heat that the model may lack, as a rate of each state [K/s].
-        gain_doubt: relative error of the controlled heat of each state.
+        errors: standard deviations of what sets a robot apart from its model, for the estimate and where sensors are
+            tested: heat that each node lacks, as a rate [K/s], and logarithms of parameters; shape (2, errors).
         settles: time in which each node forgets how warm the whole robot began [s].
         tolerance: on the duality gap; the cost of admitting nothing is 1.
         iterations: of the solver, at most.
@@ -55,8 +57,7 @@ class Settings:
     resolution: float
     level: float
     model_error: float
-    doubt: FloatArray
-    gain_doubt: FloatArray
+    errors: FloatArray
     settles: FloatArray
     lost_sensor: LostSensor = "model"
     tolerance: float = 1e-6
@@ -165,7 +166,7 @@ def settle(
         resolution,
         level,
         model_error,
-        *_doubts(heating, bounds, model_error, standard_errors or {}),
+        _errors(heating, bounds, model_error, standard_errors or {}),
         np.where((forgets > 0) & (forgets < day), forgets, day),
         lost_sensor,
     )
@@ -200,38 +201,25 @@ def _at_limits(heating: Heating, limits: Mapping[str, float]) -> _Balance:
     return _Balance(x, room, rates.ravel(), slope)
 
 
-def _doubts(
+def _errors(
     heating: Heating, limits: dict[str, float], model_error: float, standard_errors: Mapping[str, float]
-) -> tuple[FloatArray, FloatArray]:
-    """Standard deviations of the heat that the model may lack, as a rate of each state [K/s], and of the relative error
-    of its controlled heat: `model_error`, and the parameters' standard errors by their slopes at the limits.
+) -> FloatArray:
+    """Standard deviations of the heat that each node lacks [K/s] and of the parameters' logarithms: `Settings.errors`.
 
-    A resistance between two limited nodes shows only where one of them is hotter: its slope is the larger of that with
-    all at their limits and that with the node alone at its limit."""
-    model, cooling = heating.model, _cooling(heating, limits)
-    relative = np.full(len(cooling), model_error)
-    if not model_error or not standard_errors:
-        return model_error * cooling, relative
+    A heat flow is mostly a product of two parameters: half of its relative error is each one's, and another half of
+    what a node loses at its limit is no parameter's."""
+    model = heating.model
     names = [parameter.name for parameter in model.parameters]
     unknown = set(standard_errors) - set(names)
     if unknown:
         place = f"standard_errors.{sorted(unknown)[0]}"
         raise InputError(model.network.origin, place, "no such parameter", f"some of {', '.join(names[:8])}, …")
-    errors = np.array([standard_errors.get(name, 0.0) for name in names])
-    none = ca.substitute(heating.rates, heating.amount, ca.SX.zeros(heating.amount.shape))
-    all_ones = ca.substitute(heating.rates, heating.amount, ca.SX.ones(heating.amount.shape)) - none
-    slopes = ca.Function("slopes", [heating.x, heating.d, heating.p],
-                         [ca.jacobian(none, heating.p), ca.jacobian(all_ones, heating.p), all_ones])  # fmt: skip
-    hot = _at_limits(heating, limits)
-    missing, of_heat, heat = (np.asarray(value.full()) for value in slopes(hot.x, hot.room, model.values))
-    for node, limit in limits.items():
-        row = model.places.index(node)
-        alone = _at_limits(heating, {node: limit})
-        by_parameter = slopes(alone.x, alone.room, model.values)[0].full()[row]
-        missing[row] = np.maximum(np.abs(missing[row]), np.abs(by_parameter))
-    share = np.abs(of_heat) / np.maximum(np.abs(heat), 1e-300) * (np.abs(heat) > 0)
-    return (np.sqrt((model_error * cooling) ** 2 + (missing**2) @ errors**2),
-            np.sqrt(relative**2 + (share**2) @ errors**2))  # fmt: skip
+    errors = np.array([standard_errors.get(name, 0.0) for name in names]) / np.maximum(np.abs(model.values), 1e-300)
+    cooling, own = _cooling(heating, limits)[: len(model.nodes)], errors[unsure(heating)]
+    return np.array([
+        np.concatenate([0.5 * error * cooling, np.hypot(0.5 * error, told)])
+        for error, told in ((model_error, own if model_error else 0.0 * own), (ERROR, 0.0 * own))
+    ])  # fmt: skip
 
 
 def _cooling(heating: Heating, limits: dict[str, float]) -> FloatArray:

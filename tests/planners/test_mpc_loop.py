@@ -12,6 +12,7 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.model.model import Model
 from lptn.planners import ControlLoop, TorqueMPC
+from lptn.planners.mpc.c_code import structs
 from tests.builders import effect, leg
 from tests.planners.test_mpc_emit import answered, built, needs_a_compiler
 
@@ -49,7 +50,8 @@ def test_a_period_of_ticks_is_a_step_with_their_rms() -> None:
 
 def test_measured_torques_count_unless_their_sensor_is_dead() -> None:
     """A drive that gives half of what it is asked; its sensor missing, absurd or standing: the command stands in."""
-    asked = swinging(TICKS + 2)
+    asked, made = swinging(TICKS + 2), controller().sources
+    layout = structs({**made, "lptn_mpc.h": made["lptn_loop.h"]})["lptn_loop"]
     done = {}
     for name in ("none", "half", "nan", "absurd", "stands", "zero"):
         loop = ControlLoop(controller(), TICK)
@@ -59,7 +61,7 @@ def test_measured_torques_count_unless_their_sensor_is_dead() -> None:
                 measured[1] = {"nan": np.nan, "absurd": 1e30, "stands": 3.0, "zero": 0.0, "none": np.nan}[name]
             loop.update(torque, START, AROUND, None if name == "none" else measured)
         assert (loop.status & 8 > 0) == (name not in ("none", "half"))
-        done[name] = np.sqrt(np.array(loop.mpc._state.made))  # what the period's RMS warmed each node by, square root
+        done[name] = np.array(layout.from_buffer(loop._loop).mean_done)  # RMS of the period
     # The request of a single tick, the first, made the first plan; its scales held through the period.
     np.testing.assert_allclose(done["half"], 0.5 * done["none"], rtol=1e-6)
     np.testing.assert_allclose(done["nan"][1], done["none"][1])

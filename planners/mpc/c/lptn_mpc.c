@@ -1,4 +1,4 @@
-/* One step of the thermal controller: sensors, bias estimate, exact linear steps, interior point with Riccati elimination. */
+/* One step of the thermal controller: sensors, estimate, exact linear steps, interior point with Riccati elimination. */
 #include "lptn_mpc.h"
 
 #include <math.h>
@@ -9,7 +9,7 @@
 #include "heat.inc"
 #include "linear.inc"
 #include "living.inc"
-#include "sound.inc"
+#include "filter.inc"
 #include "observe.inc"
 #include "bounds.inc"
 #include "newton.inc"

@@ -24,8 +24,10 @@ enum { LPTN_ALIVE, LPTN_MISSING, LPTN_STANDS, LPTN_CONTRADICTS, LPTN_UNPROVEN };
 /* What happens to a joint whose node has lost its sensor: the model goes on; as if the node were at its limit; no torque. */
 enum { LPTN_MODEL, LPTN_DERATE, LPTN_STOP };
 
-#define LPTN_NZ (LPTN_NX + 2 * LPTN_NN)
-#define LPTN_NS (LPTN_NX + LPTN_NN + LPTN_NK)
+#define LPTN_NE (LPTN_NN + LPTN_NK)
+#define LPTN_NS (LPTN_NX + LPTN_NE)
+/* Filters: by no reading; by the sensors that are not lost; by these and a lost one that is tested; what is planned from. */
+enum { ALONE, USED, RETURNS, ESTIMATE };
 
 /* What does not change from step to step. */
 typedef struct {
@@ -45,12 +47,12 @@ typedef struct {
     double noise;               /* of a reading, its rounding included, standard deviation [K] */
     double grain;               /* of the rounding alone, which no averaging removes [K] */
     double sigmas;              /* standard deviations of the estimate that are kept as a margin */
-    double doubt[LPTN_NX];      /* heat that the model may lack, as a rate of each state [K/s]; 0: readings are taken
-                                   as they are */
-    double gain_doubt[LPTN_NX]; /* relative error that the controlled heat may have */
+    double error[2][LPTN_NE];   /* standard deviations of what sets a robot apart from its model, of the estimate and where
+                                   sensors are tested: heat that each node lacks [K/s], logarithms of the parameters */
     double settles[LPTN_NN];    /* time in which a node forgets how warm all began [s] */
     double tolerance;           /* on the duality gap */
     int iterations, warm;       /* at most; the first `warm` of them from the last plan, the others from a cold start */
+    int learns;                 /* whether there is an estimate; else readings are taken as they are */
     int lost_sensor;            /* LPTN_MODEL, LPTN_DERATE or LPTN_STOP */
 } lptn_mpc_settings;
 
@@ -71,27 +73,22 @@ typedef struct {
                                                              not to be, and has not come back */
 } lptn_mpc_sensors;
 
-/* What is known of the robot if it is sound, from all readings that agree with it. z: its temperatures [degC], the heat that each node
- * lacks [K/s], and the logarithms of its parameters over the model's. */
+/* A filter of the robot. z: its temperatures [degC], the heat that each node lacks [K/s], and the logarithms of its parameters over the
+ * model's. */
 typedef struct {
-    double z[LPTN_NS], spread[LPTN_NS][LPTN_NS];   /* and its covariance */
+    double z[LPTN_NS], spread[LPTN_NS][LPTN_NS]; /* and its covariance */
     double evidence[LPTN_NN][3];                 /* that a sensor is false, as log likelihood ratios */
-} lptn_mpc_sound;
+} lptn_mpc_filter;
 
-/* What is kept between steps; all zero before the first. z: states, missing heat and relative error of each node. */
+/* What is kept between steps; all zero before the first. */
 typedef struct {
-    double x[LPTN_NX], bias[LPTN_NX];    /* estimate [degC]; heat that the model lacks, as a rate [K/s] */
-    double gain[LPTN_NX];                /* relative error of the controlled heat */
-    double spread[LPTN_NZ][LPTN_NZ];     /* covariance of z */
-    double made[LPTN_NN];                /* what the controlled heat warmed each node by, over the last period [K/s] */
-    double raised[LPTN_NX];              /* how much of x comes from the controlled heat since its node began [K] */
-    lptn_mpc_sound sound[3];             /* by no reading; by the sensors that are not lost; by these and a lost one */
-    int returning;                       /* which one that is */
+    lptn_mpc_filter filter[4];
+    int returning;                       /* which sensor is tested */
+    double raised[LPTN_NX];              /* how much of the estimate comes from the controlled heat since its node began [K] */
     double coldest;                      /* of all that surrounded the robot, and of sensors that live as they began [degC] */
     double unknown[LPTN_NN];             /* of one that was never trusted: variance of the model alone when it last contradicted [K^2] */
     double woken[LPTN_NN];               /* of a sensor that was never trusted: by how much it began above the model alone [K] */
     double hotter[LPTN_NX];              /* by how much each is hotter if nodes that no sensor tells began as hot as allowed [K] */
-    double returns[LPTN_NN];             /* of a sensor that came back: error without it, by the time that it has to agree [K/s] */
     int read[LPTN_NN], guessed[LPTN_NN]; /* how often its sensor began, 0 for never read; no sensor tells its node */
     int once_trusted[LPTN_NN], used[LPTN_NN]; /* its sensor was trusted once; was used since its reference was set */
     double applied[LPTN_NU], conditions[LPTN_ND + 1];
@@ -132,12 +129,13 @@ typedef struct {
     double R[LPTN_N][LPTN_NU], r[LPTN_N][LPTN_NU], Q[LPTN_N][LPTN_NL], q[LPTN_N][LPTN_NL];
     double x[LPTN_N + 1][LPTN_NX], dx[LPTN_N + 1][LPTN_NX];
     double gap[LPTN_N][LPTN_NX], P[LPTN_N][LPTN_NX][LPTN_NXP]; /* x+ less the next stage's x; cost to go */
-    double bias[LPTN_NX], gain[LPTN_NX], limit[LPTN_N][LPTN_NL];
+    double bias[LPTN_NN], limit[LPTN_N][LPTN_NL]; /* missing heat of each node [K/s] */
     double best[LPTN_N][LPTN_NU], least;  /* the best scales that were met, and their price */
     double heat[LPTN_HEAT_OUT], casadi[LPTN_HEAT_W + 1];
-    double transition[LPTN_NX][LPTN_NX], start[LPTN_NX]; /* of one period; temperatures that are planned from [degC] */
+    double start[LPTN_NX];                               /* temperatures that are planned from [degC] */
     int stopped[LPTN_NU];                                /* joints that get nothing but their floor */
-    double p[LPTN_NP + 1], by[LPTN_NX][LPTN_NK], sound[2][LPTN_NX][LPTN_NS]; /* parameters that are tried, and slopes by them */
+    double p[LPTN_NP + 1], by[LPTN_NX][LPTN_NK];                      /* parameters that are tried, and slopes by them */
+    double G[LPTN_NX][LPTN_NS], moved[LPTN_NX][LPTN_NS];            /* of one period, by z; times the covariance of z */
 } lptn_mpc_work;
 
 /* One control period.
