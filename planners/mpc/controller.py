@@ -321,11 +321,10 @@ class TorqueMPC:
     @property
     def parameters(self) -> dict[str, float]:
         """Values of the model's parameters as the readings tell them, by name."""
-        found = dict(zip((parameter.name for parameter in self.model.parameters), self.model.values, strict=True))
-        names, first = list(found), len(self.model.states) + len(self.model.nodes)
-        for number, off in zip(unsure(self.heating), self._estimated[first:], strict=True):
-            found[names[number]] *= math.exp(off)
-        return {name: float(value) for name, value in found.items()}
+        names, values = [parameter.name for parameter in self.model.parameters], np.array(self.model.values)
+        off = self._estimated[len(self.model.states) + len(self.model.nodes) :]
+        values[unsure(self.heating)] += self.settings.units * np.expm1(off)
+        return dict(zip(names, values.tolist(), strict=True))
 
     @property
     def _estimated(self) -> FloatArray:
@@ -407,7 +406,7 @@ class TorqueMPC:
             "stage": own.stages, "limit": own.planned_limits,
             "node": [self.model.places.index(node) for node in own.limits], "owner": self.model.owners,
             "weight": own.weights, "most": own.currents, "rate": own.rates, "floor": own.floors,
-            "p": [*self.model.values, 0.0], "unsure": unsure(self.heating),
+            "p": [*self.model.values, 0.0], "unsure": unsure(self.heating), "unit": own.units,
             "recovery": own.recovery, "smoothing": own.smoothing, "linear": linear, "quadratic": quadratic,
             "noise": math.hypot(own.noise, own.grain), "grain": own.grain, "sigmas": own.sigmas,
             "error": own.errors, "learns": own.model_error > 0, "settles": own.settles,

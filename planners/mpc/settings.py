@@ -36,8 +36,10 @@ class Settings:
         limits: degC by node; the margin is not taken off yet.
         weights, currents, rates, floors: of the joints, shape (joints,); infinite currents, rates of 0: no limits.
         recovery: of the limited nodes, shape (limited nodes,).
+        units: values of the parameters that a robot has of its own, or standard errors of those that are 0.
         errors: standard deviations of what sets a robot apart from its model, for the estimate and where sensors are
-            tested: heat that each node lacks, as a rate [K/s], and logarithms of parameters; shape (2, errors).
+            tested: heat that each node lacks, as a rate [K/s], and logarithms of these parameters over their
+            units; shape (2, errors).
         settles: time in which each node forgets how warm the whole robot began [s].
         tolerance: on the duality gap; the cost of admitting nothing is 1.
         iterations: of the solver, at most.
@@ -57,6 +59,7 @@ class Settings:
     resolution: float
     level: float
     model_error: float
+    units: FloatArray
     errors: FloatArray
     settles: FloatArray
     lost_sensor: LostSensor = "model"
@@ -166,7 +169,7 @@ def settle(
         resolution,
         level,
         model_error,
-        _errors(heating, bounds, model_error, standard_errors or {}),
+        *_errors(heating, bounds, model_error, standard_errors or {}),
         np.where((forgets > 0) & (forgets < day), forgets, day),
         lost_sensor,
     )
@@ -203,8 +206,8 @@ def _at_limits(heating: Heating, limits: Mapping[str, float]) -> _Balance:
 
 def _errors(
     heating: Heating, limits: dict[str, float], model_error: float, standard_errors: Mapping[str, float]
-) -> FloatArray:
-    """Standard deviations of the heat that each node lacks [K/s] and of the parameters' logarithms: `Settings.errors`.
+) -> tuple[FloatArray, FloatArray]:
+    """`Settings.units` and `Settings.errors`.
 
     A heat flow is mostly a product of two parameters: half of its relative error is each one's, and another half of
     what a node loses at its limit is no parameter's."""
@@ -214,12 +217,12 @@ def _errors(
     if unknown:
         place = f"standard_errors.{sorted(unknown)[0]}"
         raise InputError(model.network.origin, place, "no such parameter", f"some of {', '.join(names[:8])}, …")
-    errors = np.array([standard_errors.get(name, 0.0) for name in names]) / np.maximum(np.abs(model.values), 1e-300)
-    cooling, own = _cooling(heating, limits)[: len(model.nodes)], errors[unsure(heating)]
-    return np.array([
-        np.concatenate([0.5 * error * cooling, np.hypot(0.5 * error, told)])
-        for error, told in ((model_error, own if model_error else 0.0 * own), (ERROR, 0.0 * own))
-    ])  # fmt: skip
+    own, cooling = unsure(heating), _cooling(heating, limits)[: len(model.nodes)]
+    told = np.array([standard_errors.get(name, 0.0) for name in names])[own]
+    units = np.where(model.values[own] != 0, model.values[own], told)
+    relative = np.divide(told, np.abs(units), out=np.zeros(len(own)), where=units != 0)
+    errors = ((model_error, relative * (model_error > 0)), (ERROR, np.zeros(len(own))))
+    return units, np.array([[*(0.5 * error * cooling), *np.hypot(0.5 * error, more)] for error, more in errors])
 
 
 def _cooling(heating: Heating, limits: dict[str, float]) -> FloatArray:

@@ -255,6 +255,22 @@ def test_standard_errors_of_parameters_widen_the_margin() -> None:
         TorqueMPC(leg_model(), LIMIT, standard_errors={"resistance.nowhere": 1.0})
 
 
+def test_a_parameter_of_zero_may_be_unsure() -> None:
+    """Its logarithm is none: the error was told and did nothing."""
+    model = Model(leg([effect("copper_loss"), effect("resistance_rise"), effect("torque_constant_drop", kappa=0.0)]))
+    name = next(parameter.name for parameter in model.parameters if "kappa" in parameter.name)
+    margins, found = [], []
+    for error in (0.0, 0.002):
+        mpc = TorqueMPC(model, LIMIT, request="torque", standard_errors={name: error})
+        for reading in (50.0, 50.2, 50.6):  # hotter than the model has it
+            plan = mpc.step(np.full(3, reading), REQUEST, AROUND)
+        margins.append(plan.margin)
+        found.append(mpc.parameters[name])
+    assert found[0] == 0.0
+    assert found[1] > 1e-4
+    assert margins[1][0] > margins[0][0]
+
+
 # --- what can go wrong --------------------------------------------------------------------------------
 
 

@@ -41,6 +41,7 @@ typedef struct {
     double floor[LPTN_NU];      /* of the request's unit that a joint gets whatever gets hot, if so much is asked */
     double p[LPTN_NP + 1];      /* parameters of the model */
     int unsure[LPTN_NK];        /* those of them that a robot has of its own: all that rates depend on */
+    double unit[LPTN_NK];       /* their values, or standard errors of those that are 0: p is that + unit (exp(z) - 1) */
     double recovery[LPTN_NL];   /* time constant with which a node above its limit comes down to it [s]; 0: at once */
     double smoothing;           /* time constant with which a joint's share rises, while the same is asked [s] */
     double linear, quadratic;   /* price of slack, per K and per K^2; the cost of admitting nothing at all is 1 */
@@ -73,11 +74,18 @@ typedef struct {
                                                              not to be, and has not come back */
 } lptn_mpc_sensors;
 
+/* Readings that drift by a constant rate: what a rate of 1 K/s has done to a filter, and what is known of it. */
+typedef struct {
+    double z[LPTN_NS], seconds; /* to its z; for so long */
+    double weight, score;       /* sums over readings of g^2 / s^2 and g v / s^2: innovation v, its variance s^2, and what the rate adds, g */
+} lptn_mpc_drift;
+
 /* A filter of the robot. z: its temperatures [degC], the heat that each node lacks [K/s], and the logarithms of its parameters over the
  * model's. */
 typedef struct {
     double z[LPTN_NS], spread[LPTN_NS][LPTN_NS]; /* and its covariance */
-    double evidence[LPTN_NN][3];                 /* that a sensor is false, as log likelihood ratios */
+    double evidence[LPTN_NN];                    /* that a sensor is false, as log likelihood ratio */
+    lptn_mpc_drift drift[LPTN_NN + 1];           /* of each sensor, and of all alike */
 } lptn_mpc_filter;
 
 /* What is kept between steps; all zero before the first. */
@@ -86,9 +94,8 @@ typedef struct {
     int returning;                       /* which sensor is tested */
     double raised[LPTN_NX];              /* how much of the estimate comes from the controlled heat since its node began [K] */
     double coldest;                      /* of all that surrounded the robot, and of sensors that live as they began [degC] */
-    double unknown[LPTN_NN];             /* of one that was never trusted: variance of the model alone when it last contradicted [K^2] */
-    double woken[LPTN_NN];               /* of a sensor that was never trusted: by how much it began above the model alone [K] */
     double hotter[LPTN_NX];              /* by how much each is hotter if nodes that no sensor tells began as hot as allowed [K] */
+    double returns[LPTN_NN];             /* of a sensor that came back: error without it, by the time that it has to agree [K/s] */
     int read[LPTN_NN], guessed[LPTN_NN]; /* how often its sensor began, 0 for never read; no sensor tells its node */
     int once_trusted[LPTN_NN], used[LPTN_NN]; /* its sensor was trusted once; was used since its reference was set */
     double applied[LPTN_NU], conditions[LPTN_ND + 1];
