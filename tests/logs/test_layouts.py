@@ -17,7 +17,7 @@ from lptn.basics.errors import InputError
 from lptn.identify.data import split_data
 from lptn.identify.fitting import fit
 from lptn.logs.columns import ColumnSource, map_option, parse_columns, parse_map_option, toml_line
-from lptn.logs.layout import Layout, find_layout
+from lptn.logs.csv_files import Layout, find_layout
 from lptn.logs.reading import open_log, read_log
 from lptn.logs.run import Run
 from lptn.model.model import Model

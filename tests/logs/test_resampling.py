@@ -10,16 +10,14 @@ from hypothesis.extra.numpy import arrays
 
 from lptn.basics.arrays import FloatArray
 from lptn.logs.resampling import (
-    Bins,
+    Grid,
     Samples,
     feature,
     features_of,
     interpolate,
-    mean_in_bins,
     raw_keys,
     reduce_blocks,
     sample_values,
-    temperatures_on_grid,
 )
 from lptn.logs.tables import on_one_time
 
@@ -42,7 +40,7 @@ def test_a_bin_keeps_the_integral_of_the_held_signal(column: str, gaps: FloatArr
     time = 5.0 + np.concatenate(([0.0], np.cumsum(gaps[:-1])))
     end = time[-1] + gaps[-1]
     rule = feature(column).reduction
-    reduced = Bins(time, 5.0, (end - 5.0) / 7, 7).reduce(column, values)
+    reduced = Samples(time, {column: values}).inputs([column], Grid(5.0, (end - 5.0) / 7, 7))[column]
     integral = (rule.before(values) * np.diff(time, append=end)).sum()
     assert np.isclose(rule.before(reduced).sum() * (end - 5.0) / 7, integral, rtol=1e-9, atol=1e-9)
 
@@ -57,7 +55,8 @@ def test_each_quantity_has_its_own_mean() -> None:
 
 def test_a_small_bin_after_large_ones_is_exact() -> None:
     values = np.concatenate((np.full(1000, 1e6), np.full(1000, 1e-6)))
-    reduced = Bins(np.arange(2000.0), 0.0, 10.0, 200).reduce("torque.a", values)
+    samples = Samples(np.arange(2000.0), {"torque.a": values})
+    reduced = samples.inputs(["torque.a"], Grid(0.0, 10.0, 200))["torque.a"]
     assert reduced[-1] == pytest.approx(1e-6, rel=1e-12)
 
 
@@ -81,7 +80,7 @@ def test_a_feature_in_the_log_goes_before_the_raw_quantity() -> None:
 
 def test_means_of_samples_tolerate_rounded_stamps() -> None:
     time = np.array([0.0, 0.5, 0.9999999999, 1.5, 3.0])
-    means = mean_in_bins(time, np.array([1.0, 3.0, 5.0, 7.0, 9.0]), 0.0, 1.0, 4)
+    means = Grid(0.0, 1.0, 4).means(time, np.array([1.0, 3.0, 5.0, 7.0, 9.0]))
     np.testing.assert_array_equal(means, [2.0, 6.0, np.nan, 9.0])
 
 
@@ -103,7 +102,7 @@ def test_readings_between_the_rows_of_another_clock_are_kept(every: float, late:
     samples = Samples(raw.pop("time"), raw)
     step = max(1.0, samples.period)
     at = step * np.arange(int(own[-1] / step) + 1)
-    (resampled,) = temperatures_on_grid(samples, ["temperature.a"], 0.0, step, at.size, 10.0).values()
+    (resampled,) = samples.temperatures(["temperature.a"], Grid(0.0, step, at.size), 10.0).values()
     there = np.isfinite(resampled)
     assert there.sum() >= 0.7 * min(own.size, at.size)  # two readings of one step are one
     meant = at + 0.5 * step * samples.averaged(step)

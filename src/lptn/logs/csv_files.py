@@ -1,5 +1,8 @@
 """Tables of text and spreadsheets opened as logs. Comma, semicolon, tab or blanks separate, quoted or not.
 
+Loggers and spreadsheets write what they like above their table. The line of names is the one without a number below
+which the most rows of values follow; a table without one has columns called `column 1`, `column 2` and so on. A cell
+stands under a name if its row has as many cells as there are names: any other row is refused, never shifted.
 Lines are looked at one by one, which takes a µs each, and read by pandas many at a time.
 """
 
@@ -17,6 +20,7 @@ import zlib
 from array import array
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, suppress
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import islice
 from pathlib import Path
@@ -28,21 +32,223 @@ from lptn.basics.bounds import Bound
 from lptn.basics.errors import InputError
 from lptn.basics.files import fingerprint
 from lptn.logs import tables
-from lptn.logs.columns import is_number
-from lptn.logs.layout import LOOKED_AT, Layout, find_layout, holds_values, is_value, names_of, width_of
+from lptn.logs.columns import is_number, is_unit
 from lptn.logs.tables import Bounded, Table, most_unpacked, one_line_if_broken, require_package, too_large
 
-_ENCODING = "utf-8"
+# --- Where the table begins among rows of cells, and under which names they stand -------------------------
+
+_LOOKED_AT = 200  # rows at most, from the first: nobody writes more above a table
+_FEWEST_ALIKE = 5  # rows of numbers alone, and of one length, that begin a table without names
+
+# A number with either decimal sign, a date or a time of the day, or what people write where there is none.
+_NUMBER = r"[-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:e[-+]?\d+)?"
+_CLOCK = r"\d+:\d\d(?::\d\d)?(?:[.,]\d*)?"
+_DATE = rf"\d{{1,4}}[-/.]\d{{1,2}}[-/.]\d{{1,4}}(?:[T ]{_CLOCK})?(?:Z| ?[-+]\d\d:?\d\d)?"
+_NOTHING = r"[-+]?(?:nan|inf|infinity)|n/a|na|null|none"
+_LONGEST_VALUE = 100  # characters: a date with its time and zone has forty
+_VALUE = re.compile(f"{_NUMBER}|{_CLOCK}|{_DATE}|{_NOTHING}", re.IGNORECASE)
+
+
+def _is_value(cell: str) -> bool:
+    """Whether a cell is one of a table's values: a number, a date or time, or what people write where there is none."""
+    return len(cell) <= _LONGEST_VALUE and _VALUE.fullmatch(cell.strip()) is not None
+
+
+def _width_of(cells: Sequence[str]) -> int:
+    """How many cells a row has, without the empty ones behind its last."""
+    return max((k for k, cell in enumerate(cells, start=1) if cell.strip()), default=0)
+
+
+def _names_of(cells: Sequence[str]) -> tuple[str, ...]:
+    """The names in a row, without blanks around them; `column 3` where the third has none."""
+    return tuple(cell.strip() or f"column {number}" for number, cell in enumerate(cells, start=1))
+
+
+def _units_of(cells: Sequence[str]) -> tuple[str, ...]:
+    """The units in a row, without brackets around them."""
+    return tuple(cell.strip().strip("[]()").strip() for cell in cells)
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where things stand among rows.
+
+    Attributes:
+        header: index of the row of names; without names, of the row above the first.
+        units: what the row below it says of each name, '' for nothing; empty where there is no such row.
+        rows: how many rows of values follow among those that were looked at.
+        named: whether there is a row of names.
+    """
+
+    header: int
+    units: tuple[str, ...] = ()
+    rows: int = 0
+    named: bool = True
+
+    @property
+    def first(self) -> int:
+        """Index of the first row of values."""
+        return self.header + (2 if self.units else 1)
+
+
+def find_layout(rows: Sequence[Sequence[str]]) -> Layout:
+    """The layout of a file's first rows of cells, neither blank ones nor comments among them.
+
+    Where nothing looks like a table, that of one that begins with its names.
+    """
+    widths, of_values = list(map(_width_of, rows)), [any(map(_is_value, row)) for row in rows]
+    best = Layout(0)
+    for header, row in enumerate(rows[:-1]):
+        if of_values[header] or not any(map(str.isalpha, "".join(row))):
+            continue
+        below = rows[header + 1]
+        units = not of_values[header + 1] and widths[header + 1] <= len(row) and all(map(is_unit, filter(None, below)))
+        layout, count = Layout(header, _units_of(below) if units else ()), 0
+        for k in range(layout.first, len(rows)):
+            # A logger that was started again wrote its names once more.
+            if rows[k] != row and not (of_values[k] and widths[k] <= len(row)):
+                break
+            count += rows[k] != row
+        if count > best.rows:
+            best = replace(layout, rows=count)
+    if best.rows:
+        return best
+    alike = [width > 1 and all(map(_is_value, row[:width])) for row, width in zip(rows, widths, strict=True)]
+    for first in range(len(rows) - _FEWEST_ALIKE + 1):
+        here = slice(first, first + _FEWEST_ALIKE)
+        if all(alike[here]) and len(set(widths[here])) == 1:
+            return Layout(first - 1, (), sum(alike[first:]), named=False)
+    return best
+
+
+def _holds_values(path: Path, place: str, names: tuple[str, ...], units: tuple[str, ...], cells: Sequence[str]) -> bool:
+    """Whether a row below a table's names and units is one of the table's, or one of words, which is left out.
+
+    Names may stand again, and units.
+
+    Raises:
+        InputError: the row, `place` in words, has more or fewer cells than there are names; other names, or units.
+    """
+    filled, count = [cell.strip() for cell in cells if cell.strip()], _width_of(cells)
+    width = count if count > len(names) else min(len(cells), len(names))
+    if any(map(_is_value, filled)):
+        if width != len(names):
+            said = f"{width} cell{'s' * (width != 1)} under {len(names)} names"
+            raise InputError(path, place, said, "as many cells in each row as there are names")
+        return True
+    if not filled and width == len(names):
+        return True
+    other, again, units_again = "", _names_of(cells[:width]), _units_of(cells[:width])
+    as_names = not set(names).isdisjoint(filled) or (width > 1 and len(set(filled)) == width == len(names))
+    if width == len(names) and all(map(is_unit, filled)):
+        if units_again != units:
+            other = f"units ({', '.join(units_again)}) that the table does not begin with"
+    elif as_names and again != names:
+        other = f"other names, or another order of them ({', '.join(again)}), than the table begins with"
+    if other:
+        raise InputError(path, place, other, "a table of one kind of rows; what follows, in a file of its own")
+    return False
+
+
+# --- The lines of a text ----------------------------------------------------------------------------------
+
+_UTF_8 = "utf-8-sig"  # Excel writes a byte order mark
 _LONGEST = 1 << 24
 """Characters of a line, and of what is looked through for a table: 100,000 columns with long names have as many, and
 binary files may have no line end at all."""
 _MOST_LINES = 50_000_000
 """At a µs each: five days at 100 Hz. Blank ones pack into nothing."""
+_HEAD, _FEWEST_LINES = 1 << 19, 4  # characters that are looked at for the layout, and lines that are in any case
+
+
+class _Lines:
+    """The lines of a text whose bytes are opened again and again, each called `row` and its number, from 1.
+
+    Attributes:
+        encoding: UTF-16 says so by its first bytes; what is not UTF-8 is as Windows had it.
+        cut: its last line has no end: its writer was stopped, or the copy. A packed file is not asked for its end.
+
+    Raises:
+        OSError, EOFError, zlib.error, UnicodeError: it can't be read, or is no text.
+    """
+
+    def __init__(self, path: Path, opened: Callable[[], BinaryIO], row: str) -> None:
+        self.path, self.row, self._opened, self.encoding, self.cut = path, row, opened, _UTF_8, False
+        with opened() as file:
+            head = file.read(_HEAD)
+            if file.seekable():
+                file.seek(-min(2, file.seek(0, os.SEEK_END)), os.SEEK_END)
+                end = file.read().strip(b"\0")  # in UTF-16 it has a zero beside it
+                self.cut = not end.endswith((b"\n", b"\r"))
+        try:
+            codecs.getincrementaldecoder("utf-8")().decode(head)  # the last character may be cut
+        except UnicodeDecodeError:
+            wide = head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) and "\n" in head.decode(
+                "utf-16", "replace"
+            )
+            if b"\0" in head and not wide:
+                raise
+            self.encoding = "utf-16" if wide else "cp1252"
+
+    def __iter__(self) -> Iterator[tuple[int, str]]:
+        """All lines with their ends, and their numbers, without blanks before what they hold.
+
+        Raises:
+            InputError: a line, or their number, is beyond all bounds.
+        """
+        with self._opened() as file:
+            stream = io.TextIOWrapper(file, encoding=self.encoding, errors="replace", newline="")
+            for number, line in enumerate(iter(partial(stream.readline, _LONGEST), ""), start=1):
+                if number > _MOST_LINES:
+                    raise InputError(self.path, "log", f"more than {_MOST_LINES:,} lines", "a log cut into pieces")
+                if len(line) == _LONGEST:
+                    place = f"{self.row} {number}"
+                    raise InputError(self.path, place, "a line of 16 million characters", "a table of readings")
+                yield number, line.lstrip(" ")
+
+    def begin(self) -> tuple[dict[int, str], list[tuple[int, str]]]:
+        """The first lines that hold data, by their numbers, and those of comment with theirs.
+
+        Raises:
+            InputError: there is none.
+        """
+        texts, comments, characters = dict[int, str](), list[tuple[int, str]](), 0
+        for number, line in self:
+            characters += len(line)
+            if line.startswith("#"):
+                comments.append((number, line.lstrip("# ")))
+            elif line.strip():
+                texts[number] = line.rstrip("\r\n ")
+            if len(texts) == _LOOKED_AT or (characters > _HEAD and len(texts) >= _FEWEST_LINES):
+                break
+            if characters > _LONGEST:
+                found = f"no table within its first {characters:,} characters"
+                raise InputError(self.path, "log", found, "a line of column names, and rows")
+        if not texts:
+            raise InputError(self.path, "log", "an empty file", "a header line and at least 10 rows")
+        return texts, comments
+
+
+_SEPARATORS = ",;\t"
+_BLANK, _WIDE = _BLANKS = " ", "  "  # any number of blanks and tabs; two or more, where names have blanks of their own
+
+
+def _cells(text: str, separator: str) -> list[str]:
+    if separator == _BLANK:
+        return text.split()
+    if separator == _WIDE:
+        return re.split(r"\s{2,}|\t", text.strip())
+    if separator not in text:
+        return [text.strip('"')]
+    with suppress(csv.Error):  # a cell of a hundred thousand characters
+        return next(csv.reader([text], delimiter=separator, skipinitialspace=True), [])
+    return [text]
+
+
+# --- A table of text --------------------------------------------------------------------------------------
+
 _WORDS = Bound(200_000, "lines of words without a number")
 """Of a table of numbers, which a logger's messages may stand among; a look at each takes 0.1 ms."""
-_HEAD, _FEWEST_LINES = 1 << 19, 4  # characters that are looked at for the layout, and lines that are in any case
-_SEPARATORS = ",;\t"
-_BLANK, _WIDE = " ", "  "  # any number of blanks and tabs; two or more, where names have blanks of their own
 _MOST_SHOWN = 6  # names of columns in a note
 _BEGINS_A_NUMBER = frozenset("+-.0123456789")
 _DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+([eE][-+]?\d+)?")
@@ -64,231 +270,155 @@ def open_csv(path: Path) -> Table:
         packed = gzip.open(path)  # noqa: SIM115 - closed with what is returned
         return io.BufferedReader(Bounded(packed, most, error), _BLOCK)
 
-    return _Text(path, unpacked, "line").table("CSV", [])
+    return _table_of_text(path, unpacked, "line", "CSV", [])
 
 
-class _Text:
-    """A table of text, of which the first lines say what is in it.
-
-    Args:
-        path: the file that it is from.
-        opened: opens its bytes, again and again.
-        row: what a line is called in messages.
-
-    Attributes:
-        cut: its last line has no end: its writer was stopped, or the copy.
-        layout: where the table begins, among lines that are neither blank nor comments.
-        lines: the numbers of those lines in the file, from 1.
-        first_line: the number of the first row's line; of the one below the names where none was found.
-        said_of_names: where names come from that no line of their own has.
+def _table_of_text(path: Path, opened: Callable[[], BinaryIO], row: str, kind: str, notes: list[str]) -> Table:
+    """A text as a log of a kind, whose lines are called `row`; the first of them say what is in it.
 
     Raises:
         InputError: it can't be read, or its lines begin no table.
     """
+    try:
+        lines = _Lines(path, opened, row)
+        texts, comments = lines.begin()
+    except (OSError, EOFError, zlib.error, UnicodeError) as error:
+        raise InputError(path, "log", f"a file that can't be read ({error})", "CSV text in UTF-8") from error
 
-    def __init__(self, path: Path, opened: Callable[[], BinaryIO], row: str) -> None:
-        self.path, self.opened, self.row = path, opened, row
-        texts, comments = self._begin()
+    def tried(separator: str) -> tuple[int, bool, int, str, Layout, list[list[str]]]:
+        rows = [_cells(text, separator) for text in texts.values()]
+        layout = find_layout(rows)
+        width, width_of_first = (len(row) for row in (rows[max(layout.header, 0)], [*rows, []][layout.first]))
+        return layout.rows, width == width_of_first, width, separator, layout, rows
 
-        def tried(separator: str) -> tuple[int, bool, int, str, Layout, list[list[str]]]:
-            rows = [_cells(text, separator) for text in texts]
-            layout = find_layout(rows)
-            width, width_of_first = (len(row) for row in (rows[max(layout.header, 0)], [*rows, []][layout.first]))
-            return layout.rows, width == width_of_first, width, separator, layout, rows
+    best = max(map(tried, _SEPARATORS), key=lambda one: one[:3])
+    if best[0] == 0 or best[2] == 1:  # blanks stand in names and dates, too
+        best = max(best, tried(_WIDE), tried(_BLANK), key=lambda one: one[:3])
+    _, _, width, separator, layout, rows = best
+    tables.COLUMNS.check(width, path, "header")
+    numbers = [*texts, max(texts) + 1]  # of the lines that were looked at, and of one below them
+    first = numbers[layout.first]
+    comment = max((one for one in comments if one[0] < first), default=(0, ""))[1]
+    names, of_names = _named(path, layout, rows, _cells(comment, separator), blank=separator in _BLANKS)
+    cells = (cell.strip() for row in rows[layout.first :] for cell in row)
+    decimal = "," if separator != "," and any(map(_DECIMAL_COMMA.fullmatch, cells)) else "."
+    if lines.cut:
+        notes.append("the file ends within a line, which is left out: its last number may be cut.")
+    if lines.encoding != _UTF_8:
+        notes.append(f"log: its text is read as {lines.encoding}, for it is not in UTF-8.")
+    if not layout.named:
+        notes.append(f"log: there are no names above {row} {first}; {of_names}.")
+    elif layout.header:
+        notes.append(f"log: its table begins on {row} {numbers[layout.header]}; what stands above is left out.")
+    below = _Rows(lines, first, names, layout.units, separator, decimal)
 
-        best = max(map(tried, _SEPARATORS), key=lambda one: one[:3])
-        if best[0] == 0 or best[2] == 1:  # blanks stand in names and dates, too
-            best = max(best, tried(_WIDE), tried(_BLANK), key=lambda one: one[:3])
-        _, _, width, self.separator, self.layout, rows = best
-        tables.COLUMNS.check(width, path, "header")
-        layout, first_row = self.layout, [*rows, []][self.layout.first]
-        self.first_line = (*self.lines, self.lines[-1] + 1)[layout.first]
-        above, self.said_of_names = rows[max(layout.header, 0)], ""
-        self.names = names_of(above)
-        said = f"{len(first_row)} values in the first row under {len(above)} names"
-        other_count = InputError(path, "header", said, "a name for each column, and numbers with a decimal point")
-        if not layout.named and first_row:
-            last = max((one for one in comments if one[0] < self.first_line), default=(0, ""))[1]
-            comment = _cells(last, self.separator)
-            self.names = names_of([""] * len(first_row))
-            listed = ", ".join(self.names[:_MOST_SHOWN]) + " …" * (len(self.names) > _MOST_SHOWN)
-            self.said_of_names = f"its columns are called {listed}"
-            if len(comment) == len(self.names) and not all(map(is_value, comment)):
-                self.names, self.said_of_names = names_of(comment), "those of the comment above are taken"
-            elif layout.header >= 0 and self.separator.strip(" ") and len(list(filter(None, above))) > 1:
-                raise other_count
-        if layout.rows == 0 and all(map(is_number, self.names)):
-            found = f"numbers ({', '.join(self.names[:3])})"
-            raise InputError(path, "header", found, "a line of column names, and rows")
-        if len(first_row) > len(self.names) + 1 or any(first_row[len(self.names) :]):
+    def read(wanted: Sequence[str]) -> pd.DataFrame:
+        frame, words = below.read(wanted)
+        table.note([f"log: {words} lines below its names hold words and no number; left out."] * bool(words))
+        return frame
+
+    units, digest = dict(zip(names, layout.units, strict=False)), partial(fingerprint, path)
+    table = Table(path, names, read, lambda k: f"{row} {below.kept[k]}", kind, units=units, notes=notes, digest=digest)
+    return table
+
+
+def _named(
+    path: Path, layout: Layout, rows: list[list[str]], comment: list[str], *, blank: bool
+) -> tuple[tuple[str, ...], str]:
+    """The names of a table's columns, and where they come from if no line of their own has them.
+
+    Raises:
+        InputError: the first row has another number of cells than there are names, or all names are numbers.
+    """
+    above, first = rows[max(layout.header, 0)], [*rows, []][layout.first]
+    names, origin = _names_of(above), ""
+    found = f"{len(first)} values in the first row under {len(above)} names"
+    other_count = InputError(path, "header", found, "a name for each column, and numbers with a decimal point")
+    if not layout.named and first:
+        names = _names_of([""] * len(first))
+        origin = f"its columns are called {', '.join(names[:_MOST_SHOWN])}" + " …" * (len(names) > _MOST_SHOWN)
+        if len(comment) == len(names) and not all(map(_is_value, comment)):
+            names, origin = _names_of(comment), "those of the comment above are taken"
+        elif layout.header >= 0 and not blank and len(list(filter(None, above))) > 1:
             raise other_count
-        cells = (cell.strip() for row in rows[layout.first :] for cell in row)
-        self.decimal = "," if self.separator != "," and any(map(_DECIMAL_COMMA.fullmatch, cells)) else "."
+    if layout.rows == 0 and all(map(is_number, names)):
+        raise InputError(path, "header", f"numbers ({', '.join(names[:3])})", "a line of column names, and rows")
+    if len(first) > len(names) + 1 or any(first[len(names) :]):
+        raise other_count
+    return names, origin
 
-    def _begin(self) -> tuple[list[str], list[tuple[int, str]]]:
-        """The first lines of data, and those of comment with their numbers; encoding, and whether the end is cut.
 
-        UTF-16 says so by its first bytes; what is not UTF-8 is as Windows had it. A packed file is not asked for its
-        end.
-        """
-        self.lines, self.cut = list[int](), False
-        texts, comments, characters = list[str](), list[tuple[int, str]](), 0
-        try:
-            with self.opened() as file:
-                head = file.read(_HEAD)
-                if file.seekable():
-                    file.seek(-min(2, file.seek(0, os.SEEK_END)), os.SEEK_END)
-                    end = file.read().strip(b"\0")  # in UTF-16 it has a zero beside it
-                    self.cut = not end.endswith((b"\n", b"\r"))
-            self.encoding = _encoding_of(head)
-            for number, text in self._all_lines():
-                characters += len(text)
-                if text.startswith("#"):
-                    comments.append((number, text.lstrip("# ")))
-                elif text.strip():
-                    self.lines.append(number)
-                    texts.append(text.rstrip("\r\n "))
-                if len(texts) == LOOKED_AT or (characters > _HEAD and len(texts) >= _FEWEST_LINES):
-                    break
-                if characters > _LONGEST:
-                    found = f"no table within its first {characters:,} characters"
-                    raise InputError(self.path, "log", found, "a line of column names, and rows")
-        except (OSError, EOFError, zlib.error, UnicodeError) as error:
-            raise InputError(self.path, "log", f"a file that can't be read ({error})", "CSV text in UTF-8") from error
-        if not texts:
-            raise InputError(self.path, "log", "an empty file", "a header line and at least 10 rows")
-        return texts, comments
+@dataclass
+class _Rows:
+    """The rows of a table of text, from the first line on that holds one, under its names and units.
 
-    def _all_lines(self) -> Iterator[tuple[int, str]]:
-        """All lines with their ends, and their numbers from 1, without blanks before what they hold.
+    A row of words without a number is no row of the table: its names again, a logger's message, a last line that says
+    how many there were. The numbers of the lines of those that were read last are `kept`.
+    """
 
-        Raises:
-            InputError: a line, or their number, is beyond all bounds.
-        """
-        with self.opened() as file:
-            marked = "utf-8-sig" if self.encoding == _ENCODING else self.encoding  # Excel writes a byte order mark
-            stream = io.TextIOWrapper(file, encoding=marked, errors="replace", newline="")
-            for number, line in enumerate(iter(partial(stream.readline, _LONGEST), ""), start=1):
-                if number > _MOST_LINES:
-                    raise InputError(self.path, "log", f"more than {_MOST_LINES:,} lines", "a log cut into pieces")
-                if len(line) == _LONGEST:
-                    place = f"{self.row} {number}"
-                    raise InputError(self.path, place, "a line of 16 million characters", "a table of readings")
-                yield number, line.lstrip(" ")
+    lines: _Lines
+    first: int
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    separator: str
+    decimal: str
+    kept: Sequence[int] = ()
 
-    def _data_lines(self) -> Iterator[tuple[int, str]]:
-        """The lines that hold data: neither blank, nor comment, nor the last one where it is cut.
-
-        A comment is a line that begins with #: in a name, or within a row, it is a character like any other.
-        """
-        for number, line in self._all_lines():
-            whole = line.endswith(("\n", "\r")) or not self.cut
-            if whole and line.strip() and not line.startswith("#"):
-                yield number, line.rstrip("\r\n ")
-
-    def table(self, kind: str, notes: list[str]) -> Table:
-        """It as a log of a kind, with what else is noteworthy about it."""
-        layout, row, lines = self.layout, self.row, array("q")
-        if self.cut:
-            notes.append("the file ends within a line, which is left out: its last number may be cut.")
-        if self.encoding != _ENCODING:
-            notes.append(f"log: its text is read as {self.encoding}, for it is not in UTF-8.")
-        if not layout.named:
-            notes.append(f"log: there are no names above {row} {self.first_line}; {self.said_of_names}.")
-        elif layout.header:
-            notes.append(f"log: its table begins on {row} {self.lines[layout.header]}; what stands above is left out.")
-        place = {name: number for number, name in reversed(list(enumerate(self.names)))}
-
-        def read(wanted: Sequence[str]) -> pd.DataFrame:
-            frame, lines[:], said = self._read([place[name] for name in wanted])
-            table.note(said)
-            return frame.set_axis(list(wanted), axis="columns")
-
-        units, digest = dict(zip(self.names, layout.units, strict=False)), partial(fingerprint, self.path)
-        table = Table(
-            self.path, self.names, read, lambda k: f"{row} {lines[k]}", kind, units=units, notes=notes, digest=digest
-        )
-        return table
-
-    def _read(self, positions: Sequence[int]) -> tuple[pd.DataFrame, array[int], list[str]]:
-        """The columns at `positions`, the numbers of the rows' lines, and notes.
-
-        A row of words without a number is no row of the table: its names again, a logger's message, a last line that
-        says how many there were.
+    def read(self, wanted: Sequence[str]) -> tuple[pd.DataFrame, int]:
+        """The wanted columns, and how many rows of words are left out.
 
         Raises:
             InputError: a row has more or fewer cells than there are names, or the file is broken.
         """
-        lines, words, blank = array("q"), 0, self.separator in (_BLANK, _WIDE)
-        between = "\t" if blank else self.separator
-
-        def rows() -> Iterator[str]:
-            nonlocal words
-            for number, line in self._data_lines():
-                if number < self.first_line:
-                    continue
-                row = between.join(_cells(line, self.separator)) if blank else line
-                # Most begin with a number, and their cells need no look.
-                plain = line[0] in _BEGINS_A_NUMBER and '"' not in line and row.count(between) + 1 == len(self.names)
-                place, cells = f"{self.row} {number}", () if plain else _cells(line, self.separator)
-                if plain or holds_values(self.path, place, self.names, self.layout.units, cells):
-                    lines.append(number)
-                    yield row
-                else:
-                    words += 1
-                    _WORDS.check(words, self.path, place)
-
-        most, at_once = tables.MOST_NUMBERS // max(len(positions), 1), max(_CELLS_IN_A_CHUNK // len(self.names), 1)
-        frames, remaining = [pd.DataFrame({position: [] for position in positions})], rows()
-        with one_line_if_broken(self.path, "a whole table"):
+        kept, words, path = array("q"), array("q"), self.lines.path
+        positions, remaining = list(map(self.names.index, wanted)), self._texts(kept, words)
+        most, at_once = tables.MOST_NUMBERS // max(len(wanted), 1), max(_CELLS_IN_A_CHUNK // len(self.names), 1)
+        frames = [pd.DataFrame({position: [] for position in positions})]
+        with one_line_if_broken(path, "a whole table"):
             while some := "\n".join(islice(remaining, at_once)):
-                if len(lines) >= most:
-                    raise too_large(self.path, f"{most} rows or more")
+                if len(kept) >= most:
+                    raise too_large(path, f"{most} rows or more")
                 frame = pd.read_csv(
                     io.BytesIO(some.encode()),  # three times as fast as of a text
-                    sep=between,
+                    sep="\t" if self.separator in _BLANKS else self.separator,
                     decimal=self.decimal,
                     header=None,
-                    usecols=sorted(set(positions)),
+                    usecols=sorted(positions),
                     skipinitialspace=True,
                     skip_blank_lines=False,
                     low_memory=False,
                 )
                 frames.append(frame)
-        whole = pd.concat(frames[1:] or frames, ignore_index=True)
-        whole = whole[list(positions)].set_axis(range(len(positions)), axis="columns")
+        self.kept = kept
+        whole = pd.concat(frames[1:] or frames, ignore_index=True)[positions].set_axis(list(wanted), axis="columns")
         for name in whole if self.decimal == "," else ():
             if not pd.api.types.is_numeric_dtype(whole[name]):  # words made text of the numbers beside them
                 cells = whole[name].astype("str")
                 numbers = cells.str.fullmatch(_DECIMAL_COMMA.pattern)
                 whole[name] = whole[name].mask(numbers, cells.str.replace(",", "."))
-        left_out = f"log: {words} lines below its names hold words and no number; left out."
-        return whole, lines, [left_out] * bool(words)
+        return whole, len(words)
 
+    def _texts(self, kept: array[int], words: array[int]) -> Iterator[str]:
+        """The rows as texts for pandas, without the last where it is cut; `kept` and `words` get their lines' numbers.
 
-def _encoding_of(head: bytes) -> str:
-    """How characters are written; a UnicodeError where it is no text."""
-    try:
-        codecs.getincrementaldecoder(_ENCODING)().decode(head)  # the last character may be cut
-    except UnicodeDecodeError:
-        if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) and "\n" in head.decode("utf-16", "replace"):
-            return "utf-16"
-        if b"\0" in head:
-            raise
-        return "cp1252"
-    return _ENCODING
-
-
-def _cells(text: str, separator: str) -> list[str]:
-    if separator == _BLANK:
-        return text.split()
-    if separator == _WIDE:
-        return re.split(r"\s{2,}|\t", text.strip())
-    if separator not in text:
-        return [text.strip('"')]
-    with suppress(csv.Error):  # a cell of a hundred thousand characters
-        return next(csv.reader([text], delimiter=separator, skipinitialspace=True), [])
-    return [text]
+        A comment is a line that begins with #: in a name, or within a row, it is a character like any other.
+        """
+        blank, cut = self.separator in _BLANKS, self.lines.cut
+        between = "\t" if blank else self.separator
+        for number, whole in self.lines:
+            line = whole.rstrip("\r\n ")
+            if number < self.first or not line.strip() or line[0] == "#" or (cut and not whole.endswith(("\n", "\r"))):
+                continue
+            row = between.join(_cells(line, self.separator)) if blank else line
+            # Most begin with a number, and their cells need no look.
+            plain = line[0] in _BEGINS_A_NUMBER and '"' not in line and row.count(between) + 1 == len(self.names)
+            place, cells = f"{self.lines.row} {number}", () if plain else _cells(line, self.separator)
+            if plain or _holds_values(self.lines.path, place, self.names, self.units, cells):
+                kept.append(number)
+                yield row
+            else:
+                words.append(number)
+                _WORDS.check(len(words), self.lines.path, place)
 
 
 # --- Spreadsheets, as the text that a program would save of the sheet that holds a table ------------------
@@ -314,18 +444,18 @@ def open_spreadsheet(path: Path) -> Table:
         if unpacked > min(_MOST_BYTES, most_unpacked(path, at_once=True)):
             raise InputError(path, "log", f"{unpacked / 1e9:.2g} GB unpacked", "a spreadsheet of readings, or CSV")
         with closing(load_workbook(path, read_only=True, data_only=True, keep_links=False)) as book:
-            heads = {sheet.title: list(islice(filter(any, _rows(sheet)), LOOKED_AT)) for sheet in book.worksheets}
+            heads = {sheet.title: list(islice(filter(any, _rows(sheet)), _LOOKED_AT)) for sheet in book.worksheets}
             layouts = {name: find_layout(rows) for name, rows in heads.items()}
             found = [name for name, layout in layouts.items() if layout.rows]
             if not found:
                 expected = "a row of column names, and rows of numbers below it"
                 raise InputError(path, "log", "no table in any sheet", expected)
             name = max(found, key=lambda name: layouts[name].rows)
-            width = width_of(heads[name][layouts[name].header if layouts[name].named else layouts[name].first])
+            width = _width_of(heads[name][layouts[name].header if layouts[name].named else layouts[name].first])
             text, count = io.StringIO(newline=""), 0
             write = csv.writer(text, quoting=csv.QUOTE_ALL, lineterminator="\n").writerow
             for cells in _rows(book[name]):
-                filled = width_of(cells)
+                filled = _width_of(cells)
                 count += max(filled, width)
                 if count > _MOST_CELLS:
                     raise too_large(path, f"a spreadsheet of more than {_MOST_CELLS:.0e} cells")
@@ -336,7 +466,7 @@ def open_spreadsheet(path: Path) -> Table:
     others = ", ".join(f"'{other}'" for other in found if other != name)
     notes = [f"log: sheet '{name}' is read; {others} not (another sheet: save it as CSV)."] if others else []
     content = text.getvalue().encode()
-    return _Text(path, lambda: io.BytesIO(content), f"sheet '{name}', row").table("spreadsheet", notes)
+    return _table_of_text(path, lambda: io.BytesIO(content), f"sheet '{name}', row", "spreadsheet", notes)
 
 
 def _rows(sheet: Any) -> Iterator[list[str]]:

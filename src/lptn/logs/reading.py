@@ -36,15 +36,12 @@ from lptn.logs.resampling import (
     ROUNDING,
     SEVERAL,
     STEADY_GAP,
+    Grid,
     Samples,
     Span,
     features_of,
-    find_stretches,
     gaps_in_words,
-    grid,
-    inputs_on_grid,
     raw_keys,
-    temperatures_on_grid,
 )
 from lptn.logs.run import LATEST_FIRST, Run
 from lptn.logs.scatter import scatter_of
@@ -353,21 +350,18 @@ def read_log(
     if max_gap < SEVERAL * samples.period:
         expected = f"more than {SEVERAL} sampling periods of {samples.period:.3g} s"
         raise InputError(path, "max_gap", f"{max_gap:g} s", expected)
-    stretches = partial(find_stretches, samples.time, samples.period, max_gap=max_gap, steady_gap=steady_gap)
+    stretches = partial(samples.stretches, max_gap=max_gap, steady_gap=steady_gap)
     # Inputs that nobody needs, and that hold nothing or would cut the log into pieces.
-    needed, gaps = (
-        {*inputs, *outputs} or set(choice.inputs),
-        {k: x for k, x in samples.raw.items() if np.isnan(x).any()},
-    )
-    void, asked = {key for key, x in gaps.items() if np.isnan(x).all()}, needed & {*choice.inputs, *choice.outputs}
-    kept = {key: x for key, x in gaps.items() if key in choice.raw(asked) - void - set(outputs)}
-    spare = {column: gaps.keys() & choice.raw([column]) for column in choice.inputs if column not in needed}
+    needed, gaps = {*inputs, *outputs} or set(choice.inputs), {k for k, x in samples.raw.items() if np.isnan(x).any()}
+    void = {key for key in gaps if np.isnan(samples.raw[key]).all()}
+    kept = gaps & choice.raw(needed & {*choice.inputs, *choice.outputs}) - void - set(outputs)
     whole, gappy = list[Span](), list[str]()
-    for column, own in ((column, own) for column, own in spare.items() if own):
-        whole = whole or stretches(kept)[0]
-        with_it = stretches(kept | {key: gaps[key] for key in own})[0] if void.isdisjoint(own) else []
-        lost = sum(stop - start for start, stop in whole) - sum(stop - start for start, stop in with_it)
-        gappy += [column] if len(with_it) != len(whole) or lost > max_gap else []
+    for column in choice.inputs:
+        if column not in needed and (own := gaps & choice.raw([column])):
+            whole = whole or stretches(kept)[0]
+            with_it = stretches(kept | own)[0] if void.isdisjoint(own) else []
+            lost = sum(stop - start for start, stop in whole) - sum(stop - start for start, stop in with_it)
+            gappy += [column] if len(with_it) != len(whole) or lost > max_gap else []
     choice = choice.without(gappy)
     of_columns = [f"{column}: has gaps, and the model does not need it; left out." for column in gappy]
     empty = _empty(table, choice, void & choice.sources.keys(), issues)
@@ -484,24 +478,23 @@ def _runs(
     samples: Samples,
     step: float,
     max_gap: float,
-    without_gaps: Callable[[Mapping[str, FloatArray]], tuple[list[Span], list[str]]],
+    stretches_of: Callable[[Collection[str]], tuple[list[Span], list[str]]],
     notes: list[str],
 ) -> list[Run]:
     """One run for each stretch of the log that is long enough; refused where none is."""
     needed = {key: values for key, values in samples.raw.items() if key not in choice.outputs}
-    stretches, gaps = without_gaps(needed)
+    stretches, gaps = stretches_of(needed)
     if table.mixed:  # rows of several clocks follow each other at any distance
         gaps = [note for note in gaps if not (note.startswith("time: ") and "bridged" in note)]
     counts = [math.floor((stop - start) / step + ROUNDING) for start, stop in stretches]
     kept = [(start, n) for (start, _), n in zip(stretches, counts, strict=True) if n >= FEWEST_ROWS]
     if not kept:
 
-        def long_enough(inputs: Mapping[str, FloatArray]) -> bool:
-            return any(stop - start >= step * FEWEST_ROWS for start, stop in without_gaps(inputs)[0])
+        def long_enough(inputs: Collection[str]) -> bool:
+            return any(stop - start >= step * FEWEST_ROWS for start, stop in stretches_of(inputs)[0])
 
         for key in sorted(needed, key=lambda key: int(np.isfinite(needed[key]).sum())):
-            others = {other: values for other, values in needed.items() if other != key}
-            if not long_enough(others) or long_enough({key: needed[key]}):
+            if not long_enough(needed.keys() - {key}) or long_enough([key]):
                 continue  # without this input there would be a stretch
             values = needed[key][np.isfinite(needed[key])]
             problem = f"{values.size} value{'s' * (values.size != 1)} of {key} in {samples.time.size} rows"
@@ -542,10 +535,10 @@ def _runs(
     held = replace(samples, raw={**needed, **{key: np.asarray(x, np.float64) for key, x in missing.items()}})
     runs = []
     for number, (start, n) in enumerate(kept, start=1):
-        columns = inputs_on_grid(held, choice.inputs, start, step, n)
-        columns |= temperatures_on_grid(samples, choice.outputs, start, step, n, max_gap)
+        on = Grid(start, step, n)
+        columns = held.inputs(choice.inputs, on) | samples.temperatures(choice.outputs, on, max_gap)
         name = f"{stem}#{number}" if len(stretches) > 1 else stem
-        runs.append(replace(whole, name=name, time=grid(start, step, n), columns=columns))
+        runs.append(replace(whole, name=name, time=on.starts, columns=columns))
     return runs
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -122,65 +123,6 @@ STEADY_GAP = 300.0
 _STEADY = 1.0  # K; one step of a coarse sensor
 
 
-def find_stretches(
-    time: FloatArray, period: float, inputs: Mapping[str, FloatArray], max_gap: float, steady_gap: float = 0.0
-) -> tuple[list[Span], list[str]]:
-    """The stretches [start, stop), s, in which every input has a value or is bridged, and notes on the gaps.
-
-    Args:
-        time: (n,) s, strictly increasing.
-        period: s, the usual time between samples; the last sample before a gap holds so long.
-        inputs: raw inputs by name, (n,) each, NaN where missing, each with at least one number.
-        max_gap: s, the longest time between two samples of an input that is bridged. An input that is logged more
-            seldom than the rest holds for 2.5 of its own periods at least.
-        steady_gap: s, the same for a temperature that is as good as the same before and after.
-    """
-    missing, notes = _gaps("time", time, np.zeros(time.size), period, max_gap)
-    for name, values in inputs.items():
-        if np.isnan(values).any():
-            steady = steady_gap if name.startswith("temperature.") else 0.0
-            spans, more_notes = _gaps(name, time, values, period, max_gap, steady)
-            missing += spans
-            notes += more_notes
-    stretches, start, end = [], time[0], time[-1] + period
-    for low, high in sorted(missing):
-        if low > start:
-            stretches.append((start, min(low, end)))
-        start = max(start, high)
-    return stretches, notes
-
-
-def _gaps(
-    name: str, time: FloatArray, values: FloatArray, period: float, max_gap: float, steady_gap: float = 0.0
-) -> tuple[list[Span], list[str]]:
-    """Where an input has no value and is not bridged, s, the log's two ends among them; and notes."""
-    rows = np.flatnonzero(~np.isnan(values))
-    stamps, notes = time[rows], list[str]()
-    apart = np.diff(stamps)
-    usual = float(np.median(apart)) if apart.size else period
-    slow = usual > SEVERAL * period
-    if slow:
-        # How often a temperature is read is said of all of them, by `reading.py`.
-        how = "" if name.startswith("temperature.") else f"logged every {usual:.4g} s, "
-        notes.append(f"{name}: {how}held between its readings.")
-        period, max_gap = usual, max(max_gap, _HELD * usual)
-    long = (apart > max_gap) & ((apart > steady_gap) | (np.abs(np.diff(values[rows])) > _STEADY))
-    # In a column only its own gaps are counted: those where rows stand without a value.
-    own = (np.diff(rows) > 1) & (apart > SEVERAL * usual) if name != "time" else apart > SEVERAL * period
-    if (own & ~long).any():
-        notes.append(f"{name}: {gaps_in_words(apart[own & ~long])}, bridged by holding the last value.")
-    if (own & long).any():
-        longest = f"over {max_gap:.4g} s, the longest {apart[long].max():.4g} s"
-        notes.append(f"{name}: {_count(apart[own & long])} {longest}; the log is split there.")
-    lead, trail = stamps[0] - time[0], time[-1] - stamps[-1]
-    if max(lead, trail) > (usual if slow else 0.0):
-        ends = [f"the {end} {length:.4g} s" for end, length in (("first", lead), ("last", trail)) if length > 0]
-        zero = "; where it was 0 after that, write afterwards = 0 in its entry of [columns]" if trail > max_gap else ""
-        notes.append(f"{name}: no value in {' and '.join(ends)}; cut off{zero if name != 'time' else ''}.")
-    outside = [(-np.inf, float(stamps[0])), (float(stamps[-1] + period), np.inf)]
-    return outside + list(zip((stamps[:-1] + period)[long].tolist(), stamps[1:][long].tolist(), strict=True)), notes
-
-
 def gaps_in_words(gaps: FloatArray) -> str:
     """How many gaps there are, and how long the longest is [s]."""
     return f"{_count(gaps)} up to {gaps.max():.4g} s"
@@ -194,6 +136,52 @@ def _count(gaps: FloatArray) -> str:
 
 
 @dataclass(frozen=True)
+class Grid:
+    """`n` bins of `step` seconds, the first from `start` [s] on."""
+
+    start: float
+    step: float
+    n: int
+
+    @property
+    def starts(self) -> FloatArray:
+        """Where the bins begin, (n,) s."""
+        return self.start + self.step * np.arange(self.n, dtype=np.float64)
+
+    def held(self, time: FloatArray) -> Callable[[FloatArray], FloatArray]:
+        """A function to the means over the bins, (n,), of samples (m,) without NaN, each held until the next.
+
+        Times are (m,) s, increasing, the first not after `start`. No integral of the held signal is lost.
+        """
+        edges = Grid(self.start, self.step, self.n + 1).starts
+        cuts = np.union1d(time[(time > self.start) & (time < edges[-1])], edges[:-1])
+        sample, first = np.searchsorted(time, cuts, side="right") - 1, np.searchsorted(cuts, edges[:-1])
+        widths = np.diff(cuts, append=edges[-1])
+        total = np.add.reduceat(widths, first)
+        return lambda values: np.add.reduceat(values[sample] * widths, first) / total
+
+    def means(self, time: FloatArray, values: FloatArray) -> FloatArray:
+        """Plain mean of the samples that fall in each bin, (n,); NaN where there is none."""
+        # A stamp such as 2.9999999999 belongs to the bin that starts at 3.
+        index = np.floor((time - self.start) / self.step + ROUNDING).astype(np.int64)
+        inside = (index >= 0) & (index < self.n) & ~np.isnan(values)
+        total = np.bincount(index[inside], weights=values[inside], minlength=self.n).astype(np.float64)
+        return _ratio(total, np.bincount(index[inside], minlength=self.n))
+
+    def averages(self, time: FloatArray, values: FloatArray, max_gap: float) -> FloatArray:
+        """The same, or where bins hold about one reading what a straight line has in their middles.
+
+        The mean of one reading early in a bin would come half a step too soon.
+        """
+        there, means = ~np.isnan(values), self.means(time, values)
+        own, readings = time[there], values[there]
+        if own.size < 2 or np.median(np.diff(own)) < self.step / SEVERAL:
+            return means
+        joined = interpolate(own, readings, self.starts + 0.5 * self.step, max(max_gap, SEVERAL * self.step))
+        return np.where(np.isnan(means) | np.isnan(joined), means, joined)
+
+
+@dataclass(frozen=True)
 class Samples:
     """Samples of a log, (n,) s and quantities (n,) each in SI and degC, or means over the intervals that rows begin."""
 
@@ -201,7 +189,7 @@ class Samples:
     raw: Mapping[str, FloatArray]
     means: bool = False
 
-    @property
+    @cached_property
     def period(self) -> float:
         """The usual time between samples, s."""
         return float(np.median(np.diff(self.time)))
@@ -210,108 +198,99 @@ class Samples:
         """Whether a temperature is a mean over a step of so many seconds, which holds several samples or a mean."""
         return self.means or step >= SEVERAL * self.period
 
+    def stretches(self, keys: Collection[str], max_gap: float, steady_gap: float) -> tuple[list[Span], list[str]]:
+        """The stretches [start, stop), s, in which every input has a value or is bridged, and notes on the gaps.
 
-def grid(start: float, step: float, n: int) -> FloatArray:
-    """`n` times `step` seconds apart from `start`, (n,) s."""
-    return start + step * np.arange(n, dtype=np.float64)
+        Args:
+            keys: raw inputs, NaN where missing, each with at least one number.
+            max_gap: s, the longest time between two samples of an input that is bridged. An input that is logged more
+                seldom than the rest holds for 2.5 of its own periods at least.
+            steady_gap: s, the same for a temperature that is as good as the same before and after.
+        """
+        missing, notes = self._gaps("time", np.zeros(self.time.size), max_gap, 0.0)
+        for name in keys:
+            if np.isnan(self.raw[name]).any():
+                steady = steady_gap if name.startswith("temperature.") else 0.0
+                spans, of_gaps = self._gaps(name, self.raw[name], max_gap, steady)
+                missing += spans
+                notes += of_gaps
+        stretches, start, end = list[Span](), self.time[0], self.time[-1] + self.period
+        for low, high in sorted(missing):
+            if low > start:
+                stretches.append((start, min(low, end)))
+            start = max(start, high)
+        return stretches, notes
 
+    def _gaps(self, name: str, values: FloatArray, max_gap: float, steady_gap: float) -> tuple[list[Span], list[str]]:
+        """Where an input has no value and is not bridged, s, the log's two ends among them; and notes.
 
-def inputs_on_grid(held: Samples, columns: Collection[str], start: float, step: float, n: int) -> dict[str, FloatArray]:
-    """Features on `n` bins of `step` s from `start`, (n,) each, from samples without NaN there."""
-    bins, averaged = Bins(held.time, start, step, n), held.averaged(step)
-    return {
-        # A prescribed temperature is read off as the measured ones are where steps and samples are about as long.
-        column: interpolate(held.time, held.raw[column], grid(start, step, n), np.inf)
-        if column.startswith("temperature.") and not averaged
-        else bins.reduce(column, sample_values(column, held.raw))
-        for column in columns
-    }
+        The last sample before a gap holds for the usual time between samples.
+        """
+        rows, time, period, notes = np.flatnonzero(~np.isnan(values)), self.time, self.period, list[str]()
+        stamps = time[rows]
+        apart = np.diff(stamps)
+        usual = float(np.median(apart)) if apart.size else period
+        if slow := usual > SEVERAL * period:
+            # How often a temperature is read is said of all of them, by `reading.py`.
+            how = "" if name.startswith("temperature.") else f"logged every {usual:.4g} s, "
+            notes.append(f"{name}: {how}held between its readings.")
+            period, max_gap = usual, max(max_gap, _HELD * usual)
+        long = (apart > max_gap) & ((apart > steady_gap) | (np.abs(np.diff(values[rows])) > _STEADY))
+        # In a column only its own gaps are counted: those where rows stand without a value.
+        own = (np.diff(rows) > 1) & (apart > SEVERAL * usual) if name != "time" else apart > SEVERAL * period
+        if (own & ~long).any():
+            notes.append(f"{name}: {gaps_in_words(apart[own & ~long])}, bridged by holding the last value.")
+        if (own & long).any():
+            longest = f"over {max_gap:.4g} s, the longest {apart[long].max():.4g} s"
+            notes.append(f"{name}: {_count(apart[own & long])} {longest}; the log is split there.")
+        lead, trail = stamps[0] - time[0], time[-1] - stamps[-1]
+        if max(lead, trail) > (usual if slow else 0.0):
+            ends = [f"the {end} {length:.4g} s" for end, length in (("first", lead), ("last", trail)) if length > 0]
+            zero = "; where it was 0 after that, write afterwards = 0 in its entry of [columns]" * bool(trail > max_gap)
+            notes.append(f"{name}: no value in {' and '.join(ends)}; cut off{zero if name != 'time' else ''}.")
+        outside = [(-np.inf, float(stamps[0])), (float(stamps[-1] + period), np.inf)]
+        return outside + list(zip((stamps[:-1] + period)[long].tolist(), stamps[1:][long].tolist(), strict=True)), notes
 
+    def inputs(self, columns: Collection[str], on: Grid) -> dict[str, FloatArray]:
+        """Features on a grid, (n,) each, from samples without NaN there."""
+        held, averaged, found = on.held(self.time), self.averaged(on.step), dict[str, FloatArray]()
+        for column in columns:
+            rule = feature(column).reduction
+            if column.startswith("temperature.") and not averaged:  # read off as the measured ones are
+                found[column] = interpolate(self.time, self.raw[column], on.starts, np.inf)
+            else:
+                found[column] = rule.after(held(rule.before(sample_values(column, self.raw))))
+        return found
 
-def temperatures_on_grid(
-    samples: Samples, columns: Collection[str], start: float, step: float, n: int, max_gap: float
-) -> dict[str, FloatArray]:
-    """Temperatures at each bin's start or, of several samples, their mean, (n,) each, NaN where missing.
+    def temperatures(self, columns: Collection[str], on: Grid, max_gap: float) -> dict[str, FloatArray]:
+        """Temperatures at each bin's start or, of several samples, their mean, (n,) each, NaN where missing.
 
-    The mean of one reading early in a bin would come half a step too soon: where a sensor gives about one reading a
-    bin, its readings' straight line is read off, in bins with a reading. So it is at a bin's start, about which a bin
-    may lie; there between rows that follow each other, too, where both have a reading.
-    """
-    if samples.means:
-        return _means_of_means(samples, columns, start, step, n, max_gap)
-    if samples.averaged(step):
-        return {name: _averages(samples.time, samples.raw[name], start, step, n, max_gap) for name in columns}
-    found = {}
-    for name in columns:
-        about = _averages(samples.time, samples.raw[name], start - 0.5 * step, step, n, np.inf)
-        between = interpolate(samples.time, samples.raw[name], grid(start, step, n), max_gap)
-        found[name] = np.where(np.isnan(between), about, between)
-    return found
-
-
-def _averages(time: FloatArray, values: FloatArray, begin: float, step: float, n: int, max_gap: float) -> FloatArray:
-    """Means over bins, or where they hold about one reading what a straight line has in their middles."""
-    there = ~np.isnan(values)
-    own, readings, means = time[there], values[there], mean_in_bins(time, values, begin, step, n)
-    if own.size < 2 or np.median(np.diff(own)) < step / SEVERAL:
-        return means
-    middles = grid(begin, step, n) + 0.5 * step
-    joined = interpolate(own, readings, middles, max(max_gap, SEVERAL * step))
-    return np.where(np.isnan(means) | np.isnan(joined), means, joined)
-
-
-def _means_of_means(
-    samples: Samples, columns: Collection[str], start: float, step: float, n: int, max_gap: float
-) -> dict[str, FloatArray]:
-    """Each row's mean counts for the seconds that it has in a bin; a bin of which half or less is known stays empty."""
-    ends = samples.time + samples.period
-    lost = np.flatnonzero(samples.time[1:] > ends[:-1] + 0.5 * samples.period)  # rows that the log lacks
-    bins, means = Bins(np.insert(samples.time, lost + 1, ends[lost]), start, step, n), {}
-    for name in columns:
-        own = samples.time[np.isfinite(samples.raw[name])]
-        if own.size > 1 and np.median(np.diff(own)) >= SEVERAL * samples.period:  # read more seldom than there are rows
-            middles = samples.time + 0.5 * samples.period
-            means[name] = _averages(middles, samples.raw[name], start, step, n, max_gap)
-            continue
-        values = np.insert(samples.raw[name], lost + 1, np.nan)
-        share, total = (bins.reduce(name, x) for x in (np.isfinite(values) * 1.0, np.nan_to_num(values)))
-        means[name] = np.divide(total, share, out=np.full(n, np.nan), where=share > 0.5)
-    return means
-
-
-class Bins:
-    """Held samples cut at the bins' edges: made once for a stretch, used for each of its columns.
-
-    Args:
-        time: (m,) s, increasing, the first not after `start`; each sample is held until the next.
-        start: s, start of the first bin.
-        step: s, length of a bin.
-        n: number of bins.
-    """
-
-    def __init__(self, time: FloatArray, start: float, step: float, n: int) -> None:
-        edges = grid(start, step, n + 1)
-        inner = time[(time > start) & (time < edges[-1])]
-        cuts = np.union1d(inner, edges[:-1])
-        self._widths = np.diff(cuts, append=edges[-1])
-        self._sample = np.searchsorted(time, cuts, side="right") - 1
-        self._first = np.searchsorted(cuts, edges[:-1])
-        self._total = np.add.reduceat(self._widths, self._first)
-
-    def reduce(self, column: str, values: FloatArray) -> FloatArray:
-        """One value a bin, (n,), from samples (m,) without NaN; no integral of the held signal is lost."""
-        rule = feature(column).reduction
-        pieces = rule.before(values)[self._sample] * self._widths
-        return rule.after(np.add.reduceat(pieces, self._first) / self._total)
-
-
-def mean_in_bins(time: FloatArray, values: FloatArray, start: float, step: float, n: int) -> FloatArray:
-    """Plain mean of the samples that fall in each of `n` bins, (n,); NaN where there is none."""
-    # A stamp such as 2.9999999999 belongs to the bin that starts at 3.
-    index = np.floor((time - start) / step + ROUNDING).astype(np.int64)
-    inside = (index >= 0) & (index < n) & ~np.isnan(values)
-    total = np.bincount(index[inside], weights=values[inside], minlength=n).astype(np.float64)
-    return _ratio(total, np.bincount(index[inside], minlength=n))
+        Where a sensor gives about one reading a bin, its readings' straight line is read off, in bins with a reading,
+        and so it is at a bin's start, about which a bin may lie; there between rows that follow each other, too, where
+        both have a reading. Of rows that are means each counts for the seconds that it has in a bin; a bin of which
+        half or less is known stays empty.
+        """
+        time, period, found = self.time, self.period, dict[str, FloatArray]()
+        if self.means:
+            ends = time + period
+            lost = np.flatnonzero(time[1:] > ends[:-1] + 0.5 * period)  # rows that the log lacks
+            held = on.held(np.insert(time, lost + 1, ends[lost]))
+        for name in columns:
+            values = self.raw[name]
+            own = time[np.isfinite(values)]
+            if self.means and own.size > 1 and np.median(np.diff(own)) >= SEVERAL * period:
+                found[name] = on.averages(time + 0.5 * period, values, max_gap)  # read more seldom than there are rows
+            elif self.means:
+                known = np.insert(values, lost + 1, np.nan)
+                share, total = held(np.isfinite(known) * 1.0), held(np.nan_to_num(known))
+                found[name] = np.divide(total, share, out=np.full(on.n, np.nan), where=share > 0.5)
+            elif self.averaged(on.step):
+                found[name] = on.averages(time, values, max_gap)
+            else:
+                about = replace(on, start=on.start - 0.5 * on.step).averages(time, values, np.inf)
+                between = interpolate(time, values, on.starts, max_gap)
+                found[name] = np.where(np.isnan(between), about, between)
+        return found
 
 
 def interpolate(time: FloatArray, values: FloatArray, at: FloatArray, max_gap: float) -> FloatArray:
