@@ -89,7 +89,6 @@ def label_of(message: Any) -> Hashable:
 
 # --- The quantities that messages of well-known types hold -----------------------------------------
 
-_JOINT_STATE = {"velocity": "velocity", "effort": "torque", "position": "position"}
 _INTERFACES = {
     **dict.fromkeys(("temperature", "motor_temperature", "winding_temperature"), "temperature"),
     **dict.fromkeys(("effort", "torque"), "torque"),
@@ -121,17 +120,15 @@ def _known(kind: str, topic: str, names: Sequence[str]) -> Iterator[tuple[str, .
     if kind == "JointState":
         for name in names:
             member, _, joint = name.removesuffix("]").partition("[")
-            if member in _JOINT_STATE and joint:
-                yield f"{_JOINT_STATE[member]}.{joint}", name
+            yield f"{(_INTERFACES | {'position': 'position'}).get(member, '')}.{joint}", name
     elif kind == "DynamicJointState":
         for name in names:
-            joint, _, what = name.rpartition(".")
-            if what in _INTERFACES:
-                yield f"{_INTERFACES[what]}.{joint}", name
+            joint, _, interface = name.rpartition(".")
+            yield f"{_INTERFACES.get(interface, '')}.{joint}", name
     elif kind == "Temperature":
         words = [word for word in topic.split("/") if word and word not in {"temperature", "temp"}]
         place = "_".join(words).removesuffix("_temperature").removesuffix("_temp").removeprefix("temperature_")
-        if "temperature" in names and place:
+        if "temperature" in names:
             yield f"temperature.{place}", "temperature"
     else:
         of_base = [name for name in names if name.endswith(("twist.linear.x", "twist.linear.y", "twist.linear.z"))]

@@ -41,19 +41,17 @@ def join(
         InputError: a log has no usable time, or their times have nothing in common.
     """
     given = {key: columns[key] for key in ("time",) if key in columns}
-    own = column_sources(first, given).get("time")
-    others = columns.get(SECOND_TIME) or column_sources(second, given).get("time")
+    own, other = column_sources(first, given).get("time"), columns.get(SECOND_TIME)
     time, rows, stamp = _in_time(first, own, "time")
-    time2, rows2, stamp2 = _in_time(second, others, SECOND_TIME)
+    time2, rows2, stamp2 = _in_time(second, other or column_sources(second, given).get("time"), SECOND_TIME)
     time2 = time2 + (shift or 0.0)
     if min(time[-1], time2[-1]) < max(time[0], time2[0]):
         found = f"times from {time[0]:.10g} to {time[-1]:.10g} s, and from {time2[0]:.10g} to {time2[-1]:.10g} s"
-        expected = (
-            f"logs of one run; {path}@SECONDS sets the second's clock forward" if shift is None else "another shift"
-        )
-        raise InputError(path, "join", found, expected)
+        expected = f"logs of one run; {path}@SECONDS sets the second's clock forward"
+        raise InputError(path, "join", found, expected if shift is None else "another shift")
     called = {name: name for name in first.names if name not in {stamp, "time"}}
     called2 = {name: f"{name}:2" if name in first.names else name for name in second.names if name != stamp2}
+    logs = (first, time, rows, called), (second, time2, rows2, called2)
     notes = [f"{second.path.name}: its clock set forward by {shift or 0:.6g} s, as given.", *first.notes, *second.notes]
     if shift is None:
         notes[0] = f"{second.path.name}: {ONE_CLOCK}{first.path.name}; if it is another, write {path}@SECONDS."
@@ -62,18 +60,17 @@ def join(
 
     def sources(wanted: Sequence[str]) -> list[Source]:
         read: list[Source] = []
-        for table, times, kept, names in ((first, time, rows, called), (second, time2, rows2, called2)):
+        for table, times, kept, names in logs:
             numbers = table.numbers(name for name, new in names.items() if new in wanted)
             read.append((times, {names[name]: values[kept] for name, values in numbers.items()}))
         return read
 
-    units = {called[name]: unit for name, unit in first.units.items() if name in called}
     table = table_of_sources(
         path,
         ("time", *called, *called2.values()),
         sources,
         f"{first.kind} joined with {second.kind}",
-        units=units | {called2[name]: unit for name, unit in second.units.items() if name in called2},
+        units={names[name]: unit for log, _, _, names in logs for name, unit in log.units.items() if name in names},
         defaults={**second.defaults, **first.defaults},
         notes=notes,
         digest=lambda: hashlib.sha256(f"{first.digest()} {second.digest()}".encode()).hexdigest(),
@@ -92,7 +89,7 @@ def _in_time(table: Table, source: ColumnSource | None, key: str) -> tuple[Float
         if issue.certain:
             remedy = issue.remedy.replace('"time=', f'"{key}=').replace("write time =", f'write "{key}" =')
             raise InputError(table.path, f"column '{issue.column}'", issue.problem, remedy)
-    rows = in_order(time)
-    rows = np.arange(time.size) if rows is None else rows
+    order = in_order(time)
+    rows = np.arange(time.size) if order is None else order
     rows = rows[check_time(table, key, source, time[rows])[0]]
     return time[rows], rows, source.columns[0]

@@ -59,7 +59,7 @@ def open_ulog(path: Path) -> Table:
         for topic, fields in topics.items():
             asked = [field for field in fields if f"{topic}.{field}" in of_all]
             if asked or of_all == {"time"}:
-                time, rows, said = _in_time(path, topic, fields)
+                time, rows, said = _timed(path, topic, np.asarray(fields["timestamp"], np.float64) / 1e6)  # us
                 table.note(said)
                 found.append((time, {f"{topic}.{name}": np.asarray(fields[name], np.float64)[rows] for name in asked}))
         return found
@@ -120,23 +120,19 @@ def _defaults(names: Sequence[str], topics: Mapping[str, Mapping[str, Any]]) -> 
     return sources | {key: source for key, source in several.items() if set(source.columns) <= set(names)}
 
 
-def _in_time(path: Path, topic: str, fields: Mapping[str, Any]) -> tuple[FloatArray, IntArray, list[str]]:
-    """Times of a topic's messages, (n,) s, and which they are, in order of time, those without one left out; notes.
+def _timed(path: Path, topic: str, stamps: FloatArray) -> tuple[FloatArray, IntArray, list[str]]:
+    """Times of a topic's messages, (n,) s, and which they are, without those that have no time; notes.
 
     Raises:
         InputError: its clock goes back by more than a few messages.
     """
-    stamps = np.asarray(fields["timestamp"], np.float64) / 1e6  # us
     rows = np.flatnonzero(stamps)  # PX4 writes 0 where it has no time
-    lost = stamps.size - rows.size
+    lost, time = stamps.size - rows.size, stamps[rows]
     notes = [f"{topic}: {lost} message{'s' * (lost > 1)} without a time; left out."] if lost else []
-    back = np.diff(stamps[rows]) < 0
-    if back.any():
-        order = in_order(stamps[rows])
-        if order is None:
+    if (back := np.diff(time) < 0).any():
+        if in_order(time) is None:
             before, now = rows[back.argmax() : back.argmax() + 2]
             found = f"{stamps[now]:.10g} s after {stamps[before]:.10g} s"
             raise InputError(path, f"{topic}, message {now + 1}", found, "time that runs forwards; cut the log there")
-        rows = rows[order]
-        notes.append(f"{topic}: messages out of order, by a few; sorted.")
-    return stamps[rows], rows, notes
+        notes.append(f"{topic}: messages out of order, by a few; sorted.")  # by `on_one_time`
+    return time, rows, notes
