@@ -22,6 +22,7 @@ COMMON_TYPES = {  # that do not come with ROS 2 itself: ros-controls/control_msg
 _NUMPY_TYPES = {"bool": "u1", "byte": "u1", "char": "u1", "float32": "<f4", "float64": "<f8"} | {
     f"{sign}int{8 * size}": f"<{sign or 'i'}{size}" for sign in ("", "u") for size in (1, 2, 4, 8)
 }
+_NAMED_ELSEWHERE = ("interface_values", "values")  # members whose entries another member names
 _LONGEST = 64  # entries of an array; longer ones are pictures and clouds
 _HEAD = 4  # bytes that say how a message is encoded
 _BASE, _NAME, _SEQUENCE = 1, 2, 4  # kinds of types, as rosbags numbers them
@@ -30,51 +31,43 @@ _COUNT, _TEXT = "count", "string"  # what stands before the entries of an array,
 
 def numbers_of(store: Any, message: Any) -> dict[str, float]:
     """The numbers of a message by their names: `twist.linear.x`, `motor_state[3].temperature`, `effort[FR_calf]`."""
-    entries = _entries(store.fielddefs, message, "")
+    entries = _entries(store.fielddefs, (_NAME, None), message, "")
     return {name: float(x) for name, kind, x in entries if kind in _NUMPY_TYPES and name and name[:7] != "header."}
 
 
-def _entries(types: Mapping[str, Any], message: Any, prefix: str | None) -> Iterator[tuple[str, str, Any]]:
-    """All that a message holds, in the order of its bytes: name, type and value; the name is '' where nobody asks.
-
-    With the prefix `None` its members have no names.
-    """
-    joints = _joints(message)
-    for member, described in types[message.__msgtype__][1]:
-        own: Sequence[str] = ()
-        if member == "interface_values":
-            own = joints
-        elif member == "values":
-            own = getattr(message, "interface_names", ())
-        elif hasattr(message, "effort"):
-            own = [f"{member}[{joint}]" for joint in joints]
-        hidden = prefix is None or (member == "header" and prefix)
-        yield from _entries_of(types, described, getattr(message, member), "" if hidden else f"{prefix}{member}", own)
-
-
-def _entries_of(
-    types: Mapping[str, Any], described: Any, value: Any, name: str, own: Sequence[str] = ()
+def _entries(
+    types: Mapping[str, Any], described: Any, value: Any, name: str | None, own: Sequence[str] = ()
 ) -> Iterator[tuple[str, str, Any]]:
-    """The same of one member; the entries of an array are called by names of their `own`, or by their number."""
+    """All that a message, or a member of one, holds, in the order of its bytes: name, type and value.
+
+    What is called `None` nobody asks for, and its members neither: their name is ''. The entries of an array are called
+    by names of their `own`, or by their number.
+    """
     form, inner = described
     if form == _NAME:
-        yield from _entries(types, value, f"{name}." if name else None)
+        joints, prefix = _joints(value), f"{name}." if name else ""
+        for member, of_member in types[value.__msgtype__][1]:
+            names: Sequence[str] = [f"{member}[{joint}]" for joint in joints] if hasattr(value, "effort") else ()
+            if member in _NAMED_ELSEWHERE:
+                names = joints if member == "interface_values" else getattr(value, "interface_names", ())
+            hidden = name is None or (member == "header" and name)
+            yield from _entries(types, of_member, getattr(value, member), None if hidden else prefix + member, names)
         return
     if form == _BASE:
-        yield name, inner[0], value
+        yield name or "", inner[0], value
         return
     if form == _SEQUENCE:
         yield "", _COUNT, len(value)
-    element, prefix = inner[0], name.rpartition(".")[0]
+    element, prefix = inner[0], (name or "").rpartition(".")[0]
     if len(own) == len(value):
-        names = [f"{prefix}.{entry}" if prefix else entry for entry in own]
+        own = [f"{prefix}.{entry}" if prefix else entry for entry in own]
     elif len(value) > _LONGEST and element[0] == _BASE and element[1][0] in _NUMPY_TYPES:
         yield "", element[1][0], value
         return
     else:
-        names = [f"{name}[{k}]" if len(value) <= _LONGEST else "" for k in range(len(value))]
-    for entry, called in zip(value, names, strict=True):
-        yield from _entries_of(types, element, entry, called if name else "")
+        own = [f"{name}[{k}]" if len(value) <= _LONGEST else "" for k in range(len(value))]
+    for entry, called in zip(value, own, strict=True):
+        yield from _entries(types, element, entry, (called or None) if name else None)
 
 
 def _joints(message: Any) -> Sequence[str]:
@@ -200,7 +193,7 @@ class _Template:
         self.label, self._fields, self.usable = label_of(message), fields, False
         places: dict[str, tuple[int, str]] = {}
         fixed, end = [0, 1], _HEAD  # bytes that are the same in all messages of this layout
-        for name, base, value in _entries(store.fielddefs, message, ""):
+        for name, base, value in _entries(store.fielddefs, (_NAME, None), message, ""):
             if base not in _NUMPY_TYPES and base not in (_COUNT, _TEXT):
                 return
             size = int(_NUMPY_TYPES.get(base, "4")[-1])

@@ -71,25 +71,23 @@ def open_bag(path: Path) -> Table:
     for name, topic in topics.items():
         if topic.shared:
             parts |= {f"{name}:{number}": (topic, source) for number, source in enumerate(topic.sources, start=1)}
-    names = ("time", *(f"{part}.{name}" for part, (topic, _) in parts.items() for name in topic.names))
-    notes = [*of_opening]
+    names, notes = ("time", *(f"{part}.{n}" for part, (topic, _) in parts.items() for n in topic.names)), [*of_opening]
 
     def sources(wanted: Sequence[str]) -> list[Source]:
-        of_all = set(wanted)
-        asked = {part: [n for n in topic.names if f"{part}.{n}" in of_all] for part, (topic, _) in parts.items()}
-        asked = {part: numbers for part, numbers in asked.items() if numbers} or {next(iter(topics)): []}
-        streams, of_sources = list[Stream](), list[str]()
+        of_all, streams, of_sources = set(wanted), list[Stream](), list[str]()
         with _reader(path) as again:
-            for part, numbers in asked.items():
-                topic, source = parts[part]
+            for part, (topic, source) in parts.items():
+                numbers = [name for name in topic.names if f"{part}.{name}" in of_all]
+                if not numbers and (of_all != {"time"} or streams):
+                    continue
                 stream = replace(_stream(again, store, topic, numbers), topic=part)
-                dumb = set(stream.sources) - {source}
+                dumb, said = set(stream.sources) - {source}, list[str]()
                 if source is None:
                     dumb, said = _dumb(path, stream, topic.sources)
-                    of_sources += said
+                of_sources += said
                 rows = np.array([one not in dumb for one in stream.sources], dtype=bool)
-                kept = replace(stream, stamps=stream.stamps[rows], received=stream.received[rows])
-                streams.append(replace(kept, values=stream.values[rows]))
+                kept = {name: getattr(stream, name)[rows] for name in ("stamps", "received", "values")}
+                streams.append(replace(stream, **kept))
         stamps, of_clock = one_clock(streams)
         notes[:] = [*of_opening, *of_sources, *of_clock]
         return [
@@ -97,8 +95,14 @@ def open_bag(path: Path) -> Table:
             for stream, own in zip(streams, stamps, strict=True)
         ]
 
+    def digest() -> str:
+        """Of a folder that of its files' digests in order of their names."""
+        if path.is_file():
+            return fingerprint(path)
+        lines = (f"{file.name} {fingerprint(file)}" for file in sorted(path.iterdir()) if file.is_file())
+        return hashlib.sha256("\n".join(lines).encode()).hexdigest()
+
     defaults = quantities({name: (topic.kind, topic.names) for name, topic in topics.items()})
-    digest = partial(_digest, path)
     return table_of_sources(path, names, sources, "ROS 2 bag", defaults=defaults, notes=notes, digest=digest)
 
 
@@ -254,14 +258,6 @@ def _reader(path: Path) -> Iterator[Any]:
         yield reader
 
 
-def _digest(path: Path) -> str:
-    """The SHA-256 of a bag: of a folder, that of its files' digests in order of their names."""
-    if path.is_file():
-        return fingerprint(path)
-    lines = (f"{file.name} {fingerprint(file)}" for file in sorted(path.iterdir()) if file.is_file())
-    return hashlib.sha256("\n".join(lines).encode()).hexdigest()
-
-
 # --- One clock for the topics of a bag: header stamps where there are any, times of reception else ---
 
 _APART = 1_000_000_000  # ns; no message is under way for so long
@@ -274,10 +270,6 @@ def one_clock(streams: Sequence[Stream]) -> tuple[list[IntArray], list[str]]:
     Topics without usable header stamps are put on the others' clock by the median difference between stamps and
     reception there.
     """
-
-    def listed(streams: Sequence[Stream]) -> str:
-        return ", ".join(stream.topic for stream in streams)
-
     written = [stream for stream in streams if stream.stamps.size and stream.stamps.max() > 0]
     stamped = [stream for stream in written if (np.diff(stream.stamps) > -_BACK).all()]
     rest = [stream for stream in streams if stream not in stamped]
@@ -285,7 +277,7 @@ def one_clock(streams: Sequence[Stream]) -> tuple[list[IntArray], list[str]]:
     if stamped:
         shift = int(np.median(np.concatenate([stream.stamps - stream.received for stream in stamped])))
         moved = f", moved by {shift / 1e9:.6g} s onto the header stamps' clock"
-        notes.append(f"time: from the header stamps of {listed(stamped)}.")
+        notes.append(f"time: from the header stamps of {', '.join(stream.topic for stream in stamped)}.")
         ahead = [int(np.median(stream.stamps - stream.received)) for stream in stamped]
         notes += [  # nobody knows which is right
             f"time: the header stamps of {stream.topic} lie {(own - ahead[0]) / 1e9:+.4g} s from those of "
@@ -294,7 +286,8 @@ def one_clock(streams: Sequence[Stream]) -> tuple[list[IntArray], list[str]]:
             if abs(own - ahead[0]) > _APART
         ]
     if rest:
-        notes.append(f"time: of {listed(rest)} the time of reception{moved}; no usable header stamps.")
+        topics = ", ".join(stream.topic for stream in rest)
+        notes.append(f"time: of {topics} the time of reception{moved}; no usable header stamps.")
     return [stream.stamps if stream in stamped else stream.received + shift for stream in streams], notes
 
 

@@ -112,16 +112,12 @@ def pair_of(path: Path) -> tuple[Path, Path, float | None] | None:
     Raises:
         InputError: more than two are named.
     """
-    if path.exists() or "+" not in str(path):
+    if path.exists() or (match := _PAIR.fullmatch(str(path))) is None:
         return None
-    match = _PAIR.fullmatch(str(path))
-    if match is None:
-        return None
-    if "+" in match["first"] and not Path(match["first"]).exists():
-        raise InputError(path, "log", "more than two logs joined by +", "two: LOG+OTHER")
     first, second, shift = Path(match["first"]), Path(match["second"]), match["shift"]
-    beside = first.parent / second
-    second = beside if beside.exists() else second
+    if "+" in match["first"] and not first.exists():
+        raise InputError(path, "log", "more than two logs joined by +", "two: LOG+OTHER")
+    second = beside if (beside := first.parent / second).exists() else second
     if not first.exists() and not second.exists():  # a + in the name of a folder, and no such file in it
         return None
     return first, second, None if shift is None else float(shift)
@@ -189,18 +185,16 @@ def choose_columns(
     Raises:
         InputError: time or an input is not in the log, or none of the outputs is.
     """
-    sources = column_sources(table, columns)
-    everything = not inputs and not outputs
-    notes: tuple[str, ...] = ()
+    sources, everything, notes = column_sources(table, columns), not inputs and not outputs, list[str]()
 
     def require(keys: Collection[str], purpose: str = "") -> None:
         """Refuse a log that lacks one of the raw columns, which are for the feature `purpose`."""
         for key in keys:
             for name in _absent(table, sources, key):
                 place = f"column '{name}'" if key in sources else f"column {key}"
-                because = f" (for {purpose})" if purpose and purpose != key else ""
+                place += f" (for {purpose})" * bool(purpose and purpose != key)
                 problem = f"no such column; the log has: {table.listing}"
-                raise InputError(table.path, place + because, problem, _instead(table, sources, key, purpose))
+                raise InputError(table.path, place, problem, _instead(table, sources, key, purpose))
 
     if everything:
         require(sources)
@@ -218,16 +212,16 @@ def choose_columns(
         outputs = tuple(column for column in predicted if not _absent(table, sources, column))
         if not outputs:
             require(predicted[:1])
-        notes = tuple(f"{column}: not in the log, so not measured." for column in predicted if column not in outputs)
+        notes += [f"{column}: not in the log, so not measured." for column in predicted if column not in outputs]
         there = [column for column in optional if column not in predicted]
         there = [c for c in there if not any(_absent(table, sources, key) for key in raw_keys(c, sources))]
         inputs = (*inputs, *there)
         lost = [key for key in columns if key not in predicted and key != "time" and _absent(table, sources, key)]
-        notes += tuple(f"{key}: mapped to a column that is not in the log; left out." for key in lost)
+        notes += [f"{key}: mapped to a column that is not in the log; left out." for key in lost]
     require(("time",))
     inputs, outputs = tuple(dict.fromkeys(inputs)), tuple(dict.fromkeys(outputs))
     raw = dict.fromkeys(key for column in (*inputs, *outputs) for key in raw_keys(column, sources))
-    return ColumnChoice(inputs, outputs, {key: sources[key] for key in ("time", *raw)}, notes, everything)
+    return ColumnChoice(inputs, outputs, {key: sources[key] for key in ("time", *raw)}, tuple(notes), everything)
 
 
 def _absent(table: Table, sources: Mapping[str, ColumnSource], key: str) -> tuple[str, ...]:
@@ -341,12 +335,11 @@ def read_log(
     samples, of_values, issues = _checked_samples(table, choice, strict)
     refuse_exchanged(path, guesses, choice.sources, Channels({"time": samples.time, **samples.raw}))
     period = float(f"{samples.period:.3g}")
-    of_step = []
-    if step is not None and step < period:
-        of_step.append(f"time: sampled every {period:g} s, so steps of {period:g} s are used in place of {step:g} s.")
-    step = max(period, _SHORTEST_STEP if step is None else step)
+    asked = _SHORTEST_STEP if step is None else step
+    of_step = f"time: sampled every {period:g} s, so steps of {period:g} s are used in place of {asked:g} s."
+    said, step = [of_step] * (step is not None and step < period), max(period, asked)
     steady_gap = STEADY_GAP if max_gap is None else 0.0
-    max_gap = max_gap if max_gap is not None else max(_BRIDGED, _BRIDGED_STEPS * step)
+    max_gap = max(_BRIDGED, _BRIDGED_STEPS * step) if max_gap is None else max_gap
     if max_gap < SEVERAL * samples.period:
         expected = f"more than {SEVERAL} sampling periods of {samples.period:.3g} s"
         raise InputError(path, "max_gap", f"{max_gap:g} s", expected)
@@ -363,14 +356,13 @@ def read_log(
             lost = sum(stop - start for start, stop in whole) - sum(stop - start for start, stop in with_it)
             gappy += [column] if len(with_it) != len(whole) or lost > max_gap else []
     choice = choice.without(gappy)
-    of_columns = [f"{column}: has gaps, and the model does not need it; left out." for column in gappy]
     empty = _empty(table, choice, void & choice.sources.keys(), issues)
-    of_columns += [f"{key}: no value in any row; left out." for key in samples.raw if key in empty]
+    notes = [f"{GUESSED}{guessed.line} ({guessed.why})." for guessed in guesses]
+    notes += [*filter(None, [format_note(table)]), *table.notes, *choice.notes, *of_values]
+    notes += [f"{column}: has gaps, and the model does not need it; left out." for column in gappy]
+    notes += [*(f"{key}: no value in any row; left out." for key in samples.raw if key in empty), *said]
     choice = choice.without(empty)
     samples = replace(samples, raw={key: x for key, x in samples.raw.items() if key in choice.sources})
-    notes = [f"{GUESSED}{guessed.line} ({guessed.why})." for guessed in guesses]
-    notes += [*filter(None, [format_note(table)]), *table.notes, *choice.notes]
-    notes += [*of_values, *of_columns, *of_step]
     runs = _runs(table, choice, samples, step, max_gap, stretches, notes)
     begun = runs if choice.everything else _beginning_with_readings(runs, choice.outputs)
     return [replace(run, issues=issues) for run in begun]
@@ -399,7 +391,7 @@ def _checked_samples(table: Table, choice: ColumnChoice, strict: bool) -> tuple[
     keep, repeated = check_time(table, "time", source, time)
     if keep.size < time.size:
         time, raw = time[keep], {key: values[keep] for key, values in raw.items()}
-    samples, of_rows = Samples(time, raw), []
+    samples, notes = Samples(time, raw), [*notes, *repeated]
     if source.rows in MEANS:  # from the beginning of what each row is about
         samples = replace(samples, time=time - MEANS[source.rows] * samples.period, means=True)
     elif samples.period >= _SLOW and not source.rows and source.columns and not table.mixed:
@@ -407,8 +399,8 @@ def _checked_samples(table: Table, choice: ColumnChoice, strict: bool) -> tuple[
         line = as_line_or_option("time", replace(source, rows=example))
         note = f"{ROWS_UNKNOWN}{samples.period:.4g} s, read as samples whose inputs hold until the next; "
         note += f'if rows are means, write {line} ({" or ".join(others)}, where it is so), else rows = "{SAMPLES}".'
-        of_rows = [note]
-    notes += [*repeated, *of_rows, *_temperature_notes(samples, table.mixed), *(issue.sentence for issue in issues)]
+        notes.append(note)
+    notes += [*_temperature_notes(samples, table.mixed), *(issue.sentence for issue in issues)]
     return samples, notes, issues
 
 
