@@ -33,6 +33,13 @@ def named(key: Key) -> str:
     return f"{key[0]} at {key[1]}"
 
 
+def is_structure(declared: EffectDeclaration) -> bool:
+    """Whether an effect is what all parts have in common, or two parts that touch, and no deviation of one."""
+    if declared.run or declared.difference or declared.effect.measurement_error:
+        return False
+    return declared.at == EVERYWHERE or (declared.effect.common and declared.effect.site == "edge")
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Step(Tabular):
     """A fitted model, and the effect that it has beyond the model before it.
@@ -81,10 +88,7 @@ class Step(Tabular):
     @property
     def is_structure(self) -> bool:
         """Whether it is what all parts have in common, or two parts that touch, and no deviation of one."""
-        declared = self.declaration
-        if declared is None or declared.run or declared.difference or declared.effect.measurement_error:
-            return False
-        return declared.at == EVERYWHERE or (declared.effect.common and declared.effect.site == "edge")
+        return self.declaration is not None and is_structure(self.declaration)
 
     def with_setting(self, key: str, setting: Setting) -> Step:
         """The step, its effect declared with what is set of its parameter of this key, at all its places."""

@@ -9,8 +9,9 @@
    Held-out runs move no parameter, and are weighed all the same: which of two fitted runs is the odd one, only another
    can tell.
 3. After each step everything is asked anew whether it is needed: a part that all seemed to have may have stood for one
-   that has it. So *made of* and *wrong* are asked twice, the second time beside what was found. Of the two answers the
-   one stays that predicts held-out runs better, as they were logged.
+   that has it. So *made of* and *wrong* are asked twice, the second time beside what was found, or where that is
+   nothing, beside the surest of what would set one part apart. Of the two answers the one stays that predicts held-out
+   runs better, as they were logged; without any the more probable one.
 
 The search leaves to errors of runs, of sensors and of like parts what they usually are (`Problem.tolerance`); what it
 ends with is fitted by plain least squares, as the file's user does. What is told is there more probably than not, and
@@ -33,7 +34,7 @@ from scipy.special import expit, softmax
 from lptn.basics.errors import InputError
 from lptn.basics.places import EVERYWHERE
 from lptn.basics.processes import one_blas_thread
-from lptn.diagnose.answers import LIKELY, Key, Report, Step, named
+from lptn.diagnose.answers import LIKELY, Key, Report, Step, is_structure, named
 from lptn.diagnose.candidates import Candidate, candidates, possible_effects
 from lptn.diagnose.evidence import USUAL, ErrorsOfRuns, Evidence, FirstOrder, allowances, may_deviate, with_runs
 from lptn.diagnose.priors import in_occams_window, log_priors
@@ -109,17 +110,25 @@ def composition(
         executor: where exact fits run; here, one after the other, by default.
         report: called with a sentence on what is being done.
     """
-    search = _Search(given, data, errors or ErrorsOfRuns(), executor, report)
+    start = _Search(given, data, errors or ErrorsOfRuns(), executor, report)
+    search = start.copied()
     search.add_structure()
     search.add_findings(most)
-    again = search.copied()
-    again.add_structure()
-    if again.fit is search.fit:
+    again = search.copied() if search.findings else start
+    if search.structure and not search.findings:
+        again.add_findings(1, apart=True)
+    if again.findings:
+        again.add_structure()
+    if not again.findings or again.fit is search.fit:
         return search.result()
     again.add_findings(most)
     made, other = search.result(), again.result()
-    before, after = (holdout_errors(one.fit, data.holdout) for one in (made, other))
-    return other if before is None or after is None or after.rmse < before.rmse else made
+    if data.holdout:
+        errors_made, errors_other = (holdout_errors(one.fit, data.holdout) for one in (made, other))
+        better = bool(errors_made and errors_other and errors_other.rmse < errors_made.rmse)
+    else:
+        better = search.evidence(other.fit, made.after).log_evidence > made.after.log_evidence
+    return other if better else made
 
 
 class _Search:
@@ -143,7 +152,7 @@ class _Search:
         self.refused: tuple[Step, ...] = ()
         self.needed: dict[Key, float] = {}  # log odds, by exact fits, of what was tried to be left out
         self.fit = self._tolerant(given)
-        self.before = self._evidence(self.fit)
+        self.before = self.evidence(self.fit)
 
     @property
     def added(self) -> list[EffectDeclaration]:
@@ -159,7 +168,7 @@ class _Search:
 
     def add_structure(self) -> None:
         """Where anything is lacking, all that every part may have, in one fit; what isn't needed is taken out."""
-        network, was = self.fit.model.network, self._evidence(self.fit)
+        network, was = self.fit.model.network, self.evidence(self.fit)
         more = [with_priors(one, None, None) for one in self._common(network)] if was.is_lacking() else []
         if not more:
             return
@@ -172,7 +181,7 @@ class _Search:
                 self._take_out_none()  # most of them, and their states
                 self.fit = self._tolerant(self.fit)
                 self._take_out()
-                if self._evidence(self.fit, was).log_evidence > was.log_evidence:
+                if self.evidence(self.fit, was).log_evidence > was.log_evidence:
                     return
             except SimulationError:  # with all of it the model is too stiff for a held-out run
                 pass
@@ -202,14 +211,21 @@ class _Search:
 
     # --- wrong --------------------------------------------------------------------------------------
 
-    def add_findings(self, most: int) -> None:
-        """Candidate after candidate, as long as something is missing more probably than not."""
+    def add_findings(self, most: int, *, apart: bool = False) -> None:
+        """Candidate after candidate, as long as something is missing more probably than not.
+
+        Args:
+            most: of findings.
+            apart: of nothing that all parts may have, but of what sets a place, a sensor or a run apart.
+        """
         for _ in range(_MOST_ROUNDS):
             if len(self.findings) == most:
                 return
             self.fit = self._tolerant(self.fit)
             every = self._possible(self.fit)
             possible = [one for one in every if not one.run or one.run in self.runs]
+            if apart:
+                possible = [one for one in possible if not is_structure(one.declaration(None, None))]
             base = Evidence(self.fit, allowances(self.fit, every, self.errors), possible, held_out=self.data.holdout)
             priors = log_priors(possible)
             odds = dict(zip((one.key for one in possible), priors.tolist(), strict=True))
@@ -248,7 +264,7 @@ class _Search:
             if fit is None or is_at_chosen_bound(fit, declaration):
                 continue  # no size was found
             try:
-                evidence = self._evidence(fit, base)
+                evidence = self.evidence(fit, base)
             except SimulationError:  # too stiff for a held-out run
                 continue
             # What it makes needless goes: the one that stood for it in all places, for one.
@@ -258,7 +274,7 @@ class _Search:
             steps.append(Step(fit, declaration, log_odds=log_odds))
         return sorted(steps, key=lambda step: -step.log_odds)
 
-    def _evidence(self, fit: Fit, beside: Evidence | None = None) -> Evidence:
+    def evidence(self, fit: Fit, beside: Evidence | None = None) -> Evidence:
         allowed = allowances(fit, self._possible(fit, may_deviate(fit)), self.errors)
         return Evidence(fit, allowed, beside=beside, held_out=self.data.holdout)
 
@@ -268,7 +284,7 @@ class _Search:
 
     def _tolerant(self, fit: Fit) -> Fit:
         """A fit that leaves to errors of runs, of sensors and of like parts what they usually are."""
-        return self._unless_too_stiff(tolerant(fit, self._evidence(fit).tolerance, precision=RANKING), fit)
+        return self._unless_too_stiff(tolerant(fit, self.evidence(fit).tolerance, precision=RANKING), fit)
 
     def _unless_too_stiff(self, fit: Fit, before: Fit) -> Fit:
         """The continued fit, or the one before where the new one is too stiff for a held-out run."""
@@ -284,7 +300,7 @@ class _Search:
         while True:
             self._take_out_none()
             if now is None or now.fitted is not self.fit:
-                now = self._evidence(self.fit)
+                now = self.evidence(self.fit)
             needless = {declared: _log_odds_of_none(now, declared) for declared in self.added}
             left = [d for d in needless if (d.name, d.where) not in asked and needless[d] > _WITHIN_REACH]
             if not left:
@@ -295,7 +311,7 @@ class _Search:
             if without is None:
                 continue
             try:
-                other = self._evidence(without[0], now)
+                other = self.evidence(without[0], now)
             except SimulationError:
                 continue
             self.needed[declared.name, declared.where] = needed = now.log_evidence - other.log_evidence
@@ -342,7 +358,7 @@ class _Search:
         self._take_out()
         self.fit = self._unless_too_stiff(finished(self.fit), self.fit)
         while True:
-            evidence = self._evidence(self.fit)
+            evidence = self.evidence(self.fit)
             told = [self._as_told(own, evidence) for own in self.added]
             untold = [step for step in told if not step.likely or self._size_in_errors(step) < 1.0]
             least = min(untold, key=lambda step: step.probability, default=None)
