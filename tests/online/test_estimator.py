@@ -21,7 +21,7 @@ from lptn.logs.scatter import off_their_neighbours, white_noise
 from lptn.model.file import parse_model
 from lptn.model.model import Model
 from lptn.online.augmented_model import AugmentedModel, ModelError
-from lptn.online.estimator import Estimate, Estimator, run_filter
+from lptn.online.estimator import Estimate, Estimator
 from lptn.online.quantisation import as_gaussian, noise_and_steps
 from lptn.robots.presets import presets
 from lptn.simulate.bound_run import bind
@@ -227,7 +227,7 @@ def test_doubt_about_fitted_parameters_widens_and_stays() -> None:
     done = fit(start, [bind(start, run)])
     doubting = Estimator.from_fit(done, error=ModelError(heat=0.01))
     sure = Estimator(done.model, noise=NOISE, error=ModelError(heat=0.01))
-    last = [list(run_filter(variant, bind(start, run)))[-1] for variant in (doubting, sure)]
+    last = [list(variant.run(bind(start, run)))[-1] for variant in (doubting, sure)]
     assert (last[0].deviations >= last[1].deviations).all()
     for estimator in (doubting, sure):
         for _ in range(20):
@@ -352,7 +352,7 @@ def test_the_whole_quadruped_fits_through_the_front_door() -> None:
     model = Model(parse_model(presets()["quadruped"], Path("quadruped.toml")).network)
     estimator = lptn.Estimator(model, step=1.0)
     run = random_run(model, 30)
-    estimates = list(run_filter(estimator, bind(model, run)))
+    estimates = list(estimator.run(bind(model, run)))
     assert len(estimates) == 30
     assert estimates[-1].nodes == tuple(model.nodes)
     assert len(estimates[-1].nodes) == 13

@@ -21,7 +21,7 @@ from lptn.model.model import Model
 from lptn.model.network import Network, NodeDeclaration
 from lptn.model.tables import FitTable, FittedTable
 from lptn.online.augmented_model import ModelError
-from lptn.online.estimator import Estimator, run_filter
+from lptn.online.estimator import Estimator
 from lptn.online.forecasting import Forecast, forecast
 from lptn.online.operating_point import GaitPeriod, find_gait, present_operating_point, steady_seconds
 from lptn.online.present import ModelUncertainty, present
@@ -176,7 +176,7 @@ def test_a_parameter_is_not_learnt_beyond_its_bounds() -> None:
         covariance=np.eye(len(names)) * 0.3**2,
         watch=False,
     )
-    for _ in run_filter(estimator, bind(model, warming(np.full(900, 10.0)))):
+    for _ in estimator.run(bind(model, warming(np.full(900, 10.0)))):
         pass
     (index,) = (k for k in model.free if model.parameters[k].name.startswith("capacity"))
     assert estimator.values[index] == pytest.approx(260.0)

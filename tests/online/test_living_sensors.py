@@ -16,7 +16,7 @@ from lptn.model.file import parse_model
 from lptn.model.model import Model
 from lptn.online.estimator import Estimate, Estimator
 from lptn.online.forecasting import forecast
-from lptn.online.living_sensors import LivingSensors
+from lptn.online.living_sensors import LivingSensor
 from lptn.online.present import ModelUncertainty, not_alive
 from lptn.simulate.bound_run import bind
 from tests.builders import make_run
@@ -32,13 +32,12 @@ def model() -> Model:
     return Model(network().with_values(TRUTH))
 
 
-def judged(readings: FloatArray, predicted: FloatArray, step: float, noise: float = NOISE) -> LivingSensors:
+def judged(readings: FloatArray, predicted: FloatArray, step: float, noise: float = NOISE) -> LivingSensor:
     """What is known of one sensor after readings once a second, the filter being right to 0.05 K."""
-    sensor = LivingSensors(np.array([noise**2]), np.array([step]))
-    for reading, expected in zip(readings, predicted, strict=True):
-        sensor.clock += 1.0
-        read, model, few = np.array([reading]), np.array([expected]), np.array([0.05])
-        sensor.judge(1.0, read, model, few**2, model, few, 0 * few, 1000 + few)
+    sensor = LivingSensor(noise**2, step)
+    for reading, expected in zip(readings.tolist(), predicted.tolist(), strict=True):
+        sensor.clock, sensor.deviation, sensor.settles = sensor.clock + 1.0, 0.05, 1000.05
+        sensor.judge(1.0, reading, expected, 0.05**2, expected)
     return sensor
 
 
@@ -51,27 +50,27 @@ def test_a_coarse_sensor_stands_for_an_hour_with_its_temperature() -> None:
     true = np.concatenate([np.linspace(20, 24.02, 600), np.full(3600, 24.02)])
     readings = rounded(true, 1.0)
     assert np.mean(readings[-3600:] == 24) > 0.99
-    assert not judged(readings, true, 1.0).stands.any()
-    assert not judged(readings, true, 0.0).stands.any()  # nobody said its steps
+    assert not judged(readings, true, 1.0).stands
+    assert not judged(readings, true, 0.0).stands  # nobody said its steps
 
 
 def test_the_same_reading_is_dead_where_the_temperature_has_moved_on() -> None:
     true = np.concatenate([np.linspace(20, 24.02, 600), np.linspace(24.02, 27, 300)])
     readings = rounded(true, 1.0)
     readings[600:] = 24.0
-    assert judged(readings, true, 1.0).why_not(0).startswith("has read 24 degC, bit for bit, for ")
+    assert judged(readings, true, 1.0).why_not.startswith("has read 24 degC, bit for bit, for ")
 
 
 def test_a_fine_sensor_that_stands_is_called_in_a_minute() -> None:
     readings = rounded(np.full(700, 30.0), 0.1)
     readings[600:] = readings[600]
-    assert not judged(readings[:650], np.full(650, 30.0), 0.1).stands.any()
-    assert judged(readings[:665], np.full(665, 30.0), 0.1).stands.any()
+    assert not judged(readings[:650], np.full(650, 30.0), 0.1).stands
+    assert judged(readings[:665], np.full(665, 30.0), 0.1).stands
 
 
 def test_a_topic_that_repeats_itself_is_alive() -> None:
     readings = rounded(np.full(120, 30.0), 0.1).repeat(30)
-    assert not judged(readings, np.full(readings.size, 30.0), 0.1).stands.any()
+    assert not judged(readings, np.full(readings.size, 30.0), 0.1).stands
 
 
 def followed(model: Model, readings: FloatArray, **options: bool) -> list[Estimate]:

@@ -16,7 +16,7 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.model.file import parse_model
 from lptn.model.model import Model
-from lptn.online.living_sensors import LivingSensors
+from lptn.online.living_sensors import LivingSensor
 from lptn.online.quantisation import as_gaussian
 from lptn.planners import TorqueMPC
 from lptn.planners.compiled import compiled
@@ -108,20 +108,22 @@ def test_c_judges_each_reading_as_python_does(step: float) -> None:
         readings = spoilt(random, true, step)
         off = 8.0 * (np.arange(200) > 150)[:, None] * (seed % 3 == 0)  # now and then it is the model that is wrong
         predicted, reference = (true + 0.05 * random.standard_normal(true.shape) + off for _ in range(2))
-        sensors = LivingSensors(np.full(3, 0.1**2), np.full(3, step))
+        sensors = [LivingSensor(0.1**2, step) for _ in range(3)]
         library.start()
         for k, (reading, expected, without) in enumerate(zip(readings, predicted, reference, strict=True)):
             others = [random.uniform(0.0, most, 3) for most in (0.1, 1.0, 4.0, 100.0)]
             others[2] *= -1
-            sensors.clock = k * PERIOD
-            sensors.judge(PERIOD, reading, expected, others[0], without, *others[1:])
+            for i, sensor in enumerate(sensors):
+                variance, sensor.deviation, learned, sensor.settles = (float(other[i]) for other in others)
+                sensor.clock = k * PERIOD
+                sensor.judge(PERIOD, *(float(a[i]) for a in (reading, expected)), variance, float(without[i]), learned)
             flags, evidence = np.zeros(3, dtype=np.int32), np.zeros(3)
             given = (ctypes.c_double(value) for value in (k * PERIOD, 0.1**2, step))
             arrays = (reading, expected, others[0], without, *others[1:], flags, evidence)
             library.look(*given, *(array.ctypes.data_as(ctypes.c_void_p) for array in arrays))
-            own = np.array([sensors.stands, sensors.agrees, sensors.proven, sensors.trusted, sensors.lost])
+            own = np.array([[s.stands, s.agrees, s.proven, s.trusted, s.lost] for s in sensors], dtype=int).T
             np.testing.assert_array_equal(flags, 2 ** np.arange(5) @ own)
-            np.testing.assert_allclose(evidence, sensors.evidence, rtol=1e-9, atol=1e-9)
+            np.testing.assert_allclose(evidence, [sensor.evidence for sensor in sensors], rtol=1e-9, atol=1e-9)
             seen += own.sum(axis=1)
     assert (seen > 8).all()
 

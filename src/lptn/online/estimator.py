@@ -17,7 +17,7 @@ from lptn.basics.parameters import Transform
 from lptn.identify.noise import LEAST_NOISE
 from lptn.model.model import Model
 from lptn.online.augmented_model import AugmentedModel, ModelError, Sizes, by_node, refuse_negative
-from lptn.online.living_sensors import ABOVE, ERROR, LivingSensors
+from lptn.online.living_sensors import ABOVE, ERROR, LivingSensor
 from lptn.online.quantisation import as_gaussian, noise_and_steps
 from lptn.simulate.bound_run import BoundRun
 
@@ -102,8 +102,7 @@ UNKNOWN = 0.3  # standard deviation of a learnt parameter's coordinate: some 30 
 _WALK = 0.05  # how far a learnt parameter's coordinate walks in an hour
 _HOUR, _DAY = 3600.0, 86400.0  # s; what was known a day ago is worth no more than a new start
 _GAP = 600.0  # s; inputs older than this are invalid: the temperature estimates start again
-_REMEMBERED = ("mean", "covariance", "resting", "last_inputs", "coldest", "began", "without", "deviations", "woken",
-               "settles", "once_trusted", "used")  # fmt: skip
+_REMEMBERED = ("mean", "covariance", "resting", "last_inputs", "coldest", "without")
 _PLAUSIBLE = 6.0  # standard deviations of what may be wrong with the model; more is not learnt of it
 
 
@@ -207,16 +206,11 @@ class Estimator:
         self._mean = np.full(layout.size, np.nan)
         self._covariance = np.zeros((len(self._mean), len(self._mean)))
         self._since_correction = np.eye(len(self._mean))
-        self.sensors = LivingSensors(self._noise, self._step) if watch else None
-        """What is known of the sensors; `None` where they are not watched."""
-        nodes = len(model.nodes)
         self._without = np.zeros(layout.size)  # by how much the state of the model alone differs
-        self._began = np.zeros(nodes)  # degC, at which the model alone began
-        self._deviations = np.zeros(nodes)  # K, standard deviation of the model alone
-        self._woken = np.zeros(nodes)  # K, of a sensor that was never trusted: of what it read, carried on by the model
-        self._settles = np.zeros(nodes)  # s, time constants of the nodes
-        self._once_trusted = np.zeros(nodes, dtype=bool)  # sensors that were trusted once
-        self._used = np.zeros(nodes, dtype=bool)  # those whose readings are taken in
+        self.watch = watch
+        """Whether sensors that are not alive are left out."""
+        self.sensors = self._new_sensors()
+        """What is known of each node's sensor."""
         self._capacities = model.values[[model.network.capacities[node] for node in model.nodes]]
         self._is_temperature = np.array([column.startswith("temperature.") for column in model.inputs], dtype=float)
         self.last: Correction | None = None
@@ -247,28 +241,33 @@ class Estimator:
         """
         u, y = _inputs_of(self.model, inputs), _readings_of(self.model, readings)
         self._refuse_time(dt)
-        if not self.running or (dt > _GAP and np.isfinite(y).any()):
-            self._begin(y, u)
-        else:
-            self._advance(u, dt)
-        if self.sensors is None:
-            return self._correct(y, np.isfinite(y))
-        predicted, by_state = self.augmented.readings(self._mean)
-        # A sensor that was never trusted is judged by its own readings alone.
-        alone = self.sensors.lost & ~self._once_trusted
-        reference = predicted + by_state @ self._without + self._woken
-        variance = np.einsum("ij,jk,ik->i", by_state, self._covariance, by_state)
-        self.sensors.judge(
-            dt, y, np.where(alone, reference, predicted), np.where(alone, self._deviations**2, variance), reference,
-            self._deviations, np.zeros(y.size), self._settles,
-        )  # fmt: skip
-        lived = self._once_trusted.any()
-        for node in np.flatnonzero(np.isfinite(y)):
-            self._follow(self.sensors, int(node), float(y[node]), bool(alone[node]))
-        if not lived and self._once_trusted.any():
-            for node in np.flatnonzero(~self._used & ~self.sensors.lost):
-                self._begin_like_others(int(node))
-        return self._correct(y, np.isfinite(y) & ~self.sensors.lost)
+        return self._update(u, y, dt)
+
+    def run(self, bound: BoundRun, measured: FloatArray | None = None) -> Iterator[Estimate]:
+        """Estimates at each of a run's n readings, in order of time, from the state in which the run begins.
+
+        A reading that is the mean over its step is taken in at the middle of it.
+
+        Args:
+            bound: the run as the model sees it.
+            measured: readings [degC], shape (nodes, n), that stand for the run's own.
+
+        Raises:
+            InputError: as `update`.
+        """
+        readings, step = bound.measured if measured is None else measured, bound.run.step
+        last, before = bound.inputs[:, 0], 0.0  # inputs, and s since the last update that they act
+        for u, y in zip(bound.inputs.T, readings.T, strict=True):
+            if not np.isfinite(u).all():
+                _inputs_of(self.model, dict(zip(self.model.inputs, u.tolist(), strict=True)))
+            if bound.run.averaged:
+                if before:
+                    self._advance(last, before)
+                yield self._update(u, y, step / 2 if self.running else 0.0)
+                last, before = u, step / 2
+            else:
+                yield self._update(last, y, before)
+                last, before = u, step
 
     def advance(self, inputs: Mapping[str, float], dt: float) -> None:
         """Advance by `dt` seconds without any reading.
@@ -327,8 +326,8 @@ class Estimator:
 
     def state(self) -> dict[str, FloatArray]:
         """All that the estimator remembers, as plain arrays: `numpy.savez(file, **estimator.state())`."""
-        sensors = np.zeros((0, len(self.model.nodes))) if self.sensors is None else self.sensors.state()
-        return {name: np.array(getattr(self, f"_{name}"), dtype=float) for name in _REMEMBERED} | {"sensors": sensors}
+        own = {name: np.array(getattr(self, f"_{name}"), dtype=float) for name in _REMEMBERED}
+        return own | {"sensors": np.array([sensor.state() for sensor in self.sensors])}
 
     def restore(self, state: Mapping[str, FloatArray]) -> None:
         """Go on from what `state` returned, by an estimator of the same model and options.
@@ -344,35 +343,63 @@ class Estimator:
                     self.model.network.origin, f"state {name}", problem, f"an array of shape {array.shape}"
                 )
         for name in _REMEMBERED:
-            own = getattr(self, f"_{name}")
-            setattr(self, f"_{name}", np.array(state[name]).astype(own.dtype))
-        if self.sensors is not None:
-            self.sensors.restore(np.array(state["sensors"], dtype=float))
+            setattr(self, f"_{name}", np.array(state[name], dtype=float))
+        for sensor, numbers in zip(self.sensors, state["sensors"], strict=True):
+            sensor.restore(numbers)
 
-    def _follow(self, sensors: LivingSensors, node: int, reading: float, alone: bool) -> None:
+    def _update(self, u: FloatArray, y: FloatArray, dt: float) -> Estimate:
+        """As `update`, of inputs and readings in the model's order."""
+        if not self.running or (dt > _GAP and np.isfinite(y).any()):
+            self._begin(y, u)
+        else:
+            self._advance(u, dt)
+        if self.watch:
+            self._judge(y, dt)
+        return self._correct(y, np.isfinite(y) & [not sensor.lost for sensor in self.sensors])
+
+    def _judge(self, y: FloatArray, dt: float) -> None:
+        """Judge all sensors; use each, or take back what it taught."""
+        predicted, by_state = self.augmented.readings(self._mean)
+        without = (predicted + by_state @ self._without).tolist()
+        variance = np.einsum("ij,jk,ik->i", by_state, self._covariance, by_state).tolist()
+        # A sensor that was never trusted is judged by its own readings alone.
+        alone = [sensor.lost and not sensor.once_trusted for sensor in self.sensors]
+        for node, sensor in enumerate(self.sensors):
+            reference = without[node] + sensor.woken
+            by_filter = (reference, sensor.deviation**2) if alone[node] else (float(predicted[node]), variance[node])
+            sensor.judge(dt, float(y[node]), *by_filter, reference)
+        lived = any(sensor.once_trusted for sensor in self.sensors)
+        for node in np.flatnonzero(np.isfinite(y)).tolist():
+            self._follow(node, float(y[node]), alone[node])
+        if not lived and any(sensor.once_trusted for sensor in self.sensors):
+            for node, sensor in enumerate(self.sensors):
+                if not (sensor.used or sensor.lost):
+                    self._begin_like_others(node)
+
+    def _follow(self, node: int, reading: float, alone: bool) -> None:
         """After a node's sensor was judged: use it, or take back what it taught.
 
         It was judged by its own reading [degC] `alone` if it had never been trusted.
         """
-        noise = math.sqrt(self._read_as[node])
-        if not sensors.lost[node]:
+        sensor, noise = self.sensors[node], math.sqrt(self._read_as[node])
+        if not sensor.lost:
             if alone:
                 self._begin_node(node, reading, noise)
-                self._began[node] = reading
-            self._used[node] = True
-            if sensors.trusted[node]:
-                self._once_trusted[node], self._coldest = True, np.minimum(self._coldest, self._began[node])
-        elif not sensors.agrees[node] and not self._once_trusted[node]:
+                sensor.began = reading
+            sensor.used = True
+            if sensor.trusted:
+                sensor.once_trusted, self._coldest = True, np.minimum(self._coldest, sensor.began)
+        elif not sensor.agrees and not sensor.once_trusted:
             # It says nothing of its node: robots start near one temperature. What it reads now may wake.
             if not alone:
                 self._begin_like_others(node)
             predicted, by_state = self.augmented.readings(self._mean)
-            self._woken[node] = reading - (predicted + by_state @ self._without)[node]
-            self._deviations[node], self._used[node] = noise, False
-        elif self._used[node] and not sensors.proven[node]:
-            self._used[node] = False
+            sensor.woken = reading - float((predicted + by_state @ self._without)[node])
+            sensor.deviation, sensor.used = noise, False
+        elif sensor.used and not sensor.proven:
+            sensor.used = False
             # What others read is kept, but no surer than a reading: it was estimated beside a false temperature.
-            kept = np.flatnonzero(self._used[self._owners])
+            kept = np.flatnonzero(np.array([sensor.used for sensor in self.sensors])[self._owners])
             without, self._without[kept] = self._without[kept], 0.0
             taught = np.flatnonzero(~self._only_doubtful)
             self._mean[taught] += self._without[taught]
@@ -383,58 +410,55 @@ class Estimator:
     def _begin_like_others(self, node: int) -> None:
         """A node of which no sensor tells began as warm as those whose sensors live, and while there are none as the
         others, or what surrounds them if that is warmer. Since then it was warmed as the model says."""
-        lives = self._once_trusted
-        others = np.delete(self._began, node) if self._began.size > 1 else self._began
-        start = self._began[lives].mean() if lives.any() else np.maximum(others.mean(), self._coldest[0])
-        warmed = self._mean[node] + self._without[node] - self._began[node]
-        self._began[node] = start
-        self._begin_node(node, start + warmed, _UNMEASURED if lives.any() else _UNREAD)
+        own, lives = self.sensors[node], [sensor.began for sensor in self.sensors if sensor.once_trusted]
+        others = [sensor.began for sensor in self.sensors if sensor is not own] or [own.began]
+        start = float(np.mean(lives) if lives else max(np.mean(others), self._coldest[0]))
+        warmed = float(self._mean[node] + self._without[node]) - own.began
+        own.began = start
+        self._begin_node(node, start + warmed, _UNMEASURED if lives else _UNREAD)
 
     def _begin_node(self, node: int, temperature: float, deviation: float) -> None:
         """A node as it is known at a temperature [degC] with an error [K], the model's errors unknown."""
         rows = np.flatnonzero(self._of_node == node)
         self._mean[rows] = np.where(rows < self.augmented.layout.states.stop, temperature, 0.0)
-        self._deviations[node], self._woken[node] = deviation, 0.0
+        self.sensors[node].deviation, self.sensors[node].woken = deviation, 0.0
         self._forget(rows)
 
     def _forget(self, rows: IntArray) -> None:
         """Rows of the state of which nothing is known but what the model alone says."""
         self._without[rows] = 0.0
-        variance = self._doubt.copy()
-        variance[self.augmented.layout.states] = self._deviations[self._owners] ** 2
+        variance, states = self._doubt.copy(), self.augmented.layout.states
+        variance[states] = np.square([sensor.deviation for sensor in self.sensors])[self._owners]
         self._covariance[rows], self._covariance[:, rows] = 0.0, 0.0
         self._covariance[rows, rows] = variance[rows]
 
+    def _new_sensors(self) -> list[LivingSensor]:
+        return [LivingSensor(*own) for own in zip(self._noise.tolist(), self._step.tolist(), strict=True)]
+
     def _begin(self, y: FloatArray, u: FloatArray) -> None:
         """Start at the first readings; without any at the ambient, far from sure."""
-        model, layout = self.model, self.augmented.layout
-        seen = np.isfinite(y)
+        model, layout, seen = self.model, self.augmented.layout, np.isfinite(y)
         known = y[seen] if seen.any() else u[(self._is_temperature > 0) & np.isfinite(u)]
         if known.size == 0:
             raise InputError(model.network.origin, "first update", "no reading of any node", "one reading at least")
         near = float(known.mean())
-        self._coldest[0] = math.inf if model.network.prescribed else near
+        self._resting, self._coldest[0] = np.array([near]), math.inf if model.network.prescribed else near
         self._surround(np.full(len(model.states), near), u)
-        warmer = max(near, self._coldest[0])
-        nodes = np.where(seen, y, warmer)
+        warmer = max(near, float(self._coldest[0]))
         elsewhere = max(_UNMEASURED, warmer - near) if seen.any() else _UNREAD
-        scatter = np.where(seen, self._read_as, elsewhere**2)
-        z, spread = np.zeros(layout.size), self.augmented.errors.copy()
-        z[layout.states], spread[layout.states] = nodes[self._owners], scatter[self._owners]
-        spread[len(model.nodes) : layout.states.stop] += _HIDDEN**2
-        z[layout.parameters], prior = self._given, self._prior
+        self.sensors = self._new_sensors()
+        for sensor, reading, variance in zip(self.sensors, y.tolist(), self._read_as.tolist(), strict=True):
+            read = math.isfinite(reading)
+            sensor.began, sensor.deviation = (reading, math.sqrt(variance)) if read else (warmer, elsewhere)
+        z, learnt = np.zeros(layout.size), (self._given, self._prior)
         if self.running:  # after a gap: what was learnt of the parameters stays
-            z[layout.parameters] = self._mean[layout.parameters]
-            prior = self._covariance[layout.parameters, layout.parameters]
-        self._covariance = np.diag(spread)
-        self._covariance[layout.parameters, layout.parameters] = prior
-        self._resting = np.array([near])
-        self._mean = z
-        self._without[:], self._began = 0.0, nodes
-        self._deviations = np.sqrt(np.diag(self._covariance)[: len(model.nodes)])
-        self._once_trusted[:], self._used[:], self._woken[:] = False, False, 0.0
-        if self.sensors is not None:
-            self.sensors = LivingSensors(self._noise, self._step)
+            learnt = self._mean[layout.parameters], self._covariance[layout.parameters, layout.parameters].copy()
+        z[layout.states] = np.array([sensor.began for sensor in self.sensors])[self._owners]
+        z[layout.parameters], self._mean = learnt[0], z
+        self._forget(np.arange(layout.size))
+        hidden = np.arange(len(model.nodes), layout.states.stop)
+        self._covariance[hidden, hidden] += _HIDDEN**2
+        self._covariance[layout.parameters, layout.parameters] = learnt[1]
 
     def _surround(self, states: FloatArray, u: FloatArray) -> None:
         """Remember the coldest of what surrounds the nodes, unless some of it is not known."""
@@ -443,12 +467,14 @@ class Estimator:
 
     def _keep_passive(self) -> None:
         """A node that no sensor in use reads is no colder than all around it was, no warmer than its heat allows."""
-        if self.sensors is None:
+        if not self.watch:
             return
-        unread = np.flatnonzero(~self._used)
-        alone = np.maximum(self._mean[unread] + self._without[unread], self._coldest)
-        self._mean[unread] = np.clip(self._mean[unread], self._coldest, alone + ABOVE * self._deviations[unread])
-        self._without[unread] = alone - self._mean[unread]
+        coldest = float(self._coldest[0])
+        for node, sensor in enumerate(self.sensors):
+            if not sensor.used:
+                alone = max(float(self._mean[node] + self._without[node]), coldest)
+                self._mean[node] = min(max(self._mean[node], coldest), alone + ABOVE * sensor.deviation)
+                self._without[node] = alone - self._mean[node]
 
     def _advance(self, u: FloatArray, dt: float) -> None:
         if dt == 0:
@@ -464,17 +490,15 @@ class Estimator:
             heat = np.arange(self.size)[self.augmented.layout.heat]
             self._covariance[heat, heat] += (self._change * change * self._capacities) ** 2
             self._last_inputs = u
-        if self.sensors is not None:
+        if self.watch:
             # The model alone becomes less sure: by the relative error of heat put in and of heat that leaves, and
             # `error`. What a sensor read that was never trusted is forgotten as its node settles.
-            self.sensors.clock += dt
             left = rates(self._mean, u * self._is_temperature)[0][:nodes]
             warming, by_state = (array[:nodes] for array in rates(self._mean, u))
             rate = np.sqrt(ERROR**2 * ((warming - left) ** 2 + left**2) + by_state**2 @ self._doubt)
-            self._settles = 1 / np.maximum(-np.diag(by_state), 1 / _DAY)
-            stays = np.exp(-dt / self._settles)
-            self._deviations = stays * self._deviations + self._settles * (1 - stays) * rate
-            self._woken *= stays
+            settles = 1 / np.maximum(-np.diag(by_state), 1 / _DAY)
+            for sensor, *own in zip(self.sensors, settles.tolist(), rate.tolist(), strict=True):
+                sensor.wait(dt, *own)
         step = self.augmented.step(self._mean, u, dt)
         self._mean = step.states
         self._without = step.transition @ self._without
@@ -499,8 +523,10 @@ class Estimator:
         gain = cho_solve(factor, of_readings.T, check_finite=False).T
         # What is only doubtful, not learnt, keeps its value; Joseph's form holds for that gain too.
         gain[self._only_doubtful] = 0.0
-        if self.sensors is not None:  # one that has not shown yet that it lives teaches of nothing but its own node
-            gain[(self._of_node[:, None] != np.flatnonzero(taken)) & ~self.sensors.trusted[taken]] = 0.0
+        if self.watch:  # one that has not shown yet that it lives teaches of nothing but its own node
+            for column, node in enumerate(np.flatnonzero(taken).tolist()):
+                if not self.sensors[node].trusted:
+                    gain[self._of_node != node, column] = 0.0
         kept = np.eye(self.size) - gain @ h
         after = kept @ self._covariance @ kept.T + (gain * variance) @ gain.T
         self._covariance = 0.5 * (after + after.T)
@@ -526,8 +552,8 @@ class Estimator:
             for index, value, error, chosen in zip(self.doubtful, values, errors, self._learnt, strict=True)
             if chosen
         }
-        reasons = [] if self.sensors is None else map(self.sensors.why_not, range(nodes))
-        doubts = {node: why for node, why in zip(self.model.nodes, reasons, strict=False) if why}
+        doubts = {node: sensor.why_not for node, sensor in zip(self.model.nodes, self.sensors, strict=True)
+                  if sensor.why_not}  # fmt: skip
         inside = zip(self.model.places[nodes:], self._mean[nodes:].tolist(), deviations[nodes:].tolist(), strict=False)
         hottest = {place: (temperature, deviation) for place, temperature, deviation in inside}
         return Estimate(
@@ -537,36 +563,6 @@ class Estimator:
     def _refuse_time(self, dt: float) -> None:
         if not 0 <= dt <= _DAY:
             raise InputError(self.model.network.origin, "time step", f"{dt:g} s", f"a time from 0 to {_DAY:g} s")
-
-
-# --- An estimator over a whole run ----------------------------------------------------------------
-
-
-def run_filter(estimator: Estimator, bound: BoundRun, measured: FloatArray | None = None) -> Iterator[Estimate]:
-    """Estimates at each of a run's n readings, in order of time.
-
-    A reading that is the mean over its step is taken in at the middle of it.
-
-    Args:
-        estimator: fresh, or at the state in which the run begins.
-        bound: the run as the model sees it.
-        measured: readings [degC], shape (nodes, n), that stand for the run's own.
-    """
-    model, step = estimator.model, bound.run.step
-    readings = bound.measured if measured is None else measured
-    last: dict[str, float] = {}
-    before = 0.0  # s since the last update that `last` acts
-    for k in range(len(bound)):
-        inputs = dict(zip(model.inputs, bound.inputs[:, k].tolist(), strict=True))
-        present = {model.nodes[row]: float(readings[row, k]) for row in np.flatnonzero(np.isfinite(readings[:, k]))}
-        if bound.run.averaged:
-            if before:
-                estimator.advance(last, before)
-            yield estimator.update(inputs, present, step / 2 if estimator.running else 0.0)
-            last, before = inputs, step / 2
-        else:
-            yield estimator.update(last if before else inputs, present, before)
-            last, before = inputs, step
 
 
 # --- What comes from outside: checked, and put in the model's order -------------------------------

@@ -25,7 +25,7 @@ from lptn.logs.columns import INPUTS
 from lptn.logs.run import Run
 from lptn.model.model import Model
 from lptn.online.augmented_model import ModelError, Sizes, by_node
-from lptn.online.estimator import Estimator, run_filter
+from lptn.online.estimator import Estimator
 from lptn.online.quantisation import LEAST_NOISE
 from lptn.simulate.bound_run import BoundRun, bind, default_start
 from lptn.simulate.simulation import simulate
@@ -128,7 +128,7 @@ def gaussian_estimator(model: Model, noise: Sequence[float], error: ModelError, 
 def filtered(estimator: Estimator, bound: BoundRun, measured: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Logarithms of the likelihood of each step's innovations, (n,); temperatures [degC], shape (nodes, n)."""
     log_likelihoods, temperatures = np.zeros(len(bound)), []
-    for k, estimate in enumerate(run_filter(estimator, bound, measured)):
+    for k, estimate in enumerate(estimator.run(bound, measured)):
         temperatures.append(estimate.temperatures)
         if estimator.last is not None:
             log_likelihoods[k] = estimator.last.log_likelihood
@@ -189,7 +189,7 @@ class Innovations:
             keep = np.exp(-step / lag)
             self._growth[..., state + 1, state + 1] = keep
             self._growth[1:, :, state + 1, state] = -keep * np.diff(path, axis=0)
-        self._corrections = [estimator.last for _ in run_filter(estimator, bound, measured)]
+        self._corrections = [estimator.last for _ in estimator.run(bound, measured)]
         self._read = [np.flatnonzero(np.isfinite(row)) for row in measured.T]
         self._warms = step * warming_by_loads(estimator.model, bound).T  # K, each node by loads in each step
         self._size, self._inputs = estimator.size, estimator.augmented.layout.inputs

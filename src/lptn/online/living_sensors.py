@@ -1,4 +1,4 @@
-"""Whether each temperature sensor is alive, reading by reading, by what a model without it expects.
+"""Whether a temperature sensor is alive, reading by reading, by what a model without it expects.
 
 Each reading is compared with its *reference*, one prediction that takes in no reading: the model alone since the start;
 of a sensor that was never trusted, from what it read when it last contradicted. A node follows the heat that is put in:
@@ -14,10 +14,12 @@ its own.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from scipy.special import ndtr
 
-from lptn.basics.arrays import BoolArray, FloatArray
+from lptn.basics.arrays import FloatArray
 from lptn.logs.silence import CHANCE
 
 ERROR = 0.2
@@ -39,159 +41,159 @@ follow it, however little is known of the model. No model of a machine is wrong 
 FOLLOWS = 0.7
 """Of the reference's movement, that a sensor has to make to follow it: with every value 10 % off it makes 0.8."""
 FEWEST = 4  # readings; the regression of one on the other needs two, its scatter more
-STANDS = float(-np.log(CHANCE))
+STANDS = -math.log(CHANCE)
 """Evidence from which a sensor counts as frozen, as for whole logs."""
 SHORTEST = 60.0  # s; nothing thermal is lost in less
 LEAST_CHANCE = 1e-3  # of one reading like the one before: no single one decides
 COARSEST = 5.0  # K; steps that a sensor may have of which nothing is known yet
-_ARRAYS = ("last", "since", "evidence", "grain", "moves", "due", "agreed_for", "contradicted_for",
-           "stands", "agrees", "proven", "trusted", "lost")  # fmt: skip
-_FLAGS = _ARRAYS[-5:]
 
 
-class LivingSensors:
-    """What is remembered of each sensor; arrays have one entry for each node.
+class LivingSensor:
+    """What is remembered of one sensor; plain numbers, all but its noise and step.
 
     Args:
-        noise: variance of the readings before rounding [K²], shape (nodes,).
-        step: steps of the sensors [K], 0 where they are fine or not known, shape (nodes,).
+        noise: variance of the readings before rounding [K²].
+        step: of the sensor [K], 0 where it is fine or not known.
     """
 
-    def __init__(self, noise: FloatArray, step: FloatArray) -> None:
-        count = noise.size
+    def __init__(self, noise: float, step: float) -> None:
         self._noise, self._step = noise, step
         self.clock = 0.0
         """s since the first update."""
-        self.last, self.since = np.full(count, np.nan), np.zeros(count)
+        self.last, self.since = math.nan, 0.0
         """degC, the last reading; s of the clock, the first of those that are like it."""
-        self.evidence = np.zeros(count)
-        self.grain = np.full(count, np.inf)  # K, the smallest move so far
-        self.moves, self.due = np.zeros(count), np.zeros(count)  # moves seen, and to be expected
-        self.agreed_for = np.zeros(count)
-        """s for which each has agreed with its reference."""
-        self.regression = np.zeros((6, count))
-        """Readings and reference since then: count, means of reference and reading, sums of squares and products."""
-        self.contradicted_for = np.full(count, SHORTEST / 2)
+        self.evidence = 0.0
+        self.grain = math.inf  # K, the smallest move so far
+        self.moves, self.due = 0.0, 0.0  # moves seen, and to be expected
+        self.agreed_for = 0.0
+        """s for which it has agreed with its reference. Since then of readings and reference, in `regression`:"""
+        self.regression = [0.0] * 6
+        """Count, means of reference and reading, sums of squares and products."""
+        self.contradicted_for = SHORTEST / 2
         """s for which it had contradicted its reference before, less those for which it has been trusted again.
 
-        At first none has shown anything."""
-        self.stands, self.agrees, self.proven = (np.zeros(count, dtype=bool) for _ in range(3))
+        At first it has not shown anything."""
+        self.stands = self.agrees = self.proven = False
         """Whether it repeats itself bit for bit; agrees with its reference; has moved as its reference did."""
-        self.trusted, self.lost = np.zeros(count, dtype=bool), np.zeros(count, dtype=bool)
-        """Whether its readings may be taken in; whether it was found not to be alive and has not come back."""
+        self.trusted = self.lost = self.once_trusted = self.used = False
+        """Whether its readings may be taken in; whether it was found not to be alive and has not come back; whether it
+        was ever trusted; whether the filter has taken in what it reads."""
+        self.began, self.deviation = 0.0, 0.0
+        """The model alone at its node: degC at which it began; K, its standard deviation."""
+        self.settles = 0.0
+        """s, time constant of its node."""
+        self.woken = 0.0
+        """K, of a sensor that was never trusted: what it read when it last contradicted, less the model alone."""
+
+    def wait(self, seconds: float, settles: float, rate: float) -> None:
+        """Pass time: the model alone becomes less sure, and what a sensor without trust has read is forgotten.
+
+        Args:
+            seconds: that pass.
+            settles: time constant of the node [s].
+            rate: how far off the model's rate may be, one standard deviation [K/s].
+        """
+        stays = math.exp(-seconds / settles)
+        self.clock, self.settles = self.clock + seconds, settles
+        self.deviation = stays * self.deviation + settles * (1 - stays) * rate
+        self.woken *= stays
 
     def judge(
-        self,
-        seconds: float,
-        readings: FloatArray,
-        predicted: FloatArray,
-        variance: FloatArray,
-        reference: FloatArray,
-        deviation: FloatArray,
-        learned: FloatArray,
-        settles: FloatArray,
+        self, seconds: float, reading: float, predicted: float, variance: float, reference: float, learned: float = 0.0
     ) -> None:
-        """Look at the readings of one update; arrays have shape (nodes,).
+        """Look at the reading of one update; nothing is known of a missing one.
 
         Args:
             seconds: since the last update.
-            readings: degC, NaN where missing.
-            predicted: by the filter, which has not taken them in [degC].
-            variance: of the predicted temperatures [K²].
+            reading: degC, NaN where missing.
+            predicted: by the filter, which has not taken it in [degC].
+            variance: of the predicted temperature [K²].
             reference: the same without the sensor [degC].
-            deviation: of the reference, its standard deviation [K].
-            learned: what the model must be wrong by for the readings to be true, in standard deviations, negative where
-                it must cool the node; infinite where no values of its parameters explain them.
-            settles: time constants of the nodes [s].
+            learned: what the model must be wrong by for the reading to be true, in standard deviations, negative where
+                it must cool the node; infinite where no values of its parameters explain it.
         """
-        noise, seen = np.sqrt(self._noise + self._step**2 / 12), np.isfinite(readings)
-        below = np.where(self.lost, BELOW_IF_LOST, BELOW)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            away = readings - reference
-            near = away >= -np.maximum(below * deviation + NOISE * noise, LEAST)
-            near &= away <= np.maximum(ABOVE * deviation + NOISE * noise, LEAST)
-            near &= np.abs(readings - predicted) <= LEAST + NOISE * np.sqrt(np.maximum(variance, 0) + noise**2)
-            misleads = (learned < -np.where(self.proven, MISLEADS, BELOW)) | (learned > ABOVE)
-            self._watch_repeats(seen, readings, predicted, variance, near)
-            agrees = seen & near & ~misleads & ~self.stands
-            begins = agrees & ~self.agrees
-            self.agreed_for = np.where(begins, 0.0, self.agreed_for + seconds * agrees)
-            self.regression[:, begins] = 0.0
-            self.proven |= self._follow_reference(agrees, readings, reference, noise)
+        if not math.isfinite(reading):
+            return
+        noise = math.sqrt(self._noise + self._step**2 / 12)
+        away, below = reading - reference, BELOW_IF_LOST if self.lost else BELOW
+        near = -max(below * self.deviation + NOISE * noise, LEAST) <= away
+        near = near and away <= max(ABOVE * self.deviation + NOISE * noise, LEAST)
+        near = near and abs(reading - predicted) <= LEAST + NOISE * math.sqrt(max(variance, 0.0) + noise**2)
+        misleads = learned < -(MISLEADS if self.proven else BELOW) or learned > ABOVE
+        self._watch_repeats(reading, predicted, max(variance, 0.0), near)
+        idle = False
+        if near and not misleads and not self.stands:
+            if not self.agrees:
+                self.agrees, self.agreed_for, self.regression = True, -seconds, [0.0] * 6
+            self.proven |= self._follows_reference(reading, reference, noise)
             count, _, _, squares, of_readings, _ = self.regression
-            idle = agrees & (squares >= count * LEAST**2) & (of_readings + count * noise**2 < LEAST_SHARE**2 * squares)
-            agrees &= ~idle
-        contradicts = seen & ~agrees
-        contradicted_for = self.contradicted_for + seconds
-        gone = misleads | idle | (contradicted_for > SHORTEST) | (self.lost & ~self.proven)
-        contradicted_for = np.where(gone, np.maximum(settles, SHORTEST), contradicted_for)
-        contradicted_for = np.where(self.stands, np.minimum(self.clock - self.since, settles), contradicted_for)
-        self.contradicted_for = np.where(contradicts, contradicted_for, self.contradicted_for)
-        self.proven &= ~(contradicts & ((self.contradicted_for > SHORTEST) | misleads | idle))
-        earned = self.agreed_for >= self.contradicted_for
-        self.agrees = np.where(seen, agrees, self.agrees)
-        self.trusted = np.where(seen, agrees & self.proven & earned, self.trusted)
-        self.lost = (self.lost | contradicts) & ~(seen & self.trusted)
-        self.contradicted_for -= np.minimum(seconds, self.contradicted_for) * (seen & self.trusted)
+            idle = squares >= count * LEAST**2 and of_readings + count * noise**2 < LEAST_SHARE**2 * squares
+            if not idle:
+                self.agreed_for += seconds
+                self.trusted = self.proven and self.agreed_for >= self.contradicted_for
+                if self.trusted:
+                    self.contradicted_for, self.lost = max(self.contradicted_for - seconds, 0.0), False
+                return
+        self.contradicted_for += seconds
+        if self.stands:
+            self.contradicted_for = min(self.clock - self.since, self.settles)
+        elif misleads or idle or self.contradicted_for > SHORTEST or (self.lost and not self.proven):
+            self.contradicted_for = max(self.settles, SHORTEST)
+        self.proven &= not (misleads or idle or self.contradicted_for > SHORTEST)
+        self.agrees, self.trusted, self.lost = False, False, True
 
-    def _follow_reference(
-        self, agrees: BoolArray, readings: FloatArray, reference: FloatArray, noise: FloatArray
-    ) -> BoolArray:
-        """Which sensors have moved as their reference did: by the regression of one on the other since they agree."""
-        count, mean_reference, mean_reading, squares, of_readings, products = self.regression
-        count += agrees
-        along = np.where(agrees, reference - mean_reference, 0.0)
-        up = np.where(agrees, readings - mean_reading, 0.0)
-        mean_reference += along / np.maximum(count, 1)
-        mean_reading += up / np.maximum(count, 1)
-        squares += np.where(agrees, along * (reference - mean_reference), 0.0)
-        of_readings += np.where(agrees, up * (readings - mean_reading), 0.0)
-        products += np.where(agrees, along * (readings - mean_reading), 0.0)
+    def _follows_reference(self, reading: float, reference: float, noise: float) -> bool:
+        """Whether it has moved as its reference did: by the regression of one on the other since they agree."""
+        sums = self.regression
+        sums[0] += 1
+        along, up = reference - sums[1], reading - sums[2]
+        sums[1] += along / sums[0]
+        sums[2] += up / sums[0]
+        sums[3] += along * (reference - sums[1])
+        sums[4] += up * (reading - sums[2])
+        sums[5] += along * (reading - sums[2])
+        count, _, _, squares, of_readings, products = sums
+        if count < FEWEST or squares < LEAST**2:
+            return False
         slope = products / squares
-        scatter = np.sqrt(np.maximum(of_readings - slope * products, 0) / (count - 2))
-        enough = agrees & (count >= FEWEST) & (squares >= LEAST**2) & (slope >= FOLLOWS)
-        return np.asarray(enough & (slope * np.sqrt(squares) >= NOISE * np.maximum(scatter, noise)))
+        scatter = math.sqrt(max(of_readings - slope * products, 0.0) / (count - 2))
+        return slope >= FOLLOWS and slope * math.sqrt(squares) >= NOISE * max(scatter, noise)
 
-    def _watch_repeats(
-        self, seen: BoolArray, readings: FloatArray, predicted: FloatArray, variance: FloatArray, counts: BoolArray
-    ) -> None:
-        """Count towards sensors that stand."""
-        same, changed = seen & (readings == self.last), seen & np.isfinite(self.last) & (readings != self.last)
-        grain = np.where(np.isfinite(self.grain), self.grain, np.where(self._step > 0, self._step, COARSEST))
-        cell, spread = np.maximum(self._step, grain), np.maximum(np.sqrt(variance + self._noise), 1e-12)
-        away = readings - predicted
+    def _watch_repeats(self, reading: float, predicted: float, variance: float, counts: bool) -> None:
+        """Count towards a sensor that stands."""
+        same, changed = reading == self.last, math.isfinite(self.last) and reading != self.last
+        grain = self.grain if math.isfinite(self.grain) else self._step if self._step > 0 else COARSEST
+        cell, spread = max(self._step, grain), max(math.sqrt(variance + self._noise), 1e-12)
+        away = reading - predicted
         # Chance that this reading lies within a step of what is predicted.
-        inside = ndtr((away + cell / 2) / spread) - ndtr((away - cell / 2) / spread)
-        # A topic repeats its last value until the next one comes: only so large a share of readings is new.
-        fresh = np.minimum((self.moves + 1) / (self.due + 1), 1.0)
-        chance = np.maximum(1 - fresh * (1 - inside), LEAST_CHANCE)
-        self.evidence[same] -= np.log(chance[same])
-        self.evidence[changed] = 0.0
-        self.grain[changed] = np.minimum(self.grain, np.abs(readings - self.last))[changed]
-        self.since[seen & ~same] = self.clock
-        counted = seen & counts & ~self.stands
-        self.moves += counted & changed
-        self.due[counted] += 1 - inside[counted]
-        self.last = np.where(seen, readings, self.last)
-        lasting = self.clock - self.since >= SHORTEST
-        self.stands = np.where(seen, same & (self.stands | ((self.evidence > STANDS) & lasting)), self.stands)
+        inside = float(ndtr((away + cell / 2) / spread) - ndtr((away - cell / 2) / spread))
+        if same:
+            # A topic repeats its last value until the next one comes: only so large a share of readings is new.
+            fresh = min((self.moves + 1) / (self.due + 1), 1.0)
+            self.evidence -= math.log(max(1 - fresh * (1 - inside), LEAST_CHANCE))
+        else:
+            self.since = self.clock
+        if changed:
+            self.evidence, self.grain = 0.0, min(self.grain, abs(reading - self.last))
+        if counts and not self.stands:
+            self.moves, self.due = self.moves + changed, self.due + 1 - inside
+        self.last = reading
+        lasting = self.evidence > STANDS and self.clock - self.since >= SHORTEST
+        self.stands = same and (self.stands or lasting)
 
-    def why_not(self, node: int) -> str:
-        """Why a sensor is not used at present, in words; "" where it is used, or has not yet shown that it works."""
-        if self.stands[node]:
-            return f"has read {self.last[node]:.6g} degC, bit for bit, for {self.clock - self.since[node]:.0f} s"
-        if self.lost[node]:
-            return f"reads {self.last[node]:.6g} degC, which the heat put in contradicts"
-        return ""
+    @property
+    def why_not(self) -> str:
+        """Why it is not used at present, in words; "" where it is used, or has not yet shown that it works."""
+        if self.stands:
+            return f"has read {self.last:.6g} degC, bit for bit, for {self.clock - self.since:.0f} s"
+        return f"reads {self.last:.6g} degC, which the heat put in contradicts" if self.lost else ""
 
     def state(self) -> FloatArray:
-        """All that is remembered, shape (20, nodes)."""
-        clock = np.full(self.last.size, self.clock)
-        return np.array([clock, *self.regression, *(np.asarray(getattr(self, name), dtype=float) for name in _ARRAYS)])
+        """All that is remembered, shape (numbers,)."""
+        return np.hstack([np.asarray(value, dtype=float) for value in vars(self).values()])
 
     def restore(self, state: FloatArray) -> None:
         """Go on from what `state` returned."""
-        self.clock = float(state[0, 0])
-        self.regression = state[1:7].copy()
-        for name, row in zip(_ARRAYS, state[7:], strict=True):
-            setattr(self, name, row > 0 if name in _FLAGS else row.copy())
+        numbers = iter(state.tolist())
+        for name, own in vars(self).items():
+            setattr(self, name, [next(numbers) for _ in own] if isinstance(own, list) else type(own)(next(numbers)))

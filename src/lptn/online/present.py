@@ -17,7 +17,7 @@ from lptn.model.model import Model
 from lptn.model.tables import FitTable
 from lptn.online.augmented_model import ModelError
 from lptn.online.calibration import uncalibrated
-from lptn.online.estimator import UNKNOWN, Estimator, run_filter
+from lptn.online.estimator import UNKNOWN, Estimator
 from lptn.online.fault_bank import KINDS, STEP, Suspicion, coarsely_bound, faults
 from lptn.online.quantisation import LEAST_NOISE, noise_and_steps
 from lptn.simulate.bound_run import BoundRun, bind, default_start
@@ -132,7 +132,7 @@ def present(model: Model, run: Run, uncertainty: ModelUncertainty) -> tuple[Esti
         estimator = _estimator(model, of_means, 0 * white, uncertainty, _error(model, scale * size), watch=False)
         # A factor of two from the usual scale is one standard deviation.
         posterior, square, readings = -0.5 * (log(scale / _USUAL_SCALE) / log(2.0)) ** 2, 0.0, 0
-        for _ in run_filter(estimator, bound):
+        for _ in estimator.run(bound):
             if estimator.last is not None:
                 posterior += estimator.last.log_likelihood
                 square += estimator.last.normalised_square
@@ -232,18 +232,18 @@ def not_alive(estimator: Estimator, bound: BoundRun) -> tuple[BoolArray, list[Do
         bound: the run.
     """
     time, left_out = bound.run.time, np.zeros(bound.measured.shape, dtype=bool)
-    once_trusted, lost, stood = (np.zeros(len(left_out), dtype=bool) for _ in range(3))
-    for k, _ in enumerate(run_filter(estimator, bound)):
-        sensors = estimator.sensors
-        if sensors is None:
-            raise ValueError("estimator: found one that does not watch its sensors; expected watch=True")
-        once_trusted |= sensors.trusted
-        for row in np.flatnonzero((sensors.lost & ~lost) | (sensors.stands & ~stood)):
-            # No reading of a sensor that was never alive was one; of one that stands the first was.
-            since = sensors.since[row] - sensors.clock + time[k] if sensors.stands[row] else time[k]
-            left_out[row, : k + 1] |= (time[: k + 1] > since) | ~once_trusted[row]
-        lost, stood = sensors.lost.copy(), sensors.stands.copy()
-        left_out[lost, k] = True
+    if not estimator.watch:
+        raise ValueError("estimator: found one that does not watch its sensors; expected watch=True")
+    doubted = [(False, False)] * len(left_out)  # whether each was lost, and stood, before
+    for k, _ in enumerate(estimator.run(bound)):
+        for row, sensor in enumerate(estimator.sensors):
+            lost, stood = doubted[row]
+            if (sensor.lost and not lost) or (sensor.stands and not stood):
+                # No reading of a sensor that was never alive was one; of one that stands the first was.
+                since = sensor.since - sensor.clock + time[k] if sensor.stands else time[k]
+                left_out[row, : k + 1] |= (time[: k + 1] > since) | (not sensor.once_trusted)
+            left_out[row, k] |= sensor.lost
+            doubted[row] = sensor.lost, sensor.stands
     doubts = []
     for node, why in estimator.estimate.untrusted.items():
         kept = np.flatnonzero(~left_out[estimator.model.nodes.index(node)])
