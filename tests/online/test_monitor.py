@@ -24,10 +24,9 @@ from lptn.online.fault_bank import (
     OFFSET,
     STEP,
     Alarm,
+    Hypothesis,
     Innovations,
-    coarsely_bound,
     first_alarm,
-    gaussian_estimator,
 )
 from lptn.online.monitoring import MonitoredRun, Monitoring, alarms_by_threshold, monitor
 from lptn.report.online_figures import monitoring_figure
@@ -196,9 +195,10 @@ def test_error_codes_count_as_missing_and_scattered_gaps_do_not(model: Model, ca
 
 @pytest.mark.long
 def test_the_onset_and_size_of_a_drift_are_estimated_right(model: Model, calibration: Calibration) -> None:
-    bound = coarsely_bound(model, log(4, drift(FASTEST)).slice(-np.inf, BEGIN + 600), STEP)
-    estimator = gaussian_estimator(model, calibration.noise, calibration.model_error)
-    weight, *_ = Innovations(estimator, bound, bound.measured).faults(len(bound))
+    run = log(4, drift(FASTEST)).slice(-np.inf, BEGIN + 600)
+    given = Hypothesis.of(model, run, calibration.noise, calibration.model_error)
+    bound = given.run
+    weight, *_ = Innovations(given).faults(len(bound))
     begin = int(weight[:, DRIFT, 0].argmax())
     assert bound.run.time[begin] == pytest.approx(BEGIN, abs=60.0)
     assert weight[:, DRIFT, 0].max() > weight[:, OFFSET, 0].max() > 0
@@ -212,9 +212,9 @@ def test_the_onset_and_size_of_a_drift_are_estimated_right(model: Model, calibra
 def test_what_is_called_had_begun(model: Model, share: float) -> None:
     """A sensor that comes loose looks like a later fault some minutes behind its alarm."""
     run = log(4, lambda since, readings: readings + share * (1 - np.exp(-since / 30.0)) * (21.0 - readings))
-    guessed, bound = uncalibrated(model, [run], None), coarsely_bound(model, run, STEP)
-    estimator = gaussian_estimator(model, guessed.noise, guessed.model_error)
-    alarm = first_alarm(estimator, bound, bound.measured, dict.fromkeys(KINDS, 4.5))
+    guessed = uncalibrated(model, [run], None)
+    given = Hypothesis.of(model, run, guessed.noise, guessed.model_error)
+    alarm = first_alarm(given, dict.fromkeys(KINDS, 4.5))
     assert alarm is not None
     assert alarm.node == "a"
     assert BEGIN - STEP <= alarm.onset <= alarm.time
@@ -225,9 +225,10 @@ def test_one_pass_finds_the_load_that_is_of_another_size_and_since_when(model: M
     run = log(4)
     torque = np.where(run.time >= BEGIN, share, 1.0) * run.columns["torque.a"]
     run = replace(run, columns={**run.columns, "torque.a": torque})
-    guessed, bound = uncalibrated(model, [run], None), coarsely_bound(model, run, STEP)
-    estimator = gaussian_estimator(model, guessed.noise, guessed.model_error)
-    said = Innovations(estimator, bound, bound.measured).faults(len(bound))
+    guessed = uncalibrated(model, [run], None)
+    given = Hypothesis.of(model, run, guessed.noise, guessed.model_error)
+    bound = given.run
+    said = Innovations(given).faults(len(bound))
     assert (said.load.max() > DECIDES) == (share != 1.0)
     assert said.air.max() < DECIDES
     if share != 1.0:
@@ -240,9 +241,10 @@ def test_one_pass_finds_the_load_that_is_of_another_size_and_since_when(model: M
 def test_the_same_pass_finds_air_that_is_off(model: Model, offset: float) -> None:
     run = log(4)
     run = replace(run, columns={**run.columns, "temperature.ambient": run.columns["temperature.ambient"] + offset})
-    guessed, bound = uncalibrated(model, [run], None), coarsely_bound(model, run, STEP)
-    estimator = gaussian_estimator(model, guessed.noise, guessed.model_error)
-    said = Innovations(estimator, bound, bound.measured).faults(len(bound))
+    guessed = uncalibrated(model, [run], None)
+    given = Hypothesis.of(model, run, guessed.noise, guessed.model_error)
+    bound = given.run
+    said = Innovations(given).faults(len(bound))
     assert (said.air[0] > 0) == (offset != 0)
 
 
@@ -253,9 +255,9 @@ def test_a_very_long_log_keeps_its_suspicions(model: Model, calibration: Calibra
     n = len(columns["torque.a"])
     # Ambients and temperatures jump where the runs meet; only that nothing breaks is asked here.
     run = replace(parts[0], columns=columns, time=np.arange(float(n)))
-    bound = coarsely_bound(model, run, STEP)
-    estimator = gaussian_estimator(model, calibration.noise, calibration.model_error)
-    weight, *_ = Innovations(estimator, bound, bound.measured).faults(len(bound))
+    given = Hypothesis.of(model, run, calibration.noise, calibration.model_error)
+    bound = given.run
+    weight, *_ = Innovations(given).faults(len(bound))
     assert len(weight) == len(bound) == n // 10 - 1
     assert np.isfinite(weight).all()
 

@@ -116,7 +116,7 @@ def test_c_judges_each_reading_as_python_does(step: float) -> None:
             for i, sensor in enumerate(sensors):
                 variance, sensor.deviation, learned, sensor.settles = (float(other[i]) for other in others)
                 sensor.clock = k * PERIOD
-                sensor.judge(PERIOD, *(float(a[i]) for a in (reading, expected)), variance, float(without[i]), learned)
+                sensor.judge(PERIOD, float(reading[i]), float(expected[i]), variance, float(without[i]), learned)
             flags, evidence = np.zeros(3, dtype=np.int32), np.zeros(3)
             given = (ctypes.c_double(value) for value in (k * PERIOD, 0.1**2, step))
             arrays = (reading, expected, others[0], without, *others[1:], flags, evidence)

@@ -141,7 +141,8 @@ def _functions(
         for row in range(heats.numel()):
             warming[row] += heats[row] / values[model.network.capacities[model.nodes[row]]]
     slope[layout.states] = warming
-    rate = ca.Function("rate", [z, u, p, times], [ca.densify(slope), ca.densify(ca.jacobian(slope, z))])
+    by_state = ca.jacobian(slope[: layout.bias.stop], z)  # all others stay as they are
+    rate = ca.Function("rate", [z, u, p, times], [ca.densify(slope), ca.densify(by_state)])
     jacobians = []
 
     def stage(at: ca.SX) -> ca.SX:
@@ -178,11 +179,27 @@ _LEAST_WALK = 1e-6  # K²/s, of each node's temperature: a filter that is sure o
 
 
 class StateStep(NamedTuple):
-    """States after a step, shape (z,); its derivative by those before it, (z, z); covariance added, (z, z)."""
+    """States after a step, shape (z,); its derivative by those before it, (z, z); covariance added, (z, z).
+
+    States from number `moving` on stay as they are, as the derivative's rows say.
+    """
 
     states: FloatArray
     transition: FloatArray
     added: FloatArray
+    moving: int
+
+    def covariance(self, before: FloatArray) -> FloatArray:
+        """Covariance of the states after the step by that before it, shape (z, z) each."""
+        return _carried(self.transition[: self.moving], before) + self.added
+
+
+def _carried(rows: FloatArray, covariance: FloatArray) -> FloatArray:
+    """T P T' for a transition T that has these rows first, and the identity's behind them."""
+    moving, carried, mixed = len(rows), covariance.copy(), rows @ covariance
+    carried[:moving], carried[moving:, :moving] = mixed, mixed[:, moving:].T
+    carried[:moving, :moving] = mixed @ rows.T
+    return carried
 
 
 class AugmentedModel:
@@ -217,8 +234,8 @@ class AugmentedModel:
         self._fading = self.errors.copy()
         self._fading[layout.bias.stop :] = 0.0  # the others last as long as the run
         self._z, self._u, self._h = np.zeros(n), np.zeros(len(model.inputs)), np.zeros(1)
-        self._next, self._jacobians = np.zeros(n), np.zeros((4, n, n))
-        self._slope, self._jacobian = np.zeros(n), np.zeros((n, n))
+        self._next, self._jacobians = np.zeros(n), np.zeros((4, n, layout.bias.stop))
+        self._slope, self._jacobian = np.zeros(n), np.zeros((n, layout.bias.stop))
         self._read, self._read_by = np.zeros(nodes), np.zeros((n, nodes))
         # CasADi writes columns first, so each matrix arrives transposed.
         self._stages = _BufferedCall(stages, [self._z, self._u, values, times, self._h], [self._next, *self._jacobians])
@@ -234,19 +251,16 @@ class AugmentedModel:
         fastest = max(float(np.abs(self._jacobians[0][states, states]).sum(axis=0).max()), self._fastest)
         substeps = max(1, ceil(h * fastest / RATE_OF_A_STEP))
         h /= substeps
-        half, moving = 0.5 * self._gained(h), self.layout.bias.stop  # what follows is constant over a run
-        transition = added = np.empty((0, 0))
-        for number in range(substeps):
+        gained, moving = np.diag(0.5 * self._gained(h)), self.layout.bias.stop
+        transition, added = np.eye(self.layout.size), np.zeros_like(gained)
+        for _ in range(substeps):
             if substeps > 1:
                 self._z[:], self._h[0] = z, h
                 self._stages()
-            by_last = np.eye(self.layout.size)
-            by_last[:moving] = runge_kutta_derivative([stage.T[:moving] for stage in self._jacobians], h)
-            z, gained = self._next.copy(), _spread(by_last, half)
-            if number:
-                by_last, gained = by_last @ transition, by_last @ added @ by_last.T + gained
-            transition, added = by_last, gained
-        return StateStep(z, transition, added)
+            rows = runge_kutta_derivative([stage.T for stage in self._jacobians], h)
+            z, added = self._next.copy(), _carried(rows, added + gained) + gained
+            transition[:moving] = rows @ transition
+        return StateStep(z, transition, added, moving)
 
     def long_step(self, z: FloatArray, u: FloatArray, h: float) -> StateStep:
         """Advance by a step longer than the fastest time constant, by the exact hold of the linearisation at its start.
@@ -260,7 +274,8 @@ class AugmentedModel:
         whole[states] = integral @ by_state[states]
         whole[states, states] = transition
         following[states] = z[states] + integral @ rates[states]
-        return StateStep(following, whole, _spread(whole, 0.5 * self._gained(h)))
+        gained, moving = np.diag(0.5 * self._gained(h)), self.layout.bias.stop
+        return StateStep(following, whole, _carried(whole[:moving], gained) + gained, moving)
 
     def readings(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:
         """What the sensors read [degC], shape (nodes,), and its derivative, shape (nodes, z)."""
@@ -269,7 +284,7 @@ class AugmentedModel:
         return self._read.copy(), self._read_by.T.copy()
 
     def rates(self, z: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Rates of the state, shape (z,), and their derivative by the state, shape (z, z)."""
+        """Rates of the state, shape (z,), and the derivative of those that are not zero by the state, (moving, z)."""
         self._z[:], self._u[:] = z, u
         self._rate()
         return self._slope.copy(), self._jacobian.T.copy()
@@ -278,12 +293,3 @@ class AugmentedModel:
         """Variance that each state gains in `h` seconds, such that fading errors keep their size in the long run."""
         gained: FloatArray = 2 * self._fading * np.tanh(h / self._times) + self._walks * h
         return gained
-
-
-def _spread(transition: FloatArray, half: FloatArray) -> FloatArray:
-    """Covariance gained in a step, half of the variances before it and half behind it."""
-    grows = half > 0
-    by_these = transition[:, grows]
-    covariance = (by_these * half[grows]) @ by_these.T
-    np.einsum("ii->i", covariance)[:] += half
-    return covariance

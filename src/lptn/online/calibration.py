@@ -6,6 +6,7 @@ A calibration is kept in a file, so that healthy logs need to be studied only on
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import cache
 from itertools import product
 from pathlib import Path
@@ -30,15 +31,15 @@ from lptn.online.fault_bank import (
     LAG,
     MODEL_OFF,
     STEP,
+    Hypothesis,
     Innovations,
     Kind,
     coarsely_bound,
-    filtered,
-    gaussian_estimator,
+    prescribed,
     warming_by_loads,
 )  # fmt: skip
 from lptn.online.quantisation import LEAST_NOISE
-from lptn.simulate.bound_run import BoundRun, bind
+from lptn.simulate.bound_run import bind
 
 FALSE_ALARMS = 0.01
 """False alarms an hour that are put up with, all sensors of a robot together: one in a hundred hours."""
@@ -96,13 +97,14 @@ def calibrate(
         raise ValueError("calibrate: expected one healthy run or more, and a rate of false alarms above 0")
     noise = _noise(model, runs)
     some = np.unique(np.linspace(0, len(runs) - 1, min(len(runs), _SEARCH_RUNS)).round().astype(int))
-    error = _likeliest(model, noise, [coarsely_bound(model, runs[index], _SEARCH_STEP) for index in some], report)
+    first = ModelError()  # which the search replaces
+    error = _likeliest([Hypothesis.of(model, runs[index], noise, first, _SEARCH_STEP) for index in some], report)
     weights = list[FloatArray]()
     for number, run in enumerate(runs, start=1):
         report(f"calibrating on healthy logs: {number} of {len(runs)}")
-        bound = coarsely_bound(model, run, STEP)
-        weight = Innovations(gaussian_estimator(model, noise, error), bound, bound.measured).faults(len(bound)).weight
-        blocks = max(1, round(len(bound) * bound.run.step / _BLOCK))
+        healthy = Hypothesis.of(model, run, noise, error)
+        weight = Innovations(healthy).faults(len(healthy.run)).weight
+        blocks = max(1, round(len(weight) * healthy.run.run.step / _BLOCK))
         weights += [block.max(axis=0) for block in np.array_split(weight, blocks)]
     hours = sum(len(run) * run.step for run in runs) / 3600
     share = false_alarms * hours / len(weights) / (len(KINDS) * len(model.nodes))
@@ -129,7 +131,7 @@ def uncalibrated(model: Model, runs: Sequence[Run], rmse: float | None) -> Calib
     # A watt of heat for each kelvin of the fit's error, or as large a share of the loads' heat as parameters are off.
     of_loads = MODEL_OFF * float(np.sqrt(np.square(loaded).mean())) if loaded.size else 0.0
     size = max(_FIRST_SIZES["heat"], rmse or 0.0, of_loads)
-    inputs = {column: _FIRST_INPUT for column in model.inputs if column.startswith("temperature.")}
+    inputs = dict.fromkeys(prescribed(model), _FIRST_INPUT)
     error = ModelError(size, _FIRST_HEAT_TIME, _FIRST_SIZES["change"], size, 2 * _FIRST_AIR, inputs)
     limits: dict[Kind, float] = dict.fromkeys(KINDS, _UNTRIED)
     limits["lag"] = _LEAST_LIMIT  # of a fault whose course is known, and which explains more than any other
@@ -184,13 +186,13 @@ _FIRST_SIZES = {"heat": 0.5, "change": 0.5, "bias": 0.5}  # W, share, W
 _FIRST_HEAT_TIME, _FIRST_AIR, _FIRST_INPUT = 100.0, 0.1, 1.0  # s; share; K
 
 
-def _likeliest(model: Model, noise: Sequence[float], bound_runs: Sequence[BoundRun], report: Report) -> ModelError:
+def _likeliest(healthy: Sequence[Hypothesis], report: Report) -> ModelError:
     """The model errors under which the innovations on healthy runs are likeliest, to a factor of two.
 
     Nodes of a class (all calves) share their sizes: a model is as wrong about one as about the other.
     """
-    readings = sum(int(np.isfinite(bound.measured).sum()) for bound in bound_runs)
-    air = [column for column in model.inputs if column.startswith("temperature.")]
+    readings, model = sum(int(np.isfinite(one.measured).sum()) for one in healthy), healthy[0].model
+    air = prescribed(model)
     best = {"heat_time": _FIRST_HEAT_TIME, "air": _FIRST_AIR, **dict.fromkeys(air, _FIRST_INPUT)}
     for name in dict.fromkeys(map(class_of, model.nodes)):
         best |= {f"{kind} {name}": size for kind, size in _FIRST_SIZES.items()}
@@ -206,9 +208,7 @@ def _likeliest(model: Model, noise: Sequence[float], bound_runs: Sequence[BoundR
     @cache
     def value(sizes: tuple[tuple[str, float], ...]) -> float:
         report(f"calibrating: sizes of the model's errors, trial {value.cache_info().misses}")
-        said = [filtered(gaussian_estimator(model, noise, error(dict(sizes))), bound, bound.measured)[0]
-                for bound in bound_runs]  # fmt: skip
-        return sum(float(nats.sum()) for nats in said) / max(readings, 1)
+        return sum(replace(one, error=error(dict(sizes))).nats() for one in healthy) / max(readings, 1)
 
     def times(name: str, factor: float) -> dict[str, float]:
         size = best[name] * factor

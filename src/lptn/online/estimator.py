@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
 
 from lptn.basics.arrays import BoolArray, FloatArray, IntArray
 from lptn.basics.bounds import Bound
@@ -201,7 +200,7 @@ class Estimator:
             self._of_node[errors] = range(errors.stop - errors.start)
         self._resting = np.full(1, math.nan)
         self._coldest = np.full(1, math.inf)  # degC, of all that has surrounded the nodes, and of starts that are known
-        self._surroundings = model.surroundings
+        self._surroundings, self._values = model.surroundings, model.values
         self._last_inputs = np.full(len(model.inputs), math.nan)
         self._mean = np.full(layout.size, np.nan)
         self._covariance = np.zeros((len(self._mean), len(self._mean)))
@@ -241,10 +240,10 @@ class Estimator:
         """
         u, y = _inputs_of(self.model, inputs), _readings_of(self.model, readings)
         self._refuse_time(dt)
-        return self._update(u, y, dt)
+        return self._estimate(self._update(u, y, dt))
 
-    def run(self, bound: BoundRun, measured: FloatArray | None = None) -> Iterator[Estimate]:
-        """Estimates at each of a run's n readings, in order of time, from the state in which the run begins.
+    def run(self, bound: BoundRun, measured: FloatArray | None = None) -> Iterator[int]:
+        """Take in a run, from the state in which it begins: the number of each of its n readings once it is taken in.
 
         A reading that is the mean over its step is taken in at the middle of it.
 
@@ -257,17 +256,18 @@ class Estimator:
         """
         readings, step = bound.measured if measured is None else measured, bound.run.step
         last, before = bound.inputs[:, 0], 0.0  # inputs, and s since the last update that they act
-        for u, y in zip(bound.inputs.T, readings.T, strict=True):
+        for k, (u, y) in enumerate(zip(bound.inputs.T, readings.T, strict=True)):
             if not np.isfinite(u).all():
                 _inputs_of(self.model, dict(zip(self.model.inputs, u.tolist(), strict=True)))
             if bound.run.averaged:
                 if before:
                     self._advance(last, before)
-                yield self._update(u, y, step / 2 if self.running else 0.0)
+                self._update(u, y, step / 2 if self.running else 0.0)
                 last, before = u, step / 2
             else:
-                yield self._update(last, y, before)
+                self._update(last, y, before)
                 last, before = u, step
+            yield k
 
     def advance(self, inputs: Mapping[str, float], dt: float) -> None:
         """Advance by `dt` seconds without any reading.
@@ -321,7 +321,7 @@ class Estimator:
         self._refuse_time(seconds)
         u = _inputs_of(self.model, inputs)
         step = self.augmented.long_step(self._mean, np.where(np.isnan(u), self._resting, u), seconds)
-        variances = np.einsum("ij,jk,ik->i", step.transition, self._covariance, step.transition) + np.diag(step.added)
+        variances = np.diag(step.covariance(self._covariance))
         return np.asarray(np.sqrt(np.maximum(variances[: len(self.model.places)], 0.0)))
 
     def state(self) -> dict[str, FloatArray]:
@@ -347,8 +347,8 @@ class Estimator:
         for sensor, numbers in zip(self.sensors, state["sensors"], strict=True):
             sensor.restore(numbers)
 
-    def _update(self, u: FloatArray, y: FloatArray, dt: float) -> Estimate:
-        """As `update`, of inputs and readings in the model's order."""
+    def _update(self, u: FloatArray, y: FloatArray, dt: float) -> FloatArray:
+        """As `update`, of inputs and readings in the model's order; the innovations [K]."""
         if not self.running or (dt > _GAP and np.isfinite(y).any()):
             self._begin(y, u)
         else:
@@ -367,7 +367,7 @@ class Estimator:
         for node, sensor in enumerate(self.sensors):
             reference = without[node] + sensor.woken
             by_filter = (reference, sensor.deviation**2) if alone[node] else (float(predicted[node]), variance[node])
-            sensor.judge(dt, float(y[node]), *by_filter, reference)
+            sensor.judge(dt, float(y[node]), by_filter[0], by_filter[1], reference)
         lived = any(sensor.once_trusted for sensor in self.sensors)
         for node in np.flatnonzero(np.isfinite(y)).tolist():
             self._follow(node, float(y[node]), alone[node])
@@ -462,7 +462,7 @@ class Estimator:
 
     def _surround(self, states: FloatArray, u: FloatArray) -> None:
         """Remember the coldest of what surrounds the nodes, unless some of it is not known."""
-        felt = self._surroundings(states, u, self.model.values).full()
+        felt = self._surroundings(states, u, self._values).full()
         self._coldest[0] = np.nan_to_num(felt, nan=-math.inf).min(initial=self._coldest[0])
 
     def _keep_passive(self) -> None:
@@ -479,7 +479,8 @@ class Estimator:
     def _advance(self, u: FloatArray, dt: float) -> None:
         if dt == 0:
             return
-        self._surround(self._mean[self.augmented.layout.states], u)
+        if self.watch:
+            self._surround(self._mean[self.augmented.layout.states], u)
         u, rates, nodes = np.where(np.isnan(u), self._resting, u), self.augmented.rates, len(self.model.nodes)
         if self._change.any():
             # What was learnt of the missing heat counts for less after a change of load. Before the first update the
@@ -502,33 +503,32 @@ class Estimator:
         step = self.augmented.step(self._mean, u, dt)
         self._mean = step.states
         self._without = step.transition @ self._without
-        self._covariance = step.transition @ self._covariance @ step.transition.T + step.added
-        self._since_correction = step.transition @ self._since_correction
+        self._covariance = step.covariance(self._covariance)
+        self._since_correction[: step.moving] = step.transition[: step.moving] @ self._since_correction
         self._keep_passive()
 
-    def _correct(self, y: FloatArray, taken: BoolArray) -> Estimate:
+    def _correct(self, y: FloatArray, taken: BoolArray) -> FloatArray:
         """Take in the readings that are `taken`; innovations are those of all."""
         self.last = None
         predicted, by_state = self.augmented.readings(self._mean)
-        innovation = y - predicted
+        innovation: FloatArray = y - predicted
         if not taken.any():
-            return self._estimate(innovation)
+            return innovation
         h, step, surprise, variance = by_state[taken], self._step[taken], innovation[taken], self._read_as[taken]
         of_readings = self._covariance @ h.T
         prior = h @ of_readings
         if step.any():
             surprise, variance = as_gaussian(surprise, np.diag(prior), self._noise[taken], step)
         covariance = prior + np.diag(variance)
-        factor = cho_factor(covariance, lower=True, check_finite=False)
-        gain = cho_solve(factor, of_readings.T, check_finite=False).T
+        gain = np.asarray(np.linalg.solve(covariance, of_readings.T).T, dtype=float)
         # What is only doubtful, not learnt, keeps its value; Joseph's form holds for that gain too.
         gain[self._only_doubtful] = 0.0
         if self.watch:  # one that has not shown yet that it lives teaches of nothing but its own node
             for column, node in enumerate(np.flatnonzero(taken).tolist()):
                 if not self.sensors[node].trusted:
                     gain[self._of_node != node, column] = 0.0
-        kept = np.eye(self.size) - gain @ h
-        after = kept @ self._covariance @ kept.T + (gain * variance) @ gain.T
+        after = self._covariance - gain @ of_readings.T
+        after = after - (after @ h.T - gain * variance) @ gain.T
         self._covariance = 0.5 * (after + after.T)
         before, self._mean = self._mean, self._mean + gain @ surprise
         # What is learnt of the model is bounded by what may be wrong with it: a false sensor would run away with it.
@@ -540,7 +540,7 @@ class Estimator:
         self._keep_passive()
         self.last = Correction(self._since_correction, h, gain, covariance, surprise)
         self._since_correction = np.eye(self.size)
-        return self._estimate(innovation)
+        return innovation
 
     def _estimate(self, innovation: FloatArray) -> Estimate:
         nodes, where = len(self.model.nodes), self.augmented.layout.parameters

@@ -5,8 +5,8 @@ or speed says, or air that the log has wrong; or the model is off there. A wrong
 follow the model; heat moves the neighbours, too, and moves nothing at once.
 
 A cheap filter's innovations say where to look: one pass backwards scores an offset, a drift and a lag of each sensor,
-each load and the air, for all onsets. Where one of them stands out, each hypothesis is weighed by a filter of its own,
-a `Suspicion`: the run, and what of it is free over the model's own errors. That every capacity, resistance and loss may
+each load and the air, for all onsets. Where one of them stands out, each `Hypothesis` is weighed by a filter of its
+own: the run, and what of it is free over the model's own errors. That every capacity, resistance and loss may
 be off belongs to all of these, so a model that is a little wrong never has to be a fault of somebody else.
 """
 
@@ -24,7 +24,7 @@ from lptn.basics.arrays import BoolArray, FloatArray
 from lptn.logs.columns import INPUTS
 from lptn.logs.run import Run
 from lptn.model.model import Model
-from lptn.online.augmented_model import ModelError, Sizes, by_node
+from lptn.online.augmented_model import ModelError, by_node
 from lptn.online.estimator import Estimator
 from lptn.online.quantisation import LEAST_NOISE
 from lptn.simulate.bound_run import BoundRun, bind, default_start
@@ -110,29 +110,129 @@ def coarsely_bound(model: Model, run: Run, step: float) -> BoundRun:
 def warming_by_loads(model: Model, bound: BoundRun) -> FloatArray:
     """How fast loads warm each node by what the model says [K/s], at the temperatures of the start, (nodes, n)."""
     start, loaded = default_start(model, bound), np.nan_to_num(bound.inputs)
-    temperatures = np.array([column.startswith("temperature.") for column in model.inputs], dtype=float)
-    rates = [model.rhs(start, u, model.values).full() for u in (loaded, loaded * temperatures[:, None])]
+    air = np.isin(model.inputs, prescribed(model))[:, None]
+    rates = [model.rhs(start, u, model.values).full() for u in (loaded, loaded * air)]
     return np.asarray((rates[0] - rates[1])[: len(model.nodes)])
 
 
-def gaussian_estimator(model: Model, noise: Sequence[float], error: ModelError, off: float = 0.0) -> Estimator:
-    """An estimator for coarse steps, each free parameter off by a relative standard deviation.
+def loads(model: Model) -> dict[str, str]:
+    """The input that heats a joint, by node."""
+    columns = [(*column.partition(".")[::2], column) for column in model.inputs]
+    return {place: column for quantity, place, column in reversed(columns)
+            if quantity in INPUTS and place in model.nodes}  # fmt: skip
 
-    Rounding enters as white noise, since likelihood ratios are of Gaussians.
+
+def prescribed(model: Model) -> list[str]:
+    """The inputs that are temperatures: the air, and what else surrounds the nodes."""
+    return [column for column in model.inputs if column.startswith("temperature.")]
+
+
+# --- A hypothesis, with a filter of its own -------------------------------------------------------
+
+
+class Filtered(NamedTuple):
+    """A run that was filtered: the estimator at its end; of each step's innovations the logarithm of the likelihood and
+    the square in standard deviations, shape (n,); temperatures [degC], shape (nodes, n)."""
+
+    estimator: Estimator
+    log_likelihoods: FloatArray
+    squares: FloatArray
+    temperatures: FloatArray
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """A run, and what may be wrong with it, the log or the model: one filter tells how likely its readings are then.
+
+    Args:
+        model: the model.
+        run: the run.
+        measured: readings that are believed [degC], NaN elsewhere, shape (nodes, n).
+        noise: of the sensors [K], shape (nodes,). Rounding is part of it, since likelihood ratios are of Gaussians.
+        error: what the model and the log's inputs may be wrong by.
+        covariance: of the model's free parameters, in the fit's coordinates, where they are estimated along.
+        learn_air: whether the air's error is estimated along.
+        share: of heat and air that the model may be wrong by.
+        unknown: heat [W] at joints that their loads don't tell.
     """
-    white, covariance = np.maximum(noise, LEAST_NOISE), off**2 * np.eye(len(model.free)) if off else None
-    free = {model.parameters[index].name: 0.0 for index in model.free} if off else {}
-    return Estimator(model, noise=white, error=error, learn=free, covariance=covariance, watch=False)
 
+    model: Model
+    run: BoundRun
+    measured: FloatArray
+    noise: Sequence[float] | FloatArray
+    error: ModelError
+    covariance: FloatArray | None = None
+    learn_air: bool = True
+    share: float = 1.0
+    unknown: Mapping[str, float] = field(default_factory=dict)
 
-def filtered(estimator: Estimator, bound: BoundRun, measured: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Logarithms of the likelihood of each step's innovations, (n,); temperatures [degC], shape (nodes, n)."""
-    log_likelihoods, temperatures = np.zeros(len(bound)), []
-    for k, estimate in enumerate(estimator.run(bound, measured)):
-        temperatures.append(estimate.temperatures)
-        if estimator.last is not None:
-            log_likelihoods[k] = estimator.last.log_likelihood
-    return log_likelihoods, np.array(temperatures).T
+    @classmethod
+    def of(cls, model: Model, run: Run, noise: Sequence[float], error: ModelError, step: float = STEP) -> Hypothesis:
+        """All readings of a run are right, in steps of about so many seconds."""
+        bound = coarsely_bound(model, run, step)
+        return cls(model, bound, bound.measured, noise, error)
+
+    def estimator(self, step: FloatArray | float = 0.0, *, watch: bool = False) -> Estimator:
+        """A fresh filter that allows for all of this, for sensors with steps [K], or one that watches its sensors."""
+        nodes, own, free = self.model.nodes, self.error, self.covariance is not None
+        heat, change = (
+            dict(zip(nodes, (self.share * by_node(sizes, nodes)).tolist(), strict=True))
+            for sizes in (own.heat, own.change)
+        )
+        bias = 0.0 if free else own.bias  # what lasts for a run is a parameter that is off
+        return Estimator(
+            self.model,
+            noise=np.maximum(self.noise, LEAST_NOISE),
+            step=step,
+            error=replace(own, heat=heat | {**self.unknown}, change=change, air=self.share * own.air, bias=bias),
+            learn={self.model.parameters[index].name: 0.0 for index in self.model.free} if free else {},
+            covariance=self.covariance,
+            learn_air=self.learn_air,
+            watch=watch,
+        )
+
+    @cached_property
+    def filtered(self) -> Filtered:
+        """The run as its filter sees it."""
+        estimator, temperatures = self.estimator(), []
+        log_likelihoods, squares = np.zeros((2, len(self.run)))
+        for k in estimator.run(self.run, self.measured):
+            temperatures.append(estimator.states[: len(self.model.nodes)])
+            if estimator.last is not None:
+                log_likelihoods[k], squares[k] = estimator.last.log_likelihood, estimator.last.normalised_square
+        return Filtered(estimator, log_likelihoods, squares, np.array(temperatures).T)
+
+    def behind(self, onset: float) -> BoolArray:
+        """Steps that end behind a time [s], shape (n,)."""
+        return np.asarray(self.run.run.time > onset - self.run.run.step)
+
+    def nats(self, onset: float = -np.inf) -> float:
+        """Logarithm of the likelihood of all readings behind a time [s]."""
+        return float(self.filtered.log_likelihoods[self.behind(onset)].sum())
+
+    def without(self, row: int, onset: float = -np.inf) -> Hypothesis:
+        """The same without a sensor's readings behind a time [s]."""
+        return self.with_readings([row], np.where(self.behind(onset), np.nan, self.measured[row]))
+
+    def with_readings(self, rows: Sequence[int], values: FloatArray) -> Hypothesis:
+        """The same with other readings of some sensors [degC], shape (rows, n)."""
+        measured = self.measured.copy()
+        measured[list(rows)] = values
+        return replace(self, measured=measured)
+
+    def with_inputs(self, rows: Sequence[int], values: FloatArray) -> Hypothesis:
+        """The same with other values of some inputs, shape (rows, n)."""
+        inputs = self.run.inputs.copy()
+        inputs[list(rows)] = values
+        return replace(self, run=replace(self.run, inputs=inputs))
+
+    def with_unknown_input(self, column: str, lift: float = float(_LIFTS[2])) -> Hypothesis:
+        """The same with heat [K/s] at a joint that its load doesn't tell, or air that is far off."""
+        if column in prescribed(self.model):
+            return replace(self, error=replace(self.error, inputs={**self.error.inputs, column: FREE}))
+        place = column.partition(".")[2]
+        capacity = float(self.model.values[self.model.network.capacities[place]])
+        return replace(self, unknown={**self.unknown, place: capacity * lift})
 
 
 # --- What each fault does to the innovations, for all onsets at once ------------------------------
@@ -174,14 +274,11 @@ class Innovations:
     less that path. Its size is 1, and its weight :math:`\sqrt{2s - J}`. If no sensor lags, the ratio of these
     likelihoods ever exceeds a number A with a probability of 1/A at most [Ville1939].
 
-    Args:
-        estimator: fresh.
-        bound: the run.
-        measured: readings [degC] as they are to be believed, shape (nodes, n).
     """
 
-    def __init__(self, estimator: Estimator, bound: BoundRun, measured: FloatArray) -> None:
-        path, step = simulate(estimator.model, bound).readings.T, bound.run.step
+    def __init__(self, given: Hypothesis) -> None:
+        model, bound, step = given.model, given.run, given.run.run.step
+        self.estimator, path = given.estimator(), simulate(model, bound).readings.T
         self._growth = np.tile(np.eye(_STATES), (*path.shape, 1, 1))  # of faults of unit size, from step to step
         self._growth[..., 0, 1] = step
         for state, lag in zip(range(2, _STATES, 2), _LAGS, strict=True):
@@ -189,16 +286,15 @@ class Innovations:
             keep = np.exp(-step / lag)
             self._growth[..., state + 1, state + 1] = keep
             self._growth[1:, :, state + 1, state] = -keep * np.diff(path, axis=0)
-        self._corrections = [estimator.last for _ in estimator.run(bound, measured)]
-        self._read = [np.flatnonzero(np.isfinite(row)) for row in measured.T]
-        self._warms = step * warming_by_loads(estimator.model, bound).T  # K, each node by loads in each step
-        self._size, self._inputs = estimator.size, estimator.augmented.layout.inputs
-        known = np.square(list(estimator.error.inputs.values()))
+        self._corrections = [self.estimator.last for _ in self.estimator.run(bound, given.measured)]
+        self._read = [np.flatnonzero(np.isfinite(row)) for row in given.measured.T]
+        self._warms = step * warming_by_loads(model, bound).T  # K, each node by loads in each step
+        known = np.square(list(given.error.inputs.values()))
         self._air = np.maximum(FREE**2 - known, 0.0)  # K², variances that wrong air would add
 
     def faults(self, n: int) -> FaultStatistics:
         """By the first `n` readings."""
-        size, nodes = self._size, self._growth.shape[1]
+        size, nodes, inputs = self.estimator.size, self._growth.shape[1], self.estimator.augmented.layout.inputs
         own = np.arange(nodes)
         score, information = np.zeros(size), np.zeros((size, size))  # of a shock to the filter's own states
         of_fault, of_both = np.zeros((nodes, _STATES)), np.zeros((nodes, size, _STATES))
@@ -235,7 +331,7 @@ class Innovations:
         squares = np.maximum(squares, _LEAST_INFORMATION)
         of_lag = np.sqrt(np.maximum(2 * scores - squares, 0.0))[..., LAG:].max(axis=2, keepdims=True)
         weight = np.concatenate([np.abs(scores[..., :LAG]) / np.sqrt(squares[..., :LAG]), of_lag], axis=2)
-        air = _log_bayes_factor(score[self._inputs], np.diag(information)[self._inputs], self._air)
+        air = _log_bayes_factor(score[inputs], np.diag(information)[inputs], self._air)
         return FaultStatistics(weight.transpose(0, 2, 1), loads, air)
 
 
@@ -250,9 +346,7 @@ def _log_bayes_factor(score: FloatArray, information: FloatArray, variance: Floa
 _SETTLED = 240.0  # s after an alarm: by then an offset can be distinguished from a drift
 
 
-def first_alarm(
-    estimator: Estimator, bound: BoundRun, measured: FloatArray, limits: Limits, inputs: Collection[str] = ()
-) -> Alarm | None:
+def first_alarm(given: Hypothesis, limits: Limits, inputs: Collection[str] = ()) -> Alarm | None:
     """The first alarm among the sensors that are read; its kind as it looks some minutes later.
 
     Where the whole run passes a limit, bisection finds the reading with which it is first passed: of what a large fault
@@ -260,15 +354,13 @@ def first_alarm(
     comes first where it explains more than any sensor's fault, and the air where no limit is passed.
 
     Args:
-        estimator: fresh.
-        bound: the run.
-        measured: readings [degC] as they are to be believed, shape (nodes, n).
+        given: the run, with what is known of it.
         limits: of each kind.
         inputs: columns of loads and of the air that may be wrong.
     """
-    if not np.isfinite(measured).any():
+    if not np.isfinite(given.measured).any():
         return None
-    innovations, count, model = Innovations(estimator, bound, measured), len(bound), estimator.model
+    innovations, bound, count, model = Innovations(given), given.run, len(given.run), given.model
     time = bound.run.time + bound.run.step * bound.run.averaged  # a mean is known at the end of its step
     whole, driving = innovations.faults(count), loads(model)
     suspected = np.where([driving.get(node, "") in inputs for node in model.nodes], whole.load, 0.0)
@@ -298,20 +390,14 @@ def first_alarm(
         return Alarm(model.nodes[row], KINDS[kind], float(time[end - 1]), float(bound.run.time[onset]))
     if suspected.max() > _SUSPECT:
         return of_input(count, heated, driving[model.nodes[heated]], begin)
-    for column, evidence in zip(estimator.error.inputs, whole.air.tolist(), strict=True):
+    for column, evidence in zip(given.error.inputs, whole.air.tolist(), strict=True):
         if column in inputs and evidence > 0:
             # The readings that tell most of the air are of the node that it cools most.
-            _, by_state = estimator.augmented.rates(estimator.state()["mean"], bound.inputs[:, -1])
-            cooled = np.abs(by_state[: len(model.nodes), estimator.augmented.layout.inputs].sum(axis=1))
-            return of_input(count, int((cooled * np.isfinite(measured).any(axis=1)).argmax()), column, 0)
+            augmented, mean = innovations.estimator.augmented, innovations.estimator.state()["mean"]
+            _, by_state = augmented.rates(mean, bound.inputs[:, -1])
+            cooled = np.abs(by_state[: len(model.nodes), augmented.layout.inputs].sum(axis=1))
+            return of_input(count, int((cooled * np.isfinite(given.measured).any(axis=1)).argmax()), column, 0)
     return None
-
-
-def loads(model: Model) -> dict[str, str]:
-    """The input that heats a joint, by node."""
-    columns = [(*column.partition(".")[::2], column) for column in model.inputs]
-    return {place: column for quantity, place, column in reversed(columns)
-            if quantity in INPUTS and place in model.nodes}  # fmt: skip
 
 
 def suspects(model: Model, node: str, channel: str = "") -> list[str]:
@@ -320,85 +406,9 @@ def suspects(model: Model, node: str, channel: str = "") -> list[str]:
     Where the air is suspected, which touches all nodes, any load may look like it.
     """
     near = {node, *(end for link in model.network.resistors if node in link.ends for end in link.ends)}
-    near |= loads(model).keys() if channel.startswith("temperature.") else set()
+    near |= loads(model).keys() if channel in prescribed(model) else set()
     own = [column for place, column in sorted(loads(model).items(), key=lambda one: one[0] != node) if place in near]
-    return own + [column for column in model.inputs if column.startswith("temperature.")]
-
-
-# --- A hypothesis, with a filter of its own -------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Suspicion:
-    """A run in the detector's steps, and what may be wrong with it.
-
-    Args:
-        model: the model.
-        run: the run.
-        measured: readings that are believed [degC], NaN elsewhere, shape (nodes, n).
-        noise: of the sensors, rounding included [K], shape (nodes,).
-        error: what the model and the log's inputs may be wrong by.
-        share: of what the model may be wrong by, where all its parameters are free.
-        unknown: heat [W] at joints that their loads don't tell.
-    """
-
-    model: Model
-    run: BoundRun
-    measured: FloatArray
-    noise: Sequence[float]
-    error: ModelError
-    share: float = 1.0
-    unknown: Mapping[str, float] = field(default_factory=dict)
-
-    def estimator(self, share: float, off: float = 0.0) -> Estimator:
-        """One that allows for what is unknown, for a share of the model's errors, for parameters that are off."""
-
-        def part(sizes: Sizes) -> dict[str, float]:
-            return dict(zip(self.model.nodes, (share * by_node(sizes, self.model.nodes)).tolist(), strict=True))
-
-        heat, change, air = {**part(self.error.heat), **self.unknown}, part(self.error.change), share * self.error.air
-        bias = 0.0 if off else self.error.bias  # what lasts for a run is a parameter that is off
-        error = replace(self.error, heat=heat, change=change, air=air, bias=bias)
-        return gaussian_estimator(self.model, self.noise, error, off)
-
-    @cached_property
-    def filtered(self) -> tuple[FloatArray, FloatArray]:
-        """Logarithms of the likelihood of each step's innovations, (n,); temperatures [degC], shape (nodes, n)."""
-        return filtered(self.estimator(self.share, MODEL_OFF), self.run, self.measured)
-
-    def behind(self, onset: float) -> BoolArray:
-        """Steps that end behind a time [s], shape (n,)."""
-        return np.asarray(self.run.run.time > onset - self.run.run.step)
-
-    def nats(self, onset: float = -np.inf) -> float:
-        """Logarithm of the likelihood of all readings behind a time [s]."""
-        return float(self.filtered[0][self.behind(onset)].sum())
-
-    def without(self, rows: Sequence[int], onset: float) -> Suspicion:
-        """The same without some sensors' readings behind a time [s]."""
-        measured = self.measured.copy()
-        measured[np.array(rows)[:, None], self.behind(onset)] = np.nan
-        return replace(self, measured=measured)
-
-    def with_readings(self, rows: Sequence[int], values: FloatArray) -> Suspicion:
-        """The same with other readings of some sensors [degC], shape (rows, n)."""
-        measured = self.measured.copy()
-        measured[list(rows)] = values
-        return replace(self, measured=measured)
-
-    def with_inputs(self, rows: Sequence[int], values: FloatArray) -> Suspicion:
-        """The same with other values of some inputs, shape (rows, n)."""
-        inputs = self.run.inputs.copy()
-        inputs[list(rows)] = values
-        return replace(self, run=replace(self.run, inputs=inputs))
-
-    def with_unknown_input(self, column: str, lift: float = float(_LIFTS[2])) -> Suspicion:
-        """The same with heat [K/s] at a joint that its load doesn't tell, or air that is far off."""
-        if column.startswith("temperature."):
-            return replace(self, error=replace(self.error, inputs={**self.error.inputs, column: FREE}))
-        place = column.partition(".")[2]
-        capacity = float(self.model.values[self.model.network.capacities[place]])
-        return replace(self, unknown={**self.unknown, place: capacity * lift})
+    return own + prescribed(model)
 
 
 # --- What a sensor that is wrong reads ------------------------------------------------------------
@@ -422,7 +432,7 @@ class _Course(NamedTuple):
     owed: float = 0.0
 
 
-def _courses(others: Suspicion, readings: FloatArray, expected: FloatArray, onset: float) -> Iterator[_Course]:
+def _courses(others: Hypothesis, readings: FloatArray, expected: FloatArray, onset: float) -> Iterator[_Course]:
     """The table of a sensor's faults, beside what the model and all other sensors let expect behind the onset."""
     behind, since, step = others.behind(onset), np.maximum(others.run.run.time - onset, 0.0), others.run.run.step
     seen, level = behind & np.isfinite(readings), np.ones(len(since))
@@ -434,18 +444,24 @@ def _courses(others: Suspicion, readings: FloatArray, expected: FloatArray, onse
 
     yield _Course("offset", size(level), "", expected + size(level), number)
     yield _Course("drift", size(since), "", expected + size(since) * since, number)
-    for column, values in zip(others.model.inputs, others.run.inputs, strict=True):
-        if column.startswith("temperature."):
-            near = _lagged(np.where(behind, values - expected, 0.0), _LOOSENS, step, behind)
-            share = size(near)
-            yield _Course("disconnected", None, f"reads {column}", values)
-            if 0 < share <= 1:
-                detail = f"reads {share:.0%} of {column}"
-                yield _Course("disconnected", None, detail, expected + share * near, number + _OWED)
+    for column, values in _surroundings(others):
+        near = _lagged(np.where(behind, values - expected, 0.0), _LOOSENS, step, behind)
+        share = size(near)
+        yield _Course("disconnected", None, f"reads {column}", values)
+        if 0 < share <= 1:
+            yield _Course(
+                "disconnected", None, f"reads {share:.0%} of {column}", expected + share * near, number + _OWED
+            )
     constant = float(readings[seen].mean())
     yield _Course("stuck", None, f"at {constant:.3g} degC", np.full(len(since), constant), number)
     for lag in _FINE_LAGS:
         yield _Course("lag", lag, "", _lagged(expected, lag, step, behind), number + _OWED)
+
+
+def _surroundings(given: Hypothesis) -> list[tuple[str, FloatArray]]:
+    """The temperatures that are inputs, by column [degC], shape (n,) each."""
+    inputs = zip(given.model.inputs, given.run.inputs, strict=True)
+    return [(column, values) for column, values in inputs if column in prescribed(given.model)]
 
 
 def _lagged(path: FloatArray, lag: float, step: float, behind: BoolArray) -> FloatArray:
@@ -479,26 +495,26 @@ def _nats(off: FloatArray, along: FloatArray, noise: float) -> float:
     return float(total.max())
 
 
-def _of_a_sensor(given: Suspicion, alarm: Alarm) -> tuple[float, Alarm]:
+def _of_a_sensor(given: Hypothesis, alarm: Alarm) -> tuple[float, Alarm]:
     """Logarithm of the likelihood behind an alarm's onset if its sensor is wrong, and the fault that is likeliest.
 
     It is off by a number, or drifts, and goes on to tell of its node. Or it reads anything, beside the course of a
     fault or in a mean of its node and of cooler air.
     """
     row, onset = given.model.nodes.index(alarm.node), alarm.onset
-    others, behind, readings = given.without([row], onset), given.behind(onset), given.measured[row]
+    others, behind, readings = given.without(row, onset), given.behind(onset), given.measured[row]
     count = int(np.isfinite(readings[behind]).sum())
     if not count:
         return others.nats(onset), replace(alarm, channel="")
     noise = max(given.noise[row], LEAST_NOISE) ** 2
-    expected = others.filtered[1][row]
+    expected = others.filtered.temperatures[row]
     courses = list(_courses(others, readings, expected, onset))[: None if count >= _FEWEST else 2]
     nats = [_nats((readings - course.path)[behind], np.ones(behind.sum()), noise) for course in courses]
     left = [np.nanmean(np.square(readings - course.path)[behind]) for course in courses]  # K²
     best = min(range(len(courses)), key=lambda k: 0.5 * count * np.log(left[k] + noise) + courses[k].owed)
     named = replace(alarm, kind=courses[best].kind, size=courses[best].size, detail=courses[best].detail, channel="")
-    for column, air in zip(given.model.inputs, given.run.inputs, strict=True):
-        if column.startswith("temperature.") and np.nansum(((readings - expected) * (air - expected))[behind]) > 0:
+    for _, air in _surroundings(given):
+        if np.nansum(((readings - expected) * (air - expected))[behind]) > 0:
             nats.append(_nats((readings - expected)[behind], ((air - expected) / FREE)[behind], noise))
     corrected = [
         given.with_readings([row], readings - np.where(behind, course.path - expected, 0.0)).nats(onset)
@@ -516,11 +532,11 @@ class _Answer(NamedTuple):
     gain: float
     what: str
     alarms: list[Alarm]
-    after: Suspicion
+    after: Hypothesis
 
 
-def faults(given: Suspicion, limits: Limits, inputs: Collection[str], *, taught: bool) -> tuple[list[Alarm], Suspicion]:
-    """All faults, and the run with what was found.
+def faults(given: Hypothesis, limits: Limits, inputs: Collection[str], *, taught: bool) -> list[Alarm]:
+    """All faults of a run.
 
     Once a sensor is called faulty, the filter does without it from the fault's onset on, and the search for others
     starts again: else its error would spread over its neighbours.
@@ -532,30 +548,37 @@ def faults(given: Suspicion, limits: Limits, inputs: Collection[str], *, taught:
         taught: whether healthy logs told how wrong the model is.
     """
     found, inputs = list[Alarm](), set(inputs)
-    while (first := first_alarm(given.estimator(1.0), given.run, given.measured, limits, inputs)) is not None:
+    while (first := first_alarm(given, limits, inputs)) is not None:
         called = {name for alarm in found for name in (alarm.node, alarm.channel)}
         told, after = _attributed(given, first, called, taught)
         # A sensor can't be judged with a wrong load; and no channel is reported twice.
         twice = any((alarm.channel or alarm.node) in called for alarm in told)
         if twice or (not first.channel and first.node in called):
-            told, after = [], given.without([given.model.nodes.index(first.node)], -np.inf)  # what that leaves
-        given, inputs = after, inputs - {first.channel, *(alarm.channel for alarm in told)}
+            told, after = [], given.without(given.model.nodes.index(first.node))  # what that leaves
+        given = replace(after, share=1.0, covariance=None)
+        inputs -= {first.channel, *(alarm.channel for alarm in told)}
         found += told
-    return found, given
+    return found
 
 
-def _attributed(given: Suspicion, alarm: Alarm, called: Collection[str], taught: bool) -> tuple[list[Alarm], Suspicion]:
+def _attributed(
+    given: Hypothesis, alarm: Alarm, called: Collection[str], taught: bool
+) -> tuple[list[Alarm], Hypothesis]:
     """Whose alarm it is: of the hypothesis under which the readings are clearly likelier than under any other.
 
     None where the model's own errors, or an input that is `called` already, explain as much; beside it the run with
     what was found, or without the sensor's readings.
     """
-    # If the readings show that the model is better than assumed, they are more informative.
-    given = given if taught else max((replace(given, share=share) for share in _SHARES), key=Suspicion.nats)
-    row = given.model.nodes.index(alarm.node)
-    without = given.without([row], alarm.onset)
+    # That any parameter may be off belongs to all hypotheses. If the readings show that the model is better than
+    # assumed, they are more informative.
+    covariance, row = MODEL_OFF**2 * np.eye(len(given.model.free)), given.model.nodes.index(alarm.node)
+    given = max(
+        (replace(given, share=share, covariance=covariance) for share in (_SHARES[:1] if taught else _SHARES)),
+        key=Hypothesis.nats,
+    )
+    without = given.without(row, alarm.onset)
     if not np.isnan(without.measured[row]).sum() > np.isnan(given.measured[row]).sum():
-        without = given.without([row], -np.inf)  # it is called again for what was read before
+        without = given.without(row)  # it is called again for what was read before
     nats, named = _of_a_sensor(given, alarm)
     sensor = _Answer(nats - given.nats(alarm.onset), f"temperature.{alarm.node}", [named], without)
     others = sorted([*_inputs(given, alarm), *_exchanges(given, alarm)], key=lambda answer: -answer.gain)
@@ -570,7 +593,7 @@ def _attributed(given: Suspicion, alarm: Alarm, called: Collection[str], taught:
         return [], given if alarm.channel else without
     if len(likely) > 1:
         # The sensor is not used, and the rest follows the most probable of the other hypotheses.
-        after = (others[0] if best is sensor else best).after.without([row], alarm.onset)
+        after = (others[0] if best is sensor else best).after.without(row, alarm.onset)
         return [replace(undecided(alarm, f"{best.what} or {likely[1].what}"), channel="")], after
     if not taught and best.alarms[0].kind == "input" and len(best.alarms) == 1:
         # Without healthy logs the model's error in a node's heat is unknown.
@@ -583,7 +606,7 @@ def undecided(alarm: Alarm, what: str) -> Alarm:
     return replace(alarm, kind="undecided", size=None, detail=f"{what} is wrong: not decided which")
 
 
-def _inputs(given: Suspicion, alarm: Alarm) -> Iterator[_Answer]:
+def _inputs(given: Hypothesis, alarm: Alarm) -> Iterator[_Answer]:
     """A load that is wrong, at the node or near it, or the air; of the likeliest load the size, too."""
     model, onset = given.model, alarm.onset
     freed = {column: given.with_unknown_input(column) for column in suspects(model, alarm.node, alarm.channel)}
@@ -603,7 +626,7 @@ def _inputs(given: Suspicion, alarm: Alarm) -> Iterator[_Answer]:
         yield _Answer(gain, column, [told], best.with_unknown_input(column, _LIFTS[-1]))
 
 
-def _exchanges(given: Suspicion, alarm: Alarm) -> Iterator[_Answer]:
+def _exchanges(given: Hypothesis, alarm: Alarm) -> Iterator[_Answer]:
     """The node's sensor and another one's exchanged, from the onset on or all the while; or their loads, all the while.
 
     Only pairs are tried that bring the model, run freely, nearer to the readings.
@@ -611,20 +634,21 @@ def _exchanges(given: Suspicion, alarm: Alarm) -> Iterator[_Answer]:
     model, measured, driven, start = given.model, given.measured, loads(given.model), float(given.run.run.time[0])
     row = model.nodes.index(alarm.node)
 
-    def squares(trial: Suspicion) -> float:
+    def squares(trial: Hypothesis) -> float:
         return float(np.nansum(np.square(trial.measured - simulate(model, trial.run).readings)))
 
     now = squares(given)
     for other, node in enumerate(model.nodes):
-        trials, rows = list[tuple[str, float, Suspicion]](), [row, other]
-        if node != alarm.node and np.isfinite(measured[rows]).any(axis=1).all():
+        if other == row:
+            continue
+        trials, rows = list[tuple[str, float, Hypothesis]](), [row, other]
+        if np.isfinite(measured[rows]).any(axis=1).all():
             for begin in {alarm.onset, start}:
                 exchanged = np.where(given.behind(begin), measured[rows[::-1]], measured[rows])
                 trials.append(("temperature", begin, given.with_readings(rows, exchanged)))
-        columns = [driven[place] for place in (alarm.node, node) if place in driven]
-        quantity, *differ = {column.partition(".")[0] for column in columns} or {""}
-        if node != alarm.node and len(columns) == 2 and not differ:
-            indices = [model.inputs.index(column) for column in columns]
+        indices = [model.inputs.index(driven[place]) for place in (alarm.node, node) if place in driven]
+        quantity, *differ = {model.inputs[index].partition(".")[0] for index in indices} or {""}
+        if len(indices) == 2 and not differ:
             trials.append((quantity, start, given.with_inputs(indices, given.run.inputs[indices[::-1]])))
         for what, begin, after in trials:
             if squares(after) < now:

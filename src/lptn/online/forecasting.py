@@ -284,7 +284,7 @@ def _held(estimator: Estimator, point: OperatingPoint) -> tuple[FloatArray, Floa
         z = moved.states
         if not np.isfinite(z).all() or z[states].max() > _HOTTEST:
             break
-        covariance = moved.transition @ covariance @ moved.transition.T + moved.added
+        covariance = moved.covariance(covariance)
         by_input = moved.transition[states, inputs]
         covariance[states, states] += by_input @ (point.scatter / step) @ by_input.T
         time.append(time[-1] + step)

@@ -19,7 +19,7 @@ from lptn.logs.columns import INPUTS
 from lptn.logs.run import Run
 from lptn.model.model import Model
 from lptn.online.calibration import Calibration, uncalibrated
-from lptn.online.fault_bank import STEP, Alarm, Kind, Suspicion, coarsely_bound, faults, suspects, undecided
+from lptn.online.fault_bank import Alarm, Hypothesis, Kind, faults, suspects, undecided
 from lptn.simulate.bound_run import bind
 from lptn.simulate.simulation import simulate
 
@@ -336,19 +336,18 @@ def alarms_by_statistics(
     known = [alarm for alarm in known if alarm.kind != "spikes" or alarm.node not in loud]
     alarms = [*known, *noise, *dropouts(watched)]
     named_already = {alarm.node for alarm in alarms if alarm.kind != "input"}
-    coarse = coarsely_bound(model, watched.run, STEP)
-    given = Suspicion(model, coarse, believable(coarse.measured), calibration.noise, calibration.model_error)
+    given = Hypothesis.of(model, watched.run, calibration.noise, calibration.model_error)
+    given = replace(given, measured=believable(given.measured))
     inputs = set(model.inputs)  # that may yet be suspected
     for alarm in known:
         if alarm.channel in model.inputs and alarm.node in model.nodes:
             given, inputs = given.with_unknown_input(alarm.channel), inputs - {alarm.channel}
     for alarm in noise:
-        given = given.without([model.nodes.index(alarm.node)], alarm.onset)
-    faulty, _ = faults(given, calibration.limits, inputs, taught=calibration.healthy_hours > 0)
-    for alarm in faulty:
+        given = given.without(model.nodes.index(alarm.node), alarm.onset)
+    for alarm in faults(given, calibration.limits, inputs, taught=calibration.healthy_hours > 0):
         size = inf if alarm.size is None or alarm.kind == "lag" else abs(alarm.size)
         if alarm.kind == "drift":
-            size *= float(coarse.run.time[-1]) - alarm.onset
+            size *= float(given.run.run.time[-1]) - alarm.onset
         if (alarm.channel or alarm.node not in named_already) and size >= NOTICED:
             alarms.append(alarm)
     return first_at_each_sensor(alarms)

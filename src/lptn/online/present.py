@@ -18,7 +18,7 @@ from lptn.model.tables import FitTable
 from lptn.online.augmented_model import ModelError
 from lptn.online.calibration import uncalibrated
 from lptn.online.estimator import UNKNOWN, Estimator
-from lptn.online.fault_bank import KINDS, STEP, Suspicion, coarsely_bound, faults
+from lptn.online.fault_bank import KINDS, STEP, Hypothesis, coarsely_bound, faults
 from lptn.online.quantisation import LEAST_NOISE, noise_and_steps
 from lptn.simulate.bound_run import BoundRun, bind, default_start
 from lptn.simulate.dynamics import zero_order_hold
@@ -126,20 +126,15 @@ def present(model: Model, run: Run, uncertainty: ModelUncertainty) -> tuple[Esti
     bound, noise = coarsely_bound(model, run, STEP), estimate_noise([bind(model, run)], model.nodes)
     white = np.maximum(noise.white / np.sqrt(max(1.0, bound.run.step / run.step)), LEAST_NOISE)
     of_means = np.hypot(white, noise.step / np.sqrt(12.0))  # which lie between a sensor's steps
-    size = _missing_heat(model, bound, uncertainty)
+    size, given = _missing_heat(model, bound, uncertainty), _given(model, bound, of_means, uncertainty)
     best, chosen, highest = None, 0.0, -inf
     for scale in _SCALES.tolist():
-        estimator = _estimator(model, of_means, 0 * white, uncertainty, _error(model, scale * size), watch=False)
+        trial = replace(given, error=_error(model, scale * size))
         # A factor of two from the usual scale is one standard deviation.
-        posterior, square, readings = -0.5 * (log(scale / _USUAL_SCALE) / log(2.0)) ** 2, 0.0, 0
-        for _ in estimator.run(bound):
-            if estimator.last is not None:
-                posterior += estimator.last.log_likelihood
-                square += estimator.last.normalised_square
-                readings += estimator.last.innovation.size
+        posterior = trial.nats() - 0.5 * (log(scale / _USUAL_SCALE) / log(2.0)) ** 2
         if posterior > highest:
-            best, chosen, highest = estimator, scale, posterior
-        elif square < _CONSISTENT * readings:
+            best, chosen, highest = trial.filtered.estimator, scale, posterior
+        elif trial.filtered.squares.sum() < _CONSISTENT * np.isfinite(trial.measured).sum():
             break
     if best is None:
         raise RuntimeError("no scale of missing heat gave a likelihood")
@@ -171,22 +166,11 @@ def _error(model: Model, heat: FloatArray) -> ModelError:
     return ModelError(heat=dict(zip(model.nodes, heat.tolist(), strict=True)), heat_time=_HEAT_TIME, air=_AIR)
 
 
-def _estimator(
-    model: Model, noise: FloatArray, step: FloatArray, uncertainty: ModelUncertainty, error: ModelError, watch: bool
-) -> Estimator:
-    """An estimator with what the fit leaves open; noise and steps of its readings have shape (nodes,)."""
-    # What is exact would make each step slower as a state.
+def _given(model: Model, bound: BoundRun, noise: FloatArray, uncertainty: ModelUncertainty) -> Hypothesis:
+    """A run with what the fit leaves open; what is exact would make each step slower as a state."""
     learns = uncertainty.learns and bool(uncertainty.covariance.any())
-    return Estimator(
-        model,
-        noise=noise,
-        step=step,
-        error=error,
-        learn={model.parameters[index].name: 0.0 for index in model.free} if learns else {},
-        covariance=uncertainty.covariance if learns else None,
-        learn_air=uncertainty.learns,
-        watch=watch,
-    )
+    covariance = uncertainty.covariance if learns else None
+    return Hypothesis(model, bound, bound.measured, noise, ModelError(), covariance, uncertainty.learns)
 
 
 # --- Sensors that are not used ----------------------------------------------------------------
@@ -235,7 +219,7 @@ def not_alive(estimator: Estimator, bound: BoundRun) -> tuple[BoolArray, list[Do
     if not estimator.watch:
         raise ValueError("estimator: found one that does not watch its sensors; expected watch=True")
     doubted = [(False, False)] * len(left_out)  # whether each was lost, and stood, before
-    for k, _ in enumerate(estimator.run(bound)):
+    for k in estimator.run(bound):
         for row, sensor in enumerate(estimator.sensors):
             lost, stood = doubted[row]
             if (sensor.lost and not lost) or (sensor.stands and not stood):
@@ -260,13 +244,14 @@ def present_by_live_sensors(model: Model, run: Run, uncertainty: ModelUncertaint
     whole, run = bind(model, run), run.slice(float(run.time[-1]) - _MEMORY, inf)
     bound, nodes = bind(model, run), tuple(model.nodes)
     substeps(model, bound, model.values, default_start(model, bound))  # refuses what no filter would come to an end of
-    noise, size = noise_and_steps(estimate_noise([bound], nodes)), _missing_heat(model, bound, uncertainty)
+    (noise, step), size = noise_and_steps(estimate_noise([bound], nodes)), _missing_heat(model, bound, uncertainty)
+    given = _given(model, bound, noise, uncertainty)
     # Sensors are judged by a model as good as usual. Where those that nobody doubts then say that it is worse, all are
     # judged again: else the healthy sensor of a joint of which the model knows little would be left out.
     scale = _USUAL_SCALE
     for _ in range(2):
-        watching = _estimator(model, *noise, uncertainty, _error(model, scale * size), watch=True)
-        left_out, doubts = not_alive(watching, bound)
+        judging = replace(given, error=_error(model, scale * size)).estimator(step, watch=True)
+        left_out, doubts = not_alive(judging, bound)
         if not (np.isfinite(bound.measured) & ~left_out).any():
             raise InputError(run.source, "temperature columns", "; ".join(map(str, doubts)), "a sensor that is alive")
         rest = without(run, nodes, left_out)
@@ -295,15 +280,14 @@ def _faulty(model: Model, run: Run, uncertainty: ModelUncertainty, error: ModelE
     None is called unless most of the sensors agree with the model: of one sensor and one model nothing says which is
     wrong. A model that lacks something, or that nobody fitted, is taken for as wrong as `lptn.monitor` guesses.
     """
-    bound, guess = coarsely_bound(model, run, STEP), uncalibrated(model, [run], float(uncertainty.error.max()))
+    guess = uncalibrated(model, [run], float(uncertainty.error.max()))
     limits = dict.fromkeys(KINDS, _FAULT) if uncertainty.learns else guess.limits
     error = error if uncertainty.learns else guess.model_error
-    given = Suspicion(model, bound, bound.measured, guess.noise, error)
-    alarms, _ = faults(given, limits, model.inputs, taught=False)
+    given = Hypothesis.of(model, run, guess.noise, error)
     end, doubts = float(run.time[-1]) + run.step, dict[str, Doubt]()
-    for alarm in alarms:
+    for alarm in faults(given, limits, model.inputs, taught=False):
         if not alarm.channel and alarm.node not in doubts:
             why = f"{alarm.words}, as it seems, for {end - alarm.onset:.0f} s"
             doubts[alarm.node] = Doubt(alarm.node, alarm.onset - STEP, why)
-    seen = np.isfinite(bound.measured).any(axis=1).sum()
+    seen = np.isfinite(given.measured).any(axis=1).sum()
     return list(doubts.values()) if 2 * len(doubts) <= seen else []
