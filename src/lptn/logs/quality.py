@@ -192,7 +192,7 @@ def _suspect_gains(log: Channels, said: Collection[str]) -> list[Issue]:
         if change is not None:
             start, stop = (float(log.time[row]) for row in change.rows)
             problem, remedy = f"roughly {log.when(start, stop)} it ", "say each part's unit"
-            if change.of_a_unit:
+            if change.ratio:
                 problem += f"heats {part} {change.ratio:.2g} times as much as before for its square, "
                 problem += "which looks like another unit there"
             else:
