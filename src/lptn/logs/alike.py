@@ -58,8 +58,7 @@ def without_held_rows(log: Channels) -> tuple[Channels, list[Issue]]:
     start, stop = float(time[rows][0]), float(time[rows][-1])
     problem = f"all columns stand {len(held)} time{'s' * (len(held) > 1)}, {sum(held):.4g} s in all, "
     problem += log.when(start, stop)
-    column, remedy = log.sources["time"].columns[0], "these rows are left out"
-    issue = Issue("time", column, problem, remedy, certain=False, kind="held", stretch=(start, stop))
+    issue = log.doubt("time", problem, "these rows are left out", "held", (start, stop))
     return log.with_channels({key: np.where(rows, np.nan, x) for key, x in channels.items()}), [issue]
 
 
@@ -84,7 +83,7 @@ def suspect_held(log: Channels) -> list[Issue]:
         for key in (key for key, each in usual.items() if each > max(_HELD, 2 * min(usual.values()))):
             problem = f"a number each {usual[key]:.3g} s, repeated until the next, while others change in each row"
             remedy = "it is used as it is, late by half of that; log it as often, or as root mean squares"
-            issues.append(Issue(key, log.sources[key].columns[0], problem, remedy, certain=False, kind="held"))
+            issues.append(log.doubt(key, problem, remedy, "held"))
     return issues
 
 
@@ -123,17 +122,13 @@ def copies_in(log: Channels, twice: Mapping[str, str]) -> list[Issue]:
         told = [heat_told(law) for law in laws if law]
         return len(told) == len(parts) and min(told) < _UNTOLD and max(told) > TOLD
 
-    def said(key: str, other: str, what: str, remedy: str) -> Issue:
-        problem = f"the same {what} as {other}"
-        return Issue(key, log.sources[key].columns[0], problem, _WHOSE + remedy, certain=False, kind="duplicate")
-
-    unused = ", and beside others neither is used; map its own column"
-    issues = [said(key, other, "readings", unused) for key, other in twice.items()]
+    unused = f"{_WHOSE}, and beside others neither is used; map its own column"
+    issues = [log.doubt(key, f"the same readings as {other}", unused, "duplicate") for key, other in twice.items()]
     for quantity in HEATS:
         for key, other in _pairs(log, list(log.of(quantity)), is_one).items():
             if not log.is_believed(key):
-                remedy = f": map its own column; if both are right, write {log.believed(key)}"
-                issues.append(said(key, other, "numbers", remedy))
+                remedy = f"{_WHOSE}: map its own column; if both are right, write {log.believed(key)}"
+                issues.append(log.doubt(key, f"the same numbers as {other}", remedy, "duplicate"))
     return issues
 
 

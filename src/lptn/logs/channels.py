@@ -13,6 +13,7 @@ import pandas as pd
 from lptn.basics.arrays import BoolArray, FloatArray, IntArray
 from lptn.logs.clock import counted_from, stretch_in_words
 from lptn.logs.columns import AMBIENT, HEATS, ColumnSource, as_line_or_option, place_of, quantity_of
+from lptn.logs.issue import Issue
 from lptn.logs.resampling import means_of_blocks
 
 # --- Stretches of rows ----------------------------------------------------------------------------
@@ -217,6 +218,12 @@ class Channels:
         raw = np.concatenate([x[np.isfinite(x)] for x in map(self.numbers.__getitem__, self.sources[key].columns)])
         far = float(f"{max(2 * np.abs(raw).max(initial=0.0), 1.0):.0e}")
         return as_line_or_option(key, replace(self.sources[key], valid=(-far, far)))
+
+    def doubt(
+        self, key: str, problem: str, remedy: str, kind: str = "unit", stretch: tuple[float, float] | None = None
+    ) -> Issue:
+        """What is odd about a channel that is read as it stands, or in a stretch of it."""
+        return Issue(key, self.sources[key].columns[0], problem, remedy, certain=False, kind=kind, stretch=stretch)
 
     # Means over some hundred blocks: times, temperatures, the squares of loads, the sizes of speeds.
 

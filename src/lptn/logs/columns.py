@@ -41,10 +41,8 @@ def column_unit(column: str) -> str:
     return (_SI | _NEVER_CONVERTED).get(column.partition(".")[0], "")
 
 
-# pint reads Nm as "number metre" and does not know rev.
+# pint reads Nm as "number metre" and does not know rev; 1/s is rad/s to it, while of a shaft it means turns.
 _SPELLINGS = {"Nm": "N*m", "mNm": "mN*m", "kNm": "kN*m", "rev/min": "turn/min", "rev/s": "turn/s"}
-
-# To pint these are 1/s, that is rad/s; of a shaft they mean turns, a factor 2 pi apart.
 _TURNS = {"Hz": "turn/s", "1/min": "turn/min", "min^-1": "turn/min"}
 
 
@@ -55,9 +53,7 @@ def to_si(values: FloatArray, quantity: str, unit: str | None) -> FloatArray:
     """
     if unit is None:
         return values
-    name = _SPELLINGS.get(unit, unit)
-    if quantity.startswith("velocity"):
-        name = _TURNS.get(unit, name)
+    name = (_SPELLINGS | (_TURNS if quantity.startswith("velocity") else {})).get(unit, unit)
     if quantity in _SI and name == _SI[quantity]:  # the usual case, and pint takes half a second to begin
         return np.asarray(values, dtype=np.float64)
     measured = registry().Quantity(values, registry().parse_units(name))
@@ -86,21 +82,23 @@ def place_of(key: str) -> str:
 
 
 Combined = Literal["norm", "product", "mean", "ratio"]
-_COMBINED: Mapping[str, Callable[[Sequence[FloatArray]], FloatArray]] = {
-    "norm": lambda columns: np.sqrt(np.sum(np.square(columns), axis=0)),
-    "product": lambda columns: np.prod(columns, axis=0),
-    "mean": lambda columns: np.mean(columns, axis=0),  # where one is missing, the others' mean would be another one's
-    "ratio": lambda columns: _ratio(*columns),
-}
 _LEAST_SHARE = 0.1
 """Of the largest current of a log: below it a measured resistance has over ten times the error that it has there."""
 
 
-def _ratio(above: FloatArray, below: FloatArray) -> FloatArray:
+def _ratio(columns: Sequence[FloatArray]) -> FloatArray:
     """The first over the second, NaN where the second is too small to tell."""
-    size = np.abs(below)
-    enough = size > _LEAST_SHARE * np.nanmax(size, initial=0.0)
+    above, below = columns
+    enough = np.abs(below) > _LEAST_SHARE * np.nanmax(np.abs(below), initial=0.0)
     return np.asarray(np.divide(above, below, out=np.full(below.shape, np.nan), where=enough))
+
+
+_COMBINED: Mapping[str, Callable[[Sequence[FloatArray]], FloatArray]] = {
+    "norm": lambda columns: np.sqrt(np.sum(np.square(columns), axis=0)),
+    "product": lambda columns: np.prod(columns, axis=0),
+    "mean": lambda columns: np.mean(columns, axis=0),  # where one is missing, the others' mean would be another one's
+    "ratio": _ratio,
+}
 
 
 @dataclass(frozen=True)

@@ -343,7 +343,7 @@ _ROWS, _STEPS_AT_LEAST = 10, 60
 """Numbers in a block, of fewer of which the mean square of a load that swings is not known; steps of a log."""
 _LEAST_PARTS, _ROUNDS = 12, 6  # steps of it and of the rest, that tell three numbers; times that its ends are moved
 _CHANGED = 0.75
-"""Of the mean error of one law, which two laws leave at the most; two loads' of that of two other heats, too. Of 24 drives
+"""Of the mean error of one law, which two laws leave at the most; of that of two other heats, too. Of 24 drives
 that are off for a while, ten torques that turn into amperes and 52 healthy logs of virtual robots this names 17, 5 and
 none; 0.8 names 19, 6 and 1."""
 _RATIO = 3.0

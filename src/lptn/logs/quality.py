@@ -198,7 +198,7 @@ def _suspect_gains(log: Channels, said: Collection[str]) -> list[Issue]:
             else:
                 problem, remedy = f"{problem}does not heat {part}, as it does in the rest of the log", "leave that out"
             remedy = f"cut the log there, and {remedy}; if the column is right, write {log.believed(key)}"
-            issues.append(Issue(key, log.sources[key].columns[0], problem, remedy, False, stretch=(start, stop)))
+            issues.append(log.doubt(key, problem, remedy, stretch=(start, stop)))
     return issues
 
 
@@ -211,7 +211,7 @@ def _suspect_exchange(log: Channels) -> list[Issue]:
             if place != of and not log.is_believed(key):
                 problem = f"follows {load} better than {quantity}.{place}: columns of joints are probably exchanged"
                 remedy = f"map each to its own column; if they are right, write {log.believed(key)}"
-                issues.append(Issue(key, log.sources[key].columns[0], problem, remedy, False, kind="exchanged"))
+                issues.append(log.doubt(key, problem, remedy, "exchanged"))
     return issues
 
 
@@ -243,22 +243,21 @@ def _suspect_ambient(log: Channels) -> list[Issue]:
             remedy = "is the sensor near that joint? What leaves to the air can't be fitted with it; use one further "
             remedy += 'away, or, for a log that begins at rest, ambient = "start" under [model]; if the room itself is '
             remedy += f"warmed, write {log.believed(log.air)}"
-            return [Issue(log.air, log.sources[log.air].columns[0], problem, remedy, False, kind="follows")]
+            return [log.doubt(log.air, problem, remedy, "follows")]
     return []
 
 
 def _suspect_few(log: Channels, predicted: Collection[str]) -> list[Issue]:
     """Temperatures of which there are so few readings that they tell next to nothing of their part."""
-    issues = list[Issue]()
-    for key, values in log.of("temperature").items():
-        count = int(np.isfinite(values).sum())
-        if 0 < count < FEWEST_ROWS <= values.size and key in predicted:
-            problem = (
-                f"{count} reading{'s' * (count > 1)} in {values.size} rows, which tell next to nothing of its part"
-            )
-            remedy = "map its own column, or leave that out"
-            issues.append(Issue(key, log.sources[key].columns[0], problem, remedy, certain=False, kind="few"))
-    return issues
+    counts = {key: int(np.isfinite(x).sum()) for key, x in log.of("temperature").items() if key in predicted}
+    rows, remedy = log.time.size, "map its own column, or leave that out"
+    return [
+        log.doubt(
+            key, f"{n} reading{'s' * (n > 1)} in {rows} rows, which tell next to nothing of its part", remedy, "few"
+        )
+        for key, n in counts.items()
+        if 0 < n < FEWEST_ROWS <= rows
+    ]
 
 
 # --- All that looks wrong in a log -----------------------------------------------------------------
