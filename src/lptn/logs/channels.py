@@ -125,6 +125,20 @@ class Sensor(NamedTuple):
     step: float
 
 
+class GainChange(NamedTuple):
+    """A load that in some stretch makes another heat in its part.
+
+    Args:
+        rows: the first and the last of the log's rows in which it does.
+        ratio: of the heat for its square to that else, where it may be in another unit; 0 where it makes none.
+        still: where it makes none, whether the part's temperature stands all the same: its sensor is stuck.
+    """
+
+    rows: tuple[int, int]
+    ratio: float
+    still: bool
+
+
 # --- All channels of a log ---------------------------------------------------------------------------
 
 _THIN = 10_000  # readings that tell what is usual
@@ -148,6 +162,7 @@ class Channels:
         where: a row's place in the file, in words, where each row has one.
         air: the temperature of what surrounds the robot, whether it is logged or not.
         known_means: `means` that were asked for already.
+        gains: how a load's heat changes, by load, as it was found (`law.py`), of all that is made of this log.
     """
 
     values: Mapping[str, FloatArray]
@@ -157,6 +172,7 @@ class Channels:
     where: Callable[[int], str] | None = None
     air: str = AMBIENT
     known_means: dict[str, FloatArray] = field(default_factory=dict)
+    gains: dict[str, GainChange | None] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.time = self.values["time"]

@@ -23,7 +23,7 @@ import pandas as pd
 from numpy.lib.stride_tricks import sliding_window_view
 
 from lptn.basics.arrays import BoolArray, FloatArray, IntArray
-from lptn.logs.channels import GAP, SHORTEST, STILL, Channels, spans, standing
+from lptn.logs.channels import GAP, SHORTEST, STILL, Channels, GainChange, spans, standing
 from lptn.logs.columns import has_own_heat, place_of
 from lptn.logs.scatter import MAD_TO_SIGMA
 
@@ -276,7 +276,7 @@ def against_heat(log: Channels, key: str, load: str, resolution: float) -> list[
             found += [stretch for stretch in group if stretch not in found]
             for begin, end in steps:
                 known[max(begin - 1, 0) : end + 1] = False
-    change = None if found else gain_change(log, key, load)
+    log.gains[load] = change = None if found else gain_change(log, key, load)
     return [change.rows] if change and change.still else found
 
 
@@ -376,43 +376,26 @@ def changed(law: Warming, own: Sequence[int], like: Change | None = None) -> Cha
     of another change, and is then that in which its own law is better than the rest's by most, until that is no better.
     `None` of short ones alone.
     """
-    steps, best = np.arange(law.moved.size), None
+    steps, best, tried = np.arange(law.moved.size), None, set[tuple[int, int]]()
     sizes, course = np.abs(law.design[:, own[0]]), law.fitted()[1] * law.design[:, own[0]]
     course -= course.sum() * sizes / sizes.sum()
     other = [np.where((like.begin <= steps) & (steps < like.end), 1.0, -1.0)] if like else []
     for more in (course, -course, *other):
-        least = np.inf
         for _ in range(_ROUNDS):
             total = np.concatenate(([0.0], np.cumsum(more)))
             end = int(np.argmax(total - np.minimum.accumulate(total)))
             begin = int(np.argmin(total[: end + 1]))
-            if not _LEAST_PARTS <= end - begin <= steps.size - _LEAST_PARTS:
+            if (begin, end) in tried or not _LEAST_PARTS <= end - begin <= steps.size - _LEAST_PARTS:
                 break
+            tried |= {(begin, end)}
             found, off = law.apart(own, (begin <= steps) & (steps < end)).fitted()
-            error = float(np.abs(off).mean())
-            if error >= least:
-                break
-            outside, own_there, least = found[: law.likely.size], found[law.likely.size :], error
-            within = outside.copy()
+            outside, own_there = found[: law.likely.size], found[law.likely.size :]
+            within, error = outside.copy(), float(np.abs(off).mean())
             within[own] = own_there
             if best is None or error < best.error:
                 best = Change(begin, end, (outside, within), error)
             more = np.abs(law.moved - law.design @ outside) - np.abs(law.moved - law.design @ within)
     return best
-
-
-class GainChange(NamedTuple):
-    """A load that in some stretch makes another heat in its part.
-
-    Args:
-        rows: the first and the last of the log's rows in which it does.
-        ratio: of the heat for its square to that else, where it may be in another unit; 0 where it makes none.
-        still: where it makes none, whether the part's temperature stands all the same: its sensor is stuck.
-    """
-
-    rows: tuple[int, int]
-    ratio: float
-    still: bool
 
 
 def gain_change(log: Channels, key: str, load: str) -> GainChange | None:
@@ -421,9 +404,11 @@ def gain_change(log: Channels, key: str, load: str) -> GainChange | None:
     Other heat, and what leaves to the air, may be another there, too; alone they explain it worse, in any stretch. A
     unit changes once, so to the log's end.
     """
+    if log.block < _ROWS:
+        return None
     first, last = standing(log.values[load])
     known = log.block / float(np.median(last - first + 1))  # of what stands for longer one number tells
-    law = warming(log, key, load) if log.block >= _ROWS and not 1 < known < _ROWS else None
+    law = warming(log, key, load) if not 1 < known < _ROWS else None
     if law is None or law.rows.size < _STEPS_AT_LEAST:
         return None
     others = [law.other, law.other + 1]

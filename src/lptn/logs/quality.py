@@ -186,9 +186,12 @@ def _suspect_gains(log: Channels, said: Collection[str]) -> list[Issue]:
     if "time" in said:
         return issues
     told = Channels({key: x for key, x in log.values.items() if key not in said}, air=log.air)
-    for key in [key for quantity in HEATS for key in told.of(quantity)]:
-        part = f"temperature.{place_of(key)}"
-        change = gain_change(told, part, key) if part in told.values and not log.is_believed(key) else None
+    for key in [key for quantity in HEATS for key in told.of(quantity) if not log.is_believed(key)]:
+        part, change = f"temperature.{place_of(key)}", log.gains.get(key)
+        if part not in told.values:
+            continue
+        if key not in log.gains:
+            change = gain_change(told, part, key)
         if change is not None:
             start, stop = (float(log.time[row]) for row in change.rows)
             problem, remedy = f"roughly {log.when(start, stop)} it ", "say each part's unit"
