@@ -99,7 +99,7 @@ class Warming(NamedTuple):
         """The same law, some of whose terms are others in a stretch, (m,): it has its columns of them at the end."""
         design = np.column_stack([self.design, self.design[:, terms] * stretch[:, None]])
         design[:, terms] *= ~stretch[:, None]
-        likely, signed = (np.append(x, x[terms]) for x in (self.likely, self.signed))
+        likely, signed = np.append(self.likely, self.likely[terms]), np.append(self.signed, self.signed[terms])
         return self._replace(design=design, likely=likely, signed=signed)
 
     def over(self, steps: int) -> Warming:
@@ -406,8 +406,8 @@ def gain_change(log: Channels, key: str, load: str) -> GainChange | None:
     """
     if log.block < _ROWS:
         return None
-    first, last = standing(log.values[load])
-    known = log.block / float(np.median(last - first + 1))  # of what stands for longer one number tells
+    stands = 1 - np.subtract(*standing(log.values[load]))  # rows, that each number does
+    known = log.block / float(np.median(stands))  # in fewer than one a number stands for longer, and is known
     law = warming(log, key, load) if not 1 < known < _ROWS else None
     if law is None or law.rows.size < _STEPS_AT_LEAST:
         return None
