@@ -292,12 +292,14 @@ def _at_the_air(log: Channels, key: str) -> list[tuple[int, int]]:
 def contradicted(log: Channels, key: str, stretch: IntArray) -> bool:
     """Whether a part goes otherwise from one row to another, and there from where it last rose, than by its law.
 
-    By that its load does not cool it, and no other heat, nor loss of heat, sets in at some row.
+    By that its load does not cool it, and no other heat, nor loss of heat, sets in at some row for good.
     """
     law = warming(log, key, load := log.load_of(place_of(key)))
     if law is None or (load and np.linalg.lstsq(law.design, law.moved)[0][0] < 0):
         return True
-    if (change := changed(law, [law.other])) and change.error < _CHANGED * law.error:
+    change = changed(law, [law.other])
+    sets_in = change is not None and (change.begin == 0 or change.end == law.moved.size)
+    if change and sets_in and change.error < _CHANGED * law.error:
         return True
     begin, end = (stretch // log.block).tolist()
     steps = np.searchsorted(law.rows, [_last_rise(log, key, begin), end])
