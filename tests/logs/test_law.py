@@ -14,6 +14,7 @@ from lptn.basics.errors import InputError
 from lptn.logs.beside import refuse_doubtful
 from lptn.logs.columns import ColumnSource
 from lptn.logs.reading import read_log
+from lptn.virtual import Bout, Job, leg_logs, quadruped_logs
 
 Array = npt.NDArray[np.float64]
 STEP, SINCE = 0.5, 1500.0  # s
@@ -107,6 +108,34 @@ def test_of_a_part_in_other_air_that_nobody_logged_nothing_is_said(outside: floa
     assert outside > 0 or friction > 0 or log["temperature.a"].min() < 10
     assert not read_log(log)[0].issues
     assert not read_log(log.drop(columns="temperature.ambient"))[0].issues
+
+
+def _bouts(rng: np.random.Generator, motions: dict[str, float], shortest: int, longest: int, most: float) -> Job:
+    """Each motion with its speed for a while, in some order, and a rest."""
+    order = [list(motions.items())[k] for k in rng.permutation(len(motions))]
+    bouts = [Bout(name, int(rng.uniform(shortest, longest)), at, float(rng.uniform(0, most))) for name, at in order]
+    return Job((*bouts, Bout("rest", 500)), 22.0, cutout=None)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", [1173, 1176])
+def test_of_gaits_that_follow_each_other_nothing_is_said(seed: int) -> None:
+    """Hips that hardly work are warmed by their thighs, until a gait comes in which they sway."""
+    motions = {"stand": 0.0, "trot": 0.5, "rest": 0.0, "squat": 1.0, "walk": 0.4, "leg_sweep": 1.0, "sway": 1.0}
+    job = _bouts(np.random.default_rng([seed, 5]), motions, 200, 400, 3.0)
+    log = quadruped_logs(seed=seed, runs={"gaits": job}, noise=0.1, quantisation=0.1)["gaits"].reset_index(drop=True)
+    assert not read_log(log)[0].issues
+
+
+@pytest.mark.parametrize("seed", [1, 6])
+def test_of_loads_that_are_sampled_too_seldom_to_tell_their_squares_nothing_is_said(seed: int) -> None:
+    motions = {"stand": 1.0, "trot": 0.9, "rest": 1.0, "squat": 1.0, "walk": 0.5, "leg_sweep": 1.0}
+    job = _bouts(np.random.default_rng(seed), motions, 240, 500, 5.0)
+    log = leg_logs([], seed=seed, noise=0.1, quantisation=0.1, rate=1.0, runs={"gaits": job})["gaits"]
+    log = log.reset_index(drop=True)
+    torques = [name for name in map(str, log) if name.startswith("torque.")]
+    log[torques] = log[torques].iloc[log.index // 5 * 5].to_numpy()
+    assert not read_log(log)[0].issues
 
 
 # --- A sensor that is elsewhere than its part -------------------------------------------------------
