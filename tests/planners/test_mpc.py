@@ -220,6 +220,13 @@ def test_limits_are_passed_no_oftener_than_the_level_says(resolution: float) -> 
         assert (over[held] > 0).mean() < 1 - level
 
 
+@pytest.mark.long
+def test_sensors_that_are_all_hotter_than_the_model_are_not_called_false() -> None:
+    """An air that is 10 K hotter than is told, and parameters 20 % off: as a drift of all it was, 15 K above."""
+    over, *_ = loop(1202, 0.8, 0.1, 1.0)
+    assert over.max() < 0.5
+
+
 def test_the_margin_is_what_the_level_asks_of_the_covariance() -> None:
     """Readings taken as they are: their own noise. A filter: less, the longer it has looked; more for whole degrees."""
     start = np.full(3, 55.0)
