@@ -3,7 +3,8 @@
 The model is fitted as it stands, on means over 5 s. Where that leaves more than noise, `lptn.diagnose.composition` says
 what is missing. The verdict: `"adequate"` if no more is left than noise and usual errors of the log leave, in held-out
 runs too, and nothing is missing more probably than not; `"missing"` if what was found leaves no more than that on the
-fitted runs, or removes most of the misfit, on held-out runs too, where these show any; else `"unexplained"`.
+fitted runs, or removes more of the misfit than it leaves, on held-out runs too; else `"unexplained"`, and what was found
+is told beside that unless it predicts held-out runs worse.
 """
 
 from __future__ import annotations
@@ -17,11 +18,11 @@ import numpy as np
 import pandas as pd
 
 from lptn.basics.tables import Tabular
-from lptn.diagnose.answers import LIKELY, NOTHING, Key, Report, Step, named
+from lptn.diagnose.answers import NOTHING, Key, Report, Step, named
 from lptn.diagnose.candidates import AMBIENT_ERROR, SURFACE_ERROR, TORQUE_ERROR, possible_effects
 from lptn.diagnose.composition import FREED, composition
 from lptn.diagnose.evidence import ErrorsOfRuns, Evidence, FirstOrder, allowances
-from lptn.diagnose.fit_statistics import LACKING, MOST, explained_elsewhere, explains, lack_of_fit
+from lptn.diagnose.fit_statistics import LACKING, explained_share, lack_of_fit
 from lptn.diagnose.priors import log_priors
 from lptn.diagnose.refits import unless_interrupted
 from lptn.effects.learned_heat import UNNAMED, LearnedHeat, goes_with
@@ -225,21 +226,15 @@ def examine(
     remaining: Verdict = "unexplained" if made.after.is_lacking() else "adequate"
     verdict, refused, rivals = remaining, made.refused, made.rivals
     if steps:
-        elsewhere = explained_elsewhere(base, made.before.left_of_held_out, made.after.left_of_held_out)
-        found = not made.after.is_lacking(held_out=False) or (elsewhere and explains(MOST, base, made.fit))
-        verdict = "missing" if found else "unexplained"
-    if verdict == "unexplained" and steps:  # something without a name is at work, and may have made what they explain
-        pairs = [(base.rmse, made.fit.rmse)]
         before, after = made.before.left_of_held_out, made.after.left_of_held_out
-        pairs += [(before.rmse, after.rmse)] if before and after else []
-        share = min(max(0.0, 1.0 - (after / before) ** 2) for before, after in pairs)
-        steps = tuple(
-            replace(step, probability=share * step.probability, at_its_place=share * step.at_its_place)
-            for step in steps
-        )
-        if share < LIKELY or (given.holdout and last.holdout and last.holdout.rmse > given.holdout.rmse):
-            # Improbable, or harmful: as logged, held-out runs are predicted worse.
-            steps, refused, rivals, remaining = (), (*steps, *refused), (), verdict
+        pairs = [(base.rmse, made.fit.rmse), *([(before, after)] if before and after else [])]
+        share = max(0.0, min(explained_share(base, *pair) for pair in pairs))
+        explained = share > 0.5 or not made.after.is_lacking(held_out=False)  # more than is left, or all of it
+        verdict = "missing" if explained else "unexplained"
+        if not explained:  # something without a name is at work, and may have made what they explain
+            steps = tuple(replace(step, probability=share * step.probability) for step in steps)
+            if given.holdout and last.holdout and last.holdout.rmse > given.holdout.rmse:  # as logged
+                steps, refused, rivals, remaining = (), (*steps, *refused), (), verdict
     return Diagnosis(verdict, remaining, base, given.holdout, lack, steps, rivals, refused)
 
 

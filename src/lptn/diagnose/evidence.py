@@ -290,10 +290,10 @@ class Evidence:
         return _by_run(self.fit.problem.bound_runs, self.fit.problem.sigma, self.left)
 
     @property
-    def left_of_held_out(self) -> Errors | None:
-        """What is left of the held-out runs beside starts and allowances, `None` without any."""
+    def left_of_held_out(self) -> float | None:
+        """RMSE that is left of held-out runs beside starts and allowances [K], `None` without any."""
         runs = self._left_by_run[len(self.fitted.problem.bound_runs) :]
-        return Errors.of(np.concatenate([error.ravel() for _, error in runs])) if runs else None
+        return Errors.of(np.concatenate([error.ravel() for _, error in runs])).rmse if runs else None
 
     @cached_property
     def log_evidence(self) -> float:

@@ -14,9 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from lptn.basics.arrays import FloatArray
-from lptn.identify.comparison import Errors
 from lptn.identify.fitting import Fit
-from lptn.identify.noise import LEAST_NOISE, PLAIN
+from lptn.identify.noise import LEAST_NOISE
 from lptn.logs.resampling import means_of_blocks
 from lptn.simulate.bound_run import BoundRun
 
@@ -125,15 +124,9 @@ readings, a fifth more or less is within the estimate's error. No verdict change
 CLEARLY = 2.0
 """Times the error on the fitted runs: no model predicts quite as well as it fits. With 3 a stator's run is no longer
 said to differ; with 1.3 none more is."""
-MOST = 0.8
-"""Share of the squared misfit beyond noise that what was found must explain to be what is missing: errors fall by more
-than half. No verdict changes with .53; with .99 what TCLab's and a motor's log lack is "unexplained"."""
 WORTH = 0.05
 """Share by which held-out errors must differ to speak for an effect that no evidence chose: the RMSE of some 200
 independent residuals, an hour or two of a few nodes, is itself known to 1/√400. Nothing changes with 3 or 8 %."""
-HALF = 0.5
-"""Share of the squared error beyond noise of held-out runs that must go with it: they differ in themselves, too. With
-.75 nothing explains how one run of a stator differs; no verdict changes with .33."""
 
 
 class MinuteMeans(NamedTuple):
@@ -210,43 +203,16 @@ def lack_of_fit(fit: Fit, runs: Sequence[RunErrors] | None = None) -> dict[str, 
     return {node: own.square / own.limit for node, own in means.items()}
 
 
-def explains(share: float, base: Fit, larger: Fit) -> bool:
-    """Whether a larger model removes more than a share of the misfit beyond noise.
-
-    Of single readings where these show it plainly, since a lag or a clock is over within a minute; else of means over
-    a minute, since noise and steps of 1 K hide the rest.
+def explained_share(base: Fit, before: float, after: float) -> float:
+    """Share of the squared error beyond the sensors' noise that a larger model removes; 1 where there was none beyond.
 
     Args:
-        share: of the misfit.
-        base: the smaller model's fit.
-        larger: the larger model's fit to the same runs, weighed alike.
+        base: the smaller model's fit, with the noise.
+        before: RMSE of its errors [K].
+        after: that of the larger model, of the same readings [K].
     """
-    before, after = (float(np.sum(fit.problem.residuals(fit.z)[: fit.problem.readings] ** 2)) for fit in (base, larger))
-    readings = sum(bound.counted.sum(axis=1) for bound in base.problem.bound_runs)
-    floor = float(np.sum(readings * (base.noise.floor / base.problem.sigma) ** 2))
-    if before <= PLAIN * floor:
-        sigma = dict(zip(base.model.nodes, base.problem.sigma.tolist(), strict=True))
-        noise, now = (minute_means(fit, fitted_errors(fit)) for fit in (base, larger))
-        before = sum(own.square / sigma[node] ** 2 for node, own in noise.items())
-        after = sum(own.square / sigma[node] ** 2 for node, own in now.items())
-        floor = sum(own.noise / sigma[node] ** 2 for node, own in noise.items())
-    return before - after > share * max(before - floor, 0.0)
-
-
-def explained_elsewhere(base: Fit, before: Errors | None, after: Errors | None) -> bool:
-    """Whether enough of the held-out error beyond noise is removed as well, or none is left beyond noise.
-
-    True where nothing is held out.
-
-    Args:
-        base: the smaller model's fit, with the sensors' noise.
-        before: its errors on held-out runs.
-        after: those of the larger model.
-    """
-    if before is None or after is None:
-        return True
     floor = float(np.mean(base.noise.floor**2))
-    return after.rmse**2 <= max(before.rmse**2 - HALF * (before.rmse**2 - floor), floor)
+    return 1.0 - max(after**2 - floor, 0.0) / max(before**2 - floor, np.finfo(float).tiny)
 
 
 def standing_out(

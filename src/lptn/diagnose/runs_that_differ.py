@@ -16,7 +16,7 @@ from lptn.diagnose.answers import Step
 from lptn.diagnose.candidates import Candidate, possible_effects
 from lptn.diagnose.composition import with_priors
 from lptn.diagnose.evidence import ErrorsOfRuns, Evidence, allowances
-from lptn.diagnose.fit_statistics import CLEARLY, explained_elsewhere, standing_out
+from lptn.diagnose.fit_statistics import CLEARLY, explained_share, standing_out
 from lptn.diagnose.priors import in_occams_window, log_priors
 from lptn.diagnose.refits import continued
 from lptn.identify.comparison import Errors, predict
@@ -148,7 +148,7 @@ def runs_that_differ(fit: Fit, segments: Sequence[Segment], *, exact: int = 4) -
         error, causes = Errors.of(before.error), []
         for declared, own in _causes(alone, exact):
             after = Errors.of(predict(own.model, segment, sigma).error)
-            if explained_elsewhere(fit, error, after):
+            if explained_share(fit, error.rmse, after.rmse) > 0.5:  # more than it leaves
                 amplitude = Step(own, declared).amplitude
                 assert amplitude is not None  # what may differ from run to run has one
                 words = in_words(declared, amplitude, segment.run.name)

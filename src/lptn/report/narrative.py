@@ -22,7 +22,7 @@ from lptn.diagnose.advice import Advice
 from lptn.diagnose.answers import LIKELY, Step
 from lptn.diagnose.diagnosis import Diagnosis, is_met
 from lptn.diagnose.excitation import NOT_LOGGED, excitation, identifiability
-from lptn.diagnose.fit_statistics import MOST, WORTH, Removed, criterion_difference, explains
+from lptn.diagnose.fit_statistics import WORTH, Removed, criterion_difference, explained_share
 from lptn.diagnose.improvement import History
 from lptn.effects.excitation import ZERO
 from lptn.effects.learned_heat import UNNAMED, LearnedHeat, goes_with
@@ -119,7 +119,7 @@ def narrative(steps: Sequence[Step], last: Diagnosis | None, advice: Advice | No
     """
     single, kinds = len(steps) == 1, kinds_of(steps)
     unexplained = last is not None and last.verdict == "unexplained"
-    hopeless = unexplained and (single or not explains(MOST, steps[0].fit, steps[-1].fit))
+    hopeless = unexplained and (single or explained_share(steps[0].fit, steps[0].fit.rmse, steps[-1].fit.rmse) <= 0.5)
     answers = kinds_of([steps[0], *last.steps]) if last and single else kinds
     said = [Sentence("Verdict", _verdict(steps, last, kinds))] if last else []
     for one in last.learned if last else ():
