@@ -59,7 +59,7 @@ STEPS = 3
 
 # --- The same fit is made once for a case: most constants judge fits, and change none ---------------------------------
 
-FITTERS = ("fit_segments", "continued", "finished")
+FITTERS = ("fit_segments", "continued")
 """Functions that `diagnosis` and `composition` use, whose result depends on their arguments."""
 
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,8 +15,10 @@ from scipy.integrate import solve_ivp
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.parameters import ParameterInstance
-from lptn.diagnose.diagnosis import diagnose
+from lptn.diagnose.answers import Step
+from lptn.diagnose.diagnosis import diagnose, examine
 from lptn.diagnose.improvement import History, improve
+from lptn.diagnose.refits import refit
 from lptn.diagnose.runs_that_differ import RunDifference, in_words, runs_that_differ
 from lptn.effects import catalogue
 from lptn.identify.data import DataSplit, holdout_segment, split_data
@@ -298,6 +302,28 @@ def test_what_the_fitted_run_is_sure_of_stands_beside_a_run_of_another_motor(
     assert steps[0].fit.rmse < 1.1 * NOISE < history.steps[0].fit.rmse
     assert steps[0].likely
     assert [said[0] for said in _held_out(history, data)] == ["other"]
+
+
+@pytest.mark.parametrize(
+    ("heat_held_out", "left", "verdict", "told"),
+    [(5.0, 0.6, "missing", 0.9), (5.0, 0.8, "unexplained", 0.9 * 0.36), (-2.0, 0.8, "unexplained", None)],
+)
+def test_what_explains_less_than_it_leaves_is_told_unless_it_predicts_worse(
+    monkeypatch: pytest.MonkeyPatch, heat_held_out: float, left: float, verdict: str, told: float | None
+) -> None:
+    """A heat that is there, beside something without a name that leaves much of the held-out run's error."""
+    data = split_data([_motor("bench", 1, 120.0, 1.6, 5.0)], [_motor("other", 2, 120.0, 1.6, heat_held_out)])
+    base = fit_segments(Model(parse_model(MOTOR, Path("motor.toml")).network), data.fit)
+    declared = EffectDeclaration(catalogue()["constant_heat"](), "motor")
+    step = Step(refit(base, declared), declared, probability=0.9)
+    before, after = (SimpleNamespace(left_of_held_out=error, is_lacking=lambda **_: True) for error in (1.0, left))
+    made = SimpleNamespace(fit=step.fit, steps=(step,), rivals=(), refused=(), before=before, after=after)
+    monkeypatch.setattr(import_module("lptn.diagnose.diagnosis"), "composition", lambda *_, **__: made)
+    diagnosis = examine(base, data)
+    assert diagnosis.verdict == verdict
+    shown, unused = [one.probability for one in diagnosis.steps], [one.key for one in diagnosis.refused]
+    assert shown == ([] if told is None else [pytest.approx(told, rel=0.01)])
+    assert unused == ([step.key] if told is None else [])
 
 
 def test_what_a_held_out_run_does_not_log_is_not_looked_for(leg: Leg) -> None:  # noqa: F811

@@ -10,7 +10,7 @@ import pandas as pd
 from lptn.basics.parameters import Parameter, ParameterInstance, Setting
 from lptn.basics.places import EVERYWHERE
 from lptn.basics.tables import Tabular
-from lptn.identify.comparison import Errors, Prediction, errors_of, predict
+from lptn.identify.comparison import Errors
 from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit
 from lptn.identify.validation import holdout_errors
@@ -51,24 +51,20 @@ class Step(Tabular):
         declaration: the effect as added; `None` for the model as given.
         log_odds: logarithm of the odds that it is missing to that nothing is, beside all else in the model.
         probability: that it is missing, beside all else in the model, and not another candidate, or nothing.
-        places: where it stands, in whichever run.
         at_its_place: probability that anything is missing there, by whatever name.
         indistinguishable: candidates that the fitted data can't tell from it.
         holdout: errors on held-out runs as they were logged, `None` without any.
         test: errors on runs that chose nothing, `None` without any.
-        predicted: the held-out runs that `holdout` is of; empty where they were not kept.
     """
 
     fit: Fit
     declaration: EffectDeclaration | None = None
     log_odds: float = 0.0
     probability: float = 0.0
-    places: tuple[str, ...] = ()
     at_its_place: float = 0.0
     indistinguishable: tuple[Key, ...] = ()
     holdout: Errors | None = None
     test: Errors | None = None
-    predicted: tuple[Prediction, ...] = ()
 
     @property
     def effect(self) -> str | None:
@@ -145,11 +141,6 @@ class Step(Tabular):
         """The effect as a list, empty for the model as given."""
         return [self.declaration] if self.declaration else []
 
-    def predicting(self, data: DataSplit) -> Step:
-        """The step with the held-out runs as it predicts them, and its errors there."""
-        predicted = tuple(predict(self.fit.model, segment) for segment in data.holdout)
-        return replace(self, predicted=predicted, holdout=errors_of(predicted))
-
     def judged_on(self, data: DataSplit) -> Step:
         """The step with its errors on held-out and test runs, as they were logged: only their starts are fitted."""
-        return replace(self.predicting(data), test=holdout_errors(self.fit, data.test))
+        return replace(self, holdout=holdout_errors(self.fit, data.holdout), test=holdout_errors(self.fit, data.test))

@@ -26,7 +26,8 @@ from collections.abc import Collection, Sequence
 from concurrent.futures import Executor
 from copy import copy
 from dataclasses import dataclass, replace
-from math import erf, sqrt
+from itertools import repeat
+from math import erf, log, sqrt
 
 import numpy as np
 from scipy.special import expit, softmax
@@ -37,25 +38,20 @@ from lptn.basics.processes import one_blas_thread
 from lptn.diagnose.answers import LIKELY, Key, Report, Step, is_structure, named
 from lptn.diagnose.candidates import Candidate, candidates, possible_effects
 from lptn.diagnose.evidence import USUAL, ErrorsOfRuns, Evidence, FirstOrder, allowances, may_deviate, with_runs
-from lptn.diagnose.priors import in_occams_window, log_priors
+from lptn.diagnose.priors import OCCAM, in_occams_window, log_priors
 from lptn.diagnose.refits import RANKING, continued, unless_interrupted
 from lptn.effects import Effect
 from lptn.identify.data import DataSplit
-from lptn.identify.fitting import Fit, finished, tolerant
+from lptn.identify.fitting import Fit, tolerant
 from lptn.identify.validation import holdout_errors
 from lptn.model.network import EffectDeclaration, Network
 from lptn.simulate.simulation import SimulationError
 
-_END_OF_VALLEY = 1e-6  # share of the cost; steps along a long valley gain little each
 _START = 0.3  # of its usual size, where the search for an effect that all may have starts: near none
-_EXACT = 6  # candidates that are fitted exactly in each round: closed form ranks well, and knows no curvature
-_WITHIN_REACH = -4.0
-"""Logarithm of a candidate's odds in closed form from which on it is fitted exactly: curvature was seen to move them by
-up to four."""
-_MOST_ROUNDS = 30  # of candidates; each adds, or frees a fit from a local minimum
-FREED = 0.01  # share of the misfit by which a model is better from elsewhere that stood in a local minimum
+_EXACT = 4  # candidates that are fitted exactly in each round: closed form ranks well, and knows no curvature
+_IN_DOUBT = log(OCCAM)
+"""Logarithm of odds up to which, in closed form, neither is out of the question: an exact fit decides."""
 _NONE = 0.01  # of its usual size, below which an effect is none
-_RIDGE = 1e-9  # added to variances of one, so that correlations of one are inverted
 
 
 @dataclass(frozen=True)
@@ -111,10 +107,10 @@ def composition(
         report: called with a sentence on what is being done.
     """
     start = _Search(given, data, errors or ErrorsOfRuns(), executor, report)
-    search = start.copied()
+    search = copy(start)
     search.add_structure()
     search.add_findings(most)
-    again = search.copied() if search.findings else start
+    again = copy(search) if search.findings else start
     if search.structure and not search.findings:
         again.add_findings(1, apart=True)
     if again.findings:
@@ -132,7 +128,7 @@ def composition(
 
 
 class _Search:
-    """A model on its way; arguments as for `composition`."""
+    """A model on its way; arguments as for `composition`. Nothing that it holds is changed in place: a copy goes on."""
 
     def __init__(
         self,
@@ -147,22 +143,17 @@ class _Search:
         self.data = data
         self.columns = set.intersection(*(set(segment.run.columns) for segment in data.fit))
         self.runs = [segment.run.name for segment in data.fit]
-        self.structure: list[EffectDeclaration] = []
-        self.findings: dict[EffectDeclaration, tuple[Step, tuple[Step, ...]]] = {}
+        self.added: tuple[EffectDeclaration, ...] = ()
+        self.findings: dict[Key, tuple[Step, tuple[Step, ...]]] = {}  # of what was added; the rest is structure
         self.refused: tuple[Step, ...] = ()
         self.needed: dict[Key, float] = {}  # log odds, by exact fits, of what was tried to be left out
+        self._known: Evidence | None = None
         self.fit = self._tolerant(given)
         self.before = self.evidence(self.fit)
 
     @property
-    def added(self) -> list[EffectDeclaration]:
-        return [*self.structure, *self.findings]
-
-    def copied(self) -> _Search:
-        """The same search, to go on with apart."""
-        other = copy(self)
-        other.structure, other.findings, other.needed = [*self.structure], dict(self.findings), dict(self.needed)
-        return other
+    def structure(self) -> list[EffectDeclaration]:
+        return [one for one in self.added if _key(one) not in self.findings]
 
     # --- made of ------------------------------------------------------------------------------------
 
@@ -173,10 +164,10 @@ class _Search:
         if not more:
             return
         self.report(f"fitting {len(more)} effects of all parts at once")
-        before = self.fit, self.structure, self.findings
+        before = self.fit, self.added, self.findings
         fit = _continued(self.fit, network.with_effects(more))
         if fit is not None:
-            self.fit, self.structure = fit, [*self.structure, *more]
+            self.fit, self.added = fit, (*self.added, *more)
             try:
                 self._take_out_none()  # most of them, and their states
                 self.fit = self._tolerant(self.fit)
@@ -185,7 +176,7 @@ class _Search:
                     return
             except SimulationError:  # with all of it the model is too stiff for a held-out run
                 pass
-        self.fit, self.structure, self.findings = before
+        self.fit, self.added, self.findings = before
 
     def _common(self, network: Network) -> list[Candidate]:
         """Of each common effect the candidate at the most places; of those between two nodes each class of pairs."""
@@ -218,9 +209,8 @@ class _Search:
             most: of findings.
             apart: of nothing that all parts may have, but of what sets a place, a sensor or a run apart.
         """
-        for _ in range(_MOST_ROUNDS):
-            if len(self.findings) == most:
-                return
+        tried: set[Key] = set()  # what was taken out again is not added again
+        while len(self.findings) < most:
             self.fit = self._tolerant(self.fit)
             every = self._possible(self.fit)
             possible = [one for one in every if not one.run or one.run in self.runs]
@@ -229,37 +219,43 @@ class _Search:
             base = Evidence(self.fit, allowances(self.fit, every, self.errors), possible, held_out=self.data.holdout)
             priors = log_priors(possible)
             odds = dict(zip((one.key for one in possible), priors.tolist(), strict=True))
-            ranked = base.first_order(priors)
+            ranked = [one for one in base.first_order(priors) if one.candidate.key not in tried]
             self.report(f"{len(ranked)} candidates weighed, fitting the best of them")
-            shortlist = [entry for entry in ranked[:_EXACT] if entry.log_odds > _WITHIN_REACH]
-            steps = self._fitted(shortlist, base, odds)
+            steps = self._fitted([one for one in ranked[:_EXACT] if one.log_odds > -_IN_DOUBT], base, odds)
             if not steps:
                 return
-            shares = softmax([*(step.log_odds for step in steps), 0.0])[:-1]
-            self.refused = tuple(judged := _judged(steps, shares.tolist()))
-            best = max(judged, key=lambda step: (step.at_its_place, step.probability))  # where is surer than what
+            judged = _judged(steps, 0.0)
+            best, none, freed = _surest(judged), 0.0, None
+            if best.at_its_place >= LIKELY:
+                # Any effect is a way out of a local minimum, and would seem to explain what it frees.
+                freed = _continued(best.fit, self.fit.model.network)
+            if freed is not None:
+                freed = self._unless_too_stiff(freed, self.fit)
+                none = max(0.0, self.evidence(freed, base).log_evidence - base.log_evidence)
+                judged = _judged(steps, none)
+                best = _surest(judged)
+            self.refused = tuple(judged)
             if best.at_its_place < LIKELY:
-                return
-            assert best.declaration is not None
-            # Any effect is a way out of a local minimum, and would seem to explain what it frees.
-            without = _continued(best.fit, self.fit.model.network)
-            if without is not None and without.cost < (1.0 - FREED) * self.fit.cost:
-                self.fit = without
+                if freed is None or none == 0.0:
+                    return
+                self.fit = freed
                 continue
+            assert best.declaration is not None
             self.report(f"{named(best.key)}, {100 * best.probability:.0f} % probable")
             self.refused, self.fit = (), best.fit
-            if best.is_structure:
-                self.structure.append(best.declaration)
-            else:
+            tried.add(best.key)
+            self.added = (*self.added, best.declaration)
+            if not best.is_structure:
                 rivals = tuple(step for step in judged if step.key in best.indistinguishable)
-                self.findings[best.declaration] = best, rivals
+                self.findings = self.findings | {best.key: (best, rivals)}
             self._take_out()
 
     def _fitted(self, shortlist: Sequence[FirstOrder], base: Evidence, odds: dict[Key, float]) -> list[Step]:
         """Each candidate fitted exactly, the most probable first; `log_odds` are those to the model without it."""
         steps = []
         declared = [with_priors(one.candidate, one.amplitude, one.shape) for one in shortlist]
-        fits = self.map(_added, [(self.fit, declaration) for declaration in declared])
+        networks = [self.fit.model.network.with_effects([declaration]) for declaration in declared]
+        fits = self.map(_continued, repeat(self.fit), networks)
         for entry, declaration, fit in zip(shortlist, declared, fits, strict=True):
             if fit is None or is_at_chosen_bound(fit, declaration):
                 continue  # no size was found
@@ -275,8 +271,12 @@ class _Search:
         return sorted(steps, key=lambda step: -step.log_odds)
 
     def evidence(self, fit: Fit, beside: Evidence | None = None) -> Evidence:
+        if beside is None and self._known is not None and self._known.fitted is fit:
+            return self._known
         allowed = allowances(fit, self._possible(fit, may_deviate(fit)), self.errors)
-        return Evidence(fit, allowed, beside=beside, held_out=self.data.holdout)
+        evidence = Evidence(fit, allowed, beside=beside, held_out=self.data.holdout)
+        self._known = evidence if beside is None else self._known
+        return evidence
 
     def _possible(self, fit: Fit, effects: Collection[type[Effect]] | None = None) -> list[Candidate]:
         """All that a fit may lack, in held-out runs as well; of all effects by default."""
@@ -301,23 +301,29 @@ class _Search:
             self._take_out_none()
             if now is None or now.fitted is not self.fit:
                 now = self.evidence(self.fit)
-            needless = {declared: _log_odds_of_none(now, declared) for declared in self.added}
-            left = [d for d in needless if (d.name, d.where) not in asked and needless[d] > _WITHIN_REACH]
+            needless = {declared: self._log_odds_of_none(now, declared) for declared in self.added}
+            left = [d for d in needless if _name(d) not in asked and needless[d] > -_IN_DOUBT]
             if not left:
                 return
             declared = max(left, key=needless.__getitem__)
-            asked.add((declared.name, declared.where))
-            without = self._without([declared], to_the_end=needless[declared] > 0)
+            asked.add(_name(declared))
+            without = self._without([declared])
             if without is None:
                 continue
             try:
                 other = self.evidence(without[0], now)
             except SimulationError:
                 continue
-            self.needed[declared.name, declared.where] = needed = now.log_evidence - other.log_evidence
+            needed = now.log_evidence - other.log_evidence
+            self.needed = self.needed | {_name(declared): needed}
             if needed <= 0:
                 self._take(*without)
                 now = other
+
+    def _log_odds_of_none(self, evidence: Evidence, declared: EffectDeclaration) -> float:
+        """In closed form; of what is there or not by the last fit without it, infinite before there was one."""
+        odds = _log_odds_of_none(evidence, declared)
+        return -self.needed.get(_name(declared), -np.inf) if odds == np.inf else odds
 
     def _take_out_none(self) -> None:
         """Remove effects of size zero, whatever the rounding errors of the evidence."""
@@ -327,9 +333,7 @@ class _Search:
                 return
             self._take(*without)
 
-    def _without(
-        self, gone: Sequence[EffectDeclaration], *, to_the_end: bool = False
-    ) -> tuple[Fit, list[EffectDeclaration]] | None:
+    def _without(self, gone: Sequence[EffectDeclaration]) -> tuple[Fit, tuple[EffectDeclaration, ...]] | None:
         """The model without some effects, and what then is added; what a place had beside them becomes its own."""
         gone = [one for one in self.added if one in gone or any(_depends_on(one, other) for other in gone)]
         rest = []
@@ -338,26 +342,23 @@ class _Search:
                 common = next((other for other in gone if _differs_from(one, other)), None)
                 rest.append(one if common is None else _as_its_own(one, self.fit, common))
         fit = _continued(self.fit, self.given.model.network.with_effects(rest))
-        if fit is None:
-            return None
-        # A size that can't be distinguished from zero may flatten the optimum: only a finished fit decides.
-        return self._unless_too_stiff(finished(fit, _END_OF_VALLEY), fit) if to_the_end else fit, rest
+        return None if fit is None else (fit, tuple(rest))
 
-    def _take(self, fit: Fit, rest: list[EffectDeclaration]) -> None:
-        before = {(declared.effect.key, declared.where): entry for declared, entry in self.findings.items()}
-        self.fit = fit
-        self.structure = [one for one in rest if (one.effect.key, one.where) not in before]
-        self.findings = {
-            one: before[one.effect.key, one.where] for one in rest if (one.effect.key, one.where) in before
-        }
+    def _take(self, fit: Fit, rest: tuple[EffectDeclaration, ...]) -> None:
+        self.fit, self.added = fit, rest
+        self.findings = {key: self.findings[key] for key in map(_key, rest) if key in self.findings}
+
+    def _fit_plainly(self) -> None:
+        """By plain least squares, to the end."""
+        self.fit = self._unless_too_stiff(tolerant(self.fit, None), self.fit)
 
     def result(self) -> Composition:
         """The model as it is now, fitted to the end."""
         self.report("fitting the effects found")
-        self.fit = self._unless_too_stiff(tolerant(self.fit, None), self.fit)
+        self._fit_plainly()
         self._take_out()
-        self.fit = self._unless_too_stiff(finished(self.fit), self.fit)
         while True:
+            self._fit_plainly()
             evidence = self.evidence(self.fit)
             told = [self._as_told(own, evidence) for own in self.added]
             untold = [step for step in told if not step.likely or self._size_in_errors(step) < 1.0]
@@ -366,22 +367,21 @@ class _Search:
                 break
             self.refused = self.refused if least.is_structure else (*self.refused, least)
             self._take(*without)
-            self.fit = self._unless_too_stiff(finished(self.fit), self.fit)
-        structure, findings = told[: len(self.structure)], told[len(self.structure) :]
-        structure.sort(key=lambda step: -step.log_odds)
+        findings = tuple(step for step in told if step.key in self.findings)
+        structure = sorted((step for step in told if step.key not in self.findings), key=lambda step: -step.log_odds)
         rivals = next(((step, *others) for step, others in self.findings.values() if others), ())
-        return Composition(self.fit, tuple(findings), tuple(structure), rivals, self.refused, self.before, evidence)
+        return Composition(self.fit, findings, tuple(structure), rivals, self.refused, self.before, evidence)
 
     def _as_told(self, declared: EffectDeclaration, evidence: Evidence) -> Step:
         """An effect as it is in the fit that is used, and how probable it is, with a size that is told from none."""
-        if declared in self.findings:
-            step = replace(self.findings[declared][0], fit=self.fit, declaration=declared)
+        if _key(declared) in self.findings:
+            step = replace(self.findings[_key(declared)][0], fit=self.fit, declaration=declared)
         else:
             odds = -_log_odds_of_none(evidence, declared)
-            if odds < -_WITHIN_REACH:  # unsure to first order, or there or not: by the fit without it
-                odds = self.needed.get((declared.name, declared.where), max(odds, 0.0))
+            if odds < _IN_DOUBT:  # unsure to first order, or there or not: by the fit without it
+                odds = self.needed.get(_name(declared), max(odds, 0.0))
             share = float(expit(odds))
-            step = Step(self.fit, declared, odds, share, (declared.at,), at_its_place=share)
+            step = Step(self.fit, declared, odds, share, at_its_place=share)
         sure = erf(self._size_in_errors(step) / sqrt(2.0))
         return replace(step, probability=sure * step.probability, at_its_place=sure * step.at_its_place)
 
@@ -391,23 +391,19 @@ class _Search:
         Of a part of structure the rest of it is taken as it is: where parts can stand for each other, some are there.
         """
         size, errors = step.size_parameter, self.fit.standard_errors
-        error = errors.get(size.name, 0.0) if size else 0.0
-        if size is None or error == 0.0 or step.declaration is None:
+        if size is None or step.declaration is None or not errors.get(size.name):
             return np.inf
-        instead_of = _instead_of(self.fit, step.declaration)
-        parameter = step.declaration.effect.size()
-        if instead_of and parameter:
+        none, parameter = size.declared.off or 0.0, step.declaration.effect.size()
+        if parameter and (common := _instead_of(self.fit, step.declaration)):
             values = {one.name: one.value for one in self.fit.model.parameters}
-            none = values[instead_of.shared_name(parameter.name)]
-        else:
-            none = size.declared.off or 0.0
-        beside = self.structure if step.declaration in self.structure else []
+            none = values[common.shared_name(parameter.name)]
+        beside = [] if step.key in self.findings else self.structure
         held = {own.shared_name(parameter) for own in beside for parameter in own.resolved} - {size.name}
-        names = list(errors)
-        rows = [names.index(size.name), *(row for row, name in enumerate(names) if name in held)]
-        correlations = self.fit.uncertainty.correlations[np.ix_(rows, rows)] + _RIDGE * np.eye(len(rows))
-        error /= sqrt(float(np.linalg.inv(correlations)[0, 0]))
-        return abs(size.value - none) / error
+        names, correlations = list(errors), self.fit.uncertainty.correlations
+        rows = [row for row, name in enumerate(names) if name in held]
+        shared = correlations[names.index(size.name), rows]
+        own = 1.0 - float(shared @ np.linalg.lstsq(correlations[np.ix_(rows, rows)], shared)[0])
+        return abs(size.value - none) / (errors[size.name] * sqrt(max(own, np.finfo(float).eps)))
 
 
 def with_priors(one: Candidate, amplitude: float | None, shape: float | None) -> EffectDeclaration:
@@ -454,24 +450,27 @@ def is_at_chosen_bound(fit: Fit, declared: EffectDeclaration) -> bool:
     return False
 
 
-def _judged(steps: Sequence[Step], shares: Sequence[float]) -> list[Step]:
-    """The steps with their probabilities, those of their places, and the effects they can't be distinguished from."""
-    window = {steps[number].key for number in in_occams_window(np.array(shares))}
+def _judged(steps: Sequence[Step], none: float) -> list[Step]:
+    """The steps with their probabilities, those of their places, and the effects they can't be distinguished from.
+
+    Args:
+        steps: all that may be missing, the most probable first.
+        none: logarithm of the odds that none of them is.
+    """
+    shares = softmax([*(step.log_odds for step in steps), none])[:-1]
+    window = {steps[number].key for number in in_occams_window(shares)}
     judged = []
-    for step, share in zip(steps, shares, strict=True):
+    for step, share in zip(steps, shares.tolist(), strict=True):
         at = step.declaration.at if step.declaration else ""
         same = [other for other, one in zip(shares, steps, strict=True) if one.declaration and one.declaration.at == at]
-        others = tuple(key for key in window - {step.key}) if step.key in window else ()
-        judged.append(
-            replace(step, probability=share, places=(at,), at_its_place=float(sum(same)), indistinguishable=others)
-        )
+        others = tuple(window - {step.key}) if step.key in window else ()
+        judged.append(replace(step, probability=share, at_its_place=float(sum(same)), indistinguishable=others))
     return judged
 
 
-def _added(task: tuple[Fit, EffectDeclaration]) -> Fit | None:
-    """A fit with one effect more; one argument, so that any executor's `map` takes it."""
-    base, declared = task
-    return _continued(base, base.model.network.with_effects([declared]))
+def _surest(judged: Sequence[Step]) -> Step:
+    """Where something is missing is surer than what."""
+    return max(judged, key=lambda step: (step.at_its_place, step.probability))
 
 
 def _continued(base: Fit, network: Network) -> Fit | None:
@@ -506,6 +505,15 @@ def _log_odds_of_none(evidence: Evidence, declared: EffectDeclaration) -> float:
 def _instead_of(fit: Fit, declared: EffectDeclaration) -> EffectDeclaration | None:
     """What a place has in common with others in whose place it has an effect of its own."""
     return next((other for other in fit.model.network.effects if declared.in_place_of(other)), None)
+
+
+def _key(declared: EffectDeclaration) -> Key:
+    return declared.effect.key, declared.where
+
+
+def _name(declared: EffectDeclaration) -> Key:
+    """As `_key`, of a difference another than of an effect of its own."""
+    return declared.name, declared.where
 
 
 def _depends_on(one: EffectDeclaration, other: EffectDeclaration) -> bool:

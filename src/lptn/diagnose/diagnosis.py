@@ -3,8 +3,8 @@
 The model is fitted as it stands, on means over 5 s. Where that leaves more than noise, `lptn.diagnose.composition` says
 what is missing. The verdict: `"adequate"` if no more is left than noise and usual errors of the log leave, in held-out
 runs too, and nothing is missing more probably than not; `"missing"` if what was found leaves no more than that on the
-fitted runs, or removes more of the misfit than it leaves, on held-out runs too; else `"unexplained"`, and what was found
-is told beside that unless it predicts held-out runs worse.
+fitted runs, or removes more of the misfit than it leaves, on held-out runs too; else `"unexplained"`, and what was
+found is told beside that unless it predicts held-out runs worse.
 """
 
 from __future__ import annotations
@@ -20,16 +20,17 @@ import pandas as pd
 from lptn.basics.tables import Tabular
 from lptn.diagnose.answers import NOTHING, Key, Report, Step, named
 from lptn.diagnose.candidates import AMBIENT_ERROR, SURFACE_ERROR, TORQUE_ERROR, possible_effects
-from lptn.diagnose.composition import FREED, composition
+from lptn.diagnose.composition import composition
 from lptn.diagnose.evidence import ErrorsOfRuns, Evidence, FirstOrder, allowances
 from lptn.diagnose.fit_statistics import LACKING, explained_share, lack_of_fit
 from lptn.diagnose.priors import log_priors
-from lptn.diagnose.refits import unless_interrupted
+from lptn.diagnose.refits import RANKING, unless_interrupted
 from lptn.effects.learned_heat import UNNAMED, LearnedHeat, goes_with
 from lptn.identify.comparison import Errors
 from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit
-from lptn.identify.validation import fit_segments
+from lptn.identify.problem import REPEATED
+from lptn.identify.validation import fit_segments, holdout_errors
 from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration
 
@@ -41,8 +42,8 @@ class Diagnosis(Tabular):
     """What a fitted model lacks.
 
     Args:
-        verdict: `"adequate"`: within the noise; `"missing"`: effects of the catalogue remove most of the misfit;
-            `"unexplained"`: misfit that the catalogue does not remove.
+        verdict: `"adequate"`: within the noise; `"missing"`: effects of the catalogue remove more of the misfit than
+            they leave; `"unexplained"`: misfit that the catalogue does not remove.
         remaining: on the model with all that is missing: adequate, or unexplained.
         fit: the fitted baseline.
         holdout: its errors on held-out runs as they were logged, `None` without any.
@@ -161,7 +162,6 @@ class Diagnosis(Tabular):
         }
 
 
-_SEARCH_STEP = 5.0  # s; effects are sought on means over so long, which loses little and saves most of the time
 _MOST_READINGS = 8000
 """Of all nodes in all fitted runs together: robots of many joints and days of data get longer means."""
 
@@ -201,10 +201,13 @@ def diagnose(
 
 
 def for_search(data: DataSplit) -> DataSplit:
-    """The same data of common inputs in the steps of a search: 5 s, longer where there are very many readings."""
+    """The same data of common inputs in the steps of a search: 5 s, longer where there are very many readings.
+
+    Readings that are closer say several times what a model gets wrong, and cost most of the time.
+    """
     sensors = [sum(key.startswith("temperature.") for key in one.run.columns) for one in data.fit]
     seconds = sum(len(one.run) * one.run.step * count for one, count in zip(data.fit, sensors, strict=True))
-    return data.of_common_inputs().coarsened(max(_SEARCH_STEP, seconds / _MOST_READINGS))
+    return data.of_common_inputs().coarsened(max(REPEATED, seconds / _MOST_READINGS))
 
 
 def examine(
@@ -217,12 +220,12 @@ def examine(
     report: Report = lambda _: None,
 ) -> Diagnosis:
     """`diagnose` for a model that is fitted already, on data of the step it was fitted with."""
-    lack, given = lack_of_fit(base), Step(base).predicting(data)
+    lack, given = lack_of_fit(base), holdout_errors(base, data.holdout)
     made = composition(base, data, most=most, errors=errors, executor=executor, report=report)
-    if not made.steps and made.fit.cost < (1.0 - FREED) * base.cost:  # the given fit stood in a local minimum
+    if not made.steps and made.fit.cost < (1.0 - RANKING) * base.cost:  # the given fit stood in a local minimum
         return examine(made.fit, data, most=most, errors=errors, executor=executor, report=report)
-    last = Step(made.fit).predicting(data)
-    steps = tuple(replace(step, holdout=last.holdout, predicted=last.predicted) for step in made.steps)
+    last = holdout_errors(made.fit, data.holdout)
+    steps = tuple(replace(step, holdout=last) for step in made.steps)
     remaining: Verdict = "unexplained" if made.after.is_lacking() else "adequate"
     verdict, refused, rivals = remaining, made.refused, made.rivals
     if steps:
@@ -233,9 +236,9 @@ def examine(
         verdict = "missing" if explained else "unexplained"
         if not explained:  # something without a name is at work, and may have made what they explain
             steps = tuple(replace(step, probability=share * step.probability) for step in steps)
-            if given.holdout and last.holdout and last.holdout.rmse > given.holdout.rmse:  # as logged
+            if given and last and last.rmse > given.rmse:  # as logged
                 steps, refused, rivals, remaining = (), (*steps, *refused), (), verdict
-    return Diagnosis(verdict, remaining, base, given.holdout, lack, steps, rivals, refused)
+    return Diagnosis(verdict, remaining, base, given, lack, steps, rivals, refused)
 
 
 def is_met(lack: dict[str, float]) -> bool:

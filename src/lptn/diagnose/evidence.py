@@ -53,17 +53,11 @@ a factor of two or three."""
 SCATTER = 0.15
 """Share, one standard deviation: how far one of several like parts is off what they have in common. Resistances of
 windings are toleranced to 10 %, film coefficients of like surfaces in one machine differ by as much again."""
-OFFSET = 0.3
-"""K, one standard deviation: how far a temperature sensor is off; as the ambient sensor, see `AMBIENT_ERROR`."""
-_GIVEN = 1.5
-"""One standard deviation of the logarithm of a given parameter without a prior: what is drawn from a data sheet or by
-hand is right to a factor of four or so. It is the same for all models, of which it decides nothing."""
 _MIXTURE = (1.0, 3.0, 10.0, 30.0), (0.5, 0.3, 0.15, 0.05)
 """Cauchy's density of a size as normal ones of so many typical sizes, with these weights: the integral is closed."""
 _ROUNDS = 4  # of how large errors are, and how many are independent, each by the other
 _CHANCE = 0.05  # of one log in twenty it is said that it needs more than what every log may be off by
 _FINER = (-1.0, 14.0)  # logarithm of how much more precise errors are than the fit leaves them, see `_precision`
-_LEAST = 1e-6  # share of a trace not explained by other parameters, below which its size can't be estimated
 
 
 @dataclass(frozen=True)
@@ -108,7 +102,7 @@ def allowances(fit: Fit, possible: Iterable[Candidate], errors: ErrorsOfRuns) ->
         if one.run:
             spread = spreads.get(one.effect, 0.0)
         elif one.effect is SensorOffset:
-            spread = OFFSET
+            spread = AMBIENT_ERROR  # of any thermometer
         elif one.difference and one.effect.key in common:
             amplitude = one.amplitude
             shared = values.get(common[one.effect.key].shared_name(amplitude.name))
@@ -197,13 +191,15 @@ class Evidence:
         for number, row in enumerate(row for row, one in enumerate(declared) if one.prior is not None):
             if declared[row].off is not None:  # the density of sizes has tails longer than what the fit was held by
                 prior[first + number], off[first + number] = 0.0, 0.0
+        # What is given without a prior is right to a factor of three or so, one in its logarithm: the same for all
+        # models, of which it decides nothing.
         weak = np.zeros(problem.size)
         slope = problem.slope(fit.point.values)
         for row, one in enumerate(declared):
             if one.off is not None:
                 weak[row] = _curvature(one, fit.model.parameters[problem.free[row]].value) * slope[row] ** 2
             elif one.prior is None:
-                weak[row] = _GIVEN**-2.0
+                weak[row] = 1.0
 
         sites = [allowance.candidate.sites(allowance.shape)[0] for allowance in allowed]
         every = list(dict.fromkeys([*sites, *(s for one in among for shape in one.shapes for s in one.sites(shape))]))
@@ -370,7 +366,7 @@ class Evidence:
                 shared = shared_by_site[:, sites].sum(axis=1)
                 whole, beside = float(trace @ trace), self._solve(shared)
                 information = whole - float(shared @ beside)
-                if information <= _LEAST * whole or whole == 0.0:
+                if information <= sqrt(np.finfo(float).eps) * whole or whole == 0.0:
                     continue
                 pull = float(self._gradient @ beside) - float(pull_by_site[sites].sum())
                 variances = (scales * one.typical) ** 2

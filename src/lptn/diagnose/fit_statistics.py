@@ -134,12 +134,10 @@ class MinuteMeans(NamedTuple):
 
     Args:
         square: of the errors.
-        noise: what the sensor's noise and steps leave.
-        limit: exceeded by them in one log of twenty, with what is negligible on top.
+        limit: exceeded by the sensor's noise and steps in one log of twenty, with what is negligible on top.
     """
 
     square: float
-    noise: float
     limit: float
 
 
@@ -188,7 +186,7 @@ def minute_means(fit: Fit, runs: Sequence[RunErrors]) -> dict[str, MinuteMeans]:
         if square.size:
             noise = np.hstack(simulated).mean(axis=1)
             limit = float(np.quantile(noise, 0.95)) + NEGLIGIBLE**2
-            found[node] = MinuteMeans(float(square.mean()), float(noise.mean()), limit)
+            found[node] = MinuteMeans(float(square.mean()), limit)
     return found
 
 

@@ -18,12 +18,12 @@ import pandas as pd
 from lptn.basics.tables import Tabular
 from lptn.diagnose.answers import Report, Step
 from lptn.diagnose.candidates import AMBIENT_ERROR, SURFACE_ERROR, TORQUE_ERROR
-from lptn.diagnose.diagnosis import Diagnosis, Verdict, examine, for_search
-from lptn.diagnose.evidence import ErrorsOfRuns
+from lptn.diagnose.diagnosis import Diagnosis, Verdict, diagnose
 from lptn.diagnose.fit_statistics import Removed, lack_of_fit
-from lptn.diagnose.refits import continued, unless_interrupted
+from lptn.diagnose.refits import RANKING, continued, unless_interrupted
 from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit
+from lptn.identify.solvers import PRECISION
 from lptn.identify.validation import fit_segments
 from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration
@@ -189,20 +189,18 @@ def improve(
         >>> [(step.effect, step.at) for step in history.steps]
         [(None, None), ('sensor_lag', '*'), ('constant_heat', '*'), ('natural_convection', '*')]
     """
-    coarse = for_search(data)
-    report("fitting the model as it stands")
-    base = unless_interrupted(fit_segments(model, coarse.fit))
-    errors = ErrorsOfRuns(ambient_error, torque_error, surface_error)
-    first = examine(base, coarse, most=most, errors=errors, executor=executor, report=report)
+    errors = {"ambient_error": ambient_error, "torque_error": torque_error, "surface_error": surface_error}
+    first = diagnose(model, data, most=most, executor=executor, report=report, **errors)
     report("fitting the steps at full resolution")
-    given = unless_interrupted(fit_segments(model, data.fit, base.point))
-    steps: list[Step] = [Step(given).judged_on(data)]
-    coarse_fit, network = base, base.model.network
+    steps = [Step(unless_interrupted(fit_segments(model, data.fit, first.fit.point))).judged_on(data)]
+    coarse, network = first.fit, first.fit.model.network
     for number, step in enumerate(first.steps, start=1):
         network = network.with_effects(step.declarations)
         last = number == len(first.steps)
-        coarse_fit = step.fit if last else continued(coarse_fit, network)
-        fine = unless_interrupted(fit_segments(coarse_fit.model, data.fit, coarse_fit.point))
+        coarse = step.fit if last else continued(coarse, network)
+        # On the way three digits of an error are enough.
+        precision = PRECISION if last else RANKING
+        fine = unless_interrupted(fit_segments(coarse.model, data.fit, coarse.point, precision=precision))
         steps.append(replace(step, fit=fine).judged_on(data))
         on_step(tuple(steps))
     if len(steps) == 1:

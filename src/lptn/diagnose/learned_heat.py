@@ -30,6 +30,7 @@ from lptn.effects.learned_heat import OWN_TEMPERATURE, PIECES, UNNAMED, LearnedH
 from lptn.identify.bounded_minimum import bounded_minimum
 from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit
+from lptn.identify.validation import holdout_errors
 from lptn.logs.columns import column_unit
 from lptn.logs.run import Run
 from lptn.model.heat_balance import input_column
@@ -191,7 +192,7 @@ def _likeliest(
     values, curve, band = curve_of(done, declaration)
     if np.all(np.abs(curve) <= band):
         return None  # what the linear model saw is not there
-    step = Step(done, declaration, places=(declaration.at,)).predicting(data)
+    step = Step(done, declaration, holdout=holdout_errors(done, data.holdout))
     return LearnedCurve(own, values, curve, band, step, beside=beside)
 
 

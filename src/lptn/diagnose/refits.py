@@ -13,7 +13,6 @@ from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration, Network
 from lptn.simulate.bound_run import BoundRun, bind, default_start, start_from
 
-_ITERATIONS = 25
 RANKING = 3e-4  # share of the cost below which ranks don't change; effects that are kept are fitted to the end
 
 
@@ -51,7 +50,6 @@ def continued(base: Fit, network: Network) -> Fit:
             symmetry_penalty=problem.symmetry_penalty,
             sigma=problem.sigma,
             guess=Point(values, starts),
-            iterations=_ITERATIONS,
             precision=RANKING,
             free=[
                 index

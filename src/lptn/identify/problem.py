@@ -17,7 +17,7 @@ from lptn.simulate.simulation import Sensitivities, SimulationError, sensitivity
 AT_REST = 0.5
 """K, standard deviation of a start, of a node's or of a hidden state's, in a robot that begins as warm as its
 surroundings: sensors of 1 K steps, and the air's 0.3 K."""
-_REPEATED = 5.0
+REPEATED = 5.0
 """s; so long at least what a model gets wrong stays the same, while a sensor's noise differs with each reading. Of
 readings closer than that several say once what the log was wrong by, and priors count as often: a log of 1 Hz and
 its means over 5 s, which effects are sought on, find the same errors of the log."""
@@ -42,7 +42,7 @@ class Point:
 
 def weight_of_priors(step: float) -> float:
     """What the residual of a prior is multiplied by beside readings every `step` seconds."""
-    return float(np.sqrt(max(1.0, _REPEATED / step)))
+    return float(np.sqrt(max(1.0, REPEATED / step)))
 
 
 def rows_of_readings(bound: BoundRun) -> IntArray:
@@ -102,7 +102,7 @@ class Problem:
         self.free = list(model.free if free is None else free)
         self._transform = Transform([model.parameters[index] for index in self.free])
         self._shares = model.resting_shares
-        step = max((bound.run.step for bound in self.bound_runs), default=_REPEATED)
+        step = max((bound.run.step for bound in self.bound_runs), default=REPEATED)
         self.weight_of_priors = weight_of_priors(step)
         """What residuals of priors are multiplied by."""
         self._guesses = [default_start(model, bound) for bound in self.bound_runs]
