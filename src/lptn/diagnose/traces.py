@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from lptn.basics.arrays import BoolArray, FloatArray
+from lptn.basics.places import EVERYWHERE, is_of_run
 from lptn.diagnose.candidates import Site
 from lptn.identify.fitting import Fit
 from lptn.identify.problem import rows_of_readings
@@ -14,22 +16,27 @@ from lptn.model.model import Model
 from lptn.simulate.bound_run import bind, start_from
 from lptn.simulate.simulation import sensitivity_windows
 
+_ANY_RUN = "?*"  # a glob of all runs that no model file writes
+
 
 def derivatives(fit: Fit, places: Sequence[Site]) -> FloatArray:
     """Weighted derivatives of the residuals by the sites' amplitudes, shape (rows, places), stored by columns.
 
     All sites are switched off in one model, which equals the fitted one to the last bit: one pass of sensitivities
-    gives the whole catalogue.
+    gives the whole catalogue. What acts in one run alone does there what it does in every run.
     """
     problem = fit.problem
+    in_any = [replace(site, run=_ANY_RUN) if site.run else site for site in places]
+    number_of = {site: number for number, site in enumerate(dict.fromkeys(in_any))}
     full = fit.model.made_once(
-        ("sites", tuple(places)),
-        lambda: Model(fit.model.network.with_effects(site.declaration() for site in places)),
+        ("sites", tuple(number_of)),
+        lambda: Model(fit.model.network.with_effects(site.declaration() for site in number_of)),
     )
     values, index = full.values, {parameter.name: number for number, parameter in enumerate(full.parameters)}
     values[[index[parameter.name] for parameter in fit.model.parameters]] = fit.model.values
-    amplitudes = [index[site.amplitude_name] for site in places]
+    amplitudes = [index[site.amplitude_name] for site in number_of]
     core = len(fit.model.states)  # effects are added behind the network's own, and so are their states
+    numbers = [number_of[site] for site in in_any]
     # By columns, as candidates sum them up; the penalties' rows stay zero, for no site enters them.
     by_site = np.zeros((problem.rows, len(places)), order="F")
     first = 0
@@ -37,10 +44,11 @@ def derivatives(fit: Fit, places: Sequence[Site]) -> FloatArray:
         wide = bind(full, bound.run)
         states = start_from(full, wide, dict(zip(fit.model.states, start.tolist(), strict=True)))
         row_of = rows_of_readings(bound) + first
+        acting = np.array([is_of_run(bound.run.name, site.run or EVERYWHERE) for site in places])
         for window, moved in sensitivity_windows(full, wide, values, amplitudes, states, core):
             counted = bound.counted[:, window]
             scale = 1.0 / np.repeat(problem.sigma, counted.sum(axis=1))[:, None]
-            by_site[row_of[:, window][counted]] = moved.by_parameter[counted] * scale
+            by_site[row_of[:, window][counted]] = (moved.by_parameter[counted] * scale)[:, numbers] * acting
         first += int(bound.counted.sum())
     return by_site
 
