@@ -48,7 +48,7 @@ from lptn.model.network import EffectDeclaration, Network
 from lptn.simulate.simulation import SimulationError
 
 _START = 0.3  # of its usual size, where the search for an effect that all may have starts: near none
-_EXACT = 4  # candidates that are fitted exactly in each round: closed form ranks well, and knows no curvature
+_EXACT = 6  # candidates that are fitted exactly in each round: of traces that are alike closed form mistakes the order
 _IN_DOUBT = log(OCCAM)
 """Logarithm of odds up to which, in closed form, neither is out of the question: an exact fit decides."""
 _NONE = 0.01  # of its usual size, below which an effect is none
