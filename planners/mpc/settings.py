@@ -209,8 +209,9 @@ def _errors(
 ) -> tuple[FloatArray, FloatArray]:
     """`Settings.units` and `Settings.errors`.
 
-    A heat flow is mostly a product of two parameters: half of its relative error is each one's, and another half of
-    what a node loses at its limit is no parameter's."""
+    A heat flow is mostly a product of two parameters: half of its relative error is each one's. The estimate may lack
+    all of it as a heat, too, since no robot is a network; where sensors are tested half, for what such a heat explains
+    is no fault."""
     model = heating.model
     names = [parameter.name for parameter in model.parameters]
     unknown = set(standard_errors) - set(names)
@@ -221,8 +222,8 @@ def _errors(
     told = np.array([standard_errors.get(name, 0.0) for name in names])[own]
     units = np.where(model.values[own] != 0, model.values[own], told)
     relative = np.divide(told, np.abs(units), out=np.zeros(len(own)), where=units != 0)
-    errors = ((model_error, relative * (model_error > 0)), (ERROR, np.zeros(len(own))))
-    return units, np.array([[*(0.5 * error * cooling), *np.hypot(0.5 * error, more)] for error, more in errors])
+    estimate = [*(model_error * cooling), *np.hypot(0.5 * model_error, relative * (model_error > 0))]
+    return units, np.array([estimate, [*(0.5 * ERROR * cooling), *np.full(len(own), 0.5 * ERROR)]])
 
 
 def _cooling(heating: Heating, limits: dict[str, float]) -> FloatArray:
