@@ -190,7 +190,7 @@ def _suspect_gains(log: Channels, said: Collection[str]) -> list[Issue]:
         part, change = f"temperature.{place_of(key)}", log.gains.get(key)
         if part not in told.values:
             continue
-        if key not in log.gains:
+        if said or key not in log.gains:  # beside a channel in another unit a law is another
             change = gain_change(told, part, key)
         if change is not None:
             start, stop = (float(log.time[row]) for row in change.rows)
