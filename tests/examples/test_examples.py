@@ -107,7 +107,6 @@ def test_neighbouring_joints_of_the_ur3_arm_heat_each_other() -> None:
     assert both.runs[0].reduction > 0.2
 
 
-@pytest.mark.xfail(reason="what is told leaves the copper at its least, as is said nowhere")
 def test_no_driver_s_loss_takes_the_place_of_the_ur3_arm_s_copper() -> None:
     """In proportion to the current it fits a little better than the square, and leaves the copper at its least."""
     folder = EXAMPLES / "ur3"
