@@ -279,3 +279,20 @@ def test_a_code_at_rest_is_a_code_and_no_way_back_to_the_air(code: float, times:
         log.loc[11000 + 200 * k : 11003 + 200 * k, "temperature.a"] = code
     (issue,) = read_log(log)[0].issues
     assert (issue.key, issue.kind) == ("temperature.a", "code")
+
+
+def test_a_part_that_settles_under_a_steady_load_follows_it() -> None:
+    """Of two masses one law is a little off; where the load is steady, its heat may be called other heat."""
+    time, air = np.arange(2000.0), 22.3
+    current = np.where((time > 3) & (time < 1850), 20.0, 0.0)
+    fast, slow = np.zeros(2000), np.zeros(2000)  # K above the air, of a small driver and of the plate that it is on
+    for k in range(1999):
+        fast[k + 1] = fast[k] + 4e-4 * current[k] ** 2 - (fast[k] - slow[k]) / 15 - fast[k] / 60
+        slow[k + 1] = slow[k] + (fast[k] - slow[k]) / 150 - slow[k] / 400
+    rng = np.random.default_rng(5)
+    columns = {"time": time, "current.esc": current + 0.1 * rng.standard_normal(2000)}
+    columns |= {"temperature.esc": np.round(air + fast + 0.01 * rng.standard_normal(2000), 2)}
+    columns |= {"temperature.ambient": air + 0.1 * rng.standard_normal(2000)}
+    assert 4.0 < np.ptp(fast) < 5.0
+    (run,) = read_log(pd.DataFrame(columns))
+    assert not run.issues

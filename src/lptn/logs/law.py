@@ -418,6 +418,10 @@ def gain_change(log: Channels, key: str, load: str) -> GainChange | None:
     change = changed(law, [0, *others], other)
     if change is None or change.error > _CHANGED * min(law.error, other.error if other else np.inf):
         return None
+    # There, too: under a steady load its heat and other heat are one.
+    other = changed(law, others, change)
+    if other and change.error > _CHANGED * other.error:
+        return None
     (start, stop, sides, _), count = change, law.rows.size
     square = np.concatenate(([0.0], np.cumsum(law.design[:, 0])))
     # Where there is no load the stretch may as well go on, to the end of the log or to its start.
