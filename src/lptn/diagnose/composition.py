@@ -145,6 +145,7 @@ class _Search:
         self.runs = [segment.run.name for segment in data.fit]
         self.added: tuple[EffectDeclaration, ...] = ()
         self.findings: dict[Key, tuple[Step, tuple[Step, ...]]] = {}  # of what was added; the rest is structure
+        self.priors: dict[Key, float] = {}  # log odds of findings before any log
         self.refused: tuple[Step, ...] = ()
         self.needed: dict[Key, float] = {}  # log odds, by exact fits, of what was tried to be left out
         self._known: Evidence | None = None
@@ -248,6 +249,7 @@ class _Search:
             if not best.is_structure:
                 rivals = tuple(step for step in judged if step.key in best.indistinguishable)
                 self.findings = self.findings | {best.key: (best, rivals)}
+                self.priors = self.priors | {best.key: odds[best.key]}
             self._take_out()
 
     def _fitted(self, shortlist: Sequence[FirstOrder], base: Evidence, odds: dict[Key, float]) -> list[Step]:
@@ -374,14 +376,15 @@ class _Search:
 
     def _as_told(self, declared: EffectDeclaration, evidence: Evidence) -> Step:
         """An effect as it is in the fit that is used, and how probable it is, with a size that is told from none."""
-        if _key(declared) in self.findings:
-            step = replace(self.findings[_key(declared)][0], fit=self.fit, declaration=declared)
-        else:
-            odds = -_log_odds_of_none(evidence, declared)
-            if odds < _IN_DOUBT:  # unsure to first order, or there or not: by the fit without it
-                odds = self.needed.get(_name(declared), max(odds, 0.0))
-            share = float(expit(odds))
-            step = Step(self.fit, declared, odds, share, at_its_place=share)
+        odds = -_log_odds_of_none(evidence, declared)
+        if odds < _IN_DOUBT:  # unsure to first order, or there or not: by the fit without it
+            odds = self.needed.get(_name(declared), max(odds, 0.0))
+        share = float(expit(odds + self.priors.get(_key(declared), 0.0)))
+        step = Step(self.fit, declared, odds, share, at_its_place=share)
+        if step.key in self.findings:  # what was sure when it was found may have got a rival in what was found since
+            found = self.findings[step.key][0]
+            shares = min(found.probability, share), min(found.at_its_place, share)
+            step = replace(found, fit=self.fit, declaration=declared, probability=shares[0], at_its_place=shares[1])
         sure = erf(self._size_in_errors(step) / sqrt(2.0))
         return replace(step, probability=sure * step.probability, at_its_place=sure * step.at_its_place)
 
