@@ -3,13 +3,13 @@
 Each reading is compared with its *reference*, one prediction that takes in no reading: the model alone since the start
 (in `Estimator`, of a sensor that was never trusted, from what it read when it last contradicted). A node follows the
 heat that is put in: so a sensor is trusted once it has moved as its reference did, for half a minute at least, and as
-long as it agrees with it. Until then limits are planned by the hotter of the two. A sensor that contradicts its reference, or stays where it
-is while that moves, is lost. It is trusted again when it has agreed for as long as it contradicted or, where that was
-over a minute or not the first time that it contradicted without having moved, for as long as its node takes to settle,
-and has moved as the model does; as much time again has to pass until that is forgotten. A sensor that repeats its last
-reading bit for bit for longer than noise, steps and the model's movement explain is lost, too. The C code of
-`lptn.planners.mpc` judges each reading alike, with the constants of this file; what a filter does with the verdict is
-its own.
+long as it agrees with it. Until then limits are planned by the hotter of the two. A sensor that contradicts its
+reference, or stays where it is while that moves, is lost. It is trusted again when it has agreed for as long as it
+contradicted or, where that was over a minute or not the first time that it contradicted without having moved, for as
+long as its node takes to settle, and has moved as the model does; as much time again has to pass until that is
+forgotten. A sensor that repeats its last reading bit for bit for longer than noise, steps and the model's movement
+explain is lost, too. The C code of `lptn.planners.mpc` judges each reading alike, with the constants of this file; what
+a filter does with the verdict is its own.
 """
 
 from __future__ import annotations
