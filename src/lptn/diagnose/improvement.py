@@ -187,7 +187,7 @@ def improve(
         >>> data = lptn.split_data(loaded.runs(["examples/tclab/log.csv"]), holdout_after=300)
         >>> history = lptn.improve(loaded.model, data)
         >>> [(step.effect, step.at) for step in history.steps]
-        [(None, None), ('sensor_lag', '*'), ('constant_heat', '*'), ('natural_convection', '*')]
+        [(None, None), ('constant_heat', '*'), ('natural_convection', '*'), ('sensor_lag', '*')]
     """
     errors = {"ambient_error": ambient_error, "torque_error": torque_error, "surface_error": surface_error}
     first = diagnose(model, data, most=most, executor=executor, report=report, **errors)
