@@ -17,7 +17,7 @@ import casadi as ca
 import numpy as np
 
 from lptn.basics.arrays import FloatArray
-from lptn.basics.parameters import Transform
+from lptn.basics.parameters import LARGEST, Transform
 from lptn.model.model import Model, rk4
 from lptn.simulate.dynamics import RATE_OF_A_STEP, runge_kutta_derivative, zero_order_hold
 
@@ -62,13 +62,13 @@ class ModelError:
 
 
 def refuse_negative(sizes: Sizes, what: str) -> None:
-    """Refuse a size that is negative or not finite.
+    """Refuse a size that is negative, not finite, or whose square is no number that a filter can work with.
 
     Raises:
         ValueError: it is such a one.
     """
     for name, size in sizes.items() if isinstance(sizes, Mapping) else [("", sizes)]:
-        if not (math.isfinite(size) and size >= 0):
+        if not 0 <= size <= LARGEST:
             raise ValueError(f"{what}{' of ' * bool(name)}{name}: found {size:g}; expected a finite size, 0 or above")
 
 
