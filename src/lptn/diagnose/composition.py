@@ -396,17 +396,18 @@ class _Search:
         size, errors = step.size_parameter, self.fit.standard_errors
         if size is None or step.declaration is None or not errors.get(size.name):
             return np.inf
-        none, parameter = size.declared.off or 0.0, step.declaration.effect.size()
+        none, unsure, parameter = size.declared.off or 0.0, 0.0, step.declaration.effect.size()
         if parameter and (common := _instead_of(self.fit, step.declaration)):
             values = {one.name: one.value for one in self.fit.model.parameters}
-            none = values[common.shared_name(parameter.name)]
+            shared = common.shared_name(parameter.name)
+            none, unsure = values[shared], errors.get(shared, 0.0)
         beside = [] if step.key in self.findings else self.structure
         held = {own.shared_name(parameter) for own in beside for parameter in own.resolved} - {size.name}
         names, correlations = list(errors), self.fit.uncertainty.correlations
         rows = [row for row, name in enumerate(names) if name in held]
-        shared = correlations[names.index(size.name), rows]
-        own = 1.0 - float(shared @ np.linalg.lstsq(correlations[np.ix_(rows, rows)], shared)[0])
-        return abs(size.value - none) / (errors[size.name] * sqrt(max(own, np.finfo(float).eps)))
+        along = correlations[names.index(size.name), rows]
+        own = 1.0 - float(along @ np.linalg.lstsq(correlations[np.ix_(rows, rows)], along)[0])
+        return abs(size.value - none) / float(np.hypot(errors[size.name] * sqrt(max(own, np.finfo(float).eps)), unsure))
 
 
 def with_priors(one: Candidate, amplitude: float | None, shape: float | None) -> EffectDeclaration:
