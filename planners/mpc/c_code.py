@@ -40,6 +40,21 @@ def unsure(heating: Heating) -> list[int]:
     return [index for index, (used, unit) in enumerate(zip(depends, units, strict=True)) if used and unit != "degC"]
 
 
+def surroundings(heating: Heating) -> list[int]:
+    """Conditions that are temperatures: the air's, and those of nodes that are given."""
+    return [row for row, column in enumerate(heating.conditions) if column.startswith("temperature.")]
+
+
+def _with_unsure_air(heating: Heating) -> ca.Function:
+    """`Heating.function` with parameters more: by how much each of the surroundings is warmer than told [K]."""
+    function, around = heating.function(), surroundings(heating)
+    x, heat, d, p = function.sx_in()
+    warmer = ca.SX.sym("warmer", len(around))
+    true = ca.SX(d)
+    true[around] += warmer
+    return ca.Function("lptn_heat", [x, heat, d, ca.vertcat(p, warmer)], function.call([x, heat, true, p]))
+
+
 def sources(heating: Heating, limits: int, stages: int) -> dict[str, str]:
     """Contents by file name of everything that a controller step is made of.
 
@@ -48,7 +63,7 @@ def sources(heating: Heating, limits: int, stages: int) -> dict[str, str]:
         limits: number of limited nodes.
         stages: of the horizon.
     """
-    function = heating.function()
+    function = _with_unsure_air(heating)
     slope, heated = function.sparsity_out(1), function.sparsity_out(2)  # transposed: CasADi lists them row by row
     states, joints = heating.x.numel(), len(heating.joints)
     sizes = {
@@ -56,8 +71,9 @@ def sources(heating: Heating, limits: int, stages: int) -> dict[str, str]:
         "NN": len(heating.model.nodes),
         "NU": joints,
         "ND": len(heating.conditions),
-        "NP": heating.p.numel(),
-        "NK": len(unsure(heating)),
+        "NP": function.numel_in(3),
+        "NK": len(unsure(heating)) + len(surroundings(heating)),
+        "NT": len(surroundings(heating)),
         "NL": limits,
         "N": stages,
         # Iterations between linearisations: more where only the temperatures make the problem not linear.

@@ -22,7 +22,7 @@ from lptn.online.living_sensors import LEAST
 
 from ..heating import Request, heating, requested_by
 from ..values import Each, Values, in_order
-from .c_code import python_library, settings_header, sources, structs, unsure
+from .c_code import python_library, settings_header, sources, structs, surroundings, unsure
 from .settings import LostSensor, settle
 
 _MEANING = {
@@ -322,9 +322,21 @@ class TorqueMPC:
     def parameters(self) -> dict[str, float]:
         """Values of the model's parameters as the readings tell them, by name."""
         names, values = [parameter.name for parameter in self.model.parameters], np.array(self.model.values)
-        off = self._estimated[len(self.model.states) + len(self.model.nodes) :]
-        values[unsure(self.heating)] += self.settings.units * np.expm1(off)
+        own = unsure(self.heating)
+        values[own] += self._off[: len(own)]
         return dict(zip(names, values.tolist(), strict=True))
+
+    @property
+    def air(self) -> dict[str, float]:
+        """By how much what surrounds the robot is warmer than told [K], by column, as the readings tell it."""
+        around = surroundings(self.heating)
+        return {self.conditions[row]: off for row, off in zip(around, self._off[-len(around) :].tolist(), strict=False)}
+
+    @property
+    def _off(self) -> FloatArray:
+        """By how much parameters and what surrounds the robot differ from what is told, in their units."""
+        off = self._estimated[len(self.model.states) + len(self.model.nodes) :]
+        return np.asarray(self.settings.units * np.expm1(off))
 
     @property
     def _estimated(self) -> FloatArray:
@@ -402,11 +414,13 @@ class TorqueMPC:
         """Write the settings into their struct; one that `c/lptn_mpc.h` has and this lacks is a KeyError."""
         own = self.settings
         linear, quadratic = own.prices
+        parameters, around = len(self.model.values), len(surroundings(self.heating))
         values: dict[str, Any] = {
             "stage": own.stages, "limit": own.planned_limits,
             "node": [self.model.places.index(node) for node in own.limits], "owner": self.model.owners,
             "weight": own.weights, "most": own.currents, "rate": own.rates, "floor": own.floors,
-            "p": [*self.model.values, 0.0], "unsure": unsure(self.heating), "unit": own.units,
+            "p": [*self.model.values, *np.zeros(around + 1)],
+            "unsure": [*unsure(self.heating), *range(parameters, parameters + around)], "unit": own.units,
             "recovery": own.recovery, "smoothing": own.smoothing, "linear": linear, "quadratic": quadratic,
             "noise": math.hypot(own.noise, own.grain), "grain": own.grain, "sigmas": own.sigmas,
             "error": own.errors, "learns": own.model_error > 0, "settles": own.settles,

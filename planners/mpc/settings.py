@@ -18,12 +18,14 @@ from lptn.online.living_sensors import ERROR
 
 from ..heating import Heating
 from ..values import Each, checked_by_place, limits_of
-from .c_code import unsure
+from .c_code import surroundings, unsure
 
 LostSensor = Literal["model", "derate", "stop"]
 """What a joint gets whose node has lost its sensor; the order is that of `c/lptn_mpc.h`."""
 
 _ROOM = 25.0  # degC
+_ABSOLUTE = 273.15 + _ROOM  # K
+_AIR = 3.0 / _ABSOLUTE  # standard deviation of its told absolute temperature: a room may have 20 or 30 degC as well
 BAND = 10.0  # K above its limit at which a node, by default, is to cool as fast as it does without any load
 
 
@@ -36,7 +38,8 @@ class Settings:
         limits: degC by node; the margin is not taken off yet.
         weights, currents, rates, floors: of the joints, shape (joints,); infinite currents, rates of 0: no limits.
         recovery: of the limited nodes, shape (limited nodes,).
-        units: values of the parameters that a robot has of its own, or standard errors of those that are 0.
+        units: values of the parameters that a robot has of its own, or standard errors of those that are 0; absolute
+            temperatures of what surrounds it [K].
         errors: standard deviations of what sets a robot apart from its model, for the estimate and where sensors are
             tested: heat that each node lacks, as a rate [K/s], and logarithms of these parameters over their
             units; shape (2, errors).
@@ -218,12 +221,14 @@ def _errors(
     if unknown:
         place = f"standard_errors.{sorted(unknown)[0]}"
         raise InputError(model.network.origin, place, "no such parameter", f"some of {', '.join(names[:8])}, …")
-    own, cooling = unsure(heating), _cooling(heating, limits)[: len(model.nodes)]
+    own, around, cooling = unsure(heating), len(surroundings(heating)), _cooling(heating, limits)[: len(model.nodes)]
     told = np.array([standard_errors.get(name, 0.0) for name in names])[own]
     units = np.where(model.values[own] != 0, model.values[own], told)
     relative = np.divide(told, np.abs(units), out=np.zeros(len(own)), where=units != 0)
-    estimate = [*(model_error * cooling), *np.hypot(0.5 * model_error, relative * (model_error > 0))]
-    return units, np.array([estimate, [*(0.5 * ERROR * cooling), *np.full(len(own), 0.5 * ERROR)]])
+    air, learns = np.full(around, _AIR), model_error > 0
+    estimate = [*(model_error * cooling), *np.hypot(0.5 * model_error, relative * learns), *(air * learns)]
+    tested = [*(0.5 * ERROR * cooling), *np.full(len(own), 0.5 * ERROR), *air]
+    return np.array([*units, *np.full(around, _ABSOLUTE)]), np.array([estimate, tested])
 
 
 def _cooling(heating: Heating, limits: dict[str, float]) -> FloatArray:

@@ -7,7 +7,8 @@ Limits of all nodes or of some, 25 degC of air, a request far above what can be 
 truth is a plain network with exact steps (`tests.hardening.plants`), once as the model says and once with every
 capacity, resistance and loss off by 10 %, up or down at random (`--off` for other ways). Robots start cold, or switched
 on at 50 degC by work before. A fault is of one sensor that is drawn, of two of one converter, or of all; or the
-controller begins anew. Faces: `TorqueMPC`, `ControlLoop` with ticks of 0.1 s, and the emitted C, compiled apart.
+controller begins anew, or is told an air of another temperature. Faces: `TorqueMPC`, `ControlLoop` with ticks of 0.1 s,
+and the emitted C, compiled apart.
 
 Printed for each fault and robot, over starts, plants and seeds: by how much the hottest node passed its limit, the
 same less the margin that the plan told then, in how many of the cases the controller said that something is wrong with
@@ -64,7 +65,6 @@ PERIOD, STEPS = 5.0, 360  # s, periods
 SHARE, PASSED = 0.1, 0.5  # by which plants are off; K beyond limit and margin that is too much
 NOISE, TICK, FAULT = 0.1, 0.1, 900.0  # K; s; s: when faults begin that don't begin at once
 STARTS = {"cold": AIR, "hot": 50.0}
-_CONDITIONS = np.array([AIR])
 _NOT_ALIVE = 128  # of the status
 
 
@@ -94,12 +94,18 @@ class Fault:
         begin: s.
         resolution: steps that the controller is told of [K].
         restarts: the controller begins anew, and remembers nothing.
+        air: K by which the air is colder than the controller is told.
     """
 
     read: Callable[[Seen], FloatArray]
     begin: float = 0.0
     resolution: float = 0.0
     restarts: bool = False
+    air: float = 0.0
+
+
+def _healthy(seen: Seen) -> FloatArray:
+    return seen.true + seen.noise
 
 
 def _constant(value: float) -> Callable[[Seen], FloatArray]:
@@ -117,7 +123,7 @@ def _half_loose(seen: Seen) -> FloatArray:
 
 
 FAULTS: dict[str, Fault] = {
-    "healthy": Fault(lambda seen: seen.true + seen.noise),
+    "healthy": Fault(_healthy),
     "1 K steps": Fault(lambda seen: np.round(seen.true + seen.noise), resolution=1.0),
     **{f"dead at {value:g} from the start": Fault(_constant(value)) for value in (-40.0, -1.0, 0.0, 25.0, 40.0)},
     "missing from the start": Fault(_constant(np.nan)),
@@ -142,11 +148,16 @@ FAULTS: dict[str, Fault] = {
     "drops for a minute": Fault(lambda seen: seen.true - 20.0 * (seen.time // 60 % 5 == 0) + seen.noise, FAULT),
     "drops by 12 K, later": Fault(lambda seen: seen.true - 12.0 + seen.noise, FAULT),
     "every second one missing": Fault(lambda seen: np.where(seen.noise > 0, seen.true + seen.noise, np.nan)),
-    "restarts": Fault(lambda seen: seen.true + seen.noise, FAULT, restarts=True),
+    "restarts": Fault(_healthy, FAULT, restarts=True),
+    "air told 10 K too hot": Fault(_healthy, air=10.0),
+    "air told 10 K too cold": Fault(_healthy, air=-10.0),
+    "air told 10 K too hot, later": Fault(_healthy, FAULT, air=10.0),
+    "air told 10 K too cold, later": Fault(_healthy, FAULT, air=-10.0),
     "restarts, dead at 25": Fault(_constant(25.0), FAULT, restarts=True),
     "restarts, stuck at 40 with dither": Fault(lambda seen: 40.0 + seen.noise, FAULT, restarts=True),
 }
-HEALTHY = ("healthy", "1 K steps", "every second one missing", "restarts")
+HEALTHY = ("healthy", "1 K steps", "every second one missing", "restarts",
+           *(name for name, fault in FAULTS.items() if fault.air))  # fmt: skip
 QUICK = ("healthy", "dead at 25 from the start", "stuck at 25 with dither", "drifts by -0.02 K/s", "comes loose")
 
 
@@ -231,8 +242,9 @@ class Answer:
 class Face(Protocol):
     """A controller in one of its faces."""
 
-    def step(self, readings: FloatArray, plant: Plant, share: float = 1.0) -> Answer:
-        """One control period, in which the plant is moved on and a share of the robot's request is asked."""
+    def step(self, readings: FloatArray, plant: Plant, share: float = 1.0, air: float = AIR) -> Answer:
+        """One control period, in which the plant is moved on, a share of the robot's request is asked and an air
+        [degC] is told."""
 
 
 def model_of(robot: Robot) -> Model:
@@ -260,9 +272,9 @@ class InPython:
         self._nodes = [robot.nodes.index(node) for node in mpc.model.nodes]
         mpc.reset()
 
-    def step(self, readings: FloatArray, plant: Plant, share: float = 1.0) -> Answer:
+    def step(self, readings: FloatArray, plant: Plant, share: float = 1.0, air: float = AIR) -> Answer:
         """One control period."""
-        plan = self._mpc.step(readings[self._nodes], share * self._asked, _CONDITIONS)
+        plan = self._mpc.step(readings[self._nodes], share * self._asked, [air])
         currents = np.asarray(plan.admitted)[self._order]
         plant.step(currents)
         return Answer(currents, np.asarray(plan.margin), bool(plan.untrusted))
@@ -274,15 +286,15 @@ class InALoop:
     def __init__(self, robot: Robot, mpc: TorqueMPC) -> None:
         mpc.reset()
         self._loop, self._order = ControlLoop(mpc, TICK), _order(robot, mpc.joints)
-        self._asked, self._conditions = np.full(len(mpc.joints), robot.asked), _CONDITIONS
+        self._asked = np.full(len(mpc.joints), robot.asked)
         self._nodes = [robot.nodes.index(node) for node in mpc.model.nodes]
 
-    def step(self, readings: FloatArray, plant: Plant, share: float = 1.0) -> Answer:
+    def step(self, readings: FloatArray, plant: Plant, share: float = 1.0, air: float = AIR) -> Answer:
         """As many ticks as a control period has."""
         readings, asked = readings[self._nodes], share * self._asked
         total = np.zeros(len(self._order))
         for _ in range(round(PERIOD / TICK)):
-            scale = self._loop.update(asked, readings, self._conditions)
+            scale = self._loop.update(asked, readings, [air])
             currents = (scale * asked)[self._order]
             plant.step(currents)
             total += currents
@@ -320,7 +332,7 @@ def emitted(name: str, resolution: float) -> Any:
     mpc = controller(name, resolution)
     with tempfile.TemporaryDirectory() as folder:
         nodes, joints = len(mpc.model.states), len(mpc.joints)
-        mpc.emit(folder, np.full(nodes, AIR), np.zeros((1, joints)), _CONDITIONS[None])
+        mpc.emit(folder, np.full(nodes, AIR), np.zeros((1, joints)), np.array([[AIR]]))
         (Path(folder) / "glue.c").write_text(_GLUE)
         words = [*(compiler() or ()), "-std=c99", "-O2", "-ftree-vectorize", "-ffp-contract=off", "-shared", "-fPIC"]
         subprocess.run([*words, "glue.c", "lptn_mpc.c", "-lm", "-o", "glue.so"], cwd=folder, check=True)
@@ -337,10 +349,10 @@ class InC:
         self._asked = np.full(len(mpc.joints), robot.asked)
         self._admitted, self._margin = np.empty(len(mpc.joints)), np.empty(len(mpc.settings.limits))
 
-    def step(self, readings: FloatArray, plant: Plant, share: float = 1.0) -> Answer:
+    def step(self, readings: FloatArray, plant: Plant, share: float = 1.0, air: float = AIR) -> Answer:
         """One control period."""
         readings = np.ascontiguousarray(readings[self._nodes])
-        arrays = (readings, share * self._asked, _CONDITIONS, self._admitted, self._margin)
+        arrays = (readings, share * self._asked, np.array([air]), self._admitted, self._margin)
         status = self._library.step(*(ctypes.c_void_p(array.ctypes.data) for array in arrays))
         currents = self._admitted[self._order]
         plant.step(currents)
@@ -415,7 +427,7 @@ def run(case: Case) -> Result:
         asked += share / STEPS
         readings[k] = clean.read(k * PERIOD, plant.temperature, loaded)
         read = sensors.read(k * PERIOD, plant.temperature, loaded)
-        answer = face.step(read, plant, share)
+        answer = face.step(read, plant, share, AIR + (fault.air if k * PERIOD >= fault.begin else 0.0))
         loaded = bool(answer.currents.max() > robot.asked / 3)
         currents[k], passed[k] = answer.currents, plant.temperature[limited].max() - robot.limit
         over = plant.temperature[limited] - robot.limit
@@ -453,6 +465,8 @@ def cases(chosen: argparse.Namespace) -> Iterator[Case]:
     for robot, face, fault in itertools.product(chosen.robots, chosen.faces, chosen.faults):
         alone = len(ROBOTS[robot]().measured) == 1
         if alone and fault in ("swapped", "reads the next one's"):
+            continue
+        if FAULTS[fault].air and not ROBOTS[robot]().to_air.any():
             continue
         many = "two" if fault.startswith("drops") else "all"  # two sensors of one converter
         for which, start, off, seed in itertools.product(("one", many), STARTS, chosen.off, chosen.seeds):

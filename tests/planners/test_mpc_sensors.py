@@ -639,3 +639,29 @@ def test_no_sensor_of_a_robot_whose_every_value_is_off_is_called_false(robot: st
                for start, seed in (("cold", 41), ("hot", 42))]  # fmt: skip
     assert all(result.said is None for result in results)
     assert np.mean([result.torque / result.ideal for result in results]) > 0.99
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("face", ["python", "c"])
+@pytest.mark.parametrize(
+    ("robot", "told"), [("quadruped", ""), ("motor", ", later"), ("leg", ", later"), ("gripper", ", later")]
+)
+def test_air_that_is_told_wrong_costs_no_sensor_its_trust(robot: str, told: str, face: str) -> None:
+    """A jump of what is told of the air made all sensors false after a minute, and 4 to 18 % of the torque went."""
+    for off in ("hot", "cold"):
+        result = run(Case(robot, face, f"air told 10 K too {off}{told}", "all", "cold", "signs", 91))
+        assert result.said is None
+        assert result.beyond < 0.5
+        assert result.torque > 0.95 * result.ideal
+
+
+@pytest.mark.parametrize("off", [-10.0, 10.0])
+def test_what_the_air_is_off_by_is_learnt(off: float) -> None:
+    """A knee without load: how it cools tells of the air, or of a missing heat, each as likely as it is large."""
+    mpc = TorqueMPC(Model(parse_model(_KNEE, Path("knee.toml")).network), LIMIT, request="current")
+    plant, random = plants.Plant(plants.knee(), 50.0, PERIOD), np.random.default_rng(0)
+    assert mpc.air == {"temperature.ambient": 0.0}
+    for _ in range(720):
+        mpc.step(plant.temperature + 0.1 * random.standard_normal(1), [0.0], [25.0 + off])
+        plant.step(np.zeros(1))
+    assert 0.05 < mpc.air["temperature.ambient"] / -off < 1.0  # 3 K of air beside 7 K of a missing heat, squared

@@ -109,7 +109,7 @@ void lptn_mpc_step(const lptn_mpc_settings *o, lptn_mpc_state *m, lptn_mpc_work 
                    const double *request, const double *conditions, const double *applied, lptn_mpc_result *out) {
     memset(out, 0, sizeof *out);
     memcpy(w->p, o->p, sizeof w->p);
-    if (m->started) predict(o, m, w, applied);
+    if (m->started) predict(o, m, w, applied), doubt_changes(o, m, conditions);
     take(o, m, w, request, conditions, out);
     observe(o, m, measured, out);
     plan_from(o, m, w, out);

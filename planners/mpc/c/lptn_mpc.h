@@ -39,9 +39,10 @@ typedef struct {
     double most[LPTN_NU];       /* current limit [A] */
     double rate[LPTN_NU];       /* largest change of a request's unit per second; 0 for none */
     double floor[LPTN_NU];      /* of the request's unit that a joint gets whatever gets hot, if so much is asked */
-    double p[LPTN_NP + 1];      /* parameters of the model */
-    int unsure[LPTN_NK];        /* those of them that a robot has of its own: all that rates depend on */
-    double unit[LPTN_NK];       /* their values, or standard errors of those that are 0: p is that + unit (exp(z) - 1) */
+    double p[LPTN_NP + 1];      /* parameters of the model; by how much what surrounds it is warmer than told, LPTN_NT [K] */
+    int unsure[LPTN_NK];        /* those of them that a robot has of its own: all that rates depend on, the last LPTN_NT too */
+    double unit[LPTN_NK];       /* their values, standard errors of those that are 0, of the last an absolute temperature [K]: p
+                                   is that + unit (exp(z) - 1) */
     double recovery[LPTN_NL];   /* time constant with which a node above its limit comes down to it [s]; 0: at once */
     double smoothing;           /* time constant with which a joint's share rises, while the same is asked [s] */
     double linear, quadratic;   /* price of slack, per K and per K^2; the cost of admitting nothing at all is 1 */
