@@ -19,7 +19,7 @@ def test_a_good_log_has_an_answer_and_details(lptn: Lptn, model: Path, tmp_path:
     status, answer, err = lptn("check", model, log)
     assert (status, err) == (0, "")
     assert "monday.csv (CSV): 2400 samples of 1 s, 40 min" in answer
-    labels = ["Verdict", "Model", "monday.csv (CSV)", "Sensors", "Excitation", "Effects", "Next"]
+    labels = ["Verdict", "Model", "Losses", "monday.csv (CSV)", "Sensors", "Excitation", "Effects", "Next"]
     assert [line.partition(":")[0] for line in answer.splitlines() if "WRONG?" not in line] == labels
     assert len(answer.splitlines()) <= 8
     _, out, _ = lptn("check", model, log, "--details")
@@ -197,6 +197,23 @@ def test_a_log_of_currents_says_how_the_model_takes_them(lptn: Lptn, model: Path
     assert status == 2
     assert "It seems to hold currents instead of torques (current.a)." in out
     assert 'input = "current"' in out
+
+
+def test_a_log_of_torque_and_current_is_held_against_the_torque_constant(
+    lptn: Lptn, model: Path, tmp_path: Path
+) -> None:
+    log, says = (
+        tmp_path / "monday.csv",
+        "the logged torque is 0.594 N·m for each logged ampere, torque_constant says 0.84",
+    )
+    both = table()
+    for amperes, seen in ((0.84 / 2**0.5, True), (0.84, False)):
+        both.assign(**{"current.a": both["torque.a"] / amperes}).to_csv(log, index=False)
+        status, out, _ = lptn("check", model, log)
+        assert status == 0
+        assert "Losses: R I², 0.15 ohm of one phase, torque / 0.84 N·m per power-invariant A." in out
+        assert (says in out) == seen
+        assert ("nothing looks wrong" in out) != seen
 
 
 def test_what_is_the_same_of_all_logs_is_said_once(lptn: Lptn, model: Path, tmp_path: Path) -> None:

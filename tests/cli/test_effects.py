@@ -23,9 +23,10 @@ def test_an_effect_is_shown_with_equation_option_columns_and_references(capsys: 
     show_effects("copper_loss")
     shown = " ".join(capsys.readouterr().out.split())
     for text in (
-        "Q = R_d I²",
+        "Q = f R_d I²",
         "I = τ / k_τ where only the joint torque is logged",
         'Option: input = "torque" | "current"',
+        'Option: resistance_of = "phase" | "line_to_line" | "delta"',
         "Log columns: `torque.<place>` or `current.<place>`.",
         "Chen (2017), eq. 2.4",
         "A. E. Chen (2017). Effectiveness of Active Cooling on Torque Performance for Prosthetic Applications.",

@@ -45,6 +45,36 @@ def test_copper_loss_from_torque_goes_through_the_torque_constant() -> None:
     assert heat == pytest.approx(0.15 * 100.0, rel=1e-12)
 
 
+# Currents of the three lines [A] over a turn, for 1 ampere of each kind, and the heat of 1 ohm of each kind by them.
+_TURN = 2 * np.pi * np.arange(720) / 720
+_LINES = np.sin(_TURN + np.array([[0.0], [-2 * np.pi / 3], [2 * np.pi / 3]]))
+_CURRENTS = {"amplitude": _LINES, "rms": _LINES * 2**0.5, "power_invariant": _LINES * (2 / 3) ** 0.5}
+_CURRENTS["block"] = np.array([1.0, -1.0, 0.0])[(np.arange(3)[:, None] + np.arange(720) // 120) % 3]
+
+
+def _heat_of_a_star(lines: np.ndarray, phase: float) -> float:
+    return float((phase * lines**2).sum(axis=0).mean())
+
+
+def _heat_of_a_delta(lines: np.ndarray) -> float:
+    sides = (lines - np.roll(lines, -1, axis=0)) / 3  # by Kirchhoff: no current circles in equal sides
+    return float((sides**2).sum(axis=0).mean())
+
+
+@pytest.mark.parametrize("amperes", _CURRENTS)
+def test_copper_loss_by_what_its_ohm_and_its_ampere_are(amperes: str) -> None:
+    lines = _CURRENTS[amperes]
+    truth = {
+        "phase": _heat_of_a_star(lines, 1.0),
+        "line_to_line": _heat_of_a_star(lines, 0.5),  # two phases of a star in series
+        "delta": _heat_of_a_delta(lines),
+    }
+    for resistance_of, watts in truth.items():
+        loss = CopperLoss(input="current", resistance_of=resistance_of, amperes=amperes)
+        heat = loss.heat(25.0, p(current=3.0), p(resistance=0.2, torque_constant=1.0))
+        assert heat == pytest.approx(9.0 * 0.2 * watts, rel=1e-3 if amperes == "block" else 1e-12)
+
+
 def test_resistance_rises_by_31_percent_over_80_kelvin() -> None:
     factor = ResistanceRise().factor(105.0, p(alpha=0.0039, reference=25.0))
     assert factor == pytest.approx(1.312, rel=1e-12)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from importlib import metadata
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pandas as pd
@@ -13,6 +14,9 @@ import pytest
 import lptn
 from lptn.basics.errors import InputError
 from lptn.cli.main import main
+from lptn.cli.new import Amperes, Resistance
+from lptn.effects.copper_loss import CopperLoss
+from lptn.model.file import parse_model
 from lptn.robots.urdf import read_joints, urdf_model_text
 from lptn.virtual import quadruped_logs, write_logs
 from tests.truth.plans import trial
@@ -48,6 +52,31 @@ def written(folder: Path, text: str, name: str = "robot.urdf") -> Path:
     file = folder / name
     file.write_text(text)
     return file
+
+
+def test_a_drive_that_logs_no_torque(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    urdf, path = written(tmp_path, quadruped()), tmp_path / "model.toml"
+    words = ["--current", "--resistance-of", "line_to_line", "--amperes", "rms"]
+    with pytest.raises(SystemExit) as ended:
+        main(["new", "--urdf", str(urdf), *words, "-o", str(path)])
+    assert ended.value.code == 0
+    model = lptn.load_model(path).model
+    assert "current.FR_calf" in model.inputs
+    assert not [column for column in model.inputs if column.startswith("torque")]
+    networks = parse_model(path.read_text(), path).network, parse_model(urdf_model_text(urdf), urdf).network
+    heat, by_torque = (network.effects[0] for network in networks)
+    assert isinstance(heat.effect, CopperLoss)
+    assert heat.effect.factor == 1.5
+    assert 1.5 * heat.resolved["resistance"].value == pytest.approx(by_torque.resolved["resistance"].value, rel=1e-2)
+    with pytest.raises(SystemExit) as ended:
+        main(["new", "leg", "--amperes", "rms", "-o", str(tmp_path / "leg.toml")])
+    assert ended.value.code == 2
+    assert "--amperes: found no --urdf" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("option", "kinds"), [("resistance_of", Resistance), ("amperes", Amperes)])
+def test_the_command_has_the_words_of_the_effect(option: str, kinds: object) -> None:
+    assert get_args(kinds) == CopperLoss.options[option]
 
 
 def test_a_quadruped_is_fitted_from_its_urdf_alone(tmp_path: Path) -> None:

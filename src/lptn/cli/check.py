@@ -64,7 +64,8 @@ def check(
     runs = [run for content in contents for run in content.runs]
     unusable = sum(not content.usable for content in contents)
     said = logs_narrative(loaded.model, runs, len(contents), unusable)
-    held = [sentence for sentence in said if sentence.label not in ("Verdict", "Model")]
+    of_logs = "Sensors", "Excitation", "Effects"
+    held = [sentence for sentence in said if sentence.label in of_logs]
     print(*(sentence for sentence in said if sentence not in held), sep="\n")
     mapped = tuple(text.partition("=")[0] for text in columns.map or ())
     _show_logs(contents, lambda content: _urgent(content, loaded.guessing, mapped, whole=details), whole=details)

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from cyclopts import Parameter as Option
 
 from lptn.cli.options import Beginning, check_outputs, write_beginning
+
+Resistance = Literal["phase", "line_to_line", "delta"]
+Amperes = Literal["power_invariant", "amplitude", "rms", "block"]
 
 
 def new(
@@ -16,6 +19,9 @@ def new(
     *,
     model: Annotated[str | None, Option(help="Variant of the preset, such as single-node.")] = None,
     urdf: Annotated[Path | None, Option(help="URDF of the robot to make a model for.")] = None,
+    current: Annotated[bool, Option(help="With --urdf: the log has currents in place of torques.")] = False,
+    resistance_of: Annotated[Resistance | None, Option(help="With --urdf: what winding resistances are of.")] = None,
+    amperes: Annotated[Amperes | None, Option(help="With --urdf: what amperes are.")] = None,
     output: Beginning = None,
 ) -> None:
     """Write a model file to begin with.
@@ -25,19 +31,27 @@ def new(
     Example: lptn new quadruped --model single-node -o baseline.toml
 
     Example: lptn new --urdf my_robot.urdf -o my_robot.toml
+
+    Example: lptn new --urdf my_robot.urdf --current --resistance-of line_to_line --amperes rms -o my_robot.toml
     """
     from lptn.basics.errors import InputError
     from lptn.cli.terminal import show_table
     from lptn.robots.presets import PRESETS, preset_text
 
+    words = {"resistance_of": resistance_of, "amperes": amperes, "input": "current" if current else None}
+    copper = {name: word for name, word in words.items() if word is not None}
+    if copper and urdf is None:
+        option = "--current" if current else f"--{next(iter(copper)).replace('_', '-')}"
+        raise InputError("command line", option, "no --urdf beside it", "--urdf: a preset says it in its copper_loss")
     if urdf is not None:
+        from lptn.effects.copper_loss import CopperLoss
         from lptn.robots.urdf import urdf_model_text
 
         if beside := preset or model:
             raise InputError("command line", "--urdf", f"'{beside}' beside it", "a URDF, or a preset")
         path, what = output or Path(f"{urdf.stem}.toml"), f"a model of the joints in {urdf.name}"
         check_outputs(path, inputs=(urdf,))
-        text, values = urdf_model_text(urdf), "Its values are guesses from the URDF"
+        text, values = urdf_model_text(urdf, CopperLoss(**copper)), "Its values are guesses from the URDF"
     elif preset is not None:
         name = f"{preset}.{model}" if model else preset
         text, path = preset_text(preset, model), output or Path(f"{name}.toml")

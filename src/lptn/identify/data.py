@@ -468,7 +468,7 @@ def load_model(path: str | Path, mapped: Sequence[str] = ()) -> LoadedModel:
 def optional_columns(model: Model) -> list[str]:
     """Columns that the model does not need, but that effects of the catalogue could use, or figures show."""
     features = {feature for effect in catalogue().values() for feature in effect.needs}
-    features |= {word for effect in catalogue().values() for words in effect.options.values() for word in words}
+    features |= {word for effect in catalogue().values() for word in effect.options.get("input", ())}
     columns = (input_column(feature, node) for feature in sorted(features) for node in model.nodes)
     return [column for column in dict.fromkeys(columns) if column not in model.inputs]
 

@@ -367,7 +367,7 @@ class Reader:
         try:
             effect = kind(**words)
         except (TypeError, ValueError) as error:
-            name = next(iter(words))
+            name = next(name for name, word in words.items() if word not in kind.options[name])
             expected = " or ".join(f'"{word}"' for word in kind.options[name])
             raise InputError(self.path, f"{place}.{name}", shown(words[name]), expected) from error
         driven_by, run = table.driven_by or "", table.run or ""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from math import isfinite, sqrt
 from pathlib import Path
@@ -24,15 +24,17 @@ from lptn.diagnose.diagnosis import Diagnosis, is_met
 from lptn.diagnose.excitation import NOT_LOGGED, excitation, identifiability
 from lptn.diagnose.fit_statistics import WORTH, Removed, criterion_difference, explained_share
 from lptn.diagnose.improvement import History
+from lptn.effects.copper_loss import CopperLoss
 from lptn.effects.excitation import ZERO
 from lptn.effects.learned_heat import UNNAMED, LearnedHeat, goes_with
 from lptn.identify.comparison import Comparison, Versus
 from lptn.identify.data import DataSplit, Segment
 from lptn.identify.fitting import Fit
 from lptn.identify.noise import estimate_noise
+from lptn.identify.torque_per_ampere import apart, torque_per_ampere
 from lptn.logs.run import Run
 from lptn.model.model import Model
-from lptn.model.network import EffectDeclaration
+from lptn.model.network import EffectDeclaration, EffectInstance
 from lptn.report.sentences import Label, Narrative, Sentence
 from lptn.report.shown import ONE_SIDED, noise_alone, worst_view
 from lptn.report.tables import interval_to_limit, settling_temperature, time_to_limit
@@ -420,6 +422,8 @@ def logs_narrative(model: Model, runs: Sequence[Run], logs: int | None = None, u
     """
     count = len(runs) if logs is None else logs
     suspect = len({(run.source, issue.sentence) for run in runs for issue in run.issues})
+    constants = _torque_constants(model, runs)
+    suspect += len(constants)
     all_ = {1: "the log", 2: "both logs"}.get(count, f"all {count} logs")
     verdict = f"{all_} can be used, and nothing looks wrong"
     if unusable:
@@ -435,7 +439,48 @@ def logs_narrative(model: Model, runs: Sequence[Run], logs: int | None = None, u
         for column in model.started
     ]
     said.append(Sentence("Model", text + "".join(started)))
+    said += [*_losses(model), *(Sentence("Warning", sentence) for sentence in constants)]
     return Narrative([*said, *content_narrative(model, runs)] if runs and not unusable else said)
+
+
+def _losses(model: Model) -> Iterator[Sentence]:
+    """What the winding's resistance and its amperes are taken for."""
+    kinds: dict[tuple[str, str, str], list[EffectInstance]] = {}
+    for instance in model.network.effect_instances:
+        if instance.effect.key == "copper_loss":
+            words = instance.effect.chosen
+            kinds.setdefault((words["resistance_of"], words["amperes"], words["input"]), []).append(instance)
+    for (resistance_of, amperes, given), instances in kinds.items():
+        factor = CopperLoss(resistance_of=resistance_of, amperes=amperes).factor
+        resistance, constant = (_range(model, instances, name) for name in ("resistance", "torque_constant"))
+        whose = f"{few([instance.ends[0] for instance in instances])}: " if len(kinds) > 1 else ""
+        current = f"torque / {constant} N·m per {_AMPERES[amperes]}"
+        if given == "current":
+            current = f"{_AMPERES[amperes]} as logged"
+        law = f"{f'{factor:g} ' if factor != 1 else ''}R I²"
+        yield Sentence("Losses", f"{whose}{law}, {resistance} ohm {_RESISTANCE_OF[resistance_of]}, {current}.")
+
+
+_RESISTANCE_OF = {"phase": "of one phase", "line_to_line": "between two terminals", "delta": "of one side of a delta"}
+_AMPERES = {"power_invariant": "power-invariant A", "amplitude": "peak A", "rms": "RMS A", "block": "two-phase A"}
+
+
+def _range(model: Model, instances: Sequence[EffectInstance], name: str) -> str:
+    values = [model.values[instance.parameters[name]] for instance in instances]
+    return " to ".join(dict.fromkeys(f"{value:.3g}" for value in (min(values), max(values))))
+
+
+def _torque_constants(model: Model, runs: Sequence[Run]) -> list[str]:
+    """A sentence on joints whose logged torque and current don't go with the torque constant."""
+    joints: dict[tuple[str, str, str], list[str]] = {}
+    for joint, (logged, said) in torque_per_ampere(model, runs).items():
+        if words := apart(logged, said):
+            joints.setdefault((f"{logged:.3g}", f"{said:.3g}", words), []).append(joint)
+    return [
+        f"{few(those)}: the logged torque is {logged} N·m for each logged ampere, torque_constant says {said}: "
+        f'{words}; take the constant for which the resistance is said, or drive the model by input = "current".'
+        for (logged, said, words), those in joints.items()
+    ]
 
 
 def content_narrative(model: Model, runs: Sequence[Run]) -> Narrative:

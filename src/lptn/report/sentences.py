@@ -22,6 +22,7 @@ Label = Literal[
     "Uncertainty",
     "Sensors ignored",
     "Model",
+    "Losses",
     "Sensors",
     "Excitation",
     "Effects",

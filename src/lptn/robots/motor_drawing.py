@@ -14,6 +14,7 @@ from pydantic import Field
 from lptn.basics.errors import InputError
 from lptn.basics.files import text_of
 from lptn.basics.toml import Number, Strict, mistakes_by_line, quantity, toml_of
+from lptn.effects.copper_loss import Amperes, ResistanceOf
 
 # --- What motors are made of: handbook values at room temperature, and the mixture that a winding is ---
 
@@ -90,6 +91,8 @@ class MotorTable(Strict):
 class WindingTable(Strict):
     resistance: Ohm
     input: Literal["current", "torque"] = "current"
+    resistance_of: ResistanceOf = "phase"
+    amperes: Amperes = "power_invariant"
     torque_constant: TorqueConstant | None = None
     fill: Annotated[Ratio, Field(gt=0.05, lt=0.95)] = 0.45  # share of copper: round wire wound by machine
     impregnation: Conductivity = 0.2  # W/(m K): varnish or resin

@@ -247,6 +247,8 @@ def _copper(geometry: Geometry, at: str, share: float) -> list[str]:
         f'at = "{at}"',
         'driven_by = "motor"',
         f'input = "{winding.input}"',
+        f'resistance_of = "{winding.resistance_of}"',
+        f'amperes = "{winding.amperes}"',
         'share = "all"',
         f"resistance = {winding.resistance * share:.6g}",
     ]

@@ -19,6 +19,7 @@ from lptn.basics.bounds import DESCRIPTION, NODES
 from lptn.basics.errors import InputError, one_line
 from lptn.basics.files import bytes_of
 from lptn.basics.places import EVERYWHERE, class_of, matching
+from lptn.effects.copper_loss import CopperLoss
 from lptn.model.file import parse_model
 
 # --- What a torque limit says of a joint's motor and gear, as a start ------------------------------
@@ -42,6 +43,7 @@ _NOT_IN_NAMES = re.compile(r"[^\w-]")
 _MOTORS = 1e-3, 1e5  # N·m behind the gear: small servos give 0.01, the axes of the largest robot arms 5e4
 _FARTHEST = 1000.0  # m between two joints; what is farther was drawn in millimetres
 _URDF = "a URDF: XML with <robot> outermost (expand a .xacro first)"
+_BY_TORQUE = CopperLoss()
 _log = logging.getLogger("lptn.robots")
 
 
@@ -73,17 +75,18 @@ class Joint:
         return self.effort * _PINION if self.slides else self.effort
 
 
-def urdf_model_text(path: str | Path) -> str:
+def urdf_model_text(path: str | Path, copper: CopperLoss = _BY_TORQUE) -> str:
     """The text of a model file for the robot that a URDF describes.
 
     Args:
         path: the URDF; a xacro has to be expanded before.
+        copper: the copper loss of each joint, by torque or by current, and what its resistance and amperes are.
 
     Raises:
         InputError: not a URDF, or a robot without driven joints.
     """
     robot, joints = read_joints(path)
-    text = "\n".join(_lines(Path(path).name, robot, joints))
+    text = "\n".join(_lines(Path(path).name, robot, joints, copper))
     parse_model(text, Path(path))
     return text
 
@@ -196,12 +199,15 @@ def _number(path: str | Path, joint: ElementTree.Element, word: str) -> float:
 # --- Writing ----------------------------------------------------------------------------------------
 
 
-def _lines(file: str, robot: str, joints: list[Joint]) -> Iterator[str]:
+def _lines(file: str, robot: str, joints: list[Joint], copper: CopperLoss) -> Iterator[str]:
     names = [joint.name for joint in joints]
+    by_current = copper.chosen["input"] == "current"
     yield f"# {robot}: its {len(joints)} driven joints, each a node; made of {one_line(file)} by `lptn new --urdf`."
-    yield "# Log columns: time, temperature.<joint>, torque.<joint> (a sliding joint's force), temperature.ambient."
+    heats = "current.<joint>" if by_current else "torque.<joint> (a sliding joint's force)"
+    yield f"# Log columns: time, temperature.<joint>, {heats}, temperature.ambient."
     yield "# Capacities, resistances and losses are guesses from each joint's torque limit, starts for `lptn fit`. Put"
-    yield "# in winding resistance and torque constant at the joint from data sheets: they set the scale of the others."
+    constant = "" if by_current else " and torque constant at the joint"
+    yield f"# in winding resistance{constant} from data sheets: they set the scale of the others."
     assumed = [joint for joint in joints if joint.assumed]
     if assumed:
         named = ", ".join(joint.name for joint in assumed)
@@ -222,11 +228,13 @@ def _lines(file: str, robot: str, joints: list[Joint]) -> Iterator[str]:
         yield from ("", "[[links]]", f'between = [{_quoted(pattern)}, "ambient"]')
         yield f"resistance = {_guess(1.0 / (_TO_AIR * surface), 'K/W')}"
         yield from ("", "[[effects]]", 'kind = "copper_loss"', f"at = {_quoted(pattern)}")
-        loss = _LOSS * joint.torque / joint.effort**2
+        yield from (f'{name} = "{word}"' for name, word in copper.chosen.items() if word != copper.options[name][0])
+        loss = _LOSS * joint.torque / joint.effort**2 / copper.factor
         # One kind of motor sets the scale. The guess for another kind is off by a factor of its own, which logs tell.
         held = f"{loss:.3g}          # ohm: guessed, and held: it sets the scale of all others"
         yield f"resistance = {held if joint.torque == scale else _guess(loss, 'ohm', 'all', free=True)}"
-        yield f"torque_constant = 1.0       # {_unit(joint)} at the joint per ampere: guessed"
+        if not by_current:
+            yield f"torque_constant = 1.0       # {_unit(joint)} at the joint per ampere: guessed"
     yield from ("", "# --- what drives and bearings add, whatever is held ---")
     yield from ("", "[[effects]]", 'kind = "constant_heat"', f"at = {_quoted(EVERYWHERE)}", 'share = "each"')
     carried = [joint for joint in joints if joint.before is not None]
