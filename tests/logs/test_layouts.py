@@ -248,6 +248,31 @@ def test_what_holds_after_a_log_that_ends_early_can_be_said(tmp_path: Path) -> N
     assert toml_line(key, source) == '"power.a" = { column = "P_mW", unit = "mW", afterwards = 0 }'
 
 
+def test_what_is_logged_on_change_or_once_stands_until_the_next(tmp_path: Path) -> None:
+    """A torque that is written when it changes, once in a minute, and the room's temperature that is written once."""
+    time = np.arange(600.0)
+    torque = np.random.default_rng(3).normal(0.0, 5.0, 10)[(time // 60).astype(int)]
+    changes = np.where(time % 60 == 20, torque, np.nan)
+    room = np.where(time == 300, 21.5, np.nan)
+    frame = pd.DataFrame({"time": time, "torque.a": changes, "room": room, "temperature.a": 22 + 0.01 * time})
+    frame.to_csv(tmp_path / "log.csv", index=False)
+    inputs, outputs = ["torque.a", "temperature.ambient"], ["temperature.a"]
+    once = {"temperature.ambient": ColumnSource(("room",))}
+    with pytest.raises(InputError, match="or hold = true in its entry of"):
+        read_log(tmp_path / "log.csv", once, inputs=["temperature.ambient"], outputs=outputs)
+    columns = dict(map(parse_map_option, ("torque.a=torque.a[hold=true]", "temperature.ambient=room[degC; hold=true]")))
+    (run,) = read_log(tmp_path / "log.csv", columns, inputs=inputs, outputs=outputs)
+    assert not run.issues
+    held = torque[20 + 60 * np.maximum((time - 20) // 60, 0).astype(int)]  # before the first, the first
+    np.testing.assert_allclose(run.columns["torque.a"], np.abs(held))  # a root mean square
+    assert (run.columns["temperature.ambient"] == 21.5).all()
+    key, source = "torque.a", ColumnSource(("torque.a",), hold=True)
+    assert columns[key] == source
+    assert parse_columns({key: {"column": "torque.a", "hold": True}}, "m", "c") == {key: source}
+    assert tomllib.loads(toml_line(key, source)) == {key: {"column": "torque.a", "hold": True}}
+    assert map_option(key, source) == '--map "torque.a=torque.a[hold=true]"'
+
+
 # --- Rows that are means ----------------------------------------------------------------------------------------------
 
 _ROW = 300.0  # s

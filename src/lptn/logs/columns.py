@@ -118,6 +118,7 @@ class ColumnSource:
         invalid: numbers in the file that stand for no reading, such as 850.
         valid: least and greatest number in the file that is a reading.
         afterwards: in `unit`, what holds behind the last reading: 0 where a log ends because all was switched off.
+        hold: a value stands until the next one, as of what is logged on change, or once; rows before the first have it.
         rate: rows a second, of a log without a time column.
         rows: of `time`, over what the other columns of a row are means, one of `MEANS`, or `SAMPLES`; "" where nobody
             said, for samples.
@@ -133,6 +134,7 @@ class ColumnSource:
     valid: tuple[float, float] = (-math.inf, math.inf)
     rate: float = 0.0
     afterwards: float | None = None
+    hold: bool = False
     rows: str = ""
 
     def parts(self) -> tuple[ColumnSource, ...]:
@@ -157,12 +159,17 @@ class ColumnSource:
 
     def missing(self, raw: Mapping[str, FloatArray]) -> int:
         """How many numbers in the file `invalid` and `valid` take for no reading."""
-        return sum(int((np.isnan(self._readings(raw[name])) & ~np.isnan(raw[name])).sum()) for name in self.columns)
+        marked = replace(self, hold=False)
+        return sum(int((np.isnan(marked._readings(raw[name])) & ~np.isnan(raw[name])).sum()) for name in self.columns)
 
     def _readings(self, x: FloatArray) -> FloatArray:
-        if not self.invalid and self.valid == ColumnSource.valid:
-            return x
-        return np.where(np.isin(x, self.invalid) | (x < self.valid[0]) | (x > self.valid[1]), np.nan, x)
+        if self.invalid or self.valid != ColumnSource.valid:
+            x = np.where(np.isin(x, self.invalid) | (x < self.valid[0]) | (x > self.valid[1]), np.nan, x)
+        there = np.isfinite(x)
+        if self.hold and there.any() and not there.all():
+            last = np.maximum.accumulate(np.where(there, np.arange(x.size), there.argmax()))
+            x = x[last]
+        return x
 
     def _unwrapped(self, x: FloatArray, quantity: str) -> FloatArray:
         finite = np.isfinite(x)
@@ -220,6 +227,7 @@ _ENTRIES: Mapping[str, tuple[Callable[[Any], bool], str, Callable[[Any], Any]]] 
     "invalid": (lambda x: _numbers(x) != (), "numbers, such as [850, -127]", _numbers),
     "valid": (lambda x: len(n := _numbers(x)) == 2 and n[0] < n[1], "least and greatest, such as [-40, 200]", _numbers),
     "afterwards": (_is_finite, "a finite number", float),
+    "hold": (lambda x: x in (True, "true"), "true: a value stands until the next one", bool),
     "thermometer": (_is_thermometer, "{ resistance = 0.186, at = 25, alpha = 0.0039 }, above 0: ohm, degC, 1/K", dict),
     "rows": (lambda x: x in (*MEANS, SAMPLES), f"of time: one of {', '.join(map(shown, (*MEANS, SAMPLES)))}", str),
 }
@@ -235,8 +243,8 @@ def parse_columns(table: Mapping[str, object], file: str | Path, place: str) -> 
     """Read a `[columns]` table.
 
     An entry is a name, `{ column = "T1" }`, `{ norm = ["i_d", "i_q"] }`, `{ product = ["u_dc", "i_dc"] }`,
-    `{ mean = ["T1", "T2"] }` or `{ ratio = ["u_dc", "i_dc"] }`, with unit, scale, offset, wrap, invalid, valid and
-    afterwards; or, of `time`, `{ rate = 50 }`, and rows where these are means. With
+    `{ mean = ["T1", "T2"] }` or `{ ratio = ["u_dc", "i_dc"] }`, with unit, scale, offset, wrap, invalid, valid,
+    afterwards and hold; or, of `time`, `{ rate = 50 }`, and rows where these are means. With
     `thermometer = { resistance = 0.186, at = 25, alpha = 0.0039 }` a resistance [ohm] becomes the temperature at which
     a winding has it ([QuadrupedLPTN, eq. 6]).
 
@@ -254,9 +262,9 @@ def parse_columns(table: Mapping[str, object], file: str | Path, place: str) -> 
 def parse_map_option(text: str, option: str = "--map") -> tuple[str, ColumnSource]:
     """Read `temperature.a=T1`, `temperature.a=T1[degF]` or `temperature.a=T1[degC; invalid=850,-127]`.
 
-    Behind the unit may stand scale, offset, wrap, invalid, valid, afterwards, and of time rows. Without a column one of
-    `mean=T1,T2`, `norm=…`, `product=…` stands there, or of time `rate=50`: `temperature.a=[degC; mean=T1,T2]`. A name
-    that ends in a bracket is written with another one behind it: `T[x][]`.
+    Behind the unit may stand scale, offset, wrap, invalid, valid, afterwards, hold=true, and of time rows. Without a
+    column one of `mean=T1,T2`, `norm=…`, `product=…` stands there, or of time `rate=50`:
+    `temperature.a=[degC; mean=T1,T2]`. A name that ends in a bracket is written with another one behind it: `T[x][]`.
 
     Raises:
         InputError: the text or its unit can't be used.
@@ -350,6 +358,8 @@ def toml_line(key: str, source: ColumnSource) -> str:
     def toml(value: Any) -> str:
         if isinstance(value, str):
             return json.dumps(value, ensure_ascii=False)
+        if value is True:
+            return "true"
         return f"[{', '.join(map(toml, value))}]" if isinstance(value, tuple) else f"{value:.12g}"
 
     name, entry = key if key == "time" else toml(key), _as_entry(source)
@@ -364,6 +374,8 @@ def map_option(key: str, source: ColumnSource) -> str:
     def text(value: Any) -> str:
         if isinstance(value, tuple):
             return ",".join(map(text, value))
+        if value is True:
+            return "true"
         return value if isinstance(value, str) else f"{value:.12g}"
 
     if len(source.columns) > 1 and any(mark in name for name in source.columns for mark in ",;[]"):
@@ -386,7 +398,7 @@ def _as_entry(source: ColumnSource) -> dict[str, Any]:
     place: tuple[str, Any] = ("rate", source.rate)
     if source.columns:
         place = ("column", source.columns[0]) if len(source.columns) == 1 else (source.how, source.columns)
-    names = ("unit", "rows", "scale", "offset", "wrap", "invalid", "valid", "afterwards")
+    names = ("unit", "rows", "scale", "offset", "wrap", "invalid", "valid", "afterwards", "hold")
     said = {name: getattr(source, name) for name in names}
     return dict([place]) | {name: x for name, x in said.items() if x not in ("", getattr(ColumnSource, name))}
 

@@ -490,7 +490,8 @@ def _runs(
                 continue  # without this input there would be a stretch
             values = needed[key][np.isfinite(needed[key])]
             problem = f"{values.size} value{'s' * (values.size != 1)} of {key} in {samples.time.size} rows"
-            expected = f"values no more than {max_gap:g} s apart"
+            expected = f"values no more than {max_gap:g} s apart, or hold = true in its entry of [columns] if it is "
+            expected += "logged on change, or once"
             expected += _without_column(key, np.median(values)) if key.startswith("temperature.") else ""
             raise InputError(table.path, f"column '{choice.sources[key].columns[0]}'", problem, expected)
         problem = f"at most {max(counts, default=0)} steps of {step:g} s in one stretch"

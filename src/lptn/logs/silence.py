@@ -17,7 +17,7 @@ import numpy as np
 
 from lptn.basics.arrays import FloatArray
 from lptn.logs.channels import FEWEST, GAP, SHORTEST, STILL, Channels, Kind, Silence, standing, without_silent
-from lptn.logs.columns import HEATS, place_of
+from lptn.logs.columns import HEATS, INPUTS, place_of, quantity_of
 from lptn.logs.law import against_heat
 from lptn.logs.passive import CODES, off
 from lptn.logs.scatter import off_their_neighbours, white_noise
@@ -128,8 +128,12 @@ def silences_of(log: Channels) -> dict[str, list[Silence]]:
     speeds = {key: np.abs(channel) for key, channel in log.of("velocity").items()}
     of_all = np.max(list(speeds.values()), axis=0) if speeds else resting  # a motor's may stand at its housing
     # Speeds first: a joint of which nobody knows whether it moves may have no torque.
-    silent = {key: _of_input(time, log.values[key], speed, resting, _AT_REST) for key, speed in speeds.items()}
-    for key, effort in ((key, x) for quantity in HEATS for key, x in log.of(quantity).items()):
+    # What is logged on change stands, by its entry.
+    inputs = {key: x for key, x in log.values.items() if quantity_of(key) in INPUTS and not log.sources[key].hold}
+    silent = {
+        key: _of_input(time, inputs[key], speed, resting, _AT_REST) for key, speed in speeds.items() if key in inputs
+    }
+    for key, effort in ((key, x) for key, x in inputs.items() if quantity_of(key) in HEATS):
         speed = f"velocity.{place_of(key)}"
         moving = without_silent(speeds.get(speed, resting), silent.get(speed, []))
         silent[key] = _of_input(time, effort, speeds.get(speed, of_all), moving)
