@@ -164,7 +164,7 @@ def test_lines_of_comment_are_left_out_and_lines_counted(log: Log, refuse: Refus
 def test_units_of_another_quantity_are_refused(log: Log, refuse: Refuse, units: str) -> None:
     path = log([NAMES, units, *ROWS])
     said = refuse(path, read_log, path)
-    assert "row of units" in said
+    assert "unit in the file" in said
     wrong = next(
         cell for cell, right in zip(units.split(","), ["s", "degC", "A", "degC"], strict=True) if cell != right
     )

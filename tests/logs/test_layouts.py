@@ -68,7 +68,7 @@ def test_a_row_of_units_is_heard(tmp_path: Path, refuse: Refuse) -> None:
     path = tmp_path / "log.csv"
     path.write_text("\n".join(map(",".join, [NAMES, ["ms", "Nm", "°F"], *ROWS])) + "\n")
     said = refuse(path, read_log, path)
-    assert "column 'time': found the row of units below the names says ms" in said
+    assert "column 'time': found a unit of ms in the file" in said
     columns = {"time": ColumnSource(("time",), "ms")}
     said = refuse(path, read_log, path, columns)
     assert 'write "temperature.a" = { column = "temperature.a", unit = "degF" }' in said

@@ -25,6 +25,7 @@ from lptn.basics.bounds import Bound
 from lptn.basics.errors import InputError
 from lptn.logs import tables
 from lptn.logs.reading import OPENERS, read_log
+from tests.logs.recorder_files import RECORDED
 from tests.logs.ulog_bytes import FORMATS, battery, definitions, esc_status, header
 
 Refuse = Callable[..., str]
@@ -38,6 +39,10 @@ MAGIC = {
     ".mcap": b"\x89MCAP0\r\n\x01\x0f\x00\x00\x00\x00\x00\x00\x00\x04\x00\x00\x00ros2",
     ".db3": b"SQLite format 3\x00",
     ".ulg": header(),
+    ".mf4": b"MDF     4.10    ",
+    ".tdms": b"TDSm",
+    ".mat": b"MATLAB 5.0 MAT-file",
+    ".h5": b"\x89HDF\r\n\x1a\n",
 }
 
 
@@ -68,6 +73,8 @@ def whole(ending: str) -> bytes:
         elif ending == ".ulg":
             body = (esc_status(k, 1, [(60, 1.0, 20 + k)] * 4) + battery(k + 0.1, 16.0, 1.0, 25.0) for k in range(rows))
             path.write_bytes(header() + definitions(FORMATS) + b"".join(body))
+        elif ending in RECORDED:
+            RECORDED[ending](path, {str(name): column.to_numpy() for name, column in table.items()})
         else:
             _bag(Path(folder) / "bag", ending, rows)
             (path,) = (Path(folder) / "bag").glob(f"*{ending}")
@@ -161,12 +168,21 @@ def test_a_line_that_never_ends(tmp_path: Path, refuse: Refuse) -> None:
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 100_000  # kB
 
 
-@pytest.mark.parametrize("module", ["rosbags", "pyulog", "openpyxl"])
+_EXTRAS = {
+    "rosbags": (".mcap", "ros"),
+    "pyulog": (".ulg", "ulog"),
+    "openpyxl": (".xlsx", "excel"),
+    "asammdf": (".mf4", "bench"),
+    "nptdms": (".tdms", "bench"),
+    "h5py": (".h5", "bench"),
+}
+
+
+@pytest.mark.parametrize("module", _EXTRAS)
 def test_a_package_that_is_not_installed(
     tmp_path: Path, refuse: Refuse, monkeypatch: pytest.MonkeyPatch, module: str
 ) -> None:
-    extras = {"rosbags": (".mcap", "ros"), "pyulog": (".ulg", "ulog"), "openpyxl": (".xlsx", "excel")}
-    ending, extra = extras[module]
+    ending, extra = _EXTRAS[module]
     monkeypatch.setattr("lptn.logs.tables.find_spec", lambda _: None)
     path = tmp_path / f"log{ending}"
     path.write_bytes(whole(ending))

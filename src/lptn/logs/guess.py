@@ -11,7 +11,7 @@ lacks, are looked for too.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -237,6 +237,11 @@ def _measures(quantity: str, words: Sequence[str]) -> bool:
 
 
 # --- The ways in which a column may be meant -------------------------------------------------------
+
+
+def name_of_time(columns: Iterable[str]) -> str | None:
+    """The one of some columns that holds times, by its name."""
+    return _time({column: ColumnName.of(column) for column in columns}).get("time", (None,))[0]
 
 
 def _time(names: Names) -> Choice:

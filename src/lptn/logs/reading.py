@@ -32,6 +32,7 @@ from lptn.logs.guess import format_note, guess, refuse_exchanged
 from lptn.logs.issue import Issue
 from lptn.logs.joining import SECOND_TIME, join
 from lptn.logs.quality import check_values, issues_of, silent_channels
+from lptn.logs.recorders import open_hdf5, open_mat, open_mdf, open_tdms
 from lptn.logs.resampling import (
     ROUNDING,
     SEVERAL,
@@ -58,6 +59,10 @@ OPENERS: Mapping[tuple[str, ...], Callable[[Path], Table]] = {
     (".xlsx", ".xlsm"): open_spreadsheet,
     (".mcap", ".db3"): open_bag,
     (".ulg", ".ulog"): open_ulog,
+    (".mf4", ".mdf"): open_mdf,
+    (".tdms",): open_tdms,
+    (".mat",): open_mat,
+    (".h5", ".hdf5"): open_hdf5,
 }
 """How a file is opened, by the end of its name: the one list of formats."""
 ENDINGS = tuple(chain(*OPENERS))

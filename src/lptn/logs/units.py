@@ -87,9 +87,9 @@ def _suspect_name(log: Channels, key: str) -> list[Issue]:
         if not stated and words_of(cell) and quantity in UNITS:
             remedy = f"a unit of {quantity}; if it is one all the same, write {{}}"
             meant = replace(source, columns=(column,), unit=column_unit(key))
-            return [correctable(key, f"a row of units that says {cell}", meant, True, remedy)]
+            return [correctable(key, f"a unit in the file that says {cell}", meant, True, remedy)]
         if stated and stated != column_unit(key) and source.scale == 1:
-            return [in_unit(key, source, stated, f"the row of units below the names says {stated}")]
+            return [in_unit(key, source, stated, f"a unit of {stated} in the file")]
     unit = ColumnName.of(name).unit(quantity)
     named = source.scale == 1 and unit not in ("", column_unit(key))
     if named and quantity == "temperature":  # a column T_K that was converted to degC keeps its name
