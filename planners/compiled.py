@@ -44,10 +44,11 @@ def compiled(sources: Mapping[str, str], main: str) -> ctypes.CDLL:
     return ctypes.CDLL(str(library))
 
 
-def c_code(function: ca.Function, file: str) -> str:
-    """A CasADi function as C, in CasADi's calling convention with `long long` for integers."""
+def c_code(file: str, *functions: ca.Function) -> str:
+    """CasADi functions as C, in CasADi's calling convention with `long long` for integers."""
     generator = ca.CodeGenerator(file, {"with_header": False, "casadi_int": "long long"})
-    generator.add(function)
+    for function in functions:
+        generator.add(function)
     return f"{_QUIET}{generator.dump()}{_LOUD}"
 
 
@@ -63,7 +64,7 @@ class CompiledFunction:
     """
 
     def __init__(self, function: ca.Function) -> None:
-        library = compiled({"function.c": c_code(function, "function.c")}, "function.c")
+        library = compiled({"function.c": c_code("function.c", function)}, "function.c")
         self._function: Any = getattr(library, function.name())
         self._arguments = (ctypes.c_void_p * max(1, function.sz_arg()))()
         self._results = (ctypes.c_void_p * max(1, function.sz_res()))()

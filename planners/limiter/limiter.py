@@ -159,7 +159,7 @@ class Limiter:
                 *(f"static const double {name}[] = {{{', '.join(map(repr, values.tolist()))}}};"
                   for name, values in numbers.items()), "",
             ]),
-            "limiter.inc": c_code(function, "limiter.c"),
+            "limiter.inc": c_code("limiter.c", function),
             "names.txt": "\n".join([*names, ""]),
             "example.txt": " ".join(f"{value:.17g}" for value in [*x, *load, *conditions]) + "\n",
         })  # fmt: skip

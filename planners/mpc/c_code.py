@@ -45,14 +45,22 @@ def surroundings(heating: Heating) -> list[int]:
     return [row for row, column in enumerate(heating.conditions) if column.startswith("temperature.")]
 
 
-def _with_unsure_air(heating: Heating) -> ca.Function:
-    """`Heating.function` with parameters more: by how much each of the surroundings is warmer than told [K]."""
-    function, around = heating.function(), surroundings(heating)
-    x, heat, d, p = function.sx_in()
-    warmer = ca.SX.sym("warmer", len(around))
-    true = ca.SX(d)
-    true[around] += warmer
-    return ca.Function("lptn_heat", [x, heat, d, ca.vertcat(p, warmer)], function.call([x, heat, true, p]))
+def _functions(heating: Heating) -> tuple[ca.Function, ca.Function]:
+    """`Heating.function`, and the slopes of its rates at the heat in what is unsure, transposed.
+
+    Their parameters end with what says by how much each of the surroundings is warmer than told [K].
+    """
+    around, count = surroundings(heating), heating.p.numel()
+    heat, warmer = ca.SX.sym("heat", len(heating.joints)), ca.SX.sym("warmer", len(around))
+    d, p = ca.SX(heating.d), ca.vertcat(heating.p, warmer)
+    d[around] += warmer
+    rates = heating.rate_function()(heating.x, heat, d, heating.p)
+    by = ca.jacobian(rates, p)[:, [*unsure(heating), *range(count, count + len(around))]]
+    given = [heating.x, heat, heating.d, p]
+    return (
+        ca.Function("lptn_heat", given, heating.function().call([heating.x, heat, d, heating.p])),
+        ca.Function("lptn_slopes", given, [ca.cse(by.T)]),
+    )
 
 
 def sources(heating: Heating, limits: int, stages: int) -> dict[str, str]:
@@ -63,7 +71,7 @@ def sources(heating: Heating, limits: int, stages: int) -> dict[str, str]:
         limits: number of limited nodes.
         stages: of the horizon.
     """
-    function = _with_unsure_air(heating)
+    functions = function, slopes = _functions(heating)
     slope, heated = function.sparsity_out(1), function.sparsity_out(2)  # transposed: CasADi lists them row by row
     states, joints = heating.x.numel(), len(heating.joints)
     sizes = {
@@ -82,11 +90,12 @@ def sources(heating: Heating, limits: int, stages: int) -> dict[str, str]:
         "NXP": -(-states // 4) * 4,
         "NA": slope.nnz(),
         "NB": heated.nnz(),
+        "NQ": slopes.nnz_out(0),
         "HEAT_OUT": states + slope.nnz() + 2 * heated.nnz() + joints,
-        "HEAT_ARG": function.sz_arg(),
-        "HEAT_RES": function.sz_res(),
-        "HEAT_IW": function.sz_iw(),
-        "HEAT_W": function.sz_w(),
+        "HEAT_ARG": max(each.sz_arg() for each in functions),
+        "HEAT_RES": max(each.sz_res() for each in functions),
+        "HEAT_IW": max(each.sz_iw() for each in functions),
+        "HEAT_W": max(each.sz_w() for each in functions),
     }
     solver = {name: files("lptn.planners.mpc").joinpath("c", name).read_text(encoding="utf-8") for name in SOLVER}
     defined = [f"#define LPTN_{name} {value}" for name, value in sizes.items()]
@@ -94,12 +103,12 @@ def sources(heating: Heating, limits: int, stages: int) -> dict[str, str]:
     hidden = "#define CASADI_SYMBOL_EXPORT static __attribute__((unused))"
     return {
         "sizes.h": "\n".join(["/* Sizes of one model's controller. */", *defined, ""]),
-        "pattern.h": _pattern(slope, heated),
+        "pattern.h": _pattern(slope, heated, slopes.sparsity_out(0)),
         "living.h": "\n".join(
             ["/* When a sensor is alive: the constants of lptn.online.living_sensors. */", *living, ""]
         ),
         "conditions.h": _kinds(heating.conditions),
-        "heat.inc": f"/* The model: made by CasADi from its equations. */\n{hidden}\n{c_code(function, 'heat.inc')}",
+        "heat.inc": f"/* The model: made by CasADi from its equations. */\n{hidden}\n{c_code('heat.inc', *functions)}",
         **solver,
     }
 
@@ -114,9 +123,9 @@ def python_library(made: Mapping[str, str]) -> ctypes.CDLL:
     return compiled({**made, "glue.c": _GLUE}, "glue.c")
 
 
-def _pattern(slope: ca.Sparsity, heated: ca.Sparsity) -> str:
-    lines = ["/* Where a state's rate depends on another state, and which joint heats which state. */"]
-    for name, transposed in (("slope", slope), ("heated", heated)):
+def _pattern(slope: ca.Sparsity, heated: ca.Sparsity, unsure: ca.Sparsity) -> str:
+    lines = ["/* Which state, joint and unsure parameter a state's rate depends on. */"]
+    for name, transposed in (("slope", slope), ("heated", heated), ("unsure", unsure)):
         columns, rows = transposed.get_triplet()
         lines += [f"static const int {name}_row[] = {_list([*rows, 0])};",
                   f"static const int {name}_column[] = {_list([*columns, 0])};"]  # fmt: skip
