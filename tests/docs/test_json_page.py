@@ -25,8 +25,8 @@ TYPED = {
     "check": ["check two_heaters.toml log.csv"],
     "fit": [
         "fit two_heaters.toml log.csv --holdout-after 300 -o fitted.toml",
-        "fit two_heaters.toml --each log.csv -o fleet",
     ],
+    "fleet": ["fleet two_heaters.toml log.csv -o fleet"],
     "compare": [
         "compare fitted.toml log.csv --against two_heaters.toml",
         "simulate fitted.toml log.csv -o simulated.csv",

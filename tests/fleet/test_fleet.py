@@ -19,7 +19,7 @@ import pytest
 
 from lptn.basics.errors import InputError
 from lptn.cli.main import main
-from lptn.fleet.fleet import fit_each, outliers, spread_of
+from lptn.fleet.fleet import Fleet, fit_each, pooled_of
 from lptn.fleet.robots import RobotLogs, robots_of
 from lptn.fleet.work import FleetFit, Outcome, ResultFolder, fit_robot
 from lptn.model.file import read_model_file
@@ -44,7 +44,7 @@ def logs(tmp_path: Path) -> list[Path]:
 def _command(capsys: pytest.CaptureFixture[str], *words: object) -> tuple[int, str, str]:
     status = 0
     try:
-        main(["fit", *map(str, words)])
+        main(["fleet", *map(str, words)])
     except SystemExit as stop:
         status = int(stop.code or 0)
     seen = capsys.readouterr()
@@ -55,14 +55,14 @@ def test_the_command_fits_all_but_the_bad_log_and_names_the_odd_robot(
     model: Path, logs: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out, target = tmp_path / "out", tmp_path / "fleet.json"
-    status, said, complained = _command(capsys, model, "--each", *logs, "-o", out, "--json", target)
+    status, said, complained = _command(capsys, model, *logs, "-o", out, "--json", target)
     assert status == 1
     assert complained.count("\n") == 1
     assert complained.startswith(f"lptn: robot_003: not fitted: {logs[3]}: line ")
     apart = [line for line in said.splitlines() if "times the fleet's" in line]
     assert len(apart) == 1
     assert apart[0].startswith(f"robot_007: {LINK} ")
-    assert "11 of 12 robots fitted; 1 not." in said
+    assert said.startswith("Fleet: 11 of 12 fits of 12 robots; 1 robot stands apart or drifts.")
 
     table = pd.read_csv(out / "fleet.csv")
     binary = pd.read_parquet(out / "fleet.parquet")
@@ -82,8 +82,11 @@ def test_the_command_fits_all_but_the_bad_log_and_names_the_odd_robot(
 
     written = json.loads(target.read_text())
     assert written["robots"]["robot_003"]["message"].startswith(str(logs[3]))
-    assert written["outliers"][0]["robot"] == "robot_007"
-    assert written["spread"][LINK]["unit"] == "K/W"
+    (deviation,) = written["deviations"]
+    assert (deviation["robot"], deviation["parameter"], deviation["drifts"]) == ("robot_007", LINK, False)
+    assert deviation["probability"] > 0.95
+    assert written["parameters"][LINK]["unit"] == "K/W"
+    assert written["parameters"][LINK]["mean"] == pytest.approx(RESISTANCE, rel=0.05)
 
 
 def test_only_what_changed_is_fitted_again(model: Path, logs: list[Path], tmp_path: Path) -> None:
@@ -143,13 +146,13 @@ def test_what_was_guessed_is_told_once_for_all_robots(
 ) -> None:
     for log in logs[:3]:
         log.write_text(log.read_text().replace("temperature.motor", "motor_temp", 1))
-    words = ["fit", model, "--each", *logs[:3], "-o", tmp_path / "out", "--map", "guess", "--jobs", "2"]
+    words = ["fleet", model, *logs[:3], "-o", tmp_path / "out", "--map", "guess", "--jobs", "2"]
     with pytest.raises(SystemExit, match=r"^0$"):
         main(list(map(str, words)))
     seen = capfd.readouterr()
     assert seen.err == ""
     assert seen.out.replace("\n", " ").count("guessed: ") == 1
-    assert '3 robots: guessed: "temperature.motor" = "motor_temp"' in seen.out.replace("\n", " ")
+    assert '3 fits: guessed: "temperature.motor" = "motor_temp"' in seen.out.replace("\n", " ")
 
 
 def test_no_more_than_asked_for_are_handed_out_at_once(model: Path, logs: list[Path]) -> None:
@@ -198,13 +201,12 @@ def test_what_can_not_be_is_refused_in_one_line(
         MODEL.replace("bounds = [20, 3000]", "fixed = true").replace("bounds = [0.2, 200]", "fixed = true")
     )
     for words, expected in (
-        ((model, "--each", *logs), "a folder for one model a robot"),
-        ((model, "--each", *logs, "-o", model), "a folder, since --each"),
-        ((model, "--each", *logs, "-o", tmp_path / "no" / "out"), "a folder in a folder that exists"),
-        ((model, logs[0], "--each", logs[1], "-o", tmp_path / "out"), "all logs behind --each"),
-        ((model, "--each", logs[1], "--holdout", logs[2], "-o", tmp_path / "out"), "all logs behind --each"),
-        ((model, logs[0], "--jobs", 2), "one process for one fit"),
-        ((fixed, "--each", *logs, "-o", tmp_path / "out"), "one at least without fixed = true"),
+        ((model, *logs), "a folder for one model a robot"),
+        ((model, *logs, "-o", model), "a folder for one model a robot"),
+        ((model, *logs, "-o", tmp_path / "no" / "out"), "a folder in a folder that exists"),
+        ((model, logs[1], "--holdout", logs[2], "-o", tmp_path / "out"), "--holdout-after: of each robot's own logs"),
+        ((model, "-o", tmp_path / "out"), "LOGS"),
+        ((fixed, *logs, "-o", tmp_path / "out"), "one at least without fixed = true"),
     ):
         status, _, complained = _command(capsys, *words)
         assert (status, complained.count("\n")) == (2, 1)
@@ -228,20 +230,21 @@ def test_a_robot_stands_apart_only_if_its_logs_say_so(model: Path) -> None:
     network = Model(read_model_file(model).network)
     values = [5.0, 5.1, 4.9, 5.05, 4.95, 5.02, 15.0, 1.6, 40.0]
     errors = [0.05, 0.05, 0.05, 0.05, 0.05, 0.05, 0.2, 1.5, None]
-    fleet = list(_outcomes(values, errors))
-    spread = spread_of(network, fleet)
-    assert [(entry.what, entry.robots) for entry in spread] == [(LINK, 8)]
-    assert spread[0].median == pytest.approx(5.01)
-    apart = outliers(spread, fleet)
-    assert [outlier.robot for outlier in apart] == ["r6"]  # r7 scatters as much itself, r8 says nothing
-    assert str(apart[0]).startswith(f"r6: {LINK} 3 times the fleet's: 15 against 5.01 K/W")
-    assert outliers(spread_of(network, fleet[3:7]), fleet[3:7]) == ()  # of four nobody can tell
+    outcomes = list(_outcomes(values, errors))
+    robots = {outcome.robot: RobotLogs(outcome.robot, ()) for outcome in outcomes}
+    (of_link,) = parameters = pooled_of(network, outcomes, robots)
+    assert (of_link.name, len(of_link.pooled.robots)) == (LINK, 8)
+    assert of_link.value(of_link.pooled.mean) == pytest.approx(5.01, abs=0.03)
+    (apart,) = Fleet(tuple(outcomes), robots, parameters).deviations
+    assert apart.robot == "r6"  # r7 scatters as much itself, r8 says nothing
+    assert str(apart).startswith(f"r6: {LINK} 3 times the fleet's: 14.9 against 5.03 K/W (more than 99 %)")
+    assert of_link.pooled.robots["r7"].apart < 0.2
 
 
 @pytest.mark.long
 def test_ctrl_c_ends_workers_and_keeps_what_is_done(model: Path, tmp_path: Path) -> None:
     write_fleet(tmp_path / "logs", 150)
-    words = ["fit", model, "--each", *sorted((tmp_path / "logs").iterdir()), "-o", tmp_path / "out", "--jobs", 2]
+    words = ["fleet", model, *sorted((tmp_path / "logs").iterdir()), "-o", tmp_path / "out", "--jobs", 2]
     code = "import sys; from lptn.cli.main import main; main(sys.argv[1:])"
     started = subprocess.Popen(
         [sys.executable, "-c", code, *map(str, words)],

@@ -177,7 +177,7 @@ RESULTS = """
 fit model.toml log.csv -o
 compare model.toml log.csv --report
 plan model.toml task.toml --json
-fit model.toml --each log.csv other.csv -o
+fleet model.toml log.csv other.csv -o
 plan model.toml task.toml --emit-c
 """
 PATHS = """link/x.csv

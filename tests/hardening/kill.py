@@ -116,7 +116,7 @@ COMMANDS = {
     ),
     "virtual": Command(("-m", "lptn.virtual", "leg", "--seed", "3", "-o", "logs"), {"logs/*.parquet": pd.read_parquet}),
     "fleet": Command(
-        (*LPTN, "fit", "leg.toml", "--each", "robots", "-o", "fleet"),
+        (*LPTN, "fleet", "leg.toml", "robots", "-o", "fleet"),
         {"fleet/models/*.toml": read_model_file, "fleet/records/*.json": _json, "fleet/*.csv": _csv,
          "fleet/*.parquet": pd.read_parquet},
         ("fleet",),

@@ -30,6 +30,7 @@ from lptn.cli.cosim import cosim
 from lptn.cli.diagnose import diagnose
 from lptn.cli.effects import effects
 from lptn.cli.fit import fit
+from lptn.cli.fleet import fleet
 from lptn.cli.fmu import fmu
 from lptn.cli.forecast import forecast
 from lptn.cli.improve import improve
@@ -58,6 +59,7 @@ for _command in (
     new,
     check,
     fit,
+    fleet,
     compare,
     diagnose,
     add,

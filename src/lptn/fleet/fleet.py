@@ -1,4 +1,4 @@
-"""One model fitted to each robot of a fleet, resumable; how each parameter spreads, and which robots stand apart."""
+"""One model fitted to each robot of a fleet, resumable; what they have in common, and which stand apart or drift."""
 
 from __future__ import annotations
 
@@ -6,10 +6,11 @@ import math
 import pickle
 import uuid
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import closing, nullcontext
 from dataclasses import dataclass
+from datetime import date
 from pathlib import Path
 from typing import Any, Literal
 
@@ -18,136 +19,148 @@ import pandas as pd
 
 from lptn.basics.errors import InputError
 from lptn.basics.tables import write_table
-from lptn.fleet.robots import RobotLogs, robots_of
+from lptn.fleet.pooling import DRIFT, Pooled, RobotValue, Session, pool
+from lptn.fleet.robots import RobotLogs, by_day, robots_of
 from lptn.fleet.work import FleetFit, Outcome, ResultFolder, Status, Work, elsewhere, here, in_processes
 from lptn.identify.data import GUESS, LoadedModel, load_model
 from lptn.model.model import Model
 
-# --- How each parameter spreads over a fleet, and which robots stand apart ------------------------
+# --- What the fleet has in common, and which robots stand apart or drift --------------------------
 
 
-FAR = 4.0  # robust standard deviations
 RMSE = "rmse"
-_ROUNDING = 1e-6  # share of the size by which searches scatter
+_OF_RMSE = 0.05
+"""Relative; standard error of an RMSE of some hundred independent errors."""
+_FIRST = date(1970, 1, 1)  # the day of logs whose day nobody knows: all of one
 
 
 @dataclass(frozen=True)
-class Spread:
-    """One parameter over the robots that determine it.
+class FleetParameter:
+    """One parameter, or the RMSE, over the robots that determine it.
 
     Args:
-        what: the parameter's name, or `"rmse"`.
-        unit: of all values here.
-        robots: how many determine it.
-        median: half of them lie below.
-        quartiles: a quarter of them lies below the first, a quarter above the second.
-        scale: 1.4826 times the median absolute deviation, of the logarithm where that is what is searched.
-        logarithmic: whether robots are told apart by ratios.
+        name: the parameter's, or `"rmse"`.
+        unit: of its values.
+        size: what it is pooled in; 0 for its logarithm.
+        pooled: over robots and days.
     """
 
-    what: str
+    name: str
     unit: str
-    robots: int
-    median: float
-    quartiles: tuple[float, float]
-    scale: float
-    logarithmic: bool
+    size: float
+    pooled: Pooled
+
+    def value(self, pooled: float) -> float:
+        """A pooled number as a value."""
+        return pooled * self.size if self.size else math.exp(pooled)
 
     def as_json(self) -> dict[str, object]:
         """As other tools read it."""
-        low, high = self.quartiles
-        return {"unit": self.unit, "robots": self.robots, "median": self.median, "quartiles": [low, high]}
+        fleet = self.pooled
+        scatter = self.value(fleet.mean) if not self.size else self.size
+        return {
+            "unit": self.unit,
+            "robots": len(fleet.robots),
+            "mean": self.value(fleet.mean),
+            "scatter": fleet.scatter * scatter,
+            "days": fleet.days * scatter,
+            "per_month": fleet.trend * scatter,
+        }
 
 
 @dataclass(frozen=True)
-class Outlier:
-    """A robot that stands apart from its fleet.
+class Deviation:
+    """A robot that is not one of its likes, in one parameter.
 
     Args:
         robot: its name.
-        spread: of the parameter, or the RMSE, over the fleet.
-        value: the robot's.
-        z: distance from the median in standard deviations: the fleet's robust one and the robot's own standard error
-            together, so that a robot whose logs hardly determine the value does not count as different.
+        of: the parameter over the fleet.
+        drifts: whether it drifts, beside the fleet; else it stands apart.
     """
 
     robot: str
-    spread: Spread
-    value: float
-    z: float
+    of: FleetParameter
+    drifts: bool
+
+    @property
+    def own(self) -> RobotValue:
+        """The robot's value."""
+        return self.of.pooled.robots[self.robot]
+
+    @property
+    def probability(self) -> float:
+        """That it does."""
+        return self.own.drifts if self.drifts else self.own.apart
 
     def __str__(self) -> str:
         """One line."""
-        what, unit, median = self.spread.what, self.spread.unit, self.spread.median
-        ratio = self.value / median if median else math.nan
-        times = f"{ratio:.2g} times the fleet's" if ratio > 0 else "far from the fleet's"
-        sizes = f"{self.value:.3g} against {median:.3g} {unit}"
-        return f"{self.robot}: {what} {times}: {sizes} (robust z {self.z:+.1f})"
+        own, of = self.own, self.of
+        sure = "more than 99 %" if self.probability > 0.995 else f"{100 * self.probability:.0f} %"  # as it is rounded
+        if self.drifts:
+            size, unit = (of.size, of.unit.replace("*", "·")) if of.size else (100.0, "%")
+            change = f"{size * own.trend:+.2g} ± {size * own.trend_error:.2g} {unit} a month"
+            since = f", seen since {own.seen}" if own.seen else ""
+            return f"{self.robot}: {of.name} drifts by {change} beside its fleet ({sure}{since})"
+        value, mean = of.value(own.value), of.value(of.pooled.mean)
+        times = f"{value / mean:.2g} times the fleet's" if mean and value / mean > 0 else "far from the fleet's"
+        return f"{self.robot}: {of.name} {times}: {value:.3g} against {mean:.3g} {of.unit} ({sure})"
 
     def as_json(self) -> dict[str, object]:
         """As other tools read it."""
-        numbers = {"value": self.value, "median": self.spread.median, "unit": self.spread.unit, "z": self.z}
-        return {"robot": self.robot, "parameter": self.spread.what, **numbers}
+        own, of = self.own, self.of
+        value = of.value(own.value)
+        per = of.size or value
+        return {
+            "robot": self.robot,
+            "parameter": of.name,
+            "unit": of.unit,
+            "value": value,
+            "error": own.error * per,
+            "fleet": of.value(of.pooled.mean),
+            "per_month": own.trend * per,
+            "per_month_error": own.trend_error * per,
+            "drifts": self.drifts,
+            "probability": self.probability,
+            "seen": str(own.seen) if own.seen else None,
+        }
 
 
-def spread_of(model: Model, fitted: Sequence[Outcome]) -> tuple[Spread, ...]:
-    """Median, quartiles and robust scatter of the RMSE and of each parameter, over robots that determine it.
+def pooled_of(
+    model: Model, fitted: Sequence[Outcome], robots: Mapping[str, RobotLogs] | None = None
+) -> tuple[FleetParameter, ...]:
+    """The RMSE and each parameter over the robots that determine it.
 
     Args:
         model: the model that was fitted to each robot.
-        fitted: robots with a result.
+        fitted: robots with a result, or days of them.
+        robots: by the outcomes' names, whose and of which day they are; by default a robot each, of one day.
     """
     logarithmic = {parameter.name: parameter.logarithmic for parameter in model.parameters} | {RMSE: True}
-    names = [RMSE, *dict.fromkeys(name for outcome in fitted for name in outcome.parameters)]
-    spreads = []
-    mad_to_sigma = 1.4826
-    for name in names:
-        entries = [entry for outcome in fitted if (entry := _entry(outcome, name)) is not None]
+    usual = {parameter.name: parameter.declared.typical for parameter in model.parameters}
+    whose = robots or {}
+    parameters = []
+    for name in [RMSE, *dict.fromkeys(name for outcome in fitted for name in outcome.parameters)]:
+        entries = {outcome.robot: entry for outcome in fitted if (entry := _entry(outcome, name)) is not None}
         if not entries:
             continue
-        values = np.array([value for value, _, _ in entries])
-        low, median, high = (float(share) for share in np.quantile(values, (0.25, 0.5, 0.75)))
-        straight = logarithmic.get(name, False) and bool((values > 0).all())
-        coordinate = np.log if straight else np.asarray
-        apart = coordinate(values) - coordinate([median])
-        scale = mad_to_sigma * float(np.median(np.abs(apart)))
-        spreads.append(Spread(name, entries[0][2], len(entries), median, (low, high), scale, straight))
-    return tuple(spreads)
-
-
-def outliers(spread: Sequence[Spread], fitted: Sequence[Outcome]) -> tuple[Outlier, ...]:
-    """Robots further than four robust standard deviations from the median, the furthest first.
-
-    Args:
-        spread: of the fleet.
-        fitted: its robots.
-    """
-    result = []
-    fewest = 5  # robots, below which nobody can be said to stand apart
-    for distribution in spread:
-        if distribution.robots < fewest:
-            continue
-        for outcome in fitted:
-            entry = _entry(outcome, distribution.what)
-            if entry is not None and abs(z := _distance(distribution, *entry[:2])) > FAR:
-                result.append(Outlier(outcome.robot, distribution, entry[0], z))
-    return tuple(sorted(result, key=lambda outlier: -abs(outlier.z)))
-
-
-def _distance(spread: Spread, value: float, error: float) -> float:
-    if spread.logarithmic:
-        apart, own = math.log(value / spread.median), error / value
-        rounding = _ROUNDING
-    else:
-        apart, own = value - spread.median, error
-        rounding = _ROUNDING * max(abs(spread.median), abs(value))
-    return apart / max(math.hypot(spread.scale, own), rounding, 1e-300)
+        values = np.array([value for value, _, _ in entries.values()])
+        of_logarithm = logarithmic.get(name, False) and bool((values > 0).all())
+        # What may be none at all changes by as much as it usually is where it ages, not by a share of that.
+        size = 0.0 if of_logarithm else (max(float(np.median(np.abs(values))), usual.get(name) or 0.0) or 1.0) / DRIFT
+        sessions = []
+        for outcome, (value, error, _) in entries.items():
+            robot = whose.get(outcome, RobotLogs(outcome, ()))
+            x, e = (math.log(value), error / value) if of_logarithm else (value / size, error / size)
+            sessions.append(Session(robot.of, robot.day or _FIRST, x, e))
+        unit = next(iter(entries.values()))[2]
+        parameters.append(FleetParameter(name, unit, size, pool(sessions)))
+    return tuple(parameters)
 
 
 def _entry(outcome: Outcome, name: str) -> tuple[float, float, str] | None:
     """Value, standard error and unit; `None` where the robot's logs don't determine it."""
     if name == RMSE:
-        return (outcome.rmse, 0.0, "K") if math.isfinite(outcome.rmse) else None
+        return (outcome.rmse, _OF_RMSE * outcome.rmse, "K") if math.isfinite(outcome.rmse) else None
     parameter: Any = outcome.parameters.get(name)
     if parameter is None or parameter["error"] is None or not math.isfinite(parameter["error"]):
         return None
@@ -165,17 +178,24 @@ class Fleet:
     """What became of every robot.
 
     Args:
-        outcomes: one for each robot, in the order in which they were given.
-        spread: of each parameter, and of the RMSE, over the robots that were fitted.
-        outliers: the robots that stand apart, the furthest first.
+        outcomes: one for each robot, or each of its days, in the order in which they were given.
+        robots: by the outcomes' names, whose logs they are, and of which day.
+        parameters: the RMSE and each parameter, pooled over the robots that were fitted.
     """
 
     outcomes: tuple[Outcome, ...]
-    spread: tuple[Spread, ...]
-    outliers: tuple[Outlier, ...]
+    robots: Mapping[str, RobotLogs]
+    parameters: tuple[FleetParameter, ...]
 
     def __repr__(self) -> str:
-        return f"<Fleet: {len(self.fitted)} fitted, {len(self.failed)} failed, {len(self.outliers)} stand apart>"
+        return f"<Fleet: {len(self.fitted)} fitted, {len(self.failed)} failed, {len(self.deviations)} stand apart>"
+
+    @property
+    def deviations(self) -> list[Deviation]:
+        """Robots that stand apart, or drift, more probably than not, the most probable first."""
+        robots = [(of, robot) for of in self.parameters for robot in of.pooled.robots]
+        found = [Deviation(robot, of, drifts) for of, robot in robots for drifts in (False, True)]
+        return sorted((one for one in found if one.probability > 1 / 2), key=lambda one: -one.probability)
 
     @property
     def fitted(self) -> tuple[Outcome, ...]:
@@ -191,11 +211,17 @@ class Fleet:
         """The fleet as other tools read it."""
         return {
             "robots": {
-                outcome.robot: {"status": outcome.status, "message": outcome.message or None, **outcome.result}
+                outcome.robot: {
+                    "status": outcome.status,
+                    "message": outcome.message or None,
+                    "robot": self.robots[outcome.robot].of,
+                    "day": str(day) if (day := self.robots[outcome.robot].day) else None,
+                    **outcome.result,
+                }
                 for outcome in self.outcomes
             },
-            "spread": {distribution.what: distribution.as_json() for distribution in self.spread},
-            "outliers": [outlier.as_json() for outlier in self.outliers],
+            "parameters": {parameter.name: parameter.as_json() for parameter in self.parameters},
+            "deviations": [deviation.as_json() for deviation in self.deviations],
         }
 
 
@@ -212,7 +238,7 @@ def fit_each(
     report: Report = lambda _: None,
     on_outcome: Callable[[Outcome], None] = lambda _: None,
 ) -> Fleet:
-    """Fit one model to each robot's logs on its own.
+    """Fit one model to each robot's logs on its own, those of each day apart where the logs' names say it; pool them.
 
     Logs are read by the workers, which must find them, and this package, where they are. What travels is the model
     and a few kilobytes of results; at most `in_flight` robots are handed out at a time. A robot that can't be fitted
@@ -220,7 +246,7 @@ def fit_each(
 
     Args:
         model: the path of a model file, or a loaded model, which may have columns mapped.
-        robots: the robots, or files and folders as `robots_of` takes them.
+        robots: the robots, or files and folders as `robots_of` takes them, by day.
         into: folder for one model and one record a robot, written as they come. A robot whose record was made from
             the same model, options and logs is not fitted again. Without it, outcomes hold the models' text.
         executor: where to work, such as `dask.distributed.Client(...).get_executor()`. Processes, please: fits in
@@ -265,13 +291,13 @@ def fit_each(
                     report(f"fitting robot {new + 1} of {new + left}" + (f", {failed} failed" if failed else ""))
     ordered = tuple(by_robot[robot.name] for robot in fleet)
     good = [outcome for outcome in ordered if outcome.fitted]
-    spread = spread_of(loaded.model, good)
-    return Fleet(ordered, spread, outliers(spread, good))
+    report("pooling")
+    return Fleet(ordered, named, pooled_of(loaded.model, good, named))
 
 
 def _as_robots(robots: Sequence[RobotLogs] | Sequence[Path]) -> list[RobotLogs]:
     places = [place for place in robots if not isinstance(place, RobotLogs)]
-    fleet = [robot for robot in robots if isinstance(robot, RobotLogs)] + (robots_of(places) if places else [])
+    fleet = [robot for robot in robots if isinstance(robot, RobotLogs)] + (by_day(robots_of(places)) if places else [])
     if not fleet:
         raise InputError("robots", "names", "none", "one robot or more")
     names: set[str] = set()
@@ -288,12 +314,12 @@ def _as_robots(robots: Sequence[RobotLogs] | Sequence[Path]) -> list[RobotLogs]:
 
 
 def table_of(fleet: Fleet) -> pd.DataFrame:
-    """One row a robot: status, errors [K], warnings, then value and standard error of each parameter in SI units.
+    """One row a robot, or a day of it: status, errors [K], warnings, then parameters with standard errors, in SI units.
 
     A standard error is missing where the logs don't determine the parameter; all numbers of a robot that failed are.
     """
     names = list(dict.fromkeys(name for outcome in fleet.outcomes for name in outcome.parameters))
-    return pd.DataFrame([_row(outcome, names) for outcome in fleet.outcomes])
+    return pd.DataFrame([_row(outcome, fleet.robots[outcome.robot], names) for outcome in fleet.outcomes])
 
 
 def write_tables(fleet: Fleet, folder: Path) -> None:
@@ -303,9 +329,10 @@ def write_tables(fleet: Fleet, folder: Path) -> None:
         write_table(folder / name, table)
 
 
-def _row(outcome: Outcome, names: list[str]) -> dict[str, object]:
+def _row(outcome: Outcome, of: RobotLogs, names: list[str]) -> dict[str, object]:
     row: dict[str, object] = {
-        "robot": outcome.robot,
+        "robot": of.of,
+        "day": of.day,
         "fitted": outcome.fitted,
         "converged": outcome.converged,
         "search": outcome.result.get("status"),

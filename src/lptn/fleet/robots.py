@@ -1,10 +1,12 @@
-"""Which files are which robot's logs."""
+"""Which files are which robot's logs, and of which day."""
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import date
 from pathlib import Path
 
 from lptn.basics.errors import InputError
@@ -15,17 +17,54 @@ _ENDINGS = tuple(ending for ending in ENDINGS if not ending.startswith(".txt"))
 _BAG = "metadata.yaml"  # what makes a folder a log: a ROS 2 bag
 
 
+_DAY = re.compile(r"(?<!\d)(\d{4})([-_]?)(\d\d)\2(\d\d)(?!\d)")
+
+
 @dataclass(frozen=True)
 class RobotLogs:
-    """A robot and its logs.
+    """A robot and its logs, all of them or those of a day.
 
     Args:
-        name: what its results are called; different for each robot of a fleet.
+        name: what its results are called; different for each robot of a fleet, and for each of its days.
         logs: its logs, in order: files, or folders that are bags; each may hold several runs.
+        robot: the robot, where several days of it are told apart; by default its name.
+        day: the day of all of its logs, where it is known.
     """
 
     name: str
     logs: tuple[Path, ...]
+    robot: str = ""
+    day: date | None = None
+
+    @property
+    def of(self) -> str:
+        """The robot whose logs these are."""
+        return self.robot or self.name
+
+
+def by_day(robots: Sequence[RobotLogs]) -> list[RobotLogs]:
+    """Each robot's logs of a day apart, where a date such as 2026-03-14 stands in all of their names."""
+    apart = []
+    for robot in robots:
+        days: dict[date | None, list[Path]] = {}
+        for log in robot.logs:
+            days.setdefault(_day_of(log.name), []).append(log)
+        if None in days:
+            apart.append(robot)
+            continue
+        for day, logs in sorted(days.items(), key=lambda item: str(item[0])):
+            name = robot.name if len(days) == 1 else f"{robot.name}_{day}"
+            apart.append(RobotLogs(name, tuple(logs), robot.name, day))
+    return apart
+
+
+def _day_of(name: str) -> date | None:
+    for year, _, month, day in _DAY.findall(name):
+        try:
+            return date(int(year), int(month), int(day))
+        except ValueError:
+            continue
+    return None
 
 
 def robots_of(places: Sequence[Path]) -> list[RobotLogs]:
@@ -46,7 +85,7 @@ def robots_of(places: Sequence[Path]) -> list[RobotLogs]:
     seen = Counter(log.resolve() for robot in robots for log in robot.logs)
     for log, times in seen.most_common(1):
         if times > 1:
-            raise InputError(log, "--each", "a log that is given twice", "each log once")
+            raise InputError(log, "robots", "a log that is given twice", "each log once")
     paths = []  # of each the robot's name and the folders above it, nearest first
     for robot in robots:
         place = robot.logs[0].resolve().parent
@@ -58,7 +97,7 @@ def robots_of(places: Sequence[Path]) -> list[RobotLogs]:
 
 def _robots_at(place: Path) -> list[RobotLogs]:
     if not place.exists():
-        raise InputError(place, "--each", "no such file or folder", "a robot's log, or a folder of its logs")
+        raise InputError(place, "robots", "no such file or folder", "a robot's log, or a folder of its logs")
     if place.is_file() or _is_bag(place):
         return [RobotLogs(_stem(place), (place,))]
     logs = _logs_in(place)
@@ -67,7 +106,7 @@ def _robots_at(place: Path) -> list[RobotLogs]:
     folders = sorted(path for path in place.iterdir() if path.is_dir() and not path.name.startswith("."))
     robots = [RobotLogs(folder.name, logs) for folder in folders if (logs := _logs_in(folder))]
     if not robots:
-        raise InputError(place, "--each", "no log in it", f"bags, or files that end in {', '.join(_ENDINGS)}")
+        raise InputError(place, "robots", "no log in it", f"bags, or files that end in {', '.join(_ENDINGS)}")
     return robots
 
 
