@@ -16,7 +16,7 @@ import pytest
 
 from lptn.logs import bags
 from lptn.logs.columns import ColumnSource
-from lptn.logs.reading import read_log
+from lptn.logs.reading import open_log, read_log
 
 rosbag2 = pytest.importorskip("rosbags.rosbag2")
 typesys = pytest.importorskip("rosbags.typesys")
@@ -83,6 +83,38 @@ def recorder(request: pytest.FixtureRequest, tmp_path: Path) -> Recorder:
     made = Recorder(tmp_path / "bag", request.param)
     made.writer.open()
     return made
+
+
+def test_diagnostics_give_numbers_by_their_keys(recorder: Recorder, tmp_path: Path) -> None:
+    """A driver of two motors and a computer take turns on one topic; values are text, some with units, some words."""
+    for k in range(60):
+        motors = [
+            ("motor a", {"Temperature": f"{20 + 0.1 * k:.1f} C", "State": "enabled", "Bus voltage": "24.1V"}),
+            ("motor b", {"Temperature": f"{86 + 0.18 * k:.2f} °F", "Firmware": "1.2.3"}),
+        ]
+        for group in (motors, [("cpu", {"Temperature": "55"})]):
+            statuses = [
+                recorder.make(
+                    "diagnostic_msgs/DiagnosticStatus",
+                    0,
+                    name,
+                    "OK",
+                    "",
+                    [recorder.make("diagnostic_msgs/KeyValue", key, value) for key, value in said.items()],
+                )
+                for name, said in group
+            ]
+            message = recorder.make("diagnostic_msgs/DiagnosticArray", recorder.header(float(k)), statuses)
+            recorder.send("/diagnostics", float(k), message)
+    recorder.writer.close()
+    warm = ("/diagnostics.motor a.Temperature [C]", "/diagnostics.motor b.Temperature [°F]")
+    table, _ = open_log(tmp_path / "bag", {})
+    assert set(table.names) == {"time", *warm, "/diagnostics.motor a.Bus voltage [V]", "/diagnostics.cpu.Temperature"}
+    columns = {"temperature.a": ColumnSource((warm[0],)), "temperature.b": ColumnSource((warm[1],), "degF")}
+    (run,) = read_log(tmp_path / "bag", columns, outputs=list(columns))
+    np.testing.assert_allclose(run.temperature("a"), 20 + 0.1 * np.arange(60), atol=0.01)
+    np.testing.assert_allclose(run.temperature("b"), 30 + 0.1 * np.arange(60), atol=0.01)
+    assert not run.issues
 
 
 def test_topics_of_several_rates(recorder: Recorder, tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from typing import Any
 
@@ -23,6 +24,8 @@ _NUMPY_TYPES = {"bool": "u1", "byte": "u1", "char": "u1", "float32": "<f4", "flo
     f"{sign}int{8 * size}": f"<{sign or 'i'}{size}" for sign in ("", "u") for size in (1, 2, 4, 8)
 }
 _NAMED_ELSEWHERE = ("interface_values", "values")  # members whose entries another member names
+_DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
+_QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\W\d_/].*?|[°%µ].*?)?\s*")
 _LONGEST = 64  # entries of an array; longer ones are pictures and clouds
 _HEAD = 4  # bytes that say how a message is encoded
 _BASE, _NAME, _SEQUENCE = 1, 2, 4  # kinds of types, as rosbags numbers them
@@ -30,7 +33,14 @@ _COUNT, _TEXT = "count", "string"  # what stands before the entries of an array,
 
 
 def numbers_of(store: Any, message: Any) -> dict[str, float]:
-    """The numbers of a message by their names: `twist.linear.x`, `motor_state[3].temperature`, `effort[FR_calf]`."""
+    """The numbers of a message by their names: `twist.linear.x`, `motor_state[3].temperature`, `effort[FR_calf]`.
+
+    Diagnostics give theirs as text, by a key of what they are about: `motor FR_calf.Temperature [C]`.
+    """
+    if message.__msgtype__ == _DIAGNOSTICS:
+        pairs = [(f"{status.name}.{pair.key}", pair.value) for status in message.status for pair in status.values]
+        said = [(name, match) for name, value in pairs if (match := _QUANTITY.fullmatch(value))]
+        return {f"{name} [{match[2]}]" if match[2] else name: float(match[1]) for name, match in said}
     entries = _entries(store.fielddefs, (_NAME, None), message, "")
     return {name: float(x) for name, kind, x in entries if kind in _NUMPY_TYPES and name and name[:7] != "header."}
 
