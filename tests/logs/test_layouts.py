@@ -248,6 +248,30 @@ def test_what_holds_after_a_log_that_ends_early_can_be_said(tmp_path: Path) -> N
     assert toml_line(key, source) == '"power.a" = { column = "P_mW", unit = "mW", afterwards = 0 }'
 
 
+def test_a_vesc_log_is_known_by_its_names_over_midnight(tmp_path: Path) -> None:
+    step = np.arange(400)
+    columns = {
+        "ms_today": (86_300_000 + 500 * step) % 86_400_000,
+        "input_voltage": np.full(400, 48.0),
+        "temp_mos_max": 30 + 0.01 * step,
+        "temp_motor": 25 + 0.05 * step,
+        "current_motor": np.full(400, 5.0),
+        "current_in": np.full(400, 2.0),
+        "d_axis_current": np.full(400, 3.0) + 0.01 * (step % 7),
+        "q_axis_current": np.full(400, -4.0) + 0.01 * (step % 5),
+        "erpm": np.full(400, 7000.0),
+    }
+    path = tmp_path / "vesc.csv"
+    pd.DataFrame(columns).to_csv(path, index=False, sep=";")
+    outputs = ["temperature.motor", "temperature.mosfet"]
+    (run,) = read_log(path, inputs=["current.motor", "power.battery"], outputs=outputs)
+    assert len(run) * run.step == pytest.approx(200)
+    np.testing.assert_allclose(run.temperature("motor"), columns["temp_motor"][:: round(2 * run.step)], atol=0.2)
+    assert run.columns["current.motor"].mean() == pytest.approx(5.0, abs=0.03)
+    assert run.columns["power.battery"].mean() == pytest.approx(96.0)
+    assert any('amperes = "amplitude"' in note for note in run.notes)
+
+
 def test_what_is_logged_on_change_or_once_stands_until_the_next(tmp_path: Path) -> None:
     """A torque that is written when it changes, once in a minute, and the room's temperature that is written once."""
     time = np.arange(600.0)

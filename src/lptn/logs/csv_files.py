@@ -34,6 +34,7 @@ from lptn.basics.files import fingerprint
 from lptn.logs import tables
 from lptn.logs.columns import is_number, is_unit
 from lptn.logs.tables import Bounded, Table, most_unpacked, one_line_if_broken, require_package, too_large
+from lptn.logs.vesc import vesc_columns
 
 # --- Where the table begins among rows of cells, and under which names they stand -------------------------
 
@@ -318,7 +319,9 @@ def _table_of_text(path: Path, opened: Callable[[], BinaryIO], row: str, kind: s
         return frame
 
     units, digest = dict(zip(names, layout.units, strict=False)), partial(fingerprint, path)
-    table = Table(path, names, read, lambda k: f"{row} {below.kept[k]}", kind, units=units, notes=notes, digest=digest)
+    known, said = vesc_columns(names)
+    table = Table(path, names, read, lambda k: f"{row} {below.kept[k]}", kind, defaults=known, notes=[*notes, *said],
+                  digest=digest, units=units)  # fmt: skip
     return table
 
 
