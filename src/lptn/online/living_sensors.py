@@ -15,6 +15,7 @@ a filter does with the verdict is its own.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from scipy.special import ndtr
@@ -189,11 +190,14 @@ class LivingSensor:
         return f"reads {self.last:.6g} degC, which the heat put in contradicts" if self.lost else ""
 
     def state(self) -> FloatArray:
-        """All that is remembered, shape (numbers,)."""
-        return np.hstack([np.asarray(value, dtype=float) for value in vars(self).values()])
+        """All that is remembered, shape (numbers,); noise and step, which may be known better later, are not."""
+        return np.hstack([np.asarray(value, dtype=float) for value in self._remembered().values()])
 
     def restore(self, state: FloatArray) -> None:
         """Go on from what `state` returned."""
         numbers = iter(state.tolist())
-        for name, own in vars(self).items():
+        for name, own in self._remembered().items():
             setattr(self, name, [next(numbers) for _ in own] if isinstance(own, list) else type(own)(next(numbers)))
+
+    def _remembered(self) -> dict[str, Any]:
+        return {name: value for name, value in vars(self).items() if name not in ("_noise", "_step")}

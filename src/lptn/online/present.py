@@ -99,7 +99,8 @@ class ModelUncertainty:
 
 # --- The present, estimated from the log so far ---------------------------------------------------
 
-_MEMORY = 3600.0  # s of the log that are looked at: some time constants of a joint
+MEMORY = 3600.0
+"""s of the log that are looked at: some time constants of a joint."""
 _HEAT_TIME = 1800.0  # s; correlation time of the heat that a model lacks
 _SAMPLED = 50  # steps of a run at which sensitivities to parameters are computed
 _AIR = 0.1  # relative error of all conductances to the air in one run: a draught, a load on the back
@@ -235,22 +236,37 @@ def not_alive(estimator: Estimator, bound: BoundRun) -> tuple[BoolArray, list[Do
     return left_out, doubts
 
 
+def judge_of_sensors(model: Model, bound: BoundRun, uncertainty: ModelUncertainty) -> Estimator:
+    """A fresh filter that watches its sensors, as `present_by_live_sensors` judges them first.
+
+    Args:
+        model: the model.
+        bound: the run so far, which tells the sensors' noise and the heat that the model lacks.
+        uncertainty: how far the model is to be trusted.
+    """
+    return _judge(model, bound, uncertainty, _USUAL_SCALE * _missing_heat(model, bound, uncertainty))
+
+
+def _judge(model: Model, bound: BoundRun, uncertainty: ModelUncertainty, heat: FloatArray) -> Estimator:
+    noise, step = noise_and_steps(estimate_noise([bound], model.nodes))
+    return replace(_given(model, bound, noise, uncertainty), error=_error(model, heat)).estimator(step, watch=True)
+
+
 def present_by_live_sensors(model: Model, run: Run, uncertainty: ModelUncertainty) -> tuple[Estimator, list[Doubt]]:
     """An estimator at the end of a log that leans on no sensor that is not alive, and the sensors that are not then.
 
     Raises:
         InputError: no sensor is alive, or the model is much faster than the log.
     """
-    whole, run = bind(model, run), run.slice(float(run.time[-1]) - _MEMORY, inf)
+    whole, run = bind(model, run), run.slice(float(run.time[-1]) - MEMORY, inf)
     bound, nodes = bind(model, run), tuple(model.nodes)
     substeps(model, bound, model.values, default_start(model, bound))  # refuses what no filter would come to an end of
-    (noise, step), size = noise_and_steps(estimate_noise([bound], nodes)), _missing_heat(model, bound, uncertainty)
-    given = _given(model, bound, noise, uncertainty)
+    size = _missing_heat(model, bound, uncertainty)
     # Sensors are judged by a model as good as usual. Where those that nobody doubts then say that it is worse, all are
     # judged again: else the healthy sensor of a joint of which the model knows little would be left out.
     scale = _USUAL_SCALE
     for _ in range(2):
-        judging = replace(given, error=_error(model, scale * size)).estimator(step, watch=True)
+        judging = _judge(model, bound, uncertainty, scale * size)
         left_out, doubts = not_alive(judging, bound)
         if not (np.isfinite(bound.measured) & ~left_out).any():
             raise InputError(run.source, "temperature columns", "; ".join(map(str, doubts)), "a sensor that is alive")
