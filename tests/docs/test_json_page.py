@@ -35,6 +35,7 @@ TYPED = {
     "improve": ["improve two_heaters.toml log.csv --holdout-after 300 -o better.toml"],
     "forecast": ["forecast fitted.toml log.csv --limit 60"],
     "monitor": ["monitor fitted.toml log.csv --threshold 3"],
+    "watch": ["watch fitted.toml log.csv --replay 0 --limit 60 --every 100"],
     "fmu": ["fmu fitted.toml -o heaters.fmu"],
     "cosim": ["cosim heaters.fmu log.csv"],
     "plan": [

@@ -43,6 +43,7 @@ from lptn.cli.report import report
 from lptn.cli.simulate import simulate
 from lptn.cli.terminal import complain, library_log_shown, spared_closed_pipes
 from lptn.cli.trade import trade
+from lptn.cli.watch import watch
 
 app = cyclopts.App(
     name="lptn",
@@ -69,6 +70,7 @@ for _command in (
     report,
     forecast,
     monitor,
+    watch,
     fmu,
     cosim,
     trade,

@@ -1,0 +1,151 @@
+"""Where a status goes: lines of JSON, and Prometheus' text at `/metrics`."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from threading import Thread
+from typing import TextIO
+
+from lptn.basics.errors import InputError
+from lptn.live.sources import LOOPBACK, address_of
+from lptn.live.status import NodeStatus, Status
+from lptn.live.watch import Sink
+
+
+class JsonLines:
+    """A line of JSON for each status, to a stream or added to a file.
+
+    Raises:
+        InputError: the file can't be written.
+    """
+
+    def __init__(self, to: TextIO | Path) -> None:
+        self._owned = isinstance(to, Path)
+        try:
+            self._stream = to.open("a", encoding="utf-8") if isinstance(to, Path) else to
+        except OSError as error:
+            raise InputError(str(to), "sink", error.strerror or str(error), "a file that can be written") from error
+
+    def show(self, status: Status) -> None:
+        self._stream.write(json.dumps(status.as_json(), separators=(",", ":")) + "\n")
+        self._stream.flush()
+
+    def close(self) -> None:
+        if self._owned:
+            self._stream.close()
+
+
+# --- Prometheus -------------------------------------------------------------------------------------
+
+PORT_OF_METRICS = 9464
+"""The port that OpenTelemetry's exporters of such text have by default."""
+_TEXT = "text/plain; version=0.0.4; charset=utf-8"
+_BY_NODE: dict[str, tuple[str, Callable[[NodeStatus], float | None]]] = {
+    "lptn_temperature_celsius": ("estimated temperature", lambda one: one.temperature),
+    "lptn_temperature_low_celsius": ("cold end of its interval", lambda one: one.low),
+    "lptn_temperature_high_celsius": ("hot end of its interval", lambda one: one.high),
+    "lptn_reading_celsius": ("newest reading of its sensor", lambda one: one.reading),
+    "lptn_limit_celsius": ("limit", lambda one: one.limit),
+    "lptn_limit_seconds": ("time to the limit, +Inf for never", lambda one: one.time_to_limit),
+    "lptn_limit_earliest_seconds": ("early end of its interval", lambda one: one.earliest),
+    "lptn_limit_latest_seconds": ("late end of its interval", lambda one: one.latest),
+    "lptn_torque_scale_ratio": ("factor on the torque that is wanted", lambda one: one.torque_scale),
+    "lptn_sensor_trusted": ("1 while its sensor is trusted, else 0", lambda one: float(one.trust == "trusted")),
+}
+
+
+def metrics(status: Status) -> str:
+    """A status as Prometheus reads it: one gauge for each node and quantity that is known, counters of messages."""
+    lines = list[str]()
+    for name, (words, value) in _BY_NODE.items():
+        lines += [f"# HELP {name} {words}", f"# TYPE {name} gauge"]
+        for one in status.nodes:
+            x = value(one)
+            if x is not None and not math.isnan(x):
+                lines.append(f'{name}{{node="{_escaped(one.node)}"}} {_number(x)}')
+    lines += ["# HELP lptn_alarm a fault of a sensor or an input, found by lptn monitor", "# TYPE lptn_alarm gauge"]
+    for alarm in status.alarms:
+        channel = alarm.channel or f"temperature.{alarm.node}"
+        lines.append(f'lptn_alarm{{channel="{_escaped(channel)}",kind="{alarm.kind}"}} 1')
+    own = {"lptn_assessment_age_seconds": status.assessed, "lptn_missing_inputs": float(len(status.missing))}
+    for name, x in own.items():
+        lines += [f"# TYPE {name} gauge", f"{name} {_number(x)}"]
+    for word, count in (status.counts or {}).items():
+        lines += [f"# TYPE lptn_{word}_total counter", f"lptn_{word}_total {count}"]
+    return "\n".join(lines) + "\n"
+
+
+def _escaped(label: str) -> str:
+    return label.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n")
+
+
+def _number(x: float) -> str:
+    return f"{x:.10g}" if math.isfinite(x) else "+Inf" if x > 0 else "-Inf"
+
+
+class Prometheus:
+    """Serves the newest status at `http://HOST:PORT/metrics`, on this machine alone unless a host is given.
+
+    Raises:
+        InputError: the address can't be had.
+    """
+
+    def __init__(self, host: str = LOOPBACK, port: int = PORT_OF_METRICS) -> None:
+        newest = [b"# nothing is known yet\n"]
+
+        class Handler(BaseHTTPRequestHandler):
+            timeout = 10.0  # s for a request to come whole
+
+            def do_GET(self) -> None:
+                known = self.path.partition("?")[0] == "/metrics"
+                body = newest[0] if known else b"see /metrics\n"
+                self.send_response(200 if known else 404)
+                self.send_header("Content-Type", _TEXT)
+                self.send_header("Content-Length", str(len(body)))
+                self.end_headers()
+                self.wfile.write(body)
+
+            def log_message(self, *_: object) -> None:
+                pass
+
+        self._newest = newest
+        try:
+            self._server = ThreadingHTTPServer((host, port), Handler)
+        except OSError as error:
+            place = f"prometheus://{host}:{port}"
+            raise InputError(place, "sink", error.strerror or str(error), "a free port of this machine") from error
+        self.port = self._server.server_port
+        Thread(target=self._server.serve_forever, daemon=True).start()
+
+    def show(self, status: Status) -> None:
+        self._newest[0] = metrics(status).encode()
+
+    def close(self) -> None:
+        self._server.shutdown()
+        self._server.server_close()
+
+
+def sink_of(text: str, terminal: Callable[[], Sink], stream: TextIO) -> Sink:
+    """The sink that a text names: `terminal`, `json`, `json:FILE`, or `prometheus://HOST:PORT`.
+
+    Args:
+        text: what was given.
+        terminal: makes the table.
+        stream: where lines of JSON without a file go.
+
+    Raises:
+        InputError: there is no such sink, or it can't be opened.
+    """
+    kind, _, rest = text.partition(":")
+    if text == "terminal":
+        return terminal()
+    if kind == "json":
+        return JsonLines(Path(rest) if rest else stream)
+    if kind == "prometheus":
+        _, host, port = address_of(text if rest else f"{kind}://{LOOPBACK}", "sink", PORT_OF_METRICS)
+        return Prometheus(host, port)
+    raise InputError(text, "sink", "no such sink", "terminal, json, json:FILE, prometheus or prometheus://HOST:PORT")

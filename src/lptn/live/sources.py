@@ -1,0 +1,272 @@
+"""Where messages come from: lines, a growing file, UDP, a log replayed, Python. Each fills an inbox from its thread."""
+
+from __future__ import annotations
+
+import os
+import socket
+import stat
+import sys
+import time
+from abc import ABC, abstractmethod
+from collections import deque
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+from threading import Condition, Event
+from typing import BinaryIO
+from urllib.parse import urlsplit
+
+import numpy as np
+
+from lptn.basics.errors import InputError
+from lptn.identify.data import LoadedModel
+from lptn.live.messages import LONGEST, Numbers
+from lptn.logs.columns import ColumnSource
+from lptn.logs.guess import guess
+from lptn.logs.reading import choose_columns, open_log
+from lptn.simulate.bound_run import needed_columns
+
+_MOST = 10_000  # messages that wait: ten seconds at 1 kHz
+LOOPBACK = "127.0.0.1"
+Message = tuple[float, bytes | Numbers]
+"""When it was received [s since 1970, of a clock that does not jump], and what it says: bytes to decode, or numbers."""
+
+
+class Inbox:
+    """A bounded queue of messages: a source that can wait does; of others the newest win, and the rest is counted.
+
+    Args:
+        waits: whether the source can wait.
+    """
+
+    def __init__(self, *, waits: bool) -> None:
+        self._waits = waits
+        self._queue: deque[Message] = deque(maxlen=_MOST)
+        self._changed = Condition()
+        self._offset = time.time() - time.monotonic()
+        self.dropped = 0
+        self.closed = False
+        self.error: Exception | None = None
+
+    def put(self, payload: bytes | Numbers) -> None:
+        """Add a message that came now."""
+        with self._changed:
+            while self._waits and len(self._queue) == _MOST and not self.closed:
+                self._changed.wait(1.0)
+            self.dropped += len(self._queue) == _MOST
+            self._queue.append((time.monotonic() + self._offset, payload))
+            if len(self._queue) == 1:
+                self._changed.notify_all()
+
+    def take(self, timeout: float) -> list[Message]:
+        """All that has come, after waiting for so many seconds at most."""
+        with self._changed:
+            if not self._queue and not self.closed:
+                self._changed.wait(timeout)
+            messages = list(self._queue)
+            self._queue.clear()
+            self._changed.notify_all()
+        return messages
+
+    def close(self, error: Exception | None = None) -> None:
+        """Nothing more comes."""
+        with self._changed:
+            self.closed, self.error = True, error
+            self._changed.notify_all()
+
+
+class Source(ABC):
+    """Something that says numbers.
+
+    Args:
+        name: for messages.
+        live: messages come as things happen; else the source waits, and only its own time stamps say when it was.
+    """
+
+    def __init__(self, name: str, *, live: bool) -> None:
+        self.name, self.live, self.inbox = name, live, Inbox(waits=not live)
+        self.defaults: dict[str, ColumnSource] = {}
+        """Where quantities stand in a format that says so itself."""
+
+    @abstractmethod
+    def run(self, stop: Event) -> None:
+        """Fill the inbox until the source ends or `stop` is set; runs in a thread."""
+
+
+class Lines(Source):
+    """Lines of standard input, or of another stream with a file descriptor."""
+
+    def __init__(self, descriptor: int | None = None, name: str = "standard input") -> None:
+        self._descriptor = sys.stdin.fileno() if descriptor is None else descriptor
+        # What writes into a pipe may be the robot's own program, which must never wait.
+        super().__init__(name, live=not stat.S_ISREG(os.fstat(self._descriptor).st_mode))
+
+    def run(self, stop: Event) -> None:
+        rest = b""
+        while not stop.is_set() and (chunk := os.read(self._descriptor, 1 << 16)):
+            *lines, rest = (rest + chunk).split(b"\n")
+            for line in lines:
+                self.inbox.put(line)
+            rest = rest if len(rest) < LONGEST else b""
+        if rest:
+            self.inbox.put(rest)
+
+
+class GrowingFile(Source):
+    """Lines of a file from its beginning, and what is added to it; begun anew where it is replaced or cut."""
+
+    _PAUSE = 0.1  # s between two looks at a file that has not grown
+
+    def __init__(self, path: Path) -> None:
+        if not path.is_file():
+            raise InputError(path, "source", "no such file", "a file of JSON or CSV lines, -, or udp://HOST:PORT")
+        with path.open("rb") as stream:
+            if b"\0" in stream.read(4096):
+                expected = "lines of JSON or CSV; a log of another format is replayed: --replay 1"
+                raise InputError(path, "source", "a binary file", expected)
+        super().__init__(str(path), live=False)
+        self._path = path
+
+    def run(self, stop: Event) -> None:
+        while not stop.is_set():
+            with suppress(FileNotFoundError), self._path.open("rb") as stream:  # which may be rotated just now
+                self._follow(stream, stop)
+            stop.wait(self._PAUSE)
+
+    def _follow(self, stream: BinaryIO, stop: Event) -> None:
+        rest, own = b"", os.fstat(stream.fileno())
+        while not stop.is_set():
+            while chunk := stream.read(1 << 16):
+                *lines, rest = (rest + chunk).split(b"\n")
+                for line in lines:
+                    self.inbox.put(line)
+            now = self._path.stat()
+            if now.st_ino != own.st_ino or now.st_size < stream.tell():
+                return
+            stop.wait(self._PAUSE)
+
+
+class Udp(Source):
+    """Datagrams of JSON or CSV lines."""
+
+    _WAIT, _GATHERED = 0.2, 0.005  # s until the thread looks whether it should end; between two looks at a busy socket
+
+    def __init__(self, host: str, port: int) -> None:
+        super().__init__(f"udp://{host}:{port}", live=True)
+        self._socket = socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 22)
+        try:
+            self._socket.bind((host, port))
+        except OSError as error:
+            self._socket.close()
+            raise InputError(
+                self.name, "source", error.strerror or str(error), "a free port of this machine"
+            ) from error
+        self.port = int(self._socket.getsockname()[1])
+
+    def run(self, stop: Event) -> None:
+        with self._socket as receiver:
+            while not stop.is_set():
+                receiver.settimeout(self._WAIT)
+                with suppress(TimeoutError, BlockingIOError):
+                    self.inbox.put(receiver.recv(1 << 16))
+                    receiver.setblocking(False)
+                    while True:
+                        self.inbox.put(receiver.recv(1 << 16))
+                time.sleep(self._GATHERED)  # a thread that wakes for each message costs more than the messages
+
+
+class Push(Source):
+    """Messages that a Python program gives, from any thread.
+
+    Example:
+        >>> from lptn.live import Push
+        >>> source = Push()
+        >>> source.push({"time": 0.0, "torque.knee": 3.0, "temperature.knee": 21.5})
+        >>> source.end()
+    """
+
+    def __init__(self, name: str = "callback", *, live: bool = True) -> None:
+        super().__init__(name, live=live)
+        self._ended = Event()
+
+    def push(self, numbers: Numbers) -> None:
+        """Give a message: numbers by column name, nested or not."""
+        self.inbox.put(numbers)
+
+    def end(self) -> None:
+        """Nothing more comes."""
+        self._ended.set()
+
+    def run(self, stop: Event) -> None:
+        while not (stop.is_set() or self._ended.wait(0.1)):
+            pass
+
+
+class Replay(Source):
+    """A log of any format that `lptn.logs` reads, as if it came now, so many times as fast; 0: as fast as it can."""
+
+    def __init__(self, path: Path, speed: float, loaded: LoadedModel) -> None:
+        super().__init__(str(path), live=False)
+        table, columns = open_log(path, loaded.columns)
+        inputs, outputs = needed_columns(loaded.model)
+        guesses = guess(table, columns, inputs, outputs) if loaded.guessing else []
+        choice = choose_columns(table, columns | {one.key: one.source for one in guesses}, inputs, outputs)
+        sensors = {name for column in choice.outputs for name in choice.sources[column].columns}
+        self._numbers = table.numbers((n for source in choice.sources.values() for n in source.columns), sensors)
+        self._time = choice.sources["time"].values("time", self._numbers)
+        self._speed = speed
+        self.defaults = dict(table.defaults)
+
+    def run(self, stop: Event) -> None:
+        began = time.monotonic()
+        for stamp, row in zip(self._time.tolist(), self._rows(), strict=True):
+            ahead = (stamp - self._time[0]) / self._speed - (time.monotonic() - began) if self._speed else 0.0
+            if (ahead > 0 and stop.wait(ahead)) or stop.is_set():
+                return
+            self.inbox.put(row)
+
+    def _rows(self) -> Iterator[dict[str, float]]:
+        names, at_once = list(self._numbers), 1000  # rows
+        for first in range(0, self._time.size, at_once):
+            block = np.column_stack([self._numbers[name][first : first + at_once] for name in names])
+            for row in block.tolist():
+                yield dict(zip(names, row, strict=True))
+
+
+def source_of(text: str, loaded: LoadedModel, replay: float | None = None) -> Source:
+    """The source that a text names: `-`, `udp://HOST:PORT`, or a file that grows or, with a speed, is replayed.
+
+    Raises:
+        InputError: there is no such source.
+    """
+    if replay is not None:
+        return Replay(Path(text), replay, loaded)
+    if text == "-":
+        return Lines()
+    scheme, host, port = address_of(text, "source")
+    if scheme == "udp":
+        return Udp(host, port)
+    if scheme:
+        raise InputError(text, "source", f"the scheme {scheme}", "-, a file, or udp://HOST:PORT")
+    return GrowingFile(Path(text))
+
+
+def address_of(text: str, place: str, port: int | None = None) -> tuple[str, str, int]:
+    """Scheme, host and port of `udp://127.0.0.1:9870`; the host is loopback unless it is given. No scheme: ''.
+
+    Raises:
+        InputError: the port is missing or none.
+    """
+    if "://" not in text:
+        return "", "", 0
+    parts = urlsplit(text)
+    try:
+        found = parts.port if parts.port is not None else port
+    except ValueError:
+        found = None
+    if found is None:
+        raise InputError(
+            text, place, "no port", f"{parts.scheme}://HOST:PORT, such as {parts.scheme}://{LOOPBACK}:9870"
+        )
+    return parts.scheme, parts.hostname or LOOPBACK, found

@@ -1,0 +1,520 @@
+"""The loop: a source's messages through the sample clock and the estimator to sinks; its state saved and taken up."""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor, Future
+from contextlib import ExitStack, contextmanager
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, Protocol
+from zipfile import BadZipFile
+
+import numpy as np
+from scipy.special import ndtri
+
+from lptn.basics.arrays import FloatArray
+from lptn.basics.errors import InputError
+from lptn.basics.files import fingerprint, write_whole
+from lptn.basics.processes import one_blas_thread, pool_of
+from lptn.identify.data import LoadedModel
+from lptn.live.assessment import Assessment, Question, assess
+from lptn.live.history import History
+from lptn.live.messages import Decoder, Numbers
+from lptn.live.sampling import GAP, Clock, Columns, Rows, Sampler
+from lptn.live.sources import Source
+from lptn.live.status import NodeStatus, Status
+from lptn.logs.run import Run
+from lptn.online.calibration import Calibration
+from lptn.online.estimator import Estimator
+from lptn.online.fault_bank import Alarm
+from lptn.online.forecasting import Forecast, NodeForecast
+from lptn.online.monitoring import THRESHOLD
+from lptn.online.present import MEMORY, ModelUncertainty, judge_of_sensors
+from lptn.simulate.bound_run import bind
+
+_HISTORY = 2 * MEMORY  # s of rows that are kept: what a forecast looks at, and as much again for faults that creep
+_MOST_ROWS = 50_000  # rows of a model with a shorter step: 50 MB for thirty joints
+_FIRST = 60.0  # s of rows from which a forecast can be made
+_SHARE = 0.05  # of a processor that assessments may take; the loop takes as much at 1 kHz
+_TICK = 0.1  # s that the loop waits for a message
+_SAVED = 60.0  # s between two savings of the state
+_VERSION = 1  # of the state's file
+_RAW = "raw:"  # how what samples say of themselves is called among the kept rows, beside what the model makes of it
+
+
+class Sink(Protocol):
+    """Something that shows, or passes on, what is known."""
+
+    def show(self, status: Status) -> None:
+        """Take a status; called once a step of the model, never from two threads."""
+
+    def close(self) -> None:
+        """Nothing more comes."""
+
+
+class Watch:
+    """A robot watched as it runs.
+
+    Temperatures, their intervals and the trust in each sensor follow every step of the model by one `lptn.Estimator`,
+    the filter by which `lptn.forecast` judges sensors. Times to the limits and faults are those of `lptn.forecast` and
+    `lptn.monitor` on the last two hours: for a live source by a process of its own, on a twentieth of a processor at
+    most; in a log that is replayed at fixed times, so that the answers don't depend on the machine. After a gap
+    everything begins anew, as a log is cut there.
+
+    Args:
+        loaded: the model file.
+        source: what says numbers.
+        sinks: what gets each status.
+        limits: degC, by node or pattern, or one for all joints that are measured; none: no forecast.
+        coverage: of the intervals.
+        calibration: of `lptn.monitor`.
+        every: s between assessments, at least.
+        state: file in which the state is saved each minute and at the end, and taken up again.
+
+    Raises:
+        InputError: the state is of another model, or broken.
+
+    Example:
+        >>> import lptn
+        >>> from lptn.live import Push, Watch
+        >>> loaded = lptn.load_model("examples/tclab/two_heaters.toml")
+        >>> source = Push(live=False)
+        >>> for k in range(90):
+        ...     source.push({"time": k, "T1": 22.0, "T2": 22.0, "Q1": 50.0, "Q2": 0.0})
+        >>> source.end()
+        >>> last = Watch(loaded, source, limits=60.0).run()
+        >>> [node.node for node in last.nodes]
+        ['heater1', 'heater2']
+    """
+
+    def __init__(
+        self,
+        loaded: LoadedModel,
+        source: Source,
+        sinks: Sequence[Sink] = (),
+        *,
+        limits: float | Mapping[str, float] | None = None,
+        coverage: float = 0.9,
+        calibration: Calibration | None = None,
+        threshold: float = THRESHOLD,
+        every: float = 30.0,
+        state: Path | None = None,
+    ) -> None:
+        if not 0 < coverage < 1:
+            raise ValueError(f"coverage: found {coverage:g}; expected a share between 0 and 1")
+        if not every > 0:
+            raise ValueError(f"every: found {every:g}; expected seconds above 0")
+        self.loaded, self.model, self.source, self.sinks = loaded, loaded.model, source, list(sinks)
+        given = limits if isinstance(limits, Mapping) else {} if limits is None else {"": limits}
+        self._question = Question(self.model, loaded.file.fit, given, coverage, threshold, calibration, source.name)
+        self._width = float(ndtri(0.5 + coverage / 2))
+        self._every, self._state = every, state
+        self._stop = threading.Event()
+        self._decoder = Decoder(source.name)
+        self._columns = Columns(loaded, source.name, source.defaults)
+        self._clock = Clock(live=source.live)
+        self._sampler: Sampler | None = None
+        self._learnt, self._unread = 0, list[tuple[Numbers, float]]()  # the first messages, until the columns are known
+        self._history: History | None = None
+        self._averaged, self._step = False, loaded.file.step or 1.0
+        self._period: float | None = None
+        self._estimator: Estimator | None = None
+        self._last: dict[str, float] | None = None  # inputs of the newest row that the estimator has
+        self._taken = math.nan  # s, where that row begins
+        self._resumed: dict[str, FloatArray] = {}  # an estimator's state that was saved
+        self._assessment = Assessment(-math.inf)
+        self._ahead: Forecast | None = None
+        self._earlier = dict[str, Alarm]()
+        self._pending: Future[Assessment] | None = None
+        self._since, self._due, self._assessed = math.inf, math.inf, 0
+        """s: where what is known begins, when to assess next; how often that was done."""
+        self._heard = self._saved = time.monotonic()
+        self._counts = dict.fromkeys(("messages", "rows", "gaps"), 0)
+        self._events = list[str]()
+        self.status: Status | None = None
+        """The newest; `None` before the first row."""
+        if state is not None and state.exists():
+            self._restore(state)
+
+    # --- The loop -----------------------------------------------------------------------------------
+
+    def stop(self) -> None:
+        """End the loop cleanly, from any thread or a signal."""
+        self._stop.set()
+
+    @one_blas_thread
+    def run(self) -> Status:
+        """Watch until the source ends, `stop` is called, or SIGINT or SIGTERM comes; the last status.
+
+        Raises:
+            InputError: the source's messages lack a quantity, or no row was made of any of them.
+        """
+        reader = threading.Thread(target=self._read, daemon=True)
+        with ExitStack() as stack:
+            for sink in self.sinks:
+                stack.callback(sink.close)
+            stack.enter_context(_signals(self.stop))
+            pool = stack.enter_context(_pool()) if self.source.live else None
+            stack.callback(self._stop.set)
+            reader.start()
+            if self._resumed:
+                self._take_assessment(self._assess())
+            while not self._stop.is_set():
+                messages = self.source.inbox.take(_TICK)
+                if messages:
+                    self._take(messages, pool)
+                elif self.source.inbox.closed:
+                    break
+                self._look_at_the_clock()
+            if not self._stop.is_set():
+                self._finish()
+            if self._state is not None:
+                self._save(self._state)
+        if self.source.inbox.error is not None:
+            raise self.source.inbox.error
+        if self.status is None:
+            found = f"{self._counts['messages']} messages, no row of the model's step"
+            raise InputError(self.source.name, "source", self._columns.last_bad or found, "messages for a few steps")
+        return self.status
+
+    def _read(self) -> None:
+        error: Exception | None = None
+        try:
+            self.source.run(self._stop)
+        except Exception as problem:
+            error = problem
+        self.source.inbox.close(error)
+
+    def _finish(self) -> None:
+        """What a source that ended has left, and what the whole of it says."""
+        if self._sampler is None and self._unread:
+            self._begin(enough=True)
+            self._take([], None)
+        if self._sampler is not None:
+            for rows in self._sampler.add(np.zeros(0), {}, end=True):
+                self._take_rows(rows, None)
+        self._collect(wait=True)
+        if self._history and self._assessment.time < self._newest:
+            self._take_assessment(self._assess())
+            self._show()
+
+    def _take(self, messages: Sequence[tuple[float, bytes | Numbers]], pool: Executor | None) -> None:
+        """Take in what has come."""
+        self._counts["messages"] += len(messages)
+        self._heard = time.monotonic()
+        for received, payload in messages:
+            try:
+                said = self._decoder.decode(payload) if isinstance(payload, bytes) else payload
+            except InputError as error:
+                self._columns.bad, self._columns.last_bad = self._columns.bad + 1, str(error)
+                continue
+            if said is not None:
+                self._unread.append((said, received))
+        if self._sampler is None and self._unread:
+            self._begin()
+        if self._sampler is None or not self._unread:
+            return
+        jumps, silent, bad = self._clock.jumps, self._sampler.missing, self._columns.bad
+        raw, received_at = self._columns.values(
+            [said for said, _ in self._unread], np.array([received for _, received in self._unread])
+        )
+        self._unread.clear()
+        own = self._clock.of(raw.pop("time"), received_at)
+        for rows in self._sampler.add(own, raw):
+            self._take_rows(rows, pool)
+        if self._columns.bad > bad == 0:
+            self._events.append(f"left out: {self._columns.last_bad}")
+        if self._clock.jumps > jumps:
+            self._events.append(f"the clock of {self.source.name} jumped; it is taken to have gone on by what passed")
+        if self._sampler.missing != silent:
+            names = ", ".join(self._sampler.missing)
+            self._events.append(
+                f"silent, so that nothing can be estimated: {names}" if names else "all inputs are back"
+            )
+            self._show()
+
+    def _begin(self, *, enough: bool = False) -> None:
+        """Learn the columns from the first messages."""
+        new = [] if enough else self._unread[self._learnt :]
+        self._learnt = len(self._unread)
+        if notes := self._columns.learn(new, enough=enough):
+            self._events += notes
+            columns = self._columns
+            step = self.loaded.file.step or 1.0
+            self._sampler = Sampler(columns.inputs, columns.outputs, columns.sources, step, self._period)
+
+    def _look_at_the_clock(self) -> None:
+        """What is due with or without messages."""
+        self._collect(wait=False)
+        now = time.monotonic()
+        if self.source.live and now - self._heard > GAP:
+            self._events.append(f"no message of {self.source.name} for {GAP:g} s")
+            self._heard = math.inf
+            self._show()
+        if self._state is not None and now - self._saved > _SAVED:
+            self._save(self._state)
+
+    # --- The estimate ---------------------------------------------------------------------------------
+
+    def _take_rows(self, rows: Rows, pool: Executor | None) -> None:
+        """Take in complete rows: a status for each, and an assessment where one is due."""
+        sampler, names = self._sampler, [*rows.columns, *(f"{_RAW}{key}" for key in rows.raw)]
+        gone = set[str]()
+        if sampler is not None:
+            self._averaged, self._step, self._period = sampler.averaged, sampler.step, sampler.period
+            gone = sampler.gone
+        history = self._history
+        if history is None or history.names != names:
+            history = self._history = History(names, _HISTORY, _MOST_ROWS)
+        table = np.column_stack([*rows.columns.values(), *rows.raw.values()]).tolist()
+        begun = not len(history) or (rows.first and rows.time[0] - self._newest > GAP + self._step)
+        if begun:
+            if len(history):
+                self._counts["gaps"] += 1
+                silence = f"{rows.time[0] - self._newest:.0f} s without {', '.join(sorted(gone)) or 'messages'}"
+                gone.clear()
+                self._events.append(f"{silence}: the estimate begins anew")
+            self._estimator, self._last, self._ahead = None, None, None
+            self._since = float(rows.time[0])
+            self._due = self._since + _FIRST
+        for k, (now, values) in enumerate(zip(rows.time.tolist(), table, strict=True)):
+            row = dict(zip(names, values, strict=True))
+            history.add(now, row, first=begun and k == 0)
+            self._counts["rows"] += 1
+            if self._estimator is not None:
+                self._advance(self._estimator, now, row)
+            if now >= self._due and self._pending is None:
+                self._ask(pool)
+            self._show()
+
+    def _advance(self, estimator: Estimator, now: float, row: Mapping[str, float]) -> None:
+        """Take in a row, a mean in the middle of its step."""
+        inputs = {column: row[column] for column in self._columns.inputs}
+        readings = {node: row.get(f"temperature.{node}") for node in self.model.nodes}
+        last, since = self._last or inputs, now - self._taken if self._last else 0.0
+        if self._averaged and self._last:
+            estimator.advance(last, since / 2)
+            last, since = inputs, since / 2
+        estimator.update(last, readings, since)
+        self._last, self._taken = inputs, now
+
+    # --- Forecast and monitor -------------------------------------------------------------------------
+
+    @property
+    def _newest(self) -> float:
+        return float(self._history.time[-1]) if self._history else -math.inf
+
+    def _ask(self, pool: Executor | None) -> None:
+        """Begin an assessment, or make it where nobody waits."""
+        if pool is None:
+            self._take_assessment(self._assess())
+        else:
+            self._pending = pool.submit(assess, *self._asked(), averaged=self._averaged)
+
+    def _assess(self) -> Assessment:
+        return assess(*self._asked(), averaged=self._averaged)
+
+    def _asked(self) -> tuple[Question, dict[str, FloatArray], float]:
+        """What `assess` wants: samples as they came, or means."""
+        assert self._history is not None
+        kept = self._history.columns()
+        raw = {key.removeprefix(_RAW): values for key, values in kept.items() if key.startswith(_RAW)}
+        return self._question, {"time": self._history.time.copy()} | (raw or kept), self._step
+
+    def _collect(self, *, wait: bool) -> None:
+        if self._pending is not None and (wait or self._pending.done()):
+            pending, self._pending = self._pending, None
+            self._take_assessment(pending.result())
+
+    def _take_assessment(self, found: Assessment) -> None:
+        """Use an assessment; the filter goes on with what it says of noise and of the model."""
+        if found.refused is not None and not self._assessed:
+            raise found.refused
+        pause = max(self._every, found.seconds / _SHARE if self.source.live else 0.0)
+        self._due, self._assessed = self._newest + pause, self._assessed + 1
+        problem = str(found.refused or found.why_not)
+        if problem and problem != str(self._assessment.refused or self._assessment.why_not):
+            self._events.append(problem)
+        known = set(self._alarms)
+        start = float(self._history.time[0]) if self._history else math.inf
+        self._earlier = {name: alarm for name, alarm in self._alarms.items() if alarm.onset < start}
+        self._assessment = found
+        for name, alarm in self._alarms.items():
+            if name not in known:
+                self._events.append(f"{name}: {alarm.words}, since {alarm.onset - self._clock.shift:.0f} s")
+        if found.uncertainty is not None and found.time >= self._since:  # not from before a gap
+            self._ahead = found.forecast or self._ahead
+            self._judge_anew(found, found.uncertainty)
+
+    @property
+    def _alarms(self) -> dict[str, Alarm]:
+        """By channel: the newest, and those whose beginning is forgotten."""
+        return self._earlier | {alarm.channel or alarm.node: alarm for alarm in self._assessment.alarms}
+
+    def _judge_anew(self, found: Assessment, uncertainty: ModelUncertainty) -> None:
+        """The estimator with the newest noise and errors of the model; at first it takes in all rows since a gap."""
+        assert self._history is not None
+        time, columns = self._history.time, self._history.columns()
+        since = max(self._since, self._newest - MEMORY)
+        kept = time >= since
+        columns = {key: values[kept] for key, values in columns.items()}
+        run = Run("live", self._step, time[kept], columns, self._averaged, self.source.name, "",
+                  resolution=found.resolution, scatter=found.scatter)  # fmt: skip
+        judge = judge_of_sensors(self.model, bind(self.model, run), uncertainty)
+        if self._resumed:
+            judge.restore(self._resumed)
+            self._resumed = {}
+        elif self._estimator is not None:
+            judge.restore(self._estimator.state())
+        else:
+            self._last = None
+            rows = zip(*columns.values(), strict=True)
+            for now, values in zip(time[kept].tolist(), rows, strict=True):
+                self._advance(judge, now, dict(zip(columns, map(float, values), strict=True)))
+        self._estimator = judge
+
+    # --- What is shown ----------------------------------------------------------------------------------
+
+    def _show(self) -> None:
+        """Tell all sinks what is known now."""
+        if not self._history:
+            return
+        counts = self._counts | {
+            "dropped": self.source.inbox.dropped, "bad": self._columns.bad,
+            "late": self._clock.late, "jumps": self._clock.jumps,
+        }  # fmt: skip
+        missing = self._sampler.missing if self._sampler is not None else ()
+        ago = self._newest - self._assessment.time
+        nodes = tuple(self._nodes(ago))
+        self.status = Status(
+            self._newest - self._clock.shift,
+            nodes,
+            tuple(self._alarms.values()),
+            ago,
+            missing,
+            counts,
+            tuple(self._events),
+        )
+        self._events.clear()
+        for sink in self.sinks:
+            sink.show(self.status)
+
+    def _nodes(self, ago: float) -> Iterator[NodeStatus]:
+        history, estimator = self._history, self._estimator
+        assert history is not None
+        readings = {place: history.last(f"temperature.{place}") for place in self.model.places}
+        if estimator is None:  # the first minute
+            for node in self.model.nodes:
+                own = readings[node]
+                yield NodeStatus(node, own, math.nan, math.nan, own, None, None, None, None, "not yet")
+            return
+        now, sensors = estimator.estimate, dict(zip(self.model.nodes, estimator.sensors, strict=True))
+        doubts = {doubt.node: doubt.why for doubt in self._ahead.doubts} if self._ahead else {}
+        for place in self.model.places:
+            temperature, deviation = now.temperature(place)
+            trust = "none"
+            if place in sensors and f"temperature.{place}" in history.names:
+                proven = "trusted" if sensors[place].once_trusted else "not yet"
+                trust = now.untrusted.get(place) or doubts.get(place) or proven
+            ahead, around = self._ahead.nodes.get(place) if self._ahead else None, self._width * deviation
+            yield NodeStatus(place, temperature, temperature - around, temperature + around, readings[place],
+                             *_left(ahead, ago, temperature), trust)  # fmt: skip
+
+    # --- The state ------------------------------------------------------------------------------------
+
+    def _save(self, path: Path) -> None:
+        """Save all that is known, whole or not at all."""
+        self._saved = time.monotonic()
+        if not self._history:
+            return
+        clock = self._clock
+        about = {
+            "version": _VERSION,
+            "model": fingerprint(self.loaded.file.path),
+            "clock": [clock.last, clock.received, clock.shift, clock.jumps, clock.late],
+            "rows": [self._averaged, self._step, self._since, self._period],
+            "last": [self._last, self._taken],
+            "counts": self._counts,
+            "alarms": [asdict(alarm) for alarm in self._alarms.values()],
+        }
+        arrays: dict[str, Any] = {"about": np.frombuffer(json.dumps(about).encode(), dtype=np.uint8)}
+        arrays |= {f"history/{name}": array for name, array in self._history.state().items()}
+        of_filter = self._estimator.state() if self._estimator is not None else self._resumed
+        arrays |= {f"estimator/{name}": array for name, array in of_filter.items()}
+        stream = io.BytesIO()
+        np.savez(stream, **arrays)
+        write_whole(path, stream.getvalue())
+
+    def _restore(self, path: Path) -> None:
+        """Take up a state that was saved.
+
+        Raises:
+            InputError: it is none, or of another model.
+        """
+        try:
+            with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as file:
+                arrays = {name: file[name] for name in file.files}
+            about: dict[str, Any] = json.loads(arrays.pop("about").tobytes())
+            if about["version"] != _VERSION or about["model"] != fingerprint(self.loaded.file.path):
+                problem = "the state of another model, or of another version of it"
+                raise InputError(path, "state", problem, "that of this model; delete it to begin anew")
+            self._take_up(about, arrays)
+        except InputError:
+            raise
+        except (OSError, ValueError, KeyError, TypeError, EOFError, BadZipFile) as error:
+            raise InputError(path, "state", str(error) or "a broken file", "a state that lptn watch saved") from error
+
+    def _take_up(self, about: Mapping[str, Any], arrays: Mapping[str, FloatArray]) -> None:
+        clock = self._clock
+        clock.last, clock.received, clock.shift, clock.jumps, clock.late = about["clock"]
+        self._averaged, self._step, self._since, self._period = about["rows"]
+        self._last, self._taken = about["last"]
+        self._counts |= about["counts"]
+        self._earlier = {alarm.channel or alarm.node: alarm for alarm in (Alarm(**one) for one in about["alarms"])}
+        of = {kind: {name.removeprefix(kind): array for name, array in arrays.items() if name.startswith(kind)}
+              for kind in ("history/", "estimator/")}  # fmt: skip
+        self._history = History((), _HISTORY, _MOST_ROWS)
+        self._history.restore(of["history/"])
+        self._resumed, self._due = of["estimator/"], self._newest + self._every
+        self._events.append(f"{len(self._history)} rows taken up from {self._state}")
+
+
+def _left(
+    ahead: NodeForecast | None, ago: float, temperature: float
+) -> tuple[float | None, float | None, float | None, float | None]:
+    """A node's limit, and the time that is left of what a forecast said so long ago, with its interval."""
+    if ahead is None:
+        return None, None, None, None
+    low, middle, high = (max(x - ago, 0.0) for x in (ahead.low, ahead.time_to_limit, ahead.high))
+    return ahead.limit, 0.0 if temperature >= ahead.limit else middle, low, high
+
+
+@contextmanager
+def _signals(stop: Callable[[], None]) -> Iterator[None]:
+    """Within it SIGINT and SIGTERM end the loop cleanly; only the main thread hears them."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    usual = {number: signal.signal(number, lambda *_: stop()) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in usual.items():
+            signal.signal(number, handler)
+
+
+@contextmanager
+def _pool() -> Iterator[Executor]:
+    """A process for assessments, that nobody waits for at the end."""
+    pool = pool_of(1)
+    try:
+        yield pool
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)

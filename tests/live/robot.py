@@ -1,0 +1,58 @@
+"""Two motors in still air whose temperatures are known in closed form, with the model file of them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+AIR, CAPACITY, RESISTANCE, PER_TORQUE = 22.0, 300.0, 5.0, 0.15 / 0.84**2  # degC, J/K, K/W, W/(N m)^2
+MODEL = f"""
+[model]
+name = "two motors"
+ambient = "temperature.ambient"
+
+[nodes.knee]
+capacity = {CAPACITY}
+
+[nodes.hip]
+capacity = {CAPACITY}
+
+[[links]]
+between = ["*", "ambient"]
+resistance = {RESISTANCE}
+
+[[effects]]
+kind = "copper_loss"
+at = "*"
+resistance = 0.15
+torque_constant = 0.84
+
+[fit]
+rmse = 0.1
+"""
+TORQUES = {"knee": (9.0, 3.0), "hip": (4.0, 10.0)}  # N m, before and behind the middle of a log
+
+
+def model_file(folder: Path) -> Path:
+    """The model file."""
+    path = folder / "motors.toml"
+    path.write_text(MODEL)
+    return path
+
+
+def log(seconds: int = 600, rate: float = 1.0, noise: float = 0.05, seed: int = 0) -> pd.DataFrame:
+    """Both motors from the air's temperature on: torques that alternate in sign, exact temperatures, and noise."""
+    time = np.arange(round(seconds * rate)) / rate
+    columns = {"time": time, "temperature.ambient": np.full(time.size, AIR)}
+    rng, fading = np.random.default_rng(seed), np.exp(-1 / rate / (RESISTANCE * CAPACITY))
+    for joint, (first, second) in TORQUES.items():
+        size = np.where(time < seconds / 2, first, second)
+        columns[f"torque.{joint}"] = size * np.where(np.arange(time.size) % 2, 1.0, -1.0)
+        settled = AIR + RESISTANCE * PER_TORQUE * size**2
+        temperature = np.full(time.size, AIR)
+        for k in range(1, time.size):
+            temperature[k] = settled[k - 1] + (temperature[k - 1] - settled[k - 1]) * fading
+        columns[f"temperature.{joint}"] = temperature + noise * rng.standard_normal(time.size)
+    return pd.DataFrame(columns)
