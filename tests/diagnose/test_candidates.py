@@ -10,8 +10,9 @@ import pytest
 from lptn.basics.parameters import LARGEST, Parameter
 from lptn.diagnose.candidates import Candidate, Site, candidates, separate_runs
 from lptn.effects import catalogue
+from lptn.logs.columns import START
 from lptn.model.model import Model
-from lptn.model.network import START, EffectDeclaration, LinkDeclaration, Network, NodeDeclaration
+from lptn.model.network import EffectDeclaration, LinkDeclaration, Network, NodeDeclaration
 from lptn.simulate.bound_run import bind
 from lptn.simulate.simulation import sensitivities
 from tests.builders import AMBIENT, capacity, effect, link, node, random_run, resistance

@@ -203,8 +203,10 @@ def _content(loaded: LoadedModel, log: Path) -> LogContent:
     from lptn.simulate.bound_run import needed_columns
 
     inputs, outputs = needed_columns(loaded.model)
-    table, columns = open_log(log, loaded.columns)
-    optional = optional_columns(loaded.model)
+    sources, given = loaded.sources_of(log)
+    inputs = [key for key in inputs if key not in given]
+    table, columns = open_log(log, sources)
+    optional = [key for key in optional_columns(loaded.model) if key not in given]
     guesses = tuple(guess(table, columns, inputs, outputs, optional))
     if loaded.guessing:
         columns |= {proposal.key: proposal.source for proposal in guesses}

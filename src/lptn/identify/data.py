@@ -9,25 +9,27 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
+from lptn.basics.arrays import FloatArray
 from lptn.basics.bounds import LOGS
 from lptn.basics.errors import InputError
 from lptn.basics.places import is_of_run
 from lptn.effects import catalogue
 from lptn.logs.clock import stretch_in_words
-from lptn.logs.columns import ColumnSource, parse_map_option
+from lptn.logs.columns import START, ColumnSource, parse_map_option, quantity_of, to_si
 from lptn.logs.joining import ONE_CLOCK, SECOND_TIME
-from lptn.logs.reading import GUESSED, ROWS_UNKNOWN, read_log
+from lptn.logs.reading import GUESSED, ROWS_UNKNOWN, read_log, run_name
 from lptn.logs.repeated import repeated_stretch
-from lptn.logs.resampling import raw_keys
+from lptn.logs.resampling import raw_keys, sample_values
 from lptn.logs.run import Run
 from lptn.logs.streams import ANOTHER_SOURCE
 from lptn.model.file import ModelFile, read_model_file
 from lptn.model.heat_balance import input_column
 from lptn.model.model import Model
 from lptn.model.network import Network
-from lptn.simulate.bound_run import needed_columns
+from lptn.simulate.bound_run import needed_columns, resting_temperature
 
 # --- Which segments of which runs are fitted, held out, or test -------------------------------------
 
@@ -382,6 +384,23 @@ class LoadedModel:
         """Where the quantities stand, by the file and by the command line."""
         return self.file.columns | dict(parse_map_option(f"{key}={text}") for key, text in self.mapped.items())
 
+    def sources_of(self, log: Log, named: str = "log") -> tuple[dict[str, ColumnSource], dict[str, ColumnSource]]:
+        """Where quantities stand in one log, and those that hold a value throughout it: by its name, before all others.
+
+        Args:
+            log: the log.
+            named: what it is called, if it is a data frame.
+        """
+        name = named if isinstance(log, pd.DataFrame) else run_name(Path(log))
+        sources: dict[str, ColumnSource] = {}
+        for of_one in (False, True):
+            for key, source in self.columns.items():
+                quantity, at, pattern = key.partition("@")
+                if bool(at) == of_one and (not at or is_of_run(name, pattern)):
+                    sources[quantity] = source
+        given = {key: source for key, source in sources.items() if source.value is not None}
+        return {key: source for key, source in sources.items() if key not in given}, given
+
     def runs(
         self,
         logs: Sequence[Log],
@@ -404,18 +423,22 @@ class LoadedModel:
         """
         LOGS.check(len(logs), self.file.path, "logs")
         inputs, outputs = needed_columns(self.model)
-        columns, optional = self.columns, optional_columns(self.model)
+        optional = optional_columns(self.model)
         all_runs: list[Run] = []
         said: list[str] = []
         for number, log in enumerate(logs, start=1):
+            name = named if len(logs) == 1 else f"{named}{number}"
+            columns, given = self.sources_of(log, name)
+            if sensors := [key for key in given if key in outputs]:
+                raise InputError(self.file.path, f"[columns] {sensors[0]}", "a value", "a column, for it is predicted")
             runs = read_log(
                 log,
                 columns,
-                name=named if len(logs) == 1 else f"{named}{number}",
+                name=name,
                 step=self.file.step,
-                inputs=inputs,
+                inputs=[key for key in inputs if given.keys().isdisjoint(raw_keys(key))],
                 outputs=outputs,
-                optional=optional,
+                optional=[key for key in optional if given.keys().isdisjoint(raw_keys(key))],
                 strict=strict,
                 guessing=self.guessing,
             )
@@ -429,8 +452,26 @@ class LoadedModel:
             asked = [note for note in runs[0].notes if any(doubt in note for doubt in doubts)]
             for note in [*guessed, *asked * strict, *issues]:
                 notify(Path(runs[0].source), note)
-            all_runs += runs
+            all_runs += [self._with_values(run, given, inputs) for run in runs]
         return all_runs
+
+    def _with_values(self, run: Run, given: Mapping[str, ColumnSource], inputs: Sequence[str]) -> Run:
+        """A run with the inputs that hold a value throughout it."""
+        columns = dict(run.columns)
+        for column in inputs:
+            raw = {key: given[key] for key in raw_keys(column) if key in given}
+            if not raw:
+                continue
+            if lacking := [key for key in raw_keys(column) if key not in given and key not in columns]:
+                raise InputError(run.source, f"column {lacking[0]}", "no such column", f"what {column} is made of")
+            held = dict(columns) | {key: self._held(source, key, run) for key, source in raw.items()}
+            columns[column] = sample_values(column, held)
+        return replace(run, columns=columns)
+
+    def _held(self, source: ColumnSource, key: str, run: Run) -> FloatArray:
+        if source.value == START:
+            return np.full(len(run), resting_temperature(self.model, run))
+        return to_si(np.full(len(run), source.value), quantity_of(key), source.unit)
 
 
 def load_model(path: str | Path, mapped: Sequence[str] = ()) -> LoadedModel:
@@ -459,7 +500,7 @@ def load_model(path: str | Path, mapped: Sequence[str] = ()) -> LoadedModel:
     columns = [*loaded.model.inputs, *(f"temperature.{node}" for node in loaded.model.nodes)]
     usable = {key for column in (*columns, *optional_columns(loaded.model)) for key in (column, *raw_keys(column))}
     # A slip of the pen would be without effect, in silence.
-    for key in sorted(pairs.keys() - usable - {"time", SECOND_TIME}):
+    for key in sorted({key.partition("@")[0] for key in pairs} - usable - {"time", SECOND_TIME}):
         expected = f"a quantity at a place of the model, such as {' or '.join(columns[::-1][:3])}"
         raise InputError("--map", key, "nothing that the model could use", expected)
     return loaded

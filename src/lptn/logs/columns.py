@@ -19,6 +19,8 @@ from lptn.basics.units import registry
 # --- Units that people write, turned into SI (temperatures into degC) -----------------------------
 
 AMBIENT = "temperature.ambient"
+START = "start"
+"""In place of a temperature: that which all nodes have at the start of a log that begins at rest."""
 HEATS = ("torque", "current")
 INPUTS = (*HEATS, "velocity")
 """Quantities that drive a joint's heat."""
@@ -119,6 +121,7 @@ class ColumnSource:
         valid: least and greatest number in the file that is a reading.
         afterwards: in `unit`, what holds behind the last reading: 0 where a log ends because all was switched off.
         hold: a value stands until the next one, as of what is logged on change, or once; rows before the first have it.
+        value: what holds throughout, in place of a column; "start" for the temperature that all nodes have at first.
         rate: rows a second, of a log without a time column.
         rows: of `time`, over what the other columns of a row are means, one of `MEANS`, or `SAMPLES`; "" where nobody
             said, for samples.
@@ -135,6 +138,7 @@ class ColumnSource:
     rate: float = 0.0
     afterwards: float | None = None
     hold: bool = False
+    value: float | Literal["start"] | None = None
     rows: str = ""
 
     def parts(self) -> tuple[ColumnSource, ...]:
@@ -211,7 +215,7 @@ def _is_thermometer(value: object) -> bool:
     return known and numbers["resistance"] > 0 and numbers["alpha"] > 0
 
 
-_PLACES = ("column", *_COMBINED, "rate")
+_PLACES = ("column", *_COMBINED, "rate", "value")
 """How an entry says where its values stand, of which it has one."""
 _ENTRIES: Mapping[str, tuple[Callable[[Any], bool], str, Callable[[Any], Any]]] = {
     "column": (lambda x: isinstance(x, str) and x != "", "the name of a column", lambda x: (x,)),
@@ -220,6 +224,7 @@ _ENTRIES: Mapping[str, tuple[Callable[[Any], bool], str, Callable[[Any], Any]]] 
     "mean": (_are_names, 'two or more column names, such as ["T1", "T2"]', tuple),
     "ratio": (lambda x: _are_names(x) and len(x) == 2, 'two column names, such as ["u_dc", "i_dc"]', tuple),
     "rate": (lambda x: _is_finite(x) and x > 0, "the rows of the log a second, such as 50", float),
+    "value": (lambda x: _is_finite(x) or x == START, f'a finite number, or "{START}"', lambda x: x),
     "unit": (lambda x: isinstance(x, str) and x.strip() != "", 'the name of a unit, such as "degC"', str.strip),
     "scale": (lambda x: _is_finite(x) and x != 0, "a finite number but 0", float),
     "offset": (_is_finite, "a finite number", float),
@@ -236,6 +241,7 @@ _OF_KEYS = {  # settings of some quantities alone, and those that can't stand be
     "rate": (re.compile(r"time(\.2)?"), "time alone: time = { rate = 50 }", set(_ENTRIES) - {"rate", "rows"}),
     "rows": (re.compile("time"), _ENTRIES["rows"][1], set[str]()),
     "thermometer": (re.compile(r"temperature\..*"), "a temperature alone", {"unit", "scale", "offset"}),
+    "value": (re.compile(r"(?!time).*"), "anything but the time", set(_ENTRIES) - {"value", "unit"}),
 }
 
 
@@ -244,9 +250,10 @@ def parse_columns(table: Mapping[str, object], file: str | Path, place: str) -> 
 
     An entry is a name, `{ column = "T1" }`, `{ norm = ["i_d", "i_q"] }`, `{ product = ["u_dc", "i_dc"] }`,
     `{ mean = ["T1", "T2"] }` or `{ ratio = ["u_dc", "i_dc"] }`, with unit, scale, offset, wrap, invalid, valid,
-    afterwards and hold; or, of `time`, `{ rate = 50 }`, and rows where these are means. With
-    `thermometer = { resistance = 0.186, at = 25, alpha = 0.0039 }` a resistance [ohm] becomes the temperature at which
-    a winding has it ([QuadrupedLPTN, eq. 6]).
+    afterwards and hold; `{ value = 22 }` where no column says it; or, of `time`, `{ rate = 50 }`, and rows where these
+    are means. With `thermometer = { resistance = 0.186, at = 25, alpha = 0.0039 }` a resistance [ohm] becomes the
+    temperature at which a winding has it ([QuadrupedLPTN, eq. 6]). A key `temperature.ambient@monday` is for one
+    log, or those that a glob means, and goes before the key without.
 
     Args:
         table: the table as it was read from TOML.
@@ -300,7 +307,7 @@ def is_number(text: str) -> bool:
 
 def _source(key: str, entry: object, file: str | Path, place: str) -> ColumnSource:
     """What an entry of `[columns]` says: a name, or a table."""
-    if not is_key(key):
+    if not is_key(key.partition("@")[0]):
         raise InputError(file, place, f"key '{key}'", "time or <quantity>.<place>, such as torque.FR_calf")
     said: Any = {"column": entry} if isinstance(entry, str) else entry
     if not isinstance(said, Mapping):
@@ -311,11 +318,13 @@ def _source(key: str, entry: object, file: str | Path, place: str) -> ColumnSour
         winding = {**_COPPER, **winding}
         settings["scale"] = 1 / (winding["alpha"] * winding["resistance"])
         settings["offset"] = winding["at"] - 1 / winding["alpha"]
-    if how != "rate":
+    if how not in ("rate", "value"):
         settings["columns"] = settings.pop(how)
     if how in _COMBINED:
         settings["how"] = how
     quantity, wanted = quantity_of(key), "its quantity, such as V"
+    if settings.get("value") == START and quantity != "temperature":
+        raise InputError(file, f"{place} value", f'"{START}"', "a number; the start tells temperatures alone")
     if quantity in _SI:
         wanted = f"{quantity.partition('_')[0]}, such as {_SI[quantity]}"
     try:
@@ -395,7 +404,7 @@ def as_line_or_option(key: str, source: ColumnSource) -> str:
 
 def _as_entry(source: ColumnSource) -> dict[str, Any]:
     """A source as an entry of `[columns]`, without what it has by default."""
-    place: tuple[str, Any] = ("rate", source.rate)
+    place: tuple[str, Any] = ("rate", source.rate) if source.value is None else ("value", source.value)
     if source.columns:
         place = ("column", source.columns[0]) if len(source.columns) == 1 else (source.how, source.columns)
     names = ("unit", "rows", "scale", "offset", "wrap", "invalid", "valid", "afterwards", "hold")

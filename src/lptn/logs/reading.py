@@ -254,13 +254,14 @@ def _instead(table: Table, sources: Mapping[str, ColumnSource], key: str, purpos
     return expected
 
 
-def _without_column(key: str, value: float = 22.0) -> str:
+def _without_column(key: str, value: float = 22.0, run: str = "LOG") -> str:
     """What a model file can say instead of a prescribed temperature's column, which may be about a value [degC]."""
     place = place_of(key)
     table, name = ("[model]", "ambient") if place == "ambient" else (f"[nodes.{place}]", "temperature")
     return (
         f'; or in the model file under {table} {name} = "start" for a log that begins at rest, {name} = {value:.4g} for'
-        f" a constant [degC], or {name} = {{ value = 22, fixed = false }} for one that the fit finds"
+        f" a constant [degC], or {name} = {{ value = 22, fixed = false }} for one that the fit finds; for one log alone"
+        f' "{key}@{run}" = {{ value = {value:.4g} }}, or "start", in [columns]'
     )
 
 

@@ -9,8 +9,9 @@ from typing import Any
 import casadi as ca
 
 from lptn.basics.places import edge
+from lptn.logs.columns import START
 from lptn.model.bodies import HottestPoint
-from lptn.model.network import START, EffectInstance, Link, Network
+from lptn.model.network import EffectInstance, Link, Network
 
 # Input features of which a log has one column for the whole robot; any other has one for each place.
 _GLOBAL_INPUTS = {

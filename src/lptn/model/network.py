@@ -27,12 +27,11 @@ from lptn.basics.places import (
 )
 from lptn.effects import Effect
 from lptn.effects.base import Place
+from lptn.logs.columns import START
 from lptn.model.bodies import Bodies, Conductor, Element, HottestPoint
 
 # --- What a model declares: nodes, links and effects, each perhaps for many places -----------------
 
-START = "start"
-"""Prescribed temperature taken from the start of each run, for logs without an ambient column."""
 _COPPER_LOSS = "copper_loss"  # what makes a node a winding
 _CONSTANT_HEAT = "constant_heat"
 _LOGGED_HEAT = "heat_input"  # what makes it a computer, or another part whose power a log tells

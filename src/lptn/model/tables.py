@@ -16,8 +16,9 @@ from lptn.basics.places import is_glob
 from lptn.basics.toml import Number, Strict, expectation, first_mistake, found_in, place_of
 from lptn.basics.units import convert
 from lptn.effects import effect_named
+from lptn.logs.columns import START
 from lptn.model.bodies import HOTTEST, KINDS, Element, Shape
-from lptn.model.network import ROUNDING, START, EffectDeclaration, Key, LinkDeclaration, Network, NodeDeclaration
+from lptn.model.network import ROUNDING, EffectDeclaration, Key, LinkDeclaration, Network, NodeDeclaration
 
 # --- What may stand in a model file: its tables and keys, checked by pydantic -----------------------
 

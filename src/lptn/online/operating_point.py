@@ -48,7 +48,7 @@ def gait_of(loaded: LoadedModel, log: str | Path) -> GaitPeriod:
     signed = [f"signed_velocity.{node}" for node in loaded.model.nodes]
     last = read_log(
         log,
-        loaded.columns,
+        loaded.sources_of(log)[0],
         step=_FINEST,
         inputs=inputs if loaded.guessing else (),  # for its guesses are what the model needs
         outputs=outputs,

@@ -9,9 +9,9 @@ import numpy as np
 
 from lptn.basics.arrays import BoolArray, FloatArray
 from lptn.basics.errors import InputError
+from lptn.logs.columns import START
 from lptn.logs.run import LATEST_FIRST, Run
 from lptn.model.model import Model
-from lptn.model.network import START
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ def bind(model: Model, run: Run) -> BoundRun:
     inputs = np.empty((len(model.inputs), len(run)))
     for row, column in enumerate(model.inputs):
         if column in model.started:
-            inputs[row] = _resting_temperature(model, run, start)
+            inputs[row] = resting_temperature(model, run)
         elif run.has(column):
             inputs[row] = run.columns[column]
         else:
@@ -152,7 +152,7 @@ def _first_reading(readings: FloatArray, step: float) -> float:
     return float(readings[early].mean())
 
 
-def _resting_temperature(model: Model, run: Run, start: FloatArray) -> float:
+def resting_temperature(model: Model, run: Run) -> float:
     """The temperature that all nodes have at the start of a log that begins at rest [degC].
 
     Raises:
@@ -161,7 +161,8 @@ def _resting_temperature(model: Model, run: Run, start: FloatArray) -> float:
     """
     began = {node: run.beginning.get(f"temperature.{node}", np.nan) for node in model.nodes}
     if not np.isfinite(list(began.values())).any():
-        began = dict(zip(model.nodes, start.tolist(), strict=True))
+        logged = {node: run.temperature(node) for node in model.nodes if run.has(f"temperature.{node}")}
+        began = {node: _first_reading(readings, run.step) for node, readings in logged.items()}
     began = {node: value for node, value in began.items() if np.isfinite(value)}
     expected = 'a log that begins at rest, or an ambient column or number in place of ambient = "start"'
     if not began:
