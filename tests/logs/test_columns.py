@@ -66,7 +66,7 @@ def test_a_norm_joins_columns() -> None:
             "temperature.a",
             {"column": "T", "units": "K"},
             "key 'units'",
-            "column, norm, product, mean, ratio, rate, unit",
+            "column, norm, product, mean, ratio, rate, value, unit",
         ),
         ("temperature", "T", "key 'temperature'", "<quantity>.<place>"),
         ("torque.a", {"column": "M", "unit": "W"}, "unit 'W'", "a unit of torque, such as N*m"),
