@@ -110,6 +110,19 @@ def test_what_holds_afterwards_bridges_a_silent_input() -> None:
     np.testing.assert_allclose(torque[55:], 0.0)
 
 
+def test_what_is_sent_on_change_stands_until_the_next() -> None:
+    sources = SOURCES | {"torque.knee": ColumnSource(("torque.knee",), hold=True)}
+    sampler = Sampler(INPUTS, OUTPUTS, sources, 1.0)
+    time = np.arange(0.0, 600.0, 0.1)
+    raw = {key: np.full(time.size, 20.0) for key in (*INPUTS, *OUTPUTS)}
+    raw["torque.knee"] = np.where(np.isclose(time % 200, 0), 1 + time // 200, np.nan)  # each 200 s
+    rows = [row for k in range(0, time.size, 700) for row in sampler.add(time[k : k + 700],
+            {key: x[k : k + 700] for key, x in raw.items()}, end=k + 700 >= time.size)]  # fmt: skip
+    assert not sampler.missing
+    assert sum(row.first for row in rows) == 1
+    np.testing.assert_allclose(joined(rows, "torque.knee"), 1 + (joined(rows, "time") + 1e-6) // 200)
+
+
 def test_a_silent_input_is_named() -> None:
     frame = log(60, 20.0)
     frame.loc[frame["time"] > 20, "torque.hip"] = np.nan

@@ -118,8 +118,12 @@ class Columns:
             self._began = received if math.isnan(self._began) else self._began
             self._count += 1
             enough = enough or received - self._began > _LEARNING or self._count > _ENOUGH
-        columns = {key: source for key, source in self._loaded.columns.items() if not source.rate}
-        self._rate = self._loaded.columns.get("time", ColumnSource()).rate
+        every, values = self._loaded.sources_of(self._source)
+        for key in values:
+            expected = "a column; of the air a number under [model], ambient = 22"
+            raise InputError(self._source, f"[columns] {key}", "a value", expected)
+        columns = {key: source for key, source in every.items() if not source.rate}
+        self._rate = every.get("time", ColumnSource()).rate
         for key, source in columns.items():
             if source.wrap or source.how == "ratio":
                 found = "wrap" if source.wrap else "ratio"
@@ -161,7 +165,8 @@ class Columns:
         elif "time" not in self._first and self.sources["time"].columns == ("time",):
             numbers["time"] = received
         self._count += received.size
-        found = {key: source.values(key, numbers) for key, source in self.sources.items()}
+        # What stands until the next is held by the sampler, from batch to batch.
+        found = {key: replace(source, hold=False).values(key, numbers) for key, source in self.sources.items()}
         return {key: np.where(np.isfinite(x), x, np.nan) for key, x in found.items()}, received
 
     def _numbers(self, messages: Sequence[Numbers]) -> tuple[dict[str, FloatArray], IntArray]:
@@ -248,7 +253,8 @@ class Sampler:
         self._keys = [*self._driving, *others]
         self._sources = sources
         longest = max(GAP, _STEPS_BRIDGED * step)
-        self._most = np.array([STEADY_GAP if key.startswith("temperature.") else longest for key in self._driving])
+        steady = {key: STEADY_GAP if key.startswith("temperature.") else longest for key in self._driving}
+        self._most = np.array([np.inf if sources[key].hold else most for key, most in steady.items()])
         self._gap = longest
         self._known = np.full((2, len(self._driving)), np.nan)  # value and time of each input's last word
         self._time, self._pending = np.zeros(0), np.zeros((0, len(self._keys)))

@@ -208,7 +208,7 @@ class Replay(Source):
 
     def __init__(self, path: Path, speed: float, loaded: LoadedModel) -> None:
         super().__init__(str(path), live=False)
-        table, columns = open_log(path, loaded.columns)
+        table, columns = open_log(path, loaded.sources_of(path)[0])
         inputs, outputs = needed_columns(loaded.model)
         guesses = guess(table, columns, inputs, outputs) if loaded.guessing else []
         choice = choose_columns(table, columns | {one.key: one.source for one in guesses}, inputs, outputs)
