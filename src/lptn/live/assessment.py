@@ -1,10 +1,18 @@
-"""What `lptn.forecast` and `lptn.monitor` say of the rows so far: in a process of its own, or here."""
+"""What `lptn.forecast` and `lptn.monitor` say of the rows so far, and a process that asks them."""
 
 from __future__ import annotations
 
+import os
+import pickle
+import subprocess
+import sys
 import time
+from collections import deque
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from threading import Thread
+from typing import IO
 
 import numpy as np
 import pandas as pd
@@ -127,3 +135,64 @@ def _assessed(question: Question, runs: list[Run], end: float) -> Assessment:
     except InputError as error:
         found = replace(found, why_not=str(error))
     return found
+
+
+# --- A process of its own, which the loop need not wait for -------------------------------------------
+
+_NICENESS = 5  # by which the robot's own programs come first
+
+
+class Worker:
+    """A process that assesses: begun when it is first asked, and ended with this one."""
+
+    def __init__(self) -> None:
+        self._process: subprocess.Popen[bytes] | None = None
+        self._answers = deque[Assessment]()
+
+    def ask(self, question: Question, rows: Mapping[str, FloatArray], step: float, *, averaged: bool) -> None:
+        """Ask for an assessment, as of `assess`; one at a time."""
+        if self._process is None:
+            command = [sys.executable, "-c", "from lptn.live.assessment import work; work()"]
+            # Of a group of its own: Ctrl-C is the loop's.
+            self._process = subprocess.Popen(
+                command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True
+            )
+            Thread(target=self._listen, args=(self._process,), daemon=True).start()
+        with suppress(BrokenPipeError):  # what reads then says that it ended
+            assert self._process.stdin is not None
+            pickle.dump((question, rows, step, averaged), self._process.stdin)
+            self._process.stdin.flush()
+
+    def answer(self) -> Assessment | None:
+        """What it found, once."""
+        return self._answers.popleft() if self._answers else None
+
+    def close(self) -> None:
+        """End it, whatever it does."""
+        if self._process is not None:
+            self._process.kill()
+            self._process.wait()
+
+    def _listen(self, process: subprocess.Popen[bytes]) -> None:
+        assert process.stdin is not None
+        assert process.stdout is not None
+        with process.stdout as answers, process.stdin:
+            while True:
+                try:
+                    self._answers.append(pickle.load(answers))
+                except (EOFError, pickle.UnpicklingError):
+                    self._process = None
+                    self._answers.append(Assessment(-np.inf, why_not="the process that forecasts has ended"))
+                    return
+
+
+def work() -> None:
+    """Answer what comes on standard input, until nothing more does."""
+    answers: IO[bytes] = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # what a library prints is no answer
+    os.nice(_NICENESS)
+    with suppress(EOFError, BrokenPipeError):
+        while True:
+            question, rows, step, averaged = pickle.load(sys.stdin.buffer)
+            pickle.dump(assess(question, rows, step, averaged=averaged), answers)
+            answers.flush()

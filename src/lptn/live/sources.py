@@ -28,6 +28,7 @@ from lptn.simulate.bound_run import needed_columns
 
 _MOST = 10_000  # messages that wait: ten seconds at 1 kHz
 LOOPBACK = "127.0.0.1"
+_OVERFLOWS = 40  # SO_RXQ_OVFL of Linux, which Python's `socket` does not name
 Message = tuple[float, bytes | Numbers]
 """When it was received [s since 1970, of a clock that does not jump], and what it says: bytes to decode, or numbers."""
 
@@ -149,12 +150,14 @@ class GrowingFile(Source):
 class Udp(Source):
     """Datagrams of JSON or CSV lines."""
 
-    _WAIT, _GATHERED = 0.2, 0.005  # s until the thread looks whether it should end; between two looks at a busy socket
+    _WAIT, _GATHERED = 0.2, 0.01  # s until the thread looks whether it should end; between two looks at a busy socket
 
     def __init__(self, host: str, port: int) -> None:
         super().__init__(f"udp://{host}:{port}", live=True)
         self._socket = socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 22)
+        with suppress(OSError):  # another system than Linux does not say what it drops
+            self._socket.setsockopt(socket.SOL_SOCKET, _OVERFLOWS, 1)
         try:
             self._socket.bind((host, port))
         except OSError as error:
@@ -165,11 +168,17 @@ class Udp(Source):
         self.port = int(self._socket.getsockname()[1])
 
     def run(self, stop: Event) -> None:
+        lost = 0
         with self._socket as receiver:
             while not stop.is_set():
                 receiver.settimeout(self._WAIT)
                 with suppress(TimeoutError, BlockingIOError):
-                    self.inbox.put(receiver.recv(1 << 16))
+                    payload, beside, *_ = receiver.recvmsg(1 << 16, socket.CMSG_SPACE(4))
+                    self.inbox.put(payload)
+                    for _, kind, count in beside:
+                        if kind == _OVERFLOWS:  # of all that the system dropped since the socket is there
+                            total = int.from_bytes(count[:4], sys.byteorder)
+                            self.inbox.dropped, lost = self.inbox.dropped + total - lost, total
                     receiver.setblocking(False)
                     while True:
                         self.inbox.put(receiver.recv(1 << 16))

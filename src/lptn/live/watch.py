@@ -9,7 +9,6 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor, Future
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict
 from pathlib import Path
@@ -22,13 +21,13 @@ from scipy.special import ndtri
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.basics.files import fingerprint, write_whole
-from lptn.basics.processes import one_blas_thread, pool_of
+from lptn.basics.processes import one_blas_thread
 from lptn.identify.data import LoadedModel
-from lptn.live.assessment import Assessment, Question, assess
+from lptn.live.assessment import Assessment, Question, Worker, assess
 from lptn.live.history import History
 from lptn.live.messages import Decoder, Numbers
 from lptn.live.sampling import GAP, Clock, Columns, Rows, Sampler
-from lptn.live.sources import Source
+from lptn.live.sources import Message, Source
 from lptn.live.status import NodeStatus, Status
 from lptn.logs.run import Run
 from lptn.online.calibration import Calibration
@@ -132,7 +131,8 @@ class Watch:
         self._assessment = Assessment(-math.inf)
         self._ahead: Forecast | None = None
         self._earlier = dict[str, Alarm]()
-        self._pending: Future[Assessment] | None = None
+        self._worker = Worker() if source.live else None  # a source that waits is not kept waiting by another process
+        self._asking = False
         self._since, self._due, self._assessed = math.inf, math.inf, 0
         """s: where what is known begins, when to assess next; how often that was done."""
         self._heard = self._saved = time.monotonic()
@@ -161,18 +161,11 @@ class Watch:
             for sink in self.sinks:
                 stack.callback(sink.close)
             stack.enter_context(_signals(self.stop))
-            pool = stack.enter_context(_pool()) if self.source.live else None
+            if self._worker is not None:
+                stack.callback(self._worker.close)
             stack.callback(self._stop.set)
             reader.start()
-            if self._resumed:
-                self._take_assessment(self._assess())
-            while not self._stop.is_set():
-                messages = self.source.inbox.take(_TICK)
-                if messages:
-                    self._take(messages, pool)
-                elif self.source.inbox.closed:
-                    break
-                self._look_at_the_clock()
+            self._loop()
             if not self._stop.is_set():
                 self._finish()
             if self._state is not None:
@@ -183,6 +176,19 @@ class Watch:
             found = f"{self._counts['messages']} messages, no row of the model's step"
             raise InputError(self.source.name, "source", self._columns.last_bad or found, "messages for a few steps")
         return self.status
+
+    def _loop(self) -> None:
+        if self._resumed:
+            self._take_assessment(self._assess())
+        while not self._stop.is_set():
+            if self.source.live and not self.source.inbox.closed:
+                self._stop.wait(_TICK)  # many messages at once cost less than one after the other
+            messages = self.source.inbox.take(_TICK)
+            if messages:
+                self._take(messages)
+            elif self.source.inbox.closed:
+                return
+            self._look_at_the_clock()
 
     def _read(self) -> None:
         error: Exception | None = None
@@ -196,16 +202,15 @@ class Watch:
         """What a source that ended has left, and what the whole of it says."""
         if self._sampler is None and self._unread:
             self._begin(enough=True)
-            self._take([], None)
+            self._take([])
         if self._sampler is not None:
             for rows in self._sampler.add(np.zeros(0), {}, end=True):
-                self._take_rows(rows, None)
-        self._collect(wait=True)
+                self._take_rows(rows)
         if self._history and self._assessment.time < self._newest:
             self._take_assessment(self._assess())
             self._show()
 
-    def _take(self, messages: Sequence[tuple[float, bytes | Numbers]], pool: Executor | None) -> None:
+    def _take(self, messages: Sequence[Message]) -> None:
         """Take in what has come."""
         self._counts["messages"] += len(messages)
         self._heard = time.monotonic()
@@ -228,7 +233,7 @@ class Watch:
         self._unread.clear()
         own = self._clock.of(raw.pop("time"), received_at)
         for rows in self._sampler.add(own, raw):
-            self._take_rows(rows, pool)
+            self._take_rows(rows)
         if self._columns.bad > bad == 0:
             self._events.append(f"left out: {self._columns.last_bad}")
         if self._clock.jumps > jumps:
@@ -252,7 +257,7 @@ class Watch:
 
     def _look_at_the_clock(self) -> None:
         """What is due with or without messages."""
-        self._collect(wait=False)
+        self._collect()
         now = time.monotonic()
         if self.source.live and now - self._heard > GAP:
             self._events.append(f"no message of {self.source.name} for {GAP:g} s")
@@ -263,7 +268,7 @@ class Watch:
 
     # --- The estimate ---------------------------------------------------------------------------------
 
-    def _take_rows(self, rows: Rows, pool: Executor | None) -> None:
+    def _take_rows(self, rows: Rows) -> None:
         """Take in complete rows: a status for each, and an assessment where one is due."""
         sampler, names = self._sampler, [*rows.columns, *(f"{_RAW}{key}" for key in rows.raw)]
         gone = set[str]()
@@ -290,8 +295,8 @@ class Watch:
             self._counts["rows"] += 1
             if self._estimator is not None:
                 self._advance(self._estimator, now, row)
-            if now >= self._due and self._pending is None:
-                self._ask(pool)
+            if now >= self._due and not self._asking:
+                self._ask()
             self._show()
 
     def _advance(self, estimator: Estimator, now: float, row: Mapping[str, float]) -> None:
@@ -311,12 +316,13 @@ class Watch:
     def _newest(self) -> float:
         return float(self._history.time[-1]) if self._history else -math.inf
 
-    def _ask(self, pool: Executor | None) -> None:
+    def _ask(self) -> None:
         """Begin an assessment, or make it where nobody waits."""
-        if pool is None:
+        if self._worker is None:
             self._take_assessment(self._assess())
         else:
-            self._pending = pool.submit(assess, *self._asked(), averaged=self._averaged)
+            self._asking = True
+            self._worker.ask(*self._asked(), averaged=self._averaged)
 
     def _assess(self) -> Assessment:
         return assess(*self._asked(), averaged=self._averaged)
@@ -328,10 +334,10 @@ class Watch:
         raw = {key.removeprefix(_RAW): values for key, values in kept.items() if key.startswith(_RAW)}
         return self._question, {"time": self._history.time.copy()} | (raw or kept), self._step
 
-    def _collect(self, *, wait: bool) -> None:
-        if self._pending is not None and (wait or self._pending.done()):
-            pending, self._pending = self._pending, None
-            self._take_assessment(pending.result())
+    def _collect(self) -> None:
+        if self._asking and self._worker is not None and (found := self._worker.answer()) is not None:
+            self._asking = False
+            self._take_assessment(found)
 
     def _take_assessment(self, found: Assessment) -> None:
         """Use an assessment; the filter goes on with what it says of noise and of the model."""
@@ -508,13 +514,3 @@ def _signals(stop: Callable[[], None]) -> Iterator[None]:
     finally:
         for number, handler in usual.items():
             signal.signal(number, handler)
-
-
-@contextmanager
-def _pool() -> Iterator[Executor]:
-    """A process for assessments, that nobody waits for at the end."""
-    pool = pool_of(1)
-    try:
-        yield pool
-    finally:
-        pool.shutdown(wait=False, cancel_futures=True)
