@@ -29,6 +29,7 @@ from lptn.cli.completion import add_completion
 from lptn.cli.cosim import cosim
 from lptn.cli.diagnose import diagnose
 from lptn.cli.effects import effects
+from lptn.cli.export import export
 from lptn.cli.fit import fit
 from lptn.cli.fleet import fleet
 from lptn.cli.fmu import fmu
@@ -73,6 +74,7 @@ for _command in (
     watch,
     fmu,
     cosim,
+    export,
     trade,
     plan,
     motor,

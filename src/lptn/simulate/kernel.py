@@ -25,8 +25,7 @@ from lptn.model.model import Model
 
 # --- A CasADi function as a list of operations ----------------------------------------------------
 
-# What each of CasADi's operations on one or two numbers is in C; as CasADi's own code generator writes it.
-_OPERATIONS = {
+OPERATIONS = {
     "ASSIGN": "a",
     "ADD": "a + b",
     "SUB": "a - b",
@@ -76,20 +75,31 @@ _OPERATIONS = {
     "FMIN": "fmin(a, b)",
     "FMAX": "fmax(a, b)",
 }
-_NUMBERS = {getattr(ca, f"OP_{name}"): name for name in _OPERATIONS if hasattr(ca, f"OP_{name}")}
-_PARAMETERS, _INPUTS, _STATES, _DERIVATIVES = range(4)  # parts of the work: once a run, once a step, in each stage
+"""What each of CasADi's operations on one or two numbers is in C; as CasADi's own code generator writes it."""
+NUMBERS = {getattr(ca, f"OP_{name}"): name for name in OPERATIONS if hasattr(ca, f"OP_{name}")}
+PARAMETERS, INPUTS, STATES, DERIVATIVES = range(4)  # parts of the work: once a run, once a step, in each stage
 
 
 class UnknownOperationError(ValueError):
     """A model has an operation that machine code here does not know."""
 
 
-class _Operations:
+class Operations:
     """A function (x, u, p) -> dense column, sorted for `kernel.c`; the same operation on the same values once.
+
+    Values are numbered: arguments, then constants, then operations, each behind its operands.
 
     Args:
         function: the function.
         rates: how many results come first, and are worked out without the others; all by default.
+
+    Attributes:
+        sizes: of x, u and p.
+        kinds: CasADi's number of the operation that makes each value; -1 for arguments and constants.
+        parts: of the work, to which each operation belongs.
+        left, right: its operands; the same value twice where there is one.
+        initial: what constants are; 0 for all else.
+        results: which values they are.
 
     Raises:
         UnknownOperationError: the function has an operation that is not in the table above.
@@ -99,7 +109,7 @@ class _Operations:
         self.sizes: list[int] = [function.numel_in(k) for k in range(3)]
         offsets = [0, *accumulate(self.sizes)]
         # Of each value: its part of the work, its depth there, and how it is made; arguments and constants aren't.
-        part = np.repeat([_STATES, _INPUTS, _PARAMETERS], self.sizes).tolist()
+        part = np.repeat([STATES, INPUTS, PARAMETERS], self.sizes).tolist()
         depth, made_by, left, right = ([empty] * len(part) for empty in (0, -1, 0, 0))
         constants: dict[int, float] = {}
         numbers: dict[object, int] = {}
@@ -116,8 +126,8 @@ class _Operations:
             if kind == ca.OP_CONST:
                 constant = function.instruction_constant(k)
                 key: object = repr(constant)  # 0.0 and -0.0 are two
-                new = _PARAMETERS, 0, -1, 0, 0
-            elif kind in _NUMBERS:
+                new = PARAMETERS, 0, -1, 0, 0
+            elif kind in NUMBERS:
                 a, b = held[used[0]], held[used[-1]]
                 key = kind, a, b
                 own = max(part[a], part[b])
@@ -138,13 +148,14 @@ class _Operations:
         for value in range(len(part) - 1, sum(self.sizes) - 1, -1):
             needed[[left[value], right[value]]] |= needed[value]
         work = np.array([part, depth, made_by])
-        work[0, (work[0] == _STATES) & ~needed] = _DERIVATIVES
+        work[0, (work[0] == STATES) & ~needed] = DERIVATIVES
         work[:, work[2] < 0] = -1
         order = np.lexsort(work[::-1])
         number = np.empty(len(order), dtype=np.int32)
         number[order] = np.arange(len(order))
         self.initial = np.zeros(len(order))
         self.initial[number[list(constants)]] = list(constants.values())
+        self.parts, _, self.kinds = work[:, order]
         self.left, self.right = number[left][order], number[right][order]
         self.results = number[results]
         given = int((work[2] < 0).sum())
@@ -196,7 +207,7 @@ class _Program:
     def __init__(
         self,
         library: ctypes.CDLL,
-        operations: _Operations,
+        operations: Operations,
         results: IntArray | None = None,
         core: int = 0,
         chosen: int = 0,
@@ -250,7 +261,7 @@ class Rates:
         nonzeros = ca.vertcat(ca.densify(rates), *by_state.nonzeros(), *by_parameter.nonzeros())  # type: ignore[call-overload]
         self.states, self.core, self.parameters = rates.numel(), core, list(parameters)
         self.of_state, self.of_parameter = _places(by_state), _places(by_parameter)
-        self.operations = _Operations(ca.Function("rates", [x, u, p], [nonzeros]), self.states)
+        self.operations = Operations(ca.Function("rates", [x, u, p], [nonzeros]), self.states)
 
 
 def _places(matrix: ca.SX) -> IntArray:
@@ -384,7 +395,7 @@ class AtPoints:
         compiled = library()
         self._function, self._maps = function, dict[int, ArrayFunction]()
         try:
-            self._program = None if compiled is None else _Program(compiled, _Operations(function))
+            self._program = None if compiled is None else _Program(compiled, Operations(function))
         except UnknownOperationError:
             self._program = None
 
@@ -408,7 +419,7 @@ class AtPoints:
 def library() -> ctypes.CDLL | None:
     """kernel.c, compiled and loaded; `None` where that fails."""
     source = files("lptn.simulate").joinpath("kernel.c").read_text(encoding="utf-8")
-    operations = "".join(f"OPERATION({number}, {_OPERATIONS[name]})\n" for number, name in _NUMBERS.items())
+    operations = "".join(f"OPERATION({number}, {OPERATIONS[name]})\n" for number, name in NUMBERS.items())
     try:
         path = shared_library({"kernel.c": source, "operations.h": operations}, "kernel.c", _FLAGS)
         compiled = ctypes.CDLL(str(path))

@@ -1,0 +1,5 @@
+"""The model as pure functions of arrays, for thousands of robots at once: a module without lptn and CasADi in it."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

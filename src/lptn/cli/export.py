@@ -1,0 +1,40 @@
+"""The command `lptn export`: a model as a module for thousands of robots at once."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import Parameter as Option
+
+from lptn.cli.options import Json, Output, check_inputs, check_outputs, limits_of
+
+
+def export(
+    model: Path,
+    /,
+    *,
+    to: Annotated[Literal["jax", "torch", "numpy", "c"], Option(help="What the module is made of.")],
+    output: Output,
+    limit: Annotated[
+        list[str] | None, Option(help="Limit in degC, for all nodes or as NODE=90; may be repeated.")
+    ] = None,
+    json: Json = None,
+) -> None:
+    """Write a model as pure functions over many robots, for learning with JAX or PyTorch.
+
+    The module needs neither lptn nor CasADi. Its docstring says names, units and how its functions are called.
+
+    Example: lptn export fitted.toml --to jax --limit 80 -o heat.py
+    """
+    check_outputs(output, json, inputs=(model,))
+    check_inputs(model)
+    from lptn.batch import export as write
+    from lptn.cli.terminal import show_written, write_json
+    from lptn.identify.data import load_model
+
+    loaded = load_model(model).model
+    write(loaded, output, to, limits=limits_of(limit, "*") or None)
+    counts = {what: len(getattr(loaded, what)) for what in ("states", "inputs", "parameters")}
+    write_json(json, {"file": str(output), "to": to, **counts, "standard_errors": len(loaded.standard_errors)})
+    show_written({", ".join(f"{number} {what}" for what, number in counts.items()): output})
