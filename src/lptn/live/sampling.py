@@ -93,7 +93,7 @@ class Columns:
     """
 
     def __init__(self, loaded: LoadedModel, source: str, defaults: Mapping[str, ColumnSource]) -> None:
-        self._loaded, self._source, self._defaults = loaded, source, dict(defaults)
+        self._loaded, self._source, self._defaults = loaded, source, defaults  # which grow while topics are found
         self._first: dict[str, object] = {}
         self._began = math.nan
         self.sources: dict[str, ColumnSource] = {}

@@ -244,7 +244,7 @@ class Replay(Source):
 
 
 def source_of(text: str, loaded: LoadedModel, replay: float | None = None) -> Source:
-    """The source that a text names: `-`, `udp://HOST:PORT`, or a file that grows or, with a speed, is replayed.
+    """The source that a text names: `-`, `udp://…`, `dds://…`, or a file that grows or, with a speed, is replayed.
 
     Raises:
         InputError: there is no such source.
@@ -256,8 +256,12 @@ def source_of(text: str, loaded: LoadedModel, replay: float | None = None) -> So
     scheme, host, port = address_of(text, "source")
     if scheme == "udp":
         return Udp(host, port)
+    if scheme == "dds":
+        from lptn.live.dds import Dds  # which stands on this file, and on an extra
+
+        return Dds(urlsplit(text).hostname or "", port)
     if scheme:
-        raise InputError(text, "source", f"the scheme {scheme}", "-, a file, or udp://HOST:PORT")
+        raise InputError(text, "source", f"the scheme {scheme}", "-, a file, udp://HOST:PORT or dds://:DOMAIN")
     return GrowingFile(Path(text))
 
 

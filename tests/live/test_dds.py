@@ -1,0 +1,110 @@
+"""Topics of ROS 2 and of Unitree's robots by DDS on loopback, published by types written anew."""
+
+from __future__ import annotations
+
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from lptn.basics.errors import InputError
+from lptn.identify.data import load_model
+from lptn.live.dds import Dds, message_types
+from lptn.live.status import Status
+from lptn.live.watch import Watch
+from tests.live.robot import log, model_file
+
+pytest.importorskip("cyclonedds", reason="the extra dds is not installed")
+DOMAIN = 77
+
+
+def taken(source: Dds, say: Any, until: int) -> list[Any]:
+    """What a source hears while something is said."""
+    stop, heard = threading.Event(), list[Any]()
+    thread = threading.Thread(target=source.run, args=(stop,))
+    thread.start()
+    deadline = time.monotonic() + 30
+    while len(heard) < until and time.monotonic() < deadline:
+        say()
+        heard += [payload for _, payload in source.inbox.take(0.05)]
+    stop.set()
+    thread.join()
+    return heard
+
+
+def test_joint_states_and_temperatures_are_watched(tmp_path: Path) -> None:
+    from cyclonedds.domain import DomainParticipant
+    from cyclonedds.pub import DataWriter
+    from cyclonedds.topic import Topic
+
+    from tests.live.ros_types import Header, JointState, Temperature, Time
+
+    source, statuses = Dds("127.0.0.1", DOMAIN), list[Status]()
+
+    class Kept:
+        def show(self, status: Status) -> None:
+            statuses.append(status)
+
+        def close(self) -> None:
+            pass
+
+    watch = Watch(load_model(model_file(tmp_path)), source, [Kept()])
+    thread = threading.Thread(target=watch.run)
+    thread.start()
+    participant = DomainParticipant(DOMAIN)
+    states = DataWriter(participant, Topic(participant, "rt/joint_states", JointState))
+    sensors = {
+        place: DataWriter(participant, Topic(participant, f"rt/{place}_temperature", Temperature))
+        for place in ("knee", "hip", "ambient")
+    }
+    rows, deadline = log(400).to_dict("records"), time.monotonic() + 60
+    for row in rows:
+        head = Header(Time(1000 + int(row["time"]), 0), "")
+        efforts = [row["torque.hip"], row["torque.knee"]]
+        states.write(JointState(head, ["hip", "knee"], [0.0, 0.0], [0.0, 0.0], efforts))
+        for place, writer in sensors.items():
+            writer.write(Temperature(head, row[f"temperature.{place}"], 0.0))
+        time.sleep(0.02)
+        if (statuses and statuses[-1].time >= 1050) or time.monotonic() > deadline:
+            break
+    watch.stop()
+    thread.join(30)
+    last = statuses[-1]
+    assert last.time >= 1050
+    readings = {one.node: one.reading for one in last.nodes}
+    row = rows[int(last.time) - 1000]
+    assert readings == {place: pytest.approx(row[f"temperature.{place}"], abs=0.3) for place in ("knee", "hip")}
+    assert last.counts is not None
+    assert last.counts["jumps"] == 0
+
+
+def test_low_states_of_a_unitree_robot_have_the_names_of_bags() -> None:
+    from cyclonedds.domain import DomainParticipant
+    from cyclonedds.pub import DataWriter
+    from cyclonedds.topic import Topic
+
+    source, types = Dds("127.0.0.1", DOMAIN + 1), message_types()
+    go = "unitree_go::msg::dds_::"
+    motors = [types[f"{go}MotorState_"](1, 0, -k, 0, 0.5 * k, 0, 0, 0, 30 + k, 0, [0, 0]) for k in range(20)]
+    imu = types[f"{go}IMUState_"]([0] * 4, [0] * 3, [0] * 3, [0] * 3, 40)
+    battery = types[f"{go}BmsState_"](0, 0, 0, 90, -1500, 3, [25, 26], [27, 28], [0] * 15)
+    state = types[f"{go}LowState_"](
+        [0] * 2, 0, 0, [0] * 2, [0] * 2, 0, imu, motors, battery, [0] * 4, [0] * 4, 7, [0] * 40, 0, 0.0, 33, 34,
+        28.5, 1.5, [0] * 4, 0, 0,
+    )  # fmt: skip
+    participant = DomainParticipant(DOMAIN + 1)
+    writer = DataWriter(participant, Topic(participant, "rt/lowstate", types[f"{go}LowState_"]))
+    (heard, *_) = taken(source, lambda: writer.write(state), 1)
+    assert heard["/lowstate.motor_state[3].temperature"] == 33
+    assert heard["/lowstate.motor_state[4].tau_est"] == 2.0
+    assert heard["/lowstate.temperature_ntc1"] == 33
+    assert "time" not in heard
+
+
+def test_a_domain_that_is_none_is_one_line() -> None:
+    with pytest.raises(InputError, match=r"dds://:999: source: found domain 999; expected a number from 0 to 232"):
+        Dds("", 999)
+    with pytest.raises(InputError, match="an interface of this machine"):
+        Dds("203.0.113.7", DOMAIN + 2)
