@@ -140,7 +140,8 @@ WAYS: dict[str, tuple[Way, str, int]] = {
 
 def rate(call: Callable[[], object], robots: int, seconds: float) -> float:
     """Robots a second, from the fastest of the calls that fit into some seconds: other work slows the rest."""
-    call()
+    for _ in range(2):  # JAX compiles anew where a first result is of another type than the start
+        call()
     best, end = np.inf, time.perf_counter() + seconds
     while time.perf_counter() < end:
         start = time.perf_counter()

@@ -12,12 +12,13 @@ from typing import Any
 import pytest
 
 import lptn
+import lptn.batch
 import lptn.fmu
 import lptn.planners
 from lptn.effects import Effect
 from tests.docs.pages import pages
 
-_ROOMS = (lptn, lptn.fmu, lptn.planners)
+_ROOMS = (lptn, lptn.batch, lptn.fmu, lptn.planners)
 
 
 def _shown() -> Iterator[tuple[str, str]]:
