@@ -17,7 +17,7 @@ import pytest
 from lptn.basics.errors import InputError
 from lptn.identify.data import LoadedModel, load_model
 from lptn.identify.noise import estimate_noise
-from lptn.live.sinks import Prometheus, metrics
+from lptn.live.sinks import Foxglove, Prometheus, metrics
 from lptn.live.sources import GrowingFile, Lines, Push, Replay, Source, Udp, source_of
 from lptn.live.status import Status
 from lptn.live.watch import Watch
@@ -352,6 +352,30 @@ def test_metrics_are_read_by_another_parser(loaded: LoadedModel) -> None:
     nodes = {sample.labels["node"]: sample.value for sample in families["lptn_limit_seconds"].samples}
     assert nodes == {one.node: pytest.approx(one.time_to_limit) for one in last.nodes}
     assert families["lptn_rows"].type == "counter"
+
+
+@pytest.mark.long
+def test_foxglove_reads_each_node(loaded: LoadedModel) -> None:
+    pytest.importorskip("foxglove", reason="the extra foxglove is not installed")
+    clients = pytest.importorskip("websockets.sync.client", reason="websockets is not installed")
+    sink, said = Foxglove(port=0), list[dict[str, object]]()
+    statuses = Watch(loaded, pushed(rows_of(log(40))), [Kept()]).run()
+    with clients.connect(f"ws://127.0.0.1:{sink.port}", subprotocols=["foxglove.sdk.v1"], proxy=None) as client:
+        sink.show(statuses)
+        while not said:
+            message = client.recv(timeout=10)
+            if isinstance(message, bytes):
+                said.append(json.loads(message[13:]))  # behind opcode, subscription and time
+                continue
+            content = json.loads(message)
+            for channel in content.get("channels", []):
+                if channel["topic"] == "/lptn/knee":
+                    one = {"id": 1, "channelId": channel["id"]}
+                    client.send(json.dumps({"op": "subscribe", "subscriptions": [one]}))
+                    time.sleep(0.3)
+                    sink.show(statuses)
+    sink.close()
+    assert said[0]["reading"] == pytest.approx(statuses.nodes[0].reading)
 
 
 @pytest.mark.long

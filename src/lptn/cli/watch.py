@@ -28,8 +28,8 @@ def watch(
     to: Annotated[
         list[str] | None,
         Option(
-            help="Where results go: terminal (default), json, json:FILE, prometheus, prometheus://HOST:PORT; may be "
-            "repeated.",
+            help="Where results go: terminal (default), json, json:FILE, prometheus, foxglove, the last two also with "
+            "://HOST:PORT; may be repeated.",
             consume_multiple=True,
         ),
     ] = None,
@@ -120,7 +120,7 @@ class Terminal:
             for event in status.events:
                 print(f"{_clock(status.time)} {event}", flush=True)
             if now - self._drawn >= _LINE:
-                self._drawn = now
+                self._drawn, self._printed = now, status
                 print(_line(status), flush=True)
         elif now - self._drawn >= _REDRAWN or status.events:
             self._drawn = now
@@ -132,7 +132,7 @@ class Terminal:
             if self._drawn > 0:
                 self._live.update(_table(self._newest, self._events), refresh=True)
             self._live.stop()
-        elif self._drawn > 0:
+        elif self._drawn > 0 and self._newest is not self._printed:
             print(_line(self._newest), flush=True)
 
 
@@ -161,7 +161,9 @@ def _line(status: Status) -> str:
     """One line of what matters most: the next limit, or the hottest node, and what is wrong."""
     limited = [node for node in status.nodes if node.limit is not None] or list(status.nodes)
     one = status.soonest or max(limited, key=lambda node: node.temperature if isfinite(node.temperature) else 0.0)
-    limit = f", limit {one.limit:g} degC in {_left(one)}" if one.limit is not None else ""
+    limit = ""
+    if one.limit is not None and one.time_to_limit is not None:
+        limit = f", {one.limit:g} degC " + (f"in {_left(one)}" if isfinite(one.time_to_limit) else "never reached")
     wrong = "; ".join(f"{alarm.channel or alarm.node} {alarm.words}" for alarm in status.alarms)
     return f"{_clock(status.time)} {one.node} {_temperature(one)} degC{limit}{f'; {wrong}' if wrong else ''}"
 

@@ -1,4 +1,5 @@
 from .assessment import Assessment as Assessment
+from .sinks import Foxglove as Foxglove
 from .sinks import JsonLines as JsonLines
 from .sinks import Prometheus as Prometheus
 from .sources import GrowingFile as GrowingFile

@@ -1,4 +1,4 @@
-"""Where a status goes: lines of JSON, and Prometheus' text at `/metrics`."""
+"""Where a status goes: lines of JSON, Prometheus' text at `/metrics`, Foxglove."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Callable
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from threading import Thread
-from typing import TextIO
+from typing import Any, TextIO
 
 from lptn.basics.errors import InputError
 from lptn.live.sources import LOOPBACK, address_of
@@ -129,8 +129,53 @@ class Prometheus:
         self._server.server_close()
 
 
+# --- Foxglove ---------------------------------------------------------------------------------------
+
+PORT_OF_FOXGLOVE = 8765
+"""The port at which Foxglove looks."""
+
+
+class Foxglove:
+    """Serves each status to Foxglove, on this machine alone unless a host is given.
+
+    A topic `/lptn/NODE` has the numbers of each node, to plot; `/lptn/status` has the rest.
+
+    Raises:
+        InputError: the package is not installed, or the address can't be had.
+    """
+
+    def __init__(self, host: str = LOOPBACK, port: int = PORT_OF_FOXGLOVE) -> None:
+        place = f"foxglove://{host}:{port}"
+        try:
+            import foxglove
+        except ImportError as error:
+            raise InputError(place, "sink", str(error), "pip install 'lptn[foxglove]'") from error
+        self._context, self._channels = foxglove.Context(), dict[str, Any]()
+        try:
+            self._server = foxglove.start_server(name="lptn watch", host=host, port=port, context=self._context)
+        except (OSError, RuntimeError) as error:
+            raise InputError(place, "sink", str(error), "a free port of this machine") from error
+        self.port = self._server.port
+
+    def show(self, status: Status) -> None:
+        content = status.as_json()
+        nodes = content.pop("nodes")
+        assert isinstance(nodes, dict)
+        for topic, said in {**nodes, "status": content}.items():
+            if topic not in self._channels:
+                import foxglove
+
+                self._channels[topic] = foxglove.Channel(
+                    f"/lptn/{topic}", schema={"type": "object"}, message_encoding="json", context=self._context
+                )
+            self._channels[topic].log(said)
+
+    def close(self) -> None:
+        self._server.stop()
+
+
 def sink_of(text: str, terminal: Callable[[], Sink], stream: TextIO) -> Sink:
-    """The sink that a text names: `terminal`, `json`, `json:FILE`, or `prometheus://HOST:PORT`.
+    """The sink that a text names: `terminal`, `json`, `json:FILE`, `prometheus://HOST:PORT`, `foxglove://HOST:PORT`.
 
     Args:
         text: what was given.
@@ -148,4 +193,8 @@ def sink_of(text: str, terminal: Callable[[], Sink], stream: TextIO) -> Sink:
     if kind == "prometheus":
         _, host, port = address_of(text if rest else f"{kind}://{LOOPBACK}", "sink", PORT_OF_METRICS)
         return Prometheus(host, port)
-    raise InputError(text, "sink", "no such sink", "terminal, json, json:FILE, prometheus or prometheus://HOST:PORT")
+    if kind == "foxglove":
+        _, host, port = address_of(text if rest else f"{kind}://{LOOPBACK}", "sink", PORT_OF_FOXGLOVE)
+        return Foxglove(host, port)
+    expected = "terminal, json, json:FILE, prometheus, foxglove, or one of these two with ://HOST:PORT behind it"
+    raise InputError(text, "sink", "no such sink", expected)
