@@ -31,9 +31,15 @@ from tests.benchmarks.page import machine, versions
 PRESETS = {13: ("quadruped", None), 26: ("quadruped", "windings")}
 ROBOTS = (1, 64, 4096, 65536)
 DT = 0.02  # s, a usual step of a policy
-SCAN = 20  # steps of JAX in one call, as an environment unrolls them
+SCAN = 20  # steps of JAX in one call, as an environment unrolls them; of many robots one, so that calls stay short
+MANY = 4096
 Way = Callable[[Model, FloatArray, FloatArray], Callable[[], object]]
 """Of a model, inputs and parameters, shape (robots, …): a call that takes one step of all robots, or of several."""
+
+
+def scanned(robots: int) -> int:
+    """Steps of JAX in one call."""
+    return SCAN if robots <= MANY else 1
 
 
 def jax(model: Model, inputs: FloatArray, params: FloatArray) -> Callable[[], object]:
@@ -43,7 +49,10 @@ def jax(model: Model, inputs: FloatArray, params: FloatArray) -> Callable[[], ob
     u, p = (jax_.numpy.asarray(array, "float32") for array in (inputs, params))
 
     def steps(state: Any, u: Any, p: Any) -> Any:
-        return jax_.lax.scan(lambda state, _: (heat.step(state, u, p, DT), None), state, None, length=SCAN)[0]
+        def one(state: Any, _: Any) -> Any:
+            return heat.step(state, u, p, DT), None
+
+        return jax_.lax.scan(one, state, None, length=scanned(len(p)))[0]
 
     kept, compiled = [heat.initial(p, 25.0)], jax_.jit(steps)
 
@@ -215,12 +224,12 @@ def main() -> None:
                     continue
                 inputs = rng.uniform(0.0, 3.0, (robots, len(model.inputs)))
                 call = way(model, inputs, np.tile(model.values, (robots, 1)))
-                steps = SCAN if name == "JAX" else 1
+                steps = scanned(robots) if name == "JAX" else 1
                 cells.append(f"{steps * rate(call, robots, chosen.seconds):.2g}")
             print(f"| {nodes} | {name} | {' | '.join(cells)} |", flush=True)
         print(f"| {nodes} | FMU, from C | {fmu(model):.2g} |{' |' * (len(chosen.robots) - 1)}", flush=True)
     if find_spec("mujoco") is not None and find_spec("mujoco.mjx") is not None and find_spec("jax") is not None:
-        cells = [f"{mjx(robots):.2g}" if robots == 4096 else "" for robots in chosen.robots]
+        cells = [f"{mjx(robots):.2g}" if robots == MANY else "" for robots in chosen.robots]
         print(f"| | MJX's own step of a quadruped | {' | '.join(cells)} |")
 
 
