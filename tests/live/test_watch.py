@@ -16,15 +16,12 @@ import pytest
 
 from lptn.basics.errors import InputError
 from lptn.identify.data import LoadedModel, load_model
-from lptn.identify.noise import estimate_noise
 from lptn.live.sinks import Foxglove, Prometheus, metrics
 from lptn.live.sources import GrowingFile, Lines, Push, Replay, Source, Udp, source_of
 from lptn.live.status import Status
 from lptn.live.watch import Watch
-from lptn.online.forecasting import forecast
 from lptn.online.monitoring import monitor
-from lptn.online.present import ModelUncertainty
-from lptn.simulate.bound_run import bind
+from lptn.study import Study
 from tests.live.robot import AIR, CAPACITY, PER_TORQUE, RESISTANCE, log, model_file
 
 LIMIT = 60.0
@@ -73,14 +70,13 @@ def rows_of(frame: pd.DataFrame) -> list[dict[str, float]]:
 def test_answers_are_those_of_forecast_and_monitor_on_the_finished_log(
     loaded: LoadedModel, tmp_path: Path, rate: float
 ) -> None:
-    path = tmp_path / "log.parquet"
-    log(600, rate).to_parquet(path)
+    path, frame = tmp_path / "log.parquet", log(600, rate)
+    frame["velocity.knee"] = 3.0 * np.sin(2 * np.pi * 1.3 * frame["time"])  # a gait, of which whole cycles are averaged
+    frame.to_parquet(path)
     last = Watch(loaded, Replay(path, 0.0, loaded), limits=LIMIT, every=1e9).run()
     runs = loaded.runs([path])
-    known = ModelUncertainty.of_table(
-        loaded.model, loaded.file.fit, estimate_noise([bind(loaded.model, runs[-1])], loaded.model.nodes).floor
-    )
-    ahead = forecast(loaded.model, runs[-1], LIMIT, fit=known)
+    ahead = Study(loaded.file.path, holdout=[path]).forecast(LIMIT).result
+    assert (ahead.window.period is None) == (rate == 1.0)
     assert {alarm.node for alarm in last.alarms} == {
         alarm.node for run in monitor(loaded.model, runs, rmse=0.1).runs for alarm in run.statistical_alarms
     }

@@ -8,7 +8,7 @@ import subprocess
 import sys
 import time
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from threading import Thread
@@ -30,6 +30,7 @@ from lptn.online.calibration import Calibration
 from lptn.online.fault_bank import Alarm
 from lptn.online.forecasting import Forecast, forecast
 from lptn.online.monitoring import monitor
+from lptn.online.operating_point import GaitPeriod, find_gait
 from lptn.online.present import ModelUncertainty
 from lptn.simulate.bound_run import bind, needed_columns
 
@@ -86,18 +87,26 @@ class Assessment:
     seconds: float = 0.0
 
 
-def assess(question: Question, rows: Mapping[str, FloatArray], step: float, *, averaged: bool) -> Assessment:
+Speeds = tuple[Sequence[FloatArray], float]
+"""The joints' speeds at their own rate, (n,) each, and s between samples; none of rows that are samples themselves."""
+
+
+def assess(
+    question: Question, rows: Mapping[str, FloatArray], speeds: Speeds, step: float, *, averaged: bool
+) -> Assessment:
     """Forecast and monitor the rows as if they were a finished log.
 
     Args:
         question: what is asked.
         rows: `time` [s] and quantities, (n,) each.
+        speeds: of the joints in the last seconds.
         step: s, of the model.
         averaged: whether rows are means over a step, else samples.
     """
     began, end = time.process_time(), float(rows["time"][-1])
     try:
-        found = _assessed(question, rows_as_runs(question, rows, step, averaged=averaged), end)
+        gait = find_gait(*speeds) if speeds[0] else None
+        found = _assessed(question, rows_as_runs(question, rows, step, averaged=averaged), gait, end)
     except InputError as error:
         found = Assessment(end, why_not=str(error))
     return replace(found, seconds=time.process_time() - began)
@@ -115,7 +124,7 @@ def rows_as_runs(question: Question, rows: Mapping[str, FloatArray], step: float
     return read_log(frame, columns, name=question.source, step=step, inputs=inputs, outputs=outputs, strict=False)
 
 
-def _assessed(question: Question, runs: list[Run], end: float) -> Assessment:
+def _assessed(question: Question, runs: list[Run], gait: GaitPeriod | None, end: float) -> Assessment:
     model, run = question.model, runs[-1]
     for issue in run.issues:
         if issue.certain:
@@ -130,7 +139,7 @@ def _assessed(question: Question, runs: list[Run], end: float) -> Assessment:
         alarms = tuple(alarm for one in watched.runs for alarm in one.statistical_alarms)
         found = replace(found, alarms=alarms)
         if question.limits:
-            ahead = forecast(model, run, question.limits, coverage=question.coverage, fit=uncertainty)
+            ahead = forecast(model, run, question.limits, coverage=question.coverage, fit=uncertainty, gait=gait)
             found = replace(found, forecast=ahead)
     except InputError as error:
         found = replace(found, why_not=str(error))
@@ -149,7 +158,9 @@ class Worker:
         self._process: subprocess.Popen[bytes] | None = None
         self._answers = deque[Assessment]()
 
-    def ask(self, question: Question, rows: Mapping[str, FloatArray], step: float, *, averaged: bool) -> None:
+    def ask(
+        self, question: Question, rows: Mapping[str, FloatArray], speeds: Speeds, step: float, *, averaged: bool
+    ) -> None:
         """Ask for an assessment, as of `assess`; one at a time."""
         if self._process is None:
             command = [sys.executable, "-c", "from lptn.live.assessment import work; work()"]
@@ -160,7 +171,7 @@ class Worker:
             Thread(target=self._listen, args=(self._process,), daemon=True).start()
         with suppress(BrokenPipeError):  # what reads then says that it ended
             assert self._process.stdin is not None
-            pickle.dump((question, rows, step, averaged), self._process.stdin)
+            pickle.dump((question, rows, speeds, step, averaged), self._process.stdin)
             self._process.stdin.flush()
 
     def answer(self) -> Assessment | None:
@@ -193,6 +204,6 @@ def work() -> None:
     os.nice(_NICENESS)
     with suppress(EOFError, BrokenPipeError):
         while True:
-            question, rows, step, averaged = pickle.load(sys.stdin.buffer)
-            pickle.dump(assess(question, rows, step, averaged=averaged), answers)
+            question, rows, speeds, step, averaged = pickle.load(sys.stdin.buffer)
+            pickle.dump(assess(question, rows, speeds, step, averaged=averaged), answers)
             answers.flush()

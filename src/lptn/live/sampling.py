@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from operator import itemgetter
@@ -20,6 +21,8 @@ from lptn.logs.guess import guess
 from lptn.logs.reading import GUESSED, choose_columns
 from lptn.logs.resampling import SEVERAL, STEADY_GAP, Grid, feature, raw_keys, sample_values
 from lptn.logs.tables import Table, table_of
+from lptn.model.model import Model
+from lptn.online.operating_point import LOOKED_AT
 from lptn.simulate.bound_run import needed_columns
 
 GAP = 10.0
@@ -83,6 +86,11 @@ class Clock:
 # --- The columns of messages -----------------------------------------------------------------------
 
 
+def wanted_columns(model: Model) -> tuple[list[str], list[str], list[str]]:
+    """Columns that a model needs, and that it predicts; and the joints' speeds, which show a gait where they are."""
+    return *needed_columns(model), [f"signed_velocity.{node}" for node in model.nodes]
+
+
 class Columns:
     """Which of the messages' numbers are the model's quantities, learnt from the first messages.
 
@@ -98,7 +106,7 @@ class Columns:
         self._began = math.nan
         self.sources: dict[str, ColumnSource] = {}
         """Where each raw quantity stands; empty until it is known."""
-        self.inputs, self.outputs = needed_columns(loaded.model)
+        self.inputs, self.outputs, self._speeds = wanted_columns(loaded.model)
         self.bad, self.last_bad = 0, ""
         """How many messages could not be used, and why the last."""
         self._count, self._rate = 0, 0.0
@@ -139,7 +147,7 @@ class Columns:
             of_time = f"counted from the messages, {self._rate:g} a second" if self._rate else "that of reception"
             notes.append(f"time: {of_time}, for the messages have none.")
         try:
-            choice = choose_columns(table, columns, self.inputs, self.outputs)
+            choice = choose_columns(table, columns, self.inputs, self.outputs, self._speeds)
         except InputError:
             if enough:
                 raise
@@ -249,7 +257,7 @@ class Sampler:
     ) -> None:
         self._inputs, self._outputs, self._step = list(inputs), list(outputs), step
         self._driving = list(dict.fromkeys(key for column in inputs for key in raw_keys(column, sources)))
-        others = [key for key in outputs if key not in self._driving]
+        others = [key for key in sources if key != "time" and key not in self._driving]
         self._keys = [*self._driving, *others]
         self._sources = sources
         longest = max(GAP, _STEPS_BRIDGED * step)
@@ -261,6 +269,8 @@ class Sampler:
         self._start = math.nan  # s, of the next row; NaN until the first after a gap
         self.period = period
         """s between samples, once that is known."""
+        self._speeds = deque[tuple[float, FloatArray]]()  # of the last seconds, at the source's own rate
+        self._moving = [k for k, key in enumerate(self._keys) if key.startswith("velocity.")]
         self.missing: tuple[str, ...] = ()
         """Inputs that are silent, so that nothing can be said."""
         self.gone = set[str]()
@@ -276,6 +286,11 @@ class Sampler:
         """s between rows."""
         return self._step if self.averaged or self.period is None else max(self._step, float(f"{self.period:.3g}"))
 
+    @property
+    def speeds(self) -> list[FloatArray]:
+        """Joints' speeds in the last half minute, with their sign, a `period` apart, (n,) each: what shows a gait."""
+        return list(np.vstack([block for _, block in self._speeds]).T) if self.averaged and self._speeds else []
+
     def add(self, time: FloatArray, raw: Mapping[str, FloatArray], *, end: bool = False) -> list[Rows]:
         """Take in samples at times (n,), increasing; the rows that are complete.
 
@@ -289,6 +304,10 @@ class Sampler:
             there = ~np.isnan(samples[:, : len(self._driving)]).any(axis=1)
             self._time = np.append(self._time, time[there])
             self._pending = np.vstack([self._pending, samples[there]])
+            if self._moving:
+                self._speeds.append((float(time[-1]), samples[there][:, self._moving]))
+                while self._speeds[0][0] < time[-1] - LOOKED_AT:
+                    self._speeds.popleft()
         if self.period is not None and not self.averaged and time.size >= _FEWEST:
             self.period = min(self.period, float(np.median(np.diff(time))) or self.period)
         if self.period is None and (self._time.size >= _FEWEST or (end and self._time.size > 1)):

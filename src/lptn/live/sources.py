@@ -21,10 +21,10 @@ import numpy as np
 from lptn.basics.errors import InputError
 from lptn.identify.data import LoadedModel
 from lptn.live.messages import LONGEST, Numbers
+from lptn.live.sampling import wanted_columns
 from lptn.logs.columns import ColumnSource
 from lptn.logs.guess import guess
 from lptn.logs.reading import choose_columns, open_log
-from lptn.simulate.bound_run import needed_columns
 
 _MOST = 10_000  # messages that wait: ten seconds at 1 kHz
 LOOPBACK = "127.0.0.1"
@@ -218,9 +218,9 @@ class Replay(Source):
     def __init__(self, path: Path, speed: float, loaded: LoadedModel) -> None:
         super().__init__(str(path), live=False)
         table, columns = open_log(path, loaded.sources_of(path)[0])
-        inputs, outputs = needed_columns(loaded.model)
+        inputs, outputs, speeds = wanted_columns(loaded.model)
         guesses = guess(table, columns, inputs, outputs) if loaded.guessing else []
-        choice = choose_columns(table, columns | {one.key: one.source for one in guesses}, inputs, outputs)
+        choice = choose_columns(table, columns | {one.key: one.source for one in guesses}, inputs, outputs, speeds)
         sensors = {name for column in choice.outputs for name in choice.sources[column].columns}
         self._numbers = table.numbers((n for source in choice.sources.values() for n in source.columns), sensors)
         self._time = choice.sources["time"].values("time", self._numbers)

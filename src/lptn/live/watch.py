@@ -23,7 +23,7 @@ from lptn.basics.errors import InputError
 from lptn.basics.files import fingerprint, write_whole
 from lptn.basics.processes import one_blas_thread
 from lptn.identify.data import LoadedModel
-from lptn.live.assessment import Assessment, Question, Worker, assess
+from lptn.live.assessment import Assessment, Question, Speeds, Worker, assess
 from lptn.live.history import History
 from lptn.live.messages import Decoder, Numbers
 from lptn.live.sampling import GAP, Clock, Columns, Rows, Sampler
@@ -327,12 +327,13 @@ class Watch:
     def _assess(self) -> Assessment:
         return assess(*self._asked(), averaged=self._averaged)
 
-    def _asked(self) -> tuple[Question, dict[str, FloatArray], float]:
+    def _asked(self) -> tuple[Question, dict[str, FloatArray], Speeds, float]:
         """What `assess` wants: samples as they came, or means."""
         assert self._history is not None
         kept = self._history.columns()
         raw = {key.removeprefix(_RAW): values for key, values in kept.items() if key.startswith(_RAW)}
-        return self._question, {"time": self._history.time.copy()} | (raw or kept), self._step
+        speeds: Speeds = (self._sampler.speeds, self._period or 0.0) if self._sampler is not None else ([], 0.0)
+        return self._question, {"time": self._history.time.copy()} | (raw or kept), speeds, self._step
 
     def _collect(self) -> None:
         if self._asking and self._worker is not None and (found := self._worker.answer()) is not None:

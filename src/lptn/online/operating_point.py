@@ -18,7 +18,8 @@ from lptn.simulate.bound_run import BoundRun, needed_columns
 # --- The period of the gait, from the joint speeds ------------------------------------------------
 
 _FINEST = 1e-3  # s between samples; no robot logs its joints faster
-_LOOKED_AT = 30.0  # s, from the end: long enough for ten cycles of a slow walk
+LOOKED_AT = 30.0
+"""s, from the end: long enough for ten cycles of a slow walk."""
 _STILL = 0.05  # rad/s; joints that move no faster than this, on the average, stand
 _COARSEST = 0.2  # s between samples; of rarer ones a trot at 2 Hz would look like something slower
 _SHORTEST_PERIOD = 2.2  # samples, for the same reason: twice is Nyquist's limit
@@ -75,7 +76,7 @@ def find_gait(speeds: Sequence[FloatArray], step: float) -> GaitPeriod:
         return GaitPeriod(None, "the log has no joint speeds")
     if step > _COARSEST:
         return GaitPeriod(None, f"the gait can't be seen in samples {step:g} s apart")
-    count = min(round(_LOOKED_AT / step), *(len(speed) for speed in speeds), len(speeds[0]))
+    count = min(round(LOOKED_AT / step), *(len(speed) for speed in speeds), len(speeds[0]))
     recent = np.array([speed[-count:] for speed in speeds], dtype=float)
     recent = recent[np.isfinite(recent).any(axis=1)]
     recent = np.nan_to_num(recent - np.nanmean(recent, axis=1, keepdims=True))
