@@ -38,7 +38,7 @@ TYPED = {
     "watch": ["watch fitted.toml log.csv --replay 0 --limit 60 --every 100"],
     "fmu": ["fmu fitted.toml -o heaters.fmu"],
     "cosim": ["cosim heaters.fmu log.csv"],
-    "export": ["export fitted.toml --to numpy --limit 60 -o heat.py"],
+    "export": ["export two_heaters.toml --to numpy --limit 60 -o heat.py"],
     "plan": [
         "plan quadruped.toml limit_now.toml",
         "plan quadruped.toml track_trot.toml",
