@@ -16,8 +16,9 @@ import pytest
 
 from lptn.basics.errors import InputError
 from lptn.identify.data import LoadedModel, load_model
+from lptn.live.addresses import source_of
 from lptn.live.sinks import Foxglove, Prometheus, metrics
-from lptn.live.sources import GrowingFile, Lines, Push, Replay, Source, Udp, source_of
+from lptn.live.sources import GrowingFile, Lines, Push, Replay, Source, Udp
 from lptn.live.status import Status
 from lptn.live.watch import Watch
 from lptn.online.monitoring import monitor

@@ -75,8 +75,7 @@ def watch(
     check_inputs(model)
     from lptn.cli.terminal import is_quiet, write_json
     from lptn.identify.data import load_model
-    from lptn.live.sinks import sink_of
-    from lptn.live.sources import source_of
+    from lptn.live.addresses import sink_of, source_of
     from lptn.live.watch import Watch
     from lptn.online.calibration import read_calibration
 

@@ -11,9 +11,8 @@ from threading import Thread
 from typing import Any, TextIO
 
 from lptn.basics.errors import InputError
-from lptn.live.sources import LOOPBACK, address_of
+from lptn.live.sources import LOOPBACK
 from lptn.live.status import NodeStatus, Status
-from lptn.live.watch import Sink
 
 
 class JsonLines:
@@ -172,29 +171,3 @@ class Foxglove:
 
     def close(self) -> None:
         self._server.stop()
-
-
-def sink_of(text: str, terminal: Callable[[], Sink], stream: TextIO) -> Sink:
-    """The sink that a text names: `terminal`, `json`, `json:FILE`, `prometheus://HOST:PORT`, `foxglove://HOST:PORT`.
-
-    Args:
-        text: what was given.
-        terminal: makes the table.
-        stream: where lines of JSON without a file go.
-
-    Raises:
-        InputError: there is no such sink, or it can't be opened.
-    """
-    kind, _, rest = text.partition(":")
-    if text == "terminal":
-        return terminal()
-    if kind == "json":
-        return JsonLines(Path(rest) if rest else stream)
-    if kind == "prometheus":
-        _, host, port = address_of(text if rest else f"{kind}://{LOOPBACK}", "sink", PORT_OF_METRICS)
-        return Prometheus(host, port)
-    if kind == "foxglove":
-        _, host, port = address_of(text if rest else f"{kind}://{LOOPBACK}", "sink", PORT_OF_FOXGLOVE)
-        return Foxglove(host, port)
-    expected = "terminal, json, json:FILE, prometheus, foxglove, or one of these two with ://HOST:PORT behind it"
-    raise InputError(text, "sink", "no such sink", expected)

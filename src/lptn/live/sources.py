@@ -14,7 +14,6 @@ from contextlib import suppress
 from pathlib import Path
 from threading import Condition, Event
 from typing import BinaryIO
-from urllib.parse import urlsplit
 
 import numpy as np
 
@@ -241,45 +240,3 @@ class Replay(Source):
             block = np.column_stack([self._numbers[name][first : first + at_once] for name in names])
             for row in block.tolist():
                 yield dict(zip(names, row, strict=True))
-
-
-def source_of(text: str, loaded: LoadedModel, replay: float | None = None) -> Source:
-    """The source that a text names: `-`, `udp://…`, `dds://…`, or a file that grows or, with a speed, is replayed.
-
-    Raises:
-        InputError: there is no such source.
-    """
-    if replay is not None:
-        return Replay(Path(text), replay, loaded)
-    if text == "-":
-        return Lines()
-    scheme, host, port = address_of(text, "source")
-    if scheme == "udp":
-        return Udp(host, port)
-    if scheme == "dds":
-        from lptn.live.dds import Dds  # which stands on this file, and on an extra
-
-        return Dds(urlsplit(text).hostname or "", port)
-    if scheme:
-        raise InputError(text, "source", f"the scheme {scheme}", "-, a file, udp://HOST:PORT or dds://:DOMAIN")
-    return GrowingFile(Path(text))
-
-
-def address_of(text: str, place: str, port: int | None = None) -> tuple[str, str, int]:
-    """Scheme, host and port of `udp://127.0.0.1:9870`; the host is loopback unless it is given. No scheme: ''.
-
-    Raises:
-        InputError: the port is missing or none.
-    """
-    if "://" not in text:
-        return "", "", 0
-    parts = urlsplit(text)
-    try:
-        found = parts.port if parts.port is not None else port
-    except ValueError:
-        found = None
-    if found is None:
-        raise InputError(
-            text, place, "no port", f"{parts.scheme}://HOST:PORT, such as {parts.scheme}://{LOOPBACK}:9870"
-        )
-    return parts.scheme, parts.hostname or LOOPBACK, found

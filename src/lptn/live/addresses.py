@@ -1,0 +1,81 @@
+"""Sources and sinks by the words of a command line."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TextIO
+from urllib.parse import urlsplit
+
+from lptn.basics.errors import InputError
+from lptn.identify.data import LoadedModel
+from lptn.live.dds import Dds
+from lptn.live.sinks import PORT_OF_FOXGLOVE, PORT_OF_METRICS, Foxglove, JsonLines, Prometheus
+from lptn.live.sources import LOOPBACK, GrowingFile, Lines, Replay, Source, Udp
+from lptn.live.watch import Sink
+
+
+def source_of(text: str, loaded: LoadedModel, replay: float | None = None) -> Source:
+    """The source that a text names: `-`, `udp://…`, `dds://…`, or a file that grows or, with a speed, is replayed.
+
+    Raises:
+        InputError: there is no such source.
+    """
+    if replay is not None:
+        return Replay(Path(text), replay, loaded)
+    if text == "-":
+        return Lines()
+    scheme, host, port = address_of(text, "source")
+    if scheme == "udp":
+        return Udp(host, port)
+    if scheme == "dds":
+        return Dds(urlsplit(text).hostname or "", port)
+    if scheme:
+        raise InputError(text, "source", f"the scheme {scheme}", "-, a file, udp://HOST:PORT or dds://:DOMAIN")
+    return GrowingFile(Path(text))
+
+
+def address_of(text: str, place: str, port: int | None = None) -> tuple[str, str, int]:
+    """Scheme, host and port of `udp://127.0.0.1:9870`; the host is loopback unless it is given. No scheme: ''.
+
+    Raises:
+        InputError: the port is missing or none.
+    """
+    if "://" not in text:
+        return "", "", 0
+    parts = urlsplit(text)
+    try:
+        found = parts.port if parts.port is not None else port
+    except ValueError:
+        found = None
+    if found is None:
+        raise InputError(
+            text, place, "no port", f"{parts.scheme}://HOST:PORT, such as {parts.scheme}://{LOOPBACK}:9870"
+        )
+    return parts.scheme, parts.hostname or LOOPBACK, found
+
+
+def sink_of(text: str, terminal: Callable[[], Sink], stream: TextIO) -> Sink:
+    """The sink that a text names: `terminal`, `json`, `json:FILE`, `prometheus://HOST:PORT`, `foxglove://HOST:PORT`.
+
+    Args:
+        text: what was given.
+        terminal: makes the table.
+        stream: where lines of JSON without a file go.
+
+    Raises:
+        InputError: there is no such sink, or it can't be opened.
+    """
+    kind, _, rest = text.partition(":")
+    if text == "terminal":
+        return terminal()
+    if kind == "json":
+        return JsonLines(Path(rest) if rest else stream)
+    if kind == "prometheus":
+        _, host, port = address_of(text if rest else f"{kind}://{LOOPBACK}", "sink", PORT_OF_METRICS)
+        return Prometheus(host, port)
+    if kind == "foxglove":
+        _, host, port = address_of(text if rest else f"{kind}://{LOOPBACK}", "sink", PORT_OF_FOXGLOVE)
+        return Foxglove(host, port)
+    expected = "terminal, json, json:FILE, prometheus, foxglove, or one of these two with ://HOST:PORT behind it"
+    raise InputError(text, "sink", "no such sink", expected)
