@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from lptn.basics.arrays import FloatArray
+from lptn.model.file import parse_model
+from lptn.model.model import Model
+from lptn.online.augmented_model import ModelError
+from lptn.online.fault_bank import Hypothesis
+from tests.builders import make_run
 from tests.hardening import monitored_faults
 from tests.hardening.monitored_faults import BEGIN, FAULTS, SENSORS, Fault, at, loose, watched
+from tests.hardening.plants import ROBOTS
 
 
 def blamed(
@@ -21,6 +28,18 @@ def blamed(
         {fault: answer.blamed for (_, fault), answer in said.items() if answer.blamed},
         {fault for (_, fault), answer in said.items() if answer.called},
     )
+
+
+@pytest.mark.parametrize(("off", "least", "most"), [(0.0, 1.0, 3.0), (0.4, 5.0, np.inf)])
+def test_readings_beside_a_model_that_is_wrong_for_minutes_count_as_fewer(
+    off: float, least: float, most: float
+) -> None:
+    robot, random = ROBOTS["leg"](), np.random.default_rng(4)
+    log = monitored_faults.healthy_log(robot, robot.off_by(off, "signs", random), SENSORS["usual"], random)
+    model = Model(parse_model(robot.toml(), Path("leg.toml")).network)
+    run = make_run({name: log[name].to_numpy() for name in log if name != "time"})
+    given = Hypothesis.of(model, run, [0.1] * 3, ModelError(heat=0.05))
+    assert least <= given.readings_of_one(0) <= most
 
 
 @pytest.mark.slow

@@ -220,10 +220,12 @@ def exchanged(
     laws = [[warming(log, f"temperature.{part}", f"{quantity}.{of}") for of in places] for part in places]
     if len(places) < 2 or any(law is None for row in laws for law in row):
         return {}, 0.0
-    from scipy.optimize import linear_sum_assignment  # heavy, and few logs need it
-
     errors = np.array([[law.error for law in row if law] for row in laws])
     costs = 2 * np.log(errors + _FLOOR)
+    if (np.diag(costs) - costs.min(axis=1)).max() < _BETTER:
+        return {}, 0.0
+    from scipy.optimize import linear_sum_assignment  # heavy, and few logs need it
+
     order = linear_sum_assignment(costs)[1]
     moved = np.flatnonzero(order != np.arange(order.size))
     gains = costs[moved, moved] - costs[moved, order[moved]]

@@ -130,6 +130,7 @@ class Estimator:
             filter).
         learn_air: whether the air's error is learnt; else it only widens the uncertainty.
         watch: whether sensors that are not alive are left out.
+        repeats: whether readings that repeat bit for bit count against their sensor; not where a whole log says more.
 
     Raises:
         InputError: an unknown node, parameter or column; more than 600 states.
@@ -157,6 +158,7 @@ class Estimator:
         covariance: FloatArray | None = None,
         learn_air: bool = True,
         watch: bool = True,
+        repeats: bool = True,
     ) -> None:
         self.model, self.error = model, error or ModelError()
         self._noise = np.maximum(_sizes_of(model, noise, "noise"), LEAST_NOISE) ** 2
@@ -206,7 +208,7 @@ class Estimator:
         self._covariance = np.zeros((len(self._mean), len(self._mean)))
         self._since_correction = np.eye(len(self._mean))
         self._without = np.zeros(layout.size)  # by how much the state of the model alone differs
-        self.watch = watch
+        self.watch, self._repeats = watch, repeats
         """Whether sensors that are not alive are left out."""
         self.sensors = self._new_sensors()
         """What is known of each node's sensor."""
@@ -367,7 +369,7 @@ class Estimator:
         for node, sensor in enumerate(self.sensors):
             reference = without[node] + sensor.woken
             by_filter = (reference, sensor.deviation**2) if alone[node] else (float(predicted[node]), variance[node])
-            sensor.judge(dt, float(y[node]), by_filter[0], by_filter[1], reference)
+            sensor.judge(dt, float(y[node]), by_filter[0], by_filter[1], reference, repeats=self._repeats)
         lived = any(sensor.once_trusted for sensor in self.sensors)
         for node in np.flatnonzero(np.isfinite(y)).tolist():
             self._follow(node, float(y[node]), alone[node])

@@ -7,7 +7,10 @@ follow the model; heat moves the neighbours, too, and moves nothing at once.
 A cheap filter's innovations say where to look: one pass backwards scores an offset, a drift and a lag of each sensor,
 each load and the air, for all onsets. Where one of them stands out, each `Hypothesis` is weighed by a filter of its
 own: the run, and what of it is free over the model's own errors. That every capacity, resistance and loss may
-be off belongs to all of these, so a model that is a little wrong never has to be a fault of somebody else.
+be off belongs to all of these, so a model that is a little wrong never has to be a fault of somebody else. A second
+pass backwards, with that free, tells which of them are worth their filters. Of several guesses of one hypothesis the
+mean counts; that the model lacks heat at a node is one more; and where it is wrong for minutes at other sensors,
+too, readings count as fewer.
 """
 
 from __future__ import annotations
@@ -83,9 +86,9 @@ class Alarm:
 MODEL_OFF = 0.1
 """Relative standard deviation of each of the model's free parameters: data sheets, and fits to other loads, are so far
 off. Readings learn more of them within minutes."""
-DECIDES = 10.0
-"""nats by which readings must be likelier: odds of 20,000, for a thermal model is wrong for minutes on end, and its
-readings say less than if each stood for itself."""
+DECIDES = float(np.log(1000))
+"""nats by which readings must be likelier: one sensor in a thousand logs is faulty."""
+_LASTS = 600.0  # s; errors of a model last as long as its nodes' time constants
 _SUSPECT = 2.0  # nats for a load, of which its hypothesis is worth a filter
 FREE = 10.0
 """K; so far off a wrong sensor may be at the onset, and the air all the while."""
@@ -132,12 +135,14 @@ def prescribed(model: Model) -> list[str]:
 
 class Filtered(NamedTuple):
     """A run that was filtered: the estimator at its end; of each step's innovations the logarithm of the likelihood and
-    the square in standard deviations, shape (n,); temperatures [degC], shape (nodes, n)."""
+    the square in standard deviations, shape (n,); temperatures [degC], and each innovation in its own standard
+    deviations, NaN where nothing is read, shape (nodes, n)."""
 
     estimator: Estimator
     log_likelihoods: FloatArray
     squares: FloatArray
     temperatures: FloatArray
+    surprises: FloatArray
 
 
 @dataclass(frozen=True)
@@ -154,6 +159,7 @@ class Hypothesis:
         learn_air: whether the air's error is estimated along.
         share: of heat and air that the model may be wrong by.
         unknown: heat [W] at joints that their loads don't tell.
+        lasting: heat [W] that the model lacks at nodes for an hour and more, where its parameters are estimated.
     """
 
     model: Model
@@ -165,6 +171,7 @@ class Hypothesis:
     learn_air: bool = True
     share: float = 1.0
     unknown: Mapping[str, float] = field(default_factory=dict)
+    lasting: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod
     def of(cls, model: Model, run: Run, noise: Sequence[float], error: ModelError, step: float = STEP) -> Hypothesis:
@@ -172,14 +179,14 @@ class Hypothesis:
         bound = coarsely_bound(model, run, step)
         return cls(model, bound, bound.measured, noise, error)
 
-    def estimator(self, step: FloatArray | float = 0.0, *, watch: bool = False) -> Estimator:
+    def estimator(self, step: FloatArray | float = 0.0, *, watch: bool = False, repeats: bool = True) -> Estimator:
         """A fresh filter that allows for all of this, for sensors with steps [K], or one that watches its sensors."""
         nodes, own, free = self.model.nodes, self.error, self.covariance is not None
         heat, change = (
             dict(zip(nodes, (self.share * by_node(sizes, nodes)).tolist(), strict=True))
             for sizes in (own.heat, own.change)
         )
-        bias = 0.0 if free else own.bias  # what lasts for a run is a parameter that is off
+        bias = self.lasting if free else own.bias  # what else lasts for a run is a parameter that is off
         return Estimator(
             self.model,
             noise=np.maximum(self.noise, LEAST_NOISE),
@@ -189,6 +196,7 @@ class Hypothesis:
             covariance=self.covariance,
             learn_air=self.learn_air,
             watch=watch,
+            repeats=repeats,
         )
 
     @cached_property
@@ -196,11 +204,13 @@ class Hypothesis:
         """The run as its filter sees it."""
         estimator, temperatures = self.estimator(), []
         log_likelihoods, squares = np.zeros((2, len(self.run)))
+        surprises, seen = np.full(self.measured.shape, np.nan), np.isfinite(self.measured)
         for k in estimator.run(self.run, self.measured):
             temperatures.append(estimator.states[: len(self.model.nodes)])
-            if estimator.last is not None:
-                log_likelihoods[k], squares[k] = estimator.last.log_likelihood, estimator.last.normalised_square
-        return Filtered(estimator, log_likelihoods, squares, np.array(temperatures).T)
+            if (last := estimator.last) is not None:
+                log_likelihoods[k], squares[k] = last.log_likelihood, last.normalised_square
+                surprises[seen[:, k], k] = last.innovation / np.sqrt(np.diag(last.covariance))
+        return Filtered(estimator, log_likelihoods, squares, np.array(temperatures).T, surprises)
 
     def behind(self, onset: float) -> BoolArray:
         """Steps that end behind a time [s], shape (n,)."""
@@ -209,6 +219,20 @@ class Hypothesis:
     def nats(self, onset: float = -np.inf) -> float:
         """Logarithm of the likelihood of all readings behind a time [s]."""
         return float(self.filtered.log_likelihoods[self.behind(onset)].sum())
+
+    def readings_of_one(self, row: int) -> float:
+        """How many readings say as much of a fault at a node as one of independent errors would.
+
+        A model is wrong for minutes on end: innovations of other sensors then have sums over these whose mean square is
+        so many times that of as many independent ones; 1 at least. What the model does at one node it may do at any;
+        of the other sensors one may be faulty, too, so it is that where it is most but one.
+        """
+        others = np.nan_to_num(np.delete(self.filtered.surprises, row, axis=0))
+        others = others[others.any(axis=1)]
+        length = min(max(1, round(_LASTS / self.run.run.step)), len(self.run))
+        total = np.pad(np.cumsum(others, axis=1), ((0, 0), (1, 0)))
+        sums = total[:, length:] - total[:, :-length]
+        return float(max([1.0, *np.sort(np.square(sums).mean(axis=1) / length)[-2:-1]]))
 
     def without(self, row: int, onset: float = -np.inf) -> Hypothesis:
         """The same without a sensor's readings behind a time [s]."""
@@ -225,6 +249,10 @@ class Hypothesis:
         inputs = self.run.inputs.copy()
         inputs[list(rows)] = values
         return replace(self, run=replace(self.run, inputs=inputs))
+
+    def with_lasting_heat(self, node: str, lift: float) -> Hypothesis:
+        """The same with heat [K/s] that the model lacks at a node for an hour and more."""
+        return replace(self, lasting={node: lift * float(self.model.values[self.model.network.capacities[node]])})
 
     def with_unknown_input(self, column: str, lift: float = float(_LIFTS[2])) -> Hypothesis:
         """The same with heat [K/s] at a joint that its load doesn't tell, or air that is far off."""
@@ -475,8 +503,8 @@ def _lagged(path: FloatArray, lag: float, step: float, behind: BoolArray) -> Flo
 def _nats(off: FloatArray, along: FloatArray, noise: float) -> float:
     """Logarithm of the likelihood of readings that are off a course, in noise of a variance [K²].
 
-    Beside the noise they are off by a multiple of another course: this, or its slope, wanders, in the size that is
-    likeliest. Arrays have shape (n,).
+    Beside the noise they are off by a multiple of another course: this, or its slope, wanders, in one of some sizes.
+    Arrays have shape (n,).
     """
     wandering, bending = np.square([[*_WALKS, *0 * _BENDS], [*0 * _WALKS, *_BENDS]])
     level, slope, total = (np.zeros(wandering.size) for _ in range(3))
@@ -492,17 +520,25 @@ def _nats(off: FloatArray, along: FloatArray, noise: float) -> float:
         level = level + slope
         of_level, of_both = of_level + 2 * of_both + of_slope + wandering, of_both + of_slope
         of_slope = of_slope + bending
-    return float(total.max())
+    return _of_any(total)
 
 
-def _of_a_sensor(given: Hypothesis, alarm: Alarm) -> tuple[float, Alarm]:
+def _of_any(nats: Sequence[float] | FloatArray) -> float:
+    """Logarithm of the likelihood where one of several is right and none the likelier beforehand: their mean.
+
+    The largest of many is large by chance, so that many guesses would explain more than one.
+    """
+    return float(np.logaddexp.reduce(nats) - np.log(len(nats)))
+
+
+def _of_a_sensor(given: Hypothesis, others: Hypothesis, alarm: Alarm) -> tuple[float, Alarm]:
     """Logarithm of the likelihood behind an alarm's onset if its sensor is wrong, and the fault that is likeliest.
 
     It is off by a number, or drifts, and goes on to tell of its node. Or it reads anything, beside the course of a
     fault or in a mean of its node and of cooler air.
     """
     row, onset = given.model.nodes.index(alarm.node), alarm.onset
-    others, behind, readings = given.without(row, onset), given.behind(onset), given.measured[row]
+    behind, readings = given.behind(onset), given.measured[row]
     count = int(np.isfinite(readings[behind]).sum())
     if not count:
         return others.nats(onset), replace(alarm, channel="")
@@ -517,25 +553,31 @@ def _of_a_sensor(given: Hypothesis, alarm: Alarm) -> tuple[float, Alarm]:
         if np.nansum(((readings - expected) * (air - expected))[behind]) > 0:
             nats.append(_nats((readings - expected)[behind], ((air - expected) / FREE)[behind], noise))
     corrected = [
-        given.with_readings([row], readings - np.where(behind, course.path - expected, 0.0)).nats(onset)
+        given.with_readings([row], readings - np.where(behind, course.path - expected, 0.0)).nats(onset) - course.owed
         for course in courses[:2]
     ]
-    return max(others.nats(onset) + max(nats), *corrected), named
+    return _of_any([_of_any(nats) + others.nats(onset), _of_any(corrected)]), named
 
 
 # --- Whose fault it is ----------------------------------------------------------------------------
 
 
 class _Answer(NamedTuple):
-    """What explains an alarm: nats gained, the channels in words, their alarms, the run with them as they may be."""
+    """What explains an alarm: nats gained, the channels in words, their alarms, the run with them as they may be.
+
+    under: the run as it is explained.
+    """
 
     gain: float
     what: str
     alarms: list[Alarm]
     after: Hypothesis
+    under: Hypothesis
 
 
-def faults(given: Hypothesis, limits: Limits, inputs: Collection[str], *, taught: bool) -> list[Alarm]:
+def faults(
+    given: Hypothesis, limits: Limits, inputs: Collection[str], *, covariance: FloatArray | None = None, taught: bool
+) -> list[Alarm]:
     """All faults of a run.
 
     Once a sensor is called faulty, the filter does without it from the fault's onset on, and the search for others
@@ -544,13 +586,16 @@ def faults(given: Hypothesis, limits: Limits, inputs: Collection[str], *, taught
     Args:
         given: the run, with what is known of it.
         limits: of each kind.
-        inputs: columns that may be wrong.
+        inputs: columns that may be wrong; where there are none, sensors alone are judged.
+        covariance: of the model's free parameters, in the fit's coordinates, as its fit leaves them; each is
+            `MODEL_OFF` besides.
         taught: whether healthy logs told how wrong the model is.
     """
-    found, inputs = list[Alarm](), set(inputs)
+    found, inputs, wrong = list[Alarm](), set(inputs), 1.0
+    off = MODEL_OFF**2 * np.eye(len(given.model.free)) + (0.0 if covariance is None else covariance)
     while (first := first_alarm(given, limits, inputs)) is not None:
         called = {name for alarm in found for name in (alarm.node, alarm.channel)}
-        told, after = _attributed(given, first, called, taught)
+        told, after, wrong = _attributed(replace(given, covariance=off), first, called, taught, wrong, bool(inputs))
         # A sensor can't be judged with a wrong load; and no channel is reported twice.
         twice = any((alarm.channel or alarm.node) in called for alarm in told)
         if twice or (not first.channel and first.node in called):
@@ -562,43 +607,85 @@ def faults(given: Hypothesis, limits: Limits, inputs: Collection[str], *, taught
 
 
 def _attributed(
-    given: Hypothesis, alarm: Alarm, called: Collection[str], taught: bool
-) -> tuple[list[Alarm], Hypothesis]:
+    given: Hypothesis, alarm: Alarm, called: Collection[str], taught: bool, wrong: float, with_inputs: bool
+) -> tuple[list[Alarm], Hypothesis, float]:
     """Whose alarm it is: of the hypothesis under which the readings are clearly likelier than under any other.
 
     None where the model's own errors, or an input that is `called` already, explain as much; beside it the run with
-    what was found, or without the sensor's readings.
+    what was found, or without the sensor's readings, and how many readings say as much as one, at least `wrong`.
     """
-    # That any parameter may be off belongs to all hypotheses. If the readings show that the model is better than
-    # assumed, they are more informative.
-    covariance, row = MODEL_OFF**2 * np.eye(len(given.model.free)), given.model.nodes.index(alarm.node)
-    given = max(
-        (replace(given, share=share, covariance=covariance) for share in (_SHARES[:1] if taught else _SHARES)),
-        key=Hypothesis.nats,
-    )
+    row = given.model.nodes.index(alarm.node)
+    given = given if taught else _as_wrong_as_likely(given)
     without = given.without(row, alarm.onset)
     if not np.isnan(without.measured[row]).sum() > np.isnan(given.measured[row]).sum():
         without = given.without(row)  # it is called again for what was read before
-    nats, named = _of_a_sensor(given, alarm)
-    sensor = _Answer(nats - given.nats(alarm.onset), f"temperature.{alarm.node}", [named], without)
-    others = sorted([*_inputs(given, alarm), *_exchanges(given, alarm)], key=lambda answer: -answer.gain)
-    best, *rivals = sorted([sensor, *others], key=lambda answer: -answer.gain)
+    dismissed = given if alarm.channel else without
+    asked = _worth_asking(given, alarm, with_inputs)
+    if max(asked.values()) <= DECIDES * wrong:
+        return [], dismissed, wrong
+    nats, named = _of_a_sensor(given, without, alarm)
+    sensor = _Answer(nats - given.nats(alarm.onset), f"temperature.{alarm.node}", [named], without, without)
+    # The model may lack heat at the node all the while; healthy logs would have told. What reads as that is no fault of
+    # the sensor, and cannot be told from one of the load.
+    lacks = [] if taught else [given.with_lasting_heat(alarm.node, lift).nats(alarm.onset) for lift in _LIFTS[:3]]
+    of_model = max(_of_any(lacks) - given.nats(alarm.onset), 0.0) if lacks else 0.0
+    if not with_inputs and sensor.gain - of_model <= DECIDES * wrong:
+        return [], dismissed, wrong
+    answers = [*_inputs(given, alarm, list(asked)), *_exchanges(given, alarm)]
+    answers += [sensor] if sensor.gain - of_model > DECIDES * max(without.readings_of_one(row), wrong) else []
+    if not answers:
+        return [], dismissed, wrong
+    best, *rivals = sorted(answers, key=lambda answer: -answer.gain)
+    wrong_here = max(best.under.readings_of_one(row), wrong)
+    decides = DECIDES * wrong_here
     # Of one sensor and one load that both explain it nothing says which is wrong.
     alone = not np.isfinite(np.delete(given.measured, row, axis=0)).any()
-    least = DECIDES if alone else best.gain - DECIDES
+    least = decides if alone else best.gain - decides
     likely = [answer for answer in (best, *rivals) if answer.gain > least]
     if alarm.channel and likely == [sensor]:
-        return [], given  # sensors are called by what they read themselves
-    if best.gain <= DECIDES or any(answer.what in called for answer in likely):
-        return [], given if alarm.channel else without
+        return [], given, wrong  # sensors are called by what they read themselves
+    if not with_inputs and best.alarms[0].kind == "input":
+        return [], dismissed, wrong_here
+    if best.gain <= decides or any(answer.what in called for answer in likely):
+        return [], dismissed, wrong_here
     if len(likely) > 1:
         # The sensor is not used, and the rest follows the most probable of the other hypotheses.
-        after = (others[0] if best is sensor else best).after.without(row, alarm.onset)
-        return [replace(undecided(alarm, f"{best.what} or {likely[1].what}"), channel="")], after
+        after = next(one for one in (best, *rivals) if one is not sensor).after.without(row, alarm.onset)
+        return [replace(undecided(alarm, f"{best.what} or {likely[1].what}"), channel="")], after, wrong
     if not taught and best.alarms[0].kind == "input" and len(best.alarms) == 1:
         # Without healthy logs the model's error in a node's heat is unknown.
-        return [undecided(best.alarms[0], f"{best.what} or the model")], best.after
-    return best.alarms, best.after
+        return [undecided(best.alarms[0], f"{best.what} or the model")], best.after, wrong
+    return best.alarms, best.after, wrong
+
+
+def _as_wrong_as_likely(given: Hypothesis) -> Hypothesis:
+    """The same with the likeliest share of the model's errors: if it is better than guessed, readings say more."""
+    for share in _SHARES[1:]:
+        if (better := replace(given, share=share)).nats() < given.nats():
+            break
+        given = better
+    return given
+
+
+def _worth_asking(given: Hypothesis, alarm: Alarm, with_inputs: bool) -> dict[str, float]:
+    """What may explain an alarm, by column, and the nats that it gains to first order.
+
+    One backward pass tells it, where each hypothesis needs filters of its own: of loads near the node, and of the air,
+    those stay that gain any. A load that makes no heat shows nothing to first order.
+    """
+    said, model = Innovations(given).faults(len(given.run)), given.model
+    row, number = model.nodes.index(alarm.node), 0.5 * float(np.log(len(given.run)))
+    of_sensor = max(_of_any(0.5 * weight**2) for weight in said.weight[:, :, row].T) - number
+    asked = {f"temperature.{alarm.node}": of_sensor}
+    if with_inputs:
+        heated, driven = np.any(warming_by_loads(model, given.run), axis=1).tolist(), loads(model)
+        gains = dict(zip(given.error.inputs, said.air.tolist(), strict=True))
+        for node, load, heats in zip(model.nodes, said.load.T, heated, strict=True):
+            if node in driven:
+                gains[driven[node]] = _of_any(load) if heats else of_sensor
+        near = suspects(model, alarm.node, alarm.channel)
+        asked |= {column: gain for column, gain in gains.items() if column in near and gain > 0}
+    return asked
 
 
 def undecided(alarm: Alarm, what: str) -> Alarm:
@@ -606,10 +693,15 @@ def undecided(alarm: Alarm, what: str) -> Alarm:
     return replace(alarm, kind="undecided", size=None, detail=f"{what} is wrong: not decided which")
 
 
-def _inputs(given: Hypothesis, alarm: Alarm) -> Iterator[_Answer]:
-    """A load that is wrong, at the node or near it, or the air; of the likeliest load the size, too."""
+def _inputs(given: Hypothesis, alarm: Alarm, asked: Collection[str]) -> Iterator[_Answer]:
+    """A load that is wrong, at the node or near it, or the air; of the likeliest load the size, too.
+
+    The node's own load is asked, and those that are worth it.
+    """
     model, onset = given.model, alarm.onset
-    freed = {column: given.with_unknown_input(column) for column in suspects(model, alarm.node, alarm.channel)}
+    asked = {*asked, loads(model).get(alarm.node, "")}
+    freed = {column: given.with_unknown_input(column)
+             for column in suspects(model, alarm.node, alarm.channel) if column in asked}  # fmt: skip
     driving = freed.keys() & loads(model).values()
     likeliest = max(driving, key=lambda column: freed[column].nats(onset), default="")
     for column, trial in freed.items():
@@ -622,20 +714,23 @@ def _inputs(given: Hypothesis, alarm: Alarm) -> Iterator[_Answer]:
         node = place if place in model.nodes else alarm.node
         detail = "does not explain the temperatures"
         told = Alarm(node, "input", alarm.time, onset, detail=detail, channel=column)
-        gain = max(best.nats(since) - given.nats(since) for since in (onset, -np.inf))  # or all the while
-        yield _Answer(gain, column, [told], best.with_unknown_input(column, _LIFTS[-1]))
+        gain = max(
+            _of_any([trial.nats(since) for trial in trials]) - given.nats(since) for since in (onset, -np.inf)
+        )  # or all the while
+        yield _Answer(gain, column, [told], best.with_unknown_input(column, _LIFTS[-1]), best)
 
 
 def _exchanges(given: Hypothesis, alarm: Alarm) -> Iterator[_Answer]:
     """The node's sensor and another one's exchanged, from the onset on or all the while; or their loads, all the while.
 
-    Only pairs are tried that bring the model, run freely, nearer to the readings.
+    Only pairs are tried that bring the model, run freely, as much nearer to the readings as decides.
     """
     model, measured, driven, start = given.model, given.measured, loads(given.model), float(given.run.run.time[0])
     row = model.nodes.index(alarm.node)
 
     def squares(trial: Hypothesis) -> float:
-        return float(np.nansum(np.square(trial.measured - simulate(model, trial.run).readings)))
+        errors = np.square(trial.measured - simulate(model, trial.run).readings)
+        return float(np.nansum(errors / np.maximum(given.noise, LEAST_NOISE)[:, None] ** 2))
 
     now = squares(given)
     for other, node in enumerate(model.nodes):
@@ -651,11 +746,11 @@ def _exchanges(given: Hypothesis, alarm: Alarm) -> Iterator[_Answer]:
         if len(indices) == 2 and not differ:
             trials.append((quantity, start, given.with_inputs(indices, given.run.inputs[indices[::-1]])))
         for what, begin, after in trials:
-            if squares(after) < now:
+            if squares(after) < now - 2 * DECIDES:
                 alarms = [
                     Alarm(one, "swapped", alarm.time, begin, detail=f"with {two}")
                     if what == "temperature"
                     else Alarm(one, "input", alarm.time, begin, detail=f"exchanged with {two}", channel=driven[one])
                     for one, two in ((alarm.node, node), (node, alarm.node))
                 ]
-                yield _Answer(after.nats() - given.nats(), f"{what} of {alarm.node} and {node}", alarms, after)
+                yield _Answer(after.nats() - given.nats(), f"{what} of {alarm.node} and {node}", alarms, after, after)

@@ -100,7 +100,15 @@ class LivingSensor:
         self.woken *= stays
 
     def judge(
-        self, seconds: float, reading: float, predicted: float, variance: float, reference: float, learned: float = 0.0
+        self,
+        seconds: float,
+        reading: float,
+        predicted: float,
+        variance: float,
+        reference: float,
+        learned: float = 0.0,
+        *,
+        repeats: bool = True,
     ) -> None:
         """Look at the reading of one update; nothing is known of a missing one.
 
@@ -112,6 +120,7 @@ class LivingSensor:
             reference: the same without the sensor [degC].
             learned: what the model must be wrong by for the reading to be true, in standard deviations, negative where
                 it must cool the node; infinite where no values of its parameters explain it.
+            repeats: whether a reading that repeats bit for bit counts.
         """
         if not math.isfinite(reading):
             return
@@ -121,7 +130,9 @@ class LivingSensor:
         near = near and away <= max(ABOVE * self.deviation + NOISE * noise, LEAST)
         near = near and abs(reading - predicted) <= LEAST + NOISE * math.sqrt(max(variance, 0.0) + noise**2)
         misleads = learned < -(MISLEADS if self.proven else BELOW) or learned > ABOVE
-        self._watch_repeats(reading, predicted, max(variance, 0.0), near)
+        if repeats:
+            self._watch_repeats(reading, predicted, max(variance, 0.0), near)
+        self.last = reading
         idle = False
         if near and not misleads and not self.stands:
             if not self.agrees:
@@ -178,7 +189,6 @@ class LivingSensor:
             self.evidence, self.grain = 0.0, min(self.grain, abs(reading - self.last))
         if counts and not self.stands:
             self.moves, self.due = self.moves + changed, self.due + 1 - inside
-        self.last = reading
         lasting = self.evidence > STANDS and self.clock - self.since >= SHORTEST
         self.stands = same and (self.stands or lasting)
 

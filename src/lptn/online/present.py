@@ -13,10 +13,11 @@ from lptn.basics.parameters import Transform
 from lptn.identify.fitting import Fit
 from lptn.identify.noise import PLAIN, estimate_noise
 from lptn.logs.run import Run
+from lptn.logs.silence import silences
 from lptn.model.model import Model
 from lptn.model.tables import FitTable
 from lptn.online.augmented_model import ModelError
-from lptn.online.calibration import uncalibrated
+from lptn.online.calibration import Calibration, uncalibrated
 from lptn.online.estimator import UNKNOWN, Estimator
 from lptn.online.fault_bank import KINDS, STEP, Hypothesis, coarsely_bound, faults
 from lptn.online.quantisation import LEAST_NOISE, noise_and_steps
@@ -244,12 +245,16 @@ def judge_of_sensors(model: Model, bound: BoundRun, uncertainty: ModelUncertaint
         bound: the run so far, which tells the sensors' noise and the heat that the model lacks.
         uncertainty: how far the model is to be trusted.
     """
-    return _judge(model, bound, uncertainty, _USUAL_SCALE * _missing_heat(model, bound, uncertainty))
+    heat = _USUAL_SCALE * _missing_heat(model, bound, uncertainty)
+    return _judge(model, bound, uncertainty, heat, repeats=True)
 
 
-def _judge(model: Model, bound: BoundRun, uncertainty: ModelUncertainty, heat: FloatArray) -> Estimator:
+def _judge(
+    model: Model, bound: BoundRun, uncertainty: ModelUncertainty, heat: FloatArray, *, repeats: bool
+) -> Estimator:
     noise, step = noise_and_steps(estimate_noise([bound], model.nodes))
-    return replace(_given(model, bound, noise, uncertainty), error=_error(model, heat)).estimator(step, watch=True)
+    given = replace(_given(model, bound, noise, uncertainty), error=_error(model, heat))
+    return given.estimator(step, watch=True, repeats=repeats)
 
 
 def present_by_live_sensors(model: Model, run: Run, uncertainty: ModelUncertainty) -> tuple[Estimator, list[Doubt]]:
@@ -258,50 +263,76 @@ def present_by_live_sensors(model: Model, run: Run, uncertainty: ModelUncertaint
     Raises:
         InputError: no sensor is alive, or the model is much faster than the log.
     """
-    whole, run = bind(model, run), run.slice(float(run.time[-1]) - MEMORY, inf)
-    bound, nodes = bind(model, run), tuple(model.nodes)
+    whole, nodes = bind(model, run), tuple(model.nodes)
+    still, silent = _silent(whole, nodes)
+    recent = without(run, nodes, still).slice(float(run.time[-1]) - MEMORY, inf)
+    bound = bind(model, recent)
     substeps(model, bound, model.values, default_start(model, bound))  # refuses what no filter would come to an end of
-    size = _missing_heat(model, bound, uncertainty)
+    # A model is wrong for minutes on end, so that readings of each second say no more than their means.
+    bound = coarsely_bound(model, recent, STEP)
+    run, size = bound.run, _missing_heat(model, bound, uncertainty)
     # Sensors are judged by a model as good as usual. Where those that nobody doubts then say that it is worse, all are
     # judged again: else the healthy sensor of a joint of which the model knows little would be left out.
     scale = _USUAL_SCALE
     for _ in range(2):
-        judging = _judge(model, bound, uncertainty, scale * size)
+        judging = _judge(model, bound, uncertainty, scale * size, repeats=False)
         left_out, doubts = not_alive(judging, bound)
         if not (np.isfinite(bound.measured) & ~left_out).any():
-            raise InputError(run.source, "temperature columns", "; ".join(map(str, doubts)), "a sensor that is alive")
+            said = "; ".join(map(str, [*silent, *doubts]))
+            raise InputError(run.source, "temperature columns", said, "a sensor that is alive")
         rest = without(run, nodes, left_out)
         estimator, needed = present(model, rest, uncertainty)
         if not doubts or needed <= scale:
             break
         scale = needed
-    faulty = _faulty(model, rest, uncertainty, _error(model, min(needed, max(scale, _WORST_SCALE)) * size))
+    guess = uncalibrated(model, [recent], float(uncertainty.error.max()))
+    if uncertainty.learns:
+        error = _error(model, min(needed, max(scale, _WORST_SCALE)) * size)
+        guess = guess.model_copy(update={"limits": dict.fromkeys(KINDS, _FAULT), "model_error": error})
+    faulty = _faulty(model, rest, uncertainty, guess)
     for doubt in faulty:
         left_out[nodes.index(doubt.node)] |= run.time >= doubt.since
     if faulty:
-        doubts += [doubt for doubt in faulty if doubt.node not in {earlier.node for earlier in doubts}]
         estimator, _ = present(model, without(run, nodes, left_out), uncertainty)
     for node, readings in zip(nodes, whole.measured, strict=True):
         last = int(np.flatnonzero(np.isfinite(readings)).max(initial=-1)) + 1
-        seconds = (readings.size - last) * run.step
-        if whole.run.has(f"temperature.{node}") and seconds >= _MISSING and node not in {one.node for one in doubts}:
+        seconds = (readings.size - last) * whole.run.step
+        if whole.run.has(f"temperature.{node}") and seconds >= _MISSING:
             since = float(whole.run.time[min(last, readings.size - 1)])
-            doubts.append(Doubt(node, since, f"has no valid reading in the last {seconds:.0f} s"))
-    return estimator, doubts
+            silent.append(Doubt(node, since, f"has no valid reading in the last {seconds:.0f} s"))
+    first = dict[str, Doubt]()
+    for doubt in [*silent, *doubts, *faulty]:
+        first.setdefault(doubt.node, doubt)
+    return estimator, list(first.values())
 
 
-def _faulty(model: Model, run: Run, uncertainty: ModelUncertainty, error: ModelError) -> list[Doubt]:
+def _silent(bound: BoundRun, nodes: tuple[str, ...]) -> tuple[BoolArray, list[Doubt]]:
+    """Readings that repeat one number for longer than their sensor can, (nodes, n); the sensors that do up to the end.
+
+    A log's file was read without them; a table from elsewhere may hold some.
+    """
+    time, still, doubts = bound.run.time, np.zeros(bound.measured.shape, dtype=bool), list[Doubt]()
+    for node, readings, rows in zip(nodes, bound.measured, still, strict=True):
+        for one in silences(time, readings, resolution=bound.run.resolution.get(f"temperature.{node}", 0.0)):
+            rows |= one.rows
+            if one.stop >= time[np.isfinite(readings)][-1]:
+                seconds = one.stop - one.start
+                doubts.append(
+                    Doubt(node, one.start, f"has read {one.value:.6g} degC, bit for bit, for {seconds:.0f} s")
+                )
+    return still, doubts
+
+
+def _faulty(model: Model, run: Run, uncertainty: ModelUncertainty, usual: Calibration) -> list[Doubt]:
     """Sensors whose faults explain the readings better than the model's errors do, and better than a wrong input.
 
     None is called unless most of the sensors agree with the model: of one sensor and one model nothing says which is
     wrong. A model that lacks something, or that nobody fitted, is taken for as wrong as `lptn.monitor` guesses.
     """
-    guess = uncalibrated(model, [run], float(uncertainty.error.max()))
-    limits = dict.fromkeys(KINDS, _FAULT) if uncertainty.learns else guess.limits
-    error = error if uncertainty.learns else guess.model_error
-    given = Hypothesis.of(model, run, guess.noise, error)
+    given = Hypothesis.of(model, run, usual.noise, usual.model_error)
     end, doubts = float(run.time[-1]) + run.step, dict[str, Doubt]()
-    for alarm in faults(given, limits, model.inputs, taught=False):
+    known = uncertainty.covariance if uncertainty.learns else None
+    for alarm in faults(given, usual.limits, (), covariance=known, taught=uncertainty.learns):
         if not alarm.channel and alarm.node not in doubts:
             why = f"{alarm.words}, as it seems, for {end - alarm.onset:.0f} s"
             doubts[alarm.node] = Doubt(alarm.node, alarm.onset - STEP, why)
