@@ -37,7 +37,7 @@ def test_readings_beside_a_model_that_is_wrong_for_minutes_count_as_fewer(
     robot, random = ROBOTS["leg"](), np.random.default_rng(4)
     log = monitored_faults.healthy_log(robot, robot.off_by(off, "signs", random), SENSORS["usual"], random)
     model = Model(parse_model(robot.toml(), Path("leg.toml")).network)
-    run = make_run({name: log[name].to_numpy() for name in log if name != "time"})
+    run = make_run({str(name): log[name].to_numpy() for name in log if name != "time"})
     given = Hypothesis.of(model, run, [0.1] * 3, ModelError(heat=0.05))
     assert least <= given.readings_of_one(0) <= most
 

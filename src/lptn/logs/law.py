@@ -72,7 +72,8 @@ class Warming(NamedTuple):
         own, moved = columns[used], self.moved[used]
         kept, weights, noise = np.flatnonzero(self.likely), np.ones(moved.size), _NOISE
         for _ in range(_REWEIGHTED):
-            normal, right = (own.T * weights) @ own + noise**2 * np.eye(self.likely.size), (own.T * weights) @ moved
+            weighted = own.T * weights
+            normal, right = weighted @ own + noise**2 * np.eye(self.likely.size), weighted @ moved
             while True:
                 found = np.linalg.solve(normal[np.ix_(kept, kept)], right[kept])
                 below = np.where(self.signed[kept], 0.0, found)
