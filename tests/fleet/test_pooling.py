@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import date, timedelta
 from pathlib import Path
 
@@ -93,6 +93,22 @@ def test_of_few_robots_or_days_nothing_is_made_up(robots: int) -> None:
         pooled = pool(sessions)
         assert not drifting(pooled, 0.5)
         assert all(robot.apart < 0.5 and robot.seen is None for robot in pooled.robots.values())
+
+
+def test_one_robot_drifts_by_itself() -> None:
+    sessions, _ = fleet(24, 1, ageing=1, apart=0)
+    pooled = pool(sessions)
+    assert pooled.trend == 0
+    assert drifting(pooled) == {"r000"}
+
+
+def test_without_two_days_of_a_robot_nothing_is_said_of_days() -> None:
+    sessions, _ = fleet(25, 40, days=1, ageing=0, apart=0)
+    exact = [replace(session, error=0.001) for session in sessions]
+    pooled = pool(exact)
+    assert pooled.days is None
+    assert pooled.scatter == pytest.approx(np.std([session.value for session in exact]), rel=0.1)
+    assert max(robot.error for robot in pooled.robots.values()) < 0.002
 
 
 def test_days_are_told_apart_by_dates_in_names(tmp_path: Path) -> None:

@@ -32,6 +32,7 @@ RUNS_TEXT = {"eval", "exec", "compile", "__import__", "execfile"}
 RUNS_DATA = {"cPickle", "dill", "cloudpickle", "marshal", "shelve", "joblib", "yaml", "sympy", "jsonpickle"}
 UNPICKLES = {
     "src/lptn/fleet/work.py",  # what the parent process sent, as any pool of processes does
+    "src/lptn/live/assessment.py",  # what a process and its child tell each other
     "src/lptn/workbench/calculation.py",  # a session's study, from a folder that this user alone can write to
 }
 MAKES = {
@@ -46,6 +47,9 @@ MADE = {
     "src/lptn/basics/tables.py": {"to_parquet"},
     "src/lptn/cli/options.py": {"savefig"},
     "src/lptn/cli/terminal.py": {"open"},  # /dev/null
+    "src/lptn/live/assessment.py": {"open"},  # its standard output
+    "src/lptn/live/sinks.py": {"open"},  # lines that are added as they come
+    "src/lptn/live/watch.py": {"savez"},  # into memory, for `write_whole`
     "src/lptn/virtual/writers.py": {"open", "to_csv", "to_parquet"},  # logs, renamed when they are whole
     "fmu/compile.py": {"write_bytes"},  # in a folder that is removed again
     "fmu/archive.py": {"open"},  # an FMU unpacked, checked below

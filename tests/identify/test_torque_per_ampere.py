@@ -36,7 +36,7 @@ def model(given: str = "torque") -> Model:
         (0.80, ""),
         (0.84 / 2**0.5, "as RMS and peak amperes are"),
         (0.84 * 3**0.5, "as power-invariant and RMS amperes are"),
-        (0.84 / 9, "as torque before and behind a gear may be"),
+        (0.84 / 9, "as torque before and behind a gear is"),
     ],
 )
 def test_amperes_of_another_kind_are_seen(per_ampere: float, words: str) -> None:

@@ -32,7 +32,7 @@ def logs(tmp_path: Path) -> dict[str, Path]:
 
 def test_each_log_has_its_air(tmp_path: Path, logs: dict[str, Path]) -> None:
     model = tmp_path / "motor.toml"
-    with pytest.raises(InputError, match=r'"temperature\.ambient@LOG"'):
+    with pytest.raises(InputError, match=r'"temperature\.ambient@friday"'):
         load_model(model).runs([logs["friday"]])
     entries = """
 [columns]
@@ -60,6 +60,7 @@ def test_each_log_has_its_air(tmp_path: Path, logs: dict[str, Path]) -> None:
         ("torque.motor@friday=[value=start]", "a number; the start tells temperatures alone"),
         ("time@friday=[value=3]", "anything but the time"),
         ("temperature.ambient@friday=[value=22; scale=2]", "one of the two"),
+        ("temperature.ambient@friday=[value=300]", "at most 200, or its unit with it"),
         ("temperature.nowhere@friday=[value=22]", "a quantity at a place of the model"),
     ],
 )
@@ -67,6 +68,14 @@ def test_values_that_can_not_be_are_one_line(tmp_path: Path, logs: dict[str, Pat
     with pytest.raises(InputError, match=expected) as refused:
         load_model(tmp_path / "motor.toml", [option]).runs([logs["friday"]])
     assert "\n" not in str(refused.value)
+
+
+def test_the_nearer_entry_goes_first(tmp_path: Path, logs: dict[str, Path]) -> None:
+    options = [f"temperature.ambient@{of}=[value={air}]" for of, air in (("friday.csv", 21), ("fri*", 22), ("*", 23))]
+    (run,) = load_model(tmp_path / "motor.toml", options).runs([logs["friday"]])
+    assert run.columns["temperature.ambient"][0] == 21
+    (run,) = load_model(tmp_path / "motor.toml", ["velocity.motor@friday=[value=3]", *options]).runs([logs["friday"]])
+    assert (run.columns["velocity.motor"] == 3).all()  # of what effects could use, too
 
 
 def test_a_torque_that_is_none_throughout(tmp_path: Path, logs: dict[str, Path]) -> None:

@@ -126,7 +126,7 @@ def test_channels_of_one_name_are_told_apart_by_their_groups(tmp_path: Path) -> 
         file["lost/x"], file["lost/y"] = np.zeros(7), np.zeros(7)
     table, _ = open_log(tmp_path / "log.h5", {})
     assert table.names == ("time", "left.T", "right.T")
-    assert table.notes == ["lost: no channel called time or t; left out."]
+    assert table.notes == ["lost: no channel called time or t of that length; left out."]
 
 
 @pytest.mark.parametrize("name", FORMATS)
@@ -156,10 +156,39 @@ def test_a_small_file_of_many_numbers_is_refused(tmp_path: Path) -> None:
         table.numbers(["time", "T"])
 
 
+def test_what_has_no_times_is_left_out_or_has_those_of_what_it_is_in(tmp_path: Path) -> None:
+    import h5py
+
+    with h5py.File(tmp_path / "log.h5", "w") as file:
+        file["t"], file["T"], file["gains"] = SLOW, SLOW, np.arange(3.0)
+        file["nothing"] = h5py.Empty("f")
+        file.create_dataset("of_words", data=np.zeros(5, [("name", "S4"), ("many", "f8", 3), ("x", "f8")]))
+    table, _ = open_log(tmp_path / "log.h5", {})
+    assert set(table.names) == {"t", "T"}
+    with h5py.File(tmp_path / "nested.h5", "w") as file:
+        for group in "ab":
+            file[f"{group}/t"], file[f"{group}/motor/T_{group}"] = SLOW, SLOW
+    table, _ = open_log(tmp_path / "nested.h5", {})
+    assert table.names == ("time", "motor.T_a", "motor.T_b")
+
+
+def test_channels_of_one_name_in_a_group(tmp_path: Path) -> None:
+    from asammdf import MDF, Signal
+
+    file = MDF(version="4.10")
+    file.append([Signal(SLOW + k, SLOW, name="T") for k in range(2)])
+    file.save(tmp_path / "log.mf4")
+    file.close()
+    table, _ = open_log(tmp_path / "log.mf4", {})
+    first, second = table.names[1:]
+    numbers = table.numbers([first, second])
+    np.testing.assert_array_equal(numbers[second] - numbers[first], 1.0)
+
+
 def test_a_file_without_numbers_is_one_line(tmp_path: Path) -> None:
     import h5py
 
     with h5py.File(tmp_path / "log.h5", "w") as file:
         file["by"] = "nobody"
-    with pytest.raises(InputError, match="no channel of numbers"):
+    with pytest.raises(InputError, match="no channel of two numbers or more"):
         open_log(tmp_path / "log.h5", {})

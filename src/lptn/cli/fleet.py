@@ -116,7 +116,8 @@ def _show(fleet: Fleet, folder: Path, details: bool) -> None:
 
     most = None if details else FEW
     robots = {robot.of for robot in fleet.robots.values()}
-    days = {robot.day for robot in fleet.robots.values()}
+    days = {robot.day for robot in fleet.robots.values() if robot.day}
+    often = Counter(robot.of for robot in fleet.robots.values() if robot.day)
     before = sum(outcome.status == "unchanged" for outcome in fleet.outcomes)
     words = f"{len(fleet.fitted)} of {count_of(len(fleet.outcomes), 'fit')} of {count_of(len(robots), 'robot')}"
     words += f" on {len(days)} days" if len(days) > 1 else ""
@@ -136,8 +137,8 @@ def _show(fleet: Fleet, folder: Path, details: bool) -> None:
     warnings = Counter(warning for outcome in fleet.fitted for warning in _warnings_of(outcome))
     said = [f"Warning: {what}, {count_of(count, 'fit')}." for what, count in warnings.most_common()]
     _print_some(said, most, "warnings")
-    if days == {None} and any(len(robot.logs) > 1 for robot in fleet.robots.values()):
-        print("No drifts are told: that needs a date in the names of a robot's logs, such as walk_2026-03-14.csv.")
+    if max(often.values(), default=0) < 2:
+        print("No drifts are told: that needs a folder for each robot, with logs of names such as walk_2026-03-14.csv.")
     print(f"Models, records and a table (fleet.csv, fleet.parquet) are in {folder}.")
 
 
@@ -145,7 +146,8 @@ def _row(parameter: FleetParameter) -> tuple[str, ...]:
     from lptn.report.text import unit_text
 
     said = parameter.as_json()
-    numbers = (f"{said[name]:.4g}" for name in ("mean", "scatter", "days", "per_month"))
+    values = (said[name] for name in ("mean", "scatter", "days", "per_month"))
+    numbers = ("–" if value is None else f"{value:.4g}" for value in values)
     return (parameter.name, str(said["robots"]), *numbers, unit_text(parameter.unit))
 
 

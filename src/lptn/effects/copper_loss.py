@@ -29,10 +29,10 @@ class CopperLoss(NodeEffect):
 
     `resistance_of` says what the resistance is of: one phase of a star, two terminals, or one side of a delta.
     `amperes` says what a logged ampere is, and an ampere of the torque constant: of the q axis as the drive's
-    transform has it, `"power_invariant"` or `"amplitude"` (a phase's peak); a phase's RMS; or `"block"`, the current
-    through two phases at a time. f is 1 for the first of each, as for a brushed motor; 1.5 for line to line and RMS;
-    0.75 for line to line and amplitude; 1 for line to line and block, and for delta and RMS of a line. The current
-    that a drive draws from its supply is none of these.
+    transform has it, `"power_invariant"` or `"amplitude"` (a line's peak); a line's RMS; or `"block"`, the current
+    through two terminals at a time, which is all that a brushed motor has. f is 1 for the first of each; 1.5 for line
+    to line and RMS; 0.75 for line to line and amplitude; 1 for line to line and block, and for delta and RMS. The
+    current that a drive draws from its supply is none of these.
 
     Source: [QuadrupedLPTN, eq. 1, 15]; [Chen2017, eq. 2.4]; f from the sum of three sinusoids squared.
     """

@@ -31,7 +31,7 @@ from lptn.model.model import Model
 RMSE = "rmse"
 _OF_RMSE = 0.05
 """Relative; standard error of an RMSE of some hundred independent errors."""
-_FIRST = date(1970, 1, 1)  # the day of logs whose day nobody knows: all of one
+_ANY = date(2000, 1, 1)  # where no log says its day: all are of one
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class FleetParameter:
             "robots": len(fleet.robots),
             "mean": self.value(fleet.mean),
             "scatter": fleet.scatter * scatter,
-            "days": fleet.days * scatter,
+            "days": None if fleet.days is None else fleet.days * scatter,
             "per_month": fleet.trend * scatter,
         }
 
@@ -138,6 +138,7 @@ def pooled_of(
     logarithmic = {parameter.name: parameter.logarithmic for parameter in model.parameters} | {RMSE: True}
     usual = {parameter.name: parameter.declared.typical for parameter in model.parameters}
     whose = robots or {}
+    unknown = max((robot.day for robot in whose.values() if robot.day), default=_ANY)
     parameters = []
     for name in [RMSE, *dict.fromkeys(name for outcome in fitted for name in outcome.parameters)]:
         entries = {outcome.robot: entry for outcome in fitted if (entry := _entry(outcome, name)) is not None}
@@ -151,7 +152,7 @@ def pooled_of(
         for outcome, (value, error, _) in entries.items():
             robot = whose.get(outcome, RobotLogs(outcome, ()))
             x, e = (math.log(value), error / value) if of_logarithm else (value / size, error / size)
-            sessions.append(Session(robot.of, robot.day or _FIRST, x, e))
+            sessions.append(Session(robot.of, robot.day or unknown, x, e))
         unit = next(iter(entries.values()))[2]
         parameters.append(FleetParameter(name, unit, size, pool(sessions)))
     return tuple(parameters)

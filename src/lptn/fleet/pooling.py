@@ -86,14 +86,14 @@ class Pooled:
     Attributes:
         mean: of the robots that are alike, on the fleet's last day, in the coordinate that is pooled.
         scatter: standard deviation between them.
-        days: standard deviation between days of one robot, beyond the fits' errors.
-        trend: drift of all of them, a month.
+        days: standard deviation between days of one robot, beyond the fits' errors; none where no robot has two.
+        trend: drift of all of them, a month; of one robot alone it is the robot's.
         robots: each robot's value, by name.
     """
 
     mean: float
     scatter: float
-    days: float
+    days: float | None
     trend: float
     robots: dict[str, RobotValue]
 
@@ -139,6 +139,11 @@ class _Fleet:
         self.starts = np.array([starts[robot] for robot in self.robots])
         self.months = months
         self.own = self.time - np.repeat(self.time[self.starts], np.diff([*self.starts, len(sessions)]))
+
+    @property
+    def repeated(self) -> bool:
+        """Whether some robot has several days."""
+        return len(self.robots) < len(self.value)
 
     @cached_property
     def last(self) -> FloatArray:
@@ -187,10 +192,12 @@ class _Fleet:
 
         middle = float(np.median(self.value))
         spread = 1.4826 * float(np.median(np.abs(self.value - middle)))  # of a normal distribution's median deviation
-        start = np.array([middle, 0.0, np.log(max(spread, 10 * _LEAST)), np.log(DAYS / 5), -3.0, -3.0])
-        wide, small = max(10 * spread, 1.0), np.log(_LEAST)
-        bounds = [(middle - wide, middle + wide), (-10 * DRIFT / self.months, 10 * DRIFT / self.months)]
-        bounds += [(small, np.log(10.0)), (small, np.log(1.0)), (-10.0, 1.0), (-10.0, 1.0)]
+        scatters = [np.log(max(spread, 10 * _LEAST)), np.log(DAYS / 5)]
+        start = np.array([middle, 0.0, *scatters, *2 * [np.log(RARE[0] / RARE[1])]])
+        # Bounds that no fleet comes near. Scatter and days that one day of each, or one robot, can't tell are none.
+        wide, small, steep = max(10 * spread, 1.0), np.log(_LEAST), 10 * DRIFT / self.months
+        bounds = [(middle - wide, middle + wide), (-steep, steep) if len(self.robots) > 1 else (0.0, 0.0)]
+        bounds += [(small, np.log(10.0)), (small, np.log(1.0) if self.repeated else small), (-10.0, 1.0), (-10.0, 1.0)]
         return _Shape.at(minimize(cost, start, method="L-BFGS-B", bounds=bounds).x)
 
     def values(self, shape: _Shape) -> dict[str, RobotValue]:
@@ -237,4 +244,4 @@ def pool(sessions: Sequence[Session]) -> Pooled:
         since = len(sure) - sure[::-1].index(False) if False in sure else 0  # and ever since
         robots[robot] = replace(robots[robot], seen=own[since].day)
     level = shape.mean + shape.trend * (last - first).days / MONTH
-    return Pooled(level, shape.scatter, shape.days, shape.trend, robots)
+    return Pooled(level, shape.scatter, shape.days if fleet.repeated else None, shape.trend, robots)

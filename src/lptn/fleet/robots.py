@@ -17,7 +17,7 @@ _ENDINGS = tuple(ending for ending in ENDINGS if not ending.startswith(".txt"))
 _BAG = "metadata.yaml"  # what makes a folder a log: a ROS 2 bag
 
 
-_DAY = re.compile(r"(?<!\d)(\d{4})([-_]?)(\d\d)\2(\d\d)(?!\d)")
+_DAY = re.compile(r"(?<!\d)((?:19|20)\d\d)([-_]?)(\d\d)\2(\d\d)(?!\d)")
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ def by_day(robots: Sequence[RobotLogs]) -> list[RobotLogs]:
             apart.append(robot)
             continue
         for day, logs in sorted(days.items(), key=lambda item: str(item[0])):
-            name = robot.name if len(days) == 1 else f"{robot.name}_{day}"
+            name = robot.name if str(day) in robot.name else f"{robot.name}_{day}"
             apart.append(RobotLogs(name, tuple(logs), robot.name, day))
     return apart
 

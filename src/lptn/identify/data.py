@@ -18,13 +18,14 @@ from lptn.basics.errors import InputError
 from lptn.basics.places import is_of_run
 from lptn.effects import catalogue
 from lptn.logs.clock import stretch_in_words
-from lptn.logs.columns import START, ColumnSource, parse_map_option, quantity_of, to_si
+from lptn.logs.columns import START, ColumnSource, column_unit, parse_map_option, quantity_of, to_si
 from lptn.logs.joining import ONE_CLOCK, SECOND_TIME
 from lptn.logs.reading import GUESSED, ROWS_UNKNOWN, read_log, run_name
 from lptn.logs.repeated import repeated_stretch
 from lptn.logs.resampling import raw_keys, sample_values
 from lptn.logs.run import Run
 from lptn.logs.streams import ANOTHER_SOURCE
+from lptn.logs.units import PLAUSIBLE
 from lptn.model.file import ModelFile, read_model_file
 from lptn.model.heat_balance import input_column
 from lptn.model.model import Model
@@ -385,19 +386,26 @@ class LoadedModel:
         return self.file.columns | dict(parse_map_option(f"{key}={text}") for key, text in self.mapped.items())
 
     def sources_of(self, log: Log, named: str = "log") -> tuple[dict[str, ColumnSource], dict[str, ColumnSource]]:
-        """Where quantities stand in one log, and those that hold a value throughout it: by its name, before all others.
+        """Where quantities stand in one log, and those that hold a value throughout it.
+
+        An entry for this log, by its name with or without the ending, goes before one for a glob, that before others.
 
         Args:
             log: the log.
             named: what it is called, if it is a data frame.
         """
         name = named if isinstance(log, pd.DataFrame) else run_name(Path(log))
-        sources: dict[str, ColumnSource] = {}
-        for of_one in (False, True):
-            for key, source in self.columns.items():
-                quantity, at, pattern = key.partition("@")
-                if bool(at) == of_one and (not at or is_of_run(name, pattern)):
-                    sources[quantity] = source
+        file = name if isinstance(log, pd.DataFrame) else Path(log).name
+        entries: list[dict[str, ColumnSource]] = [{}, {}, {}]  # of all logs, of a glob, of this log
+        for key, source in self.columns.items():
+            quantity, at, pattern = key.partition("@")
+            if not at:
+                entries[0][quantity] = source
+            elif pattern in (name, file):
+                entries[2][quantity] = source
+            elif is_of_run(name, pattern):
+                entries[1][quantity] = source
+        sources = entries[0] | entries[1] | entries[2]
         given = {key: source for key, source in sources.items() if source.value is not None}
         return {key: source for key, source in sources.items() if key not in given}, given
 
@@ -452,17 +460,22 @@ class LoadedModel:
             asked = [note for note in runs[0].notes if any(doubt in note for doubt in doubts)]
             for note in [*guessed, *asked * strict, *issues]:
                 notify(Path(runs[0].source), note)
-            all_runs += [self._with_values(run, given, inputs) for run in runs]
+            all_runs += [self._with_values(run, given, inputs, optional) for run in runs]
         return all_runs
 
-    def _with_values(self, run: Run, given: Mapping[str, ColumnSource], inputs: Sequence[str]) -> Run:
-        """A run with the inputs that hold a value throughout it."""
+    def _with_values(
+        self, run: Run, given: Mapping[str, ColumnSource], inputs: Sequence[str], optional: Sequence[str]
+    ) -> Run:
+        """A run with what holds a value throughout it."""
         columns = dict(run.columns)
-        for column in inputs:
+        for column in (*inputs, *optional):
             raw = {key: given[key] for key in raw_keys(column) if key in given}
             if not raw:
                 continue
-            if lacking := [key for key in raw_keys(column) if key not in given and key not in columns]:
+            lacking = [key for key in raw_keys(column) if key not in given and key not in columns]
+            if lacking and column in optional:
+                continue
+            if lacking:
                 raise InputError(run.source, f"column {lacking[0]}", "no such column", f"what {column} is made of")
             held = dict(columns) | {key: self._held(source, key, run) for key, source in raw.items()}
             columns[column] = sample_values(column, held)
@@ -471,7 +484,12 @@ class LoadedModel:
     def _held(self, source: ColumnSource, key: str, run: Run) -> FloatArray:
         if source.value == START:
             return np.full(len(run), resting_temperature(self.model, run))
-        return to_si(np.full(len(run), source.value), quantity_of(key), source.unit)
+        values = to_si(np.full(len(run), source.value), quantity_of(key), source.unit)
+        usual = PLAUSIBLE.get(quantity_of(key))
+        if usual is not None and np.abs(values).max() > usual.most:
+            found = f"{source.value:g}, read in {column_unit(key)}"
+            raise InputError(self.file.path, f"[columns] {key}", found, f"at most {usual.most:g}, or its unit with it")
+        return values
 
 
 def load_model(path: str | Path, mapped: Sequence[str] = ()) -> LoadedModel:

@@ -45,7 +45,8 @@ def torque_per_ampere(model: Model, runs: Sequence[Run]) -> dict[str, tuple[floa
         if not both or instance.driven_by in constants:
             continue
         squares = np.array([np.concatenate([columns[key] for columns in both]) for key in (torque, current)]) ** 2
-        if squares.std(axis=1).min() > 0 and np.corrcoef(squares)[0, 1] > _PROPORTIONAL:
+        squares = squares[:, np.isfinite(squares).all(axis=0)]
+        if squares.size and squares.std(axis=1).min() > 0 and np.corrcoef(squares)[0, 1] > _PROPORTIONAL:
             logged = float(np.sqrt(squares[0].sum() / squares[1].sum()))
             constants[instance.driven_by] = logged, float(model.values[instance.parameters["torque_constant"]])
     return constants
@@ -56,6 +57,7 @@ def apart(logged: float, said: float) -> str:
     ratio = max(logged, said) / min(logged, said)
     if ratio <= 1 + TOLERANCE:
         return ""
+    geared = 3.0  # the smallest ratio of usual gears
     near = [name for name, factor in FACTORS.items() if abs(np.log(ratio / factor)) < np.log(1 + TOLERANCE) / 2]
-    between = f"{near[0]} amperes are" if near else "torque before and behind a gear may be"
-    return f"{ratio:.2f} times apart, as {between}"
+    between = f", as {near[0]} amperes are" if near else ", as torque before and behind a gear is" * (ratio >= geared)
+    return f"{ratio:.2f} times apart{between}"

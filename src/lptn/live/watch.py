@@ -33,7 +33,7 @@ from lptn.logs.run import Run
 from lptn.online.calibration import Calibration
 from lptn.online.estimator import Estimator
 from lptn.online.fault_bank import Alarm
-from lptn.online.forecasting import Forecast, NodeForecast
+from lptn.online.forecasting import Forecast, NodeForecast, check_limits
 from lptn.online.monitoring import THRESHOLD
 from lptn.online.present import MEMORY, ModelUncertainty, judge_of_sensors
 from lptn.simulate.bound_run import bind
@@ -78,7 +78,7 @@ class Watch:
         state: file in which the state is saved each minute and at the end, and taken up again.
 
     Raises:
-        InputError: the state is of another model, or broken.
+        InputError: the state is of another model, or broken; a limit of what is no place of the model.
 
     Example:
         >>> import lptn
@@ -112,6 +112,7 @@ class Watch:
             raise ValueError(f"every: found {every:g}; expected seconds above 0")
         self.loaded, self.model, self.source, self.sinks = loaded, loaded.model, source, list(sinks)
         given = limits if isinstance(limits, Mapping) else {} if limits is None else {"": limits}
+        check_limits(given, loaded.model)
         self._question = Question(self.model, loaded.file.fit, given, coverage, threshold, calibration, source.name)
         self._width = float(ndtri(0.5 + coverage / 2))
         self._every, self._state = every, state

@@ -25,7 +25,9 @@ _NUMPY_TYPES = {"bool": "u1", "byte": "u1", "char": "u1", "float32": "<f4", "flo
 }
 _NAMED_ELSEWHERE = ("interface_values", "values")  # members whose entries another member names
 _DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
-_QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\W\d_/].*?|[°%µ].*?)?\s*")
+_QUANTITY = re.compile(  # a number, and a unit that is no more digits, nor those of a hexadecimal number
+    r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(?!x[\dA-Fa-f])([^\W\d_][^\d]*?|[°%µ][^\d]*?)?\s*"
+)
 _LONGEST = 64  # entries of an array; longer ones are pictures and clouds
 _HEAD = 4  # bytes that say how a message is encoded
 _BASE, _NAME, _SEQUENCE = 1, 2, 4  # kinds of types, as rosbags numbers them

@@ -232,7 +232,7 @@ _ENTRIES: Mapping[str, tuple[Callable[[Any], bool], str, Callable[[Any], Any]]] 
     "invalid": (lambda x: _numbers(x) != (), "numbers, such as [850, -127]", _numbers),
     "valid": (lambda x: len(n := _numbers(x)) == 2 and n[0] < n[1], "least and greatest, such as [-40, 200]", _numbers),
     "afterwards": (_is_finite, "a finite number", float),
-    "hold": (lambda x: x in (True, "true"), "true: a value stands until the next one", bool),
+    "hold": (lambda x: x in (True, False, "true", "false"), "true or false", lambda x: x in (True, "true")),
     "thermometer": (_is_thermometer, "{ resistance = 0.186, at = 25, alpha = 0.0039 }, above 0: ohm, degC, 1/K", dict),
     "rows": (lambda x: x in (*MEANS, SAMPLES), f"of time: one of {', '.join(map(shown, (*MEANS, SAMPLES)))}", str),
 }

@@ -240,8 +240,21 @@ def _measures(quantity: str, words: Sequence[str]) -> bool:
 
 
 def name_of_time(columns: Iterable[str]) -> str | None:
-    """The one of some columns that holds times, by its name."""
-    return _time({column: ColumnName.of(column) for column in columns}).get("time", (None,))[0]
+    """The first of some columns whose name, behind its last point, says time, perhaps with a unit, and nothing else.
+
+    A t may be a time's, a T is a temperature's.
+    """
+    for column in columns:
+        own = column.rpartition(".")[2]
+        name = ColumnName.of(own)
+        for_time = [word for word in name.words if word in _QUANTITIES["time"]]
+        if (
+            for_time
+            and len(name.words) - len(for_time) <= bool(name.unit("time"))
+            and (for_time != ["t"] or "t" in own)
+        ):
+            return column
+    return None
 
 
 def _time(names: Names) -> Choice:

@@ -250,11 +250,11 @@ def _instead(table: Table, sources: Mapping[str, ColumnSource], key: str, purpos
     if key == "time":
         expected += "; where rows have no times but come at one rate, --rate 50 for 50 a second"
     if key.startswith("temperature.") and purpose == key:
-        expected += _without_column(key)
+        expected += _without_column(key, run=run_name(table.path))
     return expected
 
 
-def _without_column(key: str, value: float = 22.0, run: str = "LOG") -> str:
+def _without_column(key: str, value: float = 22.0, run: str = "") -> str:
     """What a model file can say instead of a prescribed temperature's column, which may be about a value [degC]."""
     place = place_of(key)
     table, name = ("[model]", "ambient") if place == "ambient" else (f"[nodes.{place}]", "temperature")
@@ -498,7 +498,8 @@ def _runs(
             problem = f"{values.size} value{'s' * (values.size != 1)} of {key} in {samples.time.size} rows"
             expected = f"values no more than {max_gap:g} s apart, or hold = true in its entry of [columns] if it is "
             expected += "logged on change, or once"
-            expected += _without_column(key, np.median(values)) if key.startswith("temperature.") else ""
+            if key.startswith("temperature."):
+                expected += _without_column(key, np.median(values), run_name(table.path))
             raise InputError(table.path, f"column '{choice.sources[key].columns[0]}'", problem, expected)
         problem = f"at most {max(counts, default=0)} steps of {step:g} s in one stretch"
         expected = f"a stretch of at least {FEWEST_ROWS} steps without a gap over {max_gap:g} s"

@@ -25,6 +25,7 @@ import pandas as pd
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.basics.files import fingerprint
+from lptn.basics.words import few
 from lptn.logs.columns import ColumnName, ColumnSource, is_key, quantity_of, to_si
 from lptn.logs.guess import name_of_time
 from lptn.logs.tables import (
@@ -93,13 +94,15 @@ def _table(path: Path, groups: Sequence[Group], kind: str) -> Table:
     """
     groups = [group for group in groups if group.channels and group.rows]
     if not groups:
-        raise InputError(path, "log", "no channel of numbers", f"{kind} with channels and their times")
+        expected = f"a {kind} with channels and their times; tables of MATLAB as structs of vectors"
+        raise InputError(path, "log", "no channel of two numbers or more", expected)
     notes = []
-    if len(groups) > 1 and (lost := [group.name for group in groups if group.clock is None and group.time is None]):
-        groups = [group for group in groups if group.name not in lost]
-        notes = [f"{', '.join(lost)}: no channel called time or t; left out."]
+    if len(groups) > 1 and (lost := [group for group in groups if group.clock is None and group.time is None]):
+        groups = [group for group in groups if group not in lost]
+        named = few([group.name or few(group.channels) for group in lost])
+        notes = [f"{named}: no channel called time or t of that length; left out."]
         if not groups:
-            raise InputError(path, "log", f"no times in {', '.join(lost)}", "a channel of times in each group")
+            raise InputError(path, "log", f"no times in {named}", "a channel of times in each group")
     counts = Counter(name for group in groups for name in group.channels if name != group.time or len(groups) == 1)
     COLUMNS.check(sum(counts.values()), path, "columns")
 
@@ -156,23 +159,25 @@ def open_mdf(path: Path) -> Table:
 
     def numbers_of(group: int, names: Sequence[str]) -> dict[str, Numbers]:
         with _mdf(path) as file:
-            return {name: file.get(name, group=group).samples for name in names}
+            return {name: file.get(group=group, index=at[group][name]).samples for name in names}
 
     def times_of(group: int) -> FloatArray:
         with _mdf(path) as file:
             return np.asarray(file.get_master(group), np.float64)
 
     kind, groups = "MDF4 file", []
+    at = list[dict[str, int]]()  # of each group the channels' numbers, by their names
     with one_line_if_broken(path, f"a whole {kind}"), _mdf(path) as file:
         for number, group in enumerate(file.groups):
-            channels = {
-                channel.name: channel.unit or ""
-                for index, channel in enumerate(group.channels)
-                if index != file.masters_db.get(number) and _is_numeric(file, number, index)
-            }
-            name, rows = group.channel_group.acq_name or f"group{number}", int(group.channel_group.cycles_nr)
+            units: dict[str, str] = {}
+            at.append({})
+            for index, channel in enumerate(group.channels):
+                if index != file.masters_db.get(number) and _is_numeric(file, number, index):
+                    name = channel.name if channel.name not in units else f"{channel.name}:{index}"
+                    units[name], at[number][name] = channel.unit or "", index
+            name, rows = getattr(group.channel_group, "acq_name", ""), int(group.channel_group.cycles_nr)
             read, clock = partial(numbers_of, number), partial(times_of, number)
-            groups.append(Group(name, tuple(channels), rows, read, clock, channels))
+            groups.append(Group(name or f"group{number}", tuple(units), rows, read, clock, units))
     return _table(path, groups, kind)
 
 
@@ -329,11 +334,12 @@ class _Vector:
 def _vectors(arrays: Mapping[str, Any]) -> Iterator[tuple[str, _Vector]]:
     for name, value in arrays.items():
         dtype: Any = getattr(value, "dtype", None)
-        shape: tuple[int, ...] = getattr(value, "shape", ())
+        shape: tuple[int, ...] = getattr(value, "shape", ()) or ()  # of an empty dataset there is none
         if dtype is None or not 1 <= len(shape) <= 2 or 0 in shape:
             continue
         if dtype.names:
-            yield from ((f"{name}.{part}", _Vector(name, shape[0], part)) for part in dtype.names)
+            plain = [part for part in dtype.names if dtype[part].kind in _NUMBERS + _TIMES and not dtype[part].shape]
+            yield from ((f"{name}.{part}", _Vector(name, shape[0], part)) for part in plain)
         elif dtype.kind in _NUMBERS + _TIMES:
             wide = 1 if len(shape) == 1 else min(shape)
             for part in range(wide if wide <= _MOST_WIDE else 0):
@@ -350,8 +356,11 @@ def _by_length(opened: Arrays) -> list[Group]:
         parents: dict[str, list[str]] = {}
         for name in names:
             parents.setdefault(name.rpartition(".")[0], []).append(name)
-        if sum(name_of_time(name.rpartition(".")[2] for name in own) is not None for own in parents.values()) > 1:
-            groups |= {(rows, parent): own for parent, own in parents.items()}
+        timed = [parent for parent, own in parents.items() if name_of_time(own)]
+        if len(timed) > 1:
+            for parent, own in parents.items():  # what has no times of its own has those of what it is in
+                above = [other for other in timed if f"{parent}.".startswith(f"{other}." if other else "")]
+                groups.setdefault((rows, max(above, key=len, default=parent)), []).extend(own)
         else:
             levels = zip(*(parent.split(".") for parent in parents), strict=False)
             common = takewhile(lambda words: len(set(words)) == 1, levels)

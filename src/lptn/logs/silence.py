@@ -129,7 +129,7 @@ def silences_of(log: Channels) -> dict[str, list[Silence]]:
     of_all = np.max(list(speeds.values()), axis=0) if speeds else resting  # a motor's may stand at its housing
     # Speeds first: a joint of which nobody knows whether it moves may have no torque.
     # What is logged on change stands, by its entry.
-    inputs = {key: x for key, x in log.values.items() if quantity_of(key) in INPUTS and not log.sources[key].hold}
+    inputs = {key: x for key, x in log.values.items() if quantity_of(key) in INPUTS and not log.is_held(key)}
     silent = {
         key: _of_input(time, inputs[key], speed, resting, _AT_REST) for key, speed in speeds.items() if key in inputs
     }

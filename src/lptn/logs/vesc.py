@@ -25,5 +25,5 @@ def vesc_columns(names: Collection[str]) -> tuple[dict[str, ColumnSource], list[
     if not there.issuperset(_ALWAYS):
         return {}, []
     known = {key: source for key, source in VESC.items() if there.issuperset(source.columns)}
-    note = f"{', '.join(known)}: known by VESC's names; its currents are a phase's peaks: amperes = \"amplitude\"."
-    return known, [note]
+    note = f"{', '.join(known)}: known by VESC's names"
+    return known, [note + ('; its currents are peaks: amperes = "amplitude".' if "current.motor" in known else ".")]

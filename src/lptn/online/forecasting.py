@@ -304,6 +304,20 @@ def _crossing(time: FloatArray, path: FloatArray, limit: float) -> float:
     return float(time[k - 1] + share * (time[k] - time[k - 1]))
 
 
+def check_limits(limits: Mapping[str, float], model: Model) -> None:
+    """Refuse limits that are no temperatures, or of what is no place of a model; "" stands for all joints.
+
+    Raises:
+        InputError: one of them is.
+    """
+    for pattern, limit in limits.items():
+        if pattern and not matching(pattern, model.places):
+            expected = f"one of {', '.join(model.places)}, or a pattern of them"
+            raise InputError("limits", "node", f"'{pattern}'", expected)
+        if not isfinite(limit):
+            raise InputError("limits", pattern or "all joints", f"{limit}", "a temperature in degC")
+
+
 def _limits_by_node(limits: float | Mapping[str, float], bound: BoundRun, model: Model) -> dict[str, float]:
     """The limit of each node that has one; the last one said wins."""
     measured = [node for node, row in zip(model.nodes, bound.measured, strict=True) if np.isfinite(row).any()]
@@ -313,13 +327,8 @@ def _limits_by_node(limits: float | Mapping[str, float], bound: BoundRun, model:
     joints = [node for node in measured if node in actuated] or measured
     if not isinstance(limits, Mapping):
         limits = {"": limits}
+    check_limits(limits, model)
     limited: dict[str, float] = {}
     for pattern, limit in limits.items():
-        nodes = matching(pattern, model.places) if pattern else joints
-        if not nodes:
-            expected = f"one of {', '.join(model.places)}, or a pattern of them"
-            raise InputError("limits", "node", f"'{pattern}'", expected)
-        if not isfinite(limit):
-            raise InputError("limits", pattern or "all joints", f"{limit}", "a temperature in degC")
-        limited |= dict.fromkeys(nodes, float(limit))
+        limited |= dict.fromkeys(matching(pattern, model.places) if pattern else joints, float(limit))
     return {place: limited[place] for place in model.places if place in limited}

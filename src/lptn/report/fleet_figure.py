@@ -39,7 +39,8 @@ def _draw(ax: Axes, fleet: Fleet, parameter: FleetParameter) -> None:
     """One parameter: each robot's fits over the days, or beside each other; the fleet's mean and scatter behind."""
     pooled = parameter.pooled
     named = [one.robot for one in fleet.deviations if one.of.name == parameter.name][:_NAMED]
-    dated = len({robot.day for robot in fleet.robots.values()}) > 1
+    days = {robot.day for robot in fleet.robots.values() if robot.day}
+    dated = len(days) > 1
     places = {name: k for k, name in enumerate(pooled.robots)}
     low, high = (parameter.value(pooled.mean + sign * 2 * pooled.scatter) for sign in (-1, 1))
     ax.axhspan(low, high, color="0.9", lw=0, label="95 % of robots, last day")
@@ -48,7 +49,7 @@ def _draw(ax: Axes, fleet: Fleet, parameter: FleetParameter) -> None:
         own = fleet.robots[outcome.robot]
         said = outcome.parameters.get(parameter.name) or {"value": outcome.rmse, "error": 0.0}
         if said["error"] is not None and own.of in places:
-            at = own.day if dated else places[own.of]
+            at = (own.day or max(days)) if dated else places[own.of]
             courses.setdefault(own.of, []).append((at, said["value"], said["error"]))
     for robot, course in sorted(courses.items(), key=lambda item: item[0] in named):
         x, values, errors = zip(*course, strict=True)
@@ -63,4 +64,4 @@ def _draw(ax: Axes, fleet: Fleet, parameter: FleetParameter) -> None:
     ax.tick_params(axis="y", which="both", labelsize=7)
     if not dated:
         ax.set_xlabel("robot, in order of names", fontsize=8)
-    ax.legend(fontsize=7, frameon=False)
+    ax.legend(fontsize=7, framealpha=0.8, edgecolor="none")

@@ -478,7 +478,7 @@ def _torque_constants(model: Model, runs: Sequence[Run]) -> list[str]:
             joints.setdefault((f"{logged:.3g}", f"{said:.3g}", words), []).append(joint)
     return [
         f"{few(those)}: the logged torque is {logged} N·m for each logged ampere, torque_constant says {said}: "
-        f'{words}; take the constant for which the resistance is said, or drive the model by input = "current".'
+        f'{words}; torque_constant must count the same amperes as the resistance; or write input = "current".'
         for (logged, said, words), those in joints.items()
     ]
 

@@ -206,8 +206,8 @@ def _lines(file: str, robot: str, joints: list[Joint], copper: CopperLoss) -> It
     heats = "current.<joint>" if by_current else "torque.<joint> (a sliding joint's force)"
     yield f"# Log columns: time, temperature.<joint>, {heats}, temperature.ambient."
     yield "# Capacities, resistances and losses are guesses from each joint's torque limit, starts for `lptn fit`. Put"
-    constant = "" if by_current else " and torque constant at the joint"
-    yield f"# in winding resistance{constant} from data sheets: they set the scale of the others."
+    constant = {True: "", False: " and torque constant at the joint"}[by_current]
+    yield f"# in what data sheets say, the winding's resistance{constant}: by it the others have their scale."
     assumed = [joint for joint in joints if joint.assumed]
     if assumed:
         named = ", ".join(joint.name for joint in assumed)
@@ -229,7 +229,8 @@ def _lines(file: str, robot: str, joints: list[Joint], copper: CopperLoss) -> It
         yield f"resistance = {_guess(1.0 / (_TO_AIR * surface), 'K/W')}"
         yield from ("", "[[effects]]", 'kind = "copper_loss"', f"at = {_quoted(pattern)}")
         yield from (f'{name} = "{word}"' for name, word in copper.chosen.items() if word != copper.options[name][0])
-        loss = _LOSS * joint.torque / joint.effort**2 / copper.factor
+        # By torque 1 A gives 1 N·m, or 1 N; by current what its pinion makes of 1 N·m.
+        loss = _LOSS * joint.torque / (joint.torque if by_current else joint.effort) ** 2 / copper.factor
         # One kind of motor sets the scale. The guess for another kind is off by a factor of its own, which logs tell.
         held = f"{loss:.3g}          # ohm: guessed, and held: it sets the scale of all others"
         yield f"resistance = {held if joint.torque == scale else _guess(loss, 'ohm', 'all', free=True)}"
