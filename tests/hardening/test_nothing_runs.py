@@ -31,7 +31,7 @@ SOURCES = sorted(path for room in ("src/lptn", "fmu", "planners") for path in (R
 RUNS_TEXT = {"eval", "exec", "compile", "__import__", "execfile"}
 RUNS_DATA = {"cPickle", "dill", "cloudpickle", "marshal", "shelve", "joblib", "yaml", "sympy", "jsonpickle"}
 RUNS_ITS_OWN = {"src/lptn/batch/module.py"}
-"""What runs a text that it has written itself: the module that `lptn export` writes, names in it as Python quotes them."""
+"""What runs its own text: the module that `lptn export` writes, names in it as Python quotes them."""
 UNPICKLES = {
     "src/lptn/fleet/work.py",  # what the parent process sent, as any pool of processes does
     "src/lptn/live/assessment.py",  # what a process and its child tell each other
