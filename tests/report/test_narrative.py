@@ -18,16 +18,19 @@ from lptn.diagnose.improvement import History
 from lptn.diagnose.refits import continued
 from lptn.diagnose.unexplained_heat import HeatPeak, UnexplainedHeat, largest, stretches
 from lptn.effects import Effect
+from lptn.effects.copper_loss import CopperLoss
 from lptn.effects.radiation import Radiation
 from lptn.effects.sensor_lag import SensorLag
 from lptn.effects.sensor_loose import SensorLoose
 from lptn.identify.comparison import Comparison, compare
 from lptn.identify.fitting import finished
 from lptn.identify.validation import holdout_errors
+from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration
 from lptn.online.monitoring import Monitoring
 from lptn.report.narrative import (
     details,
+    logs_narrative,
     monitoring_narrative,
     narrative,
     removed_in_words,
@@ -39,6 +42,7 @@ from lptn.report.sentences import Label
 from lptn.report.shown import heat_fields
 from lptn.report.tables import history_table
 from lptn.report.text import certainty, kelvin, percent, significant, size_text
+from tests.builders import leg
 from tests.report.two_joints import NODES, NOISE, Told, robot
 
 ROOT = Path(__file__).parents[2]
@@ -383,3 +387,12 @@ def test_monitored_logs_are_said_in_three_sentences(
     assert ("Largest error" in told) == any(not watched.statistical_alarms for watched in runs)
     assert said[1] in told.get("Largest error", "")
     assert said[2] in told["Uncertainty"]
+
+
+@pytest.mark.parametrize("amperes", CopperLoss.options["amperes"])
+@pytest.mark.parametrize("resistance_of", CopperLoss.options["resistance_of"])
+def test_every_kind_of_resistance_and_ampere_is_said(resistance_of: str, amperes: str) -> None:
+    loss = CopperLoss(resistance_of=resistance_of, amperes=amperes)
+    said = logs_narrative(Model(leg([EffectDeclaration(loss, "*")])), [])
+    (losses,) = (sentence.text for sentence in said if sentence.label == "Losses")
+    assert losses.startswith("R I²" if loss.factor == 1 else f"{loss.factor:g} R I²")
