@@ -21,25 +21,10 @@ from pathlib import Path
 import numpy as np
 
 from lptn.fleet import Fleet, FleetParameter, RobotValue, fit_each
+from tests.fleet.truth import CAPACITY, RESISTANCE
+from tests.fleet.truth import MODEL as ONE_MASS
 
-MODEL = """
-[model]
-name = "motor"
-ambient = "temperature.ambient"
-
-[nodes.motor]
-capacity = { value = 300, unit = "J/K", bounds = [20, 3000] }
-
-[[links]]
-between = ["motor", "ambient"]
-resistance = { value = 8, unit = "K/W", bounds = [0.2, 200] }
-
-[[effects]]
-kind = "copper_loss"
-at = "motor"
-resistance = 0.15
-torque_constant = 0.84
-
+MODEL = f"""{ONE_MASS}
 [[effects]]
 kind = "coulomb_friction"
 at = "motor"
@@ -48,7 +33,7 @@ at = "motor"
 kind = "sensor_offset"
 at = "motor"
 """
-CAPACITY, RESISTANCE, FRICTION = 420.0, 5.0, 0.5  # J/K, K/W, N·m: the fleet's medians
+FRICTION = 0.5  # N·m: the fleet's median, as CAPACITY and RESISTANCE are
 WINDING, GAIN = 0.15, 0.84  # ohm, N·m/A
 STEP, HOLD, STEPS = 4.0, 30, 360  # s; steps that a load is held; steps of a day
 WAYS = {

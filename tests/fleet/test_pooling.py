@@ -98,7 +98,7 @@ def test_of_few_robots_or_days_nothing_is_made_up(robots: int) -> None:
 def test_one_robot_drifts_by_itself() -> None:
     sessions, _ = fleet(24, 1, ageing=1, apart=0)
     pooled = pool(sessions)
-    assert pooled.trend == 0
+    assert (pooled.trend, pooled.scatter) == (0, None)
     assert drifting(pooled) == {"r000"}
 
 

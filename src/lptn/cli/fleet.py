@@ -127,8 +127,9 @@ def _show(fleet: Fleet, folder: Path, details: bool) -> None:
     _print_some([str(deviation) for deviation in fleet.deviations], most, "deviations")
     parameters = list(fleet.parameters)
     if most is not None and len(parameters) > most + 1:
-        parameters = [parameters[0], *sorted(parameters[1:], key=lambda one: -one.pooled.scatter)[:most]]
-        print(f"The RMSE, and the {most} of {len(fleet.parameters) - 1} parameters that differ most between robots:")
+        differ = sorted(parameters[1:], key=lambda one: -(one.pooled.scatter or 0.0))[:most]
+        parameters, which = [parameters[0], *differ], " that differ most between robots" * (len(robots) > 1)
+        print(f"The RMSE, and {most} of {len(fleet.parameters) - 1} parameters{which}:")
     if parameters:
         heads = ("parameter", ">robots", ">mean", ">± robots", ">± days", ">a month", "unit")
         show_table(heads, [_row(parameter) for parameter in parameters])

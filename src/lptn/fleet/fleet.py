@@ -57,14 +57,14 @@ class FleetParameter:
     def as_json(self) -> dict[str, object]:
         """As other tools read it."""
         fleet = self.pooled
-        scatter = self.value(fleet.mean) if not self.size else self.size
+        size = self.size or self.value(fleet.mean)
         return {
             "unit": self.unit,
             "robots": len(fleet.robots),
             "mean": self.value(fleet.mean),
-            "scatter": fleet.scatter * scatter,
-            "days": None if fleet.days is None else fleet.days * scatter,
-            "per_month": fleet.trend * scatter,
+            "scatter": None if fleet.scatter is None else fleet.scatter * size,
+            "days": None if fleet.days is None else fleet.days * size,
+            "per_month": fleet.trend * size,
         }
 
 

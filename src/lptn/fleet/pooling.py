@@ -85,14 +85,14 @@ class Pooled:
 
     Attributes:
         mean: of the robots that are alike, on the fleet's last day, in the coordinate that is pooled.
-        scatter: standard deviation between them.
+        scatter: standard deviation between them; none of one robot.
         days: standard deviation between days of one robot, beyond the fits' errors; none where no robot has two.
         trend: drift of all of them, a month; of one robot alone it is the robot's.
         robots: each robot's value, by name.
     """
 
     mean: float
-    scatter: float
+    scatter: float | None
     days: float | None
     trend: float
     robots: dict[str, RobotValue]
@@ -244,4 +244,5 @@ def pool(sessions: Sequence[Session]) -> Pooled:
         since = len(sure) - sure[::-1].index(False) if False in sure else 0  # and ever since
         robots[robot] = replace(robots[robot], seen=own[since].day)
     level = shape.mean + shape.trend * (last - first).days / MONTH
-    return Pooled(level, shape.scatter, shape.days if fleet.repeated else None, shape.trend, robots)
+    between, by_day = shape.scatter if len(robots) > 1 else None, shape.days if fleet.repeated else None
+    return Pooled(level, between, by_day, shape.trend, robots)

@@ -24,7 +24,7 @@ def fleet_figure(fleet: Fleet) -> Figure:
         fleet: with one parameter at least.
     """
     told = [deviation.of for deviation in fleet.deviations]
-    rest = sorted(fleet.parameters, key=lambda one: -one.pooled.scatter)
+    rest = sorted(fleet.parameters, key=lambda one: -(one.pooled.scatter or 0.0))
     shown = list({one.name: one for one in [*told, *rest]}.values())[:_MOST]
     rows = -(-len(shown) // 2)
     figure = Figure(figsize=(8.3, 1 + 3.2 * rows), layout="constrained")  # A4's width, in
@@ -42,8 +42,9 @@ def _draw(ax: Axes, fleet: Fleet, parameter: FleetParameter) -> None:
     days = {robot.day for robot in fleet.robots.values() if robot.day}
     dated = len(days) > 1
     places = {name: k for k, name in enumerate(pooled.robots)}
-    low, high = (parameter.value(pooled.mean + sign * 2 * pooled.scatter) for sign in (-1, 1))
-    ax.axhspan(low, high, color="0.9", lw=0, label="95 % of robots, last day")
+    if pooled.scatter is not None:
+        low, high = (parameter.value(pooled.mean + sign * 2 * pooled.scatter) for sign in (-1, 1))
+        ax.axhspan(low, high, color="0.9", lw=0, label="95 % of robots, last day")
     courses: dict[str, list[tuple[Any, float, float]]] = {}
     for outcome in fleet.fitted:
         own = fleet.robots[outcome.robot]
@@ -64,4 +65,5 @@ def _draw(ax: Axes, fleet: Fleet, parameter: FleetParameter) -> None:
     ax.tick_params(axis="y", which="both", labelsize=7)
     if not dated:
         ax.set_xlabel("robot, in order of names", fontsize=8)
-    ax.legend(fontsize=7, framealpha=0.8, edgecolor="none")
+    if ax.get_legend_handles_labels()[1]:
+        ax.legend(fontsize=7, framealpha=0.8, edgecolor="none")
