@@ -213,9 +213,8 @@ def _content(loaded: LoadedModel, log: Path) -> LogContent:
     missing = tuple(missing_keys(table, columns, inputs, outputs))
     currents = [key.replace("torque.", "current.") for key in missing if key.startswith("torque.")]
     logged_currents = [key for key in currents if key in table.names]
-    logged_currents += [
-        proposal.source.columns[0] for proposal in guess(table, columns, currents, outputs) if proposal.key in currents
-    ]
+    of_currents = guess(table, columns, currents, outputs) if currents else []
+    logged_currents += [proposal.source.columns[0] for proposal in of_currents if proposal.key in currents]
     used: dict[str, tuple[str, ...]] = {}
     runs: Sequence[Run] = ()
     refused = None

@@ -10,9 +10,10 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 import numpy as np
+import pandas as pd
 
 from lptn.basics.arrays import FloatArray
-from lptn.logs.channels import FEWEST, Channels, spans, standing
+from lptn.logs.channels import FEWEST, MEASURED, Channels, spans, standing, usual_length
 from lptn.logs.columns import HEATS, INPUTS, place_of
 from lptn.logs.issue import Issue
 from lptn.logs.law import TOLD, heat_told, warming
@@ -62,10 +63,6 @@ def without_held_rows(log: Channels) -> tuple[Channels, list[Issue]]:
     return log.with_channels({key: np.where(rows, np.nan, x) for key, x in channels.items()}), [issue]
 
 
-_MEASURED = 50  # numbers that a measured load takes; fewer are what was asked for
-_BY_THE_CLOCK = 0.9  # share of the stretches of one number that have the usual length, where a slow topic is repeated
-
-
 def suspect_held(log: Channels) -> list[Issue]:
     """Torques, currents or speeds that are sampled more seldom than others of their kind, and repeated between."""
     issues = list[Issue]()
@@ -74,11 +71,12 @@ def suspect_held(log: Channels) -> list[Issue]:
         for key, values in log.of(quantity).items():
             rows = np.flatnonzero(np.isfinite(values))
             first, last = standing(values[rows])
-            lengths, numbers = (last - first + 1)[1:-1], np.unique(values[rows]).size
-            if lengths.size < FEWEST or numbers < _MEASURED:
+            lengths = (last - first + 1)[1:-1]
+            if lengths.size < FEWEST or pd.unique(values[rows]).size < MEASURED:
                 continue
-            usual[key] = float(np.median(lengths)) * float(np.median(np.diff(log.time[rows])))
-            if np.median(lengths) < _HELD_ROWS or np.mean(lengths == np.median(lengths)) < _BY_THE_CLOCK:
+            length, by_the_clock = usual_length(lengths)
+            usual[key] = length * float(np.median(np.diff(log.time[rows])))
+            if length < _HELD_ROWS or not by_the_clock:
                 usual[key] = min(usual[key], _HELD)
         for key in (key for key, each in usual.items() if each > max(_HELD, 2 * min(usual.values()))):
             problem = f"a number each {usual[key]:.3g} s, repeated until the next, while others change in each row"
@@ -115,7 +113,7 @@ def copies_in(log: Channels, twice: Mapping[str, str]) -> list[Issue]:
             return False
         # Two joints that are made alike, and commanded alike, have one speed as well.
         speeds = [log.values.get(f"velocity.{place_of(one)}", np.zeros(0)) for one in (key, other)]
-        if np.unique(log.values[key]).size >= _MEASURED and not _moves_alike(*speeds):
+        if np.unique(log.values[key]).size >= MEASURED and not _moves_alike(*speeds):
             return True
         parts = {f"temperature.{place_of(one)}": one for one in (key, other)}
         laws = [warming(log, part, one) for part, one in parts.items() if part in log.values]

@@ -86,6 +86,18 @@ def standing(readings: FloatArray) -> tuple[IntArray, IntArray]:
     return np.append(0, changes + 1), np.append(changes, readings.size - 1)
 
 
+MEASURED = 50
+"""Numbers that a measured load takes; fewer are what was asked for."""
+_BY_THE_CLOCK = 0.9  # share of stretches that are as long as usual, where a source or a slow topic keeps a rate
+
+
+def usual_length(lengths: IntArray) -> tuple[int, bool]:
+    """How many rows stretches (n,) usually have, 1 of none, and whether nearly all of them have as many."""
+    counts = np.bincount(lengths, minlength=2)  # most are alike, which takes a median long
+    usual = max(int(np.searchsorted(np.cumsum(counts), 0.5 * lengths.size)), 1)
+    return usual, bool(counts[usual] >= _BY_THE_CLOCK * lengths.size)
+
+
 # --- A sensor, by all its readings -----------------------------------------------------------------
 
 _FINEST, _COARSEST = 0.02, 5.0  # K; finer is the file's rounding, coarser is a fault code such as 85 or 0
@@ -100,10 +112,10 @@ def quantisation_step(values: FloatArray) -> float:
     """
     readings = values[np.isfinite(values)]
     # float32 and unit conversion blur the last digits; pandas needs no sorting of millions of rows
-    levels = np.sort(pd.unique(np.round(readings, 4)))
+    levels = pd.unique(np.round(readings, 4))
     if levels.size < 2 or readings.size < _RETURNS * levels.size:
         return 0.0
-    gaps = np.diff(levels)
+    gaps = np.diff(np.sort(levels))
     step = float(np.median(gaps[gaps < 1.5 * gaps.min()]))
     counts = np.round(gaps / step)
     step = float(gaps.sum() / counts.sum())

@@ -407,21 +407,21 @@ class _Rows:
         A comment is a line that begins with #: in a name, or within a row, it is a character like any other.
         """
         blank, cut = self.separator in _BLANKS, self.lines.cut
-        between = "\t" if blank else self.separator
+        between, signs = "\t" if blank else self.separator, len(self.names) - 1
         for number, whole in self.lines:
             line = whole.rstrip("\r\n ")
-            if number < self.first or not line.strip() or line[0] == "#" or (cut and not whole.endswith(("\n", "\r"))):
+            if number < self.first or not line or line.isspace() or line[0] == "#" or (cut and whole[-1] not in "\r\n"):
                 continue
             row = between.join(_cells(line, self.separator)) if blank else line
             # Most begin with a number, and their cells need no look.
-            plain = line[0] in _BEGINS_A_NUMBER and '"' not in line and row.count(between) + 1 == len(self.names)
-            place, cells = f"{self.lines.row} {number}", () if plain else _cells(line, self.separator)
-            if plain or _holds_values(self.lines.path, place, self.names, self.units, cells):
-                kept.append(number)
-                yield row
-            else:
-                words.append(number)
-                _WORDS.check(len(words), self.lines.path, place)
+            if not (line[0] in _BEGINS_A_NUMBER and '"' not in line and row.count(between) == signs):
+                place = f"{self.lines.row} {number}"
+                if not _holds_values(self.lines.path, place, self.names, self.units, _cells(line, self.separator)):
+                    words.append(number)
+                    _WORDS.check(len(words), self.lines.path, place)
+                    continue
+            kept.append(number)
+            yield row
 
 
 # --- Spreadsheets, as the text that a program would save of the sheet that holds a table ------------------

@@ -115,6 +115,7 @@ def guess(
     there = _logged(table, sources)
     sensors = {key: source for key, source in there.items() if key.startswith("temperature.")}
     asked = [*(column for column, _ in choice.values()), *(name for x in sensors.values() for name in x.columns)]
+    asked = asked if choice else []
     numbers = dict[str, FloatArray]()
     try:
         numbers = table.numbers(asked, asked)

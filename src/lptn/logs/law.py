@@ -23,7 +23,7 @@ import pandas as pd
 from numpy.lib.stride_tricks import sliding_window_view
 
 from lptn.basics.arrays import BoolArray, FloatArray, IntArray
-from lptn.logs.channels import GAP, SHORTEST, STILL, Channels, GainChange, spans, standing
+from lptn.logs.channels import GAP, SHORTEST, STILL, Channels, GainChange, spans, standing, usual_length
 from lptn.logs.columns import has_own_heat, place_of
 from lptn.logs.scatter import MAD_TO_SIGMA
 
@@ -411,8 +411,8 @@ def gain_change(log: Channels, key: str, load: str) -> GainChange | None:
     """
     if log.block < _ROWS:
         return None
-    stands = 1 - np.subtract(*standing(log.values[load]))  # rows, that each number does
-    known = log.block / float(np.median(stands))  # in fewer than one a number stands for longer, and is known
+    first, last = standing(log.values[load])
+    known = log.block / usual_length(last - first + 1)[0]  # in fewer than one a number stands for longer, and is known
     law = warming(log, key, load) if not 1 < known < _ROWS else None
     if law is None or law.rows.size < _STEPS_AT_LEAST:
         return None

@@ -16,7 +16,18 @@ from dataclasses import replace
 import numpy as np
 
 from lptn.basics.arrays import FloatArray
-from lptn.logs.channels import FEWEST, GAP, SHORTEST, STILL, Channels, Kind, Silence, standing, without_silent
+from lptn.logs.channels import (
+    FEWEST,
+    GAP,
+    SHORTEST,
+    STILL,
+    Channels,
+    Kind,
+    Silence,
+    standing,
+    usual_length,
+    without_silent,
+)
 from lptn.logs.columns import HEATS, INPUTS, place_of, quantity_of
 from lptn.logs.law import against_heat
 from lptn.logs.passive import CODES, off
@@ -46,7 +57,7 @@ def silences(
     """
     there = np.flatnonzero(np.isfinite(values))
     # A topic that repeats itself until the next reading comes is read once a reading.
-    there = there[:: int(np.median(np.diff(standing(values[there])[0], append=there.size))) if there.size else 1]
+    there = there[:: usual_length(np.diff(standing(values[there])[0], append=there.size))[0]]
     readings = values[there]
     changes = np.diff(readings)[np.diff(readings) != 0]
     back = changes[1:] * changes[:-1] < 0

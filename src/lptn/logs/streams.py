@@ -14,7 +14,7 @@ from itertools import combinations
 import numpy as np
 
 from lptn.basics.arrays import BoolArray, FloatArray
-from lptn.logs.channels import Channels, spans
+from lptn.logs.channels import MEASURED, Channels, spans, usual_length
 from lptn.logs.columns import INPUTS
 
 ANOTHER_SOURCE = "of another source"
@@ -73,9 +73,6 @@ _OFTEN = 20  # stretches of zeros
 _SAME, _MOSTLY = 0.25, 0.7  # of its size, by which a course differs at most across another's row, and how often
 _LOUD = 0.1  # of the size of all: steps of a coarse sensor at rest are none
 _FEWEST_SIZES = 3  # that a course has, and none that turns between two steps of a coarse sensor
-_BY_THE_CLOCK, _MEASURED = 0.9, 50
-"""Share of the stretches of zeros, and of those between, that have the usual length where two sources take turns; and
-sizes of what is measured there: a joint that is commanded on and off has fewer."""
 _FINE = 10.0  # steps of its sensor, that a speed has around zeros that are another's
 
 
@@ -106,15 +103,14 @@ def _between_others(drives: FloatArray, *, stopped: bool) -> BoolArray:
     """Rows of (n, joints) that are zero, single ones or between single others; of speeds, where joints stop at once."""
     size = np.linalg.norm(drives, axis=1)
     zero, nowhere = np.asarray(size == 0), np.zeros(size.size, dtype=bool)
-    inner = np.array([one for one in spans(zero) if one[0] > 0 and one[1] < zero.size]).reshape(-1, 2)
-    spoken = np.array(spans(~zero)).reshape(-1, 2)
-    if len(inner) < _OFTEN or min(np.median(np.diff(inner)), np.median(np.diff(spoken))) > 1:
+    inner = np.array([one for one in spans(zero) if one[0] > 0 and one[1] < zero.size], np.int_).reshape(-1, 2)
+    spoken = np.array(spans(~zero), np.int_).reshape(-1, 2)
+    lengths = [usual_length(np.diff(some).ravel()) for some in (inner, spoken[1:-1])]
+    if len(inner) < _OFTEN or min(length for length, _ in lengths) > 1:
         return nowhere
     before, behind = drives[inner[:, 0] - 1], drives[inner[:, 1]]
     largest = np.maximum(np.linalg.norm(before, axis=1), np.linalg.norm(behind, axis=1))
-    lengths = [np.diff(some).ravel() for some in (inner, spoken[1:-1])]
-    regular = all(np.bincount(some).max() >= _BY_THE_CLOCK * some.size for some in lengths)
-    if regular and np.unique(largest).size >= _MEASURED:
+    if all(by_the_clock for _, by_the_clock in lengths) and np.unique(largest).size >= MEASURED:
         return zero
     if stopped and drives.shape[1] == 1:  # of speeds one alone says nothing else
         return nowhere
