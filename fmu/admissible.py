@@ -6,7 +6,6 @@ The one file of this room that needs the planners.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from importlib.resources import files
 from math import inf, isinf
@@ -21,22 +20,36 @@ from lptn.planners import Limiter
 from .variables import ZERO_CELSIUS, structured_name
 
 
-@dataclass(frozen=True)
 class Admissible:
     """The limiter over a component's states, inputs and parameters.
 
     Args:
-        limiter: the limiter of the model; its limits are replaced by the component's parameters.
+        model: the component's model.
+        limits: degC by node; where it runs they are replaced by the component's parameters.
+        current_limits: of the joints [A], by name or pattern or one of all; none where nothing is said.
         columns: the component's inputs, the model's first.
         model_inputs: the model's inputs from the component's.
         parameter_offsets: what each of the component's parameters exceeds the model's by: 273.15 for temperatures,
             else 0.
+
+    Raises:
+        InputError: an unknown joint, a model without torques or currents or with both, or heat of one joint that
+            depends on what another gives.
     """
 
-    limiter: Limiter
-    columns: tuple[str, ...]
-    model_inputs: ca.Function
-    parameter_offsets: tuple[float, ...]
+    def __init__(
+        self,
+        model: Model,
+        limits: Mapping[str, float],
+        current_limits: Mapping[str, float] | float | None,
+        columns: Sequence[str],
+        model_inputs: ca.Function,
+        parameter_offsets: Sequence[float],
+    ) -> None:
+        most = inf if current_limits is None else current_limits
+        self.limiter = Limiter(model, limits, current_limits=most)
+        self.columns, self.model_inputs, self.parameter_offsets = columns, model_inputs, parameter_offsets
+        self._loads = _loads(self.limiter)
 
     @cached_property
     def outputs(self) -> list[tuple[str, str, str]]:
@@ -77,10 +90,10 @@ class Admissible:
         limiter, own = self.limiter, len(self.parameter_offsets)
         inputs = dict(zip(limiter.model.inputs, ca.vertsplit(self.model_inputs(u)), strict=True))
         raw = dict(zip(self.columns, ca.vertsplit(u), strict=True))
-        load = [inputs[column] for column in _loads(limiter)]
+        load = [inputs[column] for column in self._loads]
         heat = limiter.heating
         limits = p[own : own + len(limiter.model.places)] - ZERO_CELSIUS  # they stand behind the model's parameters
-        warm, parameters = x - ZERO_CELSIUS, p[:own] - ca.DM(self.parameter_offsets)
+        warm, parameters = x - ZERO_CELSIUS, p[:own] - ca.DM(list(self.parameter_offsets))
         per_unit = ca.Function("torque", [heat.x, heat.p], [heat.torque])(warm, parameters)
         conditions = []
         least = 1e-6  # N*m; a speed is not told from less
@@ -115,32 +128,6 @@ class Admissible:
         # Both texts stand in one unit, and CasADi would give their helpers the same names.
         code = str(generator.dump()).replace("casadi_", "limiter_").replace("CASADI_PREFIX", "LIMITER_PREFIX")
         return f"{code}\n{head}{wrapper}"
-
-
-def admissible_of(
-    model: Model,
-    limits: Mapping[str, float],
-    current_limits: Mapping[str, float] | float | None,
-    columns: tuple[str, ...],
-    model_inputs: ca.Function,
-    parameter_offsets: Sequence[float],
-) -> Admissible:
-    """The limiter of a model for its FMU.
-
-    Args:
-        limits: degC by node.
-        current_limits: of the joints [A], by name or pattern or one of all; none where nothing is said.
-        columns: see `Admissible`.
-        model_inputs: see `Admissible`.
-        parameter_offsets: see `Admissible`.
-
-    Raises:
-        InputError: an unknown joint, a model without torques or currents or with both, or heat of one joint that
-            depends on what another gives.
-    """
-    limiter = Limiter(model, dict(limits), current_limits=inf if current_limits is None else current_limits)
-    _loads(limiter)
-    return Admissible(limiter, columns, model_inputs, tuple(parameter_offsets))
 
 
 def _loads(limiter: Limiter) -> list[str]:

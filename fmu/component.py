@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property, reduce
-from typing import TYPE_CHECKING, Any, get_args
+from functools import reduce
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
@@ -46,90 +45,6 @@ _INPUT_STARTS = {"powered": 1.0}  # a robot that is simulated is switched on; al
 _AT_LEAST_ZERO = ("powered", "fan", "irradiance")  # inputs that no robot has below 0
 
 
-@dataclass(frozen=True)
-class Component:
-    """What is exported.
-
-    Args:
-        model: the model behind it.
-        variables: all variables in the order of their value references.
-        x: states [K].
-        u: inputs, temperatures in kelvin: the model's, then raw ones that only means are formed from.
-        p: parameters, temperatures in kelvin; the model's, then limits, band, and the horizon of forecasts.
-        rates: dx/dt [K/s].
-        outputs: the calculated outputs, states left out.
-        limited: for each place the index of its limit in p.
-        admissible: the predictive limiter, where its outputs were asked for.
-    """
-
-    model: Model
-    variables: tuple[Variable, ...]
-    x: Any
-    u: Any
-    p: Any
-    rates: Any
-    outputs: Any
-    limited: tuple[int, ...]
-    admissible: Admissible | None = None
-
-    def of(self, *kinds: Kind) -> list[Variable]:
-        """The variables of some kinds, in order."""
-        return [variable for variable in self.variables if variable.kind in kinds]
-
-    def first(self, kind: Kind) -> int:
-        """The value reference of the first variable of a kind."""
-        kinds = get_args(Kind)
-        return len(self.of(*kinds[: kinds.index(kind)]))
-
-    def starts(self, kind: Kind) -> FloatArray:
-        """The start values of the variables of a kind, which all have one."""
-        return np.array([variable.start for variable in self.of(kind)], dtype=float)
-
-    @cached_property
-    def names(self) -> dict[str, Variable]:
-        """The variables by name."""
-        return {variable.name: variable for variable in self.variables}
-
-
-def component(
-    model: Model,
-    limits: Mapping[str, float] | float | None = None,
-    start: Mapping[str, float] | float | None = None,
-    *,
-    forecast: bool = False,
-    events: bool = False,
-    admissible: bool = False,
-    current_limits: Mapping[str, float] | float | None = None,
-) -> Component:
-    """A model's component.
-
-    Args:
-        limits: temperature limit [degC] of each place by name or pattern, or one of all; 80 degC where none is given.
-        start: start temperature [degC] in the same way; 25 degC where none is given.
-        forecast: whether to add the time to each node's limit.
-        events: whether to add limits that are crossed as events, with their clocks.
-        admissible: whether to add the admissible torques.
-        current_limits: of the joints [A], for the admissible torques.
-
-    Raises:
-        InputError: a limit or start names no node, or lies below absolute zero; the model has no admissible torque; or
-            two places have names that FMI can't tell apart.
-    """
-    origin = model.network.origin
-    temperatures = (
-        _by_place(model.places, limits, DEFAULT_LIMIT, origin, "limits"),
-        _by_place(model.nodes, start, ROOM, origin, "start"),
-    )
-    builder = _Builder(model, *temperatures, forecast, events)
-    if admissible:
-        from .admissible import admissible_of  # the planners are loaded only where they are needed
-
-        builder.admissible = admissible_of(
-            model, builder.limits, current_limits, builder.columns, builder.model_inputs(), builder.parameter_offsets
-        )
-    return builder.build()
-
-
 def _by_place(
     places: Sequence[str], values: Mapping[str, float] | float | None, default: float, origin: str, where: str
 ) -> dict[str, float]:
@@ -152,113 +67,144 @@ def _raw_of(column: str) -> tuple[str, ...]:
     return () if raw == (column,) else raw
 
 
-class _Builder:
-    """Collects variables block by block, for a value reference is a place in that order.
+class Component:
+    """A model as an FMU's component: variables block by block, for a value reference is a place in that order.
 
     Args:
-        limits: temperature limit of each place [degC].
-        start: start temperature of each node [degC].
+        model: the model behind it.
+        limits: temperature limit [degC] of each place by name or pattern, or one of all; 80 degC where none is given.
+        start: start temperature [degC] in the same way; 25 degC where none is given.
         forecast: whether to add the time to each node's limit.
-        events: whether to add limits that are crossed as events.
+        events: whether to add limits that are crossed as events, with their clocks.
+        admissible: whether to add the admissible torques.
+        current_limits: of the joints [A], for the admissible torques.
+
+    Attributes:
+        names: all variables by name, in the order of their value references.
+        x: states [K].
+        u: inputs, temperatures in kelvin: the model's, then raw ones that only means are formed from.
+        p: parameters, temperatures in kelvin: the model's, limits of its places, band, horizon.
+        rates: dx/dt [K/s].
+        outputs: the calculated outputs: readings [K], heat flows [W], torque scales.
+        limited: for each place of the model the index of its limit among `p`.
+        admissible: the predictive limiter, where admissible torques are outputs.
+
+    Raises:
+        InputError: a limit or start names no node, or lies below absolute zero; the model has no admissible torque; or
+            two places have names that FMI can't tell apart.
     """
 
     def __init__(
-        self, model: Model, limits: Mapping[str, float], start: Mapping[str, float], forecast: bool, events: bool
+        self,
+        model: Model,
+        limits: Mapping[str, float] | float | None = None,
+        start: Mapping[str, float] | float | None = None,
+        *,
+        forecast: bool = False,
+        events: bool = False,
+        admissible: bool = False,
+        current_limits: Mapping[str, float] | float | None = None,
     ) -> None:
-        self.model, self.limits, self.start = model, limits, start
-        self.forecast, self.events = forecast, events
-        self.admissible: Admissible | None = None
-        self.variables = [Variable("time", 0, "time", "s", None, "Simulation time")]
-        self.model_parameters = len(model.parameters)
-        self.limited = tuple(range(self.model_parameters, self.model_parameters + len(model.places)))
+        self.model = model
+        warmest = _by_place(model.places, limits, DEFAULT_LIMIT, model.network.origin, "limits")
+        begin = _by_place(model.nodes, start, ROOM, model.network.origin, "start")
+        own = len(model.parameters)
+        self.limited = tuple(range(own, own + len(model.places)))
         # Behind the model's inputs the raw columns of which it takes means alone.
-        self.columns = tuple(dict.fromkeys((*model.inputs, *(raw for of in model.inputs for raw in _raw_of(of)))))
-        self.x, self.u = ca.SX.sym("x", len(model.states)), ca.SX.sym("u", len(self.columns))
-        self.p = ca.SX.sym("p", self.model_parameters + len(model.places) + (2 if forecast else 1))
+        self._columns = tuple(dict.fromkeys((*model.inputs, *(raw for of in model.inputs for raw in _raw_of(of)))))
+        self.x, self.u = ca.SX.sym("x", len(model.states)), ca.SX.sym("u", len(self._columns))
+        self.p = ca.SX.sym("p", own + len(model.places) + (2 if forecast else 1))
         # What the component's values exceed the model's by: kelvin here, degC there.
-        self.input_offsets = [celsius_offset(column_unit(column)) for column in self.columns]
-        self.parameter_offsets = [celsius_offset(parameter.declared.unit) for parameter in model.parameters]
+        self._input_offsets = [celsius_offset(column_unit(column)) for column in self._columns]
+        offsets = [celsius_offset(parameter.declared.unit) for parameter in model.parameters]
+        inputs = self._model_inputs()
+        # The model's states, inputs and parameters as expressions of the component's.
+        self._arguments = [self.x - ZERO_CELSIUS, inputs(self.u), self.p[:own] - ca.DM(offsets)]
+        self.admissible: Admissible | None = None
+        if admissible:
+            from .admissible import Admissible  # the planners are loaded only where they are needed
 
-    def build(self) -> Component:
-        self._add_states()
+            self.admissible = Admissible(model, warmest, current_limits, self._columns, inputs, offsets)
+        self.names: dict[str, Variable] = {}
+        self._add("time", "time", "s", None, "Simulation time")
+        self._add_states(begin)
         self._add_inputs()
-        self._add_parameters()
-        outputs = self._add_outputs()
+        self._add_parameters(warmest, forecast)
+        self.outputs = ca.vertcat(*self._add_outputs())
         for name, unit, description in self.admissible.outputs if self.admissible else ():
             self._add(name, "admissible", unit, None, description, minimum=0.0)
-        for place in self.model.places if self.forecast else ():
+        for place in model.places if forecast else ():
             description = f"Time until {place} reaches its limit, inputs held: connect a display or a planner"
             self._add(place_name(place, "time_to_limit"), "forecast", "s", None, description, minimum=0.0)
-        if self.events:
+        if events:
             self._add_events()
-        rates = self.model.rhs(*self._model_arguments())
-        values = ca.vertcat(*outputs)
-        symbols = (self.x, self.u, self.p)
-        return Component(self.model, tuple(self.variables), *symbols, rates, values, self.limited, self.admissible)
+        self.rates = model.rhs(*self._arguments)
 
-    def _model_arguments(self) -> list[Any]:
-        """The model's states, inputs and parameters as expressions of the component's."""
-        own = self.p[: self.model_parameters] - ca.DM(self.parameter_offsets)
-        return [self.x - ZERO_CELSIUS, self.model_inputs()(self.u), own]
+    @property
+    def variables(self) -> tuple[Variable, ...]:
+        """All variables in the order of their value references."""
+        return tuple(self.names.values())
 
-    def model_inputs(self) -> ca.Function:
+    def of(self, *kinds: Kind) -> list[Variable]:
+        """The variables of some kinds, in order."""
+        return [variable for variable in self.variables if variable.kind in kinds]
+
+    def starts(self, kind: Kind) -> FloatArray:
+        """The start values of the variables of a kind, which all have one."""
+        return np.array([variable.start for variable in self.of(kind)], dtype=float)
+
+    def _model_inputs(self) -> ca.Function:
         """The model's inputs from the component's.
 
         A mean over a step, such as `velocity_rms`, is formed from the raw input while it is negative: at a
         simulator's step both are the same. So one velocity is enough, and a coarse step can still give its own mean.
         """
-        u = ca.SX.sym("u", len(self.columns))
-        given = dict(zip(self.columns, ca.vertsplit(u - ca.DM(self.input_offsets)), strict=True))
+        u = ca.SX.sym("u", len(self._columns))
+        given = dict(zip(self._columns, ca.vertsplit(u - ca.DM(self._input_offsets)), strict=True))
         inputs = []
         for column in self.model.inputs:
-            raw = _raw_of(column)
             own = given[column]
-            if raw:
+            if raw := _raw_of(column):
                 own = ca.if_else(own < 0, ca.fabs(math.prod(given[name] for name in raw)), own)
             inputs.append(own)
         return ca.Function("inputs", [u], [ca.vertcat(*inputs)])
 
-    def _add(self, name: str, kind: Kind, unit: str, start: float | None, description: str, **more: Any) -> int:
-        if any(name == variable.name for variable in self.variables):
+    def _add(self, name: str, kind: Kind, unit: str, start: float | None, description: str, **more: Any) -> None:
+        if name in self.names:
             # The names of two places differ only in characters that FMI names lack.
             expected = "places that stay apart as words"
             raise InputError(self.model.network.origin, "names", f'two FMU variables "{name}"', expected)
-        reference = len(self.variables)
-        self.variables.append(Variable(name, reference, kind, unit, start, description, **more))
-        return reference
+        self.names[name] = Variable(name, len(self.names), kind, unit, start, description, **more)
 
-    def _add_states(self) -> None:
-        references = []
-        for node in self.model.nodes:
-            name, start = structured_name(node, "temperature"), self.start[node] + ZERO_CELSIUS
-            description = f"Temperature of {node}, settable before the start: connect a display or a controller"
-            references.append(self._add(name, "state", "K", start, description, celsius=True, minimum=0.0))
-        for point in self.model.network.hottest:
-            name, start = place_name(point.name, "temperature"), self.start[point.element] + ZERO_CELSIUS
-            description = f"Temperature of the hottest point of {point.element}: connect a display or a limiter"
-            references.append(self._add(name, "state", "K", start, description, celsius=True, minimum=0.0))
-        for effect in self.model.balance.hidden:
-            place, _ = places_of_owner(effect.place, ())
-            name, start = structured_name(place, effect.name, "temperature"), self._resting(effect.ends)
-            description = f"Temperature behind {effect.name} at {effect.place}"
-            hidden = self._add(name, "state", "K", start, description, celsius=True, minimum=0.0, hidden=True)
-            references.append(hidden)
-        for reference in references:
-            name = self.variables[reference].name
-            self._add(f"der({name})", "rate", "K/s", None, f"Rate of {name}", hidden=True, of=reference)
+    def _add_states(self, begin: Mapping[str, float]) -> None:
+        """Add states that begin at these temperatures of the nodes [degC], and their rates."""
 
-    def _resting(self, places: tuple[str, ...]) -> float:
-        """Where a hidden state starts [K]: at the mean of its nodes, or at the prescribed temperature that it is of."""
-        temperatures = []
-        for place in places:
+        def resting(place: str) -> float:
             source = self.model.network.prescribed.get(place)
             prescribed = self.model.values[source] if isinstance(source, int) else ROOM
-            temperatures.append(self.start.get(place, float(prescribed)))
-        return sum(temperatures) / len(temperatures) + ZERO_CELSIUS
+            return begin.get(place, float(prescribed))
+
+        for node in self.model.nodes:
+            name, start = structured_name(node, "temperature"), begin[node] + ZERO_CELSIUS
+            description = f"Temperature of {node}, settable before the start: connect a display or a controller"
+            self._add(name, "state", "K", start, description, celsius=True, minimum=0.0)
+        for point in self.model.network.hottest:
+            name, start = place_name(point.name, "temperature"), begin[point.element] + ZERO_CELSIUS
+            description = f"Temperature of the hottest point of {point.element}: connect a display or a limiter"
+            self._add(name, "state", "K", start, description, celsius=True, minimum=0.0)
+        for effect in self.model.balance.hidden:
+            place, _ = places_of_owner(effect.place, ())
+            name = structured_name(place, effect.name, "temperature")
+            start = sum(map(resting, effect.ends)) / len(effect.ends) + ZERO_CELSIUS
+            description = f"Temperature behind {effect.name} at {effect.place}"
+            self._add(name, "state", "K", start, description, celsius=True, minimum=0.0, hidden=True)
+        for state in self.of("state"):
+            description, of = f"Rate of {state.name}", state.reference
+            self._add(f"der({state.name})", "rate", "K/s", None, description, hidden=True, of=of)
 
     def _add_inputs(self) -> None:
         not_connected = -1.0  # of a mean that can't be negative: it is formed from the raw inputs
-        for column, offset in zip(self.columns, self.input_offsets, strict=True):
+        for column, offset in zip(self._columns, self._input_offsets, strict=True):
             hot, quantity = offset > 0, column.partition(".")[0]
             start = ROOM + offset if hot else _INPUT_STARTS.get(quantity, 0.0)
             start = not_connected if _raw_of(column) else start
@@ -266,21 +212,20 @@ class _Builder:
             least = 0.0 if hot or quantity in _AT_LEAST_ZERO else None
             self._add(name, "input", unit, start, description, celsius=hot, minimum=least)
 
-    def _add_parameters(self) -> None:
+    def _add_parameters(self, limits: Mapping[str, float], forecast: bool) -> None:
         for parameter in self.model.parameters:
             self._add_parameter(parameter)
         for place in self.model.places:
-            name, limit = place_name(place, "temperature_limit"), self.limits[place] + ZERO_CELSIUS
+            name, limit = place_name(place, "temperature_limit"), limits[place] + ZERO_CELSIUS
             description = f"Limit that {place} must not pass"
             self._add(name, "parameter", "K", limit, description, celsius=True, minimum=0.0)
         description = "Range below the limit in which the limiter takes torque away"
         band = 10.0  # K below the limit where derating begins
         self._add("limiter.band", "parameter", "K", band, description, minimum=1e-3)
-        if not self.forecast:
-            return
-        description = "How far time_to_limit looks ahead; it shows this where no limit is reached before"
-        horizon = 3600.0  # s that the forecast looks ahead
-        self._add("limiter.horizon", "parameter", "s", horizon, description, minimum=1e-3, maximum=1e7)
+        if forecast:
+            description = "How far time_to_limit looks ahead; it shows this where no limit is reached before"
+            horizon = 3600.0  # s that the forecast looks ahead
+            self._add("limiter.horizon", "parameter", "s", horizon, description, minimum=1e-3, maximum=1e7)
 
     def _add_events(self) -> None:
         for place in self.model.places:
@@ -316,10 +261,10 @@ class _Builder:
 
     def _add_outputs(self) -> list[Any]:
         """Add the calculated outputs; returns their expressions."""
-        own, arguments, outputs = self.model.symbols, self._model_arguments(), []
+        own, outputs = self.model.symbols, []
 
         def of_component(expression: Any) -> Any:
-            return ca.substitute([expression], [own.x, own.u, own.p], arguments)[0]
+            return ca.substitute([expression], [own.x, own.u, own.p], self._arguments)[0]
 
         instances = self.model.network.effect_instances
         sensed = {instance.ends[0] for instance in instances if instance.effect.changes_reading}
@@ -335,7 +280,7 @@ class _Builder:
         for name, description, flow in _heat_flows(self.model):
             self._add(name, "output", "W", None, description)
             outputs.append(of_component(self.model.balance.with_faces_solved(flow)))
-        band = self.p[self.model_parameters + len(self.model.places)]
+        band = self.p[self.limited[-1] + 1]
         for row, node in enumerate(self.model.nodes):
             if node in with_torque:
                 description = f"Thermal limiter of {node}: multiply the wanted torque by it, 1 below the limit's band"

@@ -24,7 +24,7 @@ from lptn.model.model import Model
 from lptn.simulate.readings import over_steps
 
 from .archive import unit_of
-from .component import component
+from .component import Component
 from .connected import Connected
 from .session import Session
 from .ssp import in_units_of, read_values
@@ -196,7 +196,7 @@ class _Plan:
 
 def _plans_by_model(model: Model, runs: Sequence[Run]) -> list[_Plan]:
     """Runs as a model sees them: it says which columns count, and the starts are fitted with it."""
-    exported, inputs = component(model), tuple(from_column(column) for column in model.inputs)
+    exported, inputs = Component(model), tuple(from_column(column) for column in model.inputs)
     states, parameters = ([variable.name for variable in exported.of(kind)] for kind in ("state", "parameter"))
     plans = []
     for segment in split_data((), runs).holdout:

@@ -27,7 +27,7 @@ from .arrays import arrays as arrays_of
 from .arrays import places_of, shown, structure_of_arrays
 from .codegen import Integration, Structure, c_code, integration, jacobian_moves, structure
 from .compile import Compiler, Platform, compile_all, platforms_of, universal
-from .component import Component, component
+from .component import Component
 from .experiments import FOLDER, experiment, related
 from .terminals import terminals
 from .trust import remember
@@ -158,7 +158,7 @@ def export(
     targets = platforms_of(platforms)
     loaded, text = model_and_text(model)
     added = {"forecast": forecast, "events": events, "admissible": admissible}
-    exported = component(loaded, limits, start, **added, current_limits=current_limits)
+    exported = Component(loaded, limits, start, **added, current_limits=current_limits)
     steps = integration(exported, solver, step)
     identifier = _identifier(loaded.network)
     joined = arrays_of(exported.variables) if arrays else []

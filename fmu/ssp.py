@@ -24,7 +24,7 @@ from lptn.model.model import Model
 from lptn.model.network import Network
 
 from .archive import ARCHIVE, Unpacked, unit_of, unpack_files, unpacked_size
-from .component import component as component_of
+from .component import Component
 from .exporter import model_and_text
 from .variables import unit_definitions
 
@@ -81,7 +81,7 @@ def write_values(
     if Path(path).suffix != ".ssv":
         raise InputError(Path(path), "--output", f"a file name ending in '{Path(path).suffix}'", "one ending in .ssv")
     loaded, _ = model_and_text(model)
-    parameters = component_of(loaded, limits).of("parameter")
+    parameters = Component(loaded, limits).of("parameter")
     # SSP can't define a unit whose exponents are parameters: it has no dimension.
     units = {
         unit.name: _base(unit.exponents, unit.factor)

@@ -95,7 +95,7 @@ def in_c(fmu: Path, folder: Path, component: Any) -> float:
     (library,) = (path for path in (folder / "binaries").rglob("*") if path.is_file())
     text = (folder / "sources" / "config.h").read_text()
     token = next(line.split('"')[1] for line in text.splitlines() if "define TOKEN" in line)
-    counts = [component.first("input"), len(component.of("input")), 1, len(component.model.nodes)]
+    counts = [component.of("input")[0].reference, len(component.of("input")), 1, len(component.model.nodes)]
     words = [str(program), str(library), token, "300000", *map(str, counts)]
     times = []
     for _ in range(ROUNDS):

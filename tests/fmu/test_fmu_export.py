@@ -24,7 +24,7 @@ from lptn.basics.errors import InputError
 from lptn.fmu import Exported, Session, export
 from lptn.fmu.archive import unit_of
 from lptn.fmu.compile import PLATFORMS, compile_all, host, universal
-from lptn.fmu.component import component
+from lptn.fmu.component import Component
 from lptn.model.file import parse_model
 from lptn.model.model import Model
 from lptn.robots.presets import presets
@@ -228,7 +228,7 @@ def test_a_link_to_a_face_is_called_as_its_heat_flow_is(face: str, node: str) ->
     ring += "conductivity_axial = 3\ndensity = 7650\nspecific_heat = 490\n"
     text = f"[model]\nambient = 20\n[nodes.core.element]\n{ring}[nodes.{node}]\ncapacity = 100\n"
     text += "".join(f'[[links]]\nbetween = ["{one}", "{other}"]\n' for one, other in ((face, node), (node, "ambient")))
-    exported = component(Model(parse_model(text, Path("ring.toml")).network))
+    exported = Component(Model(parse_model(text, Path("ring.toml")).network))
     flows = {variable.name.removesuffix("heat_flow") for variable in exported.of("output")}
     resistances = {variable.name for variable in exported.of("parameter") if variable.name.endswith("resistance")}
     assert resistances == {f"{flow}resistance" for flow in flows if "to_" in flow}
@@ -370,7 +370,7 @@ def _run_on(system: str, exported: Exported, folder: Path) -> str:
         if "define TOKEN" in line
     )
     library = f"binaries/{target.folder3}/everything{target.suffix}".replace("everything", _identifier(folder))
-    counts = [component.first("input"), len(component.of("input")), 1, len(component.variables) - 1]
+    counts = [component.of("input")[0].reference, len(component.of("input")), 1, len(component.variables) - 1]
     command = [*EMULATORS[system], str(program), library, token, "3000", *map(str, counts)]
     environment = os.environ | {"WINEDEBUG": "-all", "WINEPREFIX": str(folder / "wine")}
     done = subprocess.run(
