@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import reduce
+from itertools import repeat
 from typing import Any, Literal, get_args
 
 import casadi as ca
@@ -16,7 +18,7 @@ from lptn.basics.errors import InputError
 from lptn.model.model import rk4
 
 from .component import Component
-from .variables import Variable
+from .variables import Kind, Variable
 
 # --- C code: rates, steps, outputs and their derivatives -------------------------------------------
 
@@ -59,6 +61,7 @@ def _functions(component: Component) -> list[ca.Function]:
     x, u, p = component.x, component.u, component.p
     rates, outputs = component.rates, component.outputs
     jacobian = ca.jacobian(rates, x)
+    bound = reduce(ca.fmax, ca.vertsplit(ca.sum2(ca.fabs(jacobian))))  # a row's sum: no eigenvalue lies beyond
     dx, du, dp = (ca.SX.sym(name, size.numel()) for name, size in (("dx", x), ("du", u), ("dp", p)))
     ar, ay = ca.SX.sym("ar", rates.numel()), ca.SX.sym("ay", outputs.numel())
     arguments, seeds = ca.vertcat(x, u, p), ca.vertcat(dx, du, dp)
@@ -71,7 +74,7 @@ def _functions(component: Component) -> list[ca.Function]:
         _function("lptn_rates", [x, u, p], [rates]),
         _function("lptn_rk4", *_rk4(component)),
         _function("lptn_jacobian", [x, u, p], [jacobian]),
-        _function("lptn_bound", [x, u, p], [_largest_row(jacobian)]),
+        _function("lptn_bound", [x, u, p], [bound]),
         _function(f"{prefix}_outputs", [x, u, p], [outputs]),
         _function("lptn_rates_forward", forward, [ca.jtimes(rates, arguments, seeds)]),
         _function(f"{prefix}_outputs_forward", forward, [ca.jtimes(outputs, arguments, seeds)]),
@@ -91,15 +94,6 @@ def _rk4(component: Component) -> tuple[list[Any], list[Any]]:
     middle = 0.5 * (u0 + u1)
     inputs = iter((u0, middle, middle, u1))  # at the four stages
     return [x, u0, u1, p, h], [rk4(lambda state: rates(state, next(inputs), p), x, h)]
-
-
-def _largest_row(jacobian: Any) -> Any:
-    """The largest sum of a row's absolute entries: no eigenvalue lies beyond."""
-    sums = ca.vertsplit(ca.sum2(ca.fabs(jacobian)))
-    largest = sums[0]
-    for row in sums[1:]:
-        largest = ca.fmax(largest, row)
-    return largest
 
 
 def _without_housekeeping(text: str) -> str:
@@ -149,16 +143,32 @@ def structure(component: Component) -> Structure:
 
     Without the parameters an importer that differentiates by colours gets wrong Jacobians.
     """
-    states = [
-        Dependent(state, (state.reference,), ("constant",)) for state in component.of("state") if not state.hidden
+    states, parameters = component.of("state"), component.of("parameter")
+    limits = [parameters[index].reference for index in component.limited]
+    whole = [variable.reference for variable in (*states, *component.of("input"), *parameters[: component.limited[0]])]
+    # States of effects come last and have no limit.
+    crossings = [(state.reference, limit) for state, limit in zip(states, limits, strict=False)]
+    every = sorted(reference for pair in crossings for reference in pair)
+
+    def each(kind: Kind, references: Iterable[Sequence[int]], how: str = "dependent") -> list[Dependent]:
+        """The variables of a kind with what each depends on, in one way."""
+        pairs = zip(component.of(kind), references, strict=False)
+        return [Dependent(variable, tuple(those), (how,) * len(those)) for variable, those in pairs]
+
+    unknown = [
+        *_dependents(component, component.of("output"), component.outputs),
+        # Admissible torques run the model against all limits; a forecast against its own limit, up to the horizon.
+        *each("admissible", repeat([*whole, *limits])),
+        *each("forecast", ([*whole, limit, parameters[-1].reference] for limit in limits)),
+        *each("crossed", crossings),
+        *(entry for entry in each("clock", repeat(every)) if not entry.variable.entrance),
     ]
     rates = _dependents(component, component.of("rate"), component.rates)
-    calculated = _dependents(component, component.of("output"), component.outputs)
-    model_runs = _dependents_on_the_whole_model(component)
-    indicators, crossed, clock = _dependents_of_limits(component)
-    unknown = (*rates, *calculated, *model_runs, *crossed, *clock)
-    initial = sorted(unknown, key=lambda dependent: dependent.variable.reference)
-    return Structure((*states, *calculated, *model_runs, *crossed, *clock), tuple(rates), tuple(initial), indicators)
+    shown = [entry for entry in each("state", ([state.reference] for state in states), "constant")
+             if not entry.variable.hidden]  # fmt: skip
+    initial = sorted((*rates, *unknown), key=lambda entry: entry.variable.reference)
+    indicators = each("indicator", crossings, "constant")
+    return Structure((*shown, *unknown), tuple(rates), tuple(initial), tuple(indicators))
 
 
 def _dependents(component: Component, variables: Sequence[Variable], expressions: Any) -> list[Dependent]:
@@ -185,44 +195,6 @@ def _depends(entries: Any, symbols: Any) -> BoolArray:
     depends = np.zeros(entries.numel(), dtype=bool)
     depends[list(rows)] = True
     return depends
-
-
-def _dependents_on_the_whole_model(component: Component) -> list[Dependent]:
-    """Admissible torques run the model against all limits; a forecast against its own limit, up to the horizon."""
-    parameters = [variable.reference for variable in component.of("parameter")]
-    own = len(component.model.parameters)
-    common = [variable.reference for variable in component.of("state", "input")] + parameters[:own]
-    limits = [parameters[index] for index in component.limited]
-    dependencies = [(variable, [*common, *limits]) for variable in component.of("admissible")]
-    forecasts = component.of("forecast")
-    for variable, limit in zip(forecasts, limits[: len(forecasts)], strict=True):
-        dependencies.append((variable, [*common, limit, parameters[-1]]))
-    return [
-        Dependent(variable, tuple(references), ("dependent",) * len(references))
-        for variable, references in dependencies
-    ]
-
-
-def _dependents_of_limits(
-    component: Component,
-) -> tuple[tuple[Dependent, ...], tuple[Dependent, ...], tuple[Dependent, ...]]:
-    """Event indicators, whether limits are crossed, and the clock of all of them."""
-    indicators, crossed = component.of("indicator"), component.of("crossed")
-    if not indicators:
-        return (), (), ()
-    states, parameters = component.of("state"), component.of("parameter")
-    pairs = [
-        (state.reference, parameters[limit].reference)
-        # States of effects come last and have no limit.
-        for state, limit in zip(states, component.limited, strict=False)
-    ]
-    every = tuple(sorted(reference for pair in pairs for reference in pair))
-    clocks = [clock for clock in component.of("clock") if not clock.entrance]
-    return (
-        tuple(Dependent(indicator, pair, ("constant",) * 2) for indicator, pair in zip(indicators, pairs, strict=True)),
-        tuple(Dependent(variable, pair, ("dependent",) * 2) for variable, pair in zip(crossed, pairs, strict=True)),
-        tuple(Dependent(clock, every, ("dependent",) * len(every)) for clock in clocks),
-    )
 
 
 # --- the inner step of Co-Simulation, checked against the fastest time constant ----------------------

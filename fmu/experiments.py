@@ -54,11 +54,6 @@ def experiment(component: Component, step: float) -> dict[str, Any]:
     }
 
 
-def checksum(content: bytes) -> str:
-    """Of a file, as the manifest gives it: SHA3-256, hexadecimal."""
-    return hashlib.sha3_256(content).hexdigest()
-
-
 def _inputs(variables: list[Variable]) -> FloatArray:
     """Inputs of each stretch, shape (stretches, inputs), in the FMU's units."""
     seed = 20260101  # any fixed one, so that the same model gives the same bytes
@@ -121,7 +116,7 @@ def related(entries: Mapping[str, bytes]) -> list[dict[str, str]]:
             "type": kind,
             "role": role,
             "description": text,
-            "checksum": checksum(entries[path]),
+            "checksum": hashlib.sha3_256(entries[path]).hexdigest(),
         }
         for path, (kind, role, text) in kinds.items()
         if path in entries
