@@ -176,7 +176,7 @@ def _dependents(component: Component, variables: Sequence[Variable], expressions
     references = [variable.reference for variable in component.of("state", "input", "parameter")]
     jacobian = ca.jacobian(expressions, arguments)
     rows, columns = jacobian.sparsity().get_triplet()
-    entries = ca.vertcat(*jacobian.nonzeros())
+    entries = ca.vertcat(*jacobian.nonzeros())  # type: ignore[call-overload]
     pairs: list[list[tuple[int, str]]] = [[] for _ in variables]
     for row, column, by_motion, by_parameter in zip(
         rows, columns, _depends(entries, moving), _depends(entries, component.p), strict=True

@@ -112,8 +112,8 @@ class Component:
         self.limited = tuple(range(own, own + len(model.places)))
         # Behind the model's inputs the raw columns of which it takes means alone.
         self._columns = tuple(dict.fromkeys((*model.inputs, *(raw for of in model.inputs for raw in _raw_of(of)))))
-        self.x, self.u = ca.SX.sym("x", len(model.states)), ca.SX.sym("u", len(self._columns))
-        self.p = ca.SX.sym("p", own + len(model.places) + (2 if forecast else 1))
+        sizes = {"x": len(model.states), "u": len(self._columns), "p": own + len(model.places) + (2 if forecast else 1)}
+        self.x, self.u, self.p = (ca.SX.sym(name, size) for name, size in sizes.items())
         # What the component's values exceed the model's by: kelvin here, degC there.
         self._input_offsets = [celsius_offset(column_unit(column)) for column in self._columns]
         offsets = [celsius_offset(parameter.declared.unit) for parameter in model.parameters]

@@ -14,8 +14,7 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 
 from .archive import Unpacked
-from .exchange import Exchange
-from .session import Closing, Session
+from .session import Closing, Exchange, Session
 from .ssp import OpenedSystem, in_units_of
 from .variables import to_column
 

@@ -16,8 +16,7 @@ from lptn.logs.resampling import raw_keys, reduce_blocks, sample_values
 from lptn.model.model import Model
 
 from ..values import Each, limits_of
-from .robots import Robots
-from .torque import LARGEST, UNIT
+from .torque import LARGEST, UNIT, Robots
 
 Columns = Callable[[gymnasium.Env[Any, Any]], Mapping[str, float]]
 """What a log of the robot would hold at this moment: `torque.FR_calf` [N·m], `velocity.FR_calf`, `speed.base`, …"""

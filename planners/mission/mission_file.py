@@ -25,8 +25,7 @@ from lptn.basics.toml import Number, Strict
 from lptn.logs.columns import parse_columns
 from lptn.model.model import Model
 
-from ..reach import check_limits_at_rest
-from ..tasks import mistakes_with_line, start_of
+from ..tasks import check_limits_at_rest, mistakes_with_line, start_of
 from ..values import LONGEST, Celsius, ExtraMass, Length, NotNegative, Positive, Seconds, Speed, by_place
 from .gait import REST, Gait, LogPart, gait_from_logs, gait_from_tables, with_surroundings
 from .mission import Activity, GivesUp, Mission, Range, Transition

@@ -15,8 +15,7 @@ from lptn.basics.toml import Strict
 from lptn.model.model import Model
 
 from ..heating import Heating, Request, heating, requested_by
-from ..reach import check_limits_at_rest
-from ..tasks import conditions_of, mistakes_with_line, start_of
+from ..tasks import check_limits_at_rest, conditions_of, mistakes_with_line, start_of
 from ..values import ByPlace, Celsius, NotNegative, Positive, Seconds, by_place
 from .settings import LostSensor
 

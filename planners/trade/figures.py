@@ -12,9 +12,8 @@ from matplotlib.figure import Figure
 from lptn.basics.errors import InputError
 from lptn.basics.style import BAD, FAINT, INK, LIMIT, PALETTE, PAPER, SMALL, TEXT, dress, new_figure, plain
 
-from .answer import StudyResult
+from .answer import StudyResult, strongest
 from .designs import Design
-from .export import strongest
 from .study import TradeStudy
 
 RPM = 30 / np.pi

@@ -12,8 +12,8 @@ import pytest
 
 from lptn.cli.main import main
 from lptn.planners.trade import DesignProblem, load_study
+from lptn.planners.trade.designs import Simulator
 from lptn.planners.trade.plant import Load
-from lptn.planners.trade.simulation import Simulator
 from lptn.planners.trade.study import attachable
 from tests.cooling.studies import HELD, study
 

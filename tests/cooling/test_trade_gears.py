@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.planners.trade import Design, TradeStudy, solve_study
-from lptn.planners.trade.export import as_json, headline, remarks, table
+from lptn.planners.trade.answer import as_json, headline, remarks, table
 from lptn.planners.trade.figures import study_figure
 from lptn.planners.trade.profiles import WALKING_PERIOD, level_walking, walking_speed
 from lptn.report.planning_pages import trade_html

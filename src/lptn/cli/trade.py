@@ -37,7 +37,7 @@ def trade(
     """
     from lptn.cli.terminal import progress, show_table, show_written, write_json
     from lptn.planners.trade import load_study, solve_study
-    from lptn.planners.trade.export import as_json, headline, remarks, summary, table
+    from lptn.planners.trade.answer import as_json, headline, remarks, summary, table
     from lptn.report.text import for_people
 
     check_outputs(json, report, pictures=[plot, diagram], inputs=(study,))

@@ -138,7 +138,7 @@ def trade_html(result: StudyResult) -> str:
     Returns:
         HTML text, with the Pareto front and the times to the limit to hover.
     """
-    from lptn.planners.trade.export import headline, remarks, table
+    from lptn.planners.trade.answer import headline, remarks, table
     from lptn.planners.trade.figures import study_figure
 
     heads, *rows = table(result)
