@@ -11,7 +11,6 @@ import pytest
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.identify.data import load_model
-from lptn.live.history import History
 from lptn.live.sampling import Clock, Columns, Rows, Sampler
 from lptn.logs.columns import ColumnSource
 from lptn.logs.reading import read_log
@@ -128,14 +127,6 @@ def test_a_silent_input_is_named() -> None:
     frame.loc[frame["time"] > 20, "torque.hip"] = np.nan
     _, sampler = rows_of(frame, 50)
     assert sampler.missing == ("torque.hip",)
-
-
-def test_memory_is_bounded() -> None:
-    history = History(["a"], seconds=100.0, most=10**6)
-    for k in range(10_000):
-        history.add(float(k), {"a": k}, first=k == 0)
-    assert history.time.tolist() == list(range(9_899, 10_000))
-    assert history.state()["table"].base.nbytes < 100_000  # type: ignore[union-attr]
 
 
 # --- columns --------------------------------------------------------------------------------------

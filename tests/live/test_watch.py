@@ -204,6 +204,14 @@ def test_a_watch_goes_on_where_another_ended(loaded: LoadedModel, tmp_path: Path
         assert one.time_to_limit == pytest.approx(other.time_to_limit, rel=1e-9)
 
 
+@pytest.mark.long
+def test_memory_is_bounded(loaded: LoadedModel, tmp_path: Path) -> None:
+    frame, state = log(1600).assign(time=lambda rows: 9 * rows["time"]), tmp_path / "watch.npz"
+    Watch(loaded, pushed(rows_of(frame)), every=1e9, state=state).run()
+    with np.load(state) as kept:
+        assert kept["rows"][:, 0].tolist() == list(range(9 * 799, 9 * 1600, 9))  # of two hours
+
+
 def test_a_state_of_another_model_or_none_is_refused(loaded: LoadedModel, tmp_path: Path) -> None:
     state = tmp_path / "watch.npz"
     Watch(loaded, pushed(rows_of(log(100))), state=state).run()

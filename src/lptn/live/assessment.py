@@ -7,11 +7,10 @@ import pickle
 import subprocess
 import sys
 import time
-from collections import deque
 from collections.abc import Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from threading import Thread
 from typing import IO
 
 import numpy as np
@@ -22,7 +21,6 @@ from lptn.basics.errors import InputError
 from lptn.identify.noise import estimate_noise
 from lptn.logs.columns import SAMPLES, ColumnSource
 from lptn.logs.reading import read_log
-from lptn.logs.run import Run
 from lptn.logs.scatter import Scatter
 from lptn.model.model import Model
 from lptn.model.tables import FitTable
@@ -30,7 +28,7 @@ from lptn.online.calibration import Calibration
 from lptn.online.fault_bank import Alarm
 from lptn.online.forecasting import Forecast, forecast
 from lptn.online.monitoring import monitor
-from lptn.online.operating_point import GaitPeriod, find_gait
+from lptn.online.operating_point import find_gait
 from lptn.online.present import ModelUncertainty
 from lptn.simulate.bound_run import bind, needed_columns
 
@@ -39,7 +37,7 @@ _MEANS = "means after"
 
 @dataclass(frozen=True)
 class Question:
-    """What is the same for all assessments of a robot.
+    """A robot, and what is known of it now.
 
     Args:
         model: the model.
@@ -49,6 +47,11 @@ class Question:
         threshold: of the plain detector of `lptn.monitor` [K].
         calibration: of the statistical one.
         source: for messages.
+        rows: `time` [s] and quantities, (n,) each.
+        step: s, of the model.
+        averaged: whether rows are means over a step, else samples.
+        speeds: of the joints in the last seconds at their own rate, (n,) each; none where rows are samples themselves.
+        period: s between those.
     """
 
     model: Model
@@ -58,6 +61,11 @@ class Question:
     threshold: float
     calibration: Calibration | None
     source: str
+    rows: Mapping[str, FloatArray] = field(default_factory=dict)
+    step: float = 1.0
+    averaged: bool = False
+    speeds: Sequence[FloatArray] = ()
+    period: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -87,45 +95,25 @@ class Assessment:
     seconds: float = 0.0
 
 
-Speeds = tuple[Sequence[FloatArray], float]
-"""The joints' speeds at their own rate, (n,) each, and s between samples; none of rows that are samples themselves."""
-
-
-def assess(
-    question: Question, rows: Mapping[str, FloatArray], speeds: Speeds, step: float, *, averaged: bool
-) -> Assessment:
-    """Forecast and monitor the rows as if they were a finished log.
-
-    Args:
-        question: what is asked.
-        rows: `time` [s] and quantities, (n,) each.
-        speeds: of the joints in the last seconds.
-        step: s, of the model.
-        averaged: whether rows are means over a step, else samples.
-    """
-    began, end = time.process_time(), float(rows["time"][-1])
+def assess(question: Question) -> Assessment:
+    """Forecast and monitor the rows as if they were a finished log."""
+    began, end = time.process_time(), float(question.rows["time"][-1])
     try:
-        gait = find_gait(*speeds) if speeds[0] else None
-        found = _assessed(question, rows_as_runs(question, rows, step, averaged=averaged), gait, end)
+        found = _assessed(question, end)
     except InputError as error:
         found = Assessment(end, why_not=str(error))
     return replace(found, seconds=time.process_time() - began)
 
 
-def rows_as_runs(question: Question, rows: Mapping[str, FloatArray], step: float, *, averaged: bool) -> list[Run]:
-    """The rows as `read_log` reads a log.
-
-    Raises:
-        InputError: they are too few.
-    """
-    inputs, outputs = needed_columns(question.model)
-    columns = {"time": ColumnSource(("time",), rows=_MEANS if averaged else SAMPLES)}
-    frame = pd.DataFrame({key: values for key, values in rows.items() if np.isfinite(values).any()})
-    return read_log(frame, columns, name=question.source, step=step, inputs=inputs, outputs=outputs, strict=False)
-
-
-def _assessed(question: Question, runs: list[Run], gait: GaitPeriod | None, end: float) -> Assessment:
-    model, run = question.model, runs[-1]
+def _assessed(question: Question, end: float) -> Assessment:
+    model, (inputs, outputs) = question.model, needed_columns(question.model)
+    gait = find_gait(question.speeds, question.period) if question.speeds else None
+    columns = {"time": ColumnSource(("time",), rows=_MEANS if question.averaged else SAMPLES)}
+    frame = pd.DataFrame({key: values for key, values in question.rows.items() if np.isfinite(values).any()})
+    runs = read_log(
+        frame, columns, name=question.source, step=question.step, inputs=inputs, outputs=outputs, strict=False
+    )
+    run = runs[-1]
     for issue in run.issues:
         if issue.certain:
             return Assessment(end, refused=InputError(question.source, *issue.error))
@@ -136,8 +124,7 @@ def _assessed(question: Question, runs: list[Run], gait: GaitPeriod | None, end:
         watched = monitor(
             model, runs, threshold=question.threshold, calibration=question.calibration, rmse=question.fit.rmse
         )
-        alarms = tuple(alarm for one in watched.runs for alarm in one.statistical_alarms)
-        found = replace(found, alarms=alarms)
+        found = replace(found, alarms=tuple(alarm for one in watched.runs for alarm in one.statistical_alarms))
         if question.limits:
             ahead = forecast(model, run, question.limits, coverage=question.coverage, fit=uncertainty, gait=gait)
             found = replace(found, forecast=ahead)
@@ -156,45 +143,43 @@ class Worker:
 
     def __init__(self) -> None:
         self._process: subprocess.Popen[bytes] | None = None
-        self._answers = deque[Assessment]()
+        self._waiting = ThreadPoolExecutor(1)
 
-    def ask(
-        self, question: Question, rows: Mapping[str, FloatArray], speeds: Speeds, step: float, *, averaged: bool
-    ) -> None:
-        """Ask for an assessment, as of `assess`; one at a time."""
+    def ask(self, question: Question) -> Future[Assessment]:
+        """Ask for an assessment, one at a time."""
+        return self._waiting.submit(self._answer, question)
+
+    def _answer(self, question: Question) -> Assessment:
         if self._process is None:
             command = [sys.executable, "-c", "from lptn.live.assessment import work; work()"]
             # Of a group of its own: Ctrl-C is the loop's.
             self._process = subprocess.Popen(
                 command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True
             )
-            Thread(target=self._listen, args=(self._process,), daemon=True).start()
-        with suppress(BrokenPipeError):  # what reads then says that it ended
+        try:
             assert self._process.stdin is not None
-            pickle.dump((question, rows, speeds, step, averaged), self._process.stdin)
+            assert self._process.stdout is not None
+            pickle.dump(question, self._process.stdin)
             self._process.stdin.flush()
-
-    def answer(self) -> Assessment | None:
-        """What it found, once."""
-        return self._answers.popleft() if self._answers else None
+            answer: Assessment = pickle.load(self._process.stdout)
+        except (BrokenPipeError, EOFError, pickle.UnpicklingError):
+            self._end()
+            return Assessment(-np.inf, why_not="the process that forecasts has ended")
+        return answer
 
     def close(self) -> None:
         """End it, whatever it does."""
-        if self._process is not None:
-            self._process.kill()
-            self._process.wait()
+        if (process := self._process) is not None:
+            process.kill()
+        self._waiting.shutdown()
+        self._end()
 
-    def _listen(self, process: subprocess.Popen[bytes]) -> None:
-        assert process.stdin is not None
-        assert process.stdout is not None
-        with process.stdout as answers, process.stdin:
-            while True:
-                try:
-                    self._answers.append(pickle.load(answers))
-                except (EOFError, pickle.UnpicklingError):
-                    self._process = None
-                    self._answers.append(Assessment(-np.inf, why_not="the process that forecasts has ended"))
-                    return
+    def _end(self) -> None:
+        process, self._process = self._process, None
+        if process is not None:
+            process.kill()
+            with suppress(BrokenPipeError), process:  # which closes its pipes
+                pass
 
 
 def work() -> None:
@@ -204,6 +189,5 @@ def work() -> None:
     os.nice(_NICENESS)
     with suppress(EOFError, BrokenPipeError):
         while True:
-            question, rows, speeds, step, averaged = pickle.load(sys.stdin.buffer)
-            pickle.dump(assess(question, rows, speeds, step, averaged=averaged), answers)
+            pickle.dump(assess(pickle.load(sys.stdin.buffer)), answers)
             answers.flush()

@@ -14,7 +14,6 @@ from lptn.live.sources import LOOPBACK, Source
 from lptn.logs.bag_messages import quantities
 
 _PAUSE = 0.01  # s between two looks at a topic: Python takes a tenth of that for a message of twenty motors
-_DISCOVERED = 1.0  # s between two looks at who publishes
 _LAST_DOMAIN = 232  # a greater one has no port
 
 # What the messages hold, as ROS 2 writes it: type, how many in brackets, name; a sequence has empty brackets. Source of

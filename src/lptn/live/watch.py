@@ -8,9 +8,11 @@ import math
 import signal
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Future
 from contextlib import ExitStack, contextmanager
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, Protocol
 from zipfile import BadZipFile
@@ -23,8 +25,7 @@ from lptn.basics.errors import InputError
 from lptn.basics.files import fingerprint, write_whole
 from lptn.basics.processes import one_blas_thread
 from lptn.identify.data import LoadedModel
-from lptn.live.assessment import Assessment, Question, Speeds, Worker, assess
-from lptn.live.history import History
+from lptn.live.assessment import Assessment, Question, Worker, assess
 from lptn.live.messages import Decoder, Numbers
 from lptn.live.sampling import GAP, Clock, Columns, Rows, Sampler
 from lptn.live.sources import Message, Source
@@ -44,7 +45,7 @@ _FIRST = 60.0  # s of rows from which a forecast can be made
 _SHARE = 0.05  # of a processor that assessments may take; the loop takes as much at 1 kHz
 _TICK = 0.1  # s that the loop waits for a message
 _SAVED = 60.0  # s between two savings of the state
-_VERSION = 1  # of the state's file
+_VERSION = 2  # of the state's file
 _RAW = "raw:"  # how what samples say of themselves is called among the kept rows, beside what the model makes of it
 
 
@@ -122,7 +123,8 @@ class Watch:
         self._clock = Clock(live=source.live)
         self._sampler: Sampler | None = None
         self._learnt, self._unread = 0, list[tuple[Numbers, float]]()  # the first messages, until the columns are known
-        self._history: History | None = None
+        self._names = list[str]()  # of the quantities in the rows
+        self._rows = deque[FloatArray](maxlen=_MOST_ROWS)  # of the last hours: time [s], then quantities
         self._averaged, self._step = False, loaded.file.step or 1.0
         self._period: float | None = None
         self._estimator: Estimator | None = None
@@ -133,7 +135,7 @@ class Watch:
         self._ahead: Forecast | None = None
         self._earlier = dict[str, Alarm]()
         self._worker = Worker() if source.live else None  # a source that waits is not kept waiting by another process
-        self._asking = False
+        self._asked: Future[Assessment] | None = None
         self._since, self._due, self._assessed = math.inf, math.inf, 0
         """s: where what is known begins, when to assess next; how often that was done."""
         self._heard = self._saved = time.monotonic()
@@ -180,7 +182,7 @@ class Watch:
 
     def _loop(self) -> None:
         if self._resumed:
-            self._take_assessment(self._assess())
+            self._take_assessment(assess(self._question_now()))
         while not self._stop.is_set():
             if self.source.live and not self.source.inbox.closed:
                 self._stop.wait(_TICK)  # many messages at once cost less than one after the other
@@ -207,8 +209,8 @@ class Watch:
         if self._sampler is not None:
             for rows in self._sampler.add(np.zeros(0), {}, end=True):
                 self._take_rows(rows)
-        if self._history and self._assessment.time < self._newest:
-            self._take_assessment(self._assess())
+        if self._rows and self._assessment.time < self._newest:
+            self._take_assessment(assess(self._question_now()))
             self._show()
 
     def _take(self, messages: Sequence[Message]) -> None:
@@ -258,7 +260,9 @@ class Watch:
 
     def _look_at_the_clock(self) -> None:
         """What is due with or without messages."""
-        self._collect()
+        if self._asked is not None and self._asked.done():
+            found, self._asked = self._asked.result(), None
+            self._take_assessment(found)
         now = time.monotonic()
         if self.source.live and now - self._heard > GAP:
             self._events.append(f"no message of {self.source.name} for {GAP:g} s")
@@ -276,13 +280,10 @@ class Watch:
         if sampler is not None:
             self._averaged, self._step, self._period = sampler.averaged, sampler.step, sampler.period
             gone = sampler.gone
-        history = self._history
-        if history is None or history.names != names:
-            history = self._history = History(names, _HISTORY, _MOST_ROWS)
-        table = np.column_stack([*rows.columns.values(), *rows.raw.values()]).tolist()
-        begun = not len(history) or (rows.first and rows.time[0] - self._newest > GAP + self._step)
-        if begun:
-            if len(history):
+        if self._names != names:
+            self._names, self._rows = names, deque(maxlen=_MOST_ROWS)
+        if not self._rows or (rows.first and rows.time[0] - self._newest > GAP + self._step):
+            if self._rows:
                 self._counts["gaps"] += 1
                 silence = f"{rows.time[0] - self._newest:.0f} s without {', '.join(sorted(gone)) or 'messages'}"
                 gone.clear()
@@ -290,14 +291,19 @@ class Watch:
             self._estimator, self._last, self._ahead = None, None, None
             self._since = float(rows.time[0])
             self._due = self._since + _FIRST
-        for k, (now, values) in enumerate(zip(rows.time.tolist(), table, strict=True)):
-            row = dict(zip(names, values, strict=True))
-            history.add(now, row, first=begun and k == 0)
+        for row in np.column_stack([rows.time, *rows.columns.values(), *rows.raw.values()]):
+            self._rows.append(row)
+            now, *values = row.tolist()
+            while self._rows[0][0] < now - _HISTORY:
+                self._rows.popleft()
             self._counts["rows"] += 1
             if self._estimator is not None:
-                self._advance(self._estimator, now, row)
-            if now >= self._due and not self._asking:
-                self._ask()
+                self._advance(self._estimator, now, dict(zip(names, values, strict=True)))
+            if now >= self._due and self._asked is None:
+                if self._worker is None:  # nobody waits
+                    self._take_assessment(assess(self._question_now()))
+                else:
+                    self._asked = self._worker.ask(self._question_now())
             self._show()
 
     def _advance(self, estimator: Estimator, now: float, row: Mapping[str, float]) -> None:
@@ -315,31 +321,20 @@ class Watch:
 
     @property
     def _newest(self) -> float:
-        return float(self._history.time[-1]) if self._history else -math.inf
+        return float(self._rows[-1][0]) if self._rows else -math.inf
 
-    def _ask(self) -> None:
-        """Begin an assessment, or make it where nobody waits."""
-        if self._worker is None:
-            self._take_assessment(self._assess())
-        else:
-            self._asking = True
-            self._worker.ask(*self._asked(), averaged=self._averaged)
+    def _kept(self) -> dict[str, FloatArray]:
+        """The rows of the last hours: `time` [s] and quantities, (n,) each."""
+        return dict(zip(("time", *self._names), np.array(self._rows).T, strict=True))
 
-    def _assess(self) -> Assessment:
-        return assess(*self._asked(), averaged=self._averaged)
-
-    def _asked(self) -> tuple[Question, dict[str, FloatArray], Speeds, float]:
-        """What `assess` wants: samples as they came, or means."""
-        assert self._history is not None
-        kept = self._history.columns()
+    def _question_now(self) -> Question:
+        """With samples as they came, or means."""
+        kept = self._kept()
         raw = {key.removeprefix(_RAW): values for key, values in kept.items() if key.startswith(_RAW)}
-        speeds: Speeds = (self._sampler.speeds, self._period or 0.0) if self._sampler is not None else ([], 0.0)
-        return self._question, {"time": self._history.time.copy()} | (raw or kept), speeds, self._step
-
-    def _collect(self) -> None:
-        if self._asking and self._worker is not None and (found := self._worker.answer()) is not None:
-            self._asking = False
-            self._take_assessment(found)
+        speeds, period = (self._sampler.speeds, self._period or 0.0) if self._sampler is not None else ([], 0.0)
+        rows = {"time": kept["time"]} | (raw or kept)
+        return replace(self._question, rows=rows, step=self._step, averaged=self._averaged, speeds=speeds,
+                       period=period)  # fmt: skip
 
     def _take_assessment(self, found: Assessment) -> None:
         """Use an assessment; the filter goes on with what it says of noise and of the model."""
@@ -351,7 +346,7 @@ class Watch:
         if problem and problem != str(self._assessment.refused or self._assessment.why_not):
             self._events.append(problem)
         known = set(self._alarms)
-        start = float(self._history.time[0]) if self._history else math.inf
+        start = float(self._rows[0][0]) if self._rows else math.inf
         self._earlier = {name: alarm for name, alarm in self._alarms.items() if alarm.onset < start}
         self._assessment = found
         for name, alarm in self._alarms.items():
@@ -368,12 +363,11 @@ class Watch:
 
     def _judge_anew(self, found: Assessment, uncertainty: ModelUncertainty) -> None:
         """The estimator with the newest noise and errors of the model; at first it takes in all rows since a gap."""
-        assert self._history is not None
-        time, columns = self._history.time, self._history.columns()
-        since = max(self._since, self._newest - MEMORY)
-        kept = time >= since
-        columns = {key: values[kept] for key, values in columns.items()}
-        run = Run("live", self._step, time[kept], columns, self._averaged, self.source.name, "",
+        columns, since = self._kept(), max(self._since, self._newest - MEMORY)
+        inside = columns["time"] >= since
+        columns = {key: values[inside] for key, values in columns.items()}
+        time = columns.pop("time")
+        run = Run("live", self._step, time, columns, self._averaged, self.source.name, "",
                   resolution=found.resolution, scatter=found.scatter)  # fmt: skip
         judge = judge_of_sensors(self.model, bind(self.model, run), uncertainty)
         if self._resumed:
@@ -384,7 +378,7 @@ class Watch:
         else:
             self._last = None
             rows = zip(*columns.values(), strict=True)
-            for now, values in zip(time[kept].tolist(), rows, strict=True):
+            for now, values in zip(time.tolist(), rows, strict=True):
                 self._advance(judge, now, dict(zip(columns, map(float, values), strict=True)))
         self._estimator = judge
 
@@ -392,7 +386,7 @@ class Watch:
 
     def _show(self) -> None:
         """Tell all sinks what is known now."""
-        if not self._history:
+        if not self._rows:
             return
         counts = self._counts | {
             "dropped": self.source.inbox.dropped, "bad": self._columns.bad,
@@ -415,9 +409,8 @@ class Watch:
             sink.show(self.status)
 
     def _nodes(self, ago: float) -> Iterator[NodeStatus]:
-        history, estimator = self._history, self._estimator
-        assert history is not None
-        readings = {place: history.last(f"temperature.{place}") for place in self.model.places}
+        estimator, newest = self._estimator, dict(zip(self._names, self._rows[-1][1:].tolist(), strict=True))
+        readings = {place: newest.get(f"temperature.{place}", math.nan) for place in self.model.places}
         if estimator is None:  # the first minute
             for node in self.model.nodes:
                 own = readings[node]
@@ -428,7 +421,7 @@ class Watch:
         for place in self.model.places:
             temperature, deviation = now.temperature(place)
             trust = "none"
-            if place in sensors and f"temperature.{place}" in history.names:
+            if place in sensors and f"temperature.{place}" in newest:
                 proven = "trusted" if sensors[place].once_trusted else "not yet"
                 trust = now.untrusted.get(place) or doubts.get(place) or proven
             ahead, around = self._ahead.nodes.get(place) if self._ahead else None, self._width * deviation
@@ -440,20 +433,21 @@ class Watch:
     def _save(self, path: Path) -> None:
         """Save all that is known, whole or not at all."""
         self._saved = time.monotonic()
-        if not self._history:
+        if not self._rows:
             return
         clock = self._clock
         about = {
             "version": _VERSION,
             "model": fingerprint(self.loaded.file.path),
             "clock": [clock.last, clock.received, clock.shift, clock.jumps, clock.late],
+            "names": self._names,
             "rows": [self._averaged, self._step, self._since, self._period],
             "last": [self._last, self._taken],
             "counts": self._counts,
             "alarms": [asdict(alarm) for alarm in self._alarms.values()],
         }
-        arrays: dict[str, Any] = {"about": np.frombuffer(json.dumps(about).encode(), dtype=np.uint8)}
-        arrays |= {f"history/{name}": array for name, array in self._history.state().items()}
+        about_it = np.frombuffer(json.dumps(about).encode(), dtype=np.uint8)
+        arrays: dict[str, Any] = {"about": about_it, "rows": np.array(self._rows)}
         of_filter = self._estimator.state() if self._estimator is not None else self._resumed
         arrays |= {f"estimator/{name}": array for name, array in of_filter.items()}
         stream = io.BytesIO()
@@ -486,12 +480,10 @@ class Watch:
         self._last, self._taken = about["last"]
         self._counts |= about["counts"]
         self._earlier = {alarm.channel or alarm.node: alarm for alarm in (Alarm(**one) for one in about["alarms"])}
-        of = {kind: {name.removeprefix(kind): array for name, array in arrays.items() if name.startswith(kind)}
-              for kind in ("history/", "estimator/")}  # fmt: skip
-        self._history = History((), _HISTORY, _MOST_ROWS)
-        self._history.restore(of["history/"])
-        self._resumed, self._due = of["estimator/"], self._newest + self._every
-        self._events.append(f"{len(self._history)} rows taken up from {self._state}")
+        self._names, self._rows = about["names"], deque(arrays["rows"], maxlen=_MOST_ROWS)
+        self._resumed = {key.removeprefix("estimator/"): x for key, x in arrays.items() if key.startswith("estimator/")}
+        self._due = self._newest + self._every
+        self._events.append(f"{len(self._rows)} rows taken up from {self._state}")
 
 
 def _left(
