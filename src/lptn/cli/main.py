@@ -8,6 +8,7 @@ import re
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
+from importlib import import_module
 from pathlib import Path
 from traceback import walk_tb
 from typing import Annotated
@@ -22,29 +23,8 @@ except ImportError:  # Windows
 
 from lptn.basics.errors import InputError
 from lptn.basics.processes import heard_interrupts
-from lptn.cli.add import add
-from lptn.cli.check import check
-from lptn.cli.compare import compare
 from lptn.cli.completion import add_completion
-from lptn.cli.cosim import cosim
-from lptn.cli.diagnose import diagnose
-from lptn.cli.effects import effects
-from lptn.cli.export import export
-from lptn.cli.fit import fit
-from lptn.cli.fleet import fleet
-from lptn.cli.fmu import fmu
-from lptn.cli.forecast import forecast
-from lptn.cli.improve import improve
-from lptn.cli.monitor import monitor
-from lptn.cli.motor import motor
-from lptn.cli.new import new
-from lptn.cli.open import open as open_workbench
-from lptn.cli.plan import plan
-from lptn.cli.report import report
-from lptn.cli.simulate import simulate
 from lptn.cli.terminal import complain, library_log_shown, spared_closed_pipes
-from lptn.cli.trade import trade
-from lptn.cli.watch import watch
 
 app = cyclopts.App(
     name="lptn",
@@ -57,30 +37,12 @@ app = cyclopts.App(
     ),
     suppress_keyboard_interrupt=False,  # `main` says what becomes of the files
 )
-for _command in (
-    new,
-    check,
-    fit,
-    fleet,
-    compare,
-    diagnose,
-    add,
-    improve,
-    effects,
-    simulate,
-    report,
-    forecast,
-    monitor,
-    watch,
-    fmu,
-    cosim,
-    export,
-    trade,
-    plan,
-    motor,
-):
-    app.command(_command)
-app.command(open_workbench, name="open")
+_COMMANDS = (
+    "new check fit fleet compare diagnose add improve effects simulate report forecast monitor watch fmu cosim export "
+    "trade plan motor open"
+)
+for _name in _COMMANDS.split():  # a file of its own each
+    app.command(getattr(import_module(f"lptn.cli.{_name}"), _name), name=_name)
 add_completion(app)
 app.meta.group_parameters = cyclopts.Group("Every command", sort_key=99)
 app.meta.suppress_keyboard_interrupt = False
