@@ -13,28 +13,8 @@ from matplotlib.figure import Figure, FigureBase
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 
+from lptn.basics import style
 from lptn.basics.lines import decimated, time_unit
-from lptn.basics.style import (
-    BAD,
-    BEST,
-    ERROR,
-    GIVEN,
-    INK,
-    MEASURED,
-    NOISE,
-    PAPER,
-    SHADE,
-    SMALL,
-    TEXT,
-    TINY,
-    dress,
-    legend_above,
-    new_axes,
-    new_figure,
-    plain,
-    stacked_axes,
-    strength,
-)
 from lptn.identify.comparison import Comparison, Condition, Pair, Prediction, Versus
 from lptn.report.shown import MOST, NOISE_BAND, View, initialisation_end, worst_view, worst_views
 from lptn.report.tables import conditions_by_quantity
@@ -70,18 +50,18 @@ def plot_temperatures(
     """
     run, node = worst_view(given, node, run)
     alone = ax is None
-    ax = ax or new_axes(2.6)
+    ax = ax or style.new_axes(2.6)
     prediction = given.predictions[run]
     time = _shaded_time(ax, prediction)
     measured = prediction.bound.measured[given.model.nodes.index(node)]
-    ax.plot(*decimated(time, measured), label="measured", **MEASURED)
-    for comparison, style, name in _models(given, best, names):
+    ax.plot(*decimated(time, measured), label="measured", **style.MEASURED)
+    for comparison, look, name in _models(given, best, names):
         readings = comparison.predictions[run].readings[comparison.model.nodes.index(node)]
-        ax.plot(*decimated(time, readings), label=name, **style)
+        ax.plot(*decimated(time, readings), label=name, **look)
     if alone:
-        ax.legend(frameon=False, fontsize=SMALL)
-    ax.set_title(plain(f"{node}, run {prediction.segment.run.name}"), size=TEXT, loc="left", pad=3)
-    ax.set_ylabel("temperature [°C]", size=SMALL)
+        ax.legend(frameon=False, fontsize=style.SMALL)
+    ax.set_title(style.plain(f"{node}, run {prediction.segment.run.name}"), size=style.TEXT, loc="left", pad=3)
+    ax.set_ylabel("temperature [°C]", size=style.SMALL)
     return ax
 
 
@@ -97,18 +77,18 @@ def plot_errors(
     Args and Raises: as for `plot_temperatures`.
     """
     run, node = worst_view(given, node, run)
-    ax = new_axes(2.0) if ax is None else ax
+    ax = style.new_axes(2.0) if ax is None else ax
     time = _shaded_time(ax, given.predictions[run])
     band = NOISE_BAND * given.floor(node)
-    ax.axhspan(-band, band, color=NOISE, linewidth=0, label="sensor noise")
+    ax.axhspan(-band, band, color=style.NOISE, linewidth=0, label="sensor noise")
     errors = []
-    for comparison, style, name in _models(given, best, NAMES):
+    for comparison, look, name in _models(given, best, NAMES):
         prediction = comparison.predictions[run]
         error = prediction.error[comparison.model.nodes.index(node)]
-        ax.plot(*decimated(time, error), label=name, **style | {"linewidth": 0.8, "linestyle": "-"})
+        ax.plot(*decimated(time, error), label=name, **look | {"linewidth": 0.8, "linestyle": "-"})
         errors.append(kelvin(comparison.node(node, prediction).rmse))
-    ax.set_title(f"RMSE {' → '.join(errors)}", size=SMALL, loc="right", pad=2)
-    ax.set_ylabel(ERROR, size=SMALL)
+    ax.set_title(f"RMSE {' → '.join(errors)}", size=style.SMALL, loc="right", pad=2)
+    ax.set_ylabel(style.ERROR, size=style.SMALL)
     return ax
 
 
@@ -117,8 +97,8 @@ def _models(
 ) -> list[tuple[Comparison, dict[str, Any], str]]:
     """One or two comparisons, how their lines look, and what they are called."""
     if best is None:
-        return [(given, GIVEN, "model")]
-    return [(given, GIVEN, plain(names[0])), (best, BEST, plain(names[1]))]
+        return [(given, style.GIVEN, "model")]
+    return [(given, style.GIVEN, style.plain(names[0])), (best, style.BEST, style.plain(names[1]))]
 
 
 def _shaded_time(ax: Axes, prediction: Prediction) -> Any:
@@ -128,10 +108,10 @@ def _shaded_time(ax: Axes, prediction: Prediction) -> Any:
     time = elapsed / unit
     end = initialisation_end(prediction)
     if end is not None:
-        ax.axvspan(float(time[0]), end / unit, color=SHADE, zorder=0, linewidth=0, label="initialisation")
-    ax.set_xlabel(label, size=SMALL)
+        ax.axvspan(float(time[0]), end / unit, color=style.SHADE, zorder=0, linewidth=0, label="initialisation")
+    ax.set_xlabel(label, size=style.SMALL)
     ax.set_xlim(float(time[0]), float(time[-1]))
-    dress(ax)
+    style.dress(ax)
     return time
 
 
@@ -151,7 +131,7 @@ def predictions_figure(
         names: of the two models.
     """
     chosen = worst_views(given, most)
-    figure = new_figure(predictions_height(len(chosen)))
+    figure = style.new_figure(predictions_height(len(chosen)))
     draw_predictions(figure, chosen, given, best, names)
     return figure
 
@@ -171,22 +151,22 @@ def draw_predictions(
 ) -> None:
     """`predictions_figure` of chosen nodes and runs, within a figure."""
     columns = _columns(len(chosen))
-    pairs = stacked_axes(figure, len(chosen), columns)
+    pairs = style.stacked_axes(figure, len(chosen), columns)
     for place, ((run, node), (upper, lower)) in enumerate(zip(chosen, pairs, strict=True)):
         plot_temperatures(given, node, run, best, upper, names).set_xlabel("")
         plot_errors(given, node, run, best, lower)
         most, title = _LETTERS * 3 // columns, f"{node}, run {given.predictions[run].segment.run.name}"
         title = title if len(title) <= most else f"{title[: most - 1]}…"
-        upper.set_title(plain(title), size=TEXT, loc="left", pad=3)
+        upper.set_title(style.plain(title), size=style.TEXT, loc="left", pad=3)
         if place % columns:
             upper.set_ylabel("")
             lower.set_ylabel("")
-    handles: list[Line2D | Patch] = [Line2D([], [], label="measured", **MEASURED)]
-    handles += [Line2D([], [], label=name, **style) for _, style, name in _models(given, best, names)]
+    handles: list[Line2D | Patch] = [Line2D([], [], label="measured", **style.MEASURED)]
+    handles += [Line2D([], [], label=name, **look) for _, look, name in _models(given, best, names)]
     if any(initialisation_end(prediction) is not None for prediction in given.predictions):
-        handles.append(Patch(color=SHADE, label="initialisation"))
-    handles.append(Patch(color=NOISE, label="sensor noise"))
-    legend_above(figure, handles)
+        handles.append(Patch(color=style.SHADE, label="initialisation"))
+    handles.append(Patch(color=style.NOISE, label="sensor noise"))
+    style.legend_above(figure, handles)
 
 
 # --- where a model fails: RMSE by node and operating condition ----------------------------------------------
@@ -211,30 +191,30 @@ def plot_conditions(
         ax: where to draw; by default new axes.
     """
     nodes = list(dict.fromkeys(cell.node for cell in cells))
-    ax = new_axes(_FRAME + _ROW * len(nodes)) if ax is None else ax
+    ax = style.new_axes(_FRAME + _ROW * len(nodes)) if ax is None else ax
     most = most or _scale(comparison, cells)
     for row, node in enumerate(nodes):
         of_node = [cell for cell in cells if cell.node == node]
         width = 1.0 / len(of_node)
         for place, cell in enumerate(of_node):
-            share = strength(_beyond_noise(comparison, cell) / most)
-            ax.add_patch(Rectangle((place * width, row), width, 1.0, facecolor=BAD, alpha=share, linewidth=0))
-            ink, middle = PAPER if share > _ON_DARK else INK, (place + 0.5) * width
+            share = style.strength(_beyond_noise(comparison, cell) / most)
+            ax.add_patch(Rectangle((place * width, row), width, 1.0, facecolor=style.BAD, alpha=share, linewidth=0))
+            ink, middle = style.PAPER if share > _ON_DARK else style.INK, (place + 0.5) * width
             ends = f"{short(cell.lower)} to {short(cell.upper)}"
-            for text, down, size in ((significant(cell.errors.rmse, 2), 0.32, SMALL), (ends, 0.76, TINY)):
+            for text, down, size in ((significant(cell.errors.rmse, 2), 0.32, style.SMALL), (ends, 0.76, style.TINY)):
                 ax.text(middle, row + down, text, ha="center", va="center", size=size, color=ink, in_layout=False)
             if place:
-                ax.plot([place * width] * 2, [row, row + 1], color=PAPER, linewidth=1.0)
+                ax.plot([place * width] * 2, [row, row + 1], color=style.PAPER, linewidth=1.0)
     for row in range(1, len(nodes)):
-        ax.axhline(row, color=PAPER, linewidth=1.0)
+        ax.axhline(row, color=style.PAPER, linewidth=1.0)
     ax.set_xlim(0.0, 1.0)
     ax.set_ylim(len(nodes), 0.0)
     ax.set_xticks([])
-    ax.set_yticks([row + 0.5 for row in range(len(nodes))], [plain(node) for node in nodes])
-    ax.tick_params(length=0, labelsize=SMALL)
+    ax.set_yticks([row + 0.5 for row in range(len(nodes))], [style.plain(node) for node in nodes])
+    ax.tick_params(length=0, labelsize=style.SMALL)
     ax.spines[:].set_visible(False)
     unit = "" if "[" in cells[0].quantity else " [as logged]"
-    ax.set_title(f"{cells[0].quantity}{unit}, low to high", size=SMALL, loc="left", pad=3)
+    ax.set_title(f"{cells[0].quantity}{unit}, low to high", size=style.SMALL, loc="left", pad=3)
     return ax
 
 
@@ -252,13 +232,13 @@ def condition_figures(given: Comparison, best: Comparison | None = None) -> list
     rows, most = _condition_rows(given, best)
     figures = []
     for row in rows:
-        figures.append(new_figure(_row_height(row)))
+        figures.append(style.new_figure(_row_height(row)))
         axes = figures[-1].subplots(1, 2)
         _draw_row(axes, given, row, most)
         if best:
             axes[1].set_yticks([])
-            for ax, heading, style in zip(axes, NAMES, (GIVEN, BEST), strict=True):
-                ax.set_title(heading, size=SMALL, loc="right", pad=3, color=style["color"], weight="bold")
+            for ax, heading, look in zip(axes, NAMES, (style.GIVEN, style.BEST), strict=True):
+                ax.set_title(heading, size=style.SMALL, loc="right", pad=3, color=look["color"], weight="bold")
     return figures
 
 
@@ -306,7 +286,7 @@ def comparison_figure(comparison: Comparison) -> Figure:
     chosen = worst_views(comparison)
     rows, most = _condition_rows(comparison)
     heights = [predictions_height(len(chosen)), *map(_row_height, rows)]
-    figure = new_figure(sum(heights))
+    figure = style.new_figure(sum(heights))
     upper, *lower = figure.subfigures(len(heights), 1, height_ratios=heights, squeeze=False)[:, 0]
     draw_predictions(upper, chosen, comparison, None, NAMES)
     for below, row in zip(lower, rows, strict=True):
@@ -328,33 +308,39 @@ def plot_pairs(
         names: of the two models.
         ax: where to draw; by default new axes.
     """
-    ax = new_axes(0.9 + 0.32 * len(pairs)) if ax is None else ax
+    ax = style.new_axes(0.9 + 0.32 * len(pairs)) if ax is None else ax
     places = np.arange(len(pairs))[::-1]
     # Hatching separates the two on a grey printer.
-    styles = ((BEST["color"], "", 0.2), (GIVEN["color"], "////", -0.2))
+    styles = ((style.BEST["color"], "", 0.2), (style.GIVEN["color"], "////", -0.2))
     for which, (colour, hatch, shift) in enumerate(styles):
         values = [size[which] for size in sizes]
         bars = ax.barh(
-            places + shift, values, 0.38, color=colour, hatch=hatch, edgecolor=PAPER, label=plain(names[which])
+            places + shift,
+            values,
+            0.38,
+            color=colour,
+            hatch=hatch,
+            edgecolor=style.PAPER,
+            label=style.plain(names[which]),
         )
-        ax.bar_label(bars, fmt="%.2f", padding=2, fontsize=SMALL)
-    ax.set_yticks(places, [plain(pair.what) for pair in pairs], fontsize=SMALL)
+        ax.bar_label(bars, fmt="%.2f", padding=2, fontsize=style.SMALL)
+    ax.set_yticks(places, [style.plain(pair.what) for pair in pairs], fontsize=style.SMALL)
     ax.margins(x=0.14)
-    dress(ax)
+    style.dress(ax)
     return ax
 
 
 def versus_figure(result: Versus) -> Figure:
     """Mean absolute error by class and largest error by run, both models side by side."""
     rows = max(len(result.classes), len(result.runs))
-    figure = new_figure(0.9 + 0.4 * rows)
+    figure = style.new_figure(0.9 + 0.4 * rows)
     left, right = figure.subplots(1, 2, width_ratios=(1.0, 1.5))
     plot_pairs(result.classes, [pair.mean for pair in result.classes], result.names, left)
     plot_pairs(result.runs, [pair.max for pair in result.runs], result.names, right)
     for ax, pairs in ((left, result.classes), (right, result.runs)):
         ax.set_ylim(len(pairs) - rows - 0.5, len(pairs) - 0.5)  # bars of both are as thick, and begin at the top
-    left.set_xlabel("mean |predicted − measured| [K]", size=TEXT)
-    right.set_xlabel("max |predicted − measured| [K]", size=TEXT)
+    left.set_xlabel("mean |predicted − measured| [K]", size=style.TEXT)
+    right.set_xlabel("max |predicted − measured| [K]", size=style.TEXT)
     bars, names = left.get_legend_handles_labels()
-    figure.legend(bars, names, frameon=False, fontsize=SMALL, loc="outside upper center", ncols=2)
+    figure.legend(bars, names, frameon=False, fontsize=style.SMALL, loc="outside upper center", ncols=2)
     return figure

@@ -12,7 +12,7 @@ from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 
-from lptn.basics.style import BEST, FAINT, GIVEN, INK, PAPER, SMALL, TEXT, dress, new_axes, new_figure, plain
+from lptn.basics import style
 from lptn.basics.words import short_size
 from lptn.diagnose.advice import Detectable
 from lptn.diagnose.answers import Step
@@ -33,9 +33,9 @@ _FRAME, _ROW = 0.75, 0.2  # inch: around the rows of a figure, and a row
 _LETTERS = 140  # that fit below the axes side by side
 _WIDE = 8.0  # ratio of errors above which only a logarithmic axis shows them all
 _STYLES: dict[str, dict[str, Any]] = {
-    "fit data": {"color": FAINT, "linestyle": "--", "marker": "o"},
-    "held-out data": {"color": INK, "linestyle": "-", "marker": "s"},
-    "test data": {"color": INK, "linestyle": ":", "marker": "^", "markerfacecolor": PAPER},
+    "fit data": {"color": style.FAINT, "linestyle": "--", "marker": "o"},
+    "held-out data": {"color": style.INK, "linestyle": "-", "marker": "s"},
+    "test data": {"color": style.INK, "linestyle": ":", "marker": "^", "markerfacecolor": style.PAPER},
 }
 
 
@@ -46,24 +46,24 @@ def plot_history(steps: Sequence[Step], ax: Axes | None = None) -> Axes:
         steps: of a history, the model as given first.
         ax: where to draw; by default new axes.
     """
-    ax = new_axes(_HISTORY) if ax is None else ax
+    ax = style.new_axes(_HISTORY) if ax is None else ax
     noise, best = noise_alone(steps[-1].fit), len(steps) - 1
     shown = [noise]
-    for name, style in _STYLES.items():
+    for name, look in _STYLES.items():
         points = [(place, rmse) for place, step in enumerate(steps) if (rmse := _rmse(step, name)) is not None]
         if not points:
             continue
-        ax.plot(*zip(*points, strict=True), label=name, linewidth=1.4, markersize=6, **style)
+        ax.plot(*zip(*points, strict=True), label=name, linewidth=1.4, markersize=6, **look)
         # The model as given and the best one in the colours that they have in every other figure.
         for place, rmse in points:
             if best and place in (0, best):
-                colour = BEST["color"] if place == best else GIVEN["color"]
-                ax.plot(place, rmse, linestyle="", marker=style["marker"], markersize=8, color=colour, zorder=4)
+                colour = style.BEST["color"] if place == best else style.GIVEN["color"]
+                ax.plot(place, rmse, linestyle="", marker=look["marker"], markersize=8, color=colour, zorder=4)
         shown += [rmse for _, rmse in points]
-    ax.axhline(noise, color=FAINT, linewidth=0.8)
+    ax.axhline(noise, color=style.FAINT, linewidth=0.8)
     across = ax.get_yaxis_transform()
     said = f" sensor noise alone, {kelvin(noise, 2)}"
-    ax.text(0.0, noise, said, transform=across, ha="left", va="bottom", size=SMALL)
+    ax.text(0.0, noise, said, transform=across, ha="left", va="bottom", size=style.SMALL)
     if max(shown) > _WIDE * min(shown):
         ax.set_yscale("log")
         _plain_numbers(ax.yaxis, (1.0, 2.0, 5.0))
@@ -72,15 +72,15 @@ def plot_history(steps: Sequence[Step], ax: Axes | None = None) -> Axes:
     letters = max(_LETTERS // len(steps), 8)
     ax.set_xticks(range(len(steps)), [_label(number, step, letters) for number, step in enumerate(steps)])
     ax.set_xlim(-0.5, len(steps) - 0.5)
-    ax.set_ylabel("RMSE [K]", size=TEXT)
-    ax.legend(frameon=False, fontsize=SMALL)
-    dress(ax)
+    ax.set_ylabel("RMSE [K]", size=style.TEXT)
+    ax.legend(frameon=False, fontsize=style.SMALL)
+    style.dress(ax)
     return ax
 
 
 def history_figure(steps: Sequence[Step]) -> Figure:
     """`plot_history` for a document."""
-    figure = new_figure(_HISTORY)
+    figure = style.new_figure(_HISTORY)
     plot_history(steps, figure.add_subplot())
     return figure
 
@@ -96,7 +96,7 @@ def _label(number: int, step: Step, letters: int) -> str:
     if step.effect is None or step.at is None:
         return f"{number}\nas given"
     lines = [str(number), *wrap(f"+ {title_of(step.effect)}", letters), *wrap(place_of(step.at), letters)]
-    return plain("\n".join(lines))
+    return style.plain("\n".join(lines))
 
 
 def _plain_numbers(axis: Axis, ticks: Sequence[float]) -> None:
@@ -129,12 +129,12 @@ def diagnosis_figure(diagnosis: Diagnosis, segments: Sequence[Segment]) -> Figur
     heights = [predictions_height(len(chosen)), field_height(fields[worst]) + 2 * _FRAME]
     if not fields[worst].values.any():  # no heat beyond chance
         heights.pop()
-    figure = new_figure(sum(heights))
+    figure = style.new_figure(sum(heights))
     upper, *lower = figure.subfigures(len(heights), 1, height_ratios=heights, squeeze=False)[:, 0]
     draw_predictions(upper, chosen, given, best, _ANSWERED)
     for below in lower:
         left = heat_fields(unexplained_heat(answered))[worst : worst + 1] if answered else []
-        below.suptitle("Heat that the model lacks (red) or has too much of (blue), by node and time", size=TEXT)
+        below.suptitle("Heat that the model lacks (red) or has too much of (blue), by node and time", size=style.TEXT)
         draw_fields([below], [fields[worst]], left, "W", float(np.median(heat[worst].sure_band)), _ANSWERED)
     return figure
 
@@ -154,32 +154,32 @@ def plot_detectability(sizes: Sequence[Detectable], ax: Axes | None = None) -> A
         ax: where to draw; by default new axes.
     """
     rows = reaches(sizes)
-    ax = new_axes(_FRAME + _ROW * len(rows)) if ax is None else ax
+    ax = style.new_axes(_FRAME + _ROW * len(rows)) if ax is None else ax
     ends = [(reach.easiest.share_of_typical, reach.hardest.share_of_typical) for reach in rows]
     low, high = np.clip(np.array(ends), _LEAST_REACH, _MOST_REACH).T
     places, seen = np.arange(len(rows)), low < _HIDDEN
-    ax.hlines(places, low, high, color=FAINT, linewidth=1.2, zorder=1)
-    ax.plot(high, places, "|", color=FAINT, markersize=7, zorder=2)
-    for these, face in ((seen, INK), (~seen, PAPER)):
-        ax.plot(low[these], places[these], "o", color=INK, markerfacecolor=face, markersize=5, zorder=2)
+    ax.hlines(places, low, high, color=style.FAINT, linewidth=1.2, zorder=1)
+    ax.plot(high, places, "|", color=style.FAINT, markersize=7, zorder=2)
+    for these, face in ((seen, style.INK), (~seen, style.PAPER)):
+        ax.plot(low[these], places[these], "o", color=style.INK, markerfacecolor=face, markersize=5, zorder=2)
     for row, reach in enumerate(rows):
         size = f"{short_size(reach.easiest.smallest)} {unit_text(reach.easiest.unit)}".removesuffix(" 1")
-        where = plain(f"{size}, {place_of(reach.easiest.at)}")
-        ax.text(1.01, row, where, transform=ax.get_yaxis_transform(), va="center", size=SMALL)
-    ax.axvline(_HIDDEN, color=INK, linewidth=1.2, linestyle="--")
+        where = style.plain(f"{size}, {place_of(reach.easiest.at)}")
+        ax.text(1.01, row, where, transform=ax.get_yaxis_transform(), va="center", size=style.SMALL)
+    ax.axvline(_HIDDEN, color=style.INK, linewidth=1.2, linestyle="--")
     ax.set_xscale("log")
     _plain_numbers(ax.xaxis, (1.0,))
     ax.set_ylim(len(rows) - 0.4, -0.6)
-    ax.set_yticks(range(len(rows)), [plain(title_of(reach.easiest.effect)) for reach in rows])
-    ax.set_xlabel("smallest size that would show, as a share of the typical size [1]", size=TEXT)
-    ax.set_title("smallest, and where", size=SMALL, loc="right", pad=3)
-    dress(ax)
-    ax.tick_params(axis="y", labelsize=SMALL, length=0)
+    ax.set_yticks(range(len(rows)), [style.plain(title_of(reach.easiest.effect)) for reach in rows])
+    ax.set_xlabel("smallest size that would show, as a share of the typical size [1]", size=style.TEXT)
+    ax.set_title("smallest, and where", size=style.SMALL, loc="right", pad=3)
+    style.dress(ax)
+    ax.tick_params(axis="y", labelsize=style.SMALL, length=0)
     return ax
 
 
 def detectability_figure(sizes: Sequence[Detectable]) -> Figure:
     """`plot_detectability` for a document."""
-    figure = new_figure(_FRAME + _ROW * len(reaches(sizes)))
+    figure = style.new_figure(_FRAME + _ROW * len(reaches(sizes)))
     plot_detectability(sizes, figure.add_subplot())
     return figure

@@ -11,26 +11,9 @@ from matplotlib.figure import Figure, FigureBase
 from matplotlib.patches import Patch, PathPatch
 from matplotlib.path import Path
 
+from lptn.basics import style
 from lptn.basics.arrays import FloatArray
 from lptn.basics.lines import decimated, time_axis, time_unit
-from lptn.basics.style import (
-    BEST,
-    COLD,
-    FAINT,
-    GIVEN,
-    HOT,
-    INK,
-    PAPER,
-    RULE,
-    SHADE,
-    SMALL,
-    TEXT,
-    dress,
-    new_axes,
-    new_figure,
-    plain,
-    strength,
-)
 from lptn.diagnose.learned_heat import LearnedCurve
 from lptn.diagnose.unexplained_heat import HeatPeak, UnexplainedHeat
 from lptn.logs.run import Run
@@ -53,11 +36,11 @@ def plot_field(field: Field, most: float | None = None, ax: Axes | None = None) 
         most: the value that the strongest colours stand for; by default the largest.
         ax: where to draw; by default new axes.
     """
-    ax = new_axes(field_height(field)) if ax is None else ax
+    ax = style.new_axes(field_height(field)) if ax is None else ax
     most = most or float(np.nanmax(np.abs(field.values), initial=0.0)) or 1.0
     rows, columns = field.values.shape
     edges, label = time_axis(field.start + field.seconds * np.arange(columns + 1))
-    shares = np.sign(field.values) * np.vectorize(strength)(np.abs(field.values) / most)
+    shares = np.sign(field.values) * np.vectorize(style.strength)(np.abs(field.values) / most)
     boxes: dict[float, list[list[tuple[float, float]]]] = {}  # of one strength; `inf` where nothing is known
     for row, own in enumerate(np.where(np.isfinite(shares), shares, np.inf)):
         starts = np.flatnonzero(np.append(True, own[1:] != own[:-1]))
@@ -70,15 +53,15 @@ def plot_field(field: Field, most: float | None = None, ax: Axes | None = None) 
             for patch in _colours(share):
                 ax.add_patch(PathPatch(path, **patch))
     for row in range(rows):
-        ax.axhline(row, color=RULE, linewidth=0.5, zorder=0)
+        ax.axhline(row, color=style.RULE, linewidth=0.5, zorder=0)
     ax.set_xlim(edges[0], edges[-1])
     ax.set_ylim(rows, 0.0)
-    ax.set_yticks([row + 0.5 for row in range(rows)], [plain(node) for node in field.nodes])
-    dress(ax)
+    ax.set_yticks([row + 0.5 for row in range(rows)], [style.plain(node) for node in field.nodes])
+    style.dress(ax)
     ax.spines["left"].set_visible(False)
     ax.tick_params(axis="y", length=0)
-    ax.set_xlabel(label, size=SMALL)
-    ax.set_title(plain(f"run {field.run}"), size=SMALL, loc="left", pad=3)
+    ax.set_xlabel(label, size=style.SMALL)
+    ax.set_title(style.plain(f"run {field.run}"), size=style.SMALL, loc="left", pad=3)
     return ax
 
 
@@ -88,9 +71,9 @@ _BOX: dict[str, Any] = {"linewidth": 0, "antialiased": False}  # no seams betwee
 def _colours(share: float) -> list[dict[str, Any]]:
     """How boxes of a strength are filled, those of too little with hatching on top."""
     if np.isinf(share):
-        return [_BOX | {"facecolor": RULE}]
-    filled: list[dict[str, Any]] = [_BOX | {"facecolor": HOT if share > 0 else COLD, "alpha": abs(share)}]
-    hatch: dict[str, Any] = {"fill": False, "hatch": "////", "edgecolor": PAPER, "linewidth": 0}
+        return [_BOX | {"facecolor": style.RULE}]
+    filled: list[dict[str, Any]] = [_BOX | {"facecolor": style.HOT if share > 0 else style.COLD, "alpha": abs(share)}]
+    hatch: dict[str, Any] = {"fill": False, "hatch": "////", "edgecolor": style.PAPER, "linewidth": 0}
     return [*filled, hatch] if share < -_HATCHED else filled
 
 
@@ -105,7 +88,7 @@ def field_figures(given: Sequence[Field], best: Sequence[Field], unit: str, leas
     """
     chosen = worst_runs(given)
     heights = [field_height(given[place]) + _LEGEND * (place == chosen[-1]) for place in chosen]
-    figures = [new_figure(height) for height in heights]
+    figures = [style.new_figure(height) for height in heights]
     draw_fields(figures, given, best, unit, least)
     return figures
 
@@ -125,12 +108,12 @@ def draw_fields(
         plot_field(given[place], most, axes[0])
         if best:
             plot_field(best[place], most, axes[1]).set_yticklabels([])
-            for ax, heading, style in zip(axes, names, (GIVEN, BEST), strict=True):
-                ax.set_title(heading, size=SMALL, loc="right", pad=3, color=style["color"], weight="bold")
+            for ax, heading, look in zip(axes, names, (style.GIVEN, style.BEST), strict=True):
+                ax.set_title(heading, size=style.SMALL, loc="right", pad=3, color=look["color"], weight="bold")
     steps = (-1.0, -0.5, -0.25, 0.25, 0.5, 1.0)
     handles: list[Any] = [tuple(Patch(**patch) for patch in _colours(share)) for share in steps]
     values = [f"{share * most:+.2g} {unit}".replace("-", "−") for share in steps]
-    figures[-1].legend(handles, values, loc="outside lower center", ncols=6, frameon=False, fontsize=SMALL)
+    figures[-1].legend(handles, values, loc="outside lower center", ncols=6, frameon=False, fontsize=style.SMALL)
 
 
 def field_height(field: Field) -> float:
@@ -160,29 +143,29 @@ def plot_heat(
         peak: the interval to shade.
         ax: where to draw; by default new axes.
     """
-    ax = new_axes(_HEAT) if ax is None else ax
+    ax = style.new_axes(_HEAT) if ax is None else ax
     time = given.time - given.origin
     unit, label = time_unit(float(np.ptp(time)))
     if peak is not None:
-        ax.axvspan(peak.elapsed[0] / unit, peak.elapsed[1] / unit, color=SHADE, zorder=0, linewidth=0)
-    for heat, style, name in ((given, GIVEN, NAMES[0] if best else "model"), (best, BEST, NAMES[1])):
+        ax.axvspan(peak.elapsed[0] / unit, peak.elapsed[1] / unit, color=style.SHADE, zorder=0, linewidth=0)
+    for heat, look, name in ((given, style.GIVEN, NAMES[0] if best else "model"), (best, style.BEST, NAMES[1])):
         if heat is not None and node in heat.nodes:
             row = heat.nodes.index(node)
-            _band(ax, (heat.time - heat.origin) / unit, heat.heat[row], heat.sure_band[row], style, name)
-    ax.set_xlabel(label, size=SMALL)
+            _band(ax, (heat.time - heat.origin) / unit, heat.heat[row], heat.sure_band[row], look, name)
+    ax.set_xlabel(label, size=style.SMALL)
     ax.set_xlim(time[0] / unit, time[-1] / unit)
-    ax.set_title(plain(f"{node}, run {given.run}"), size=TEXT, loc="left", pad=3)
+    ax.set_title(style.plain(f"{node}, run {given.run}"), size=style.TEXT, loc="left", pad=3)
     return ax
 
 
-def _band(ax: Axes, x: FloatArray, heat: FloatArray, band: FloatArray, style: dict[str, Any], name: str) -> None:
+def _band(ax: Axes, x: FloatArray, heat: FloatArray, band: FloatArray, look: dict[str, Any], name: str) -> None:
     """Unexplained heat [W] with its 95 % band, and what they are called."""
-    ax.fill_between(x, heat - band, heat + band, color=style["color"], alpha=0.2, linewidth=0)
-    ax.plot(x, heat, **style | {"linewidth": 1.4, "label": f"{name} with its 95 % band"})
-    ax.axhline(0.0, color=FAINT, linewidth=0.8)
-    ax.set_ylabel("unexplained heat [W]", size=SMALL)
-    ax.legend(frameon=False, fontsize=SMALL, loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=2)
-    dress(ax)
+    ax.fill_between(x, heat - band, heat + band, color=look["color"], alpha=0.2, linewidth=0)
+    ax.plot(x, heat, **look | {"linewidth": 1.4, "label": f"{name} with its 95 % band"})
+    ax.axhline(0.0, color=style.FAINT, linewidth=0.8)
+    ax.set_ylabel("unexplained heat [W]", size=style.SMALL)
+    ax.legend(frameon=False, fontsize=style.SMALL, loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=2)
+    style.dress(ax)
 
 
 def heat_figure(
@@ -204,21 +187,23 @@ def heat_figure(
         links: the inputs to draw, closest first.
     """
     heights = [_HEAT, *(_INPUT for _ in links)]
-    figure = new_figure(sum(heights) + 0.3)
+    figure = style.new_figure(sum(heights) + 0.3)
     axes = figure.subplots(len(heights), 1, squeeze=False, sharex=True, height_ratios=heights)[:, 0]
     plot_heat(given, node, best, peak, axes[0]).set_xlabel("")
     unit, label = time_unit(float(np.ptp(given.time)))
     for ax, link in zip(axes[1:], links, strict=True):
         if peak is not None:
-            ax.axvspan(peak.elapsed[0] / unit, peak.elapsed[1] / unit, color=SHADE, zorder=0, linewidth=0)
+            ax.axvspan(peak.elapsed[0] / unit, peak.elapsed[1] / unit, color=style.SHADE, zorder=0, linewidth=0)
         inside = (run.time >= given.time[0]) & (run.time <= given.time[-1])
-        ax.plot(*decimated(run.elapsed[inside] / unit, run.columns[link.column][inside]), color=INK, linewidth=0.7)
-        ax.set_ylabel(f"[{unit_of(link.column)}]", size=SMALL)
+        ax.plot(
+            *decimated(run.elapsed[inside] / unit, run.columns[link.column][inside]), color=style.INK, linewidth=0.7
+        )
+        ax.set_ylabel(f"[{unit_of(link.column)}]", size=style.SMALL)
         what = f"{link.column}, whose square" if link.squared else f"{link.column}, which"
         title = for_people(f"{what} correlates with the heat by {link.correlation:+.2f}")
-        ax.set_title(plain(title), size=SMALL, loc="left", pad=2)
-        dress(ax)
-    axes[-1].set_xlabel(label, size=SMALL)
+        ax.set_title(style.plain(title), size=style.SMALL, loc="left", pad=2)
+        style.dress(ax)
+    axes[-1].set_xlabel(label, size=style.SMALL)
     figure.align_ylabels(axes)
     return figure
 
@@ -230,16 +215,16 @@ def plot_learned(curve: LearnedCurve, ax: Axes | None = None) -> Axes:
         curve: of `lptn.diagnose.learned_heat`.
         ax: where to draw; by default new axes.
     """
-    ax = new_axes(_HEAT) if ax is None else ax
-    _band(ax, curve.values, curve.heat, curve.band, BEST, "learned")
+    ax = style.new_axes(_HEAT) if ax is None else ax
+    _band(ax, curve.values, curve.heat, curve.band, style.BEST, "learned")
     column = curve.inputs[0].column
-    ax.set_xlabel(plain(f"{column} [{unit_of(column)}]"), size=SMALL)
-    ax.set_title(plain(curve.inputs[0].node), size=TEXT, loc="left", pad=3)
+    ax.set_xlabel(style.plain(f"{column} [{unit_of(column)}]"), size=style.SMALL)
+    ax.set_title(style.plain(curve.inputs[0].node), size=style.TEXT, loc="left", pad=3)
     return ax
 
 
 def learned_figure(curve: LearnedCurve) -> Figure:
     """`plot_learned` for a document."""
-    figure = new_figure(_HEAT)
+    figure = style.new_figure(_HEAT)
     plot_learned(curve, figure.add_subplot())
     return figure

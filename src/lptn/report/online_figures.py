@@ -12,23 +12,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from lptn.basics import style
 from lptn.basics.lines import decimated, time_unit
-from lptn.basics.style import (
-    ERROR,
-    FAINT,
-    GIVEN,
-    INK,
-    LIMIT,
-    MEASURED,
-    SMALL,
-    TEXT,
-    dress,
-    legend_above,
-    new_axes,
-    new_figure,
-    plain,
-    stacked_axes,
-)
 from lptn.online.forecasting import Forecast, NodeForecast
 from lptn.online.monitoring import MonitoredRun, Monitoring
 from lptn.report.tables import time_to_limit
@@ -56,29 +41,29 @@ def plot_forecast(
         span: from when to when to show, in s from the end of the log; by default what this node needs.
         ax: where to draw; by default new axes.
     """
-    ax = new_axes(3.0) if ax is None else ax
+    ax = style.new_axes(3.0) if ax is None else ax
     one = forecast.nodes[node]
     span = span or _span(forecast, [one])
     row, minutes = forecast.names.index(node), forecast.time / 60
     shown = forecast.time <= span[1] * 1.05
     past = forecast.log >= span[0]
     low, high = forecast.low[row][shown], forecast.high[row][shown]
-    ax.fill_between(minutes[shown], low, high, color=GIVEN["color"], alpha=0.25, linewidth=0)
-    ax.plot(forecast.log[past] / 60, forecast.measured[row][past], **MEASURED)
-    ax.plot(minutes[shown], forecast.temperature[row][shown], **GIVEN)
-    ax.axhline(one.limit, color=LIMIT, linewidth=1.2)
-    ax.axvline(0.0, color=FAINT, linewidth=0.8)
+    ax.fill_between(minutes[shown], low, high, color=style.GIVEN["color"], alpha=0.25, linewidth=0)
+    ax.plot(forecast.log[past] / 60, forecast.measured[row][past], **style.MEASURED)
+    ax.plot(minutes[shown], forecast.temperature[row][shown], **style.GIVEN)
+    ax.axhline(one.limit, color=style.LIMIT, linewidth=1.2)
+    ax.axvline(0.0, color=style.FAINT, linewidth=0.8)
     if one.reaches and one.time_to_limit > 0:
         latest = one.high if isfinite(one.high) else span[1] * 1.05
-        ax.plot([one.low / 60, latest / 60], [one.limit] * 2, color=INK, linewidth=3.0, solid_capstyle="butt")
-        ax.plot([one.time_to_limit / 60], [one.limit], "o", color=INK, markersize=4)
+        ax.plot([one.low / 60, latest / 60], [one.limit] * 2, color=style.INK, linewidth=3.0, solid_capstyle="butt")
+        ax.plot([one.time_to_limit / 60], [one.limit], "o", color=style.INK, markersize=4)
     ax.set_xlim(span[0] / 60, span[1] / 60)
     settles = "" if one.reaches or not isfinite(one.steady) else f"; settles at {one.steady:.0f} °C"
-    ax.set_title(plain(f"{node}: {time_to_limit(one)}{settles}"), size=TEXT, loc="left", pad=3)
-    ax.set_ylabel("temperature [°C]", size=SMALL)
-    ax.set_xlabel("time from now [min]", size=SMALL)
+    ax.set_title(style.plain(f"{node}: {time_to_limit(one)}{settles}"), size=style.TEXT, loc="left", pad=3)
+    ax.set_ylabel("temperature [°C]", size=style.SMALL)
+    ax.set_xlabel("time from now [min]", size=style.SMALL)
     ax.margins(y=0.08)
-    dress(ax)
+    style.dress(ax)
     return ax
 
 
@@ -87,7 +72,7 @@ def forecast_figure(forecast: Forecast) -> Figure:
     chosen = [node for node in forecast.nodes.values() if node in forecast.soonest[:_MOST]]
     columns = min(_COLUMNS, len(chosen))
     rows = ceil(len(chosen) / columns)
-    figure = new_figure(rows * _PANEL + _LEGEND)
+    figure = style.new_figure(rows * _PANEL + _LEGEND)
     grid = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
     span = _span(forecast, chosen)
     for ax, one in zip(grid.ravel(), chosen, strict=False):
@@ -102,13 +87,13 @@ def forecast_figure(forecast: Forecast) -> Figure:
         if not lowest:
             ax.set_xlabel("")
     handles = [
-        Line2D([], [], label="measured", **MEASURED),
-        Line2D([], [], label="predicted", **GIVEN),
-        Patch(color=GIVEN["color"], alpha=0.25, label=f"{percent(forecast.coverage)} interval"),
-        Line2D([], [], color=LIMIT, linewidth=1.2, label="limit"),
-        Line2D([], [], color=INK, linewidth=3.0, marker="o", markersize=4, label="time to the limit, interval"),
+        Line2D([], [], label="measured", **style.MEASURED),
+        Line2D([], [], label="predicted", **style.GIVEN),
+        Patch(color=style.GIVEN["color"], alpha=0.25, label=f"{percent(forecast.coverage)} interval"),
+        Line2D([], [], color=style.LIMIT, linewidth=1.2, label="limit"),
+        Line2D([], [], color=style.INK, linewidth=3.0, marker="o", markersize=4, label="time to the limit, interval"),
     ]
-    legend_above(figure, handles)
+    style.legend_above(figure, handles)
     return figure
 
 
@@ -125,9 +110,9 @@ def _span(forecast: Forecast, chosen: Sequence[NodeForecast]) -> tuple[float, fl
 
 _MOST_SENSORS = 6
 _MONITOR_PANEL, _MONITOR_LEGEND = 2.9, 0.35  # inch
-_THRESHOLD: dict[str, Any] = {"color": LIMIT, "linewidth": 1.0, "linestyle": (0, (1, 1))}
-_THRESHOLD_ALARM: dict[str, Any] = {"color": LIMIT, "linewidth": 1.4}
-_STATISTICAL_ALARM: dict[str, Any] = {"color": LIMIT, "linewidth": 1.4, "linestyle": (0, (5, 2))}
+_THRESHOLD: dict[str, Any] = {"color": style.LIMIT, "linewidth": 1.0, "linestyle": (0, (1, 1))}
+_THRESHOLD_ALARM: dict[str, Any] = {"color": style.LIMIT, "linewidth": 1.4}
+_STATISTICAL_ALARM: dict[str, Any] = {"color": style.LIMIT, "linewidth": 1.4, "linestyle": (0, (5, 2))}
 
 
 def plot_monitored(monitored: MonitoredRun, node: str, threshold: float | None = None, ax: Axes | None = None) -> Axes:
@@ -139,33 +124,33 @@ def plot_monitored(monitored: MonitoredRun, node: str, threshold: float | None =
         threshold: of the plain detector [K]; with one, the error (predicted − measured) is drawn instead.
         ax: where to draw; by default new axes.
     """
-    ax = new_axes(2.6) if ax is None else ax
+    ax = style.new_axes(2.6) if ax is None else ax
     row = monitored.nodes.index(node)
     unit, label = time_unit(float(np.ptp(monitored.run.elapsed)))
     time = monitored.run.elapsed / unit
     if threshold is None:
-        ax.plot(*decimated(time, monitored.measured[row]), **MEASURED)
-        ax.plot(*decimated(time, monitored.predicted[row]), **GIVEN)
-        ax.set_ylabel("temperature [°C]", size=SMALL)
+        ax.plot(*decimated(time, monitored.measured[row]), **style.MEASURED)
+        ax.plot(*decimated(time, monitored.predicted[row]), **style.GIVEN)
+        ax.set_ylabel("temperature [°C]", size=style.SMALL)
     else:
-        ax.plot(*decimated(time, monitored.error[row]), **MEASURED | {"linewidth": 0.7})
+        ax.plot(*decimated(time, monitored.error[row]), **style.MEASURED | {"linewidth": 0.7})
         for limit in (-threshold, threshold):
             ax.axhline(limit, **_THRESHOLD)
         top = 1.15 * max(threshold, float(np.nanmax(np.abs(monitored.error[row]), initial=0.0)))
         ax.set_ylim(-top, top)
-        ax.set_ylabel(ERROR, size=SMALL)
+        ax.set_ylabel(style.ERROR, size=style.SMALL)
     alarms = ((monitored.threshold_alarms, _THRESHOLD_ALARM), (monitored.statistical_alarms, _STATISTICAL_ALARM))
-    for called, style in alarms:
+    for called, look in alarms:
         for alarm in called:
             if alarm.node == node:
-                ax.axvline((alarm.time - monitored.run.origin) / unit, **style)
+                ax.axvline((alarm.time - monitored.run.origin) / unit, **look)
     every = (*monitored.statistical_alarms, *monitored.threshold_alarms)
     kinds = dict.fromkeys(alarm.kind for alarm in every if alarm.node == node)
     title = f"{node}, run {monitored.run.name}: {' or '.join(kinds) or 'no alarm'}"
-    ax.set_title(plain(title), size=TEXT, loc="left", pad=3)
-    ax.set_xlabel(label, size=SMALL)
+    ax.set_title(style.plain(title), size=style.TEXT, loc="left", pad=3)
+    ax.set_xlabel(label, size=style.SMALL)
     ax.set_xlim(float(time[0]), float(time[-1]))
-    dress(ax)
+    style.dress(ax)
     return ax
 
 
@@ -177,19 +162,19 @@ def monitoring_figure(result: Monitoring) -> Figure:
     chosen = _chosen(result.runs)
     columns = min(len(chosen), 2)
     rows = -(-len(chosen) // columns)
-    figure = new_figure(_MONITOR_LEGEND + _MONITOR_PANEL * rows)
-    pairs = stacked_axes(figure, len(chosen), columns)
+    figure = style.new_figure(_MONITOR_LEGEND + _MONITOR_PANEL * rows)
+    pairs = style.stacked_axes(figure, len(chosen), columns)
     for (monitored, node), (upper, lower) in zip(chosen, pairs, strict=True):
         plot_monitored(monitored, node, ax=upper).set_xlabel("")
         plot_monitored(monitored, node, result.threshold, lower).set_title("", loc="left")
     handles = [
-        Line2D([], [], label="measured; error", **MEASURED),
-        Line2D([], [], label="model, running freely", **GIVEN),
+        Line2D([], [], label="measured; error", **style.MEASURED),
+        Line2D([], [], label="model, running freely", **style.GIVEN),
         Line2D([], [], label="statistical alarm", **_STATISTICAL_ALARM),
         Line2D([], [], label="threshold alarm", **_THRESHOLD_ALARM),
         Line2D([], [], label=f"threshold ±{result.threshold:g} K", **_THRESHOLD),
     ]
-    legend_above(figure, handles)
+    style.legend_above(figure, handles)
     return figure
 
 
