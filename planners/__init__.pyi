@@ -2,6 +2,5 @@ from .limiter.limiter import Limiter as Limiter
 from .mpc.controller import Plan as Plan
 from .mpc.controller import TorqueMPC as TorqueMPC
 from .mpc.loop import ControlLoop as ControlLoop
-from .replanning import MissionControl as MissionControl
 
 __all__: list[str]

@@ -18,8 +18,9 @@ from a1_cosim import CoSimulation, Record, Setting
 from a1_governor import Unmoved, leave
 from a1_task import JOINTS, TORQUE_LIMIT, Command, FloatArray
 from a1_thermal import CasadiThermal
+from lptn.applications import MissionControl
 from lptn.model.model import Model
-from lptn.planners import MissionControl, TorqueMPC
+from lptn.planners import TorqueMPC
 from lptn.planners.mission import Activity, Gait, Mission, Transition, gait_from_tables
 
 LIMIT, BEGINS, RESUMES, NOISE = 60.0, 50.0, 55.0, 0.1  # degC; degC; degC; K

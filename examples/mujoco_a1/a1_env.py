@@ -1,7 +1,7 @@
 """The Unitree A1 as a gymnasium environment: joint angles are asked 50 times a second, forward speed is paid for.
 
-A body for `lptn.planners.gym.ThermalWrapper`, no tuned benchmark. `python examples/mujoco_a1/a1_env.py` checks it and
-counts steps per second beside MuJoCo's own.
+A body for `lptn.applications.gym.ThermalWrapper`, no tuned benchmark. `python examples/mujoco_a1/a1_env.py` checks it
+and counts steps per second beside MuJoCo's own.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from gymnasium import spaces
 from a1_robot import TIME_STEP, OneNode, build
 from a1_task import JOINTS, TORQUE_LIMIT
 from a1_thermal import quadruped
-from lptn.planners.gym import ThermalWrapper, mujoco_columns
+from lptn.applications.gym import ThermalWrapper, mujoco_columns
 
 STEPS = 10  # of MuJoCo a step of the environment: 50 a second
 SECONDS = 10.0  # an episode

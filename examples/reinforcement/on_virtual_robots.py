@@ -31,7 +31,7 @@ BANDS = (5.0, 8.0, 12.0)  # K; the model's best is 8 K
 
 # %%
 class VirtualRobots:
-    """As `lptn.planners.gym.torque.Robots`: `states` of the model that is seen, but the virtual robot's own physics.
+    """As `lptn.applications.gym.torque.Robots`: `states` of the model that is seen, the virtual robot's own physics.
 
     Args:
         model: whose nodes are observed.

@@ -20,11 +20,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lptn.applications.gym import Task, TorqueVectorEnv
 from lptn.basics.files import write_whole
 from lptn.basics.style import BEST, GIVEN, dress, new_figure
 from lptn.model.file import parse_model
 from lptn.model.model import Model
-from lptn.planners.gym import Task, TorqueVectorEnv
 from lptn.robots.presets import preset_text
 
 LIMIT, LAST = (

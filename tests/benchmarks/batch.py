@@ -116,7 +116,7 @@ void heat_steps(long robots, double *x, double *rest, const double *u, const dou
 
 def environment(model: Model, inputs: FloatArray, params: FloatArray) -> Callable[[], object]:
     """The robots of the Gymnasium environments, stepped by CasADi's interpreter."""
-    from lptn.planners.gym.torque import Robots
+    from lptn.applications.gym.torque import Robots
 
     robots = Robots(model, len(params), DT, inputs.max(axis=0))
     robots.values = np.ascontiguousarray(params.T)

@@ -14,10 +14,10 @@ from time import perf_counter
 
 import numpy as np
 
+from lptn.applications.load_sharing import LoadSharing, Sharing, Stance, load_body, statics
 from lptn.basics.arrays import FloatArray
 from lptn.model.file import parse_model
 from lptn.model.model import Model
-from lptn.planners.load_sharing import LoadSharing, Sharing, Stance, load_body, statics
 from lptn.robots.presets import preset_text
 from lptn.virtual import Balance, Robot, draw_quadruped
 from lptn.virtual import Forcing as Drive

@@ -9,8 +9,8 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from lptn.applications.load_sharing import Stance, load_body
 from lptn.basics.arrays import FloatArray
-from lptn.planners.load_sharing import Stance, load_body
 
 LEGS = ("FR", "FL", "RR", "RL")
 STEP, SETTLE, MEASURE = 0.001, 3.0, 1.0  # s

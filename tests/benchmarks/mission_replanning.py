@@ -25,10 +25,10 @@ from pathlib import Path
 
 import numpy as np
 
+from lptn.applications.replanning import MissionControl, Order
 from lptn.basics.arrays import FloatArray
 from lptn.model.model import Model
 from lptn.planners.mission import Mission, plan_kind, plan_mission
-from lptn.planners.replanning import MissionControl, Order
 from lptn.virtual import Balance, Forcing, Robot
 from tests.planners.truth import model_of, true_robot
 

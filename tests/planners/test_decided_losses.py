@@ -16,6 +16,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
+from lptn.applications.load_sharing.sharing import StandingTemperatures
 from lptn.basics.arrays import FloatArray
 from lptn.basics.c_library import compiler
 from lptn.basics.parameters import Parameter
@@ -28,7 +29,6 @@ from lptn.model.network import EffectDeclaration, Network
 from lptn.planners import ControlLoop, Limiter, Plan, TorqueMPC
 from lptn.planners.export import thermal_constraint
 from lptn.planners.heating import Request
-from lptn.planners.load_sharing.sharing import StandingTemperatures
 from lptn.planners.mission.gait import gait_from_tables
 from lptn.planners.mpc.reference import ReferenceProgram
 from lptn.planners.trade import parse_study, solve_study

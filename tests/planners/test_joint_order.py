@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 from lptn import load_model
+from lptn.applications.load_sharing.sharing import StandingTemperatures
 from lptn.basics.arrays import FloatArray
 from lptn.cli.main import main
 from lptn.fmu import Session, export
 from lptn.model.model import Model
 from lptn.model.network import Network
 from lptn.planners import ControlLoop, Limiter, TorqueMPC
-from lptn.planners.load_sharing.sharing import StandingTemperatures
 from lptn.robots.urdf import urdf_model_text
 from tests.builders import AMBIENT, effect, link, node
 

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from lptn.applications import MissionControl
 from lptn.basics.errors import InputError
-from lptn.planners import MissionControl
 from lptn.planners.mission import Mission, MissionPlan, MissionProgram, plan_kind, plan_mission
 from tests.planners import mission_truth as truth
 

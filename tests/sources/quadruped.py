@@ -18,6 +18,7 @@ from gymnasium.utils.env_checker import check_env
 from scipy.integrate import simpson
 from scipy.linalg import expm
 
+from lptn.applications.gym import ID
 from lptn.effects.coulomb_friction import CoulombFriction
 from lptn.effects.resistance_rise import ResistanceRise
 from lptn.effects.viscous_friction import ViscousFriction
@@ -28,7 +29,6 @@ from lptn.model.file import parse_model
 from lptn.model.model import Model
 from lptn.model.network import Network
 from lptn.online.monitoring import MonitoredRun, alarms_by_threshold
-from lptn.planners.gym import ID
 from lptn.robots.presets import presets
 from lptn.simulate.state_space import state_space
 from lptn.virtual import QUADRUPED_JOINTS, Bout, Job, motion, plan, quadruped_logs
@@ -513,7 +513,7 @@ def time_to_limit() -> Iterable[Check]:
     "reinforcement learning",
     "future work: temperatures as limits of a policy",
     slow=True,
-    more="tests/planners/test_gym.py; examples/reinforcement",
+    more="tests/applications/test_gym.py; examples/reinforcement",
 )
 def environment() -> Iterable[Check]:
     with warnings.catch_warnings(record=True) as said:

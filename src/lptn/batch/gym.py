@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from lptn.applications.gym.torque import LARGEST, UNIT  # first: it says what to install where gymnasium is missing
 from lptn.basics.errors import InputError
 from lptn.model.model import Model
-from lptn.planners.gym.torque import LARGEST, UNIT  # first: it says what to install where gymnasium is missing
 from lptn.planners.values import Each
 
 from .module import functions

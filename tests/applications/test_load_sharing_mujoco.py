@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lptn.planners.load_sharing import Sharing, Stance, load_body, statics
-from tests.planners.test_load_sharing import POSTURES, posture, sharing
+from lptn.applications.load_sharing import Sharing, Stance, load_body, statics
+from tests.applications.test_load_sharing import POSTURES, posture, sharing
 
 # These packages are in the extra `robots`, not in `dev`: the robot's description alone takes 440 MB.
 pytest.importorskip("mujoco", reason="needs the extra `robots`")

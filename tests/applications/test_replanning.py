@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from lptn.applications.replanning import MissionControl, Order
 from lptn.basics.errors import InputError
 from lptn.model.model import Model
 from lptn.planners.mission import Mission, plan_kind, plan_mission
-from lptn.planners.replanning import MissionControl, Order
 from tests.planners import mission_truth as truth
 
 WALK = {"do": "walk", "distance": 300, "load": 4, "pieces": 2}
@@ -119,7 +119,7 @@ def test_what_is_left_is_what_was_not_done() -> None:
 
 
 @pytest.mark.parametrize("wrong", [{"level": 1.0}, {"period": 0.0}, {"apart": float("nan")}])
-def test_settings_that_mean_nothing_are_refused(wrong: dict[str, float]) -> None:
+def test_settings_that_mean_nothing_are_refused(wrong: dict[str, Any]) -> None:
     with pytest.raises(InputError, match=next(iter(wrong))):
         MissionControl(mission(0.0), **wrong)
 

@@ -17,10 +17,10 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.model.array_function import ArrayFunction
 from lptn.model.model import Model
+from lptn.planners.heating import Request, heating, requested_by
+from lptn.planners.values import Each, limits_of
 from lptn.simulate.dynamics import longest_step
 
-from ..heating import Request, heating, requested_by
-from ..values import Each, limits_of
 from .task import Task, rated_load
 
 Array = npt.NDArray[Any]

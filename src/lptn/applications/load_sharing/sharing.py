@@ -16,9 +16,9 @@ import numpy as np
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.model.model import Model
+from lptn.planners.values import by_place
 from lptn.simulate.dynamics import longest_step
 
-from ..values import by_place
 from .body import Body, Stance, Statics, statics
 
 How = Literal["coolest", "equal", "least_torque"]

@@ -18,8 +18,7 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.basics.files import text_of
 from lptn.basics.toml import Number, Strict, mistakes_by_line, toml_of
-
-from ..values import NotNegative, Positive
+from lptn.planners.values import NotNegative, Positive
 
 PARTS = ("hip", "thigh", "calf")
 Vector = Annotated[list[Number], Field(min_length=3, max_length=3)]
@@ -257,7 +256,7 @@ def load_body(source: str | Path = "a1") -> Body:
         InputError: there is no such file, or something in it can't be used.
     """
     if isinstance(source, str) and not source.endswith(".toml"):
-        ready = files("lptn.planners.load_sharing").joinpath(f"{source}.toml")
+        ready = files("lptn.applications.load_sharing").joinpath(f"{source}.toml")
         if not ready.is_file():
             raise InputError("body", "name", f'"{source}"', 'a1, or the path of a ".toml" file')
         path, text = Path(f"{source}.toml"), ready.read_text(encoding="utf-8")

@@ -12,11 +12,10 @@ from scipy.stats import norm
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.online import Estimator, ModelError
-
-from .mission.answer import MissionPlan, peaks_of
-from .mission.gait import REST, Gait
-from .mission.mission import Activity, Mission, Schedule, Timed, simulate_plan
-from .mission.plan import plan_mission
+from lptn.planners.mission.answer import MissionPlan, peaks_of
+from lptn.planners.mission.gait import REST, Gait
+from lptn.planners.mission.mission import Activity, Mission, Schedule, Timed, simulate_plan
+from lptn.planners.mission.plan import plan_mission
 
 _FEWEST = 0.5  # s; what takes less is done
 
@@ -234,8 +233,8 @@ class MissionControl:
     def _is_over(self, number: int) -> bool:
         activity, left = self.mission.activities[number], self._left[number]
         if activity.distance is not None:
-            return left <= _FEWEST * activity.speed[0]
-        return left <= _FEWEST and activity.duration[1] - self._spent[number] <= _FEWEST
+            return bool(left <= _FEWEST * activity.speed[0])
+        return bool(left <= _FEWEST and activity.duration[1] - self._spent[number] <= _FEWEST)
 
     # --- what is left -------------------------------------------------------------------------
 

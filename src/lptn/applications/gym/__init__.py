@@ -8,7 +8,7 @@ from lptn.basics.errors import InputError
 try:
     import gymnasium
 except ModuleNotFoundError as error:
-    raise InputError("lptn.planners.gym", "gymnasium", "not installed", "pip install 'lptn[rl]'") from error
+    raise InputError("lptn.applications.gym", "gymnasium", "not installed", "pip install 'lptn[rl]'") from error
 
 from .task import Task
 from .torque import TorqueEnv, TorqueVectorEnv
@@ -19,5 +19,5 @@ __all__ = ["ID", "Task", "ThermalWrapper", "TorqueEnv", "TorqueVectorEnv", "mujo
 ID = "lptn/Torque-v0"
 if ID not in gymnasium.registry:
     gymnasium.register(
-        ID, entry_point="lptn.planners.gym:TorqueEnv", vector_entry_point="lptn.planners.gym:TorqueVectorEnv"
+        ID, entry_point="lptn.applications.gym:TorqueEnv", vector_entry_point="lptn.applications.gym:TorqueVectorEnv"
     )

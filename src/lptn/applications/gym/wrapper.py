@@ -14,8 +14,8 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.logs.resampling import raw_keys, reduce_blocks, sample_values
 from lptn.model.model import Model
+from lptn.planners.values import Each, limits_of
 
-from ..values import Each, limits_of
 from .torque import LARGEST, UNIT, Robots
 
 Columns = Callable[[gymnasium.Env[Any, Any]], Mapping[str, float]]

@@ -11,10 +11,9 @@ import numpy as np
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.basics.places import matching
-
-from ..heating import Heating
-from ..limiter import Limiter
-from ..values import SINE
+from lptn.planners.heating import Heating
+from lptn.planners.limiter import Limiter
+from lptn.planners.values import SINE
 
 Range = tuple[float, float]
 

@@ -21,7 +21,7 @@ from tests.builders import AMBIENT, effect, link, node
 pytest.importorskip("gymnasium")
 import gymnasium
 
-from lptn.planners.gym import Task, ThermalWrapper, TorqueEnv, TorqueVectorEnv
+from lptn.applications.gym import Task, ThermalWrapper, TorqueEnv, TorqueVectorEnv
 
 LIMIT = 60.0
 SHORT = Task(seconds=600.0)
@@ -117,7 +117,7 @@ def test_drives_that_cut_out_end_the_episode_and_work_is_never_worth_less_than_n
 def test_what_is_observed_is_named() -> None:
     env = many(1)
     seen, info = env.reset(seed=0)
-    assert len(env.names) == seen.shape[1] == env.single_observation_space.shape[0]
+    assert (len(env.names),) == seen.shape[1:] == env.single_observation_space.shape
     observed = dict(zip(env.names, seen[0].tolist(), strict=True))
     calf = quadruped().nodes.index("FR_calf")
     assert observed["margin.FR_calf"] == pytest.approx((LIMIT - info["temperature"][0, calf]) / 10.0, abs=1e-5)

@@ -12,12 +12,12 @@ from scipy.linalg import null_space
 from scipy.optimize import NonlinearConstraint, minimize
 from scipy.spatial.transform import Rotation
 
+from lptn.applications.load_sharing import LoadSharing, Sharing, Stance, StanceError, load_body, statics
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.effects.copper_loss import CopperLoss
 from lptn.model.model import Model
 from lptn.model.network import LinkDeclaration, Network, NodeDeclaration
-from lptn.planners.load_sharing import LoadSharing, Sharing, Stance, StanceError, load_body, statics
 from tests.builders import AMBIENT, capacity, effect, resistance
 
 LEGS = ("FR", "FL", "RR", "RL")
@@ -288,7 +288,9 @@ def test_a_model_that_is_driven_by_currents_needs_a_torque_constant() -> None:
 
 def test_a_body_of_ones_own_is_read_and_its_mistakes_are_named(tmp_path: Path) -> None:
     path = tmp_path / "mine.toml"
-    text = (Path(__file__).parents[2] / "planners" / "load_sharing" / "a1.toml").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[2] / "src" / "lptn" / "applications" / "load_sharing" / "a1.toml").read_text(
+        encoding="utf-8"
+    )
     path.write_text(
         text.replace('name = "A1"', 'name = "mine"').replace("mass = 6.001", "mass = 9.0"), encoding="utf-8"
     )
