@@ -6,6 +6,7 @@ import json
 import stat
 import sys
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -60,6 +61,15 @@ def test_a_right_answer_in_the_group_or_behind_is_not_first() -> None:
     assert judged(LEG, replace(group, names=group.group)).left_open
     fourth = said(*[("fan", "FR_hip")] * 3, ("forced_convection", "FR_calf"))
     assert not judged(LEG, fourth).in_three
+
+
+def test_a_place_is_right_whatever_effect_is_told_there() -> None:
+    at = partial(said, ("radiation", "*"))  # in common, so no finding
+    assert judged(LEG, at(("fan", "FR_calf"))).placed
+    assert judged(LEG, at(("sensor_position", "FR_calf~FR_thigh@fit1"))).placed  # of the calf's sensor
+    assert not judged(LEG, at(("sensor_position", "FR_thigh~FR_calf"))).placed
+    assert not judged(LEG, at(*[("fan", "FR_hip")] * 3, ("fan", "FR_calf"))).placed
+    assert not judged(LEG, said(("fan", "*"))).placed
 
 
 def test_either_of_two_effects_may_be_named_first() -> None:

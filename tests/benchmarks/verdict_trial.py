@@ -56,6 +56,8 @@ class Judged:
         in_set: a right answer is in the set that holds 90 % of the probability, or in the group of the first step where
             no probability is stated.
         in_three: a right answer is among the first three steps.
+        placed: one of the first three steps that are of one place, not of all, is where something is hidden; where that
+            is everywhere, a right answer is among the first three steps.
         named: a right answer is among all steps.
         left_open: a right answer is among all steps and what the data can't tell from one of them.
         silly: a step is an error of a sensor, a clock or the ambient that isn't there.
@@ -69,6 +71,7 @@ class Judged:
     first: bool
     in_set: bool
     in_three: bool
+    placed: bool
     named: bool
     left_open: bool
     silly: bool
@@ -91,6 +94,11 @@ def judged(case: Case, answer: Answer) -> Judged:
         effect, at = named  # nothing that is built in acts in one run alone
         return f"{effect}@{at}" in always or (effect in always and "@" not in at)
 
+    def at_hidden(named: Key) -> bool:
+        ends = named[1].partition("@")[0].split("~")
+        places = [text.split("@")[1].split("~") for text in case.hidden]
+        return any(sorted(ends) == sorted(place) or ends[0:1] == place for place in places)
+
     beside = [step for step in answer.steps if not natural(step)]
     alarm = kind == "nothing" and not failed and bool(beside or (answer.verdict != "adequate" and not answer.steps))
     names = answer.steps[:3] or ([NOTHING] if answer.verdict == "adequate" else [])
@@ -100,6 +108,9 @@ def judged(case: Case, answer: Answer) -> Judged:
         first = in_set = not failed and not alarm
     if kind == "outside":
         first = in_set = unexplained
+    in_three = first if kind in ("nothing", "outside") else any(map(right, names))
+    local = [step for step in answer.steps if "*" not in step[1]][:3]
+    everywhere = kind in ("nothing", "outside") or any("*" in text for text in case.hidden)
     stated, true = None, False
     if answer.probabilities:
         effect, at, stated = answer.probabilities[0]
@@ -107,7 +118,8 @@ def judged(case: Case, answer: Answer) -> Judged:
     return Judged(
         first=first,
         in_set=in_set,
-        in_three=first if kind in ("nothing", "outside") else any(map(right, names)),
+        in_three=in_three,
+        placed=in_three if everywhere else any(map(at_hidden, local)),
         named=first if kind in ("nothing", "outside") else any(map(right, [*names, *answer.steps])),
         left_open=first if kind in ("nothing", "outside") else any(map(right, [*names, *answer.steps, *answer.names])),
         silly=any(step[0] in SILLY and not case.right(step) for step in answer.steps),
@@ -145,9 +157,9 @@ def table(results: Results, cases: Sequence[Case], versions: Sequence[str]) -> s
     lines = [
         f"Each cell: {names}; {len(common)} cases that all were asked. Errors: medians, held out, before → after.",
         "",
-        "| truth | sensors | hidden | cases | first | in the 90 % set | in three steps | named | left open "
+        "| truth | sensors | hidden | cases | first | in the 90 % set | in three steps | place in three findings | named | left open "
         "| silly | at a bound | false alarm | unexplained | failed | error, K | two masses, K | CPU s |",
-        "| --- " * 17 + "|",
+        "| --- " * 18 + "|",
     ]
     groups: dict[tuple[str, str, str], list[Case]] = {}
     for case in common:
@@ -165,7 +177,7 @@ def _cells(results: Results, cases: Sequence[Case], versions: Sequence[str]) -> 
     """A row's cells, from "first" on."""
     said = [[results[case, version] for case in cases] for version in versions]
     marks = [[judged(case, answer) for case, answer in zip(cases, answers, strict=True)] for answers in said]
-    names = ("first", "in_set", "in_three", "named", "left_open", "silly", "at_bound", "alarm", "unexplained")
+    names = ("first", "in_set", "in_three", "placed", "named", "left_open", "silly", "at_bound", "alarm", "unexplained")
     shares = [[statistics.mean(getattr(mark, name) for mark in verdicts) for verdicts in marks] for name in names]
     shares.append([statistics.mean(bool(answer.error) for answer in answers) for answers in said])
     before, after = ([_median(a.holdout[k] for a in answers if a.holdout) for answers in said] for k in (0, -1))
