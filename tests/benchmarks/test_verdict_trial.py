@@ -180,7 +180,7 @@ def test_tables_compare_only_what_all_versions_were_asked() -> None:
     assert len(lines) == 5
     cells = [cell.strip() for cell in lines[-1].split("|")[1:-1]]
     assert cells[:5] == ["leg", "clean", "one", "1", "0.00 · 1.00"]
-    assert cells[13:16] == ["1.00 · 0.00", "– → – · 1 → 0.1", "0.7"]
+    assert cells[14:17] == ["1.00 · 0.00", "– → – · 1 → 0.1", "0.7"]
     assert "crashed" in misses(results, [LEG, TWO], ["old", "new"])
     assert calibration(results, [LEG, TWO], "new") == {}
 
