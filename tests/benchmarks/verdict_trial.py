@@ -158,7 +158,8 @@ def table(results: Results, cases: Sequence[Case], versions: Sequence[str]) -> s
         f"Each cell: {names}; {len(common)} cases that all were asked. Errors: medians, held out, before → after.",
         "",
         "| truth | sensors | hidden | cases | first | in the 90 % set | in three steps "
-        "| place in three findings | named | left open | silly | at a bound | false alarm | unexplained | failed | error, K | two masses, K | CPU s |",
+        "| place in three findings | named | left open | silly "
+        "| at a bound | false alarm | unexplained | failed | error, K | two masses, K | CPU s |",
         "| --- " * 18 + "|",
     ]
     groups: dict[tuple[str, str, str], list[Case]] = {}
