@@ -62,7 +62,7 @@ def check(
     result: dict[str, object] = {"model": str(model), "nodes": loaded.model.nodes, "inputs": loaded.model.inputs}
     result["logs"] = [content.as_json() for content in contents]
     runs = [run for content in contents for run in content.runs]
-    unusable = sum(not content.usable for content in contents)
+    unusable = sum(content.error is not None for content in contents)
     said = logs_narrative(loaded.model, runs, len(contents), unusable)
     of_logs = "Sensors", "Excitation", "Effects"
     held = [sentence for sentence in said if sentence.label in of_logs]
@@ -83,26 +83,15 @@ def check(
             _show_nodes(loaded.model, bound_runs)
             _show_identifiability(effects)
             _show_steps(loaded.model, bound_runs[0])
-    _refuse(contents)
+    for content in contents:
+        if content.error is not None:
+            raise content.error
     if drawing is not None:
         from lptn.basics.files import write_whole
         from lptn.report.network_drawing import draw_network
 
         write_whole(drawing, draw_network(loaded.model))
     write_json(json, result)
-
-
-def _refuse(contents: list[LogContent]) -> None:
-    """Raise the error of the first log that other commands refuse.
-
-    Raises:
-        InputError: if there is one.
-    """
-    for content in contents:
-        if content.refused is not None:
-            raise content.refused
-        for issue in (issue for run in content.runs for issue in run.issues if issue.certain):
-            raise InputError(content.path, *issue.error)
 
 
 # --- one log as a model sees it ---------------------------------------------------------------------------
@@ -135,14 +124,20 @@ class LogContent:
     currents: tuple[str, ...] = ()
 
     @property
-    def usable(self) -> bool:
-        """Whether other commands take it."""
-        return self.refused is None and not any(issue.certain for run in self.runs for issue in run.issues)
+    def issues(self) -> list[Issue]:
+        """What seems wrong, run by run."""
+        return [issue for run in self.runs for issue in run.issues]
+
+    @property
+    def error(self) -> InputError | None:
+        """Why other commands refuse it; `None` where they take it."""
+        certain = (InputError(self.path, *issue.error) for issue in self.issues if issue.certain)
+        return self.refused or next(certain, None)
 
     @property
     def wrong(self) -> list[str]:
         """What seems wrong, each with the line that would correct it."""
-        return list(dict.fromkeys(issue.sentence for run in self.runs for issue in run.issues))
+        return list(dict.fromkeys(issue.sentence for issue in self.issues))
 
     @property
     def notes(self) -> list[str]:
@@ -241,7 +236,7 @@ def _next(model: Path, contents: Sequence[LogContent]) -> str:
     """What to do next."""
     from lptn.report.text import short
 
-    if not all(content.usable for content in contents):
+    if any(content.error for content in contents):
         return "Correct what is listed above, and check again."
     if any(content.wrong for content in contents):
         return "Compare these lines with what you know of the robot; mend the log, or say it in the model file."
@@ -277,7 +272,7 @@ def _show_issues(contents: Sequence[LogContent], most: int | None) -> None:
     """What seems wrong in the logs; of more than `most` things of one kind the first, and where the others are."""
     kinds: dict[str, dict[str, tuple[LogContent, Issue]]] = {}
     for content in contents:
-        for issue in (issue for run in content.runs for issue in run.issues):
+        for issue in content.issues:
             kinds.setdefault(issue.kind, {}).setdefault(f"{content.path} {issue.sentence}", (content, issue))
     for found in kinds.values():
         several, folded = list(found.values()), most is not None and len(found) > most

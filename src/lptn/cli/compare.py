@@ -7,18 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter as Option
 
-from lptn.cli.options import (
-    COLUMNS,
-    ROWS,
-    Columns,
-    Details,
-    Json,
-    Picture,
-    check_inputs,
-    check_outputs,
-    needs_logs,
-    write_figure,
-)
+from lptn.cli import options
 
 if TYPE_CHECKING:
     from lptn.identify.comparison import Comparison, Versus
@@ -30,11 +19,11 @@ def compare(
     /,
     *logs: Path,
     against: Annotated[Path | None, Option(help="Model file to compare with, on the same logs.")] = None,
-    details: Details = False,
-    json: Json = None,
-    plot: Picture = None,
-    report: Annotated[Path | None, Option(help="HTML report to write.")] = None,
-    columns: Columns = COLUMNS,
+    details: options.Details = False,
+    json: options.Json = None,
+    plot: options.Picture = None,
+    report: options.Report = None,
+    columns: options.Columns = options.COLUMNS,
 ) -> None:
     """Predict logs, and show the errors.
 
@@ -44,9 +33,11 @@ def compare(
 
     Example: lptn compare whole-body.toml friday.parquet --against single-nodes.toml --report versus.html
     """
-    needs_logs(logs)
-    check_outputs(json, report, pictures=[plot], inputs=(model, *logs, *(() if against is None else (against,))))
-    check_inputs(model, *logs)
+    options.needs_logs(logs)
+    options.check_outputs(
+        json, report, pictures=[plot], inputs=(model, *logs, *(() if against is None else (against,)))
+    )
+    options.check_inputs(model, *logs)
     from lptn.basics.files import write_whole
     from lptn.cli.terminal import is_quiet, progress, show_table, write_json
     from lptn.identify.comparison import Versus
@@ -59,13 +50,13 @@ def compare(
     print(result.narrative())
     if not is_quiet():
         for title, table in _tables(result, details):
-            show_table(*table, title, None if details else ROWS)
+            show_table(*table, title, None if details else options.ROWS)
     more = {"against": result.as_json()} if isinstance(result, Versus) else {}
     write_json(json, (result.model if isinstance(result, Versus) else result).as_json() | more)
     if plot is not None:
         from lptn.report.comparison_figures import comparison_figure, versus_figure
 
-        write_figure(versus_figure(result) if isinstance(result, Versus) else comparison_figure(result), plot)
+        options.write_figure(versus_figure(result) if isinstance(result, Versus) else comparison_figure(result), plot)
     if report is not None:
         from lptn.report.pages import comparison_html, versus_html
 
@@ -87,5 +78,5 @@ def _tables(result: Comparison | Versus, details: bool) -> list[tuple[str, Repor
         # Errors of one run are those of all nodes.
         return [*tables, ("", versus_table("run", result.runs))] if len(result.runs) > 1 else tables
     title = "Errors (predicted − measured), and the RMSE that sensor noise alone would leave:"
-    tables, worst = [(title, error_table(result, None if details else ROWS))], condition_table(result)
+    tables, worst = [(title, error_table(result, None if details else options.ROWS))], condition_table(result)
     return [*tables, ("Worst by operating condition:", worst)] if details and worst.rows else tables

@@ -9,7 +9,7 @@ from cyclopts import Parameter as Option
 
 from lptn.basics.errors import InputError
 from lptn.basics.tables import write_table
-from lptn.cli.options import COLUMNS, ROWS, Columns, Details, Json, Picture, check_outputs, needs_logs, write_figure
+from lptn.cli import options
 
 if TYPE_CHECKING:
     from lptn.fmu.cosim import Cosimulation
@@ -34,10 +34,10 @@ def cosim(
         Option(help="Parameter values for the FMU: an SSV file, as lptn fmu MODEL -o VALUES.ssv writes it."),
     ] = None,
     output: Outputs = None,
-    details: Details = False,
-    plot: Picture = None,
-    json: Json = None,
-    columns: Columns = COLUMNS,
+    details: options.Details = False,
+    plot: options.Picture = None,
+    json: options.Json = None,
+    columns: options.Columns = options.COLUMNS,
 ) -> None:
     """Drive an FMU, or connected FMUs, with logs.
 
@@ -48,9 +48,9 @@ def cosim(
 
     Example: lptn cosim motor.fmu friday.csv --map tau=torque.knee --map T_case=temperature.knee --trust
     """
-    needs_logs(logs)
+    options.needs_logs(logs)
     inputs = (fmu, *logs, *filter(None, (model, parameters)))
-    check_outputs(json, tables=[output], pictures=[plot], inputs=inputs)
+    options.check_outputs(json, tables=[output], pictures=[plot], inputs=inputs)
     import pandas as pd
 
     from lptn.cli.terminal import progress, write_json
@@ -71,7 +71,7 @@ def cosim(
     if plot is not None:
         from lptn.fmu.figure import cosimulation_figure
 
-        write_figure(cosimulation_figure(done), plot)
+        options.write_figure(cosimulation_figure(done), plot)
 
 
 def _show_cosimulation(done: Cosimulation, details: bool) -> None:
@@ -91,7 +91,7 @@ def _show_cosimulation(done: Cosimulation, details: bool) -> None:
     if not details:
         rows.sort(key=lambda one: -one[0])
     heads = ("run", "node", ">RMSE", ">max |error|", ">mean error", ">max |FMU − model|")
-    title, most = "error = predicted by the FMU − measured", None if details else ROWS
+    title, most = "error = predicted by the FMU − measured", None if details else options.ROWS
     show_table(heads, [cells for _, cells in rows], title, most)
     steps, seconds = sum(len(run.run) for run in done.runs), sum(run.seconds for run in done.runs)
     simulated = sum(len(run.run) * run.run.step for run in done.runs)

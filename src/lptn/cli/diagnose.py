@@ -7,19 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lptn.basics.words import few
-from lptn.cli.options import (
-    DATA,
-    Data,
-    Details,
-    Jobs,
-    Json,
-    Picture,
-    check_inputs,
-    check_outputs,
-    executor_of,
-    needs_logs,
-    write_figure,
-)
+from lptn.cli import options
 
 if TYPE_CHECKING:
     from lptn.diagnose.advice import Advice
@@ -30,11 +18,11 @@ def diagnose(
     model: Path,
     /,
     *logs: Path,
-    data: Data = DATA,
-    details: Details = False,
-    json: Json = None,
-    plot: Picture = None,
-    jobs: Jobs = 1,
+    data: options.Data = options.DATA,
+    details: options.Details = False,
+    json: options.Json = None,
+    plot: options.Picture = None,
+    jobs: options.Jobs = 1,
 ) -> None:
     """Name the effects that are missing, and where.
 
@@ -42,13 +30,13 @@ def diagnose(
 
     Example: lptn diagnose leg.toml monday.parquet --holdout friday.parquet --json found.json
     """
-    needs_logs(logs)
-    check_outputs(json, pictures=[plot], inputs=(model, *logs, *(data.holdout or ())))
-    check_inputs(model, *logs, *(data.holdout or ()))
+    options.needs_logs(logs)
+    options.check_outputs(json, pictures=[plot], inputs=(model, *logs, *(data.holdout or ())))
+    options.check_inputs(model, *logs, *(data.holdout or ()))
     from lptn.cli.terminal import is_quiet, progress, write_json
     from lptn.report.sentences import Narrative
 
-    with progress("reading"), executor_of(jobs) as executor:
+    with progress("reading"), options.executor_of(jobs) as executor:
         study = data.opening(model, logs).study(executor)
         diagnosis, advice = study.diagnose(), study.advise()
         said = study.narrative()
@@ -64,7 +52,7 @@ def diagnose(
     if plot is not None:
         from lptn.report.diagnosis_figures import diagnosis_figure
 
-        write_figure(diagnosis_figure(diagnosis, study.shown), plot)
+        options.write_figure(diagnosis_figure(diagnosis, study.shown), plot)
 
 
 IN_TABLE = ("Findings", "Best candidates", "Structure")

@@ -5,13 +5,7 @@ from __future__ import annotations
 from lptn.cli.options import Details, Json, check_outputs
 
 
-def effects(
-    key: str | None = None,
-    /,
-    *,
-    details: Details = False,
-    json: Json = None,
-) -> None:
+def effects(key: str | None = None, /, *, details: Details = False, json: Json = None) -> None:
     """List the catalogue of effects, or show one.
 
     Example: lptn effects forced_convection

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter as Option
 
-from lptn.cli.options import Json, Output, check_inputs, check_outputs, limits_of
+from lptn.cli.options import Json, NodeLimits, Output, check_inputs, check_outputs, limits_of
 
 
 def export(
@@ -16,9 +16,7 @@ def export(
     *,
     to: Annotated[Literal["jax", "torch", "numpy", "c"], Option(help="What the module is made of.")],
     output: Output,
-    limit: Annotated[
-        list[str] | None, Option(help="Limit in degC, for all nodes or as NODE=90; may be repeated.")
-    ] = None,
+    limit: NodeLimits = None,
     json: Json = None,
 ) -> None:
     """Write a model as pure functions over many robots, for learning with JAX or PyTorch.

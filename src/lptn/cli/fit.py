@@ -3,29 +3,25 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-from cyclopts import Parameter as Option
+from typing import TYPE_CHECKING
 
 from lptn.basics.errors import InputError
 from lptn.basics.words import FEW
-from lptn.cli.options import HELD_OUT, Details, HeldOut, Json, SymmetryPenalty, check_inputs, check_outputs, needs_logs
+from lptn.cli import options
 
 if TYPE_CHECKING:
     from lptn.identify.fitting import Checkpoint
-
-FitOutput = Annotated[Path | None, Option(name=["--output", "-o"], help="File to write the model to.")]
 
 
 def fit(
     model: Path,
     /,
     *logs: Path,
-    output: FitOutput = None,
-    held: HeldOut = HELD_OUT,
-    symmetry_penalty: SymmetryPenalty = 0.0,
-    details: Details = False,
-    json: Json = None,
+    output: options.OptionalOutput = None,
+    held: options.HeldOut = options.HELD_OUT,
+    symmetry_penalty: options.SymmetryPenalty = 0.0,
+    details: options.Details = False,
+    json: options.Json = None,
 ) -> None:
     """Fit the free parameters of a model.
 
@@ -33,11 +29,11 @@ def fit(
 
     Example: lptn fit leg.toml monday.parquet --holdout friday.parquet -o fitted.toml
     """
-    needs_logs(logs)
+    options.needs_logs(logs)
     holdout = held.holdout or []
-    check_outputs(output, json, inputs=(*logs, *holdout))
-    check_outputs(json, inputs=(model,))  # only the fitted model may take its place
-    check_inputs(model, *logs, *holdout)
+    options.check_outputs(output, json, inputs=(*logs, *holdout))
+    options.check_outputs(json, inputs=(model,))  # only the fitted model may take its place
+    options.check_inputs(model, *logs, *holdout)
     from lptn.cli.terminal import is_quiet, progress, show_table, show_written, write_json
     from lptn.identify.fitting import Checkpoint, fingerprint_of
     from lptn.report.narrative import fit_narrative
@@ -51,10 +47,10 @@ def fit(
     if not given.free:
         raise InputError(model, "parameters", "none that is free", "one at least without fixed = true")
     digests = [(segment.run.name, segment.run.fingerprint) for segment in segments]
-    text, options = study.file.text, {"map": held.texts, "holdout_after": held.holdout_after}
+    text, choices = study.file.text, {"map": held.texts, "holdout_after": held.holdout_after}
 
     def checkpoint(penalty: float) -> Checkpoint:
-        kept = Checkpoint(fingerprint_of(text, digests, options | {"mirror_weight": penalty}))
+        kept = Checkpoint(fingerprint_of(text, digests, choices | {"mirror_weight": penalty}))
         if kept.load(given, len(segments)) is not None:
             print("This fit was stopped before; it continues from the best saved point.")
         return kept

@@ -9,28 +9,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter as Option
-from cyclopts import validators
 
 from lptn.basics.errors import InputError
 from lptn.basics.words import FEW, count_of
-from lptn.cli.options import (
-    HELD_OUT,
-    Details,
-    HeldOut,
-    Json,
-    Picture,
-    SymmetryPenalty,
-    check_outputs,
-    needs_logs,
-    write_figure,
-)
+from lptn.cli import options
 
 if TYPE_CHECKING:
     from lptn.fleet.fleet import Fleet, FleetParameter
     from lptn.fleet.work import Outcome
 
 FleetFolder = Annotated[Path | None, Option(name=["--output", "-o"], help="Folder for models, records and a table.")]
-Processes = Annotated[int, Option(help="Number of processes.", validator=validators.Number(gte=1))]
 
 
 def fleet(
@@ -38,12 +26,12 @@ def fleet(
     /,
     *robots: Path,
     output: FleetFolder = None,
-    held: HeldOut = HELD_OUT,
-    symmetry_penalty: SymmetryPenalty = 0.0,
-    jobs: Processes = 1,
-    details: Details = False,
-    json: Json = None,
-    plot: Picture = None,
+    held: options.HeldOut = options.HELD_OUT,
+    symmetry_penalty: options.SymmetryPenalty = 0.0,
+    jobs: options.Jobs = 1,
+    details: options.Details = False,
+    json: options.Json = None,
+    plot: options.Picture = None,
 ) -> None:
     """Fit each robot of a fleet, and say which stand apart or drift.
 
@@ -55,7 +43,7 @@ def fleet(
 
     Example: lptn fleet leg.toml robots/*/ -o fleet --jobs 8 --plot fleet.pdf
     """
-    needs_logs(robots)
+    options.needs_logs(robots)
     if held.holdout:
         raise InputError("command line", "--holdout", "logs", "--holdout-after: of each robot's own logs")
     folder = _folder(output)
@@ -65,7 +53,7 @@ def fleet(
     from lptn.identify.data import load_model
 
     loaded, found = load_model(model, held.texts), by_day(robots_of(robots))
-    check_outputs(json, pictures=[plot], inputs=(model, *(log for robot in found for log in robot.logs)))
+    options.check_outputs(json, pictures=[plot], inputs=(model, *(log for robot in found for log in robot.logs)))
     outcomes: list[Outcome] = []
 
     def on_outcome(outcome: Outcome) -> None:
@@ -95,7 +83,7 @@ def fleet(
     if plot is not None and done.parameters:
         from lptn.report.fleet_figure import fleet_figure
 
-        write_figure(fleet_figure(done), plot)
+        options.write_figure(fleet_figure(done), plot)
     if done.failed:
         sys.exit(1)
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, cast
 from cyclopts import Parameter as Option
 
 from lptn.basics.errors import InputError
-from lptn.cli.options import Json, Output, check_outputs, limits_of
+from lptn.cli.options import Json, NodeLimits, Output, check_outputs, limits_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -23,7 +23,6 @@ Platforms = Annotated[
         "By default this machine."
     ),
 ]
-Limit = Annotated[list[str] | None, Option(help="Limit in degC, for all nodes or as NODE=90; may be repeated.")]
 Forecast = Annotated[
     bool, Option(help="Add the time to each node's limit as an output; it depends on the whole model.")
 ]
@@ -61,7 +60,7 @@ def fmu(
     step: Annotated[
         float | None, Option(help="Longest inner step in s; by default chosen from the model's time constants.")
     ] = None,
-    limit: Limit = None,
+    limit: NodeLimits = None,
     forecast: Forecast = False,
     events: Events = False,
     admissible: Admissible = False,

@@ -10,18 +10,7 @@ from cyclopts import Parameter as Option
 from cyclopts import validators
 
 from lptn.basics.errors import InputError
-from lptn.cli.options import (
-    COLUMNS,
-    ROWS,
-    Columns,
-    Details,
-    Json,
-    Picture,
-    check_inputs,
-    check_outputs,
-    limits_of,
-    write_figure,
-)
+from lptn.cli import options
 
 if TYPE_CHECKING:
     from lptn.online.operating_point import WindowChoice
@@ -43,13 +32,11 @@ def forecast(
     cycles: Annotated[
         int, Option(help="Number of gait cycles with --window cycles.", validator=validators.Number(gte=1))
     ] = 10,
-    coverage: Annotated[
-        float, Option(help="Probability of the intervals.", validator=validators.Number(gt=0, lt=1))
-    ] = 0.9,
-    details: Details = False,
-    json: Json = None,
-    plot: Picture = None,
-    columns: Columns = COLUMNS,
+    coverage: options.Coverage = 0.9,
+    details: options.Details = False,
+    json: options.Json = None,
+    plot: options.Picture = None,
+    columns: options.Columns = options.COLUMNS,
 ) -> None:
     """Forecast when each joint reaches its limit.
 
@@ -57,9 +44,9 @@ def forecast(
 
     Example: lptn forecast fitted.toml now.parquet --limit 60
     """
-    check_outputs(json, pictures=[plot], inputs=(model, log))
-    limits, chosen = limits_of(limit, ""), _window(window)
-    check_inputs(model, log)
+    options.check_outputs(json, pictures=[plot], inputs=(model, log))
+    limits, chosen = options.limits_of(limit, ""), _window(window)
+    options.check_inputs(model, log)
     from lptn.cli.terminal import is_quiet, progress, show_table, write_json
     from lptn.report.tables import forecast_table
     from lptn.study import Study
@@ -69,13 +56,13 @@ def forecast(
         ahead = study.forecast(limits, cycles, coverage, window=chosen)
     print(ahead.narrative())
     if not is_quiet():
-        most = None if details else ROWS
+        most = None if details else options.ROWS
         show_table(*forecast_table(ahead.result, most), most=most)
     write_json(json, ahead.result.as_json())
     if plot is not None:
         from lptn.report.online_figures import forecast_figure
 
-        write_figure(forecast_figure(ahead.result), plot)
+        options.write_figure(forecast_figure(ahead.result), plot)
 
 
 def _window(word: str) -> WindowChoice:

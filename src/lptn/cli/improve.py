@@ -8,21 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter as Option
 from cyclopts import validators
 
+from lptn.cli import options
 from lptn.cli.diagnose import show_advice
-from lptn.cli.options import (
-    DATA,
-    Data,
-    Details,
-    Jobs,
-    Json,
-    OptionalOutput,
-    Test,
-    check_inputs,
-    check_outputs,
-    executor_of,
-    needs_logs,
-    typed,
-)
 
 if TYPE_CHECKING:
     from lptn.diagnose.advice import Advice
@@ -38,14 +25,14 @@ def improve(
     model: Path,
     /,
     *logs: Path,
-    output: OptionalOutput = None,
-    data: Data = DATA,
-    test: Test = None,
+    output: options.OptionalOutput = None,
+    data: options.Data = options.DATA,
+    test: options.Test = None,
     steps: Steps = 6,
-    details: Details = False,
-    json: Json = None,
-    report: Annotated[Path | None, Option(help="HTML report to write.")] = None,
-    jobs: Jobs = 1,
+    details: options.Details = False,
+    json: options.Json = None,
+    report: options.Report = None,
+    jobs: options.Jobs = 1,
 ) -> None:
     """Find the missing effects, add them and refit.
 
@@ -53,13 +40,13 @@ def improve(
 
     Example: lptn improve leg.toml monday.parquet --holdout friday.parquet -o better.toml --report story.html
     """
-    needs_logs(logs)
-    check_outputs(output, json, report, inputs=(*logs, *(data.holdout or ()), *(test or ())))
-    check_outputs(json, report, inputs=(model,))  # only the better model may take its place
-    check_inputs(model, *logs, *(data.holdout or ()), *(test or ()))
+    options.needs_logs(logs)
+    options.check_outputs(output, json, report, inputs=(*logs, *(data.holdout or ()), *(test or ())))
+    options.check_outputs(json, report, inputs=(model,))  # only the better model may take its place
+    options.check_inputs(model, *logs, *(data.holdout or ()), *(test or ()))
     from lptn.cli.terminal import progress, show_written, write_json
 
-    with progress("reading"), executor_of(jobs) as executor:
+    with progress("reading"), options.executor_of(jobs) as executor:
         study = data.opening(model, logs, test).study(executor)
         study.improve(steps)
         history, advice = study.selection(), study.advise()
@@ -70,7 +57,7 @@ def improve(
         study.save(output)
     write_json(json, history.as_json() | advice.as_json())
     if report is not None:
-        study.report(report, (typed(),))
+        study.report(report, (options.typed(),))
     show_written({"the best model": output, "open it in a browser": report})
 
 

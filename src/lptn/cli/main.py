@@ -53,8 +53,7 @@ def _command_of(
     *words: Annotated[str, Option(show=False, allow_leading_hyphen=True)],
     verbose: Annotated[bool, Option(name=["--verbose", "-v"], help="Also print what is being done.")] = False,
     quiet: Annotated[
-        bool,
-        Option(name=["--quiet", "-q"], help="Print only the answer, without progress, warnings and tables."),
+        bool, Option(name=["--quiet", "-q"], help="Print only the answer, without progress, warnings and tables.")
     ] = False,
 ) -> None:
     """Run the command that words make."""

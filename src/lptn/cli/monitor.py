@@ -10,18 +10,7 @@ from cyclopts import Parameter as Option
 from cyclopts import validators
 
 from lptn.basics.errors import InputError
-from lptn.cli.options import (
-    COLUMNS,
-    ROWS,
-    Columns,
-    Details,
-    Json,
-    Picture,
-    check_inputs,
-    check_outputs,
-    needs_logs,
-    write_figure,
-)
+from lptn.cli import options
 
 if TYPE_CHECKING:
     from lptn.logs.run import Run
@@ -51,13 +40,12 @@ def monitor(
         Option(help="Rate of false alarms of the statistical detector, per hour.", validator=validators.Number(gt=0)),
     ] = 0.01,
     calibration: Annotated[
-        Path | None,
-        Option(help="Calibration file: written with --healthy, read without it."),
+        Path | None, Option(help="Calibration file: written with --healthy, read without it.")
     ] = None,
-    details: Details = False,
-    json: Json = None,
-    plot: Picture = None,
-    columns: Columns = COLUMNS,
+    details: options.Details = False,
+    json: options.Json = None,
+    plot: options.Picture = None,
+    columns: options.Columns = options.COLUMNS,
 ) -> None:
     """Find faulty temperature sensors and dead inputs.
 
@@ -67,11 +55,11 @@ def monitor(
 
     Example: lptn monitor fitted.toml today.parquet --threshold 10 --healthy monday.parquet tuesday.parquet
     """
-    needs_logs(logs)
+    options.needs_logs(logs)
     read, written = (None, calibration) if healthy else (calibration, None)
     inputs = (model, *logs, *(healthy or ()), *(() if read is None else (read,)))
-    check_outputs(json, written, pictures=[plot], inputs=inputs)
-    check_inputs(model, *logs, *(healthy or ()))
+    options.check_outputs(json, written, pictures=[plot], inputs=inputs)
+    options.check_inputs(model, *logs, *(healthy or ()))
     from lptn.cli.terminal import is_quiet, progress, show_table, write_json
     from lptn.identify.data import load_model
     from lptn.online.monitoring import monitor as watch
@@ -89,13 +77,13 @@ def monitor(
     rows = [cells for watched in result.runs for cells in _rows(watched)]
     if rows and not is_quiet():
         heads = "run", "sensor", "fault", "size", "since", "statistical", f"over {threshold:g} K"
-        show_table(heads, rows, most=None if details else ROWS)
+        show_table(heads, rows, most=None if details else options.ROWS)
         print("Times are in s on each log's clock, or since its start where that clock counts from 1970.")
     write_json(json, result.as_json())
     if plot is not None:
         from lptn.report.online_figures import monitoring_figure
 
-        write_figure(monitoring_figure(result), plot)
+        options.write_figure(monitoring_figure(result), plot)
 
 
 def _calibration(

@@ -25,8 +25,7 @@ def open(  # noqa: A001 - the command's name
         bool, Option(help="Open the browser; otherwise only print the address.", negative="--no-browser")
     ] = True,
     port: Annotated[
-        int,
-        Option(help="Port of the server; by default a free one.", validator=validators.Number(gte=0, lte=65535)),
+        int, Option(help="Port of the server; by default a free one.", validator=validators.Number(gte=0, lte=65535))
     ] = 0,
 ) -> None:
     """Open the workbench in the browser.

@@ -39,6 +39,7 @@ Beginning = Annotated[
 ]
 OptionalOutput = Annotated[Path | None, Option(name=["--output", "-o"], help="File to write the model to.")]
 Json = Annotated[Path | None, Option(help="JSON file for the result.")]
+Report = Annotated[Path | None, Option(help="HTML report to write.")]
 HtmlReport = Annotated[Path | None, Option(help="HTML page to write, with zoomable charts.")]
 Details = Annotated[bool, Option(help="Print all results below the answer.")]
 ROWS = 6
@@ -48,6 +49,12 @@ Test = Annotated[
     list[Path] | None, Option(help="Test logs: only the final model predicts them.", consume_multiple=True)
 ]
 Jobs = Annotated[int, Option(help="Number of processes.", validator=validators.Number(gte=1))]
+Limits = Annotated[
+    list[str] | None,
+    Option(help="Limit in degC for all joints, or NODE=degC, also for a pattern of nodes; may be repeated."),
+]
+NodeLimits = Annotated[list[str] | None, Option(help="Limit in degC, for all nodes or as NODE=90; may be repeated.")]
+Coverage = Annotated[float, Option(help="Probability of the intervals.", validator=validators.Number(gt=0, lt=1))]
 
 
 def _not_negative(_type: object, value: float | str) -> None:
@@ -101,8 +108,7 @@ class HeldOut(Columns):
     """What is held out of a fit."""
 
     holdout: Annotated[
-        list[Path] | None,
-        Option(help="Held-out logs: no parameter is fitted to them.", consume_multiple=True),
+        list[Path] | None, Option(help="Held-out logs: no parameter is fitted to them.", consume_multiple=True)
     ] = None
     holdout_after: Annotated[
         float | str | None,

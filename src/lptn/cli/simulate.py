@@ -7,15 +7,7 @@ from pathlib import Path
 from lptn.cli.options import COLUMNS, Columns, Json, Output, check_inputs, check_outputs
 
 
-def simulate(
-    model: Path,
-    log: Path,
-    /,
-    *,
-    output: Output,
-    json: Json = None,
-    columns: Columns = COLUMNS,
-) -> None:
+def simulate(model: Path, log: Path, /, *, output: Output, json: Json = None, columns: Columns = COLUMNS) -> None:
     """Predict a log's temperatures, and write them.
 
     The file is a log itself, .csv or .parquet.

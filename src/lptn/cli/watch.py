@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter as Option
 from cyclopts import validators
 
-from lptn.cli.options import COLUMNS, Columns, Json, check_inputs, check_outputs, limits_of
+from lptn.cli.options import COLUMNS, Columns, Coverage, Json, Limits, check_inputs, check_outputs, limits_of
 
 if TYPE_CHECKING:
     from rich.live import Live
@@ -33,10 +33,7 @@ def watch(
             consume_multiple=True,
         ),
     ] = None,
-    limit: Annotated[
-        list[str] | None,
-        Option(help="Limit in degC for all joints, or NODE=degC, also for a pattern of nodes; may be repeated."),
-    ] = None,
+    limit: Limits = None,
     replay: Annotated[
         float | None,
         Option(
@@ -52,9 +49,7 @@ def watch(
             validator=validators.Number(gt=0),
         ),
     ] = 30.0,
-    coverage: Annotated[
-        float, Option(help="Probability of the intervals.", validator=validators.Number(gt=0, lt=1))
-    ] = 0.9,
+    coverage: Coverage = 0.9,
     calibration: Annotated[
         Path | None, Option(help="Calibration file of lptn monitor, learnt from healthy logs.")
     ] = None,
