@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
-from dataclasses import field, fields, make_dataclass
+from dataclasses import field, make_dataclass
 from threading import Event
 from typing import Any
 
@@ -109,7 +108,7 @@ class Dds(Source):
         known, readers = message_types(), dict[str, Any]()
         publications = BuiltinDataReader(self._participant, BuiltinTopicDcpsPublication)
         newest = Qos(Policy.Reliability.BestEffort, Policy.History.KeepLast(1))
-        for _ in _until(stop):
+        while not stop.wait(_PAUSE):
             for one in publications.take(100):
                 kind, topic = getattr(one, "type_name", ""), getattr(one, "topic_name", "")
                 if kind in known and kind.endswith(_PUBLISHED) and topic not in readers:
@@ -120,7 +119,7 @@ class Dds(Source):
 
     def _say(self, topic: str, message: Any) -> None:
         """Put a message into the inbox; what is known of its type is where its quantities stand."""
-        content = _as_dict(message)
+        content: dict[str, Any] = _plain(message)
         stamp = content.pop("header", {}).get("stamp", {"sec": 0, "nanosec": 0})
         numbers = flat(content)
         if (names := (topic, *numbers)) not in self._known:
@@ -133,20 +132,11 @@ class Dds(Source):
         self.inbox.put(said | ({"time": seconds} if seconds else {}))
 
 
-def _until(stop: Event) -> Iterator[None]:
-    while not stop.wait(_PAUSE):
-        yield
-
-
-def _as_dict(message: Any) -> dict[str, Any]:
-    """A message as nested dictionaries and lists."""
-
-    def plain(value: Any) -> Any:
-        if hasattr(value, "__dataclass_fields__"):
-            return _as_dict(value)
-        return [plain(one) for one in value] if isinstance(value, list | tuple) else value
-
-    return {one.name: plain(getattr(message, one.name)) for one in fields(message)}
+def _plain(value: Any) -> Any:
+    """A message as nested dictionaries and lists; `asdict` copies each number, and takes three times as long."""
+    if hasattr(value, "__dataclass_fields__"):
+        return {name: _plain(own) for name, own in vars(value).items()}
+    return [_plain(own) for own in value] if isinstance(value, list | tuple) else value
 
 
 _CONFIGURATION = """<CycloneDDS><Domain><General><Interfaces><NetworkInterface address="{address}"/></Interfaces>

@@ -88,6 +88,13 @@ class Source(ABC):
         self.defaults: dict[str, ColumnSource] = {}
         """Where quantities stand in a format that says so itself."""
 
+    def put_lines(self, text: bytes) -> bytes:
+        """Put whole lines into the inbox; what is left of the text, unless it is too long to become a line."""
+        *lines, rest = text.split(b"\n")
+        for line in lines:
+            self.inbox.put(line)
+        return rest if len(rest) < LONGEST else b""
+
     @abstractmethod
     def run(self, stop: Event) -> None:
         """Fill the inbox until the source ends or `stop` is set; runs in a thread."""
@@ -104,10 +111,7 @@ class Lines(Source):
     def run(self, stop: Event) -> None:
         rest = b""
         while not stop.is_set() and (chunk := os.read(self._descriptor, 1 << 16)):
-            *lines, rest = (rest + chunk).split(b"\n")
-            for line in lines:
-                self.inbox.put(line)
-            rest = rest if len(rest) < LONGEST else b""
+            rest = self.put_lines(rest + chunk)
         if rest:
             self.inbox.put(rest)
 
@@ -137,9 +141,7 @@ class GrowingFile(Source):
         rest, own = b"", os.fstat(stream.fileno())
         while not stop.is_set():
             while chunk := stream.read(1 << 16):
-                *lines, rest = (rest + chunk).split(b"\n")
-                for line in lines:
-                    self.inbox.put(line)
+                rest = self.put_lines(rest + chunk)
             now = self._path.stat()
             if now.st_ino != own.st_ino or now.st_size < stream.tell():
                 return
