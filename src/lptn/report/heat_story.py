@@ -11,13 +11,7 @@ from lptn.basics.style import inline_svg
 from lptn.basics.words import listed
 from lptn.diagnose.improvement import History
 from lptn.diagnose.learned_heat import LearnedCurve
-from lptn.diagnose.unexplained_heat import (
-    HeatPeak,
-    UnexplainedHeat,
-    largest,
-    stretches,
-    unexplained_heat,
-)
+from lptn.diagnose.unexplained_heat import HeatPeak, UnexplainedHeat, largest, stretches, unexplained_heat
 from lptn.identify.fitting import Fit
 from lptn.logs.columns import quantity_of
 from lptn.report.document import Picture

@@ -87,9 +87,7 @@ class Drawing(str):
 
 
 def draw_network(
-    model: Model | Network,
-    temperatures: Mapping[str, float] | None = None,
-    flows: Mapping[str, float] | None = None,
+    model: Model | Network, temperatures: Mapping[str, float] | None = None, flows: Mapping[str, float] | None = None
 ) -> Drawing:
     """A drawing of a network as one `<svg>` element, for a page or a file of its own; light and dark.
 

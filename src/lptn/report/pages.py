@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
-
-from markupsafe import Markup
+from itertools import compress
 
 from lptn.basics.style import inline_svg
 from lptn.diagnose.advice import Advice, Detectable, smallest
 from lptn.diagnose.improvement import History
-from lptn.effects import Effect, catalogue
+from lptn.effects import catalogue
 from lptn.identify.comparison import Comparison, Versus, predict
 from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit
@@ -30,7 +29,7 @@ from lptn.report.narrative import (
     versus_narrative,
 )
 from lptn.report.shown import MOST, NOISE_BAND, effects_shown, error_fields, initialisation_end, reaches, views
-from lptn.report.story_charts import CHARTS, network_picture, shown_runs, tiles, time_charts
+from lptn.report.story_charts import looked_through, network_picture
 from lptn.report.tables import (
     condition_table,
     data_table,
@@ -60,11 +59,7 @@ _PALE = 5.0  # multiples of the noise that the colours of errors reach at least
 
 
 def story_html(
-    history: History,
-    data: DataSplit,
-    title: str,
-    commands: Sequence[str] = (),
-    advice: Advice | None = None,
+    history: History, data: DataSplit, title: str, commands: Sequence[str] = (), advice: Advice | None = None
 ) -> str:
     """One self-contained HTML page that tells what is missing in a model, how sure that is, and what tests it.
 
@@ -88,12 +83,15 @@ def story_html(
     wanted = [_JOBS[job] == which.replace("-", " ") for job, _ in jobs]
     given, best = _only(all_given, wanted), _only(all_best, wanted) if all_best else None
     heat = HeatStory.of(history)
-    runs = shown_runs([_JOBS[job] for job, _ in jobs], all_given, heat.best or heat.given)
-    charts, thinned = time_charts(runs, all_given, all_best, NAMES)
     left = heat.stretches
     said = narrative(history.steps, history.last, advice)
     searched, fitted = (fit.problem.bound_runs[0].run.step for fit in (history.first.fit, first.fit))
-    effects = _effects_named(history)
+    # Of the given and of the best model, what was refused, and what would have shown, each once.
+    networks = (step.fit.model.network for step in (first, last))
+    named = [step.key[0] for step in (*effects_shown(history), *history.last.refused)]
+    named += [one.candidate.effect.key for one in history.last.weighed]
+    of_models = [type(declared.effect) for network in networks for declared in network.effects]
+    effects = list(dict.fromkeys([*of_models, *(catalogue()[key] for key in named)]))
     works = [cited.reference.full for cited in works_cited(effect.source for effect in effects)]
     titles = [
         "In short",
@@ -117,9 +115,7 @@ def story_html(
         ),
         network=network_picture(all_given),
         best_network=network_picture(all_best) if all_best else None,
-        tiles=tiles(runs, all_best or all_given),
-        charts=charts.html(CHARTS),
-        thinned=thinned,
+        **looked_through(all_given, all_best, NAMES, [_JOBS[job] for job, _ in jobs], heat.best or heat.given),
         history=history_table(history),
         fall=_fall(history) if all_best else None,
         conditions=conditions_picture(given, best, which),
@@ -133,7 +129,7 @@ def story_html(
         more_stretches=max(len(left) - _FEW, 0),
         hiding=heat.hiding,
         more_than_noise=history.remaining != "adequate",
-        predictions=Picture(_about_predictions(given, best, data, which), _predictions(given, best)),
+        predictions=_predictions(given, best, which, {segment.run.name for segment in data.fit}),
         told=effects_table(history),
         refused=refused_table(history),
         coarse=searched if searched > fitted else None,
@@ -153,23 +149,12 @@ def story_html(
 
 def _compared(fit: Fit, data: DataSplit) -> Comparison:
     """A fitted model on all runs."""
-    predicted = tuple(predict(fit.model, segment) for segment in data.segments)
-    return Comparison(fit.model, predicted, fit.noise)
+    return Comparison(fit.model, tuple(predict(fit.model, segment) for segment in data.segments), fit.noise)
 
 
 def _only(comparison: Comparison, wanted: Sequence[bool]) -> Comparison:
     """A comparison of some of its runs."""
-    kept = tuple(prediction for prediction, is_wanted in zip(comparison.predictions, wanted, strict=True) if is_wanted)
-    return replace(comparison, predictions=kept)
-
-
-def _effects_named(history: History) -> list[type[Effect]]:
-    """The effects of the given and of the best model, what was refused, and what would have shown, each once."""
-    networks = (step.fit.model.network for step in (history.steps[0], history.best))
-    effects = [type(declared.effect) for network in networks for declared in network.effects]
-    answers = [*effects_shown(history), *history.last.refused]
-    named = [step.key[0] for step in answers] + [one.candidate.effect.key for one in history.last.weighed]
-    return list(dict.fromkeys([*effects, *(catalogue()[key] for key in named)]))
+    return replace(comparison, predictions=tuple(compress(comparison.predictions, wanted)))
 
 
 def conditions_picture(given: Comparison, best: Comparison | None, which: str) -> Picture | None:
@@ -197,24 +182,19 @@ def _fall(history: History) -> Picture:
     return Picture(f"RMSE from the model as given (step 0, blue) to {best}; {held}.", drawing)
 
 
-def _predictions(given: Comparison, best: Comparison | None = None, names: tuple[str, str] = NAMES) -> Markup:
-    figure = predictions_figure(given, best, names=names)
-    return inline_svg(figure, "measured and predicted temperatures, and errors")
-
-
-def _about_predictions(
+def _predictions(
     given: Comparison,
-    best: Comparison | None,
-    data: DataSplit,
-    which: str,
-    names: tuple[str, str] = ("the model as given", "the best model"),
-) -> str:
-    """The caption of measured and predicted temperatures."""
-    lines = f"The blue line is {names[0]}, the green one {names[1]}" if best else "The blue line is the model"
+    best: Comparison | None = None,
+    which: str = "compared",
+    fitted: Collection[str] = (),
+    names: tuple[str, str] | None = None,
+) -> Picture:
+    """Measured and predicted temperatures; `fitted` are the names of runs that the model was fitted to."""
+    blue, green = names or ("the model as given", "the best model")
+    lines = f"The blue line is {blue}, the green one {green}" if best else "The blue line is the model"
     below = f"below, the error (predicted − measured), and ±{NOISE_BAND:g} times the sensor noise in grey"
     text = f"Temperatures on the {which} runs. {lines}; {below}."
     if any(initialisation_end(prediction) is not None for prediction in given.predictions):
-        fitted = {segment.run.name for segment in data.fit}
         same = all(prediction.segment.run.name in fitted for prediction in given.predictions)
         shaded = "the shaded time, which was fitted," if same else "the shaded time"
         text += f" Readings in {shaded} only set the initial temperatures; what follows is predicted freely."
@@ -222,7 +202,9 @@ def _about_predictions(
         text += " The initial temperatures were fitted to all of these readings, so this is no test."
     count = len(views(given))
     chosen = f"the worst {MOST} of {count}" if count > MOST else "all measured"
-    return f"{text} Shown are {chosen} nodes and runs."
+    figure = predictions_figure(given, best, names=names or NAMES)
+    drawing = inline_svg(figure, "measured and predicted temperatures, and errors")
+    return Picture(f"{text} Shown are {chosen} nodes and runs.", drawing)
 
 
 def detectability_picture(sizes: Sequence[Detectable]) -> Picture | None:
@@ -253,18 +235,13 @@ def comparison_html(comparison: Comparison, title: str) -> str:
     Returns:
         HTML text; the same arguments give the same text.
     """
-    caption = _about_predictions(comparison, None, DataSplit(()), "compared")
-    runs = shown_runs([""] * len(comparison.predictions), comparison)
-    charts, thinned = time_charts(runs, comparison, None, NAMES)
     return render(
         "comparison.html.j2",
         title=title,
         network=network_picture(comparison),
-        tiles=tiles(runs, comparison),
-        charts=charts.html(CHARTS),
-        thinned=thinned,
+        **looked_through(comparison),
         said=comparison_narrative(comparison),
-        predictions=Picture(caption, _predictions(comparison)),
+        predictions=_predictions(comparison),
         maps=conditions_picture(comparison, None, "compared"),
         errors=error_table(comparison),
         conditions=condition_table(comparison),
@@ -293,19 +270,14 @@ def versus_html(result: Versus, title: str) -> str:
     both = set(result.other.model.nodes) <= set(result.model.model.nodes)
     given, best = (result.other, result.model) if both else (result.model, None)
     names = result.names[1], result.names[0]
-    caption = _about_predictions(given, best, DataSplit(()), "compared", names)
-    runs = shown_runs([""] * len(given.predictions), given)
-    charts, thinned = time_charts(runs, given, best, names)
     return render(
         "versus.html.j2",
         title=title,
-        tiles=tiles(runs, result.model),
-        charts=charts.html(CHARTS),
-        thinned=thinned,
+        **looked_through(given, best, names),
         names=result.names,
         said=versus_narrative(result),
         bars=Picture(bars, inline_svg(versus_figure(result), "errors of both models by class of joints and by run")),
-        predictions=Picture(caption, _predictions(given, best, names)),
+        predictions=_predictions(given, best, names=names),
         classes=versus_table("joints", result.classes),
         runs=versus_table("run", result.runs),
         data=data_table({"compared": tuple(prediction.segment for prediction in result.model.predictions)}),

@@ -15,13 +15,13 @@ from lptn.basics.lines import thinned, time_unit
 from lptn.diagnose.unexplained_heat import UnexplainedHeat
 from lptn.identify.comparison import Comparison, Errors, Prediction
 from lptn.report.charts import POINTS, ChartPanel, Charts, Line, View, sizes_in_words
+from lptn.report.comparison_figures import NAMES
 from lptn.report.document import Picture
 from lptn.report.network_course import hottest_moment
 from lptn.report.shown import NOISE_BAND, ONE_SIDED
 from lptn.report.text import kelvin, signed_kelvin, significant
 
-CHARTS = "story"
-"""Name of the charts on the page, which the tiles pick from."""
+_CHARTS = "story"  # name of the charts on the page, which the tiles pick from
 
 
 @dataclass(frozen=True)
@@ -63,6 +63,27 @@ def shown_runs(jobs: Sequence[str], comparison: Comparison, heat: Sequence[Unexp
     return runs
 
 
+def looked_through(
+    given: Comparison,
+    best: Comparison | None = None,
+    names: tuple[str, str] = NAMES,
+    jobs: Sequence[str] | None = None,
+    heat: Sequence[UnexplainedHeat] = (),
+) -> dict[str, object]:
+    """Every node and run as a reader looks through them: `tiles`, `charts`, and `thinned`, a sentence on their lines.
+
+    Args:
+        given: the model as given.
+        best: the model as it is now, where it is another; its errors are then the tiles'.
+        names: of the two models.
+        jobs: what each run was used as, where that is shown.
+        heat: of the first so many runs, the fitted ones.
+    """
+    runs = shown_runs(jobs or [""] * len(given.predictions), given, heat)
+    charts, thinned = time_charts(runs, given, best, names)
+    return {"tiles": tiles(runs, best or given), "charts": charts.html(_CHARTS), "thinned": thinned}
+
+
 # --- tiles: node by run ---------------------------------------------------------------------------------------
 
 
@@ -82,7 +103,7 @@ def tiles(runs: Sequence[Shown], comparison: Comparison) -> dict[str, Any]:
         for cell in row["cells"]:
             if isinstance(cell, dict):
                 cell["share"] = f"{cell['share'] / most if most else 0.0:.2f}"
-    return {"charts": CHARTS, "heads": [run.label for run in runs], "rows": rows}
+    return {"charts": _CHARTS, "heads": [run.label for run in runs], "rows": rows}
 
 
 def _tile(node: str, run: str, errors: Errors, floor: float) -> dict[str, Any]:
