@@ -150,11 +150,10 @@ class Study:
         self._steps: list[Step] = []
         self._undone: list[Step] = []
         self._attempts: list[tuple[object, Step, Step]] = []  # the effect, the step before it, and the step with it
-        self._branches: tuple[tuple[Step, ...], ...] = ()
+        self.branches: tuple[tuple[Step, ...], ...] = ()
+        """Other ways that were gone from the model as given, and left by `undo` and another `add`; the latest last."""
         self._diagnoses: dict[int, Diagnosis] = {}  # by the number of the step
-        self._searched: tuple[int, History] | None = (
-            None  # the last search, and from which step, while nothing followed
-        )
+        self._searched: tuple[int, History] | None = None  # from which step, and the last search while nothing followed
         self._advice: tuple[Diagnosis, Advice] | None = None  # the last one, and what it follows from
         self.symmetry_trials: tuple[SymmetryTrial, ...] = ()
         """The symmetry penalties that the last fit tried, with their errors on held-out runs."""
@@ -216,11 +215,6 @@ class Study:
         return tuple(reversed(self._undone))
 
     @property
-    def branches(self) -> tuple[tuple[Step, ...], ...]:
-        """Other ways that were gone from the model as given, and left by `undo` and another `add`; the latest last."""
-        return self._branches
-
-    @property
     def diagnosed(self) -> Diagnosis | None:
         """What `diagnose` said of the model as it is now; `None` where it was not asked yet."""
         return self._diagnoses.get(max(len(self._steps) - 1, 0))
@@ -228,8 +222,7 @@ class Study:
     @property
     def advised(self) -> Advice | None:
         """What `advise` said of the model as it is now; `None` where it was not asked yet."""
-        current = self._advice is not None and self._advice[0] is self.diagnosed
-        return self._advice[1] if self._advice and current else None
+        return self._advice[1] if self._advice and self._advice[0] is self.diagnosed else None
 
     def __repr__(self) -> str:
         data = (("fitted", self.data.fit), ("held out", self.data.holdout), ("test", self.data.test))
@@ -445,12 +438,12 @@ class Study:
         Raises:
             InputError: no way has that number.
         """
-        if not -len(self._branches) <= number < len(self._branches):
-            raise InputError("study", "branch", f"{number}", f"one of {len(self._branches)} that were left")
-        chosen, left = self._branches[number], (*self._steps, *self.undone)
-        others = [branch for branch in self._branches if branch is not chosen]
+        if not -len(self.branches) <= number < len(self.branches):
+            raise InputError("study", "branch", f"{number}", f"one of {len(self.branches)} that were left")
+        chosen, left = self.branches[number], (*self._steps, *self.undone)
+        others = [branch for branch in self.branches if branch is not chosen]
         gone_on = left == chosen[: len(left)]
-        self._branches = tuple(others if gone_on else [*others, left])
+        self.branches = tuple(others if gone_on else [*others, left])
         common = sum(1 for one, other in zip(self._steps, chosen, strict=False) if one is other)
         self._diagnoses = {step: diagnosis for step, diagnosis in self._diagnoses.items() if step < common}
         self._steps, self._searched = list(chosen), None
@@ -469,17 +462,7 @@ class Study:
         """
         self._needs_conclusive_data()
         with shown_in_notebook("searching for missing effects"):
-            history = improve(
-                self._searched_from,
-                self.data,
-                most=most,
-                ambient_error=self.ambient_error,
-                torque_error=self.torque_error,
-                surface_error=self.surface_error,
-                executor=self.executor,
-                report=logger.info,
-                on_step=on_step,
-            )
+            history = improve(self._searched_from, self.data, most=most, on_step=on_step, **self._options)
         self._leave()
         before = max(len(self._steps) - 1, 0)
         given = self._steps[-1] if self._steps else history.steps[0]
@@ -671,7 +654,7 @@ class Study:
         """Fit the model as given and all steps again, since the data or what is given are others now."""
         fitted = bool(self._steps)
         self._searched = None
-        self._branches = ()
+        self.branches = ()
         for outdated in (self._steps, self._undone, self._attempts, self._diagnoses):
             outdated.clear()
         if fitted:
@@ -694,7 +677,7 @@ class Study:
     def _leave(self) -> None:
         """Keep what was undone as a branch, where the study goes another way now."""
         if self._undone:
-            self._branches = (*self._branches, (*self._steps, *self.undone))
+            self.branches = (*self.branches, (*self._steps, *self.undone))
             self._undone.clear()
 
     def _append(self, step: Step) -> Step:
@@ -704,14 +687,12 @@ class Study:
         self._searched = None
         return self._steps[-1]
 
+    @property
+    def _options(self) -> dict[str, Any]:
+        """Of a search."""
+        errors = {name: getattr(self, name) for name in ("ambient_error", "torque_error", "surface_error")}
+        return errors | {"executor": self.executor, "report": logger.info}
+
     def _diagnosis_of(self, model: Model) -> Diagnosis:
         with shown_in_notebook("searching for missing effects"):
-            return diagnose(
-                model,
-                self.data,
-                ambient_error=self.ambient_error,
-                torque_error=self.torque_error,
-                surface_error=self.surface_error,
-                executor=self.executor,
-                report=logger.info,
-            )
+            return diagnose(model, self.data, **self._options)

@@ -320,7 +320,27 @@ def table_of(fleet: Fleet) -> pd.DataFrame:
     A standard error is missing where the logs don't determine the parameter; all numbers of a robot that failed are.
     """
     names = list(dict.fromkeys(name for outcome in fleet.outcomes for name in outcome.parameters))
-    return pd.DataFrame([_row(outcome, fleet.robots[outcome.robot], names) for outcome in fleet.outcomes])
+    rows = []
+    for outcome in fleet.outcomes:
+        of, result = fleet.robots[outcome.robot], outcome.result
+        row: dict[str, object] = {
+            "robot": of.of,
+            "day": of.day,
+            "fitted": outcome.fitted,
+            "converged": outcome.converged,
+            "search": result.get("status"),
+            "rmse": outcome.rmse,
+            "rmse_holdout": result.get("rmse_holdout"),
+            "logs": len(result.get("data", ())),
+            "warnings": "; ".join(result.get("warnings", ())),
+            "message": outcome.message,
+        }
+        for name in names:
+            parameter = outcome.parameters.get(name, {})
+            row |= {name: parameter.get("value"), f"{name}.error": parameter.get("error")}
+        rows.append(row)
+    numbers = ["rmse_holdout", *names, *(f"{name}.error" for name in names)]
+    return pd.DataFrame(rows).astype(dict.fromkeys(numbers, float))
 
 
 def write_tables(fleet: Fleet, folder: Path) -> None:
@@ -328,27 +348,3 @@ def write_tables(fleet: Fleet, folder: Path) -> None:
     table = table_of(fleet)
     for name in ("fleet.csv", "fleet.parquet"):
         write_table(folder / name, table)
-
-
-def _row(outcome: Outcome, of: RobotLogs, names: list[str]) -> dict[str, object]:
-    row: dict[str, object] = {
-        "robot": of.of,
-        "day": of.day,
-        "fitted": outcome.fitted,
-        "converged": outcome.converged,
-        "search": outcome.result.get("status"),
-        "rmse": outcome.rmse,
-        "rmse_holdout": _number(outcome.result.get("rmse_holdout")),
-        "logs": len(outcome.result.get("data", ())),
-        "warnings": "; ".join(outcome.result.get("warnings", ())),
-        "message": outcome.message,
-    }
-    for name in names:
-        parameter = outcome.parameters.get(name, {})
-        row[name] = _number(parameter.get("value"))
-        row[f"{name}.error"] = _number(parameter.get("error"))
-    return row
-
-
-def _number(value: float | None) -> float:
-    return float("nan") if value is None else value

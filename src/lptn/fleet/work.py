@@ -167,9 +167,7 @@ def _contents(logs: Sequence[str]) -> list[tuple[str, str]]:
 
 @lru_cache(maxsize=2)
 def _unpickled(model: bytes) -> LoadedModel:
-    loaded = pickle.loads(model)
-    if not isinstance(loaded, LoadedModel):
-        raise TypeError(f"expected a loaded model, found {type(loaded).__name__}")
+    loaded: LoadedModel = pickle.loads(model)
     return loaded
 
 

@@ -12,7 +12,7 @@ from lptn.study import Study
 
 @dataclass(frozen=True)
 class Opening:
-    """A model file with its logs; arguments as for `lptn.Study`."""
+    """A model file with its logs: the arguments of `lptn.Study`, by their names."""
 
     model: Path
     fit: tuple[Path, ...]
@@ -33,18 +33,7 @@ class Opening:
         Raises:
             InputError: a file can't be used.
         """
-        return Study(
-            self.model,
-            self.fit,
-            self.holdout,
-            self.test,
-            holdout_after=self.holdout_after,
-            columns=self.columns,
-            ambient_error=self.ambient_error,
-            torque_error=self.torque_error,
-            surface_error=self.surface_error,
-            executor=executor,
-        )
+        return Study(**vars(self), executor=executor)
 
     def fingerprint(self, study: Study) -> str:
         """What tells one session from another: the model's text, the logs' contents and jobs, the options."""
