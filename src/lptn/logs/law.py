@@ -411,8 +411,8 @@ def gain_change(log: Channels, key: str, load: str) -> GainChange | None:
     """
     if log.block < _ROWS:
         return None
-    first, last = standing(log.values[load])
-    known = log.block / usual_length(last - first + 1)[0]  # in fewer than one a number stands for longer, and is known
+    stands = np.subtract(*standing(log.values[load])[::-1]) + 1  # rows, that each number does
+    known = log.block / usual_length(stands)[0]  # in fewer than one a number stands for longer, and is known
     law = warming(log, key, load) if not 1 < known < _ROWS else None
     if law is None or law.rows.size < _STEPS_AT_LEAST:
         return None
