@@ -240,7 +240,7 @@ def test_numbers_are_found_among_the_bytes_of_any_layout(tmp_path: Path) -> None
     stamps, values, labels = decoder.read(raws)
     assert len(labels) == len(raws)
     # The first's layout is that of one in ten.
-    assert [template.like(raws)[1].sum() for template in decoder.templates] == [6, 54]
+    assert [template.read(raws)[1].sum() for template in decoder.templates] == [6, 54]
     whole = [recorder.store.deserialize_cdr(raw, kind) for raw in raws]
     expected = [list(numbers_of(recorder.store, message).values()) for message in whole]
     np.testing.assert_array_equal(values, expected)

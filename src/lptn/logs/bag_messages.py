@@ -7,7 +7,6 @@ from collections.abc import Hashable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lptn.basics.arrays import BoolArray, FloatArray, IntArray
 from lptn.logs.columns import ColumnSource, is_key, words_of
@@ -146,7 +145,7 @@ def _known(kind: str, topic: str, names: Sequence[str]) -> Iterator[tuple[str, .
 _LAYOUTS = 8  # of a type that are read by their bytes
 _LITTLE_ENDIAN = 1  # the second byte of a message
 _PADDED = 4  # bytes, to a multiple of which a message may be filled up
-_STAMP = ("header.stamp.sec", "header.stamp.nanosec")
+_STAMP = {"header.stamp.sec": 10**9, "header.stamp.nanosec": 1}  # ns
 
 
 class Decoder:
@@ -162,7 +161,7 @@ class Decoder:
     """
 
     def __init__(self, store: Any, kind: str, fields: Sequence[str]) -> None:
-        self._store, self._kind, self._fields = store, kind, fields
+        self._store, self._kind, self._fields = store, kind, (*fields, *_STAMP)
         self.templates: list[_Template] = []
         self._learns = True
 
@@ -171,31 +170,39 @@ class Decoder:
 
         And what each message says of who sent it.
         """
-        stamps, labels = np.zeros(len(raws), np.int64), list[Hashable]([None] * len(raws))
-        values, rest = np.full((len(raws), len(self._fields)), np.nan), np.arange(len(raws))
+        values, labels = np.full((len(raws), len(self._fields)), np.nan), list[Hashable]([None] * len(raws))
+        rest = np.arange(len(raws))
         for number in range(_LAYOUTS):
             if number == len(self.templates) and self._learns and rest.size:
-                template = _Template(self._store, self._kind, raws[int(rest[0])], self._fields)
-                self.templates += [template] * template.usable
-                self._learns = template.usable
+                raw = raws[int(rest[0])]
+                template, (expected, _) = _Template(self._store, self._kind, raw, self._fields), self._one(raw)
+                # It is laid out in another way than its type says, perhaps.
+                self._learns = template.usable and np.array_equal(template.read([raw])[0][0], expected, equal_nan=True)
+                self.templates += [template] * self._learns
             if number == len(self.templates) or not rest.size:
                 break
-            rows, like = self.templates[number].like([raws[row] for row in rest.tolist()])
-            stamps[rest[like]], values[rest[like]] = self.templates[number].read(rows)
+            template = self.templates[number]
+            values_alike, like = template.read([raws[row] for row in rest.tolist()])
+            values[rest[like]] = values_alike
             for row in rest[like].tolist():
-                labels[row] = self.templates[number].label
+                labels[row] = template.label
             rest = rest[~like]
         for row in rest.tolist():
-            message = self._store.deserialize_cdr(raws[row], self._kind)
-            numbers = numbers_of(self._store, message)
-            values[row], labels[row] = [numbers.get(name, np.nan) for name in self._fields], label_of(message)
-            if (header := getattr(message, "header", None)) is not None:
-                stamps[row] = header.stamp.sec * 10**9 + header.stamp.nanosec
-        return stamps, values, labels
+            values[row], labels[row] = self._one(raws[row])
+        stamps = np.nan_to_num(values[:, -len(_STAMP) :]).astype(np.int64) @ np.array(list(_STAMP.values()))
+        return stamps, values[:, : -len(_STAMP)], labels
+
+    def _one(self, raw: bytes) -> tuple[list[float], Hashable]:
+        """The numbers of a message, and who sent it."""
+        message = self._store.deserialize_cdr(raw, self._kind)
+        numbers = numbers_of(self._store, message)
+        if (header := getattr(message, "header", None)) is not None:
+            numbers |= zip(_STAMP, (header.stamp.sec, header.stamp.nanosec), strict=True)
+        return [numbers.get(name, np.nan) for name in self._fields], label_of(message)
 
 
 class _Template:
-    """A message whose bytes show where those of others like it have their stamps and the fields numbers; its sender.
+    """A message whose bytes show where those of others like it have the fields' numbers; its sender.
 
     It is not `usable` where it is laid out in another way than its type says.
     """
@@ -216,32 +223,17 @@ class _Template:
             else:
                 end += len(value.encode()) + 1 if base == _TEXT else 0
                 fixed += range(begin, end)
-        if raw[1] != _LITTLE_ENDIAN or not 0 <= len(raw) - end < _PADDED:
-            return
-        there = {name: places[name] for name in (*fields, *_STAMP) if name in places}
-        offsets, formats = zip(*there.values(), strict=True) if there else ((), ())
-        self._numbers = np.dtype({"names": list(there), "formats": formats, "offsets": offsets, "itemsize": len(raw)})
+        self.usable = raw[1] == _LITTLE_ENDIAN and 0 <= len(raw) - end < _PADDED
+        self._places = [places.get(name) for name in fields]
         self._raw, self._fixed = np.frombuffer(raw, np.uint8), np.array(fixed, np.int64)
-        numbers = numbers_of(store, message)
-        expected = [numbers.get(name, np.nan) for name in fields]
-        self.usable = np.array_equal(self.read(self._raw[None])[1][0], expected, equal_nan=True)
 
-    def like(self, raws: Sequence[bytes]) -> tuple[NDArray[np.uint8], BoolArray]:
-        """The messages laid out like this one as rows of bytes, and which they are, (n,)."""
+    def read(self, raws: Sequence[bytes]) -> tuple[FloatArray, BoolArray]:
+        """Values, (alike, fields), NaN where there is none, of the messages that are laid out like it; which, (n,)."""
         like = np.array([len(raw) == self._raw.size for raw in raws])
         joined = b"".join(raw for raw in raws if len(raw) == self._raw.size)
         rows = np.frombuffer(joined, np.uint8).reshape(-1, self._raw.size)
         like[like] = same = (rows[:, self._fixed] == self._raw[self._fixed]).all(axis=1)
-        return rows[same], like
-
-    def read(self, rows: NDArray[np.uint8]) -> tuple[IntArray, FloatArray]:
-        """Stamps, (n,) ns and 0 without one, and values, (n, fields), of rows of bytes."""
-        numbers = np.ascontiguousarray(rows).view(self._numbers)[:, 0]
-        known, values = self._numbers.names or (), np.full((len(rows), len(self._fields)), np.nan)
-        for k, name in enumerate(self._fields):
-            if name in known:
-                values[:, k] = numbers[name]
-        stamps = np.zeros(len(rows), np.int64)
-        for name, factor in zip(_STAMP, (10**9, 1), strict=True):
-            stamps += factor * numbers[name].astype(np.int64) if name in known else 0
-        return stamps, values
+        rows, values = rows[same], np.full((int(same.sum()), len(self._places)), np.nan)
+        for k, (begin, form) in ((k, place) for k, place in enumerate(self._places) if place):
+            values[:, k] = np.ascontiguousarray(rows[:, begin : begin + int(form[-1])]).view(form)[:, 0]
+        return values, like

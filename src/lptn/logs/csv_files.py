@@ -311,16 +311,20 @@ def _table_of_text(path: Path, opened: Callable[[], BinaryIO], row: str, kind: s
         notes.append(f"log: there are no names above {row} {first}; {of_names}.")
     elif layout.header:
         notes.append(f"log: its table begins on {row} {numbers[layout.header]}; what stands above is left out.")
-    below = _Rows(lines, first, names, layout.units, separator, decimal)
+    kept = array("q")  # the numbers of the lines that were read last
 
     def read(wanted: Sequence[str]) -> pd.DataFrame:
-        frame, words = below.read(wanted)
-        table.note([f"log: {words} lines below its names hold words and no number; left out."] * bool(words))
-        return frame
+        words, positions = array("q"), list(map(names.index, wanted))
+        del kept[:]
+        rows = _rows_below(lines, first, names, layout.units, separator, kept, words)
+        with one_line_if_broken(path, "a whole table"):
+            frame = _parsed(path, rows, positions, len(names), separator, decimal)
+        table.note([f"log: {len(words)} lines below its names hold words and no number; left out."] * bool(words))
+        return frame.set_axis(list(wanted), axis="columns")
 
     units, digest = dict(zip(names, layout.units, strict=False)), partial(fingerprint, path)
     known, said = vesc_columns(names)
-    table = Table(path, names, read, lambda k: f"{row} {below.kept[k]}", kind, defaults=known, notes=[*notes, *said],
+    table = Table(path, names, read, lambda k: f"{row} {kept[k]}", kind, defaults=known, notes=[*notes, *said],
                   digest=digest, units=units)  # fmt: skip
     return table
 
@@ -351,77 +355,73 @@ def _named(
     return names, origin
 
 
-@dataclass
-class _Rows:
-    """The rows of a table of text, from the first line on that holds one, under its names and units.
+def _rows_below(
+    lines: _Lines,
+    first: int,
+    names: tuple[str, ...],
+    units: tuple[str, ...],
+    separator: str,
+    kept: array[int],
+    words: array[int],
+) -> Iterator[str]:
+    """The rows from the `first` line on as texts for pandas, without the last where it is cut.
 
-    A row of words without a number is no row of the table: its names again, a logger's message, a last line that says
-    how many there were. The numbers of the lines of those that were read last are `kept`.
+    A comment is a line that begins with #: in a name, or within a row, it is a character like any other. A row of words
+    without a number is no row of the table: its names again, a logger's message, a last line that says how many there
+    were. The numbers of lines go to `kept`, and to `words`.
+
+    Raises:
+        InputError: a row has more or fewer cells than there are names.
     """
-
-    lines: _Lines
-    first: int
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    separator: str
-    decimal: str
-    kept: Sequence[int] = ()
-
-    def read(self, wanted: Sequence[str]) -> tuple[pd.DataFrame, int]:
-        """The wanted columns, and how many rows of words are left out.
-
-        Raises:
-            InputError: a row has more or fewer cells than there are names, or the file is broken.
-        """
-        kept, words, path = array("q"), array("q"), self.lines.path
-        positions, remaining = list(map(self.names.index, wanted)), self._texts(kept, words)
-        most, at_once = tables.MOST_NUMBERS // max(len(wanted), 1), max(_CELLS_IN_A_CHUNK // len(self.names), 1)
-        frames = [pd.DataFrame({position: [] for position in positions})]
-        with one_line_if_broken(path, "a whole table"):
-            while some := "\n".join(islice(remaining, at_once)):
-                if len(kept) >= most:
-                    raise too_large(path, f"{most} rows or more")
-                frame = pd.read_csv(
-                    io.BytesIO(some.encode()),  # three times as fast as of a text
-                    sep="\t" if self.separator in _BLANKS else self.separator,
-                    decimal=self.decimal,
-                    header=None,
-                    usecols=sorted(positions),
-                    skipinitialspace=True,
-                    skip_blank_lines=False,
-                    low_memory=False,
-                )
-                frames.append(frame)
-        self.kept = kept
-        whole = pd.concat(frames[1:] or frames, ignore_index=True)[positions].set_axis(list(wanted), axis="columns")
-        for name in whole if self.decimal == "," else ():
-            if not pd.api.types.is_numeric_dtype(whole[name]):  # words made text of the numbers beside them
-                cells = whole[name].astype("str")
-                numbers = cells.str.fullmatch(_DECIMAL_COMMA.pattern)
-                whole[name] = whole[name].mask(numbers, cells.str.replace(",", "."))
-        return whole, len(words)
-
-    def _texts(self, kept: array[int], words: array[int]) -> Iterator[str]:
-        """The rows as texts for pandas, without the last where it is cut; `kept` and `words` get their lines' numbers.
-
-        A comment is a line that begins with #: in a name, or within a row, it is a character like any other.
-        """
-        blank, cut = self.separator in _BLANKS, self.lines.cut
-        between, signs = "\t" if blank else self.separator, len(self.names) - 1
-        for number, whole in self.lines:
-            line = whole.rstrip("\r\n ")
-            if number < self.first or not line or line.isspace() or line[0] == "#" or (cut and whole[-1] not in "\r\n"):
+    blank = separator in _BLANKS
+    between, signs = "\t" if blank else separator, len(names) - 1
+    for number, whole in lines:
+        line = whole.rstrip("\r\n ")
+        cut = lines.cut and whole[-1] not in "\r\n"
+        if number < first or not line or line.isspace() or line[0] == "#" or cut:
+            continue
+        row = between.join(_cells(line, separator)) if blank else line
+        # Most begin with a number, and their cells need no look.
+        if not (line[0] in _BEGINS_A_NUMBER and '"' not in line and row.count(between) == signs):
+            place = f"{lines.row} {number}"
+            if not _holds_values(lines.path, place, names, units, _cells(line, separator)):
+                words.append(number)
+                _WORDS.check(len(words), lines.path, place)
                 continue
-            row = between.join(_cells(line, self.separator)) if blank else line
-            # Most begin with a number, and their cells need no look.
-            if not (line[0] in _BEGINS_A_NUMBER and '"' not in line and row.count(between) == signs):
-                place = f"{self.lines.row} {number}"
-                if not _holds_values(self.lines.path, place, self.names, self.units, _cells(line, self.separator)):
-                    words.append(number)
-                    _WORDS.check(len(words), self.lines.path, place)
-                    continue
-            kept.append(number)
-            yield row
+        kept.append(number)
+        yield row
+
+
+def _parsed(
+    path: Path, rows: Iterator[str], positions: list[int], width: int, separator: str, decimal: str
+) -> pd.DataFrame:
+    """Some columns of rows of a table so wide.
+
+    Raises:
+        InputError: there are too many rows.
+    """
+    most, at_once, count = tables.MOST_NUMBERS // max(len(positions), 1), max(_CELLS_IN_A_CHUNK // width, 1), 0
+    frames = [pd.DataFrame({position: [] for position in positions})]
+    while some := "\n".join(islice(rows, at_once)):
+        frame = pd.read_csv(
+            io.BytesIO(some.encode()),  # three times as fast as of a text
+            sep="\t" if separator in _BLANKS else separator,
+            decimal=decimal,
+            header=None,
+            usecols=sorted(positions),
+            skipinitialspace=True,
+            skip_blank_lines=False,
+            low_memory=False,
+        )
+        frames.append(frame)
+        if (count := count + len(frame)) >= most:
+            raise too_large(path, f"{most} rows or more")
+    whole = pd.concat(frames[1:] or frames, ignore_index=True)[positions]
+    for name in whole if decimal == "," else ():
+        if not pd.api.types.is_numeric_dtype(whole[name]):  # words made text of the numbers beside them
+            cells = whole[name].astype("str")
+            whole[name] = whole[name].mask(cells.str.fullmatch(_DECIMAL_COMMA.pattern), cells.str.replace(",", "."))
+    return whole
 
 
 # --- Spreadsheets, as the text that a program would save of the sheet that holds a table ------------------

@@ -314,24 +314,8 @@ Arrays = Callable[[], AbstractContextManager[Mapping[str, Any]]]
 """Opens all arrays of a file, by their names."""
 
 
-@dataclass(frozen=True)
-class _Vector:
-    """A column of numbers: which array it is of, how many it has, and its number or its field's name there."""
-
-    array: str
-    rows: int
-    part: int | str = 0
-
-    def of(self, value: Any) -> Numbers:
-        if isinstance(self.part, str):
-            return np.asarray(value[self.part]).reshape(-1)
-        if len(value.shape) == 1:
-            return np.asarray(value[:])
-        longer_than_wide = value.shape[0] >= value.shape[1]  # MATLAB lays a matrix on its side in HDF5
-        return np.asarray(value[:, self.part] if longer_than_wide else value[self.part, :])
-
-
-def _vectors(arrays: Mapping[str, Any]) -> Iterator[tuple[str, _Vector]]:
+def _vectors(arrays: Mapping[str, Any]) -> Iterator[tuple[str, tuple[int, str, Any]]]:
+    """The columns of numbers by their names: how many each has, the array that it is of, and its index there."""
     for name, value in arrays.items():
         dtype: Any = getattr(value, "dtype", None)
         shape: tuple[int, ...] = getattr(value, "shape", ()) or ()  # of an empty dataset there is none
@@ -339,11 +323,14 @@ def _vectors(arrays: Mapping[str, Any]) -> Iterator[tuple[str, _Vector]]:
             continue
         if dtype.names:
             plain = [part for part in dtype.names if dtype[part].kind in _NUMBERS + _TIMES and not dtype[part].shape]
-            yield from ((f"{name}.{part}", _Vector(name, shape[0], part)) for part in plain)
-        elif dtype.kind in _NUMBERS + _TIMES:
-            wide = 1 if len(shape) == 1 else min(shape)
-            for part in range(wide if wide <= _MOST_WIDE else 0):
-                yield name if wide == 1 else f"{name}.{part}", _Vector(name, max(shape), part)
+            yield from ((f"{name}.{part}", (shape[0], name, part)) for part in plain)
+        elif dtype.kind in _NUMBERS + _TIMES and len(shape) == 1:
+            yield name, (shape[0], name, ...)
+        elif dtype.kind in _NUMBERS + _TIMES and min(shape) <= _MOST_WIDE:
+            on_its_side = shape[0] < shape[1]  # as MATLAB lays a matrix in HDF5
+            for part in range(wide := min(shape)):
+                index = (part, slice(None)) if on_its_side else (slice(None), part)
+                yield name if wide == 1 else f"{name}.{part}", (max(shape), name, index)
 
 
 def _by_length(opened: Arrays) -> list[Group]:
@@ -351,8 +338,8 @@ def _by_length(opened: Arrays) -> list[Group]:
     with opened() as arrays:
         vectors = dict(_vectors(arrays))
     groups: dict[tuple[int, str], list[str]] = {}
-    for rows in dict.fromkeys(vector.rows for vector in vectors.values() if vector.rows > 1):
-        names = [name for name, vector in vectors.items() if vector.rows == rows]
+    for rows in dict.fromkeys(rows for rows, _, _ in vectors.values() if rows > 1):
+        names = [name for name, vector in vectors.items() if vector[0] == rows]
         parents: dict[str, list[str]] = {}
         for name in names:
             parents.setdefault(name.rpartition(".")[0], []).append(name)
@@ -368,7 +355,8 @@ def _by_length(opened: Arrays) -> list[Group]:
 
     def read(full: Mapping[str, str], wanted: Sequence[str]) -> dict[str, Numbers]:
         with opened() as arrays:
-            return {name: (vector := vectors[full[name]]).of(arrays[vector.array]) for name in wanted}
+            of = {name: vectors[full[name]][1:] for name in wanted}
+            return {name: np.asarray(arrays[array][index]).reshape(-1) for name, (array, index) in of.items()}
 
     return [
         Group(parent, tuple(full), rows, partial(read, full))
