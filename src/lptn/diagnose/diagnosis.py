@@ -22,7 +22,7 @@ from lptn.diagnose.answers import NOTHING, Key, Report, Step, named
 from lptn.diagnose.candidates import AMBIENT_ERROR, SURFACE_ERROR, TORQUE_ERROR, possible_effects
 from lptn.diagnose.composition import composition
 from lptn.diagnose.evidence import ErrorsOfRuns, Evidence, FirstOrder, allowances
-from lptn.diagnose.fit_statistics import LACKING, explained_share, lack_of_fit
+from lptn.diagnose.fit_statistics import explained_share, is_met, lack_of_fit
 from lptn.diagnose.priors import log_priors
 from lptn.diagnose.refits import RANKING, unless_interrupted
 from lptn.effects.learned_heat import UNNAMED, LearnedHeat, goes_with
@@ -239,11 +239,6 @@ def examine(
             if given and last and last.rmse > given.rmse:  # as logged
                 steps, refused, rivals, remaining = (), (*steps, *refused), (), verdict
     return Diagnosis(verdict, remaining, base, given, lack, steps, rivals, refused)
-
-
-def is_met(lack: dict[str, float]) -> bool:
-    """Whether every node's errors are explained by noise, from `lack_of_fit`."""
-    return all(value <= LACKING for value in lack.values())
 
 
 def weighed(fit: Fit, errors: ErrorsOfRuns | None = None) -> list[FirstOrder]:

@@ -201,6 +201,11 @@ def lack_of_fit(fit: Fit, runs: Sequence[RunErrors] | None = None) -> dict[str, 
     return {node: own.square / own.limit for node, own in means.items()}
 
 
+def is_met(lack: dict[str, float]) -> bool:
+    """Whether every node's errors are explained by noise, from `lack_of_fit`."""
+    return all(value <= LACKING for value in lack.values())
+
+
 def explained_share(base: Fit, before: float, after: float) -> float:
     """Share of the squared error beyond the sensors' noise that a larger model removes; 1 where there was none beyond.
 

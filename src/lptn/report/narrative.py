@@ -18,12 +18,9 @@ import numpy as np
 
 from lptn.basics.parameters import Parameter
 from lptn.basics.words import FEW, count_of, few, listed, short_size
-from lptn.diagnose.advice import Advice
 from lptn.diagnose.answers import LIKELY, Step
-from lptn.diagnose.diagnosis import Diagnosis, is_met
 from lptn.diagnose.excitation import NOT_LOGGED, excitation, identifiability
-from lptn.diagnose.fit_statistics import WORTH, Removed, criterion_difference, explained_share
-from lptn.diagnose.improvement import History
+from lptn.diagnose.fit_statistics import WORTH, Removed, criterion_difference, explained_share, is_met
 from lptn.effects.copper_loss import CopperLoss
 from lptn.effects.excitation import ZERO
 from lptn.effects.learned_heat import UNNAMED, LearnedHeat, goes_with
@@ -56,7 +53,10 @@ from lptn.report.text import (
 )
 from lptn.simulate.bound_run import bind
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # what is asked of logs alone needs no SciPy
+    from lptn.diagnose.advice import Advice
+    from lptn.diagnose.diagnosis import Diagnosis
+    from lptn.diagnose.improvement import History
     from lptn.online.forecasting import Forecast
     from lptn.online.monitoring import MonitoredRun, Monitoring
 

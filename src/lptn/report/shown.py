@@ -6,18 +6,21 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 from math import sqrt
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
-from lptn.diagnose.advice import Detectable
 from lptn.diagnose.answers import Step
-from lptn.diagnose.improvement import History
 from lptn.diagnose.unexplained_heat import UnexplainedHeat, means_in_blocks
 from lptn.identify.comparison import Comparison, Prediction
 from lptn.identify.fitting import Fit
 from lptn.logs.resampling import means_of_blocks
+
+if TYPE_CHECKING:
+    from lptn.diagnose.advice import Detectable
+    from lptn.diagnose.improvement import History
 
 # --- temperatures and errors in time ----------------------------------------------------------------------
 

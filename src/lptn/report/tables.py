@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, NamedTuple
 from lptn.basics.lines import time_unit
 from lptn.basics.parameters import ParameterInstance
 from lptn.basics.words import short_size
-from lptn.diagnose.improvement import History
 from lptn.diagnose.unexplained_heat import HeatPeak
 from lptn.effects import Effect, catalogue
 from lptn.identify.comparison import Comparison, Condition, Pair
@@ -39,6 +38,7 @@ from lptn.report.text import (
 )
 
 if TYPE_CHECKING:
+    from lptn.diagnose.improvement import History
     from lptn.online.forecasting import Forecast, NodeForecast
 
 
