@@ -10,10 +10,9 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 import numpy as np
-import pandas as pd
 
 from lptn.basics.arrays import FloatArray
-from lptn.logs.channels import FEWEST, MEASURED, Channels, spans, standing, usual_length
+from lptn.logs.channels import FEWEST, Channels, is_measured, spans, standing, usual_length
 from lptn.logs.columns import HEATS, INPUTS, place_of
 from lptn.logs.issue import Issue
 from lptn.logs.law import TOLD, heat_told, warming
@@ -72,7 +71,7 @@ def suspect_held(log: Channels) -> list[Issue]:
             rows = np.flatnonzero(np.isfinite(values))
             first, last = standing(values[rows])
             lengths = (last - first + 1)[1:-1]
-            if lengths.size < FEWEST or pd.unique(values[rows]).size < MEASURED:
+            if lengths.size < FEWEST or not is_measured(values):
                 continue
             length, by_the_clock = usual_length(lengths)
             usual[key] = length * float(np.median(np.diff(log.time[rows])))
@@ -113,7 +112,7 @@ def copies_in(log: Channels, twice: Mapping[str, str]) -> list[Issue]:
             return False
         # Two joints that are made alike, and commanded alike, have one speed as well.
         speeds = [log.values.get(f"velocity.{place_of(one)}", np.zeros(0)) for one in (key, other)]
-        if np.unique(log.values[key]).size >= MEASURED and not _moves_alike(*speeds):
+        if is_measured(log.values[key]) and not _moves_alike(*speeds):
             return True
         parts = {f"temperature.{place_of(one)}": one for one in (key, other)}
         laws = [warming(log, part, one) for part, one in parts.items() if part in log.values]

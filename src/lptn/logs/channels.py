@@ -86,9 +86,15 @@ def standing(readings: FloatArray) -> tuple[IntArray, IntArray]:
     return np.append(0, changes + 1), np.append(changes, readings.size - 1)
 
 
-MEASURED = 50
-"""Numbers that a measured load takes; fewer are what was asked for."""
+_THIN = 10_000  # readings that tell what is usual
+_MEASURED = 50  # numbers that a measured load takes; fewer are what was asked for
 _BY_THE_CLOCK = 0.9  # share of stretches that are as long as usual, where a source or a slow topic keeps a rate
+
+
+def is_measured(values: FloatArray) -> bool:
+    """Whether values (n,) take as many numbers as a sensor's do."""
+    few = values[:: max(1, values.size // _THIN)]
+    return np.unique(few[np.isfinite(few)]).size >= _MEASURED
 
 
 def usual_length(lengths: IntArray) -> tuple[int, bool]:
@@ -112,6 +118,9 @@ def quantisation_step(values: FloatArray) -> float:
     """
     readings = values[np.isfinite(values)]
     # float32 and unit conversion blur the last digits; pandas needs no sorting of millions of rows
+    few = pd.unique(np.round(readings[:: max(1, readings.size // _THIN)], 4))
+    if not few.size or few.size > 1.1 * (1 + np.ptp(readings) / _FINEST):  # more levels than a grid has
+        return 0.0
     levels = pd.unique(np.round(readings, 4))
     if levels.size < 2 or readings.size < _RETURNS * levels.size:
         return 0.0
@@ -153,7 +162,6 @@ class GainChange(NamedTuple):
 
 # --- All channels of a log ---------------------------------------------------------------------------
 
-_THIN = 10_000  # readings that tell what is usual
 _LOW = 0.05  # share of readings, below which a channel seldom is
 _OF_MOST = 0.05  # of what goes with the heat of the joint that has most: with less a part is warmed by its neighbours
 _PARTS, _BLOCK, _MOST_PARTS = 120, 30.0, 500

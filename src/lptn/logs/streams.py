@@ -14,7 +14,7 @@ from itertools import combinations
 import numpy as np
 
 from lptn.basics.arrays import BoolArray, FloatArray
-from lptn.logs.channels import MEASURED, Channels, spans, usual_length
+from lptn.logs.channels import Channels, is_measured, spans, usual_length
 from lptn.logs.columns import INPUTS
 
 ANOTHER_SOURCE = "of another source"
@@ -87,7 +87,7 @@ def rows_of_zeros(log: Channels) -> tuple[BoolArray, list[str]]:
     said = [key for quantity in INPUTS for key in log.of(quantity) if not log.is_believed(key)]
     for quantity in INPUTS:
         keys, speeds = [key for key in said if key in log.of(quantity)], quantity == "velocity"
-        if not keys:
+        if min((np.count_nonzero(log.values[key] == 0) for key in keys), default=0) < _OFTEN:
             continue
         table = np.column_stack([log.values[key] for key in keys])
         rows = np.flatnonzero(np.isfinite(table).all(axis=1))
@@ -110,7 +110,7 @@ def _between_others(drives: FloatArray, *, stopped: bool) -> BoolArray:
         return nowhere
     before, behind = drives[inner[:, 0] - 1], drives[inner[:, 1]]
     largest = np.maximum(np.linalg.norm(before, axis=1), np.linalg.norm(behind, axis=1))
-    if all(by_the_clock for _, by_the_clock in lengths) and np.unique(largest).size >= MEASURED:
+    if all(by_the_clock for _, by_the_clock in lengths) and is_measured(largest):
         return zero
     if stopped and drives.shape[1] == 1:  # of speeds one alone says nothing else
         return nowhere
