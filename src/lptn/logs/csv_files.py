@@ -192,20 +192,26 @@ class _Lines:
             self.encoding = "utf-16" if wide else "cp1252"
 
     def __iter__(self) -> Iterator[tuple[int, str]]:
-        """All lines with their ends, and their numbers, without blanks before what they hold.
+        """All lines but a cut one, and their numbers, without blanks around what they hold.
 
         Raises:
             InputError: a line, or their number, is beyond all bounds.
         """
+        number, rest = 0, ""
         with self._opened() as file:
-            stream = io.TextIOWrapper(file, encoding=self.encoding, errors="replace", newline="")
-            for number, line in enumerate(iter(partial(stream.readline, _LONGEST), ""), start=1):
+            stream = io.TextIOWrapper(file, encoding=self.encoding, errors="replace")
+            while block := stream.read(_BLOCK):
+                *lines, rest = (rest + block).split("\n")
+                for line in lines:
+                    number += 1
+                    yield number, line.strip(" ")
                 if number > _MOST_LINES:
                     raise InputError(self.path, "log", f"more than {_MOST_LINES:,} lines", "a log cut into pieces")
-                if len(line) == _LONGEST:
-                    place = f"{self.row} {number}"
+                if len(rest) >= _LONGEST:
+                    place = f"{self.row} {number + 1}"
                     raise InputError(self.path, place, "a line of 16 million characters", "a table of readings")
-                yield number, line.lstrip(" ")
+        if rest and not self.cut:
+            yield number + 1, rest.strip(" ")
 
     def begin(self) -> tuple[dict[int, str], list[tuple[int, str]]]:
         """The first lines that hold data, by their numbers, and those of comment with theirs.
@@ -215,11 +221,11 @@ class _Lines:
         """
         texts, comments, characters = dict[int, str](), list[tuple[int, str]](), 0
         for number, line in self:
-            characters += len(line)
+            characters += len(line) + 1
             if line.startswith("#"):
                 comments.append((number, line.lstrip("# ")))
             elif line.strip():
-                texts[number] = line.rstrip("\r\n ")
+                texts[number] = line
             if len(texts) == _LOOKED_AT or (characters > _HEAD and len(texts) >= _FEWEST_LINES):
                 break
             if characters > _LONGEST:
@@ -364,7 +370,7 @@ def _rows_below(
     kept: array[int],
     words: array[int],
 ) -> Iterator[str]:
-    """The rows from the `first` line on as texts for pandas, without the last where it is cut.
+    """The rows from the `first` line on as texts for pandas.
 
     A comment is a line that begins with #: in a name, or within a row, it is a character like any other. A row of words
     without a number is no row of the table: its names again, a logger's message, a last line that says how many there
@@ -375,10 +381,8 @@ def _rows_below(
     """
     blank = separator in _BLANKS
     between, signs = "\t" if blank else separator, len(names) - 1
-    for number, whole in lines:
-        line = whole.rstrip("\r\n ")
-        cut = lines.cut and whole[-1] not in "\r\n"
-        if number < first or not line or line.isspace() or line[0] == "#" or cut:
+    for number, line in lines:
+        if number < first or not line or line.isspace() or line[0] == "#":
             continue
         row = between.join(_cells(line, separator)) if blank else line
         # Most begin with a number, and their cells need no look.
