@@ -363,37 +363,31 @@ def _check(key: str, said: Mapping[str, Any], file: str | Path, place: str) -> s
 
 def toml_line(key: str, source: ColumnSource) -> str:
     """A line of `[columns]`, such as `"temperature.a" = { column = "T1", unit = "degF" }`."""
-
-    def toml(value: Any) -> str:
-        if isinstance(value, str):
-            return json.dumps(value, ensure_ascii=False)
-        if value is True:
-            return "true"
-        return f"[{', '.join(map(toml, value))}]" if isinstance(value, tuple) else f"{value:.12g}"
-
-    name, entry = key if key == "time" else toml(key), _as_entry(source)
-    if entry.keys() == {"column"}:
-        return f"{name} = {toml(entry['column'])}"
-    return f"{name} = {{ {', '.join(f'{word} = {toml(value)}' for word, value in entry.items())} }}"
+    entry = {word: _written(value, toml=True) for word, value in _as_entry(source).items()}
+    inside = ", ".join(f"{word} = {value}" for word, value in entry.items())
+    name = key if key == "time" else _written(key, toml=True)
+    return f"{name} = {entry['column'] if entry.keys() == {'column'} else f'{{ {inside} }}'}"
 
 
 def map_option(key: str, source: ColumnSource) -> str:
     """An option such as `--map "temperature.a=T1[degF]"`; '' for columns of several whose names have a comma."""
-
-    def text(value: Any) -> str:
-        if isinstance(value, tuple):
-            return ",".join(map(text, value))
-        if value is True:
-            return "true"
-        return value if isinstance(value, str) else f"{value:.12g}"
-
     if len(source.columns) > 1 and any(mark in name for name in source.columns for mark in ",;[]"):
         return ""
-    entry = _as_entry(source)
+    entry = {word: _written(value) for word, value in _as_entry(source).items()}
     column, unit = entry.pop("column", ""), entry.pop("unit", "")
-    inside = "; ".join([*filter(None, [unit]), *(f"{word}={text(value)}" for word, value in entry.items())])
+    inside = "; ".join([*filter(None, [unit]), *(f"{word}={value}" for word, value in entry.items())])
     bracket = f"[{inside}]" if inside or column.endswith("]") else ""
     return f'--map "{key}={column}{bracket}"'
+
+
+def _written(value: Any, *, toml: bool = False) -> str:
+    """What an entry says, as TOML has it or, by default, as `--map` has it."""
+    if isinstance(value, tuple):
+        listed = (", " if toml else ",").join(_written(one, toml=toml) for one in value)
+        return f"[{listed}]" if toml else listed
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False) if toml else value
+    return "true" if value is True else f"{value:.12g}"
 
 
 def as_line_or_option(key: str, source: ColumnSource) -> str:

@@ -241,33 +241,30 @@ def _measures(quantity: str, words: Sequence[str]) -> bool:
 
 
 def name_of_time(columns: Iterable[str]) -> str | None:
-    """The first of some columns whose name, behind its last point, says time, perhaps with a unit, and nothing else.
+    """The first of some columns whose name, behind its last point, says time, perhaps with a unit, and nothing else."""
+    own = [(column, column.rpartition(".")[2]) for column in columns]
+    return next((column for column, name in own if _besides_time(name, ColumnName.of(name)) == 0), None)
+
+
+def _besides_time(column: str, name: ColumnName) -> int | None:
+    """How many words a name has besides one for time, at its beginning or end, and a unit of it; `None` without one.
 
     A t may be a time's, a T is a temperature's.
     """
-    for column in columns:
-        own = column.rpartition(".")[2]
-        name = ColumnName.of(own)
-        for_time = [word for word in name.words if word in _QUANTITIES["time"]]
-        if (
-            for_time
-            and len(name.words) - len(for_time) <= bool(name.unit("time"))
-            and (for_time != ["t"] or "t" in own)
-        ):
-            return column
-    return None
+    words = [word for word in name.words if word not in _NOT_MEASURED]
+    for_time, unit = [word for word in words if word in _QUANTITIES["time"]], bool(name.unit("time"))
+    if not for_time or not (words[0] in for_time or words[-1] in for_time or unit):
+        return None
+    return max(len(words) - len(for_time) - unit, 0) + (for_time == ["t"] and "t" not in column)
 
 
 def _time(names: Names) -> Choice:
-    """The column whose name begins or ends with a word for time, and has no more than a unit besides."""
-    ranked: list[tuple[int, int, str]] = []
-    for column, name in names.items():
-        words = [word for word in name.words if word not in _NOT_MEASURED]
-        for_time, unit = [word for word in words if word in _QUANTITIES["time"]], bool(name.unit("time"))
-        if for_time and (words[0] in for_time or words[-1] in for_time or unit):
-            # A t alone may be a temperature's.
-            ranked.append((len(words) - len(for_time) - unit + (for_time == ["t"]), len(ranked), column))
-    return {"time": (min(ranked)[2], "its name")} if ranked else {}
+    """The column whose name says time with the fewest words besides."""
+    besides = {column: _besides_time(column, name) for column, name in names.items()}
+    ranked = sorted(
+        (count, number, column) for number, (column, count) in enumerate(besides.items()) if count is not None
+    )
+    return {"time": (ranked[0][2], "its name")} if ranked else {}
 
 
 def _by_place(
