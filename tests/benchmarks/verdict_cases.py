@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import random
 import re
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
 
@@ -98,6 +98,17 @@ class Case:
         """Whether this effect at this place is something that is hidden."""
         return TRUTHS[self.truth].right(self, answer)
 
+    def natural(self, answer: Key) -> bool:
+        """Whether this effect at this place is true of the robot, whatever is hidden."""
+        always, (effect, places, run) = TRUTHS[self.truth].always.get(self.tier, ()), covered(answer)
+        if effect in always and not run:
+            return True
+        listed = [covered(key(text)) for text in always if "@" in text]
+        several = "*" in answer[1] or "~" in answer[1]
+        return any(
+            (effect, run) == (one, when) and (places == at or (several and places <= at)) for one, at, when in listed
+        )
+
 
 @dataclass(frozen=True)
 class Files:
@@ -127,7 +138,8 @@ class Truth:
         names: what can be hidden and named, and what can be hidden and has no name.
         files: makes a case's files in a folder.
         right: whether an answer to a case is right.
-        always: effects that are true of this robot whatever is hidden: such an answer is neither right nor silly.
+        always: by tier, what is true of the robot whatever is hidden, `effect@place`, or `effect` for any place:
+            such an answer is neither right nor silly.
         pairs: whether two things can be hidden in it.
     """
 
@@ -137,7 +149,7 @@ class Truth:
     drawn: Callable[[str, int, str], tuple[str, ...]]
     files: Callable[[Case, Path], Files]
     right: Callable[[Case, Key], bool]
-    always: tuple[str, ...] = ()
+    always: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     pairs: bool = True
 
     def kind(self, hidden: tuple[str, ...]) -> str:
@@ -250,7 +262,7 @@ def _leg_files(case: Case, folder: Path) -> Files:
     return three_runs(folder, model, *_options(case.tier))
 
 
-def _catalogue_truth(robot: str, files: Callable[[Case, Path], Files]) -> Truth:
+def _catalogue_truth(robot: str, files: Callable[[Case, Path], Files], beside: tuple[str, ...]) -> Truth:
     nodes = LAYOUTS[robot].nodes
 
     def right(case: Case, answer: Key) -> bool:
@@ -259,7 +271,7 @@ def _catalogue_truth(robot: str, files: Callable[[Case, Path], Files]) -> Truth:
     def drawn(effect: str, seed: int, tier: str) -> tuple[str, ...]:
         return drawn_place(effect, robot, seed, tier)
 
-    return Truth(("clean", "1K", "rough"), CATALOGUE, BEYOND, drawn, files, right)
+    return Truth(("clean", "1K", "rough"), CATALOGUE, BEYOND, drawn, files, right, {"rough": beside})
 
 
 # --- the leg without lumped structure -------------------------------------------------------------------------------
@@ -343,13 +355,16 @@ def _finite_volumes() -> Truth:
     outside = tuple(name for name in CHANGES if name not in names)
     tiers = ("0.1K", "1K", "computer")
     return Truth(
-        tiers, names, outside, _drawn_change, _finite_volume_files, _right_of_finite_volumes, ALWAYS, pairs=False
-    )
+        tiers, names, outside, _drawn_change, _finite_volume_files, _right_of_finite_volumes,
+        dict.fromkeys(tiers, ALWAYS), pairs=False,
+    )  # fmt: skip
 
 
 TRUTHS = {
-    "quadruped": _catalogue_truth("quadruped", _quadruped_files),
-    "leg": _catalogue_truth("leg", _leg_files),
+    "quadruped": _catalogue_truth(
+        "quadruped", _quadruped_files, tuple("@".join([effect, at, *run]) for effect, at, _, *run in BACKGROUND)
+    ),
+    "leg": _catalogue_truth("leg", _leg_files, ("radiation@*",)),
     "finite volumes": _finite_volumes(),
     "finite volumes, two masses": _finite_volumes(),
 }

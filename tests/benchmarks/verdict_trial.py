@@ -66,6 +66,7 @@ class Judged:
         unexplained: the verdict on the model as given, or on the last step, is "unexplained".
         stated: probability of the most probable answer, `None` where none is stated.
         true: whether that answer is right, or true of this robot whatever was hidden.
+        told: of each effect that is not true of every such robot its probability, and whether it is right.
     """
 
     first: bool
@@ -80,26 +81,23 @@ class Judged:
     unexplained: bool
     stated: float | None
     true: bool
+    told: tuple[tuple[float, bool], ...]
 
 
 def judged(case: Case, answer: Answer) -> Judged:
     """An answer held against the truth; one that failed is wrong, and not silly."""
-    kind, always = case.kind, TRUTHS[case.truth].always
+    kind = case.kind
     failed, unexplained = bool(answer.error), "unexplained" in (answer.verdict, answer.remaining)
 
     def right(named: Key) -> bool:
         return named == NOTHING if kind == "nothing" else named != NOTHING and case.right(named)
-
-    def natural(named: Key) -> bool:
-        effect, at = named  # nothing that is built in acts in one run alone
-        return f"{effect}@{at}" in always or (effect in always and "@" not in at)
 
     def at_hidden(named: Key) -> bool:
         ends = named[1].partition("@")[0].split("~")
         places = [text.split("@")[1].split("~") for text in case.hidden]
         return any(sorted(ends) == sorted(place) or ends[0:1] == place for place in places)
 
-    beside = [step for step in answer.steps if not natural(step)]
+    beside = [step for step in answer.steps if not case.natural(step)]
     alarm = kind == "nothing" and not failed and bool(beside or (answer.verdict != "adequate" and not answer.steps))
     names = answer.steps[:3] or ([NOTHING] if answer.verdict == "adequate" else [])
     first = bool(names) and right(names[0])
@@ -114,7 +112,8 @@ def judged(case: Case, answer: Answer) -> Judged:
     stated, true = None, False
     if answer.probabilities:
         effect, at, stated = answer.probabilities[0]
-        true = right((effect, at)) or natural((effect, at))
+        # Beside "unexplained" nothing means nothing of the catalogue.
+        true = unexplained if kind == "outside" and not effect else right((effect, at)) or case.natural((effect, at))
     return Judged(
         first=first,
         in_set=in_set,
@@ -122,12 +121,17 @@ def judged(case: Case, answer: Answer) -> Judged:
         placed=in_three if everywhere else any(map(at_hidden, local)),
         named=first if kind in ("nothing", "outside") else any(map(right, [*names, *answer.steps])),
         left_open=first if kind in ("nothing", "outside") else any(map(right, [*names, *answer.steps, *answer.names])),
-        silly=any(step[0] in SILLY and not case.right(step) for step in answer.steps),
+        silly=any(step[0] in SILLY and not (case.right(step) or case.natural(step)) for step in answer.steps),
         at_bound=bool(out_of_bounds(answer)),
         alarm=alarm,
         unexplained=unexplained,
         stated=stated,
         true=true,
+        told=tuple(
+            (share, right((effect, at)))
+            for effect, at, share in answer.probabilities or ()
+            if effect and not case.natural((effect, at))
+        ),
     )
 
 
@@ -315,12 +319,16 @@ def draw_reliability(bins: Mapping[str, Sequence[Bin]], file: Path) -> None:
 
 
 def calibration(results: Results, cases: Sequence[Case], version: str) -> dict[str, list[Bin]]:
-    """Bins of a version's stated probabilities, of all truths together and of each."""
+    """Bins of a version's stated probabilities: of the first answers, all and of each truth; of all effects told."""
     pairs: dict[str, list[tuple[float, bool]]] = {}
     for case in cases:
         answer = results.get((case, version))
-        mark = judged(case, answer) if answer is not None else None
-        if mark is not None and mark.stated is not None:
+        if answer is None:
+            continue
+        mark = judged(case, answer)
+        if mark.told:
+            pairs.setdefault("effects told", []).extend(mark.told)
+        if mark.stated is not None:
             name = "finite volumes" if case.truth.startswith("finite") else "the catalogue's formulas"
             for group in ("all", name):
                 pairs.setdefault(group, []).append((mark.stated, mark.true))
@@ -376,7 +384,8 @@ def main() -> None:
             for one in group:
                 print(f"  {one.stated:.2f}: {one.right} of {one.count} right, {one.lower:.2f} to {one.upper:.2f}")
         if bins and chosen.figure:
-            draw_reliability({name: binned for name, binned in bins.items() if name != "all"}, chosen.figure)
+            names = [name for name in bins if name not in ("all", "effects told")]
+            draw_reliability({name: bins[name] for name in names}, chosen.figure)
 
 
 if __name__ == "__main__":
