@@ -152,8 +152,10 @@ class Study:
         self._attempts: list[tuple[object, Step, Step]] = []  # the effect, the step before it, and the step with it
         self.branches: tuple[tuple[Step, ...], ...] = ()
         """Other ways that were gone from the model as given, and left by `undo` and another `add`; the latest last."""
-        self._diagnoses: dict[int, Diagnosis] = {}  # by the number of the step
-        self._searched: tuple[int, History] | None = None  # from which step, and the last search while nothing followed
+        self._diagnoses: dict[
+            Step | None, Diagnosis
+        ] = {}  # of each step's model; `None`: of that without added effects
+        self._searched: tuple[Step, int, History] | None = None  # to which step, from the number of which, the search
         self._advice: tuple[Diagnosis, Advice] | None = None  # the last one, and what it follows from
         self.symmetry_trials: tuple[SymmetryTrial, ...] = ()
         """The symmetry penalties that the last fit tried, with their errors on held-out runs."""
@@ -184,9 +186,21 @@ class Study:
         return self._steps[-1].fit.model if self._steps else self._loaded.model
 
     @property
+    def _added(self) -> Step | None:
+        """The last step that added an effect."""
+        return self._steps[-1] if len(self._steps) > 1 else None
+
+    @property
     def _searched_from(self) -> Model:
         """What a search begins with: without added effects the file's own values, whether or not they were fitted."""
-        return self.model if len(self._steps) > 1 else self._loaded.model
+        return self.model if self._added else self._loaded.model
+
+    @property
+    def _search(self) -> tuple[int, History] | tuple[None, None]:
+        """The last search, and the number of the step that it began with; none where the model is another by now."""
+        if self._searched is None or self._steps[-1:] != [self._searched[0]]:
+            return None, None
+        return self._searched[1:]
 
     @property
     def _fitted(self) -> bool:
@@ -217,7 +231,7 @@ class Study:
     @property
     def diagnosed(self) -> Diagnosis | None:
         """What `diagnose` said of the model as it is now; `None` where it was not asked yet."""
-        return self._diagnoses.get(max(len(self._steps) - 1, 0))
+        return self._diagnoses.get(self._added)
 
     @property
     def advised(self) -> Advice | None:
@@ -349,16 +363,13 @@ class Study:
             InputError: there is nothing to fit, or a channel of what is fitted may be in another unit.
         """
         self._needs_conclusive_data()
-        number = max(len(self._steps) - 1, 0)
-        if number not in self._diagnoses:
-            self._diagnoses[number] = self._diagnosis_of(self._searched_from)
-        return self._diagnoses[number]
+        return self._diagnosis_of(self._added, self._searched_from)
 
     def advise(self) -> Advice:
         """What to do next: the experiment that tells rivals apart, where heat is unexplained, runs that differ."""
         last = self.diagnose()
         if self._advice is None or self._advice[0] is not last:
-            history = self._searched[1] if self._searched else None
+            _, history = self._search
             first = history.first if history else last  # the candidates of the search
             with shown_in_notebook("looking for the next experiment"):
                 self._advice = last, advise(first, last, for_search(self.data), logger.info)
@@ -417,16 +428,13 @@ class Study:
     def undo(self) -> Study:
         """Take the last added effect back."""
         if len(self._steps) > 1:
-            self._diagnoses.pop(len(self._steps) - 1, None)
             self._undone.append(self._steps.pop())
-            self._searched = None
         return self
 
     def redo(self) -> Study:
         """Add again what was last taken back."""
         if self._undone:
             self._steps.append(self._undone.pop())
-            self._searched = None
         return self
 
     def go_back(self, number: int = -1) -> Study:
@@ -444,9 +452,7 @@ class Study:
         others = [branch for branch in self.branches if branch is not chosen]
         gone_on = left == chosen[: len(left)]
         self.branches = tuple(others if gone_on else [*others, left])
-        common = sum(1 for one, other in zip(self._steps, chosen, strict=False) if one is other)
-        self._diagnoses = {step: diagnosis for step, diagnosis in self._diagnoses.items() if step < common}
-        self._steps, self._searched = list(chosen), None
+        self._steps = list(chosen)
         self._undone.clear()
         return self
 
@@ -464,12 +470,12 @@ class Study:
         with shown_in_notebook("searching for missing effects"):
             history = improve(self._searched_from, self.data, most=most, on_step=on_step, **self._options)
         self._leave()
-        before = max(len(self._steps) - 1, 0)
-        given = self._steps[-1] if self._steps else history.steps[0]
-        self._steps[before:] = [given, *history.steps[1:]]
-        self._diagnoses = {number: diagnosis for number, diagnosis in self._diagnoses.items() if number < before}
-        self._diagnoses |= {before: history.first, len(self._steps) - 1: history.last}
-        self._searched = before, history
+        self._steps = self._steps or [history.steps[0]]
+        before = len(self._steps) - 1
+        self._diagnoses[self._added] = history.first
+        self._steps += history.steps[1:]
+        self._diagnoses[self._added] = history.last
+        self._searched = self._steps[-1], before, history
         return self
 
     def leave_out(self, run: str, start: float, stop: float) -> Study:
@@ -565,14 +571,13 @@ class Study:
         Raises:
             InputError: there is nothing to fit.
         """
-        before, history = self._searched or (None, None)
+        before, history = self._search
         if history and before == 0:
             return history
         if not self._steps:
             self.fit()
         last = self.diagnose()
-        first = self._diagnoses.get(0) or self._diagnosis_of(self._loaded.model)
-        self._diagnoses[0] = first
+        first = self._diagnosis_of(None, self._loaded.model)
         return History(tuple(self._steps), first, last, history.rivals if history else ())
 
     def narrative(self) -> Narrative:
@@ -653,7 +658,6 @@ class Study:
     def _fit_again(self, added: Sequence[Step]) -> Study:
         """Fit the model as given and all steps again, since the data or what is given are others now."""
         fitted = bool(self._steps)
-        self._searched = None
         self.branches = ()
         for outdated in (self._steps, self._undone, self._attempts, self._diagnoses):
             outdated.clear()
@@ -683,9 +687,7 @@ class Study:
     def _append(self, step: Step) -> Step:
         """Take a step."""
         self._steps.append(step)
-        self._diagnoses.pop(len(self._steps) - 1, None)
-        self._searched = None
-        return self._steps[-1]
+        return step
 
     @property
     def _options(self) -> dict[str, Any]:
@@ -693,6 +695,9 @@ class Study:
         errors = {name: getattr(self, name) for name in ("ambient_error", "torque_error", "surface_error")}
         return errors | {"executor": self.executor, "report": logger.info}
 
-    def _diagnosis_of(self, model: Model) -> Diagnosis:
-        with shown_in_notebook("searching for missing effects"):
-            return diagnose(model, self.data, **self._options)
+    def _diagnosis_of(self, step: Step | None, model: Model) -> Diagnosis:
+        """What is missing in a step's model; sought once."""
+        if step not in self._diagnoses:
+            with shown_in_notebook("searching for missing effects"):
+                self._diagnoses[step] = diagnose(model, self.data, **self._options)
+        return self._diagnoses[step]

@@ -14,6 +14,7 @@ from lptn.identify.comparison import Comparison, Versus, predict
 from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit
 from lptn.references import works_cited
+from lptn.report import tables
 from lptn.report.comparison_figures import NAMES, condition_figures, predictions_figure, versus_figure
 from lptn.report.diagnosis_figures import detectability_figure, history_figure
 from lptn.report.document import Picture, render
@@ -30,19 +31,6 @@ from lptn.report.narrative import (
 )
 from lptn.report.shown import MOST, NOISE_BAND, effects_shown, error_fields, initialisation_end, reaches, views
 from lptn.report.story_charts import looked_through, network_picture
-from lptn.report.tables import (
-    condition_table,
-    data_table,
-    effects_table,
-    error_table,
-    history_table,
-    node_table,
-    parameter_table,
-    refused_table,
-    source_table,
-    stretch_table,
-    versus_table,
-)
 from lptn.report.text import for_people
 
 # --- the whole story: log, fit, where it fails, what is missing, what tests it --------------------------------
@@ -116,33 +104,33 @@ def story_html(
         network=network_picture(all_given),
         best_network=network_picture(all_best) if all_best else None,
         **looked_through(all_given, all_best, NAMES, [_JOBS[job] for job, _ in jobs], heat.best or heat.given),
-        history=history_table(history),
+        history=tables.history_table(history),
         fall=_fall(history) if all_best else None,
         conditions=conditions_picture(given, best, which),
         errors=_errors(given, best, which),
-        nodes=node_table(given, best),
+        nodes=tables.node_table(given, best),
         which=which,
         heat_map=heat_map_picture(heat),
         heat_line=heat_line_picture(heat),
         learned=learned_picture(advice.learned if advice else None),
-        stretches=stretch_table(left[:_FEW]),
+        stretches=tables.stretch_table(left[:_FEW]),
         more_stretches=max(len(left) - _FEW, 0),
         hiding=heat.hiding,
         more_than_noise=history.remaining != "adequate",
         predictions=_predictions(given, best, which, {segment.run.name for segment in data.fit}),
-        told=effects_table(history),
-        refused=refused_table(history),
+        told=tables.effects_table(history),
+        refused=tables.refused_table(history),
         coarse=searched if searched > fitted else None,
         detectability=detectability_picture(smallest(history.last.weighed)),
         experiment=for_people(advice.experiment.text()) if advice and advice.experiment else None,
         few=_FEW,
-        parameters_given=parameter_table(first.fit),
-        parameters=parameter_table(last.fit, first.fit if last is not first else None),
+        parameters_given=tables.parameter_table(first.fit),
+        parameters=tables.parameter_table(last.fit, first.fit if last is not first else None),
         warnings=last.fit.uncertainty.warnings,
         status=ENDED[last.fit.status],
-        data=data_table({"fit": data.fit, "held out": data.holdout, "test": data.test}),
+        data=tables.data_table({"fit": data.fit, "held out": data.holdout, "test": data.test}),
         commands=commands,
-        sources=source_table(effects),
+        sources=tables.source_table(effects),
         works=works,
     )
 
@@ -243,9 +231,9 @@ def comparison_html(comparison: Comparison, title: str) -> str:
         said=comparison_narrative(comparison),
         predictions=_predictions(comparison),
         maps=conditions_picture(comparison, None, "compared"),
-        errors=error_table(comparison),
-        conditions=condition_table(comparison),
-        data=data_table({"compared": tuple(prediction.segment for prediction in comparison.predictions)}),
+        errors=tables.error_table(comparison),
+        conditions=tables.condition_table(comparison),
+        data=tables.data_table({"compared": tuple(prediction.segment for prediction in comparison.predictions)}),
     )
 
 
@@ -278,7 +266,7 @@ def versus_html(result: Versus, title: str) -> str:
         said=versus_narrative(result),
         bars=Picture(bars, inline_svg(versus_figure(result), "errors of both models by class of joints and by run")),
         predictions=_predictions(given, best, names=names),
-        classes=versus_table("joints", result.classes),
-        runs=versus_table("run", result.runs),
-        data=data_table({"compared": tuple(prediction.segment for prediction in result.model.predictions)}),
+        classes=tables.versus_table("joints", result.classes),
+        runs=tables.versus_table("run", result.runs),
+        data=tables.data_table({"compared": tuple(prediction.segment for prediction in result.model.predictions)}),
     )
