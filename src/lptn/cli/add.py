@@ -8,7 +8,7 @@ from typing import Annotated
 from cyclopts import Parameter as Option
 
 from lptn.basics.errors import InputError
-from lptn.cli.options import Output, check_inputs
+from lptn.cli import options
 
 
 def add(
@@ -24,7 +24,7 @@ def add(
         list[str] | None,
         Option(help="Options and parameters of the effect: input=velocity span=6.", consume_multiple=True),
     ] = None,
-    output: Output,
+    output: options.Output,
 ) -> None:
     """Add an effect to a model file.
 
@@ -37,7 +37,7 @@ def add(
     for text in set or ():
         if "=" not in text:
             raise InputError("command line", "--set", f"'{text}'", "NAME=VALUE, such as input=velocity")
-    check_inputs(model)
+    options.check_inputs(model)
     from lptn.cli.terminal import show_written
     from lptn.model.file import added, read_model_file
 

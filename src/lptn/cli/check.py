@@ -12,7 +12,7 @@ from cyclopts import Parameter as Option
 
 from lptn.basics.errors import InputError
 from lptn.basics.words import FEW, count_of, few
-from lptn.cli.options import COLUMNS, Columns, Details, Json, check_inputs, check_outputs
+from lptn.cli import options
 
 if TYPE_CHECKING:
     from lptn.basics.arrays import FloatArray
@@ -34,9 +34,9 @@ def check(
     *logs: Path,
     guess: Guessing = False,
     drawing: Drawing = None,
-    details: Details = False,
-    json: Json = None,
-    columns: Columns = COLUMNS,
+    details: options.Details = False,
+    json: options.Json = None,
+    columns: options.Columns = options.COLUMNS,
 ) -> None:
     """Check logs for what is wrong or missing.
 
@@ -47,8 +47,8 @@ def check(
 
     Example: lptn check leg.toml monday.parquet
     """
-    check_outputs(json, drawings=[drawing], inputs=(model, *logs))
-    check_inputs(model, *logs)
+    options.check_outputs(json, drawings=[drawing], inputs=(model, *logs))
+    options.check_inputs(model, *logs)
     from lptn.cli.terminal import progress, write_json
     from lptn.diagnose.excitation import excitation, identifiability
     from lptn.identify.data import GUESS, load_model, warn_of_absent_runs

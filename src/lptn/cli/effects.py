@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from lptn.cli.options import Details, Json, check_outputs
+from lptn.cli import options
 
 
-def effects(key: str | None = None, /, *, details: Details = False, json: Json = None) -> None:
+def effects(key: str | None = None, /, *, details: options.Details = False, json: options.Json = None) -> None:
     """List the catalogue of effects, or show one.
 
     Example: lptn effects forced_convection
@@ -13,6 +13,6 @@ def effects(key: str | None = None, /, *, details: Details = False, json: Json =
     from lptn.cli.catalogue import catalogue_json, show_effects
     from lptn.cli.terminal import write_json
 
-    check_outputs(json)
+    options.check_outputs(json)
     show_effects(key, details)
     write_json(json, catalogue_json(key))

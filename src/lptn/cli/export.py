@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter as Option
 
-from lptn.cli.options import Json, NodeLimits, Output, check_inputs, check_outputs, limits_of
+from lptn.cli import options
 
 
 def export(
@@ -15,9 +15,9 @@ def export(
     /,
     *,
     to: Annotated[Literal["jax", "torch", "numpy", "c"], Option(help="What the module is made of.")],
-    output: Output,
-    limit: NodeLimits = None,
-    json: Json = None,
+    output: options.Output,
+    limit: options.NodeLimits = None,
+    json: options.Json = None,
 ) -> None:
     """Write a model as pure functions over many robots, for learning with JAX or PyTorch.
 
@@ -25,14 +25,14 @@ def export(
 
     Example: lptn export fitted.toml --to jax --limit 80 -o heat.py
     """
-    check_outputs(output, json, inputs=(model,))
-    check_inputs(model)
+    options.check_outputs(output, json, inputs=(model,))
+    options.check_inputs(model)
     from lptn.batch import export as write
     from lptn.cli.terminal import show_written, write_json
     from lptn.identify.data import load_model
 
     loaded = load_model(model).model
-    write(loaded, output, to, limits=limits_of(limit, "*") or None)
+    write(loaded, output, to, limits=options.limits_of(limit, "*") or None)
     counts = {what: len(getattr(loaded, what)) for what in ("states", "inputs", "parameters")}
     write_json(json, {"file": str(output), "to": to, **counts, "standard_errors": len(loaded.standard_errors)})
     show_written({", ".join(f"{number} {what}" for what, number in counts.items()): output})

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, cast
 from cyclopts import Parameter as Option
 
 from lptn.basics.errors import InputError
-from lptn.cli.options import Json, NodeLimits, Output, check_outputs, limits_of
+from lptn.cli import options
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -53,14 +53,14 @@ def fmu(
     model: Path,
     /,
     *others: Path,
-    output: Output,
+    output: options.Output,
     fmi: Annotated[int, Option(help="Version of the standard: 2 or 3.")] = 3,
     platforms: Platforms = None,
     solver: Annotated[str, Option(help="Solver of Co-Simulation: rk4, or ros2 for stiff networks.")] = "rk4",
     step: Annotated[
         float | None, Option(help="Longest inner step in s; by default chosen from the model's time constants.")
     ] = None,
-    limit: NodeLimits = None,
+    limit: options.NodeLimits = None,
     forecast: Forecast = False,
     events: Events = False,
     admissible: Admissible = False,
@@ -73,7 +73,7 @@ def fmu(
     license: Annotated[str | None, Option(help="License of the model.")] = None,  # noqa: A002
     connect: Connect = None,
     compiler: Annotated[str, Option(help="auto, zig or cc.")] = "auto",
-    json: Json = None,
+    json: options.Json = None,
 ) -> None:
     """Write a model as an FMU for other simulators.
 
@@ -89,8 +89,8 @@ def fmu(
     from lptn.cli.terminal import progress, write_json
     from lptn.fmu.exporter import export
 
-    check_outputs(output, json)
-    check_outputs(json, inputs=(model, *others))
+    options.check_outputs(output, json)
+    options.check_outputs(json, inputs=(model, *others))
     if json is not None and output.suffix in (".ssd", ".ssp", ".ssv"):
         raise InputError(json, "--json", f"with -o {output.name}", "an FMU to write about")
     if output.suffix in (".ssd", ".ssp"):
@@ -98,7 +98,7 @@ def fmu(
         return
     if others or connect:
         raise InputError(output, "--output", "several FMUs", "a file name ending in .ssd or .ssp")
-    limits = limits_of(limit, "*") or None
+    limits = options.limits_of(limit, "*") or None
     if output.suffix == ".ssv":
         from lptn.fmu.ssp import write_values
 
@@ -120,7 +120,7 @@ def fmu(
             forecast=forecast,
             events=events,
             admissible=admissible,
-            current_limits=limits_of(current_limit, "*", "--current-limit", "A", "JOINT") or None,
+            current_limits=options.limits_of(current_limit, "*", "--current-limit", "A", "JOINT") or None,
             arrays=arrays,
             reference=reference,
             casadi=casadi,

@@ -7,18 +7,18 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter as Option
 
-from lptn.cli.options import Beginning, Json, check_outputs, write_beginning
+from lptn.cli import options
 
 
 def motor(
     geometry: Path | None = None,
     /,
     *,
-    output: Beginning = None,
+    output: options.Beginning = None,
     sample: Annotated[
         Literal["inrunner", "outrunner"] | None, Option(help="Kind of the sample drawing (inrunner by default).")
     ] = None,
-    json: Json = None,
+    json: options.Json = None,
 ) -> None:
     """Make a model file from a motor's drawing.
 
@@ -38,18 +38,18 @@ def motor(
         if json is not None:
             raise InputError("command line", "--json", "no drawing", "a drawing's file, whose model it can describe")
         path = output or Path("drawing.toml")
-        check_outputs(path)
+        options.check_outputs(path)
         next_ = f"Put your motor's numbers into it, then: lptn motor {path} -o motor.toml"
-        write_beginning(path, drawings.sample(sample or "inrunner"), f"an {sample or 'inrunner'}, drawn", next_)
+        options.write_beginning(path, drawings.sample(sample or "inrunner"), f"an {sample or 'inrunner'}, drawn", next_)
         return
     if sample is not None:
         raise InputError("command line", "--sample", f"{sample} beside a drawing", "one of the two")
     path = output or Path("motor.toml")
-    check_outputs(path, json, inputs=(geometry,))
+    options.check_outputs(path, json, inputs=(geometry,))
     text = model_text(drawings.load_geometry(geometry))
     model = Model(parse_model(text, path).network)
     what = f"a model of {geometry.name}: {count_of(len(model.nodes), 'node')}, inputs {', '.join(model.inputs)}"
     next_ = f"See what a log of the motor holds for it: lptn check {path} LOG"
-    write_beginning(path, text, what, next_, edited=output is None)
+    options.write_beginning(path, text, what, next_, edited=output is None)
     capacity = {name: float(model.values[model.network.capacities[name]]) for name in model.nodes}
     write_json(json, {"nodes": capacity, "inputs": model.inputs, "parameters": len(model.parameters)})

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter as Option
 
-from lptn.cli.options import Beginning, check_outputs, write_beginning
+from lptn.cli import options
 
 Resistance = Literal["phase", "line_to_line", "delta"]
 Amperes = Literal["power_invariant", "amplitude", "rms", "block"]
@@ -22,7 +22,7 @@ def new(
     current: Annotated[bool, Option(help="With --urdf: the log has currents in place of torques.")] = False,
     resistance_of: Annotated[Resistance | None, Option(help="With --urdf: what winding resistances are of.")] = None,
     amperes: Annotated[Amperes | None, Option(help="With --urdf: what amperes are.")] = None,
-    output: Beginning = None,
+    output: options.Beginning = None,
 ) -> None:
     """Write a model file to begin with.
 
@@ -50,16 +50,16 @@ def new(
         if beside := preset or model:
             raise InputError("command line", "--urdf", f"'{beside}' beside it", "a URDF, or a preset")
         path, what = output or Path(f"{urdf.stem}.toml"), f"a model of the joints in {urdf.name}"
-        check_outputs(path, inputs=(urdf,))
+        options.check_outputs(path, inputs=(urdf,))
         text, values = urdf_model_text(urdf, CopperLoss(**copper)), "Its values are guesses from the URDF"
     elif preset is not None:
         name = f"{preset}.{model}" if model else preset
         text, path = preset_text(preset, model), output or Path(f"{name}.toml")
-        check_outputs(path)
+        options.check_outputs(path)
         nodes, parameters, about = PRESETS[name]
         what, values = f"{about}: {nodes} nodes, {parameters} parameters", "Its values are of another robot"
     else:
         rows = ((name.replace(".", " --model "), *map(str, about)) for name, about in PRESETS.items())
         show_table(("preset", ">nodes", ">parameters", "what it is"), rows)
         return
-    write_beginning(path, text, what, f"{values}. See what a log of yours holds for it: lptn check {path} LOG")
+    options.write_beginning(path, text, what, f"{values}. See what a log of yours holds for it: lptn check {path} LOG")

@@ -12,15 +12,15 @@ from cyclopts import Parameter as Option
 from cyclopts import validators
 
 from lptn.basics.errors import InputError
-from lptn.cli.options import DATA, Data, Test, check_inputs, needs_logs
+from lptn.cli import options
 
 
 def open(  # noqa: A001 - the command's name
     model: Path | None = None,
     /,
     *logs: Path,
-    data: Data = DATA,
-    test: Test = None,
+    data: options.Data = options.DATA,
+    test: options.Test = None,
     browser: Annotated[
         bool, Option(help="Open the browser; otherwise only print the address.", negative="--no-browser")
     ] = True,
@@ -41,8 +41,8 @@ def open(  # noqa: A001 - the command's name
         if given := [word for word, value in (("--holdout", data.holdout), ("--test", test)) if value]:
             raise InputError("command line", "MODEL", f"{given[0]} without a model", "a model file with its logs")
     else:
-        needs_logs(logs)
-        check_inputs(model, *logs, *(data.holdout or ()), *(test or ()))
+        options.needs_logs(logs)
+        options.check_inputs(model, *logs, *(data.holdout or ()), *(test or ()))
     from lptn.cli.terminal import progress
     from lptn.workbench.server import serve
     from lptn.workbench.session import WorkbenchSession

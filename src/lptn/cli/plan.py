@@ -9,7 +9,7 @@ from typing import Annotated
 
 from cyclopts import Parameter as Option
 
-from lptn.cli.options import Details, HtmlReport, Json, Picture, check_outputs, write_figure
+from lptn.cli import options
 
 _LINES, _COLUMNS = 14, 80  # of a plan in the answer; the details and the table have all
 
@@ -22,10 +22,10 @@ def plan(
     output: Annotated[
         Path | None, Option(name=["--output", "-o"], help="Table to write the plan to: .csv or .parquet.")
     ] = None,
-    details: Details = False,
-    json: Json = None,
-    plot: Picture = None,
-    report: HtmlReport = None,
+    details: options.Details = False,
+    json: options.Json = None,
+    plot: options.Picture = None,
+    report: options.HtmlReport = None,
     emit_c: Annotated[Path | None, Option(help="Folder for the controller step as C code for the robot.")] = None,
 ) -> None:
     """Plan torque, speeds or loads within limits.
@@ -40,7 +40,7 @@ def plan(
     from lptn.model.model import Model
     from lptn.planners.tasks import check_folder, kind_of, load_task
 
-    check_outputs(json, report, tables=[output], pictures=[plot], inputs=(model, task))
+    options.check_outputs(json, report, tables=[output], pictures=[plot], inputs=(model, task))
     table = load_task(task)
     kind = kind_of(table, str(task))
     check_folder(emit_c, kind, str(task))
@@ -54,7 +54,7 @@ def plan(
     if output is not None:
         write_table(output, answer.table())
     if plot is not None:
-        write_figure(answer.figure(), plot)
+        options.write_figure(answer.figure(), plot)
     if report is not None:
         from lptn.basics.files import write_whole
         from lptn.report.planning_pages import plan_html

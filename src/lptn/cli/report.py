@@ -4,11 +4,19 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from lptn.cli import options
 from lptn.cli.improve import improve
-from lptn.cli.options import DATA, Data, Jobs, Output, Test
 
 
-def report(model: Path, /, *logs: Path, output: Output, data: Data = DATA, test: Test = None, jobs: Jobs = 1) -> None:
+def report(
+    model: Path,
+    /,
+    *logs: Path,
+    output: options.Output,
+    data: options.Data = options.DATA,
+    test: options.Test = None,
+    jobs: options.Jobs = 1,
+) -> None:
     """Write the whole analysis as one HTML file.
 
     Logs, fit, where the model fails, what is missing, errors on held-out data.

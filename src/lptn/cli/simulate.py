@@ -4,18 +4,26 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from lptn.cli.options import COLUMNS, Columns, Json, Output, check_inputs, check_outputs
+from lptn.cli import options
 
 
-def simulate(model: Path, log: Path, /, *, output: Output, json: Json = None, columns: Columns = COLUMNS) -> None:
+def simulate(
+    model: Path,
+    log: Path,
+    /,
+    *,
+    output: options.Output,
+    json: options.Json = None,
+    columns: options.Columns = options.COLUMNS,
+) -> None:
     """Predict a log's temperatures, and write them.
 
     The file is a log itself, .csv or .parquet.
 
     Example: lptn simulate fitted.toml friday.parquet -o predicted.csv
     """
-    check_outputs(json, tables=[output], inputs=(model, log))
-    check_inputs(model, log)
+    options.check_outputs(json, tables=[output], inputs=(model, log))
+    options.check_inputs(model, log)
     from lptn.cli.terminal import progress, show_written, write_json
     from lptn.identify.comparison import write_predictions
     from lptn.study import Study

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter as Option
 
-from lptn.cli.options import Details, HtmlReport, Picture, check_outputs, write_figure
+from lptn.cli import options
 
 Result = Annotated[Path | None, Option(name=["--json", "--output", "-o"], help="JSON file for the result.")]
 Diagram = Annotated[
@@ -23,11 +23,11 @@ def trade(
     study: Path,
     /,
     *,
-    details: Details = False,
+    details: options.Details = False,
     json: Result = None,
-    plot: Picture = None,
+    plot: options.Picture = None,
     diagram: Diagram = None,
-    report: HtmlReport = None,
+    report: options.HtmlReport = None,
 ) -> None:
     """Solve a trade study of motor, gear and cooling.
 
@@ -40,9 +40,9 @@ def trade(
     from lptn.planners.trade.answer import as_json, headline, remarks, summary, table
     from lptn.report.text import for_people
 
-    check_outputs(json, report, pictures=[plot, diagram], inputs=(study,))
+    options.check_outputs(json, report, pictures=[plot, diagram], inputs=(study,))
     asked = load_study(study)
-    check_outputs(json, report, pictures=[plot, diagram], inputs=asked.files)
+    options.check_outputs(json, report, pictures=[plot, diagram], inputs=asked.files)
     with progress("reading") as say:
         result = solve_study(asked, say)
     if not result.designs:
@@ -50,7 +50,7 @@ def trade(
     if diagram is not None:
         from lptn.planners.trade.figures import torque_speed_figure
 
-        write_figure(torque_speed_figure(result), diagram)
+        options.write_figure(torque_speed_figure(result), diagram)
     (choice, *numbers), *rows = table(result, brief=not details)
     heads = [choice, *(for_people(head if head == "active constraints" else f">{head}") for head in numbers)]
     show_table(heads, rows, headline(result), None if details else _BEST)
@@ -59,7 +59,7 @@ def trade(
     if plot is not None:
         from lptn.planners.trade.figures import study_figure
 
-        write_figure(study_figure(result), plot)
+        options.write_figure(study_figure(result), plot)
     if report is not None:
         from lptn.basics.files import write_whole
         from lptn.report.planning_pages import trade_html

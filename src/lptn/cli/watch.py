@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter as Option
 from cyclopts import validators
 
-from lptn.cli.options import COLUMNS, Columns, Coverage, Json, Limits, check_inputs, check_outputs, limits_of
+from lptn.cli import options
 
 if TYPE_CHECKING:
     from rich.live import Live
@@ -33,7 +33,7 @@ def watch(
             consume_multiple=True,
         ),
     ] = None,
-    limit: Limits = None,
+    limit: options.Limits = None,
     replay: Annotated[
         float | None,
         Option(
@@ -49,12 +49,12 @@ def watch(
             validator=validators.Number(gt=0),
         ),
     ] = 30.0,
-    coverage: Coverage = 0.9,
+    coverage: options.Coverage = 0.9,
     calibration: Annotated[
         Path | None, Option(help="Calibration file of lptn monitor, learnt from healthy logs.")
     ] = None,
-    json: Json = None,
-    columns: Columns = COLUMNS,
+    json: options.Json = None,
+    columns: options.Columns = options.COLUMNS,
 ) -> None:
     """Watch a running robot: temperatures, time to each limit, faults of sensors.
 
@@ -65,9 +65,9 @@ def watch(
 
     Example: lptn watch fitted.toml udp://:9870 --limit 60 --to terminal prometheus
     """
-    check_outputs(json, state, inputs=(model,))
-    limits = limits_of(limit, "")
-    check_inputs(model)
+    options.check_outputs(json, state, inputs=(model,))
+    limits = options.limits_of(limit, "")
+    options.check_inputs(model)
     from lptn.cli.terminal import is_quiet, write_json
     from lptn.identify.data import load_model
     from lptn.live.addresses import sink_of, source_of

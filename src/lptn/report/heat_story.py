@@ -11,7 +11,7 @@ from lptn.basics.style import inline_svg
 from lptn.basics.words import listed
 from lptn.diagnose.improvement import History
 from lptn.diagnose.learned_heat import LearnedCurve
-from lptn.diagnose.unexplained_heat import HeatPeak, UnexplainedHeat, largest, stretches, unexplained_heat
+from lptn.diagnose.unexplained_heat import HeatPeak, UnexplainedHeat, largest, unexplained_heat
 from lptn.identify.fitting import Fit
 from lptn.logs.columns import quantity_of
 from lptn.report.document import Picture
@@ -51,14 +51,15 @@ class HeatStory:
         fit = history.steps[0].fit
         given = unexplained_heat(fit)
         best = unexplained_heat(history.best.fit) if len(history.steps) > 1 else []
-        run, node, peak = worst_of(given)
+        peak = largest(given)
+        if peak is not None:
+            run, node = [estimate.run for estimate in given].index(peak.run), peak.node
+        else:
+            shares = [(np.abs(one.heat) / np.maximum(one.sure_band, 1e-12)).max(axis=1) for one in given]
+            run = max(range(len(given)), key=lambda place: float(shares[place].max()))
+            node = given[run].nodes[int(shares[run].argmax())]
         links = chosen_links(input_links(fit, given, node)) if peak else []  # heat by chance goes with inputs by chance
         return cls(fit, given, best, run, node, peak, links)
-
-    @property
-    def stretches(self) -> list[HeatPeak]:
-        """Every stretch of time in which the best model, or the given one without a better, surely lacks heat."""
-        return stretches(self.best or self.given)
 
     @property
     def hiding(self) -> str:
@@ -75,16 +76,6 @@ class HeatStory:
         place = f"{peak.place} of run {peak.run}" if len(self.given) > 1 else peak.place
         about = replace(peak, heat=abs(peak.heat)).text().removeprefix(peak.place)
         return for_people(f"{what} most clearly {place}{about}")
-
-
-def worst_of(runs: Sequence[UnexplainedHeat]) -> tuple[int, str, HeatPeak | None]:
-    """Run, node and peak where the heat is clearest; where none is, run and node where it comes nearest to its band."""
-    peak = largest(runs)
-    if peak is not None:
-        return [estimate.run for estimate in runs].index(peak.run), peak.node, peak
-    shares = [(np.abs(estimate.heat) / np.maximum(estimate.sure_band, 1e-12)).max(axis=1) for estimate in runs]
-    run = max(range(len(runs)), key=lambda place: float(shares[place].max()))
-    return run, runs[run].nodes[int(shares[run].argmax())], None
 
 
 def chosen_links(links: Sequence[InputLink]) -> list[InputLink]:

@@ -123,7 +123,7 @@ class _Drawing:
         self.kinds = list(dict.fromkeys(instance.effect.key for instance in network.effect_instances))
         self.nodes, self.around = list(network.dynamic), list(network.prescribed)
         self.effects: dict[str, list[EffectInstance]] = {}  # of nodes
-        self._lines: dict[str, _Line] = {}
+        self.lines: dict[str, _Line] = {}  # every link, and what effects exchange heat where there is none
         resistors = [(link.place, link.ends, link.resistance) for link in network.resistors]
         inside = [(edge(*conductor.ends), conductor.ends, conductor.conductivity) for conductor in network.conductors]
         for place, ends, index in [*resistors, *inside]:
@@ -135,18 +135,13 @@ class _Drawing:
             effects.append(instance)
         finite = [value for value in temperatures.values() if np.isfinite(value)]
         self.coolest, self.hottest = (min(finite), max(finite)) if finite else (0.0, 0.0)
-        through = [abs(flows[line.name]) for line in self.lines if np.isfinite(flows.get(line.name, np.nan))]
+        through = [abs(flows[line.name]) for line in self.lines.values() if np.isfinite(flows.get(line.name, np.nan))]
         self.most = max(through, default=0.0)
         self.sizes = {name: self._size(name) for name in self.nodes}
-        inner = [line.ends for line in self.lines if not set(line.ends) & set(self.around)]
+        inner = [line.ends for line in self.lines.values() if not set(line.ends) & set(self.around)]
         self.at = places_of(self.nodes, inner, self.sizes)
         self.badges: list[str] = []
         self.reached: list[FloatArray] = []  # corners of what is drawn beside the boxes
-
-    @property
-    def lines(self) -> list[_Line]:
-        """Every link, and what effects exchange heat where there is none."""
-        return list(self._lines.values())
 
     def _body(self, place: str) -> str:
         return place if place in (*self.nodes, *self.around) else place.rpartition(".")[0]
@@ -156,14 +151,14 @@ class _Drawing:
         one, other = (self._body(place) for place in places)
         if one == other or {one, other} <= set(self.around):
             return None
-        return self._lines.setdefault(name, _Line(name, (one, other)))
+        return self.lines.setdefault(name, _Line(name, (one, other)))
 
     def _line_of(self, instance: EffectInstance) -> _Line | None:
         """The line that an effect acts on; none where it acts on a node."""
         if len(instance.ends) < 2:
             return None
         bodies = {self._body(place) for place in instance.ends}
-        matches = (line for line in self.lines if set(line.ends) == bodies)
+        matches = (line for line in self.lines.values() if set(line.ends) == bodies)
         return next(matches, None) or self._line(instance.place, instance.ends[:2])
 
     def _size(self, name: str) -> Point:
@@ -177,7 +172,7 @@ class _Drawing:
         return f"{value:.1f} °C" if np.isfinite(value) else ""
 
     def text(self) -> str:
-        links = [self._between(line) for line in self.lines if not self._surroundings_of(line)]
+        links = [self._between(line) for line in self.lines.values() if not self._surroundings_of(line)]
         stubs = self._stubs()
         boxes = [self._box(name) for name in self.nodes]
         for name, middle in self.at.items():
@@ -244,7 +239,7 @@ class _Drawing:
     def _between(self, line: _Line) -> str:
         start, end = np.array(self.at[line.ends[0]]), np.array(self.at[line.ends[1]])
         along = end - start
-        beside = [other for other in self.lines if {*other.ends} == {*line.ends}]
+        beside = [other for other in self.lines.values() if {*other.ends} == {*line.ends}]
         across = np.array([-along[1], along[0]]) / max(float(np.hypot(*along)), 1e-9)
         shift = 13.0 * (beside.index(line) - (len(beside) - 1) / 2) * across
         middle = (start + end) / 2 + shift
@@ -268,14 +263,14 @@ class _Drawing:
     def _stubs(self) -> list[str]:
         """Links to the surroundings, each where its node has most room."""
         angles: dict[str, list[float]] = {name: [] for name in self.nodes}
-        for line in self.lines:
+        for line in self.lines.values():
             if not self._surroundings_of(line):
                 for one, other in (line.ends, line.ends[::-1]):
                     dx, dy = np.subtract(self.at[other], self.at[one])
                     angles[one].append(float(np.arctan2(dy, dx)))
         drawn = []
         named = len(self.around) > 1 or len(self.nodes) < 3
-        for line in self.lines:
+        for line in self.lines.values():
             around = self._surroundings_of(line)
             if not around:
                 continue
@@ -311,7 +306,7 @@ class _Drawing:
         others = [other for other in self.nodes if other != name]
         middles = np.array([self.at[other] for other in others]).reshape(-1, 2)
         halves = np.array([self.sizes[other] for other in others]).reshape(-1, 2) / 2
-        inner = [line.ends for line in self.lines if not self._surroundings_of(line) and name not in line.ends]
+        inner = [line.ends for line in self.lines.values() if not self._surroundings_of(line) and name not in line.ends]
         ends = np.array([[self.at[one], self.at[other]] for one, other in inner]).reshape(-1, 2, 2)
         best, room = 0.0, -np.inf
         for place in range(_DIRECTIONS):

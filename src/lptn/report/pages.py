@@ -9,6 +9,7 @@ from itertools import compress
 from lptn.basics.style import inline_svg
 from lptn.diagnose.advice import Advice, Detectable, smallest
 from lptn.diagnose.improvement import History
+from lptn.diagnose.unexplained_heat import stretches
 from lptn.effects import catalogue
 from lptn.identify.comparison import Comparison, Versus, predict
 from lptn.identify.data import DataSplit
@@ -71,7 +72,7 @@ def story_html(
     wanted = [_JOBS[job] == which.replace("-", " ") for job, _ in jobs]
     given, best = _only(all_given, wanted), _only(all_best, wanted) if all_best else None
     heat = HeatStory.of(history)
-    left = heat.stretches
+    left = stretches(heat.best or heat.given)
     said = narrative(history.steps, history.last, advice)
     searched, fitted = (fit.problem.bound_runs[0].run.step for fit in (history.first.fit, first.fit))
     # Of the given and of the best model, what was refused, and what would have shown, each once.
