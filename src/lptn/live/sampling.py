@@ -319,8 +319,7 @@ class Sampler:
             self._start = math.nan
         borders = np.flatnonzero(np.diff(self._time) > self._gap) + 1
         found = list[Rows]()
-        for number, _ in enumerate(borders):
-            size = int(borders[number] - (borders[number - 1] if number else 0))
+        for size in np.diff(borders, prepend=0).tolist():
             found += self._taken(size, end=True)
             self._start = math.nan
         return [*found, *self._taken(self._time.size, end=end)]
