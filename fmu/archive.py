@@ -119,11 +119,6 @@ class Unpacked:
         every = self.variables.values()
         return [variable.name for variable in every if variable.causality == causality and variable.type in REALS]
 
-    @property
-    def has_arrays(self) -> bool:
-        """Whether any variable is an array, whose elements `variables` shows one by one."""
-        return any(variable.shape for variable in self.description.modelVariables)
-
     def _check_sizes(self) -> None:
         """Refuse more variables than a table of them can hold, counted before any array is taken apart."""
         found = 0
@@ -282,7 +277,11 @@ def unpack_files(content: bytes, path: Path, folder: Path) -> None:
             _check_names(entries, path)
             for entry in entries:
                 if not entry.is_dir():
-                    _write(archive, entry, folder)
+                    target = folder / entry.filename
+                    target.parent.mkdir(parents=True, exist_ok=True)
+                    # Of the size at most that its header claims: `zipfile` reads no further.
+                    with archive.open(entry) as stream, target.open("xb") as output:
+                        shutil.copyfileobj(stream, output)
     except InputError:
         raise
     except _DAMAGED as error:
@@ -304,15 +303,6 @@ def _check_names(entries: list[zipfile.ZipInfo], path: Path) -> None:
         if folded in seen:
             raise InputError(path, "archive", f"{name!r} twice", "each file once")
         seen.add(folded)
-
-
-def _write(archive: zipfile.ZipFile, entry: zipfile.ZipInfo, folder: Path) -> None:
-    """Unpack one file, of the size at most that its header claims: `zipfile` reads no further."""
-    target = folder / entry.filename
-    target.parent.mkdir(parents=True, exist_ok=True)
-    chunk = 1 << 20
-    with archive.open(entry) as stream, target.open("xb") as output:
-        shutil.copyfileobj(stream, output, chunk)
 
 
 def _check_description(file: Path, path: Path) -> None:

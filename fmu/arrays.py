@@ -74,12 +74,7 @@ def shown(variables: Sequence[Variable], joined: Sequence[Variable]) -> list[Var
 def structure_of_arrays(structure: Structure, joined: Sequence[Variable]) -> Structure:
     """The dependencies of arrays: those of all their elements, each the weakest that is known of any."""
     array_of = {element.reference: array for array in joined for element in array.elements}
-    return Structure(
-        *(
-            _merged(entries, array_of)
-            for entries in (structure.outputs, structure.rates, structure.initial, structure.indicators)
-        )
-    )
+    return Structure(*(_merged(entries, array_of) for entries in vars(structure).values()))
 
 
 def _merged(entries: Iterable[Dependent], array_of: Mapping[int, Variable]) -> tuple[Dependent, ...]:

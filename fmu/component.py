@@ -75,7 +75,8 @@ class Component:
         limits: temperature limit [degC] of each place by name or pattern, or one of all; 80 degC where none is given.
         start: start temperature [degC] in the same way; 25 degC where none is given.
         forecast: whether to add the time to each node's limit.
-        events: whether to add limits that are crossed as events, with their clocks.
+        events: whether to add limits that are crossed as events.
+        clocks: whether clocks tick with the events; FMI 2 knows none.
         admissible: whether to add the admissible torques.
         current_limits: of the joints [A], for the admissible torques.
 
@@ -102,6 +103,7 @@ class Component:
         *,
         forecast: bool = False,
         events: bool = False,
+        clocks: bool = True,
         admissible: bool = False,
         current_limits: Mapping[str, float] | float | None = None,
     ) -> None:
@@ -137,7 +139,7 @@ class Component:
             description = f"Time until {place} reaches its limit, inputs held: connect a display or a planner"
             self._add(place_name(place, "time_to_limit"), "forecast", "s", None, description, minimum=0.0)
         if events:
-            self._add_events()
+            self._add_events(clocks)
         self.rates = model.rhs(*self._arguments)
 
     @property
@@ -227,16 +229,17 @@ class Component:
             horizon = 3600.0  # s that the forecast looks ahead
             self._add("limiter.horizon", "parameter", "s", horizon, description, minimum=1e-3, maximum=1e7)
 
-    def _add_events(self) -> None:
+    def _add_events(self, clocks: bool) -> None:
         for place in self.model.places:
             name, description = place_name(place, "limit_indicator"), f"Changes sign where {place} crosses its limit"
             self._add(name, "indicator", "K", None, description, hidden=True)
         for place in self.model.places:
             description = f"Whether {place} has passed its limit: connect what must react at once"
             self._add(place_name(place, "limit_crossed"), "crossed", "", None, description)
-        self._add("clocks.limit_crossed", "clock", "", None, "Ticks when any limit is passed, or is no longer")
-        description = "Set it when a run begins anew: all temperatures are those of the start again"
-        self._add("clocks.run_begins", "clock", "", None, description, entrance=True)
+        if clocks:
+            self._add("clocks.limit_crossed", "clock", "", None, "Ticks when any limit is passed, or is no longer")
+            description = "Set it when a run begins anew: all temperatures are those of the start again"
+            self._add("clocks.run_begins", "clock", "", None, description, entrance=True)
 
     def _add_parameter(self, parameter: ParameterInstance) -> None:
         declared, unit = parameter.declared, parameter.declared.unit

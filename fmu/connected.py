@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from contextlib import ExitStack, closing
+from contextlib import AbstractContextManager, ExitStack, closing
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +14,12 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 
 from .archive import Unpacked
-from .session import Closing, Exchange, Session
+from .session import Exchange, Session
 from .ssp import OpenedSystem, in_units_of
 from .variables import to_column
 
 
-class Connected(Closing):
+class Connected(AbstractContextManager["Connected"]):
     """A system of FMUs for Co-Simulation, initialised and ready to step: what `Session` is to one FMU.
 
     Inputs and outputs are called `component.variable`. Inputs that nothing drives are the system's.
@@ -194,3 +194,6 @@ class Connected(Closing):
     def close(self) -> None:
         """Free all instances and remove what was unpacked."""
         self._closing.close()
+
+    def __exit__(self, *_: object) -> None:
+        self.close()

@@ -9,7 +9,7 @@ import re
 import uuid
 import zipfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import cache
 from importlib.metadata import metadata
@@ -25,7 +25,7 @@ from lptn.model.network import Network
 
 from .arrays import arrays as arrays_of
 from .arrays import places_of, shown, structure_of_arrays
-from .codegen import Integration, Structure, c_code, integration, jacobian_moves, structure
+from .codegen import Integration, c_code, integration, jacobian_moves, structure
 from .compile import Compiler, Platform, compile_all, platforms_of, universal
 from .component import Component
 from .experiments import FOLDER, experiment, related
@@ -67,7 +67,7 @@ class Exported:
     @property
     def variables(self) -> dict[str, int]:
         """Value references by name."""
-        return {variable.name: variable.reference for variable in _shown(self.component, self.arrays, self.fmi)}
+        return {variable.name: variable.reference for variable in shown(self.component.variables, self.arrays)}
 
     def as_json(self) -> dict[str, object]:
         """What was written, as other programs read it."""
@@ -157,7 +157,7 @@ def export(
         raise InputError(path, "--output", f"a file name ending in '{path.suffix}'", "one ending in .fmu")
     targets = platforms_of(platforms)
     loaded, text = model_and_text(model)
-    added = {"forecast": forecast, "events": events, "admissible": admissible}
+    added = {"forecast": forecast, "events": events, "clocks": fmi == 3, "admissible": admissible}
     exported = Component(loaded, limits, start, **added, current_limits=current_limits)
     steps = integration(exported, solver, step)
     identifier = _identifier(loaded.network)
@@ -289,7 +289,7 @@ def _texts(
 def _values(component: Component, integration: Integration, fmi: int, joined: Sequence[Variable]) -> dict[str, Any]:
     """What the templates show."""
     name, variables = component.model.network.name, component.variables
-    seen = _shown(component, joined, fmi)
+    seen = shown(variables, joined)
     stop = 3600.0  # s; default experiment
     return {
         "name": name,
@@ -308,7 +308,7 @@ def _values(component: Component, integration: Integration, fmi: int, joined: Se
         "indicators": component.of("indicator"),
         "limits": component.limited[0],
         "bound_moves": jacobian_moves(component),
-        "structure": _structure(component, joined, fmi),
+        "structure": structure_of_arrays(structure(component), joined),
         "definitions": unit_definitions(variable.unit for variable in variables),
         "types": list(dict.fromkeys(variable.type for variable in variables if variable.type)),
         "terminals": terminals(seen),
@@ -317,23 +317,6 @@ def _values(component: Component, integration: Integration, fmi: int, joined: Se
         "fastest": integration.fastest,
         "stop": stop,
     }
-
-
-def _shown(component: Component, joined: Sequence[Variable], fmi: int) -> list[Variable]:
-    """The variables as an importer sees them: FMI 2 knows no clocks."""
-    return [variable for variable in shown(component.variables, joined) if fmi == 3 or variable.kind != "clock"]
-
-
-def _structure(component: Component, joined: Sequence[Variable], fmi: int) -> Structure:
-    """The dependencies as an importer sees them: of arrays, and without the clocks that FMI 2 lacks."""
-    result = structure_of_arrays(structure(component), joined)
-    if fmi == 3:
-        return result
-    outputs, initial = (
-        tuple(entry for entry in entries if entry.variable.kind != "clock")
-        for entries in (result.outputs, result.initial)
-    )
-    return replace(result, outputs=outputs, initial=initial)
 
 
 def _resource(path: str) -> str:
@@ -354,8 +337,8 @@ def _header(name: str) -> str:
 
 def _header_licence(fmi: int) -> str:
     """The licence comment of the FMI headers, as it stands in them."""
-    text = _header(_HEADERS[fmi][1])
-    comments = [comment for comment in re.findall(r"/\*(.*?)\*/", text, flags=re.DOTALL) if "Redistribution" in comment]
+    comments = re.findall(r"/\*(.*?)\*/", _header(_HEADERS[fmi][1]), flags=re.DOTALL)
+    comments = [comment for comment in comments if "Redistribution" in comment]
     return "The FMI headers in sources/ come with this notice:\n" + "\n".join(comments)
 
 

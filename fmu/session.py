@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import ctypes
-from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
@@ -19,20 +19,6 @@ from .variables import to_column
 
 class FmuError(RuntimeError):
     """A call that the FMU refused, with the reason that it logged."""
-
-
-class Closing(ABC):
-    """What is closed at the end of a `with` block."""
-
-    @abstractmethod
-    def close(self) -> None:
-        """Give back what it holds."""
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
 
 class _Block:
@@ -64,7 +50,7 @@ class _Block:
             self.values[:] = self._whole[self.places]
 
 
-class Session(Closing):
+class Session(AbstractContextManager["Session"]):
     """One instance of an FMU for Co-Simulation, initialised and ready to step.
 
     Args:
@@ -164,6 +150,9 @@ class Session(Closing):
         if fmu is not None and getattr(fmu, "component", None):
             fmu.freeInstance()
         self.unpacked.close()
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
     # --- loading -------------------------------------------------------------------------------
 

@@ -229,7 +229,7 @@ def write_system(
     with ExitStack() as stack:  # read, not run
         opened = {part: stack.enter_context(closing(Unpacked(file, trust=True))) for part, file in files.items()}
         for component, unpacked in opened.items():
-            if unpacked.has_arrays:
+            if any(variable.shape for variable in unpacked.description.modelVariables):
                 raise InputError(target, component, "an FMU with arrays, which SSP 1.0 has none of", "one of scalars")
         pairs = [Connection(_end(start, opened, target), _end(end, opened, target)) for start, end in connections]
         _check_connections(pairs, opened, target)
