@@ -139,17 +139,7 @@ reference = {REFERENCE}
     return parse_model(text, Path(f"data sheet of {name}")).network
 
 
-class KnownMotor(CatalogueMotor):
-    """A motor whose data sheet is known here; its model is a ready one."""
-
-    mass: si.Mass
-    diameter: si.Length
-    length: si.Length
-    torque_constant: si.TorqueConstant
-    source: str
-
-
-U8 = KnownMotor(
+U8 = CatalogueMotor(
     name="U8",
     model="u8",
     mass=0.240,
@@ -160,7 +150,7 @@ U8 = KnownMotor(
     source="mass, stall current: [Chen2017, table A.1]; size: T-Motor's drawing of the U8, not in the thesis; "
     "100 rpm/V: [Chen2017, eq. 2.1], whose text rounds to 0.1 N·m/A",
 )
-U10 = KnownMotor(
+U10 = CatalogueMotor(
     name="U10",
     model="u10",
     mass=0.400,
@@ -171,7 +161,7 @@ U10 = KnownMotor(
     source="mass, size, 100 rpm/V, maximum continuous current for 180 s: [Chen2017, appendix A.2]",
 )
 MOTORS: dict[str, CatalogueMotor] = {motor.name: motor for motor in (U8, U10)}
-"""The motors whose data are known here, by name."""
+"""The motors whose data sheets are known here, by name; their models are ready ones."""
 
 
 # --- tables of motors ----------------------------------------------------------------------------

@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, Generic, Literal, NamedTuple, TypeVar
+from typing import Annotated, Any, Literal, NamedTuple, TypeVar
 
 import numpy as np
 from pydantic import (
@@ -365,16 +365,13 @@ def _with_known_metals(tables: Any) -> Any:
     return known | {n: known.get(n, {}) | dict(t) if isinstance(t, Mapping) else t for n, t in tables.items()}
 
 
-Motor = TypeVar("Motor", bound=CatalogueMotor)
-
-
-class StudyTables(Strict, Generic[Motor]):
-    """All tables of a study file, with motors as the file has them or as they were found."""
+class StudyTables(Strict):
+    """All tables of a study file, with motors as the file has them."""
 
     question: Question = Field(alias="study")
     task: DutyTask = DutyTask()
     limits: Limits = Limits()
-    motors: Annotated[list[Motor], Field(min_length=1)]
+    motors: Annotated[list[CatalogueMotor], Field(min_length=1)]
     sink: Sink = Sink()
     gears: Annotated[list[Gear], Field(min_length=1)] = Field(default=[NO_GEAR])
     materials: Annotated[dict[str, SinkMetal], BeforeValidator(_with_known_metals)] = Field(default=MATERIALS)
@@ -384,11 +381,12 @@ class StudyTables(Strict, Generic[Motor]):
     uncertainty: StudyUncertainty | None = None  # none where everything is taken as known
 
 
-class TradeStudy(StudyTables[MotorChoice]):
+class TradeStudy(StudyTables):
     """A whole study, with its motors found; `origin` is its file, for messages, `files` are those that it names."""
 
     model_config = ConfigDict(populate_by_name=True)
 
+    motors: list[MotorChoice]  # type: ignore[assignment]  # those of the tables, found
     origin: str
     files: tuple[Path, ...] = ()
 

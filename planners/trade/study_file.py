@@ -17,7 +17,6 @@ from .motors import MOTORS, CatalogueMotor, data_sheet_network, read_catalogue
 from .study import SWEPT, DutyTask, MotorChoice, StudyTables, Sweep, TradeStudy, attachable, pipe_places
 
 _NEEDED = {"mass": "kg", "volume": "m^3", "torque_constant": "N*m/A at 25 degC"}
-Tables = StudyTables[CatalogueMotor]
 
 
 def load_study(path: Path) -> TradeStudy:
@@ -39,7 +38,7 @@ def parse_study(text: str, path: Path) -> TradeStudy:
         InputError: with the line of the mistake.
     """
     with mistakes_by_line(path, text):
-        tables = Tables.model_validate(toml_of(path, text))
+        tables = StudyTables.model_validate(toml_of(path, text))
         motors = [_motor(motor, place, tables, path) for place, motor in _chosen_motors(tables, path)]
         if "gears" in tables.model_fields_set:
             _refuse(path, _mistakes_of_gears(tables))
@@ -59,12 +58,12 @@ def _refuse(path: Path, mistakes: Iterable[tuple[str, str, str]]) -> None:
 # --- motors -------------------------------------------------------------------------------------
 
 
-def _catalogues(tables: Tables) -> list[str]:
+def _catalogues(tables: StudyTables) -> list[str]:
     names = tables.question.catalogue
     return [names] if isinstance(names, str) else names
 
 
-def _chosen_motors(tables: Tables, path: Path) -> list[tuple[str, CatalogueMotor]]:
+def _chosen_motors(tables: StudyTables, path: Path) -> list[tuple[str, CatalogueMotor]]:
     """Each motor with the place that asks for it: a name or pattern of the catalogue, or a motor of the study's own."""
     catalogue = dict(MOTORS)
     for name in _catalogues(tables):
@@ -91,7 +90,7 @@ def _chosen_motors(tables: Tables, path: Path) -> list[tuple[str, CatalogueMotor
     return list(chosen.values())
 
 
-def _motor(table: CatalogueMotor, place: str, tables: Tables, path: Path) -> MotorChoice:
+def _motor(table: CatalogueMotor, place: str, tables: StudyTables, path: Path) -> MotorChoice:
     given = table.model_dump(exclude_unset=True)
     given |= {"volume": table.package, "torque_constant": table.constant}
     absent = [name for name in _NEEDED if given.get(name) is None]
@@ -137,7 +136,7 @@ def _nodes(pattern: str | None, network: Network, place: str, path: Path) -> lis
     return nodes
 
 
-def _sink_at(table: CatalogueMotor, tables: Tables, network: Network, place: str, path: Path) -> str:
+def _sink_at(table: CatalogueMotor, tables: StudyTables, network: Network, place: str, path: Path) -> str:
     """What the heat pipes touch: as the study says, else the stator, else the outside of the housing."""
     if tables.question.cooling == ["none"]:
         return ""
@@ -176,7 +175,7 @@ Mistake = tuple[str, str, str]
 """Its place in the file, what was found there, what was expected."""
 
 
-def _mistakes_of_gears(tables: Tables) -> Iterator[Mistake]:
+def _mistakes_of_gears(tables: StudyTables) -> Iterator[Mistake]:
     """Answers are kept by name; a gear stands in one place."""
     names = [gear.name for gear in tables.gears]
     for number, name in enumerate(names):
