@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal
 
 from lptn.basics.units import registry
@@ -256,13 +256,11 @@ class UnitDefinition:
         name: as the variables give it.
         exponents: of FMI's base units; `None` where the unit has no fixed ones (`W*(s/rad)^n`).
         factor: from this unit to the base units.
-        celsius: whether people see it as degC.
     """
 
     name: str
-    exponents: dict[str, int] | None = field(default_factory=dict)
+    exponents: dict[str, int] | None
     factor: float = 1.0
-    celsius: bool = False
 
 
 def fmi_unit(unit: str) -> str:
@@ -281,10 +279,6 @@ def unit_definitions(units: Iterable[str]) -> list[UnitDefinition]:
 
 
 def _unit_definition(unit: str) -> UnitDefinition:
-    if unit == "K":
-        return UnitDefinition("K", {"K": 1}, celsius=True)
-    if unit == "1":
-        return UnitDefinition("1")
     try:
         parsed = registry().parse_units(unit)
     except Exception:  # pint raises a dozen kinds; a unit that depends on an exponent has no definition

@@ -13,7 +13,7 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.lines import time_axis
 from lptn.basics.places import class_of
 
-from .mission import Course, Mission, MissionSegment, Schedule, limited_later, segments_of, simulate_plan
+from .mission import Course, Mission, MissionSegment, Schedule, Timed, limited_later, segments_of, simulate_plan
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -108,26 +108,24 @@ class MissionPlan(Schedule):
         `None` where no limit is passed so.
         """
         mission = self.mission
-        segments = [segment for segment in segments_of(mission) if segment.activity >= 0]
-        activities = [mission.activities[segment.activity] for segment in segments]
         asked = [activity for activity in mission.activities if activity.chooses_load]
         room = sum(activity.load[1] - activity.load[0] for activity in asked)
         lacking = mission.carry - sum(activity.load[0] for activity in asked)
         share = min(max(lacking, 0.0) / room, 1.0) if room else 0.0
-        speed = np.array([activity.speed[1] for activity in activities])
-        load = np.array([low + share * (high - low) for low, high in (activity.load for activity in activities)])
-        time = np.array([
-            segment.length / activity.speed[1] if segment.travels else segment.time[0]
-            for segment, activity in zip(segments, activities, strict=True)
-        ])  # fmt: skip
-        middle = [tuple((low + high) / 2 for low, high in segment.posture) for segment in segments]
-        course = simulate_plan(mission, Schedule(segments, time, speed, load, middle))
+        pieces = []
+        for segment in (segment for segment in segments_of(mission) if segment.activity >= 0):
+            activity = mission.activities[segment.activity]
+            speed, (low, high) = activity.speed[1], activity.load
+            time = segment.length / speed if segment.travels else segment.time[0]
+            middle = tuple((least + most) / 2 for least, most in segment.posture)
+            pieces.append(Timed(segment, time, speed, low + share * (high - low), middle))
+        course = simulate_plan(mission, Schedule(pieces))
         first: PassedLimit | None = None
         for node, limit in mission.limits.items():
             over = np.flatnonzero(course.states[mission.model.places.index(node)] > limit + EXACT)
             if over.size and (first is None or course.time[over[0]] < first.time):
                 at = int(np.searchsorted(course.ends, over[0]))
-                first = PassedLimit(node, float(course.time[over[0]]), segments[at].name)
+                first = PassedLimit(node, float(course.time[over[0]]), pieces[at].segment.name)
         return first
 
     @property
@@ -145,7 +143,7 @@ class MissionPlan(Schedule):
             "speed [m/s]": self.speed, "load [kg]": self.load, "distance [m]": self.speed * self.time,
             "hottest": [places[k] for k in ends.argmax(axis=0)] if self.segments else [],
         }  # fmt: skip
-        named = [dict(zip(piece.segment.gait.postures, piece.posture, strict=True)) for piece in self.pieces()]
+        named = [dict(zip(piece.segment.gait.postures, piece.posture, strict=True)) for piece in self.pieces]
         for name in dict.fromkeys(name for posture in named for name in posture):
             columns[name] = [posture.get(name, np.nan) for posture in named]
         warm = {f"temperature.{node} [degC]": row for node, row in zip(places, ends, strict=True)}

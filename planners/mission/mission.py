@@ -188,31 +188,33 @@ class Timed(NamedTuple):
 
 @dataclass(frozen=True)
 class Schedule:
-    """Pieces of a mission one after another.
+    """Pieces of a mission one after another."""
 
-    Args:
-        segments: the pieces.
-        time: of each [s].
-        speed: in each [m/s].
-        load: in each [kg].
-        posture: in each, a value for each posture of its gait.
-    """
+    pieces: list[Timed]
 
-    segments: list[MissionSegment]
-    time: FloatArray
-    speed: FloatArray
-    load: FloatArray
-    posture: list[tuple[float, ...]]
+    @property
+    def segments(self) -> list[MissionSegment]:
+        return [piece.segment for piece in self.pieces]
+
+    @property
+    def time(self) -> FloatArray:
+        """Of each piece [s]."""
+        return np.array([piece.time for piece in self.pieces])
+
+    @property
+    def speed(self) -> FloatArray:
+        """In each piece [m/s]."""
+        return np.array([piece.speed for piece in self.pieces])
+
+    @property
+    def load(self) -> FloatArray:
+        """In each piece [kg]."""
+        return np.array([piece.load for piece in self.pieces])
 
     @property
     def total(self) -> float:
         """Time of the whole [s]."""
         return float(self.time.sum())
-
-    def pieces(self) -> list[Timed]:
-        """The pieces one by one."""
-        numbers = self.time.tolist(), self.speed.tolist(), self.load.tolist()
-        return [Timed(*row) for row in zip(self.segments, *numbers, self.posture, strict=True)]
 
 
 def segments_of(mission: Mission, rests: Collection[int] | None = None) -> list[MissionSegment]:
@@ -317,7 +319,7 @@ def simulate_plan(mission: Mission, schedule: Schedule) -> Course:
     steps = 32  # that one call takes
     run = model.run(steps)
     clock, states, ends, count = [0.0], [mission.start[:, None]], [], 0
-    for segment, duration, speed, load, posture in schedule.pieces():
+    for segment, duration, speed, load, posture in schedule.pieces:
         u = with_surroundings(segment.gait.at(speed, load, posture), model.inputs, speed, mission.ambient)
         # A Runge-Kutta step that is half of the fastest time constant is exact to 1e-4.
         step = min(1.0, longest_step(model, states[-1][:, -1], u, values, 0.5))  # s

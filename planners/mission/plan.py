@@ -9,7 +9,7 @@ import numpy as np
 
 from ..tasks import Kind
 from .answer import COUNTS, EXACT, MissionPlan, Verdict
-from .mission import Mission, Schedule, simulate_plan, with_complete_start
+from .mission import Mission, Schedule, Timed, simulate_plan, with_complete_start
 from .mission_file import read_mission
 from .program import Goal, MissionProgram, MissionSolution
 
@@ -63,9 +63,8 @@ def _solved(mission: Mission, goal: Goal, deadline: float | None = None) -> tupl
 
     def longest_first(solution: MissionSolution, above: float = -1.0) -> list[int]:
         """Numbers of the pieces that a rest precedes, of rests that last longer than so many seconds."""
-        pieces = zip(solution.time.tolist(), solution.segments, strict=True)
-        rests = [(time, segment.before) for time, segment in pieces if segment.before >= 0 and time > above]
-        return [before for _, before in sorted(rests, reverse=True)]
+        rests = [(piece.time, piece.segment.before) for piece in solution.pieces if piece.time > above]
+        return [before for _, before in sorted(rests, reverse=True) if before >= 0]
 
     def worth(solution: MissionSolution) -> float:
         """Seconds of work done, or of time not needed. Of plans that do equally much the faster is meant."""
@@ -172,9 +171,7 @@ def _finished(
 def _plan(
     program: MissionProgram, verdict: Verdict, solution: MissionSolution, lowered: float, raised: float | None
 ) -> MissionPlan:
-    kept = np.flatnonzero(solution.time > _DUST)
-    segments, posture = [solution.segments[k] for k in kept], [solution.posture[k] for k in kept]
-    schedule = Schedule(segments, solution.time[kept], solution.speed[kept], solution.load[kept], posture)
+    schedule = Schedule([piece for piece in solution.pieces if piece.time > _DUST])
     course = simulate_plan(program.mission, schedule)
     return MissionPlan(
         **vars(schedule), mission=program.mission, verdict=verdict, share=solution.share, course=course,
@@ -186,10 +183,9 @@ def _plan(
 def _resting(program: MissionProgram, failed: MissionSolution) -> MissionPlan:
     """All drives off until the deadline: the safest plan there is."""
     mission = program.mission
-    segments = [segment for segment in program.segments if segment.gait is mission.rest][:1]
-    time = np.full(len(segments), mission.deadline or mission.longest_rest)
-    still = np.zeros(len(segments))
-    schedule = Schedule(segments, time, still, still, [tuple(low for low, _ in rest.posture) for rest in segments])
+    rests = [segment for segment in program.segments if segment.gait is mission.rest][:1]
+    time = mission.deadline or mission.longest_rest
+    schedule = Schedule([Timed(rest, time, 0.0, 0.0, tuple(low for low, _ in rest.posture)) for rest in rests])
     return MissionPlan(
         **vars(schedule), mission=mission, verdict="none", share=np.zeros(len(mission.activities)),
         course=simulate_plan(mission, schedule), coarse={}, lowered=0.0, prices={}, raise_needed=None,

@@ -18,7 +18,7 @@ import numpy as np
 from lptn.basics.arrays import FloatArray
 
 from .gait import Gait, with_surroundings
-from .mission import Mission, Schedule, limited_later, segments_of, simulate_plan
+from .mission import Mission, Schedule, Timed, limited_later, segments_of, simulate_plan
 
 Goal = Literal["time", "work"]
 """Least time; or the most work within the deadline."""
@@ -238,8 +238,9 @@ class MissionProgram:
     def _schedule(self, point: Any) -> tuple[Schedule, FloatArray]:
         """A point of the program's unknowns as a schedule, and the share done of each activity."""
         time, speed, load, share, postures = (value.full().ravel() for value in self._look(point))
+        numbers = time.tolist(), speed.tolist(), load.tolist()
         posture = [tuple(postures[own].tolist()) for own in self._postures_of]
-        return Schedule(self.segments, time, speed, load, posture), share
+        return Schedule([Timed(*row) for row in zip(self.segments, *numbers, posture, strict=True)]), share
 
     def _solved(
         self, start: FloatArray, p: FloatArray, lower: FloatArray, upper: FloatArray, goal: Goal

@@ -59,7 +59,7 @@ def closed_loop(asked: Mission, hot_from: float = np.inf, **settings: Any) -> tu
 
 def fixed(asked: Mission) -> tuple[float, float]:
     plan = plan_mission(asked, explain=False)
-    doing = [(segment.gait.name, time, speed, load) for segment, time, speed, load, _ in plan.pieces()]
+    doing = [(segment.gait.name, time, speed, load) for segment, time, speed, load, _ in plan.pieces]
     return plan.total, float(truth.simulate(doing, np.full(3, truth.AMBIENT)).max())
 
 

@@ -106,7 +106,7 @@ class Walker:
 def fixed(walker: Walker, mission: Mission) -> tuple[float, float]:
     """The plan made at the start: time of the whole [s], worst above the limit [K]."""
     plan, worst = plan_mission(mission, explain=False), -np.inf
-    for segment, seconds, speed, load, _ in plan.pieces():
+    for segment, seconds, speed, load, _ in plan.pieces:
         order = Order(segment.name, segment.gait.name, speed, load)
         whole = max(1, round(seconds))
         for begin in range(0, whole, int(SAMPLE)):

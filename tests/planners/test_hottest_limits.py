@@ -59,7 +59,7 @@ def test_a_mission_keeps_the_hottest_slice_below_its_limit() -> None:
     }
     plan = plan_mission(mission_kind.read(task, "task.toml", slot.model()))
     currents = [10.0 + 20.0 * (piece.speed - 0.5) / 1.5 if piece.segment.gait.name == "run" else 0.0
-                for piece in plan.pieces()]  # fmt: skip
+                for piece in plan.pieces]  # fmt: skip
     course = np.repeat(currents, np.round(plan.time).astype(int))
     hottest = slot.truth(course, 1.0)["winding.hottest"].max()
     assert plan.verdict == "met"

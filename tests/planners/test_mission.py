@@ -28,7 +28,7 @@ def mission(activities: list[dict[str, object]], **task: Any) -> Mission:
 
 def pieces(plan: MissionPlan) -> list[tuple[str, float, float, float]]:
     """The plan as the independent simulation wants it."""
-    return [(segment.gait.name, time, speed, load) for segment, time, speed, load, _ in plan.pieces()]
+    return [(segment.gait.name, time, speed, load) for segment, time, speed, load, _ in plan.pieces]
 
 
 WALK = {"do": "walk", "distance": 500, "load": 4, "pieces": 2}

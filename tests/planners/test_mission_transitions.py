@@ -32,7 +32,7 @@ def plans() -> tuple[MissionPlan, MissionPlan]:
 
 
 def doing(plan: MissionPlan) -> list[tuple[str, float, float, float]]:
-    return [(segment.gait.name, time, speed, load) for segment, time, speed, load, _ in plan.pieces()]
+    return [(segment.gait.name, time, speed, load) for segment, time, speed, load, _ in plan.pieces]
 
 
 def rests(plan: MissionPlan) -> int:

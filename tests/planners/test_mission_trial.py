@@ -74,7 +74,7 @@ def hottest(plan: MissionPlan, seed: int) -> float:
     """The hottest joint [degC] of the virtual robot that does what was planned, each walk with luck of its own."""
     doing = [
         Bout("rest" if segment.gait.name == "rest" else "trot", max(1, round(time)), min(speed, 1.0), load)
-        for segment, time, speed, load, _ in plan.pieces()
+        for segment, time, speed, load, _ in plan.pieces
     ]
     truth = logged(seed, {"mission": Job(tuple(doing), cutout=None)}).truth["mission"]
     joints = [f"temperature.{joint}" for joint in plan.mission.limits]

@@ -310,7 +310,7 @@ class MissionControl:
         self.replanned.append(Replanned(self.clock, why, plan, self.clock + plan.total))
         # Its activities are numbered as in what was left, here as in the whole mission.
         undone = [number for number in range(self._first, len(self._left)) if not self._is_over(number)]
-        self._ahead = plan.pieces()
+        self._ahead = list(plan.pieces)
         for k, piece in enumerate(self._ahead):
             if piece.segment.activity >= 0:
                 number = undone[piece.segment.activity]
@@ -326,19 +326,21 @@ class MissionControl:
             return "the start"
         if not self._ahead or self.plan.verdict == "none":
             return "the plan had come to its end"
-        gaits, (segments, time, speed, load, posture) = _gaits_of(left), zip(*self._ahead, strict=True)
-        now = [replace(segment, gait=gaits.get(segment.gait.name, segment.gait)) for segment in segments]
-        times = np.array(time)
-        times[0] = max(times[0] - self._gone, _FEWEST)
-        course = simulate_plan(left, Schedule(now, times, np.array(speed), np.array(load), list(posture)))
-        peaks = peaks_of(left, now, course)
+        gaits, rest = _gaits_of(left), []
+        for piece in self._ahead:
+            gait = piece.segment.gait
+            rest.append(piece._replace(segment=replace(piece.segment, gait=gaits.get(gait.name, gait))))
+        rest[0] = rest[0]._replace(time=max(rest[0].time - self._gone, _FEWEST))
+        ahead = Schedule(rest)
+        peaks = peaks_of(left, ahead.segments, simulate_plan(left, ahead))
         nearest = min(peaks, key=lambda node: left.limits[node] - peaks[node])
         spare = left.limits[nearest] - peaks[nearest]
         said = f"{nearest} would get to {peaks[nearest]:.1f} degC, {abs(spare):.1f} K"
         its = f"its limit of {self.mission.limits[nearest]:g} degC less a margin of {self._margins[nearest]:.1f} K"
         if spare < -self._apart:
             return f"{said} above {its}"
-        slower = sum(time) - self._gone > left.fastest + _FEWEST or self.plan.verdict == "cut"
+        time = sum(piece.time for piece in self._ahead) - self._gone
+        slower = time > left.fastest + _FEWEST or self.plan.verdict == "cut"
         return f"{said} below {its}" if spare > self._apart and slower else ""
 
     def text(self) -> str:
