@@ -228,9 +228,9 @@ def _binaries(libraries: Mapping[Platform, bytes], identifier: str, fmi: int) ->
 def _experiment(component: Component, integration: Integration, entries: Mapping[str, bytes]) -> dict[str, bytes]:
     """An experiment with reference results and the manifest of FMI-LS-REF, which also names the model file."""
     values = {"experiment": experiment(component, integration.step)}
-    texts = {"smoke-test.exp": _rendered("smoke-test.exp.xml.j2", values)} | values["experiment"]["tables"]
+    texts = {"smoke-test.exp": rendered("smoke-test.exp.xml.j2", values)} | values["experiment"]["tables"]
     files = {f"{FOLDER}/{name}": text.encode() for name, text in texts.items()}
-    manifest = _rendered("fmi-ls-manifest.xml.j2", {"related": related({**entries, **files})})
+    manifest = rendered("fmi-ls-manifest.xml.j2", {"related": related({**entries, **files})})
     return {**files, f"{FOLDER}/fmi-ls-manifest.xml": manifest.encode()}
 
 
@@ -261,23 +261,23 @@ def _texts(
         "date": (date or datetime.now(UTC)).strftime("%Y-%m-%dT%H:%M:%SZ"),
     }
     # The same model gives the same token, so a saved state goes from one export to the next.
-    without_token = _rendered("config.h.j2", values | {"token": ""})
+    without_token = rendered("config.h.j2", values | {"token": ""})
     digest = hashlib.sha256("\n".join([str(fmi), code, without_token, *own.values()]).encode()).hexdigest()
     token = str(uuid.uuid5(_NAMESPACE, digest))
     values |= {"token": "{" + token + "}" if fmi == 2 else token, "digest": digest[:12]}
     texts = {
-        "modelDescription.xml": _rendered(f"modelDescription{fmi}.xml.j2", values),
-        "documentation/index.html": _rendered("index.html.j2", values),
+        "modelDescription.xml": rendered(f"modelDescription{fmi}.xml.j2", values),
+        "documentation/index.html": rendered("index.html.j2", values),
         "documentation/licenses/fmi-headers.txt": _header_licence(fmi),
         "documentation/licenses/license.txt": _resource("c/LICENSE"),
-        "sources/config.h": _rendered("config.h.j2", values),
+        "sources/config.h": rendered("config.h.j2", values),
         "sources/model.c": code,
         **{f"sources/{name}": text for name, text in own.items()},
         **{f"sources/{name}": _header(name) for name in _HEADERS[fmi]},
     }
     if fmi == 3:
-        texts["sources/buildDescription.xml"] = _rendered("buildDescription.xml.j2", values)
-        texts["terminalsAndIcons/terminalsAndIcons.xml"] = _rendered("terminalsAndIcons.xml.j2", values)
+        texts["sources/buildDescription.xml"] = rendered("buildDescription.xml.j2", values)
+        texts["terminalsAndIcons/terminalsAndIcons.xml"] = rendered("terminalsAndIcons.xml.j2", values)
         texts["terminalsAndIcons/icon.svg"] = _resource("icon/icon.svg")
     if model_text is not None:
         texts["resources/model.toml"] = model_text
@@ -358,7 +358,7 @@ def _environment() -> Any:
     return environment
 
 
-def _rendered(template: str, values: Mapping[str, Any]) -> str:
+def rendered(template: str, values: Mapping[str, Any]) -> str:
     """A template filled in; a character of a name that XML can't hold becomes `_`."""
     return _NOT_XML.sub("_", _environment().get_template(template).render(values))
 

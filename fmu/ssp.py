@@ -25,7 +25,7 @@ from lptn.model.network import Network
 
 from .archive import ARCHIVE, Unpacked, unit_of, unpack_files, unpacked_size
 from .component import Component
-from .exporter import model_and_text
+from .exporter import model_and_text, rendered
 from .variables import unit_definitions
 
 _NAMESPACES = {
@@ -88,14 +88,8 @@ def write_values(
         for unit in unit_definitions(parameter.unit for parameter in parameters)
         if unit.exponents is not None
     }
-    root = ElementTree.Element("ssv:ParameterSet", _head("ssv", loaded.network.name))
-    values = ElementTree.SubElement(root, "ssv:Parameters")
-    for variable in parameters:
-        entry = ElementTree.SubElement(values, "ssv:Parameter", name=variable.name, description=variable.description)
-        unit = {"unit": variable.unit} if variable.unit in units else {}
-        ElementTree.SubElement(entry, "ssv:Real", {"value": repr(float(variable.start or 0.0)), **unit})
-    _add_units(root, "ssv", units)
-    write_whole(Path(path), _text(root))
+    values = {"name": loaded.network.name, "parameters": parameters, "units": units, "namespaces": _NAMESPACES}
+    write_whole(Path(path), rendered("values.ssv.xml.j2", values))
     return len(parameters)
 
 
@@ -272,39 +266,19 @@ def _check_connections(pairs: Iterable[Connection], opened: Mapping[str, Unpacke
 
 def _system_text(
     name: str, sources: Mapping[str, str], opened: Mapping[str, Unpacked], pairs: Sequence[Connection]
-) -> bytes:
-    root = ElementTree.Element("ssd:SystemStructureDescription", _head("ssd", name))
-    system = ElementTree.SubElement(root, "ssd:System", name=name)
-    elements = ElementTree.SubElement(system, "ssd:Elements")
-    units: dict[str, dict[str, str]] = {}
+) -> str:
+    connectors, units = {}, {}
     for component, unpacked in opened.items():
+        shown = [variable for variable in unpacked.variables.values() if variable.causality in ("input", "output")]
         definitions = _units_of(unpacked)
-        words = {"name": component, "type": "application/x-fmu-sharedlibrary", "source": sources[component]}
-        element = ElementTree.SubElement(elements, "ssd:Component", words)
-        connectors = ElementTree.SubElement(element, "ssd:Connectors")
-        for variable in unpacked.variables.values():
-            if variable.causality in ("input", "output"):
-                words = {"name": str(variable.name), "kind": str(variable.causality)}
-                connector = ElementTree.SubElement(connectors, "ssd:Connector", words)
-                unit = unit_of(variable)
-                if unit in definitions:
-                    units[unit] = definitions[unit]
-                ElementTree.SubElement(connector, "ssc:Real", {"unit": unit} if unit in definitions else {})
-    if pairs:
-        drawn = ElementTree.SubElement(system, "ssd:Connections")
-        for pair in pairs:
-            words = {
-                "startElement": pair.start[0],
-                "startConnector": pair.start[1],
-                "endElement": pair.end[0],
-                "endConnector": pair.end[1],
-            }
-            ElementTree.SubElement(drawn, "ssd:Connection", words)
-    _add_units(root, "ssd", units)
-    return _text(root)
+        own = [unit if (unit := unit_of(variable)) in definitions else None for variable in shown]
+        connectors[component] = list(zip(shown, own, strict=True))
+        units |= {unit: definitions[unit] for unit in own if unit}
+    values = {"name": name, "sources": sources, "connectors": connectors, "connections": pairs, "units": units}
+    return rendered("system.ssd.xml.j2", values | {"namespaces": _NAMESPACES})
 
 
-def _archive(text: bytes, files: Mapping[str, Path]) -> bytes:
+def _archive(text: str, files: Mapping[str, Path]) -> bytes:
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr(_ROOT, text)
@@ -436,11 +410,6 @@ def _file(source: str, file: Path, shown: Path) -> Path:
 # --- XML ------------------------------------------------------------------------------------------
 
 
-def _head(part: str, name: str) -> dict[str, str]:
-    spaces = {f"xmlns:{prefix}": address for prefix, address in _NAMESPACES.items() if prefix in (part, "ssc")}
-    return {**spaces, "version": "1.0", "name": name}
-
-
 def _units_of(unpacked: Unpacked) -> dict[str, dict[str, str]]:
     """The base units of an FMU's own units, as SSP gives them, by unit."""
     names = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
@@ -457,17 +426,6 @@ def _base(exponents: Mapping[str, int] | None, factor: float = 1.0, offset: floa
     bases = {base: str(power) for base, power in (exponents or {}).items() if power}
     numbers = {"factor": (factor, 1.0), "offset": (offset, 0.0)}
     return bases | {name: repr(value) for name, (value, usual) in numbers.items() if value != usual}
-
-
-def _add_units(root: Any, part: str, units: Mapping[str, Mapping[str, str]]) -> None:
-    parent = ElementTree.SubElement(root, f"{part}:Units") if units else root
-    for name, base in units.items():
-        ElementTree.SubElement(ElementTree.SubElement(parent, "ssc:Unit", name=name), "ssc:BaseUnit", dict(base))
-
-
-def _text(root: Any) -> bytes:
-    ElementTree.indent(root)
-    return bytes(ElementTree.tostring(root, encoding="UTF-8", xml_declaration=True)) + b"\n"
 
 
 def _read(path: Path, tag: str) -> Any:
