@@ -166,8 +166,7 @@ class _Plan:
     Args:
         run: the log.
         nodes: the nodes to compare.
-        inputs: the FMU's names of the rows of `values`.
-        values: of the inputs, in the log's units, shape (number of inputs, n).
+        inputs: by the FMU's names, in the log's units, shape (n,) each.
         measured: readings that count [degC], shape (nodes, n), NaN elsewhere.
         predicted: what the model predicts [degC], shape (nodes, n); `None` without a model.
         start: temperatures [degC] and indicators of runs to start from, by variable.
@@ -176,8 +175,7 @@ class _Plan:
 
     run: Run
     nodes: tuple[str, ...]
-    inputs: tuple[str, ...]
-    values: FloatArray
+    inputs: Mapping[str, FloatArray]
     measured: FloatArray
     predicted: FloatArray | None
     start: Mapping[str, float]
@@ -196,7 +194,7 @@ class _Plan:
 
 def _plans_by_model(model: Model, runs: Sequence[Run]) -> list[_Plan]:
     """Runs as a model sees them: it says which columns count, and the starts are fitted with it."""
-    exported, inputs = Component(model), tuple(from_column(column) for column in model.inputs)
+    exported, names = Component(model), [from_column(column) for column in model.inputs]
     states, parameters = ([variable.name for variable in exported.of(kind)] for kind in ("state", "parameter"))
     plans = []
     for segment in split_data((), runs).holdout:
@@ -206,7 +204,8 @@ def _plans_by_model(model: Model, runs: Sequence[Run]) -> list[_Plan]:
         start |= {parameters[index]: float(values[index]) for index in model.network.runs.values()}
         bound = prediction.bound
         measured = np.where(bound.counted, bound.measured, np.nan)
-        plans.append(_Plan(segment.run, tuple(model.nodes), inputs, bound.inputs, measured, prediction.readings, start))
+        inputs = dict(zip(names, bound.inputs, strict=True))
+        plans.append(_Plan(segment.run, tuple(model.nodes), inputs, measured, prediction.readings, start))
     return plans
 
 
@@ -223,7 +222,6 @@ def _plans_by_names(driven: Driven, logs: Sequence[str | Path], mapped: Mapping[
         # Two components may show one place; each is compared with what was measured there.
         seen = {name: column.partition(".")[2] for name, column in temperatures.items() if run.has(column)}
         measured = np.array([run.temperature(place) for place in seen.values()]).reshape(len(seen), len(run))
-        values = np.array([run.columns[column] for column in inputs]).reshape(len(inputs), len(run))
         first = {name: row[np.isfinite(row)][:1] for name, row in zip(seen, measured, strict=True)}
         start = {
             name: float(value[0])
@@ -231,7 +229,8 @@ def _plans_by_names(driven: Driven, logs: Sequence[str | Path], mapped: Mapping[
             if value.size and driven.variables[name].start is not None  # a state, which is what can be set
         }
         counted = np.where(np.isfinite(measured), measured, np.nan)
-        plans.append(_Plan(run, tuple(seen), tuple(driven.input_names), values, counted, None, start, columns))
+        given = {name: run.columns[columns[name]] for name in driven.input_names}
+        plans.append(_Plan(run, tuple(seen), given, counted, None, start, columns))
     return plans
 
 
@@ -272,7 +271,7 @@ def _inputs(session: Driven, plan: _Plan) -> FloatArray:
     rows = []
     for name in session.input_names:
         if name in plan.inputs:
-            rows.append(plan.values[plan.inputs.index(name)] + plan.offset(session, name))
+            rows.append(plan.inputs[name] + plan.offset(session, name))
         elif session.column(name) in means:  # the model wants its mean alone, which the log gives
             rows.append(np.zeros(len(plan.run)))
         else:

@@ -23,13 +23,12 @@ from lptn.model.file import ModelFile, read_model_file
 from lptn.model.model import Model
 from lptn.model.network import Network
 
-from .arrays import arrays as arrays_of
-from .arrays import places_of, shown, structure_of_arrays
 from .codegen import Integration, c_code, integration, jacobian_moves, structure
 from .compile import Compiler, Platform, compile_all, platforms_of, universal
 from .component import Component
 from .experiments import FOLDER, experiment, related
-from .terminals import terminals
+from .joined import arrays as arrays_of
+from .joined import places_of, shown, structure_of_arrays, terminals
 from .trust import remember
 from .variables import Variable, unit_definitions
 
@@ -168,7 +167,7 @@ def export(
         entries |= _experiment(exported, steps, entries)
     code = {name.removeprefix("sources/"): text for name, text in entries.items() if name.startswith("sources/")}
     libraries = compile_all(code, f"fmi{fmi}.c", identifier, targets, compiler)
-    content = _archive(entries | _binaries(libraries, identifier, fmi))
+    content = archived(entries | _binaries(libraries, identifier, fmi))
     write_whole(path, content)
     remember(content)
     names = tuple(target.name for target in targets)
@@ -200,9 +199,10 @@ def _identifier(network: Network) -> str:
     return word
 
 
-def _archive(entries: Mapping[str, bytes]) -> bytes:
+def archived(entries: Mapping[str, bytes]) -> bytes:
+    """A ZIP archive of files by their path; the same files give the same bytes."""
     stream = io.BytesIO()
-    epoch = (1980, 1, 1, 0, 0, 0)  # of the files in the archive, so that the same model gives the same bytes
+    epoch = (1980, 1, 1, 0, 0, 0)  # of the files in the archive
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
         for path in sorted(entries, key=lambda path: (path != "modelDescription.xml", path)):
             info = zipfile.ZipInfo(path, epoch)

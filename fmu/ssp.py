@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import io
 import math
 import os
 import tempfile
-import zipfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, field
@@ -25,7 +23,7 @@ from lptn.model.network import Network
 
 from .archive import ARCHIVE, Unpacked, unit_of, unpack_files, unpacked_size
 from .component import Component
-from .exporter import model_and_text, rendered
+from .exporter import archived, model_and_text, rendered
 from .variables import unit_definitions
 
 _NAMESPACES = {
@@ -233,7 +231,10 @@ def write_system(
             seen = {component: Path(os.path.relpath(real_path(file), beside)) for component, file in files.items()}
             sources |= {component: quote(file.as_posix()) for component, file in seen.items()}
         text = _system_text(name, sources, opened, pairs)
-    write_whole(target, _archive(text, files) if inside else text)
+    content: str | bytes = text
+    if inside:
+        content = archived({_ROOT: text.encode(), **{sources[part]: file.read_bytes() for part, file in files.items()}})
+    write_whole(target, content)
     return SystemStructure(name, files, pairs)
 
 
@@ -267,7 +268,8 @@ def _check_connections(pairs: Iterable[Connection], opened: Mapping[str, Unpacke
 def _system_text(
     name: str, sources: Mapping[str, str], opened: Mapping[str, Unpacked], pairs: Sequence[Connection]
 ) -> str:
-    connectors, units = {}, {}
+    connectors: dict[str, list[tuple[Any, str | None]]] = {}
+    units: dict[str, dict[str, str]] = {}
     for component, unpacked in opened.items():
         shown = [variable for variable in unpacked.variables.values() if variable.causality in ("input", "output")]
         definitions = _units_of(unpacked)
@@ -276,15 +278,6 @@ def _system_text(
         units |= {unit: definitions[unit] for unit in own if unit}
     values = {"name": name, "sources": sources, "connectors": connectors, "connections": pairs, "units": units}
     return rendered("system.ssd.xml.j2", values | {"namespaces": _NAMESPACES})
-
-
-def _archive(text: str, files: Mapping[str, Path]) -> bytes:
-    stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr(_ROOT, text)
-        for component, file in files.items():
-            archive.writestr(f"resources/{component}.fmu", file.read_bytes())
-    return stream.getvalue()
 
 
 class OpenedSystem:

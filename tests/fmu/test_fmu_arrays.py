@@ -13,8 +13,8 @@ from fmpy.validation import validate_fmu
 from lptn.basics.errors import InputError
 from lptn.basics.places import class_of
 from lptn.fmu import Session, export
-from lptn.fmu.arrays import places_of
 from lptn.fmu.cosim import cosimulate
+from lptn.fmu.joined import places_of
 from lptn.fmu.ssp import write_system
 from lptn.model.file import parse_model
 from lptn.model.model import Model

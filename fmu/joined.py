@@ -1,14 +1,17 @@
-"""Arrays of FMI 3: the variables of one quantity at several places joined, such as the torques of twelve joints."""
+"""Variables of FMI 3 joined: one quantity at several places as an array, all of one place as a terminal."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from .codegen import Dependent, Structure
 from .variables import Variable, first_place
 
-_KINDS = ("order", "dependent", "tunable", "constant")  # from the least to the most that is known of a dependency
+_KNOWN = ("order", "dependent", "tunable", "constant")  # from the least to the most that is known of a dependency
+
+
+# --- arrays: the torques of twelve joints as one variable ------------------------------------------
 
 
 def arrays(variables: Sequence[Variable]) -> list[Variable]:
@@ -84,8 +87,53 @@ def _merged(entries: Iterable[Dependent], array_of: Mapping[int, Variable]) -> t
         _, kinds = merged.setdefault(variable.reference, (variable, {}))
         for reference, kind in zip(entry.dependencies, entry.kinds, strict=True):
             source = array_of[reference].reference if reference in array_of else reference
-            kinds[source] = min(kinds.get(source, kind), kind, key=_KINDS.index)
+            kinds[source] = min(kinds.get(source, kind), kind, key=_KNOWN.index)
     return tuple(
         Dependent(variable, tuple(sorted(kinds)), tuple(kinds[dependency] for dependency in sorted(kinds)))
         for variable, kinds in merged.values()
     )
+
+
+# --- terminals: what a tool connects at once -------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Terminal:
+    """One terminal.
+
+    Args:
+        name: the place, as the variables' names begin.
+        kind: `lptn.joint` for one that is driven, `lptn.temperature` for a surrounding whose temperature is given,
+            `lptn.place` for any other.
+        description: what a person reads of it.
+        members: member name and variable, in order: the rest of the variable's name, such as `torque`.
+    """
+
+    name: str
+    kind: str
+    description: str
+    members: tuple[tuple[str, Variable], ...]
+
+
+_TERMINALS = {
+    "lptn.joint": "Joint {}: load and speed in, temperature, heat flows and the limiter's share out",
+    "lptn.temperature": "Surroundings {}: their temperature in",
+    "lptn.place": "{}: what warms or cools it in, temperature and heat flows out",
+}
+
+
+def terminals(variables: Sequence[Variable]) -> list[Terminal]:
+    """One terminal for each place that has inputs or outputs."""
+    places: dict[str, list[tuple[str, Variable]]] = {}
+    for variable in variables:
+        if variable.causality in ("input", "output"):
+            place, member = first_place(variable.name)
+            if member:
+                places.setdefault(place, []).append((member, variable))
+    joined = []
+    for place, members in places.items():
+        entrances = {name for name, variable in members if variable.kind == "input"}
+        alone = entrances == {"temperature"} and len(members) == 1
+        kind = "lptn.joint" if entrances & {"torque", "current"} else "lptn.temperature" if alone else "lptn.place"
+        joined.append(Terminal(place, kind, _TERMINALS[kind].format(place), tuple(members)))
+    return joined
