@@ -119,8 +119,8 @@ def judged(fleet: Fleet, ageing: dict[str, str], last: dict[str, Motor]) -> None
         WAYS["sensor"]: "offset",
     }
     for parameter in (one for one in fleet.parameters if one.name in of_motor):
-        pooled, size = parameter.pooled, of_motor[parameter.name]
-        told = {name: value_and_error(parameter, robot) for name, robot in pooled.robots.items()}
+        size = of_motor[parameter.name]
+        told = {name: value_and_error(parameter, robot) for name, robot in parameter.robots.items()}
         truth = {name: getattr(motor, size) for name, motor in last.items()}
         off = np.array([value - truth[name] for name, (value, _) in told.items()])
         errors = np.array([error for _, error in told.values()])

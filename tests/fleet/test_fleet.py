@@ -233,12 +233,12 @@ def test_a_robot_stands_apart_only_if_its_logs_say_so(model: Path) -> None:
     outcomes = list(_outcomes(values, errors))
     robots = {outcome.robot: RobotLogs(outcome.robot, ()) for outcome in outcomes}
     (of_link,) = parameters = pooled_of(network, outcomes, robots)
-    assert (of_link.name, len(of_link.pooled.robots)) == (LINK, 8)
-    assert of_link.value(of_link.pooled.mean) == pytest.approx(5.01, abs=0.03)
+    assert (of_link.name, len(of_link.robots)) == (LINK, 8)
+    assert of_link.value(of_link.mean) == pytest.approx(5.01, abs=0.03)
     (apart,) = Fleet(tuple(outcomes), robots, parameters).deviations
     assert apart.robot == "r6"  # r7 scatters as much itself, r8 says nothing
     assert str(apart).startswith(f"r6: {LINK} 3 times the fleet's: 15 against 5.03 K/W (more than 99 %)")
-    assert of_link.pooled.robots["r7"].apart < 0.2
+    assert of_link.robots["r7"].apart < 0.2
 
 
 @pytest.mark.long

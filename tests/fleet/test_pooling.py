@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from lptn.fleet.fleet import fit_each
-from lptn.fleet.pooling import Pooled, Session, pool
+from lptn.fleet.pooling import FleetParameter, Session, pool
 from lptn.fleet.robots import by_day, robots_of
 from tests.fleet.truth import MODEL, RESISTANCE, write_log
 
@@ -49,7 +49,7 @@ def fleet(
     return sessions, truth
 
 
-def drifting(pooled: Pooled, least: float = 0.95) -> set[str]:
+def drifting(pooled: FleetParameter, least: float = 0.95) -> set[str]:
     return {name for name, robot in pooled.robots.items() if robot.drifts > least}
 
 

@@ -15,7 +15,7 @@ from lptn.basics.words import FEW, count_of
 from lptn.cli import options
 
 if TYPE_CHECKING:
-    from lptn.fleet.fleet import Fleet, FleetParameter
+    from lptn.fleet import Fleet, FleetParameter
     from lptn.fleet.work import Outcome
 
 FleetFolder = Annotated[Path | None, Option(name=["--output", "-o"], help="Folder for models, records and a table.")]
@@ -115,7 +115,7 @@ def _show(fleet: Fleet, folder: Path, details: bool) -> None:
     _print_some([str(deviation) for deviation in fleet.deviations], most, "deviations")
     parameters = list(fleet.parameters)
     if most is not None and len(parameters) > most + 1:
-        differ = sorted(parameters[1:], key=lambda one: -(one.pooled.scatter or 0.0))[:most]
+        differ = sorted(parameters[1:], key=lambda one: -(one.scatter or 0.0))[:most]
         parameters, which = [parameters[0], *differ], " that differ most between robots" * (len(robots) > 1)
         print(f"The RMSE, and {most} of {len(fleet.parameters) - 1} parameters{which}:")
     if parameters:

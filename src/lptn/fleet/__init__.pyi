@@ -1,8 +1,7 @@
 from .fleet import Deviation as Deviation
 from .fleet import Fleet as Fleet
-from .fleet import FleetParameter as FleetParameter
 from .fleet import fit_each as fit_each
-from .pooling import Pooled as Pooled
+from .pooling import FleetParameter as FleetParameter
 from .pooling import RobotValue as RobotValue
 from .robots import RobotLogs as RobotLogs
 from .robots import robots_of as robots_of

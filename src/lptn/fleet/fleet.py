@@ -19,7 +19,7 @@ import pandas as pd
 
 from lptn.basics.errors import InputError
 from lptn.basics.tables import write_table
-from lptn.fleet.pooling import DRIFT, Pooled, RobotValue, Session, pool
+from lptn.fleet.pooling import DRIFT, FleetParameter, RobotValue, Session, pool
 from lptn.fleet.robots import RobotLogs, by_day, robots_of
 from lptn.fleet.work import FleetFit, Outcome, ResultFolder, Status, Work, elsewhere, here, in_processes
 from lptn.identify.data import GUESS, LoadedModel, load_model
@@ -32,40 +32,6 @@ RMSE = "rmse"
 _OF_RMSE = 0.05
 """Relative; standard error of an RMSE of some hundred independent errors."""
 _ANY = date(2000, 1, 1)  # where no log says its day: all are of one
-
-
-@dataclass(frozen=True)
-class FleetParameter:
-    """One parameter, or the RMSE, over the robots that determine it.
-
-    Args:
-        name: the parameter's, or `"rmse"`.
-        unit: of its values.
-        size: what it is pooled in; 0 for its logarithm.
-        pooled: over robots and days.
-    """
-
-    name: str
-    unit: str
-    size: float
-    pooled: Pooled
-
-    def value(self, pooled: float) -> float:
-        """A pooled number as a value."""
-        return pooled * self.size if self.size else math.exp(pooled)
-
-    def as_json(self) -> dict[str, object]:
-        """As other tools read it."""
-        fleet = self.pooled
-        size = self.size or self.value(fleet.mean)
-        return {
-            "unit": self.unit,
-            "robots": len(fleet.robots),
-            "mean": self.value(fleet.mean),
-            "scatter": None if fleet.scatter is None else fleet.scatter * size,
-            "days": None if fleet.days is None else fleet.days * size,
-            "per_month": fleet.trend * size,
-        }
 
 
 @dataclass(frozen=True)
@@ -85,7 +51,7 @@ class Deviation:
     @property
     def own(self) -> RobotValue:
         """The robot's value."""
-        return self.of.pooled.robots[self.robot]
+        return self.of.robots[self.robot]
 
     @property
     def probability(self) -> float:
@@ -101,7 +67,7 @@ class Deviation:
             change = f"{size * own.trend:+.2g} ± {size * own.trend_error:.2g} {unit} a month"
             since = f", seen since {own.seen}" if own.seen else ""
             return f"{self.robot}: {of.name} drifts by {change} beside its fleet ({sure}{since})"
-        value, mean = of.value(own.value), of.value(of.pooled.mean)
+        value, mean = of.value(own.value), of.value(of.mean)
         times = f"{value / mean:.2g} times the fleet's" if mean and value / mean > 0 else "far from the fleet's"
         return f"{self.robot}: {of.name} {times}: {value:.3g} against {mean:.3g} {of.unit} ({sure})"
 
@@ -116,7 +82,7 @@ class Deviation:
             "unit": of.unit,
             "value": value,
             "error": own.error * per,
-            "fleet": of.value(of.pooled.mean),
+            "fleet": of.value(of.mean),
             "per_month": own.trend * per,
             "per_month_error": own.trend_error * per,
             "drifts": self.drifts,
@@ -153,8 +119,7 @@ def pooled_of(
             robot = whose.get(outcome, RobotLogs(outcome, ()))
             x, e = (math.log(value), error / value) if of_logarithm else (value / size, error / size)
             sessions.append(Session(robot.of, robot.day or unknown, x, e))
-        unit = next(iter(entries.values()))[2]
-        parameters.append(FleetParameter(name, unit, size, pool(sessions)))
+        parameters.append(pool(sessions, name, next(iter(entries.values()))[2], size))
     return tuple(parameters)
 
 
@@ -194,7 +159,7 @@ class Fleet:
     @property
     def deviations(self) -> list[Deviation]:
         """Robots that stand apart, or drift, more probably than not, the most probable first."""
-        robots = [(of, robot) for of in self.parameters for robot in of.pooled.robots]
+        robots = [(of, robot) for of in self.parameters for robot in of.robots]
         found = [Deviation(robot, of, drifts) for of, robot in robots for drifts in (False, True)]
         return sorted((one for one in found if one.probability > 1 / 2), key=lambda one: -one.probability)
 

@@ -15,6 +15,7 @@ Source: random effects [LairdWare1982]; two-component scatter of like parts, as 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import date
@@ -80,10 +81,13 @@ class RobotValue:
 
 
 @dataclass(frozen=True)
-class Pooled:
-    """One parameter of a fleet.
+class FleetParameter:
+    """One parameter, or the RMSE, over the robots that determine it.
 
     Attributes:
+        name: the parameter's, or `"rmse"`.
+        unit: of its values.
+        size: what it is pooled in; 0 for its logarithm.
         mean: of the robots that are alike, on the fleet's last day, in the coordinate that is pooled.
         scatter: standard deviation between them; none of one robot.
         days: standard deviation between days of one robot, beyond the fits' errors; none where no robot has two.
@@ -91,11 +95,30 @@ class Pooled:
         robots: each robot's value, by name.
     """
 
+    name: str
+    unit: str
+    size: float
     mean: float
     scatter: float | None
     days: float | None
     trend: float
     robots: dict[str, RobotValue]
+
+    def value(self, pooled: float) -> float:
+        """A pooled number as a value."""
+        return pooled * self.size if self.size else math.exp(pooled)
+
+    def as_json(self) -> dict[str, object]:
+        """As other tools read it."""
+        size = self.size or self.value(self.mean)
+        return {
+            "unit": self.unit,
+            "robots": len(self.robots),
+            "mean": self.value(self.mean),
+            "scatter": None if self.scatter is None else self.scatter * size,
+            "days": None if self.days is None else self.days * size,
+            "per_month": self.trend * size,
+        }
 
 
 @dataclass(frozen=True)
@@ -225,11 +248,14 @@ def _mixed(odds: FloatArray, values: FloatArray, variances: FloatArray) -> tuple
     return mean, max(variance, 0.0) ** 0.5
 
 
-def pool(sessions: Sequence[Session]) -> Pooled:
+def pool(sessions: Sequence[Session], name: str = "", unit: str = "", size: float = 0.0) -> FleetParameter:
     """Pool one parameter over the robots of a fleet.
 
     Args:
         sessions: its values by robot and day, with standard errors above 0; at least one.
+        name: the parameter's.
+        unit: of its values.
+        size: what the sessions' values are in; 0 for logarithms.
     """
     ordered = sorted(sessions, key=lambda session: (session.robot, session.day))
     days = [session.day for session in ordered]
@@ -245,4 +271,4 @@ def pool(sessions: Sequence[Session]) -> Pooled:
         robots[robot] = replace(robots[robot], seen=own[since].day)
     level = shape.mean + shape.trend * (last - first).days / MONTH
     between, by_day = shape.scatter if len(robots) > 1 else None, shape.days if fleet.repeated else None
-    return Pooled(level, between, by_day, shape.trend, robots)
+    return FleetParameter(name, unit, size, level, between, by_day, shape.trend, robots)

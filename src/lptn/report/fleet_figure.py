@@ -12,7 +12,7 @@ from lptn.report.text import unit_text
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from lptn.fleet.fleet import Fleet, FleetParameter
+    from lptn.fleet import Fleet, FleetParameter
 
 _MOST, _NAMED = 6, 5  # panels on a page; robots with a colour and a name in each
 
@@ -24,7 +24,7 @@ def fleet_figure(fleet: Fleet) -> Figure:
         fleet: with one parameter at least.
     """
     told = [deviation.of for deviation in fleet.deviations]
-    rest = sorted(fleet.parameters, key=lambda one: -(one.pooled.scatter or 0.0))
+    rest = sorted(fleet.parameters, key=lambda one: -(one.scatter or 0.0))
     shown = list({one.name: one for one in [*told, *rest]}.values())[:_MOST]
     rows = -(-len(shown) // 2)
     figure = Figure(figsize=(8.3, 1 + 3.2 * rows), layout="constrained")  # A4's width, in
@@ -37,13 +37,12 @@ def fleet_figure(fleet: Fleet) -> Figure:
 
 def _draw(ax: Axes, fleet: Fleet, parameter: FleetParameter) -> None:
     """One parameter: each robot's fits over the days, or beside each other; the fleet's mean and scatter behind."""
-    pooled = parameter.pooled
     named = [one.robot for one in fleet.deviations if one.of.name == parameter.name][:_NAMED]
     days = {robot.day for robot in fleet.robots.values() if robot.day}
     dated = len(days) > 1
-    places = {name: k for k, name in enumerate(pooled.robots)}
-    if pooled.scatter is not None:
-        low, high = (parameter.value(pooled.mean + sign * 2 * pooled.scatter) for sign in (-1, 1))
+    places = {name: k for k, name in enumerate(parameter.robots)}
+    if parameter.scatter is not None:
+        low, high = (parameter.value(parameter.mean + sign * 2 * parameter.scatter) for sign in (-1, 1))
         ax.axhspan(low, high, color="0.9", lw=0, label="95 % of robots, last day")
     courses: dict[str, list[tuple[Any, float, float]]] = {}
     for outcome in fleet.fitted:
