@@ -123,7 +123,10 @@ def _show(fleet: Fleet, folder: Path, details: bool) -> None:
         show_table(heads, [_row(parameter) for parameter in parameters])
     notes = Counter(note for outcome in fleet.fitted for note in outcome.result.get("notes", ()))
     _print_some([f"{count_of(count, 'fit')}: {note}" for note, count in notes.most_common()], most, "notes on logs")
-    warnings = Counter(warning for outcome in fleet.fitted for warning in _warnings_of(outcome))
+    warnings = Counter[str]()
+    for outcome in fleet.fitted:  # without a robot's own numbers, so that like ones count together
+        warnings.update(warning.partition(" (")[0] for warning in outcome.result.get("warnings", ()))
+        warnings.update([] if outcome.converged else [f"search {outcome.result.get('status')}"])
     said = [f"Warning: {what}, {count_of(count, 'fit')}." for what, count in warnings.most_common()]
     _print_some(said, most, "warnings")
     if max(often.values(), default=0) < 2:
@@ -145,9 +148,3 @@ def _print_some(lines: Sequence[str], most: int | None, what: str) -> None:
         print(line)
     if len(lines) > len(lines[:most]):
         print(f"... and {len(lines) - len(lines[:most])} more {what}: --details")
-
-
-def _warnings_of(outcome: Outcome) -> list[str]:
-    """A robot's warnings without its own numbers, so that like ones count together."""
-    warnings = [warning.partition(" (")[0] for warning in outcome.result.get("warnings", ())]
-    return warnings if outcome.converged else [*warnings, f"search {outcome.result.get('status')}"]

@@ -194,8 +194,9 @@ class Columns:
         A word without a digit is no reading of a sensor, as in logs.
         """
         sensors = {name for key, x in self.sources.items() if key.startswith("temperature.") for name in x.columns}
-        rows = [{name: None if name in sensors and _is_word(message.get(name)) else message.get(name)
-                 for name in self._names} for message in messages]  # fmt: skip
+        rows = [{name: message.get(name) for name in self._names} for message in messages]
+        for row in rows:
+            row |= {name: None for name in sensors if isinstance(x := row[name], str) and not any(map(str.isdigit, x))}
         try:
             return _table(rows, self._source).numbers(self._names, sensors), np.arange(len(rows))
         except InputError as error:
@@ -205,10 +206,6 @@ class Columns:
         parts = [self._texts([message]) for message in messages]
         kept = np.flatnonzero([own.size for _, own in parts])
         return {name: np.concatenate([numbers[name] for numbers, _ in parts]) for name in self._names}, kept
-
-
-def _is_word(x: object) -> bool:
-    return isinstance(x, str) and not any(map(str.isdigit, x))
 
 
 def _table(rows: Sequence[Numbers], source: str) -> Table:

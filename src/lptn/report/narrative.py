@@ -180,7 +180,8 @@ def _verdict(steps: Sequence[Step], last: Diagnosis, kinds: Mapping[Kind, list[S
             "The model with the effects below" if _useful(kinds) else "With or without the added effects the model"
         )
     if last.verdict == "adequate":
-        return f"{subject} is adequate; what remains is {allowance_in_words(last)}."
+        beside = "" if is_met(last.lack_of_fit) else " and typical errors of air, torques and surfaces"
+        return f"{subject} is adequate; what remains is no more than the sensors' noise{beside}."
     if last.only_held_out_runs_object:
         return (
             f"{subject} predicts the fit data to within noise, but not the held-out data, which contain another effect."
@@ -191,12 +192,6 @@ def _verdict(steps: Sequence[Step], last: Diagnosis, kinds: Mapping[Kind, list[S
         return f"{subject} still lacks {few([_short_and_sure(step) for step in last.steps])}."
     still, rest = ("", "it") if len(steps) == 1 else ("still ", "the rest")
     return f"{subject} is {still}wrong by more than noise, and the catalogue explains little of {rest}."
-
-
-def allowance_in_words(diagnosis: Diagnosis) -> str:
-    """The bound on the error of an adequate model, in words."""
-    beside = "" if is_met(diagnosis.lack_of_fit) else " and typical errors of air, torques and surfaces"
-    return f"no more than the sensors' noise{beside}"
 
 
 def errors_in_words(steps: Sequence[Step]) -> str:
@@ -390,15 +385,11 @@ def monitoring_narrative(result: Monitoring) -> Narrative:
             (error, node, one.run.name) for one in quiet for node, error in one.largest_error.items()
         )
         said.append(Sentence("Largest error", f"{kelvin(error)} at {node} in {run}, which has no alarm."))
-    said.append(Sentence("Uncertainty", f"The statistical detector's limits {_source_of_limits(result)}."))
+    limits = "are guesses; pass the logs of the fit as --healthy to calibrate them"
+    if hours := result.calibration.healthy_hours:
+        limits = f"come from {hours:.3g} h of healthy logs"
+    said.append(Sentence("Uncertainty", f"The statistical detector's limits {limits}."))
     return Narrative(said)
-
-
-def _source_of_limits(result: Monitoring) -> str:
-    hours = result.calibration.healthy_hours
-    if hours:
-        return f"come from {hours:.3g} h of healthy logs"
-    return "are guesses; pass the logs of the fit as --healthy to calibrate them"
 
 
 def _alarms_of(watched: MonitoredRun) -> list[str]:

@@ -227,10 +227,7 @@ def _answers(study: Study, diagnosis: Diagnosis, bench: Bench) -> dict[str, Any]
 
 def _place(step: Step) -> dict[str, Any]:
     """What an effect that was fitted is called, how large and how probable it is."""
-    return _named(*step.key) | {
-        "size": size_text(step, step.fit),
-        "probable": percent(step.probability),
-    }
+    return _named(*step.key) | {"size": size_text(step, step.fit), "probable": percent(step.probability)}
 
 
 def _named(effect: str, at: str) -> dict[str, Any]:

@@ -56,10 +56,6 @@ class RunLines:
         """The same with what a model predicts."""
         return replace(self, predicted={**self.predicted, model: readings})
 
-    def with_heat(self, heat: UnexplainedHeat | None) -> RunLines:
-        """The same with the heat that a diagnosis says, in place of what an older one said."""
-        return replace(self, heat=heat)
-
     def inputs_of(self, node: str) -> list[str]:
         """The inputs that act at a node: its own, then those of the robot and the air, which all nodes have."""
         own = [name for name in self.inputs if name.partition(".")[2] == node]

@@ -12,7 +12,7 @@ import secrets
 import socket
 import tempfile
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import asdict
 from importlib.resources import files
 from pathlib import Path
@@ -28,7 +28,6 @@ from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, R
 from starlette.routing import Route
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-from lptn.basics.arrays import FloatArray
 from lptn.basics.bounds import Bound
 from lptn.basics.errors import InputError
 from lptn.basics.files import finite, write_whole
@@ -112,7 +111,12 @@ class _Site:
         return Response(status_code=204) if content is None else JSONResponse(content)
 
     async def lines(self, request: Request) -> Response:
-        return await _answered(request, LinesAsked, self._session.lines, _packed)
+        return await _answered(
+            request,
+            LinesAsked,
+            self._session.lines,
+            lambda lines: Response(packed(lines), media_type="application/octet-stream"),
+        )
 
     async def special(self, request: Request) -> Response:
         return await _answered(request, SpecialAsked, self._session.special, _as_json)
@@ -156,10 +160,6 @@ class _Site:
     async def model(self, _: Request) -> Response:
         headers = {"content-disposition": 'attachment; filename="better.toml"'}
         return PlainTextResponse(self._session.model_file, headers=headers)
-
-
-def _packed(lines: Mapping[str, Mapping[str, FloatArray]]) -> Response:
-    return Response(packed(lines), media_type="application/octet-stream")
 
 
 def _as_json(result: Special | Residuals) -> Response:

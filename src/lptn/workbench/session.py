@@ -7,6 +7,7 @@ import multiprocessing
 import os
 import threading
 import time
+from dataclasses import replace
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
@@ -189,7 +190,7 @@ class WorkbenchSession:
         for (segment, model), readings in news.predicted.items():
             lines[segment] = lines[segment].with_line(model, readings)
         for segment in lines:
-            lines[segment] = lines[segment].with_heat(news.heat.get(segment))
+            lines[segment] = replace(lines[segment], heat=news.heat.get(segment))
         self._lines, self._networks = lines, news.networks
 
     def _heard_done(self) -> None:
