@@ -32,9 +32,8 @@ from lptn.basics.bounds import Bound
 from lptn.basics.errors import InputError
 from lptn.basics.files import fingerprint
 from lptn.logs import tables
-from lptn.logs.columns import is_number, is_unit
+from lptn.logs.columns import ColumnSource, is_number, is_unit
 from lptn.logs.tables import Bounded, Table, most_unpacked, one_line_if_broken, require_package, too_large
-from lptn.logs.vesc import vesc_columns
 
 # --- Where the table begins among rows of cells, and under which names they stand -------------------------
 
@@ -329,7 +328,7 @@ def _table_of_text(path: Path, opened: Callable[[], BinaryIO], row: str, kind: s
         return frame.set_axis(list(wanted), axis="columns")
 
     units, digest = dict(zip(names, layout.units, strict=False)), partial(fingerprint, path)
-    known, said = vesc_columns(names)
+    known, said = _vesc_columns(names)
     table = Table(path, names, read, lambda k: f"{row} {kept[k]}", kind, defaults=known, notes=[*notes, *said],
                   digest=digest, units=units)  # fmt: skip
     return table
@@ -426,6 +425,31 @@ def _parsed(
             cells = whole[name].astype("str")
             whole[name] = whole[name].mask(cells.str.fullmatch(_DECIMAL_COMMA.pattern), cells.str.replace(",", "."))
     return whole
+
+
+# --- Tables that VESC Tool and its kin write ---------------------------------------------------------------
+
+_DAY = 86_400_000  # ms, after which the clock begins anew
+_VESC = {
+    "time": ColumnSource(("ms_today",), "ms", wrap=_DAY),
+    "temperature.motor": ColumnSource(("temp_motor",), "degC"),
+    "temperature.mosfet": ColumnSource(("temp_mos_max",), "degC"),
+    "current.motor": ColumnSource(("d_axis_current", "q_axis_current")),
+    "power.battery": ColumnSource(("input_voltage", "current_in"), how="product"),
+    "speed.base": ColumnSource(("speed_meters_per_sec",)),
+}
+"""By quantity, in the units that VESC writes them in. Electrical turns a minute are no speed without the pole pairs."""
+_ALWAYS = {"ms_today", "temp_motor", "temp_mos_max"}
+
+
+def _vesc_columns(names: Sequence[str]) -> tuple[dict[str, ColumnSource], list[str]]:
+    """What is known of a table of these columns, and a note on it; nothing of one that VESC Tool did not write."""
+    there = set(names)
+    if not there.issuperset(_ALWAYS):
+        return {}, []
+    known = {key: source for key, source in _VESC.items() if there.issuperset(source.columns)}
+    note = f"{', '.join(known)}: known by VESC's names"
+    return known, [note + ('; its currents are peaks: amperes = "amplitude".' if "current.motor" in known else ".")]
 
 
 # --- Spreadsheets, as the text that a program would save of the sheet that holds a table ------------------
