@@ -86,14 +86,19 @@ def standing(readings: FloatArray) -> tuple[IntArray, IntArray]:
     return np.append(0, changes + 1), np.append(changes, readings.size - 1)
 
 
-_THIN = 10_000  # readings that tell what is usual
+_FEW = 10_000  # readings that tell what is usual
 _MEASURED = 50  # numbers that a measured load takes; fewer are what was asked for
 _BY_THE_CLOCK = 0.9  # share of stretches that are as long as usual, where a source or a slow topic keeps a rate
 
 
+def few_of(values: FloatArray) -> FloatArray:
+    """Of values (n,) some ten thousand at the most, as far apart."""
+    return values[:: max(1, values.size // _FEW)]
+
+
 def is_measured(values: FloatArray) -> bool:
     """Whether values (n,) take as many numbers as a sensor's do."""
-    few = values[:: max(1, values.size // _THIN)]
+    few = few_of(values)
     return np.unique(few[np.isfinite(few)]).size >= _MEASURED
 
 
@@ -118,7 +123,7 @@ def quantisation_step(values: FloatArray) -> float:
     """
     readings = values[np.isfinite(values)]
     # float32 and unit conversion blur the last digits; pandas needs no sorting of millions of rows
-    few = pd.unique(np.round(readings[:: max(1, readings.size // _THIN)], 4))
+    few = pd.unique(np.round(few_of(readings), 4))
     if not few.size or few.size > 1.1 * (1 + np.ptp(readings) / _FINEST):  # more levels than a grid has
         return 0.0
     levels = pd.unique(np.round(readings, 4))
@@ -224,8 +229,7 @@ class Channels:
         found = {}
         for key, values in self.of("temperature").items():
             if (x := values[np.isfinite(values)]).size:
-                low = np.quantile(x[:: max(1, x.size // _THIN)], _LOW)
-                told = (x[0], x.min(), x.max(), np.median(x), low, quantisation_step(x))
+                told = (x[0], x.min(), x.max(), np.median(x), np.quantile(few_of(x), _LOW), quantisation_step(x))
                 found[key] = Sensor(*map(float, told))
         return found
 
@@ -235,8 +239,8 @@ class Channels:
         loads: dict[str, FloatArray] = {}
         for quantity in reversed(HEATS):
             own = {place_of(key): x for key, x in self.of(quantity).items()}
-            thin = {place: x[:: max(1, x.size // _THIN)] for place, x in own.items()}
-            power = {place: float(np.nanmean(np.square(x))) for place, x in thin.items() if np.isfinite(x).any()}
+            few = {place: few_of(x) for place, x in own.items()}
+            power = {place: float(np.nanmean(np.square(x))) for place, x in few.items() if np.isfinite(x).any()}
             most = max(power.values(), default=0.0)
             loads |= {place: own[place] for place, mean in power.items() if mean > _OF_MOST * most}
         return loads
@@ -290,6 +294,6 @@ class Channels:
     def _borne(self, load: str) -> FloatArray:
         """A load's values, (n,), NaN where it is one that nothing bears beside the others."""
         values = self.values[load]
-        few = np.square(values[:: max(1, values.size // _THIN)])
+        few = np.square(few_of(values))
         usual = float(np.quantile(few[np.isfinite(few)], 0.99)) if np.isfinite(few).any() else 0.0
         return np.where(np.square(values) > _BEYOND * usual, np.nan, values) if usual > 0 else values

@@ -13,12 +13,11 @@ from __future__ import annotations
 import numpy as np
 
 from lptn.basics.arrays import BoolArray, FloatArray, IntArray
-from lptn.logs.channels import FEWEST, SHORTEST, Channels, Silence, spans
+from lptn.logs.channels import FEWEST, SHORTEST, Channels, Silence, few_of, spans
 from lptn.logs.columns import place_of
 from lptn.logs.law import contradicted
 
 _MOST = 2000  # stretches; in more pieces a channel is noise, and nothing is known of it
-_SAMPLE = 100_000  # moves, of which the usual one is taken
 _FASTEST = 1e-6  # s between two readings; clocks of loggers tell no less
 
 
@@ -81,10 +80,9 @@ class _Part:
         # All heat that is put in is logged, so that what moves otherwise is no part; into the air none is put.
         self.is_known = load is not None or key == log.air
         apart, moves = np.diff(self.stamps), np.abs(np.diff(readings))
-        thin = max(1, apart.size // _SAMPLE)
-        every = float(np.median(apart[::thin]))
+        every = float(np.median(few_of(apart)))
         self.every = max(every, _FASTEST) if np.isfinite(every) else np.inf
-        self.least = max(_LEAP, _STEPS * step if step > 0 else _NOISE * float(np.median(moves[::thin])))
+        self.least = max(_LEAP, _STEPS * step if step > 0 else _NOISE * float(np.median(few_of(moves))))
 
     def cuts(self) -> IntArray:
         """For each step from reading to reading whether no part makes it: 1 alone, 2 as a part of a slow leap."""
