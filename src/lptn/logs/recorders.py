@@ -172,7 +172,9 @@ def open_mdf(path: Path) -> Table:
             units: dict[str, str] = {}
             at.append({})
             for index, channel in enumerate(group.channels):
-                if index != file.masters_db.get(number) and _is_numeric(file, number, index):
+                first: Numbers = file.get(group=number, index=index, record_offset=0, record_count=1).samples
+                is_numeric = first.dtype.kind in _NUMBERS and first.ndim == 1
+                if is_numeric and index != file.masters_db.get(number):
                     name = channel.name if channel.name not in units else f"{channel.name}:{index}"
                     units[name], at[number][name] = channel.unit or "", index
             name, rows = getattr(group.channel_group, "acq_name", ""), int(group.channel_group.cycles_nr)
@@ -197,12 +199,6 @@ def _mdf(path: Path) -> Iterator[Any]:
             raise
         with closing(file):
             yield file
-
-
-def _is_numeric(file: Any, group: int, index: int) -> bool:
-    """Whether a channel's first sample is one number."""
-    first: Numbers = file.get(group=group, index=index, record_offset=0, record_count=1).samples
-    return first.dtype.kind in _NUMBERS and first.ndim == 1
 
 
 def open_tdms(path: Path) -> Table:
