@@ -161,8 +161,13 @@ def export(
     steps = integration(exported, solver, step)
     identifier = _identifier(loaded.network)
     joined = arrays_of(exported.variables) if arrays else []
-    about = {"author": author, "copyright": copyright, "license": license}
-    entries = _texts(exported, identifier, fmi, steps, text, date, joined, {"casadi": casadi, "about": about})
+    values = _values(exported, steps, fmi, joined) | {
+        "about": {"author": author, "copyright": copyright, "license": license},
+        "casadi": casadi,
+        "date": (date or datetime.now(UTC)).strftime("%Y-%m-%dT%H:%M:%SZ"),
+        "identifier": identifier,
+    }
+    entries = _texts(exported, values, text)
     if reference:
         entries |= _experiment(exported, steps, entries)
     code = {name.removeprefix("sources/"): text for name, text in entries.items() if name.startswith("sources/")}
@@ -237,34 +242,19 @@ def _experiment(component: Component, integration: Integration, entries: Mapping
 # --- the texts inside -------------------------------------------------------------------------------
 
 
-def _texts(
-    component: Component,
-    identifier: str,
-    fmi: int,
-    integration: Integration,
-    model_text: str | None,
-    date: datetime | None,
-    joined: Sequence[Variable],
-    options: Mapping[str, Any],
-) -> dict[str, bytes]:
-    """All files of an FMU but its binaries, by their path inside.
+def _texts(component: Component, values: Mapping[str, Any], model_text: str | None) -> dict[str, bytes]:
+    """All files of an FMU but its binaries, by their path inside; of what the templates show.
 
     Raises:
         InputError: the package that brings the FMI headers is missing.
     """
-    code = c_code(component, f"{identifier}_model")
+    fmi, code = values["fmi"], c_code(component, f"{values['identifier']}_model")
     own = {name: _resource(f"c/{name}") for name in (*_CORE, f"fmi{fmi}.c", *(("arrays.c",) if fmi == 3 else ()))}
-    values = _values(component, integration, fmi, joined)
-    values |= {
-        **options,
-        "identifier": identifier,
-        "date": (date or datetime.now(UTC)).strftime("%Y-%m-%dT%H:%M:%SZ"),
-    }
     # The same model gives the same token, so a saved state goes from one export to the next.
-    without_token = rendered("config.h.j2", values | {"token": ""})
+    without_token = rendered("config.h.j2", {**values, "token": ""})
     digest = hashlib.sha256("\n".join([str(fmi), code, without_token, *own.values()]).encode()).hexdigest()
     token = str(uuid.uuid5(_NAMESPACE, digest))
-    values |= {"token": "{" + token + "}" if fmi == 2 else token, "digest": digest[:12]}
+    values = {**values, "token": "{" + token + "}" if fmi == 2 else token, "digest": digest[:12]}
     texts = {
         "modelDescription.xml": rendered(f"modelDescription{fmi}.xml.j2", values),
         "documentation/index.html": rendered("index.html.j2", values),
