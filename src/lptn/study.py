@@ -152,10 +152,10 @@ class Study:
         self._attempts: list[tuple[object, Step, Step]] = []  # the effect, the step before it, and the step with it
         self.branches: tuple[tuple[Step, ...], ...] = ()
         """Other ways that were gone from the model as given, and left by `undo` and another `add`; the latest last."""
-        self._diagnoses: dict[
-            Step | None, Diagnosis
-        ] = {}  # of each step's model; `None`: of that without added effects
-        self._searched: tuple[Step, int, History] | None = None  # to which step, from the number of which, the search
+        self._diagnoses: dict[Step | None, Diagnosis] = {}  # of each step; `None`: of the model without added effects
+        self._searched: tuple[Step, int, History] | None = (
+            None  # the last search: its last step, its first one's number
+        )
         self._advice: tuple[Diagnosis, Advice] | None = None  # the last one, and what it follows from
         self.symmetry_trials: tuple[SymmetryTrial, ...] = ()
         """The symmetry penalties that the last fit tried, with their errors on held-out runs."""
@@ -189,11 +189,6 @@ class Study:
     def _added(self) -> Step | None:
         """The last step that added an effect."""
         return self._steps[-1] if len(self._steps) > 1 else None
-
-    @property
-    def _searched_from(self) -> Model:
-        """What a search begins with: without added effects the file's own values, whether or not they were fitted."""
-        return self.model if self._added else self._loaded.model
 
     @property
     def _search(self) -> tuple[int, History] | tuple[None, None]:
@@ -280,7 +275,7 @@ class Study:
         with shown_in_notebook("fitting"):
             done, trials = fit_split(self.model, self.data, symmetry_penalty, checkpoint=checkpoint, report=logger.info)
         self.symmetry_trials = tuple(trials)
-        self._append((replace(self._steps.pop(), fit=done) if self._steps else Step(done)).judged_on(self.data))
+        self._steps.append((replace(self._steps.pop(), fit=done) if self._steps else Step(done)).judged_on(self.data))
         return done
 
     @overload
@@ -363,7 +358,7 @@ class Study:
             InputError: there is nothing to fit, or a channel of what is fitted may be in another unit.
         """
         self._needs_conclusive_data()
-        return self._diagnosis_of(self._added, self._searched_from)
+        return self._diagnosis_of(self._added)
 
     def advise(self) -> Advice:
         """What to do next: the experiment that tells rivals apart, where heat is unexplained, runs that differ."""
@@ -392,7 +387,8 @@ class Study:
         """
         step = self.attempt(effect, at, run=run, settings=settings)
         self._leave()
-        return self._append(step)
+        self._steps.append(step)
+        return step
 
     def attempt(
         self, effect: str | Step, at: str = "", *, run: str = "", settings: Mapping[str, str | float] | None = None
@@ -468,7 +464,7 @@ class Study:
         """
         self._needs_conclusive_data()
         with shown_in_notebook("searching for missing effects"):
-            history = improve(self._searched_from, self.data, most=most, on_step=on_step, **self._options)
+            history = improve(self._searched_from(self._added), self.data, most=most, on_step=on_step, **self._options)
         self._leave()
         self._steps = self._steps or [history.steps[0]]
         before = len(self._steps) - 1
@@ -577,7 +573,7 @@ class Study:
         if not self._steps:
             self.fit()
         last = self.diagnose()
-        first = self._diagnosis_of(None, self._loaded.model)
+        first = self._diagnosis_of(None)
         return History(tuple(self._steps), first, last, history.rivals if history else ())
 
     def narrative(self) -> Narrative:
@@ -684,20 +680,19 @@ class Study:
             self.branches = (*self.branches, (*self._steps, *self.undone))
             self._undone.clear()
 
-    def _append(self, step: Step) -> Step:
-        """Take a step."""
-        self._steps.append(step)
-        return step
-
     @property
     def _options(self) -> dict[str, Any]:
         """Of a search."""
         errors = {name: getattr(self, name) for name in ("ambient_error", "torque_error", "surface_error")}
         return errors | {"executor": self.executor, "report": logger.info}
 
-    def _diagnosis_of(self, step: Step | None, model: Model) -> Diagnosis:
+    def _searched_from(self, step: Step | None) -> Model:
+        """What a search begins with: without added effects the file's own values, whether or not they were fitted."""
+        return step.fit.model if step else self._loaded.model
+
+    def _diagnosis_of(self, step: Step | None) -> Diagnosis:
         """What is missing in a step's model; sought once."""
         if step not in self._diagnoses:
             with shown_in_notebook("searching for missing effects"):
-                self._diagnoses[step] = diagnose(model, self.data, **self._options)
+                self._diagnoses[step] = diagnose(self._searched_from(step), self.data, **self._options)
         return self._diagnoses[step]
