@@ -44,10 +44,11 @@ def heat_flows(model: Model, states: FloatArray, inputs: FloatArray) -> dict[str
 
 @dataclass
 class _Line:
-    """A link of the drawing, with the effects that act on it."""
+    """A link of the drawing, with the effects that act on it; `around` is its end that is no box, if one is none."""
 
     name: str
     ends: tuple[str, str]
+    around: str
     parameters: list[str] = field(default_factory=list)
     effects: list[EffectInstance] = field(default_factory=list)
 
@@ -138,7 +139,7 @@ class _Drawing:
         through = [abs(flows[line.name]) for line in self.lines.values() if np.isfinite(flows.get(line.name, np.nan))]
         self.most = max(through, default=0.0)
         self.sizes = {name: self._size(name) for name in self.nodes}
-        inner = [line.ends for line in self.lines.values() if not set(line.ends) & set(self.around)]
+        inner = [line.ends for line in self.lines.values() if not line.around]
         self.at = places_of(self.nodes, inner, self.sizes)
         self.badges: list[str] = []
         self.reached: list[FloatArray] = []  # corners of what is drawn beside the boxes
@@ -151,7 +152,8 @@ class _Drawing:
         one, other = (self._body(place) for place in places)
         if one == other or {one, other} <= set(self.around):
             return None
-        return self.lines.setdefault(name, _Line(name, (one, other)))
+        around = next((end for end in (one, other) if end in self.around), "")
+        return self.lines.setdefault(name, _Line(name, (one, other), around))
 
     def _line_of(self, instance: EffectInstance) -> _Line | None:
         """The line that an effect acts on; none where it acts on a node."""
@@ -172,7 +174,7 @@ class _Drawing:
         return f"{value:.1f} °C" if np.isfinite(value) else ""
 
     def text(self) -> str:
-        links = [self._between(line) for line in self.lines.values() if not self._surroundings_of(line)]
+        links = [self._between(line) for line in self.lines.values() if not line.around]
         stubs = self._stubs()
         boxes = [self._box(name) for name in self.nodes]
         for name, middle in self.at.items():
@@ -227,9 +229,6 @@ class _Drawing:
 
     # --- links ------------------------------------------------------------------------------------
 
-    def _surroundings_of(self, line: _Line) -> str:
-        return next((end for end in line.ends if end in self.around), "")
-
     def _width(self, line: _Line) -> float:
         flow = abs(self.flows.get(line.name, np.nan))
         if not self.most or not np.isfinite(flow):
@@ -264,17 +263,16 @@ class _Drawing:
         """Links to the surroundings, each where its node has most room."""
         angles: dict[str, list[float]] = {name: [] for name in self.nodes}
         for line in self.lines.values():
-            if not self._surroundings_of(line):
+            if not line.around:
                 for one, other in (line.ends, line.ends[::-1]):
                     dx, dy = np.subtract(self.at[other], self.at[one])
                     angles[one].append(float(np.arctan2(dy, dx)))
         drawn = []
         named = len(self.around) > 1 or len(self.nodes) < 3
         for line in self.lines.values():
-            around = self._surroundings_of(line)
-            if not around:
+            if not line.around:
                 continue
-            name = next(end for end in line.ends if end != around)
+            name = next(end for end in line.ends if end != line.around)
             angle = self._free_angle(name, angles[name])
             angles[name].append(angle)
             direction = np.array([np.cos(angle), np.sin(angle)])
@@ -286,8 +284,10 @@ class _Drawing:
             if named:
                 anchor = "middle" if abs(direction[0]) < 0.5 else "start" if direction[0] > 0 else "end"
                 x, y = end + direction * 9 + [0.0, 4.0 + 5.0 * (direction[1] if abs(direction[0]) < 0.5 else 0.0)]
-                mark += f'<text class="soft" x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}">{escape(around)}</text>'
-                wide = 6.4 * len(around)
+                mark += (
+                    f'<text class="soft" x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}">{escape(line.around)}</text>'
+                )
+                wide = 6.4 * len(line.around)
                 first = {"middle": x - wide / 2, "start": x, "end": x - wide}[anchor]
                 self.reached += [np.array([first, y - 11]), np.array([first + wide, y])]
             self.reached += [end - 9, end + 9]
@@ -306,7 +306,7 @@ class _Drawing:
         others = [other for other in self.nodes if other != name]
         middles = np.array([self.at[other] for other in others]).reshape(-1, 2)
         halves = np.array([self.sizes[other] for other in others]).reshape(-1, 2) / 2
-        inner = [line.ends for line in self.lines.values() if not self._surroundings_of(line) and name not in line.ends]
+        inner = [line.ends for line in self.lines.values() if not line.around and name not in line.ends]
         ends = np.array([[self.at[one], self.at[other]] for one, other in inner]).reshape(-1, 2, 2)
         best, room = 0.0, -np.inf
         for place in range(_DIRECTIONS):

@@ -13,7 +13,7 @@ from markupsafe import Markup
 from lptn.basics.arrays import FloatArray
 from lptn.basics.lines import thinned, time_unit
 from lptn.diagnose.unexplained_heat import UnexplainedHeat
-from lptn.identify.comparison import Comparison, Errors, Prediction
+from lptn.identify.comparison import Comparison, Prediction
 from lptn.report.charts import POINTS, ChartPanel, Charts, Line, View, sizes_in_words
 from lptn.report.comparison_figures import NAMES
 from lptn.report.document import Picture
@@ -89,31 +89,32 @@ def looked_through(
 
 def tiles(runs: Sequence[Shown], comparison: Comparison) -> dict[str, Any]:
     """A table of errors, a tile for each node and run; pale where they are like the noise."""
-    rows, most = [], 0.0
-    for node in comparison.model.nodes:
-        cells: list[tuple[str, Errors, float] | None] = []
-        for run in runs:
-            errors = comparison.node(node, comparison.predictions[run.number])
-            cells.append((run.label, errors, comparison.floor(node)) if errors.count else None)
-            if errors.count and errors.rmse > NOISE_BAND * comparison.floor(node):
-                most = max(most, errors.rmse)
-        if any(cells):
-            rows.append({"node": node, "cells": [cell and _tile(node, *cell) for cell in cells]})
-    for row in rows:
-        for cell in row["cells"]:
-            if isinstance(cell, dict):
-                cell["share"] = f"{cell['share'] / most if most else 0.0:.2f}"
-    return {"charts": _CHARTS, "heads": [run.label for run in runs], "rows": rows}
+    errors = {
+        (node, run.label): own
+        for node in comparison.model.nodes
+        for run in runs
+        if (own := comparison.node(node, comparison.predictions[run.number])).count
+    }
+    beyond = {key: own.rmse for key, own in errors.items() if own.rmse > NOISE_BAND * comparison.floor(key[0])}
+    most = max(beyond.values(), default=1.0)
 
+    def tile(node: str, run: str) -> dict[str, str] | None:
+        own = errors.get((node, run))
+        if own is None:
+            return None
+        sizes = f"RMSE {kelvin(own.rmse)}, mean {signed_kelvin(own.mean)}, largest {kelvin(own.max)}"
+        return {
+            "look": "even" if abs(own.mean) < ONE_SIDED * own.rmse else "hot" if own.mean > 0 else "cold",
+            "share": f"{beyond.get((node, run), 0.0) / most:.2f}",
+            "pick": json.dumps([node, run], ensure_ascii=False),
+            "title": f"{node}, {run}: {sizes}",
+            "text": significant(own.rmse, 2),
+        }
 
-def _tile(node: str, run: str, errors: Errors, floor: float) -> dict[str, Any]:
-    side = "even" if abs(errors.mean) < ONE_SIDED * errors.rmse else "hot" if errors.mean > 0 else "cold"
-    title = (
-        f"{node}, {run}: RMSE {kelvin(errors.rmse)}, mean {signed_kelvin(errors.mean)}, largest {kelvin(errors.max)}"
-    )
-    share = errors.rmse if errors.rmse > NOISE_BAND * floor else 0.0
-    pick = json.dumps([node, run], ensure_ascii=False)
-    return {"look": side, "share": share, "pick": pick, "title": title, "text": significant(errors.rmse, 2)}
+    heads = [run.label for run in runs]
+    nodes = dict.fromkeys(node for node, _ in errors)
+    rows = [{"node": node, "cells": [tile(node, run) for run in heads]} for node in nodes]
+    return {"charts": _CHARTS, "heads": heads, "rows": rows}
 
 
 # --- lines over time ------------------------------------------------------------------------------------------
