@@ -26,7 +26,6 @@ from lptn import virtual
 from lptn.basics.places import EVERYWHERE, matching
 from lptn.diagnose.answers import Step
 from lptn.diagnose.candidates import candidates
-from lptn.diagnose.composition import with_priors
 from lptn.diagnose.diagnosis import for_search
 from lptn.diagnose.experiment import Experiment, Move, possible_moves, propose
 from lptn.diagnose.fit_statistics import criterion_difference
@@ -196,7 +195,7 @@ def refits(loaded: LoadedModel, logs: Sequence[Path], rivals: Sequence[str], at:
     chosen = [widest[rival] for rival in rivals if rival in widest]
     if len(chosen) != len(rivals):
         raise ValueError(f"rivals {rivals} at {at}: the model has room for {[candidate.key for candidate in chosen]}")
-    steps = [Step(finished(refit(base, one)), one) for one in (with_priors(rival, None, None) for rival in chosen)]
+    steps = [Step(finished(refit(base, one)), one) for one in (rival.declaration() for rival in chosen)]
     return base, sorted(steps, key=lambda step: step.fit.cost)
 
 

@@ -9,7 +9,7 @@ import pytest
 from scipy.linalg import expm
 
 from lptn.diagnose.candidates import possible_effects
-from lptn.diagnose.composition import _as_its_own, composition, with_priors
+from lptn.diagnose.composition import _as_its_own, composition
 from lptn.diagnose.diagnosis import diagnose, for_search
 from lptn.diagnose.refits import refit
 from lptn.identify.data import split_data
@@ -97,10 +97,10 @@ def test_what_one_joint_had_beside_all_becomes_its_own_when_the_others_have_none
     fit = fit_segments(model, coarse.fit)
     columns = set(coarse.fit[0].run.columns)
     everywhere = next(one for one in possible_effects(fit, columns) if one.key == ("constant_heat", "*"))
-    common = with_priors(everywhere, 0.4, None)
+    common = everywhere.declaration(0.4)
     fit = refit(fit, common)
     beside = next(one for one in possible_effects(fit, columns) if one.key == ("constant_heat", "FR_calf"))
-    own = with_priors(beside, 0.6, None)
+    own = beside.declaration(0.6)
     fit = refit(fit, own)
     assert own.difference
     alone = _as_its_own(own, fit, common)

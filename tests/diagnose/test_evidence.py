@@ -13,7 +13,6 @@ import pytest
 from lptn import Study
 from lptn.basics.parameters import Parameter
 from lptn.diagnose.candidates import possible_effects
-from lptn.diagnose.composition import with_priors
 from lptn.diagnose.evidence import Allowance, ErrorsOfRuns, Evidence, allowances
 from lptn.diagnose.priors import log_priors
 from lptn.diagnose.refits import continued, refit
@@ -39,7 +38,7 @@ def _fit(heat: float, seeds: tuple[int, int] = (1, 2)) -> Fit:
 def _with_heat(fit: Fit, start: float = 0.3) -> tuple[Fit, str]:
     """The same with the heat, and the name of its size."""
     (one,) = (one for one in possible_effects(fit, fit.problem.bound_runs[0].run.columns) if one.key == HEAT)
-    declared = with_priors(one, start, None)
+    declared = one.declaration(start)
     return finished(refit(fit, declared)), declared.shared_name("power")
 
 

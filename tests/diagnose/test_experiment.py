@@ -19,7 +19,6 @@ from scipy.integrate import solve_ivp
 from lptn.basics.arrays import FloatArray
 from lptn.diagnose.answers import Step
 from lptn.diagnose.candidates import candidates
-from lptn.diagnose.composition import with_priors
 from lptn.diagnose.experiment import (
     Experiment,
     Move,
@@ -137,7 +136,7 @@ def _refits(runs: tuple[Run, ...], keys: tuple[tuple[str, str], ...], model: str
     """Both rivals refitted, the one that explains more first."""
     base = fit_segments(_model(model), split_data(runs).fit)
     rivals = [candidate for candidate in candidates(_model(model).network, runs[0].columns) if candidate.key in keys]
-    steps = [Step(finished(refit(base, one)), one) for one in (with_priors(rival, None, None) for rival in rivals)]
+    steps = [Step(finished(refit(base, one)), one) for one in (rival.declaration() for rival in rivals)]
     return sorted(steps, key=lambda step: step.fit.cost)
 
 

@@ -37,9 +37,10 @@ def test_of_the_run_with_a_fan_the_loss_to_the_air_is_named(model: str) -> None:
     assert done.rmse < 3.5
     assert difference.rmse_before > 50.0
     best = difference.causes[0]
-    assert (difference.run, best.effect, best.at) == ("Run4", "surface_scale", "*")
-    assert 3.0 < best.amplitude < 12.0
-    assert best.rmse_after < 0.3 * difference.rmse_before
+    assert best.key == ("surface_scale", "*@Run4")
+    assert best.amplitude is not None
+    assert 3.0 < best.amplitude.value < 12.0
+    assert difference.rmse_after < 0.3 * difference.rmse_before
     assert "times as fast as the other runs: was a fan on?" in difference.text()
     # A fan on two lumps is not all that there is.
     assert "It does not explain all" in difference.text()

@@ -15,8 +15,8 @@ import numpy as np
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.parameters import Parameter
-from lptn.basics.places import EVERYWHERE, class_of, in_run, is_glob, is_of_run, limb_of, matching, run_label
-from lptn.effects import Effect, GroupEffect, MassEffect, catalogue
+from lptn.basics.places import EVERYWHERE, class_of, in_run, is_glob, limb_of, matching, run_label
+from lptn.effects import Effect, catalogue
 from lptn.effects.base import Place, either_sign
 from lptn.identify.fitting import Fit
 from lptn.logs.resampling import raw_keys
@@ -26,9 +26,11 @@ from lptn.model.sizes import Sizes
 from lptn.simulate.bound_run import default_start, start_from
 
 _FEWEST = 3  # nodes that share an unseen mass
-_ONE_LOGGER = 0.03
-"""Prior odds of clocks apart within one logger's file, relative to two files that were joined: of the thirteen measured
-logs and boards of `tests/benchmarks/measured_verdicts.py` none is known to have it."""
+NONE, _START = 0.01, 0.3
+"""Of its usual size: below the first an effect is none, at the second, near none, the search for one begins."""
+USUAL = 2.0
+"""Times its typical size that an effect is as often above as below (the scale of Cauchy's density): sizes are stated to
+a factor of two or three."""
 _MOST_RISE = 30.0  # K; what would warm its place by more in the long run, at its usual size, is expected smaller there
 _JOINT_MOVES, _JOINT_POWER, _JOINT_LOSS = {"velocity": 2.5, "velocity_rms": 2.5}, 15.0, 7.5
 """rad/s, W of torque times speed, and W that its winding loses (0.15 ohm, 0.84 N·m/A): of the joint for which effects
@@ -47,52 +49,6 @@ Words = tuple[tuple[str, str], ...]
 
 
 @dataclass(frozen=True)
-class Site:
-    """One place where one effect, at one shape, can be switched on: the unit that is scored.
-
-    Args:
-        effect: the effect.
-        place: a node, an edge or a group of nodes, as the network names it.
-        shape: value of its shape parameter, `None` for an effect without one.
-        run: the only run in which it acts; every run by default.
-        words: the effect's options.
-        typical: usual size of its amplitude at this place, in the amplitude's unit; the effect's own by default.
-        difference: whether it is what the place has beside an effect that it has in common with others.
-        driven_by: the winding whose log columns drive it, where that is not its own place.
-    """
-
-    effect: type[Effect]
-    place: str
-    shape: float | None
-    run: str = ""
-    words: Words = field(default=(), compare=False)  # the same for all sites of an effect
-    typical: float | None = field(default=None, compare=False)  # the same for all sites at a place
-    difference: bool = False
-    driven_by: str = field(default="", compare=False)  # the same for all sites of an effect at a place
-
-    @property
-    def label(self) -> str:
-        """What its parameters are named after in the model that holds all sites."""
-        name = EffectDeclaration(self.effect(), self.place, difference=self.difference).name
-        return name if self.shape is None else f"{name}@{self.shape:g}"
-
-    @property
-    def amplitude_name(self) -> str:
-        """Full name of its amplitude among the unknowns of the model that holds all sites."""
-        amplitude = self.effect.amplitude()
-        return in_run(f"{self.label}.{'' if amplitude is None else amplitude.name}.{self.place}", self.run)
-
-    def declaration(self) -> EffectDeclaration:
-        """The effect at this place, switched off."""
-        stated = (_set(parameter, self.typical, self.shape) for parameter in self.effect.stated(self.difference))
-        parameters = tuple(replace(parameter.switched_off, share="each") for parameter in stated)
-        effect = self.effect(**dict(self.words))
-        return EffectDeclaration(
-            effect, self.place, parameters, self.label, self.driven_by, run=self.run, difference=self.difference
-        )
-
-
-@dataclass(frozen=True)
 class Candidate:
     """An effect that may be missing, and where.
 
@@ -108,7 +64,6 @@ class Candidate:
         shortest: least time constant of a mass that a fit to these steps may try [s]; 0 for what the effect allows.
         difference: whether it is what a place has beside the same effect that it has in common with others.
         common_shape, common_size: of a difference the shape and the amplitude that the place has in common with others.
-        one_logger: whether its runs are known to come each from one logger, whose clock is one.
         one_of_likes: whether it has at one place, beside others like it, what like places have alike.
         windings: for each place the winding whose log columns drive it, where that is not the place itself.
     """
@@ -124,7 +79,6 @@ class Candidate:
     difference: bool = False
     common_shape: float = field(default=0.0, compare=False)  # of the fit
     common_size: float = field(default=0.0, compare=False)
-    one_logger: bool = field(default=False, compare=False)  # of the log
     one_of_likes: bool = field(default=False, compare=False)  # of the network
     windings: tuple[str, ...] = field(default=(), compare=False)  # of the network and the log
 
@@ -140,12 +94,8 @@ class Candidate:
 
     @property
     def prior_odds(self) -> float:
-        """How often such a thing is met, relative to other candidates.
-
-        The effect's odds, less for a single run, and for clocks that differ inside one logger.
-        """
-        of_clock = _ONE_LOGGER if self.effect.delays_readings and self.one_logger else 1.0
-        return self.effect.prior_odds * of_clock * (_ONE_RUN_ONLY if self.run else 1.0)
+        """How often such a thing is met, relative to other candidates: the effect's odds, less for a single run."""
+        return self.effect.prior_odds * (_ONE_RUN_ONLY if self.run else 1.0)
 
     @property
     def amplitude(self) -> Parameter:
@@ -177,45 +127,56 @@ class Candidate:
         shape = self.effect.shape()
         return (self.grid or shape.grid) if shape else (None,)
 
-    def sites(self, shape: float | None) -> list[Site]:
-        """Its single places at one shape."""
-        typical, blank = self.sizes or (None,) * len(self.places), ("",) * len(self.places)
-        return [
-            Site(self.effect, place, shape, self.run, self.words, size, self.difference, winding)
-            for place, size, winding in zip(self.places, typical, self.windings or blank, strict=True)
-        ]
+    def sites(self, shape: float | None) -> dict[str, EffectDeclaration]:
+        """What is scored: the effect switched off at each place, at one shape, by the name of its amplitude there."""
+        effect, amplitude, found = self.effect(**dict(self.words)), self.effect.amplitude(), {}
+        stated = (replace(one.switched_off, share="each") for one in self.effect.stated(self.difference))
+        parameters = tuple(replace(one, value=shape) if one.grid and shape is not None else one for one in stated)
+        for place, winding in zip(self.places, self.windings or ("",) * len(self.places), strict=True):
+            site = EffectDeclaration(
+                effect, place, parameters, driven_by=winding, run=self.run, difference=self.difference
+            )
+            site = site if shape is None else replace(site, label=f"{site.name}@{shape:g}")
+            found[site.shared_name(amplitude.name if amplitude else "")] = site
+        return found
 
-    def declaration(self, amplitude: float | None, shape: float | None) -> EffectDeclaration:
-        """The effect switched on, one amplitude shared by all its places.
+    def declaration(self, amplitude: float | None = None, shape: float | None = None) -> EffectDeclaration:
+        """The effect as it is fitted, one amplitude shared by all its places; sizes and shapes have priors.
 
         Where a place has its own in place of what the others have (`Effect.adds_up`), it starts larger or smaller, or
         where it is all or nothing later or earlier, than they by what the score says.
+
+        Args:
+            amplitude: where its size starts, beside where it is off; a share of the usual one by default.
+            shape: where its shape starts; the middle of its grid by default.
         """
+        grid = [value for value in self.shapes if value is not None]
+        shape = grid[len(grid) // 2] if shape is None and grid else shape
+        size = _START * self.typical if amplitude is None else amplitude
+        size = math.copysign(max(abs(size), NONE * self.typical), size)
         difference = self.difference and self.effect.adds_up()
-        if self.difference and not difference and amplitude is not None and shape is not None:
+        if self.difference and not difference and shape is not None:
             if self.amplitude.on is None:
-                shape, amplitude = self.common_shape, max(self.common_size + amplitude, _LEAST_SHARE * self.common_size)
+                shape, size = self.common_shape, max(self.common_size + size, _LEAST_SHARE * self.common_size)
             else:
-                shape = max(self.common_shape + amplitude * shape, _LEAST_SHARE * shape)
+                shape = max(self.common_shape + size * shape, _LEAST_SHARE * shape)
         parameters = []
-        for parameter in self.effect.stated(difference):
-            on = replace(_set(parameter, self.typical, shape).switched_on, share="all")
-            on = replace(on, grid=self.grid) if parameter.grid and self.grid else on
-            if parameter.grid and issubclass(self.effect, MassEffect | GroupEffect):
-                lower, upper = on.bounds
-                on = replace(on, bounds=(max(lower, min(self.shortest, on.value)), upper))
-            if amplitude is not None and parameter.off is not None and parameter.on is None:
-                lower, upper = parameter.bounds
-                on = replace(on, value=min(max(amplitude, lower), upper))
-            parameters.append(on)
+        for one in self.effect.stated(difference):
+            lower, upper = one.bounds
+            if (none := one.off) is not None:
+                one = replace(one, typical=min(max(self.typical, lower), upper)).switched_on
+                if one.on is None:
+                    one = replace(one, value=min(max(size, lower), upper), prior=(none, USUAL * self.typical))
+            elif one.grid and grid and not one.fixed:
+                lower = min(max(lower, self.shortest if one.unit == "s" else lower), upper)
+                middle = min(max(float(np.exp(np.mean(np.log(grid)))), lower), upper)
+                value = one.value if shape is None else shape
+                one = replace(one, value=max(value, lower), grid=self.grid or one.grid, bounds=(lower, upper))
+                one = replace(one, prior=(middle, middle))
+            parameters.append(replace(one, share="all"))
         effect = self.effect(**dict(self.words))
         return EffectDeclaration(
-            effect,
-            self.pattern,
-            tuple(parameters),
-            driven_by=self.driven_by,
-            run=self.run,
-            difference=difference,
+            effect, self.pattern, tuple(parameters), driven_by=self.driven_by, run=self.run, difference=difference
         )
 
 
@@ -227,7 +188,6 @@ def candidates(
     step: float | None = None,
     duration: float | None = None,
     rms: Mapping[str, float] | None = None,
-    joined: Collection[str] | None = None,
     rates: FloatArray | None = None,
     effects: Collection[type[Effect]] | None = None,
 ) -> list[Candidate]:
@@ -245,33 +205,22 @@ def candidates(
         duration: s, of the longest run.
         rms: root mean square of each column. With it, heat that columns drive is expected no larger than its place can
             bear: at a rotor's speed the friction of a robot's joint would melt it.
-        joined: names of those runs whose logs were put together from several loggers' files (`a.csv+b.csv`), `None`
-            where that is not known.
         rates: as for `lptn.model.sizes.Sizes`.
         effects: those to propose; the whole catalogue by default.
     """
-    proposed = []
-    limits = ("", *separate_runs(runs))
-    sizes = Sizes(network, rates)
-    for effect, run in product(catalogue().values(), limits):
-        asked = effects is None or effect in effects
-        if asked and effect.amplitude() is not None and (effect.per_run or not run):
-            grid = _grid(effect.shape(), step, duration)
-            one_logger = joined is not None and not any(is_of_run(name, run or EVERYWHERE) for name in joined)
-            proposed += [
-                replace(
-                    _with_sizes(candidate, network, sizes, rms),
-                    grid=grid,
-                    shortest=0.0 if step is None else _OF_A_STEP * step,
-                    one_logger=one_logger,
-                    one_of_likes=effect.alike and network.sets_apart(EffectDeclaration(effect(), candidate.pattern)),
-                )
-                for candidate in [
-                    *_of_effect(network, effect, columns, run),
-                    *_differences(network, effect, columns, run),
-                ]
-            ]
-    return sorted(proposed, key=lambda candidate: limits.index(candidate.run))
+    sizes, proposed = Sizes(network, rates), []
+    for run in ("", *separate_runs(runs)):
+        for effect in catalogue().values():
+            if (effects is not None and effect not in effects) or effect.amplitude() is None:
+                continue
+            if run and not effect.per_run:
+                continue
+            grid, shortest = _grid(effect.shape(), step, duration), 0.0 if step is None else _OF_A_STEP * step
+            for one in [*_of_effect(network, effect, columns, run), *_differences(network, effect, columns, run)]:
+                likes = effect.alike and network.sets_apart(EffectDeclaration(effect(), one.pattern))
+                usual = _sizes(one, network, sizes, rms)
+                proposed.append(replace(one, sizes=usual, grid=grid, shortest=shortest, one_of_likes=likes))
+    return proposed
 
 
 def possible_effects(
@@ -294,7 +243,6 @@ def possible_effects(
         step=max(run.step for run in runs),
         duration=max(len(run) * run.step for run in runs),
         rms={column: float(np.sqrt(np.mean(of_runs))) for column, of_runs in squares.items()},
-        joined=[run.name for run in runs if "+" in run.source],
         rates=_mean_rates(fit),
         effects=effects,
     )
@@ -329,19 +277,31 @@ def separate_runs(names: Sequence[str]) -> list[str]:
 
 
 def _of_effect(network: Network, effect: type[Effect], columns: Collection[str], run: str) -> list[Candidate]:
-    """One effect at all places, with the first of its options whose inputs the log has anywhere."""
+    """One effect at all places, with the first of its options whose inputs the log has anywhere.
+
+    Parts that no column names are driven by the columns of the one winding that each is linked to: a joint's friction,
+    iron loss and stray losses warm its housing or gearbox as well, and a log names them after the joint, which is the
+    winding where winding and housing are apart.
+    """
+    if effect.one_place_a_pattern:
+        return [Candidate(effect, in_run(at, run), (at,), run) for at in _node_groups(network)]
     choices = [tuple(zip(effect.options, words, strict=True)) for words in product(*effect.options.values())]
     for words in [(), *choices[1:]]:  # the defaults first, as an empty choice
         own = effect(**dict(words))
         free = _places_without(network, effect, words, run)
-        places = [place for place, ends in free if _logs(columns, own, ends[0])]
-        if effect.one_place_a_pattern:
-            groups = _node_groups(network)
-        else:
+        driving = {place: ends[0] if _logs(columns, own, ends[0]) else "" for place, ends in free}
+        logged = {key.partition(".")[0] for feature in own.needed() for key in raw_keys(input_column(feature, "joint"))}
+        winding_of = {}
+        if own.site == "node" and logged and logged <= _OF_A_JOINT:
+            windings = {place: network.windings_at(ends[0]) for place, ends in free if not driving[place]}
+            winding_of = {at: of[0] for at, of in windings.items() if len(of) == 1 and _logs(columns, own, *of)}
+        proposals = []
+        for places in ([place for place, node in driving.items() if node], list(winding_of)):
             groups = [(place, [place]) for place in places] if not effect.whole_robot else []
             groups += _groups(effect, places, network, run)
-        proposals = [Candidate(effect, in_run(at, run), tuple(group), run, words) for at, group in groups]
-        proposals += _driven_by_windings(network, effect, words, columns, run)
+            for at, group in groups:
+                driven = tuple(winding_of[place] for place in group if place in winding_of)
+                proposals.append(Candidate(effect, in_run(at, run), tuple(group), run, words, windings=driven))
         if proposals:
             return proposals
     return []
@@ -362,26 +322,23 @@ def _grid(shape: Parameter | None, step: float | None, duration: float | None) -
     return tuple(value for value in grid if _OF_A_STEP * step <= value <= duration) or (max(grid[0], step),)
 
 
-def _with_sizes(candidate: Candidate, network: Network, sizes: Sizes, rms: Mapping[str, float] | None) -> Candidate:
-    """The candidate with the usual size of its amplitude at each of its places."""
-    amplitude = candidate.effect.amplitude()
-    if amplitude is None:
-        return candidate
-    ends = dict(network.places_for(EffectDeclaration(candidate.effect(), candidate.pattern)))
-    usual = {place: abs(sizes.typical(amplitude, [ends[place]])) for place in candidate.places}
-    if rms is not None and candidate.effect.site == "node" and not candidate.effect.has_state:
-        windings = dict(zip(candidate.places, candidate.windings, strict=bool(candidate.windings)))
-        for place, size in usual.items():
-            declared = candidate.declaration(size, None)
-            driving = windings.get(place, ends[place][0])
-            inputs = {feature: rms[input_column(feature, driving)] for feature in declared.effect.needed()}
-            heat = max(_heat_driven(declared, inputs), 1e-12)
-            larger = 1.0
+def _sizes(one: Candidate, network: Network, sizes: Sizes, rms: Mapping[str, float] | None) -> tuple[float, ...]:
+    """The usual size of a candidate's amplitude at each of its places."""
+    ends, effect = dict(network.places_for(EffectDeclaration(one.effect(), one.pattern))), one.effect(**dict(one.words))
+    amplitude, usual = next(own for own in effect.parameters if own.off is not None), []
+    for place, winding in zip(one.places, one.windings or ("",) * len(one.places), strict=True):
+        size = abs(sizes.typical(amplitude, [ends[place]]))
+        if rms is not None and effect.site == "node" and not effect.has_state:
+            driving = winding or ends[place][0]
+            declared = EffectDeclaration(effect, place, (replace(amplitude, value=size),))
+            inputs = {feature: rms[input_column(feature, driving)] for feature in effect.needed()}
+            heat, larger = max(_heat_driven(declared, inputs), 1e-12), 1.0
             if inputs and inputs.keys() <= _JOINT_MOVES.keys():  # a large joint that moves slowly has more friction
                 share = _share_of_a_legs_joint(network, driving, rms)
                 larger = max(1.0, share * _heat_driven(declared, _JOINT_MOVES) / heat)
-            usual[place] = size * min(larger, _MOST_RISE * sizes.conductance(ends[place]) / heat)
-    return replace(candidate, sizes=tuple(usual.values()))
+            size *= min(larger, _MOST_RISE * sizes.conductance(ends[place]) / heat)
+        usual.append(size)
+    return tuple(usual)
 
 
 def _share_of_a_legs_joint(network: Network, node: str, rms: Mapping[str, float]) -> float:
@@ -412,34 +369,6 @@ def _heat_driven(declared: EffectDeclaration, inputs: Mapping[str, float]) -> fl
     p = {name: parameter.value for name, parameter in declared.resolved.items()}
     here = SimpleNamespace(temperatures=(25.0,), inputs=SimpleNamespace(**inputs), p=SimpleNamespace(**p))
     return abs(float(declared.effect.heat_into_ends(here)[0])) if inputs else 0.0
-
-
-def _driven_by_windings(
-    network: Network, effect: type[Effect], words: Words, columns: Collection[str], run: str
-) -> list[Candidate]:
-    """Heat in parts that no column names, driven by the columns of the one winding that each is linked to; in several
-    of them at once, too.
-
-    A joint's friction, iron loss and stray losses warm its housing or gearbox as well, and a log names them after the
-    joint, which is the winding where winding and housing are apart.
-    """
-    own = effect(**dict(words))
-    logged = {key.partition(".")[0] for feature in own.needed() for key in raw_keys(input_column(feature, "joint"))}
-    if own.site != "node" or not logged or not logged <= _OF_A_JOINT:
-        return []
-    winding_of: dict[str, str] = {}
-    for place, (node, *_) in _places_without(network, effect, words, run):
-        windings = network.windings_at(node)
-        if not _logs(columns, own, node) and len(windings) == 1 and _logs(columns, own, *windings):
-            winding_of[place] = windings[0]
-    groups = [(place, [place]) for place in winding_of] if not effect.whole_robot else []
-    groups += _groups(effect, list(winding_of), network, run)
-    return [
-        Candidate(
-            effect, in_run(at, run), tuple(group), run, words, windings=tuple(winding_of[place] for place in group)
-        )
-        for at, group in groups
-    ]
 
 
 def _places_without(network: Network, effect: type[Effect], words: Words, run: str) -> list[Place]:
@@ -511,7 +440,7 @@ def _patterns(network: Network) -> list[str]:
     return list(dict.fromkeys([EVERYWHERE, *filter(is_glob, own), *([] if alone else [_JOINTS])]))
 
 
-def _node_groups(network: Network) -> list[tuple[str, list[str]]]:
+def _node_groups(network: Network) -> list[str]:
     """Patterns of three nodes or more, each as one place: classes of like nodes, and patterns of the model.
 
     What lies between two nodes is an edge, and needs no mass of its own to be named.
@@ -520,7 +449,7 @@ def _node_groups(network: Network) -> list[tuple[str, list[str]]]:
     classes = [class_of(name) for name in network.dynamic]
     covered = {at: frozenset(matching(at, network.dynamic)) for at in [*classes, *_patterns(network)]}
     groups = _one_pattern_a_set({at: nodes for at, nodes in covered.items() if nodes not in taken}, network.dynamic)
-    return [(at, [at]) for at in groups if len(covered[at]) >= _FEWEST]
+    return [at for at in groups if len(covered[at]) >= _FEWEST]
 
 
 def _groups(effect: type[Effect], places: list[str], network: Network, run: str) -> list[tuple[str, list[str]]]:
@@ -556,14 +485,6 @@ def _one_pattern_a_set(covered: Mapping[str, frozenset[str]], places: Sequence[s
     for at in sorted(covered, key=lambda at: (covered[at] == whole, at != EVERYWHERE and covered[at] == whole)):
         first.setdefault(covered[at], at)
     return list(first.values())
-
-
-def _set(parameter: Parameter, typical: float | None, shape: float | None) -> Parameter:
-    """A parameter as it is where it is to stand: an amplitude's usual size, a shape's value, where these are known."""
-    lower, upper = parameter.bounds
-    if parameter.off is not None and typical is not None:
-        parameter = replace(parameter, typical=min(max(typical, lower), upper))
-    return replace(parameter, value=shape) if parameter.grid and shape is not None else parameter
 
 
 # --- What every log has wrong in each run, so that no effect stands in for it ------------------------------

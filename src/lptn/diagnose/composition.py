@@ -36,22 +36,20 @@ from lptn.basics.errors import InputError
 from lptn.basics.places import EVERYWHERE
 from lptn.basics.processes import one_blas_thread
 from lptn.diagnose.answers import LIKELY, Key, Report, Step, is_structure, named
-from lptn.diagnose.candidates import Candidate, candidates, possible_effects
-from lptn.diagnose.evidence import USUAL, ErrorsOfRuns, Evidence, FirstOrder, allowances, may_deviate, with_runs
+from lptn.diagnose.candidates import NONE, Candidate, candidates, possible_effects
+from lptn.diagnose.evidence import ErrorsOfRuns, Evidence, FirstOrder, allowances, may_deviate, with_runs
 from lptn.diagnose.priors import OCCAM, in_occams_window, log_priors
 from lptn.diagnose.refits import RANKING, continued, unless_interrupted
 from lptn.effects import Effect
-from lptn.identify.data import DataSplit
+from lptn.identify.data import DataSplit, Segment
 from lptn.identify.fitting import Fit, tolerant
 from lptn.identify.validation import holdout_errors
 from lptn.model.network import EffectDeclaration, Network
 from lptn.simulate.simulation import SimulationError
 
-_START = 0.3  # of its usual size, where the search for an effect that all may have starts: near none
 _EXACT = 6  # candidates that are fitted exactly in each round: of traces that are alike closed form mistakes the order
 _IN_DOUBT = log(OCCAM)
 """Logarithm of odds up to which, in closed form, neither is out of the question: an exact fit decides."""
-_NONE = 0.01  # of its usual size, below which an effect is none
 
 
 @dataclass(frozen=True)
@@ -144,8 +142,8 @@ class _Search:
         self.columns = set.intersection(*(set(segment.run.columns) for segment in data.fit))
         self.runs = [segment.run.name for segment in data.fit]
         self.added: tuple[EffectDeclaration, ...] = ()
-        self.findings: dict[Key, tuple[Step, tuple[Step, ...]]] = {}  # of what was added; the rest is structure
-        self.priors: dict[Key, float] = {}  # log odds of findings before any log
+        self.findings: dict[Key, tuple[Step, tuple[Step, ...], float]] = {}
+        """Of what was added, with rivals and log odds before any log; the rest is structure."""
         self.refused: tuple[Step, ...] = ()
         self.needed: dict[Key, float] = {}  # log odds, by exact fits, of what was tried to be left out
         self._known: Evidence | None = None
@@ -161,22 +159,18 @@ class _Search:
     def add_structure(self) -> None:
         """Where anything is lacking, all that every part may have, in one fit; what isn't needed is taken out."""
         network, was = self.fit.model.network, self.evidence(self.fit)
-        more = [with_priors(one, None, None) for one in self._common(network)] if was.is_lacking() else []
+        more = [one.declaration() for one in self._common(network)] if was.is_lacking() else []
         if not more:
             return
         self.report(f"fitting {len(more)} effects of all parts at once")
-        before = self.fit, self.added, self.findings
-        fit = _continued(self.fit, network.with_effects(more))
+        before, fit = (self.fit, self.added, self.findings), self._continued(network.with_effects(more))
         if fit is not None:
             self.fit, self.added = fit, (*self.added, *more)
-            try:
-                self._take_out_none()  # most of them, and their states
-                self.fit = self._tolerant(self.fit)
-                self._take_out()
-                if self.evidence(self.fit, was).log_evidence > was.log_evidence:
-                    return
-            except SimulationError:  # with all of it the model is too stiff for a held-out run
-                pass
+            self._take_out_none()  # most of them, and their states
+            self.fit = self._tolerant(self.fit)
+            self._take_out()
+            if self.evidence(self.fit, was).log_evidence > was.log_evidence:
+                return
         self.fit, self.added, self.findings = before
 
     def _common(self, network: Network) -> list[Candidate]:
@@ -216,7 +210,7 @@ class _Search:
             every = self._possible(self.fit)
             possible = [one for one in every if not one.run or one.run in self.runs]
             if apart:
-                possible = [one for one in possible if not is_structure(one.declaration(None, None))]
+                possible = [one for one in possible if not is_structure(one.declaration())]
             base = Evidence(self.fit, allowances(self.fit, every, self.errors), possible, held_out=self.data.holdout)
             priors = log_priors(possible)
             odds = dict(zip((one.key for one in possible), priors.tolist(), strict=True))
@@ -225,16 +219,14 @@ class _Search:
             steps = self._fitted([one for one in ranked[:_EXACT] if one.log_odds > -_IN_DOUBT], base, odds)
             if not steps:
                 return
-            judged = _judged(steps, 0.0)
-            best, none, freed = _surest(judged), 0.0, None
-            if best.at_its_place >= LIKELY:
+            judged, none, freed = _judged(steps, 0.0), 0.0, None
+            if _surest(judged).at_its_place >= LIKELY:
                 # Any effect is a way out of a local minimum, and would seem to explain what it frees.
-                freed = _continued(best.fit, self.fit.model.network)
+                freed = self._continued(self.fit.model.network, _surest(judged).fit)
             if freed is not None:
-                freed = self._unless_too_stiff(freed, self.fit)
                 none = max(0.0, self.evidence(freed, base).log_evidence - base.log_evidence)
                 judged = _judged(steps, none)
-                best = _surest(judged)
+            best = _surest(judged)
             self.refused = tuple(judged)
             if best.at_its_place < LIKELY:
                 if freed is None or none == 0.0:
@@ -248,25 +240,21 @@ class _Search:
             self.added = (*self.added, best.declaration)
             if not best.is_structure:
                 rivals = tuple(step for step in judged if step.key in best.indistinguishable)
-                self.findings = self.findings | {best.key: (best, rivals)}
-                self.priors = self.priors | {best.key: odds[best.key]}
+                self.findings = self.findings | {best.key: (best, rivals, odds[best.key])}
             self._take_out()
 
     def _fitted(self, shortlist: Sequence[FirstOrder], base: Evidence, odds: dict[Key, float]) -> list[Step]:
         """Each candidate fitted exactly, the most probable first; `log_odds` are those to the model without it."""
         steps = []
-        declared = [with_priors(one.candidate, one.amplitude, one.shape) for one in shortlist]
+        declared = [one.candidate.declaration(one.amplitude, one.shape) for one in shortlist]
         networks = [self.fit.model.network.with_effects([declaration]) for declaration in declared]
-        fits = self.map(_continued, repeat(self.fit), networks)
+        fits = self.map(_continued, repeat(self.fit), networks, repeat(self.data.holdout))
         for entry, declaration, fit in zip(shortlist, declared, fits, strict=True):
             if fit is None or is_at_chosen_bound(fit, declaration):
                 continue  # no size was found
-            try:
-                evidence = self.evidence(fit, base)
-            except SimulationError:  # too stiff for a held-out run
-                continue
+            evidence = self.evidence(fit, base)
             # What it makes needless goes: the one that stood for it in all places, for one.
-            needless = [_log_odds_of_none(evidence, own) for own in self.added]
+            needless = [self._log_odds_of_none(evidence, own) for own in self.added]
             gone = sum(one for one in needless if 0.0 < one < np.inf)
             log_odds = evidence.log_evidence + gone - base.log_evidence + odds[entry.candidate.key]
             steps.append(Step(fit, declaration, log_odds=log_odds))
@@ -284,14 +272,13 @@ class _Search:
         """All that a fit may lack, in held-out runs as well; of all effects by default."""
         return possible_effects(fit, self.columns, [*self.runs, *(one.run.name for one in self.data.holdout)], effects)
 
+    def _continued(self, network: Network, fit: Fit | None = None) -> Fit | None:
+        return _continued(fit or self.fit, network, self.data.holdout)
+
     def _tolerant(self, fit: Fit) -> Fit:
         """A fit that leaves to errors of runs, of sensors and of like parts what they usually are."""
-        return self._unless_too_stiff(tolerant(fit, self.evidence(fit).tolerance, precision=RANKING), fit)
-
-    def _unless_too_stiff(self, fit: Fit, before: Fit) -> Fit:
-        """The continued fit, or the one before where the new one is too stiff for a held-out run."""
-        wide = with_runs(unless_interrupted(fit), self.data.holdout)
-        return fit if np.isfinite(wide.problem.cost(wide.z)) else before
+        done = unless_interrupted(tolerant(fit, self.evidence(fit).tolerance, precision=RANKING))
+        return done if _is_simulable(done, self.data.holdout) else fit
 
     # --- needed? ------------------------------------------------------------------------------------
 
@@ -312,10 +299,7 @@ class _Search:
             without = self._without([declared])
             if without is None:
                 continue
-            try:
-                other = self.evidence(without[0], now)
-            except SimulationError:
-                continue
+            other = self.evidence(without[0], now)
             needed = now.log_evidence - other.log_evidence
             self.needed = self.needed | {_name(declared): needed}
             if needed <= 0:
@@ -323,9 +307,12 @@ class _Search:
                 now = other
 
     def _log_odds_of_none(self, evidence: Evidence, declared: EffectDeclaration) -> float:
-        """In closed form; of what is there or not by the last fit without it, infinite before there was one."""
-        odds = _log_odds_of_none(evidence, declared)
-        return -self.needed.get(_name(declared), -np.inf) if odds == np.inf else odds
+        """To first order; of an effect that is either present or not, or stands in place of what others have, by the
+        last fit without it, infinite before there was one."""
+        amplitude = declared.effect.amplitude()
+        if amplitude is None or amplitude.on is not None or _instead_of(evidence.fitted, declared):
+            return -self.needed.get(_name(declared), -np.inf)
+        return evidence.log_odds_of_none(declared.shared_name(amplitude.name))
 
     def _take_out_none(self) -> None:
         """Remove effects of size zero, whatever the rounding errors of the evidence."""
@@ -343,24 +330,22 @@ class _Search:
             if one not in gone:
                 common = next((other for other in gone if _differs_from(one, other)), None)
                 rest.append(one if common is None else _as_its_own(one, self.fit, common))
-        fit = _continued(self.fit, self.given.model.network.with_effects(rest))
+        fit = self._continued(self.given.model.network.with_effects(rest))
         return None if fit is None else (fit, tuple(rest))
 
     def _take(self, fit: Fit, rest: tuple[EffectDeclaration, ...]) -> None:
         self.fit, self.added = fit, rest
         self.findings = {key: self.findings[key] for key in map(_key, rest) if key in self.findings}
 
-    def _fit_plainly(self) -> None:
-        """By plain least squares, to the end."""
-        self.fit = self._unless_too_stiff(tolerant(self.fit, None), self.fit)
-
     def result(self) -> Composition:
         """The model as it is now, fitted to the end."""
         self.report("fitting the effects found")
-        self._fit_plainly()
-        self._take_out()
         while True:
-            self._fit_plainly()
+            plain = unless_interrupted(tolerant(self.fit, None))  # to the end
+            before = self.fit = plain if _is_simulable(plain, self.data.holdout) else self.fit
+            self._take_out()
+            if self.fit is not before:
+                continue
             evidence = self.evidence(self.fit)
             told = [self._as_told(own, evidence) for own in self.added]
             untold = [step for step in told if not step.likely or self._size_in_errors(step) < 1.0]
@@ -371,18 +356,18 @@ class _Search:
             self._take(*without)
         findings = tuple(step for step in told if step.key in self.findings)
         structure = sorted((step for step in told if step.key not in self.findings), key=lambda step: -step.log_odds)
-        rivals = next(((step, *others) for step, others in self.findings.values() if others), ())
+        rivals = next(((step, *others) for step, others, _ in self.findings.values() if others), ())
         return Composition(self.fit, findings, tuple(structure), rivals, self.refused, self.before, evidence)
 
     def _as_told(self, declared: EffectDeclaration, evidence: Evidence) -> Step:
         """An effect as it is in the fit that is used, and how probable it is, with a size that is told from none."""
-        odds = -_log_odds_of_none(evidence, declared)
+        odds = -self._log_odds_of_none(evidence, declared)
         if odds < _IN_DOUBT:  # unsure to first order, or there or not: by the fit without it
             odds = self.needed.get(_name(declared), max(odds, 0.0))
-        share = float(expit(odds + self.priors.get(_key(declared), 0.0)))
+        found, _, prior = self.findings.get(_key(declared), (None, (), 0.0))
+        share = float(expit(odds + prior))
         step = Step(self.fit, declared, odds, share, at_its_place=share)
-        if step.key in self.findings:  # what was sure when it was found may have got a rival in what was found since
-            found = self.findings[step.key][0]
+        if found:  # what was sure when it was found may have got a rival in what was found since
             shares = min(found.probability, share), min(found.at_its_place, share)
             step = replace(found, fit=self.fit, declaration=declared, probability=shares[0], at_its_place=shares[1])
         sure = erf(self._size_in_errors(step) / sqrt(2.0))
@@ -408,37 +393,6 @@ class _Search:
         along = correlations[names.index(size.name), rows]
         own = 1.0 - float(along @ np.linalg.lstsq(correlations[np.ix_(rows, rows)], along)[0])
         return abs(size.value - none) / float(np.hypot(errors[size.name] * sqrt(max(own, np.finfo(float).eps)), unsure))
-
-
-def with_priors(one: Candidate, amplitude: float | None, shape: float | None) -> EffectDeclaration:
-    """A candidate as it is fitted: time constants and other shapes with a prior, sizes with one that holds them where
-    the data say nothing.
-
-    Args:
-        one: the candidate.
-        amplitude: where its size starts, beside where it is off; a share of the usual one by default.
-        shape: where its shape starts; the middle of its grid by default.
-    """
-    grid = [value for value in one.shapes if value is not None]
-    usual = float(np.exp(np.mean(np.log(grid)))) if grid else 0.0
-    least = _NONE * one.typical
-    size = _START * one.typical if amplitude is None else amplitude
-    if abs(size) < least:
-        size = least if size >= 0 else -least
-    declared = one.declaration(size, shape if shape is not None or not grid else grid[len(grid) // 2])
-    parameters = []
-    for parameter in declared.parameters:
-        if parameter.off is not None and parameter.on is None:
-            parameter = replace(parameter, prior=(parameter.off, USUAL * one.typical))
-        elif parameter.grid and grid and not parameter.fixed:
-            lower, upper = parameter.bounds
-            lower = min(max(lower, one.shortest if parameter.unit == "s" else lower), upper)
-            middle = min(max(usual, lower), upper)
-            parameter = replace(
-                parameter, bounds=(lower, upper), value=max(parameter.value, lower), prior=(middle, middle)
-            )
-        parameters.append(parameter)
-    return replace(declared, parameters=tuple(parameters))
 
 
 def is_at_chosen_bound(fit: Fit, declared: EffectDeclaration) -> bool:
@@ -477,12 +431,19 @@ def _surest(judged: Sequence[Step]) -> Step:
     return max(judged, key=lambda step: (step.at_its_place, step.probability))
 
 
-def _continued(base: Fit, network: Network) -> Fit | None:
-    """The fit of another network from where one stands; `None` where it can't be simulated there, or is none."""
+def _continued(base: Fit, network: Network, holdout: Sequence[Segment]) -> Fit | None:
+    """The fit of another network from where one stands; `None` where it can't be simulated there, held-out runs too."""
     try:
-        return continued(base, network)
+        fit = continued(base, network)
     except (SimulationError, InputError):  # too stiff; an effect on an edge that another one made
         return None
+    return fit if _is_simulable(fit, holdout) else None
+
+
+def _is_simulable(fit: Fit, holdout: Sequence[Segment]) -> bool:
+    """Whether a model is not too stiff for any run."""
+    wide = with_runs(fit, holdout)
+    return bool(np.isfinite(wide.problem.cost(wide.z)))
 
 
 def _is_none(fit: Fit, declared: EffectDeclaration) -> bool:
@@ -493,17 +454,8 @@ def _is_none(fit: Fit, declared: EffectDeclaration) -> bool:
     size = values[declared.shared_name(amplitude.name)]
     if amplitude.on is not None:  # there or not: none where it acts within a step
         own = values.get(declared.shared_name(shape.name)) if shape else None
-        return own is not None and own.value <= (1.0 + _NONE) * own.declared.bounds[0]
-    return abs(size.value - (amplitude.off or 0.0)) < _NONE * abs(size.declared.typical)
-
-
-def _log_odds_of_none(evidence: Evidence, declared: EffectDeclaration) -> float:
-    """To first order; infinite for an effect that is either present or not, or stands in place of what others have,
-    which only a fit can decide."""
-    amplitude = declared.effect.amplitude()
-    if amplitude is None or amplitude.on is not None or _instead_of(evidence.fitted, declared):
-        return float("inf")
-    return evidence.log_odds_of_none(declared.shared_name(amplitude.name))
+        return own is not None and own.value <= (1.0 + NONE) * own.declared.bounds[0]
+    return abs(size.value - (amplitude.off or 0.0)) < NONE * abs(size.declared.typical)
 
 
 def _instead_of(fit: Fit, declared: EffectDeclaration) -> EffectDeclaration | None:

@@ -25,7 +25,7 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.parameters import Parameter
 from lptn.basics.places import EVERYWHERE, is_of_run
 from lptn.basics.processes import one_blas_thread
-from lptn.diagnose.candidates import AMBIENT_ERROR, SURFACE_ERROR, TORQUE_ERROR, Candidate, Site
+from lptn.diagnose.candidates import AMBIENT_ERROR, SURFACE_ERROR, TORQUE_ERROR, USUAL, Candidate
 from lptn.diagnose.fit_statistics import (
     LACKING,
     NEGLIGIBLE,
@@ -47,9 +47,6 @@ from lptn.identify.noise import LEAST_NOISE
 from lptn.identify.problem import AT_REST, Problem, tolerance_of
 from lptn.simulate.bound_run import BoundRun, bind, default_start
 
-USUAL = 2.0
-"""Times its typical size that an effect is as often above as below (the scale of Cauchy's density): sizes are stated to
-a factor of two or three."""
 SCATTER = 0.15
 """Share, one standard deviation: how far one of several like parts is off what they have in common. Resistances of
 windings are toleranced to 10 %, film coefficients of like surfaces in one machine differ by as much again."""
@@ -176,7 +173,7 @@ class Evidence:
     ) -> None:
         self.fitted = fit
         fit = self.fit = with_runs(fit, held_out)
-        self._allowed, self._among = allowed, among
+        self._allowed = allowed
         problem = fit.problem
         residuals, jacobian = problem.jacobian(fit.z)
         n, n_fitted, weight = problem.readings, self.fitted.problem.readings, problem.weight_of_priors
@@ -201,12 +198,16 @@ class Evidence:
             elif one.prior is None:
                 weak[row] = 1.0
 
-        sites = [allowance.candidate.sites(allowance.shape)[0] for allowance in allowed]
-        every = list(dict.fromkeys([*sites, *(s for one in among for shape in one.shapes for s in one.sites(shape))]))
-        self._place = {site: number for number, site in enumerate(every)}
-        self._traces = np.asfortranarray(derivatives(fit, every)[:n]) if every else np.zeros((n, 0))
+        small = [next(iter(allowance.candidate.sites(allowance.shape).items())) for allowance in allowed]
+        scored = [(one, {shape: one.sites(shape) for shape in one.shapes}) for one in among]
+        every = dict(small) | {name: at for _, by in scored for own in by.values() for name, at in own.items()}
+        column = {name: place for place, name in enumerate(every)}
+        self._among = [(one, {k: [column[name] for name in own] for k, own in by.items()}) for one, by in scored]
+        """Candidates to be weighed; for each shape the columns of its sites among the traces."""
+        self._traces = np.asfortranarray(derivatives(fit, [*every.values()])[:n]) if every else np.zeros((n, 0))
         spreads = np.array([allowance.spread for allowance in allowed])
-        self._columns = np.hstack([jacobian[:n, self._free], self._traces[:, self._numbers(sites)] * spreads])
+        of_allowed = self._traces[:, [column[name] for name, _ in small]] * spreads
+        self._columns = np.hstack([jacobian[:n, self._free], of_allowed])
         count = int(self._free.sum())
         self._information, self._gradient = np.eye(self._columns.shape[1]), np.zeros(self._columns.shape[1])
         self._information[:count, :count] = prior[:, self._free].T @ prior[:, self._free] + np.diag(weak[self._free])
@@ -357,11 +358,10 @@ class Evidence:
         shared_by_site = self._columns.T @ self._traces
         pull_by_site = self._traces.T @ self._residuals
         weighed = []
-        for one, prior in zip(self._among, log_priors.tolist(), strict=True):
+        for (one, columns), prior in zip(self._among, log_priors.tolist(), strict=True):
             amplitude, best = one.amplitude, None
             least, most = (bound - (amplitude.off or 0.0) for bound in amplitude.bounds)
-            for shape in one.shapes:
-                sites = self._numbers(one.sites(shape))
+            for shape, sites in columns.items():
                 trace = self._traces[:, sites[0]] if len(sites) == 1 else self._traces[:, sites].sum(axis=1)
                 shared = shared_by_site[:, sites].sum(axis=1)
                 whole, beside = float(trace @ trace), self._solve(shared)
@@ -382,9 +382,6 @@ class Evidence:
                     best = FirstOrder(one, log_odds, size, shape, information**-0.5)
             weighed += [] if best is None else [best]
         return sorted(weighed, key=lambda entry: -entry.log_odds)
-
-    def _numbers(self, sites: Iterable[Site]) -> list[int]:
-        return [self._place[site] for site in sites]
 
     def _factorise(self, information: FloatArray) -> None:
         from scipy.linalg import cho_factor  # heavy, and few commands need it

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import isclose
 
 from scipy.special import softmax
@@ -14,39 +14,15 @@ from lptn.basics.processes import one_blas_thread
 from lptn.basics.words import short_size
 from lptn.diagnose.answers import Step
 from lptn.diagnose.candidates import Candidate, possible_effects
-from lptn.diagnose.composition import with_priors
 from lptn.diagnose.evidence import ErrorsOfRuns, Evidence, allowances
 from lptn.diagnose.fit_statistics import CLEARLY, explained_share, standing_out
 from lptn.diagnose.priors import in_occams_window, log_priors
-from lptn.diagnose.refits import continued
+from lptn.diagnose.refits import continued, refit
 from lptn.identify.comparison import Errors, predict
 from lptn.identify.data import Segment
 from lptn.identify.fitting import Fit
 from lptn.identify.problem import Problem
 from lptn.model.network import EffectDeclaration
-
-
-@dataclass(frozen=True)
-class Cause:
-    """One parameter that may be what differs in a run, and how large it would be there.
-
-    Args:
-        effect: key of the effect.
-        at: its place: a node, a class, or `"*"`.
-        amplitude: in the effect's own unit.
-        rmse_after: error of the run's evaluation window with it [K].
-        words: what it means, a sentence without its full stop.
-    """
-
-    effect: str
-    at: str
-    amplitude: float
-    rmse_after: float
-    words: str
-
-    def as_json(self) -> dict[str, object]:
-        """The cause as other tools read it."""
-        return {key: value for key, value in vars(self).items() if key != "words"}
 
 
 @dataclass(frozen=True)
@@ -60,8 +36,8 @@ class RunDifference:
         run: its name.
         rmse_before: error of the prediction in the run's evaluation window [K].
         rmse_fit: error of the model on the fitted runs [K].
-        causes: what explains the run, the best first, then what these data can't tell from it; empty where no one
-            parameter removes most of the error.
+        causes: fits of the run alone with what explains it, and the errors then held out, the best first, then what
+            these data can't tell from it; empty where no one parameter removes most of the error.
         where: the nodes where it stands out, the worst first, with the root mean square of one-minute means of the
             error there [K], in this run and in the fitted ones.
     """
@@ -69,18 +45,25 @@ class RunDifference:
     run: str
     rmse_before: float
     rmse_fit: float
-    causes: tuple[Cause, ...]
+    causes: tuple[Step, ...]
     where: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
-    def explained(self) -> bool:
-        """Whether with the best cause the run's error is about that of the fitted runs."""
-        return bool(self.causes) and self.causes[0].rmse_after <= CLEARLY * self.rmse_fit
+    def rmse_after(self) -> float:
+        """Error of the run's evaluation window with the best cause [K]; as before without any."""
+        best = self.causes[0].holdout if self.causes else None
+        return best.rmse if best else self.rmse_before
+
+    @property
+    def words(self) -> list[str]:
+        """What each cause means, a sentence without its full stop."""
+        found = ((cause.declaration, cause.amplitude) for cause in self.causes)
+        return [in_words(declared, size, self.run) for declared, size in found if declared and size]
 
     @property
     def sentence(self) -> str:
         """What differs in the run, in a sentence; empty where nothing explains it."""
-        words = self.causes[0].words if self.causes else ""
+        words = self.words[0] if self.causes else ""
         begun = words.replace("in ", "In ", 1) if words.startswith("in ") else words  # a run's name stays as it is
         return begun if begun.endswith("?") or not begun else f"{begun}."
 
@@ -96,22 +79,30 @@ class RunDifference:
                 f"{self.run} is predicted with an error of {before} K, against {fitted} K on the fitted runs"
                 f"{''.join(worst[:1])}, and no one parameter that may differ from run to run explains half of it."
             )
-        best, *others = self.causes
         text = (
-            f"{self.sentence} With that its error goes from {before} to {short_size(best.rmse_after)} K (the size was "
+            f"{self.sentence} With that its error goes from {before} to {short_size(self.rmse_after)} K (the size was "
             "fitted on this run: an explanation, not a prediction)."
         )
-        if not self.explained:
+        if self.rmse_after > CLEARLY * self.rmse_fit:
             text += f" It does not explain all: the RMSE of the fitted runs is {fitted} K."
-        names = "; or: ".join(_without_question(cause.words) for cause in others)
-        return f"{text} Indistinguishable in this run: {names}." if others else text
+        names = "; or: ".join(map(_without_question, self.words[1:]))
+        return f"{text} Indistinguishable in this run: {names}." if names else text
 
     def as_json(self) -> dict[str, object]:
         """The difference as other tools read it; `null` where a value is unknown."""
-        best = dict.fromkeys(("effect", "at", "amplitude"))
-        errors = {"rmse_before": self.rmse_before, "rmse_after": None, "rmse_fit": self.rmse_fit}
-        table = {"run": self.run} | best | errors | (self.causes[0].as_json() if self.causes else {})
-        return table | {"indistinguishable": [one.as_json() for one in self.causes[1:]], "text": self.text()}
+        causes: list[dict[str, object]] = [
+            {
+                "effect": cause.effect,
+                "at": cause.declaration.at,
+                "amplitude": cause.amplitude.value,
+                "rmse_after": cause.holdout.rmse,
+            }
+            for cause in self.causes
+            if cause.declaration and cause.amplitude and cause.holdout
+        ]
+        best = causes[0] if causes else dict.fromkeys(("effect", "at", "amplitude", "rmse_after"))
+        table = {"run": self.run, "rmse_before": self.rmse_before, "rmse_fit": self.rmse_fit, "text": self.text()}
+        return table | best | {"indistinguishable": causes[1:]}
 
 
 # --- The procedure: how a run differs from the fitted model ---------------------------------------
@@ -146,18 +137,15 @@ def runs_that_differ(fit: Fit, segments: Sequence[Segment], *, exact: int = 4) -
         z = problem.guess(fit.model.values, [before.states[:, 0]])
         alone = continued(Fit(fit.model, problem, z, problem.cost(z), fit.noise, 0, "converged"), fit.model.network)
         error, causes = Errors.of(before.error), []
-        for declared, own in _causes(alone, exact):
-            after = Errors.of(predict(own.model, segment, sigma).error)
+        for step in _causes(alone, exact):
+            after = Errors.of(predict(step.fit.model, segment, sigma).error)
             if explained_share(fit, error.rmse, after.rmse) > 0.5:  # more than it leaves
-                amplitude = Step(own, declared).amplitude
-                assert amplitude is not None  # what may differ from run to run has one
-                words = in_words(declared, amplitude, segment.run.name)
-                causes.append(Cause(declared.effect.key, declared.at, amplitude.value, after.rmse, words))
+                causes.append(replace(step, holdout=after))
         differences.append(RunDifference(segment.run.name, error.rmse, fit.rmse, tuple(causes), where))
     return differences
 
 
-def _causes(alone: Fit, exact: int) -> list[tuple[EffectDeclaration, Fit]]:
+def _causes(alone: Fit, exact: int) -> list[Step]:
     """Causes of a run's error, the most probable first, then those that are indistinguishable from it."""
     run = alone.problem.bound_runs[0].run
     log = run.name.partition("#")[0]
@@ -166,17 +154,15 @@ def _causes(alone: Fit, exact: int) -> list[tuple[EffectDeclaration, Fit]]:
         others = ""  # the other runs, by whatever name: what differs in a run differs from them
         return [candidate for candidate in possible_effects(fit, run.columns, [others, log]) if candidate.run == log]
 
-    possible, errors = lacking(alone), ErrorsOfRuns()
+    possible, errors, steps = lacking(alone), ErrorsOfRuns(), []
     base, odds = Evidence(alone, allowances(alone, possible, errors), possible), log_priors(possible)
     prior = dict(zip((candidate.key for candidate in possible), odds.tolist(), strict=True))
-    fits, log_odds = [], []
     for entry in base.first_order(odds)[:exact]:
-        declared = with_priors(entry.candidate, entry.amplitude, entry.shape)
-        fit = continued(alone, alone.model.network.with_effects([declared]))
-        allowed = allowances(fit, lacking(fit), errors)
-        log_odds.append(Evidence(fit, allowed, beside=base).log_evidence + prior[entry.candidate.key])
-        fits.append((declared, fit))
-    return [fits[number] for number in in_occams_window(softmax(log_odds))] if fits else []
+        declared = entry.candidate.declaration(entry.amplitude, entry.shape)
+        fit = refit(alone, declared)
+        evidence = Evidence(fit, allowances(fit, lacking(fit), errors), beside=base).log_evidence
+        steps.append(Step(fit, declared, evidence + prior[entry.candidate.key]))
+    return [steps[number] for number in in_occams_window(softmax([step.log_odds for step in steps]))] if steps else []
 
 
 # --- Words ----------------------------------------------------------------------------------------

@@ -9,42 +9,42 @@ import numpy as np
 
 from lptn.basics.arrays import BoolArray, FloatArray
 from lptn.basics.places import EVERYWHERE, is_of_run
-from lptn.diagnose.candidates import Site
 from lptn.identify.fitting import Fit
 from lptn.identify.problem import rows_of_readings
 from lptn.model.model import Model
+from lptn.model.network import EffectDeclaration
 from lptn.simulate.bound_run import bind, start_from
 from lptn.simulate.simulation import sensitivity_windows
 
 _ANY_RUN = "?*"  # a glob of all runs that no model file writes
 
 
-def derivatives(fit: Fit, places: Sequence[Site]) -> FloatArray:
-    """Weighted derivatives of the residuals by the sites' amplitudes, shape (rows, places), stored by columns.
+def derivatives(fit: Fit, sites: Sequence[EffectDeclaration]) -> FloatArray:
+    """Weighted derivatives of the residuals by the amplitudes of `Candidate.sites`, shape (rows, sites), by columns.
 
     All sites are switched off in one model, which equals the fitted one to the last bit: one pass of sensitivities
     gives the whole catalogue. What acts in one run alone does there what it does in every run.
     """
-    problem = fit.problem
-    in_any = [replace(site, run=_ANY_RUN) if site.run else site for site in places]
-    number_of = {site: number for number, site in enumerate(dict.fromkeys(in_any))}
+    problem, in_any = fit.problem, [replace(site, run=_ANY_RUN) if site.run else site for site in sites]
+    names = [site.shared_name(amplitude.name) for site in in_any if (amplitude := site.effect.amplitude())]
+    distinct = dict(zip(names, in_any, strict=True))
+    number_of = {name: number for number, name in enumerate(distinct)}
     full = fit.model.made_once(
-        ("sites", tuple(number_of)),
-        lambda: Model(fit.model.network.with_effects(site.declaration() for site in number_of)),
+        ("sites", tuple(distinct)), lambda: Model(fit.model.network.with_effects(distinct.values()))
     )
     values, index = full.values, {parameter.name: number for number, parameter in enumerate(full.parameters)}
     values[[index[parameter.name] for parameter in fit.model.parameters]] = fit.model.values
-    amplitudes = [index[site.amplitude_name] for site in number_of]
+    amplitudes = [index[name] for name in distinct]
     core = len(fit.model.states)  # effects are added behind the network's own, and so are their states
-    numbers = [number_of[site] for site in in_any]
+    numbers = [number_of[name] for name in names]
     # By columns, as candidates sum them up; the penalties' rows stay zero, for no site enters them.
-    by_site = np.zeros((problem.rows, len(places)), order="F")
+    by_site = np.zeros((problem.rows, len(sites)), order="F")
     first = 0
     for bound, start in zip(problem.bound_runs, fit.point.starts, strict=True):
         wide = bind(full, bound.run)
         states = start_from(full, wide, dict(zip(fit.model.states, start.tolist(), strict=True)))
         row_of = rows_of_readings(bound) + first
-        acting = np.array([is_of_run(bound.run.name, site.run or EVERYWHERE) for site in places])
+        acting = np.array([is_of_run(bound.run.name, site.run or EVERYWHERE) for site in sites])
         for window, moved in sensitivity_windows(full, wide, values, amplitudes, states, core):
             counted = bound.counted[:, window]
             scale = 1.0 / np.repeat(problem.sigma, counted.sum(axis=1))[:, None]

@@ -23,8 +23,9 @@ class ClockOffset(ClockEffect):
     key = "clock_offset"
     title = "clock offset between temperatures and inputs"
     measurement_error = True
-    prior_odds = 0.3
-    """Most logs have one clock; in those of two the offset is seconds, and is aligned where they are joined."""
+    prior_odds = 0.01
+    """Most logs have one clock, and no measured one that this project ships has two that are apart; in those of two the
+    offset is seconds, and is aligned where they are joined."""
     per_run = True
     whole_robot = True
     in_one_run = (
