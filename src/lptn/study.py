@@ -574,7 +574,7 @@ class Study:
             self.fit()
         last = self.diagnose()
         first = self._diagnosis_of(None)
-        return History(tuple(self._steps), first, last, history.rivals if history else ())
+        return History(tuple(self._steps), first, last)
 
     def narrative(self) -> Narrative:
         """Verdict, findings, structure, errors and what to do next, in the sentences of terminal, page and report."""

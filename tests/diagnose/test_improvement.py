@@ -46,7 +46,7 @@ def test_all_steps_are_sure_and_leave_nothing_for_an_experiment(improved: tuple[
     history = improved[2]
     assert all(step.probability > 0.9 for step in history.steps[1:])
     assert all(not step.indistinguishable for step in history.steps[1:])
-    assert history.rivals == ()
+    assert history.first.rivals == ()
 
 
 def test_the_size_is_right_within_its_error(improved: tuple[Model, DataSplit, History]) -> None:
@@ -160,10 +160,10 @@ def test_what_is_to_be_decided_is_what_the_steps_leave_open(leg: Leg) -> None:  
     model, data = leg(Hidden("constant_heat", "FR_hip"), Hidden("constant_heat", "FR_calf", size=0.4))
     history = improve(model, data)
     first_open = next(step for step in history.steps[1:] if step.indistinguishable)
-    assert {step.key for step in history.rivals} == {first_open.key, *first_open.indistinguishable}
+    assert {step.key for step in history.first.rivals} == {first_open.key, *first_open.indistinguishable}
     experiment = advise(history.first, history.last, for_search(data)).experiment
     assert experiment is not None
-    assert set(experiment.rivals) <= {step.key for step in history.rivals}
+    assert set(experiment.rivals) <= {step.key for step in history.first.rivals}
 
 
 @pytest.mark.long

@@ -94,7 +94,7 @@ def test_a_neighbours_temperature_is_told_and_not_offered() -> None:
     runs = [_with_neighbours_heat(370 + number) for number in range(3)]
     shares = input_shares(WanderingHeat(_unexplained(for_search(split_data(runs))).fit), ["FR_thigh"])
     assert shares[0].column == hidden.column
-    assert shares[0].declaration is None
+    assert shares[0].declaration(1.0) is None
 
 
 def _with_neighbours_heat(seed: int) -> Run:

@@ -25,8 +25,8 @@ from lptn.basics.places import EVERYWHERE, class_of, is_glob, matching
 from lptn.basics.processes import one_blas_thread
 from lptn.basics.words import listed, short_size
 from lptn.diagnose.answers import Key, Step, named
+from lptn.diagnose.candidates import OCCAM
 from lptn.diagnose.evidence import Evidence
-from lptn.diagnose.priors import OCCAM
 from lptn.identify.problem import AT_REST
 from lptn.logs.columns import column_unit, place_of, quantity_of
 from lptn.logs.resampling import means_of_blocks
@@ -107,22 +107,14 @@ class Stage:
     """
 
     def __init__(self, rivals: Sequence[Step], *, ordinary: float = 0.95) -> None:
-        models = [rival.fit.model for rival in rivals]
-        runs = [bound.run for bound in rivals[0].fit.problem.bound_runs]
-        self._asked = dict.fromkeys(
-            end
-            for rival in rivals
-            for one in rival.fit.model.network.effect_instances
-            if (one.effect.key, one.declaration.where) == rival.key
-            for end in one.place.split("~")
-        )
-        columns = dict.fromkeys(name for model in models for name in model.inputs if name not in model.started)
-        self.nodes = models[0].nodes
-        self.given = [name for name in columns if name.startswith("temperature.")]
-        self.inputs = [name for name in columns if name not in self.given]
+        models, runs = [step.fit.model for step in rivals], [one.run for one in rivals[0].fit.problem.bound_runs]
+        self._rivals, self.nodes = rivals, models[0].nodes
+        asked = dict.fromkeys(name for model in models for name in model.inputs if name not in model.started)
+        self.given = [name for name in asked if name.startswith("temperature.")]
+        self.inputs = [name for name in asked if name not in self.given]
         # Loads and speeds that no model asks for say in words what a move is.
-        told = (name for name in runs[0].columns if quantity_of(name) in (*_LOADS, *_SPEEDS))
-        self.columns = dict.fromkeys([*self.inputs, *(name for name in told if all(run.has(name) for run in runs))])
+        shown = [name for name in runs[0].columns if quantity_of(name) in (*_LOADS, *_SPEEDS)]
+        self.columns = dict.fromkeys([*self.inputs, *(name for name in shown if all(run.has(name) for run in runs))])
         self._values = {
             name: np.concatenate([run.columns[name] for run in runs]) for name in (*self.columns, *self.given)
         }
@@ -138,29 +130,33 @@ class Stage:
         self.moving = any(quantity_of(name) in (*_SPEEDS, _POWER) for name in self.inputs)
         """Whether any model needs the joints' speeds, or their power."""
         prescribed = {name: source for name, source in models[0].network.prescribed.items() if source in self.given}
-        air = prescribed.get("ambient", next(iter(prescribed.values())) if len(prescribed) == 1 else None)
-        self._air = air if isinstance(air, str) else None
+        self._air = prescribed.get("ambient", next(iter(prescribed.values())) if len(prescribed) == 1 else None)
         self.air_can_change = self._air is not None or not self.given
         """Whether the air's temperature is an input of the models, or nothing is prescribed."""
         sensed = [run.columns[f"temperature.{n}"] for n in self.nodes for run in runs if run.has(f"temperature.{n}")]
         firsts = [readings[np.isfinite(readings)][:1] for readings in sensed]
-        self.ambient = float(np.median(self._values[self._air] if self._air else np.concatenate(firsts)))
+        self.ambient = float(np.median(self._values[str(self._air)] if self._air else np.concatenate(firsts)))
         """The usual temperature of the air in the logs [degC]; without its column, of the nodes at the start."""
 
     def moves(self) -> list[Move]:
         """Every move to be considered: the joints where rivals act, their classes, all; loaded, moving, or both."""
-        asked = [end for end in self._asked if end in self.joints]
+        acting = [
+            one.place
+            for rival in self._rivals
+            for one in rival.fit.model.network.effect_instances
+            if (one.effect.key, one.declaration.where) == rival.key
+        ]
+        asked = [end for end in dict.fromkeys("~".join(acting).split("~")) if end in self.joints]
         singles = list({class_of(joint): joint for joint in reversed(asked)}.values()) if len(asked) > 2 else asked
         scopes: dict[tuple[str, ...], str] = {}
         for pattern in dict.fromkeys([*singles, *map(class_of, asked or self.joints), EVERYWHERE]):
             if members := tuple(matching(pattern, self.joints)):
                 whole = len(members) == len(self.joints) > 1
                 scopes.setdefault(members, EVERYWHERE if whole else pattern)
+        shares = list(product((0.0, *_LEVELS), (0.0, *_LEVELS) if self.moving else (0.0,)))[1:]
         proposed = []
         for joints, at in scopes.items():
-            speeds = (0.0, *_LEVELS) if self.moving else (0.0,)
-            working = [pair for pair in product((0.0, *_LEVELS), speeds) if any(pair)]
-            proposed += [Move(at, joints, load, speed) for load, speed in working]
+            proposed += [Move(at, joints, load, speed) for load, speed in shares]
             if _BASE in self.inputs and at == EVERYWHERE:
                 proposed += [Move(at, joints, 1.0, speed, travelling=True) for speed in _LEVELS]
         return proposed
@@ -171,7 +167,7 @@ class Stage:
         chosen = place in move.joints
         if column == _BASE:
             return move.speed * high * move.travelling
-        shares = {**dict.fromkeys(_SPEEDS, move.speed), _POWER: move.load * move.speed}
+        shares = dict.fromkeys(_SPEEDS, move.speed) | {_POWER: move.load * move.speed}
         shares |= dict.fromkeys((*self._heating, *_LOADS), move.load)
         if (share := shares.get(quantity_of(column))) is not None:
             return share * high * chosen
@@ -182,35 +178,33 @@ class Stage:
     def run(self, program: Program) -> Run:
         """A program as a log: inputs, and every node at the air's temperature."""
         counts = [round(phase.seconds / STEP) for phase in program.phases]
-        n = sum(counts)
-        columns = {
-            name: np.repeat([self.value(name, phase.move) for phase in program.phases], counts).astype(float)
-            for name in self.columns
-        }
+        n, columns = sum(counts), dict[str, FloatArray]()
+        for name in self.columns:
+            columns[name] = np.repeat([self.value(name, phase.move) for phase in program.phases], counts).astype(float)
         for name in self.given:
             columns[name] = np.full(n, program.ambient if name == self._air else float(np.median(self._values[name])))
         columns |= {f"temperature.{node}": np.full(n, program.ambient) for node in self.nodes}
         return Run("experiment", STEP, np.arange(n, dtype=float) * STEP, columns, True, "proposed experiment", "")
 
-    def as_json(self, program: Program) -> list[dict[str, object]]:
+    def as_json(self, program: Program) -> tuple[dict[str, object], ...]:
         """Each move with the values of every input that it sets."""
-        return [
+        return tuple(
             {
-                "at": phase.move.at,
-                "joints": list(phase.move.joints),
-                "travelling": phase.move.travelling,
-                "minutes": phase.seconds / 60,
-                "load_unit": " and ".join(self._loads(phase.move)),
-                "inputs": {name: self.value(name, phase.move) for name in self.columns},
+                "at": move.at,
+                "joints": list(move.joints),
+                "travelling": move.travelling,
+                "minutes": seconds / 60,
+                "load_unit": " and ".join(self._loads(move)),
+                "inputs": {name: self.value(name, move) for name in self.columns},
             }
-            for phase in program.phases
-        ]
+            for move, seconds in program.phases
+        )
 
     def text(self, program: Program) -> str:
         """What to do, a sentence or two that a technician can follow."""
         air = f"With the robot at rest and as warm as the air, {program.ambient:.0f} degC"
         air += ", which is not the temperature of the logs" if program.ambient != self.ambient else ""
-        phases = [f"{self._doing(phase.move)} for {phase.seconds / 60:.3g} min" for phase in program.phases]
+        phases = [f"{self._doing(move)} for {seconds / 60:.3g} min" for move, seconds in program.phases]
         return f"{air}: {', then '.join(phases)}."
 
     def _doing(self, move: Move) -> str:
@@ -230,8 +224,8 @@ class Stage:
         """Values of a move's load, by their unit: each joint logs its own, torque here, current there."""
         loads: dict[str, list[float]] = {}
         for joint in move.joints:
-            names = [name for quantity in self._heating if (name := f"{quantity}.{joint}") in self.inputs]
-            for name in names[:1]:
+            logged = (name for quantity in self._heating if (name := f"{quantity}.{joint}") in self.inputs)
+            if name := next(logged, ""):
                 unit = column_unit(name)
                 unit = f"of {quantity_of(name)}" if unit in ("", "1") else unit
                 loads.setdefault(unit, []).append(self.value(name, move))
@@ -330,10 +324,10 @@ class Rivals:
             run: that run.
         """
         weight, differences = np.sqrt(run.step / self.density)[:, None] * self._measured[:, None], []
-        for pair in combinations(range(len(self.fits)), 2):
-            fitted = predictions[pair[0]].readings - predictions[pair[1]].readings
+        for one, other in combinations(range(len(self.fits)), 2):
+            fitted = predictions[one].readings - predictions[other].readings
             both = list[tuple[float, FloatArray]]()
-            for wrong in pair:
+            for wrong in (one, other):
                 derivatives = predictions[wrong].derivatives
                 rows = (derivatives * weight[:, :, None]).reshape(fitted.size, -1)
                 pull = rows.T @ (fitted * weight).ravel()
@@ -342,18 +336,11 @@ class Rivals:
                 both.append((sqrt(max(rise, 0.0)), fitted - derivatives @ change))
             deviations, left = min(both, key=lambda way: way[0])
             minutes = means_of_blocks(left, round(60 / STEP)) * self._measured[:, None]
-            row, column = np.unravel_index(int(np.argmax(np.abs(minutes))), minutes.shape)
-            keys, most = (self.keys[pair[0]], self.keys[pair[1]]), float(minutes[row, column])
-            differences.append(
-                Difference(
-                    keys if most >= 0 else keys[::-1],
-                    abs(most),
-                    float(np.abs(fitted[self._measured]).max()),
-                    deviations,
-                    self.fits[0].model.nodes[int(row)],
-                    float(column + 1),
-                )
-            )
+            row, minute = np.unravel_index(int(np.argmax(np.abs(minutes))), minutes.shape)
+            pair, most = (self.keys[one], self.keys[other]), float(minutes[row, minute])
+            pair = pair if most >= 0 else pair[::-1]
+            apart, node = float(np.abs(fitted[self._measured]).max()), self.fits[0].model.nodes[int(row)]
+            differences.append(Difference(pair, abs(most), apart, deviations, node, float(minute + 1)))
         return differences
 
 
@@ -395,9 +382,8 @@ def best_program(
             ends = np.round(np.linspace(0.0, seconds / 60, len(moves) + 1)) * 60  # whole minutes, as people take them
             ends[-1] = round(seconds / STEP) * STEP
             parts = [(move, list(own)) for move, own in groupby(range(len(moves)), key=moves.__getitem__)]
-            phases = (Phase(move, float(ends[own[-1] + 1] - ends[own[0]])) for move, own in parts)
-            program = Program(tuple(phases), ambient)
-            if program not in tried:
+            phases = tuple(Phase(move, float(ends[own[-1] + 1] - ends[own[0]])) for move, own in parts)
+            if (program := Program(phases, ambient)) not in tried:
                 tried[program] = _decided(stage, rivals, program, limit)
             if (decided := tried[program]) is not None:
                 worth[moves] = decided
@@ -409,16 +395,14 @@ def best_program(
         for _ in range(1, longest):
             longer = best([some + one for some, one in product(longer, dict.fromkeys([*good, rest]))], ambient)
 
-    def less_effort(program: Program) -> tuple[float, float]:
-        """Pairs that it decides, less its effort: largest for other air, then for a rig that loads a moving joint."""
-        work = [phase.move for phase in program.working]
-        rigs = sum(move.load > 0 and move.speed > 0 and move.at != EVERYWHERE for move in work)
-        effort = 2 * (program.ambient != stage.ambient) + max(len(work) - 1, 0) + rigs
-        decided, deviations = cool[program]
-        return simpler**effort * decided, simpler**effort * deviations
-
-    cool = {program: decided for program, decided in tried.items() if decided is not None}
-    return max(cool, key=less_effort, default=None), len(tried)
+    cool: dict[Program, tuple[float, ...]] = {}  # what each decides, less its effort
+    for program, decided in tried.items():
+        if decided is not None:  # effort is largest for other air, then for a rig that loads a moving joint
+            work = [phase.move for phase in program.working]
+            rigs = sum(move.load > 0 and move.speed > 0 and move.at != EVERYWHERE for move in work)
+            effort = 2 * (program.ambient != stage.ambient) + max(len(work) - 1, 0) + rigs
+            cool[program] = tuple(simpler**effort * own for own in decided)
+    return max(cool, key=cool.__getitem__, default=None), len(tried)
 
 
 def _decided(
@@ -575,7 +559,7 @@ def propose(
     predictions = fitted.predict(run := stage.run(best))
     differences = sorted(fitted.apart(predictions, run), key=lambda contrast: -contrast.deviations)
     readings = {key: prediction.readings for key, prediction in zip(fitted.keys, predictions, strict=True)}
-    told = tuple(stage.as_json(best)), stage.text(best)
+    told = stage.as_json(best), stage.text(best)
     return Experiment(tuple(fitted.keys), best, run, tuple(differences), readings, limit, tried, *told)
 
 

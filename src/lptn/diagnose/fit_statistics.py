@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import log, sqrt
-from typing import NamedTuple
 
 import numpy as np
 
@@ -129,18 +128,6 @@ WORTH = 0.05
 independent residuals, an hour or two of a few nodes, is itself known to 1/√400. Nothing changes with 3 or 8 %."""
 
 
-class MinuteMeans(NamedTuple):
-    """Mean square of one-minute means of one node's errors [K²].
-
-    Args:
-        square: of the errors.
-        limit: exceeded by the sensor's noise and steps in one log of twenty, with what is negligible on top.
-    """
-
-    square: float
-    limit: float
-
-
 def noise_of_means(clean: FloatArray, white: float, step: float, size: int, logs: int = 200) -> FloatArray:
     """What a sensor leaves of a perfect model on means over so many readings, in logs that are simulated.
 
@@ -164,8 +151,10 @@ def noise_of_means(clean: FloatArray, white: float, step: float, size: int, logs
     return np.array(errors)
 
 
-def minute_means(fit: Fit, runs: Sequence[RunErrors]) -> dict[str, MinuteMeans]:
-    """Each node's errors over minutes, and those that its sensor's noise alone would leave.
+def minute_means(fit: Fit, runs: Sequence[RunErrors]) -> dict[str, tuple[float, float]]:
+    """Mean squares of each node's errors over minutes [K²], and of those that its sensor's noise alone would leave.
+
+    The latter is what noise and steps exceed in one log of twenty, with what is negligible on top.
 
     Args:
         fit: has the sensors' noise.
@@ -185,8 +174,7 @@ def minute_means(fit: Fit, runs: Sequence[RunErrors]) -> dict[str, MinuteMeans]:
         square = np.concatenate(squares)
         if square.size:
             noise = np.hstack(simulated).mean(axis=1)
-            limit = float(np.quantile(noise, 0.95)) + NEGLIGIBLE**2
-            found[node] = MinuteMeans(float(square.mean()), limit)
+            found[node] = float(square.mean()), float(np.quantile(noise, 0.95)) + NEGLIGIBLE**2
     return found
 
 
@@ -198,7 +186,7 @@ def lack_of_fit(fit: Fit, runs: Sequence[RunErrors] | None = None) -> dict[str, 
         runs: these with other errors than the fit's own.
     """
     means = minute_means(fit, fitted_errors(fit) if runs is None else runs)
-    return {node: own.square / own.limit for node, own in means.items()}
+    return {node: square / limit for node, (square, limit) in means.items()}
 
 
 def is_met(lack: dict[str, float]) -> bool:
@@ -235,8 +223,8 @@ def standing_out(
         For each such node the root mean square of one-minute means in this run and in the fitted ones, the worst first.
     """
     errors, usual = {}, minute_means(fit, fitted_errors(fit) if fitted is None else fitted)
-    for node, own in minute_means(fit, [run]).items():
-        known = usual[node].square if node in usual else 0.0
-        if own.square > max(CLEARLY**2 * known, LACKING * own.limit, least**2):
-            errors[node] = sqrt(own.square), sqrt(known)
+    for node, (square, limit) in minute_means(fit, [run]).items():
+        known = usual[node][0] if node in usual else 0.0
+        if square > max(CLEARLY**2 * known, LACKING * limit, least**2):
+            errors[node] = sqrt(square), sqrt(known)
     return dict(sorted(errors.items(), key=lambda item: -item[1][0]))

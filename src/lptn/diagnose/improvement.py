@@ -20,13 +20,15 @@ from lptn.diagnose.answers import Report, Step
 from lptn.diagnose.candidates import AMBIENT_ERROR, SURFACE_ERROR, TORQUE_ERROR
 from lptn.diagnose.diagnosis import Diagnosis, Verdict, diagnose
 from lptn.diagnose.fit_statistics import Removed, lack_of_fit
-from lptn.diagnose.refits import RANKING, continued, unless_interrupted
+from lptn.diagnose.refits import continued, unless_interrupted
 from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit
 from lptn.identify.solvers import PRECISION
 from lptn.identify.validation import fit_segments
 from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration
+
+_THREE_DIGITS = 2e-3  # share of the cost: of an error on the way three digits are enough
 
 
 @dataclass(frozen=True, repr=False)
@@ -37,13 +39,11 @@ class History(Tabular):
         steps: the given model first.
         first: the diagnosis of the given model.
         last: the diagnosis of the last step.
-        rivals: what the fitted data can't tell from one of the findings, and that itself first.
     """
 
     steps: tuple[Step, ...]
     first: Diagnosis
     last: Diagnosis
-    rivals: tuple[Step, ...] = ()
 
     @property
     def verdict(self) -> Verdict:
@@ -197,9 +197,8 @@ def improve(
     for number, step in enumerate(first.steps, start=1):
         network = network.with_effects(step.declarations)
         last = number == len(first.steps)
-        coarse = step.fit if last else continued(coarse, network)
-        # On the way three digits of an error are enough.
-        precision = PRECISION if last else RANKING
+        precision = PRECISION if last else _THREE_DIGITS
+        coarse = step.fit if last else continued(coarse, network, precision)
         fine = unless_interrupted(fit_segments(coarse.model, data.fit, coarse.point, precision=precision))
         steps.append(replace(step, fit=fine).judged_on(data))
         on_step(tuple(steps))
@@ -207,4 +206,4 @@ def improve(
         return History(tuple(steps), first, first)
     best, rest = first.steps[-1], first.remaining
     last_diagnosis = Diagnosis(rest, rest, best.fit, best.holdout, lack_of_fit(best.fit), refused=first.refused)
-    return History(tuple(steps), first, last_diagnosis, first.rivals)
+    return History(tuple(steps), first, last_diagnosis)

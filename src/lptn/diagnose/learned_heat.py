@@ -20,9 +20,9 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.processes import one_blas_thread
 from lptn.basics.words import listed, short_size
 from lptn.diagnose.answers import Step
+from lptn.diagnose.candidates import OCCAM
 from lptn.diagnose.diagnosis import Diagnosis
 from lptn.diagnose.fit_statistics import WORTH
-from lptn.diagnose.priors import OCCAM
 from lptn.diagnose.refits import refit
 from lptn.diagnose.unexplained_heat import WIDE, WanderingHeat, means_in_blocks, smoothed, stretches
 from lptn.effects.excitation import CHANGE
@@ -42,21 +42,43 @@ TIME_OF_DAY = "time of day"
 
 @dataclass(frozen=True)
 class InputShare:
-    """The share of one node's unexplained heat that one input explains.
+    """One input at one node, and the share of the node's unexplained heat that a curve over it explains.
 
     Args:
         node: the node.
         column: of the log, or `"time of day"`.
-        share: of the heat's square over all runs, that a curve over the input explains, 0 to 1.
+        key: what `LearnedHeat` calls it; empty where the effect has no such input.
+        driven_by: the winding that logs it, where that is not the node.
+        start: of the curve, in the input's SI unit or degC.
+        span: how far it goes.
+        share: of the heat's square over all runs, 0 to 1.
         log_odds: logarithm of the odds of the curve to none.
-        declaration: the curve as an effect, at its prior; `None` where the effect has no such input.
     """
 
     node: str
     column: str
-    share: float
-    log_odds: float
-    declaration: EffectDeclaration | None
+    key: str
+    driven_by: str
+    start: float
+    span: float
+    share: float = 0.0
+    log_odds: float = 0.0
+
+    def declaration(self, scale: float) -> EffectDeclaration | None:
+        """The curve as an effect at its prior, with all that is given rounded as it is typed; `None` without a key."""
+        if not self.key:
+            return None
+        given = {"scale": scale, "start": self.start, "span": self.span}
+        parameters = tuple(
+            replace(one, value=float(f"{given[one.name]:.3g}")) if one.name in given else one
+            for one in LearnedHeat.parameters
+        )
+        return EffectDeclaration(LearnedHeat(input=self.key), self.node, parameters, driven_by=self.driven_by)
+
+    def in_blocks(self, run: Run, time: FloatArray, seconds: float) -> FloatArray:
+        """Heat of each piece for a rise of 1 W, means over blocks of time with these middles, shape (n, PIECES)."""
+        pieces = LearnedHeat(input=self.key or OWN_TEMPERATURE).pieces(_values(run, self.column), self.start, self.span)
+        return means_in_blocks(np.array(pieces), run, time, seconds).T
 
 
 @dataclass(frozen=True, repr=False)
@@ -186,7 +208,7 @@ def _likeliest(
     if not shares or shares[0].share < least or shares[0].log_odds < np.log(OCCAM * len(shares)):
         return None
     own = tuple(one for one in shares if one.node == shares[0].node and one.share >= least and one.log_odds > 0)
-    if (declaration := own[0].declaration) is None:
+    if (declaration := own[0].declaration(heat.scale)) is None:
         return LearnedCurve(own, beside=beside)
     done = refit(heat.fit, declaration)
     values, curve, band = curve_of(done, declaration)
@@ -235,17 +257,17 @@ def input_shares(heat: WanderingHeat, nodes: Sequence[str], *, walks: int = 3) -
             wanders less.
     """
     fit, scale, runs = heat.fit, heat.scale, [bound.run for bound in heat.fit.problem.bound_runs]
-    candidates = [one for node in nodes for one in _inputs_of(fit, node, runs)]
-    if not candidates:
+    inputs = [one for node in nodes for one in _inputs_of(fit, node, runs)]
+    if not inputs:
         return []
-    columns = [slice(PIECES * number, PIECES * (number + 1)) for number in range(len(candidates))]
-    rows = [fit.model.nodes.index(one.node) for one in candidates]
-    known = [np.zeros((len(part.time), len(part.rows), PIECES * len(candidates))) for part in heat.runs]
+    columns = [slice(PIECES * number, PIECES * (number + 1)) for number in range(len(inputs))]
+    rows = [fit.model.nodes.index(one.node) for one in inputs]
+    known = [np.zeros((len(part.time), len(part.rows), PIECES * len(inputs))) for part in heat.runs]
     for run, part, heats in zip(runs, heat.runs, known, strict=True):
-        for one, row, own in zip(candidates, rows, columns, strict=True):
+        for one, row, own in zip(inputs, rows, columns, strict=True):
             at = np.flatnonzero(part.rows == row)  # a run may not measure all nodes
             heats[:, at, own] = one.in_blocks(run, part.time, part.seconds)[:, None]
-    best, none = [(-np.inf, 0.0)] * len(candidates), -np.inf
+    best, none = [replace(one, log_odds=-np.inf) for one in inputs], -np.inf
     for walk in reversed(heat.walks[-walks:]):
         done = [
             smoothed(part, heat.prior(part, open_parameters=True), walk, heats)
@@ -253,21 +275,17 @@ def input_shares(heat: WanderingHeat, nodes: Sequence[str], *, walks: int = 3) -
         ]
         white, density = np.vstack([run.white for run in done]), sum(run.density for run in done)
         none = max(none, density)
-        for number, (one, row, own) in enumerate(zip(candidates, rows, columns, strict=True)):
+        for number, (one, row, own) in enumerate(zip(inputs, rows, columns, strict=True)):
             odds, rises = _posterior(white[:, 0], white[:, 1:][:, own], scale, bool(one.key))
-            if odds + density > best[number][0]:
+            if odds + density > best[number].log_odds:
                 its = [
                     (run.heat[part.rows == row], run.taken[part.rows == row][..., own] @ rises)
                     for run, part in zip(done, heat.runs, strict=True)
                 ]
                 watts, taken = (np.concatenate(series, axis=None) for series in zip(*its, strict=True))
                 left = float(np.sum((watts - taken) ** 2) / max(np.sum(watts**2), np.finfo(float).tiny))
-                best[number] = odds + density, max(0.0, 1.0 - left)
-    shares = [
-        InputShare(one.node, one.column, share, odds - none, one.declaration(scale))
-        for one, (odds, share) in zip(candidates, best, strict=True)
-    ]
-    return sorted(shares, key=lambda one: -one.log_odds)
+                best[number] = replace(one, log_odds=odds + density, share=max(0.0, 1.0 - left))
+    return sorted((replace(one, log_odds=one.log_odds - none) for one in best), key=lambda one: -one.log_odds)
 
 
 def _posterior(white: FloatArray, pieces: FloatArray, scale: float, monotone: bool) -> tuple[float, FloatArray]:
@@ -282,35 +300,7 @@ def _posterior(white: FloatArray, pieces: FloatArray, scale: float, monotone: bo
 # --- What a node's heat may go with ------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class _Input:
-    """One input at one node: where its curve begins, and how far it goes; `key` as `LearnedHeat` calls it, or empty."""
-
-    node: str
-    column: str
-    key: str
-    driven_by: str
-    start: float
-    span: float
-
-    def declaration(self, scale: float) -> EffectDeclaration | None:
-        """The effect at its prior, with all that is given rounded as it is typed."""
-        if not self.key:
-            return None
-        given = {"scale": scale, "start": self.start, "span": self.span}
-        parameters = tuple(
-            replace(one, value=float(f"{given[one.name]:.3g}")) if one.name in given else one
-            for one in LearnedHeat.parameters
-        )
-        return EffectDeclaration(LearnedHeat(input=self.key), self.node, parameters, driven_by=self.driven_by)
-
-    def in_blocks(self, run: Run, time: FloatArray, seconds: float) -> FloatArray:
-        """Heat of each piece for a rise of 1 W, means over blocks of time with these middles, shape (n, PIECES)."""
-        pieces = LearnedHeat(input=self.key or OWN_TEMPERATURE).pieces(_values(run, self.column), self.start, self.span)
-        return means_in_blocks(np.array(pieces), run, time, seconds).T
-
-
-def _inputs_of(fit: Fit, node: str, runs: Sequence[Run]) -> list[_Input]:
+def _inputs_of(fit: Fit, node: str, runs: Sequence[Run]) -> list[InputShare]:
     """Its speed, load and power, or those of its winding; temperatures of its own and beside it; the time of day."""
     network = fit.model.network
     windings = network.windings_at(node)
@@ -334,7 +324,7 @@ def _inputs_of(fit: Fit, node: str, runs: Sequence[Run]) -> list[_Input]:
         start = 0.0 if key not in ("", OWN_TEMPERATURE) else float(values.min())
         span = float(np.abs(values).max() if start == 0.0 else np.ptp(values))
         if np.ptp(values) > CHANGE * span:
-            inputs.append(_Input(node, column, key, driven_by, start, span))
+            inputs.append(InputShare(node, column, key, driven_by, start, span))
     return inputs
 
 
