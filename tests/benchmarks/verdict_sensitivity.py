@@ -33,7 +33,7 @@ from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration, Network
 from tests.benchmarks.verdict_cases import TRUTHS, Case, draw_cases
 
-ROOMS = ("answers", "candidates", "composition", "diagnosis", "evidence", "fit_statistics", "priors", "refits")
+ROOMS = ("answers", "candidates", "composition", "diagnosis", "evidence", "fit_statistics", "refits")
 
 
 def numbers_of(module: str) -> list[str]:

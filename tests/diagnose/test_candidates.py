@@ -261,7 +261,6 @@ def test_a_candidate_has_the_size_that_is_usual_at_its_place() -> None:
             assert added.value == pytest.approx(0.3 * candidate.typical)
         both = by_key[key, "*"]
         assert both.typical == pytest.approx((wall * foil) ** 0.5, rel=0.2)
-        assert both.sizes == pytest.approx([by_key[key, name].typical for name in both.places])
 
 
 @pytest.mark.parametrize("key", ["second_mass", "sensor_lag", "shared_mass", "ambient_lag", "hot_spot", "iron_loss"])
@@ -441,41 +440,6 @@ def test_friction_at_a_rotors_speed_is_expected_no_larger_than_the_motor_bears()
         inputs = [25.0 if column.startswith("temperature.") else 600.0 for column in model.inputs]
         heat = 300.0 * float(model.rhs([25.0] * 4, inputs, model.values).full().max())
         assert 3.0 < heat < 10.0  # W: 30 K at some 0.2 W/K
-
-
-def test_friction_of_a_strong_slow_joint_is_expected_in_proportion_to_the_power_it_passes_on() -> None:
-    network, columns = _legs(), [*COLUMNS, *(f"velocity_rms.{joint}" for joint in JOINTS)]
-
-    def typical(key: str, torque: float, speed: float) -> float:
-        rms = {column: torque if column.startswith("torque") else speed for column in columns}
-        proposed = candidates(network, columns, rms=rms)
-        return next(candidate for candidate in proposed if candidate.key == (key, "FR_calf")).typical
-
-    # 0.25 N·m of 6, and as much heat as 0.04 N·m s/rad at 2.5 rad/s of 15 W.
-    assert typical("coulomb_friction", 6.0, 2.5) == pytest.approx(0.25)
-    assert typical("coulomb_friction", 60.0, 0.7) == pytest.approx(2.5)
-    assert typical("viscous_friction", 60.0, 0.7) == pytest.approx(0.04 * 10 * 2.5 / 0.7)
-    # What nobody loads, or what hardly moves, is a leg's.
-    assert typical("viscous_friction", 0.1, 2.5) == pytest.approx(0.04)
-
-
-def test_where_currents_alone_are_logged_friction_goes_with_what_the_winding_loses() -> None:
-    """A leg's 0.04 N·m s/rad at 2.5 rad/s, 0.25 W, beside 7.5 W in its winding."""
-    by_torque = effect("copper_loss", "*_calf", resistance=0.3)
-    network = replace(_legs(), effects=(replace(by_torque, effect=type(by_torque.effect)(input="current")),))
-    columns = [f"{quantity}.{joint}" for joint in JOINTS for quantity in ("current", "velocity_rms")]
-
-    def typical(at: str, current: float, speed: float) -> float:
-        rms = {column: current if column.startswith("current") else speed for column in columns}
-        proposed = candidates(network, columns, rms=rms)
-        return next(candidate for candidate in proposed if candidate.key == ("viscous_friction", at)).typical
-
-    assert typical("FR_calf", 5.0, 2.5) == pytest.approx(0.04)
-    assert typical("FR_calf", 20.0, 2.5) == pytest.approx(0.04 * 0.3 * 20**2 / 7.5)
-    assert typical("FR_calf", 20.0, 5.0) == pytest.approx(0.04 * 0.3 * 20**2 / 7.5 / 4)
-    assert typical("FR_thigh", 20.0, 2.5) == pytest.approx(0.04 * 0.3 * 20**2 / 7.5)  # of the winding next to it
-    network = replace(network, effects=())
-    assert typical("FR_thigh", 20.0, 2.5) == pytest.approx(0.04)  # the network knows of no winding
 
 
 @pytest.mark.parametrize("step", [300.0, 1800.0])

@@ -12,9 +12,8 @@ import pytest
 
 from lptn import Study
 from lptn.basics.parameters import Parameter
-from lptn.diagnose.candidates import possible_effects
+from lptn.diagnose.candidates import log_priors, possible_effects
 from lptn.diagnose.evidence import Allowance, ErrorsOfRuns, Evidence, allowances
-from lptn.diagnose.priors import log_priors
 from lptn.diagnose.refits import continued, refit
 from lptn.effects.constant_heat import ConstantHeat
 from lptn.identify.data import split_data

@@ -1,7 +1,7 @@
 """Diagnosis: which effect is missing, where, how sure, what else would look the same, and the next experiment.
 
-A large room, since it asks six questions of one fit: what may be missing (`candidates`, `priors`), what is
-(`composition`, `evidence`, `traces`, `refits`), whether it is enough (`diagnosis`, `fit_statistics`), where heat stays
+A large room, since it asks six questions of one fit: what may be missing (`candidates`), what is
+(`composition`, `evidence`, `refits`), whether it is enough (`diagnosis`, `fit_statistics`), where heat stays
 unexplained and what that goes with (`unexplained_heat`, `learned_heat`), how a run differs (`runs_that_differ`), and
 what to measure next (`excitation`, `experiment`). The first two take two fifths of it.
 """

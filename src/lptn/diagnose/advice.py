@@ -10,12 +10,11 @@ from scipy.special import ndtri
 
 from lptn.basics.words import short_size
 from lptn.diagnose.answers import Report
-from lptn.diagnose.candidates import USUAL
+from lptn.diagnose.candidates import OCCAM, USUAL, log_priors
 from lptn.diagnose.diagnosis import Diagnosis
 from lptn.diagnose.evidence import Evidence, FirstOrder
 from lptn.diagnose.experiment import POWER, Experiment, propose
 from lptn.diagnose.learned_heat import LearnedCurve, learned_curve
-from lptn.diagnose.priors import OCCAM, log_priors
 from lptn.diagnose.refits import unless_interrupted
 from lptn.diagnose.runs_that_differ import RunDifference, runs_that_differ
 from lptn.diagnose.unexplained_heat import HeatPeak, WanderingHeat, stretches

@@ -32,10 +32,6 @@ USUAL = 2.0
 """Times its typical size that an effect is as often above as below (the scale of Cauchy's density): sizes are stated to
 a factor of two or three."""
 _MOST_RISE = 30.0  # K; what would warm its place by more in the long run, at its usual size, is expected smaller there
-_JOINT_MOVES, _JOINT_POWER, _JOINT_LOSS = {"velocity": 2.5, "velocity_rms": 2.5}, 15.0, 7.5
-"""rad/s, W of torque times speed, and W that its winding loses (0.15 ohm, 0.84 N·m/A): of the joint for which effects
-state their sizes, a leg's that walks. Friction is usually the same share of that power at any joint, an arm's with a
-gear of a hundred for one; where no torque is logged, the same share of that loss."""
 _OF_A_JOINT = {"torque", "current", "velocity", "powered"}
 """What a log says of a joint as a whole; sun or air that is logged at a place are not its neighbour's."""
 _JOINTS = "*_*"  # names such as FR_calf
@@ -58,9 +54,8 @@ class Candidate:
         places: the places that `at` covers.
         run: the only run in which it acts; every run by default.
         words: the effect's options.
-        sizes: for each place the usual size of the amplitude there, in the amplitude's unit; the effect's own by
-            default.
-        grid: values of the effect's shape at which it is scored; the effect's own by default.
+        typical: the usual size of its amplitude, in the amplitude's unit: the geometric mean over its places.
+        grid: values of the effect's shape at which it is scored, empty for an effect without one.
         shortest: least time constant of a mass that a fit to these steps may try [s]; 0 for what the effect allows.
         difference: whether it is what a place has beside the same effect that it has in common with others.
         common_shape, common_size: of a difference the shape and the amplitude that the place has in common with others.
@@ -73,7 +68,7 @@ class Candidate:
     places: tuple[str, ...]
     run: str = ""
     words: Words = ()
-    sizes: tuple[float, ...] = field(default=(), compare=False)  # of the network, as the places are
+    typical: float = field(default=1.0, compare=False)  # of the network, as the places are
     grid: tuple[float, ...] = field(default=(), compare=False)  # of the log
     shortest: float = field(default=0.0, compare=False)  # of the log
     difference: bool = False
@@ -109,14 +104,6 @@ class Candidate:
         return self.amplitude.off == self.amplitude.bounds[0]
 
     @property
-    def typical(self) -> float:
-        """The usual size of its amplitude, in the amplitude's unit: the geometric mean over its places."""
-        if self.sizes:
-            return math.exp(sum(map(math.log, self.sizes)) / len(self.sizes))
-        amplitude = self.effect.amplitude()
-        return 1.0 if amplitude is None else abs(amplitude.typical)
-
-    @property
     def pattern(self) -> str:
         """The place without the run."""
         return self.at.removesuffix(f"@{run_label(self.run)}") if self.run else self.at
@@ -124,8 +111,7 @@ class Candidate:
     @property
     def shapes(self) -> tuple[float | None, ...]:
         """The values of the effect's shape at which it is scored; `None` alone for an effect without one."""
-        shape = self.effect.shape()
-        return (self.grid or shape.grid) if shape else (None,)
+        return self.grid or (None,)
 
     def sites(self, shape: float | None) -> dict[str, EffectDeclaration]:
         """What is scored: the effect switched off at each place, at one shape, by the name of its amplitude there."""
@@ -150,8 +136,7 @@ class Candidate:
             amplitude: where its size starts, beside where it is off; a share of the usual one by default.
             shape: where its shape starts; the middle of its grid by default.
         """
-        grid = [value for value in self.shapes if value is not None]
-        shape = grid[len(grid) // 2] if shape is None and grid else shape
+        shape = self.grid[len(self.grid) // 2] if shape is None and self.grid else shape
         size = _START * self.typical if amplitude is None else amplitude
         size = math.copysign(max(abs(size), NONE * self.typical), size)
         difference = self.difference and self.effect.adds_up()
@@ -167,12 +152,11 @@ class Candidate:
                 one = replace(one, typical=min(max(self.typical, lower), upper)).switched_on
                 if one.on is None:
                     one = replace(one, value=min(max(size, lower), upper), prior=(none, USUAL * self.typical))
-            elif one.grid and grid and not one.fixed:
+            elif one.grid and not one.fixed:
                 lower = min(max(lower, self.shortest if one.unit == "s" else lower), upper)
-                middle = min(max(float(np.exp(np.mean(np.log(grid)))), lower), upper)
-                value = one.value if shape is None else shape
-                one = replace(one, value=max(value, lower), grid=self.grid or one.grid, bounds=(lower, upper))
-                one = replace(one, prior=(middle, middle))
+                middle = min(max(float(np.exp(np.mean(np.log(self.grid)))), lower), upper)
+                value, prior = max(one.value if shape is None else shape, lower), (middle, middle)
+                one = replace(one, value=value, grid=self.grid, bounds=(lower, upper), prior=prior)
             parameters.append(replace(one, share="all"))
         effect = self.effect(**dict(self.words))
         return EffectDeclaration(
@@ -218,8 +202,8 @@ def candidates(
             grid, shortest = _grid(effect.shape(), step, duration), 0.0 if step is None else _OF_A_STEP * step
             for one in [*_of_effect(network, effect, columns, run), *_differences(network, effect, columns, run)]:
                 likes = effect.alike and network.sets_apart(EffectDeclaration(effect(), one.pattern))
-                usual = _sizes(one, network, sizes, rms)
-                proposed.append(replace(one, sizes=usual, grid=grid, shortest=shortest, one_of_likes=likes))
+                usual = _usual_size(one, network, sizes, rms)
+                proposed.append(replace(one, typical=usual, grid=grid, shortest=shortest, one_of_likes=likes))
     return proposed
 
 
@@ -322,53 +306,21 @@ def _grid(shape: Parameter | None, step: float | None, duration: float | None) -
     return tuple(value for value in grid if _OF_A_STEP * step <= value <= duration) or (max(grid[0], step),)
 
 
-def _sizes(one: Candidate, network: Network, sizes: Sizes, rms: Mapping[str, float] | None) -> tuple[float, ...]:
-    """The usual size of a candidate's amplitude at each of its places."""
+def _usual_size(one: Candidate, network: Network, sizes: Sizes, rms: Mapping[str, float] | None) -> float:
+    """Of a candidate's amplitude, the geometric mean over its places."""
     ends, effect = dict(network.places_for(EffectDeclaration(one.effect(), one.pattern))), one.effect(**dict(one.words))
     amplitude, usual = next(own for own in effect.parameters if own.off is not None), []
     for place, winding in zip(one.places, one.windings or ("",) * len(one.places), strict=True):
         size = abs(sizes.typical(amplitude, [ends[place]]))
         if rms is not None and effect.site == "node" and not effect.has_state:
             driving = winding or ends[place][0]
-            declared = EffectDeclaration(effect, place, (replace(amplitude, value=size),))
             inputs = {feature: rms[input_column(feature, driving)] for feature in effect.needed()}
-            heat, larger = max(_heat_driven(declared, inputs), 1e-12), 1.0
-            if inputs and inputs.keys() <= _JOINT_MOVES.keys():  # a large joint that moves slowly has more friction
-                share = _share_of_a_legs_joint(network, driving, rms)
-                larger = max(1.0, share * _heat_driven(declared, _JOINT_MOVES) / heat)
-            size *= min(larger, _MOST_RISE * sizes.conductance(ends[place]) / heat)
-        usual.append(size)
-    return tuple(usual)
-
-
-def _share_of_a_legs_joint(network: Network, node: str, rms: Mapping[str, float]) -> float:
-    """The power that a joint passes on, or where no torque is logged the loss of its winding, beside a leg's.
-
-    A housing passes on the power of the winding that it is linked to.
-    """
-    linked = {name for link in network.resistors if node in link.ends for name in link.ends}
-    speed = rms.get(input_column("velocity_rms", node), 0.0)
-    for nodes in ({node}, linked):
-        torque = max((rms.get(input_column("torque", name), 0.0) for name in nodes), default=0.0)
-        loss = max((_loss_by_current(network, name, rms) for name in nodes), default=0.0)
-        if torque or loss:
-            return torque * speed / _JOINT_POWER if torque else loss / _JOINT_LOSS
-    return 0.0
-
-
-def _loss_by_current(network: Network, node: str, rms: Mapping[str, float]) -> float:
-    """What the currents of these root mean squares lose in a node [W], by the network as it stands."""
-    column = input_column("current", node)
-    declared = [declaration for declaration in network.effects if set(declaration.effect.needed()) == {"current"}]
-    here = [declaration for declaration in declared if any(node in ends for _, ends in network.places_for(declaration))]
-    return sum(_heat_driven(declaration, {"current": rms.get(column, 0.0)}) for declaration in here)
-
-
-def _heat_driven(declared: EffectDeclaration, inputs: Mapping[str, float]) -> float:
-    """Heat that inputs of these root mean squares drive at 25 degC [W]; 0 for what none drives."""
-    p = {name: parameter.value for name, parameter in declared.resolved.items()}
-    here = SimpleNamespace(temperatures=(25.0,), inputs=SimpleNamespace(**inputs), p=SimpleNamespace(**p))
-    return abs(float(declared.effect.heat_into_ends(here)[0])) if inputs else 0.0
+            p = {own.name: size if own is amplitude else own.value for own in effect.parameters}
+            here = SimpleNamespace(temperatures=(25.0,), inputs=SimpleNamespace(**inputs), p=SimpleNamespace(**p))
+            heat = abs(float(effect.heat_into_ends(here)[0])) if inputs else 0.0
+            size *= min(1.0, _MOST_RISE * sizes.conductance(ends[place]) / max(heat, 1e-12))
+        usual.append(math.log(size))
+    return math.exp(sum(usual) / len(usual))
 
 
 def _places_without(network: Network, effect: type[Effect], words: Words, run: str) -> list[Place]:
@@ -485,6 +437,57 @@ def _one_pattern_a_set(covered: Mapping[str, frozenset[str]], places: Sequence[s
     for at in sorted(covered, key=lambda at: (covered[at] == whole, at != EVERYWHERE and covered[at] == whole)):
         first.setdefault(covered[at], at)
     return list(first.values())
+
+
+# --- Prior odds: how often a candidate occurs, relative to the others -------------------------------------------
+
+
+OCCAM = 20.0
+"""Times less probable than the best, from which on a model is out of Occam's window [MadiganRaftery1994]. On measured
+logs no verdict changes with 13 or 30."""
+
+
+def in_occams_window(probabilities: FloatArray) -> list[int]:
+    """Numbers of the models that the most probable one does not rule out, the most probable first."""
+    order = np.argsort(-probabilities, kind="stable")
+    return [int(number) for number in order if probabilities[number] * OCCAM >= probabilities[order[0]]]
+
+
+_ERRORS_ALIKE = 0.1
+"""How usual the same error of several sensors is beside an error of one. Defects are of single sensors; to drift
+alike, or to be off alike, they need a cause in common, such as the supply of all their bridges."""
+_ONE_OF_LIKES = 0.3
+"""How usual it is of one place alone, beside others like it, to have what follows from how it is built: as other rare
+things are (`Effect.prior_odds`). Like parts are painted alike, and all windings are copper: a joint that loses more
+heat than its likes is in a draught rather than the only one that radiates."""
+
+
+def log_priors(candidates: Sequence[Candidate]) -> FloatArray:
+    """Logarithms of the probabilities, beforehand, that it is this candidate that is missing, shape (candidates,).
+
+    An effect's odds are split over its levels (everywhere, a class of nodes, one node), evenly but for errors of
+    sensors and for what like places have alike; then evenly over the places of a level. Those of single runs likewise.
+    """
+    weights = np.zeros(len(candidates))
+    for effect in {candidate.effect: None for candidate in candidates}:
+        own = {k: candidate for k, candidate in enumerate(candidates) if candidate.effect is effect}
+        most = max(len(candidate.places) for candidate in own.values())
+        levels = {k: (bool(candidate.run), *_level(candidate, most)) for k, candidate in own.items()}
+        for k, (of_run, _, share) in levels.items():
+            whole = sum(other[-1] for other in set(levels.values()) if other[0] == of_run)
+            weights[k] = own[k].prior_odds * share / whole / list(levels.values()).count(levels[k])
+    return np.asarray(np.log(weights / weights.sum()))
+
+
+def _level(candidate: Candidate, most: int) -> tuple[str, float]:
+    """The level of a candidate's place, and how often it occurs relative to the effect's other places."""
+    if len(candidate.places) > 1:
+        level = "all" if candidate.pattern == EVERYWHERE or len(candidate.places) == most else "class"
+    else:
+        level = "one of likes" if candidate.one_of_likes else "one"
+    if candidate.effect.measurement_error and level != "one":
+        return level, _ERRORS_ALIKE
+    return level, _ONE_OF_LIKES if level == "one of likes" else 1.0
 
 
 # --- What every log has wrong in each run, so that no effect stands in for it ------------------------------

@@ -36,18 +36,20 @@ from lptn.basics.errors import InputError
 from lptn.basics.places import EVERYWHERE
 from lptn.basics.processes import one_blas_thread
 from lptn.diagnose.answers import LIKELY, Key, Report, Step, is_structure, named
-from lptn.diagnose.candidates import NONE, Candidate, candidates, possible_effects
+from lptn.diagnose.candidates import NONE, OCCAM, Candidate, candidates, in_occams_window, log_priors, possible_effects
 from lptn.diagnose.evidence import ErrorsOfRuns, Evidence, FirstOrder, allowances, may_deviate, with_runs
-from lptn.diagnose.priors import OCCAM, in_occams_window, log_priors
 from lptn.diagnose.refits import RANKING, continued, unless_interrupted
 from lptn.effects import Effect
 from lptn.identify.data import DataSplit, Segment
-from lptn.identify.fitting import Fit, tolerant
+from lptn.identify.fitting import ROUGH, Fit, tolerant
 from lptn.identify.validation import holdout_errors
 from lptn.model.network import EffectDeclaration, Network
 from lptn.simulate.simulation import SimulationError
 
 _EXACT = 6  # candidates that are fitted exactly in each round: of traces that are alike closed form mistakes the order
+_FEW_DIGITS = 0.03
+"""Share of the cost: which effects of a structure end at none is seen by then. The last steps would go to the time
+constants of those that the data don't need, at a multiple of the price, since they become stiff."""
 _IN_DOUBT = log(OCCAM)
 """Logarithm of odds up to which, in closed form, neither is out of the question: an exact fit decides."""
 
@@ -163,10 +165,11 @@ class _Search:
         if not more:
             return
         self.report(f"fitting {len(more)} effects of all parts at once")
-        before, fit = (self.fit, self.added, self.findings), self._continued(network.with_effects(more))
+        before = self.fit, self.added, self.findings
+        fit = self._continued(network.with_effects(more), precision=_FEW_DIGITS)
         if fit is not None:
             self.fit, self.added = fit, (*self.added, *more)
-            self._take_out_none()  # most of them, and their states
+            self._take_out_none(_FEW_DIGITS)  # most of them, and their states
             self.fit = self._tolerant(self.fit)
             self._take_out()
             if self.evidence(self.fit, was).log_evidence > was.log_evidence:
@@ -272,8 +275,8 @@ class _Search:
         """All that a fit may lack, in held-out runs as well; of all effects by default."""
         return possible_effects(fit, self.columns, [*self.runs, *(one.run.name for one in self.data.holdout)], effects)
 
-    def _continued(self, network: Network, fit: Fit | None = None) -> Fit | None:
-        return _continued(fit or self.fit, network, self.data.holdout)
+    def _continued(self, network: Network, fit: Fit | None = None, precision: float = RANKING) -> Fit | None:
+        return _continued(fit or self.fit, network, self.data.holdout, precision)
 
     def _tolerant(self, fit: Fit) -> Fit:
         """A fit that leaves to errors of runs, of sensors and of like parts what they usually are."""
@@ -314,15 +317,17 @@ class _Search:
             return -self.needed.get(_name(declared), -np.inf)
         return evidence.log_odds_of_none(declared.shared_name(amplitude.name))
 
-    def _take_out_none(self) -> None:
+    def _take_out_none(self, precision: float = RANKING) -> None:
         """Remove effects of size zero, whatever the rounding errors of the evidence."""
         while gone := [declared for declared in self.added if _is_none(self.fit, declared)]:
-            without = self._without(gone)
+            without = self._without(gone, precision)
             if without is None:
                 return
             self._take(*without)
 
-    def _without(self, gone: Sequence[EffectDeclaration]) -> tuple[Fit, tuple[EffectDeclaration, ...]] | None:
+    def _without(
+        self, gone: Sequence[EffectDeclaration], precision: float = RANKING
+    ) -> tuple[Fit, tuple[EffectDeclaration, ...]] | None:
         """The model without some effects, and what then is added; what a place had beside them becomes its own."""
         gone = [one for one in self.added if one in gone or any(_depends_on(one, other) for other in gone)]
         rest = []
@@ -330,7 +335,7 @@ class _Search:
             if one not in gone:
                 common = next((other for other in gone if _differs_from(one, other)), None)
                 rest.append(one if common is None else _as_its_own(one, self.fit, common))
-        fit = self._continued(self.given.model.network.with_effects(rest))
+        fit = self._continued(self.given.model.network.with_effects(rest), precision=precision)
         return None if fit is None else (fit, tuple(rest))
 
     def _take(self, fit: Fit, rest: tuple[EffectDeclaration, ...]) -> None:
@@ -341,7 +346,7 @@ class _Search:
         """The model as it is now, fitted to the end."""
         self.report("fitting the effects found")
         while True:
-            plain = unless_interrupted(tolerant(self.fit, None))  # to the end
+            plain = unless_interrupted(tolerant(self.fit, None, precision=ROUGH))
             before = self.fit = plain if _is_simulable(plain, self.data.holdout) else self.fit
             self._take_out()
             if self.fit is not before:
@@ -431,10 +436,10 @@ def _surest(judged: Sequence[Step]) -> Step:
     return max(judged, key=lambda step: (step.at_its_place, step.probability))
 
 
-def _continued(base: Fit, network: Network, holdout: Sequence[Segment]) -> Fit | None:
+def _continued(base: Fit, network: Network, holdout: Sequence[Segment], precision: float = RANKING) -> Fit | None:
     """The fit of another network from where one stands; `None` where it can't be simulated there, held-out runs too."""
     try:
-        fit = continued(base, network)
+        fit = continued(base, network, precision)
     except (SimulationError, InputError):  # too stiff; an effect on an edge that another one made
         return None
     return fit if _is_simulable(fit, holdout) else None

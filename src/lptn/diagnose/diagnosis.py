@@ -19,11 +19,10 @@ import pandas as pd
 
 from lptn.basics.tables import Tabular
 from lptn.diagnose.answers import NOTHING, Key, Report, Step, named
-from lptn.diagnose.candidates import AMBIENT_ERROR, SURFACE_ERROR, TORQUE_ERROR, possible_effects
+from lptn.diagnose.candidates import AMBIENT_ERROR, SURFACE_ERROR, TORQUE_ERROR, log_priors, possible_effects
 from lptn.diagnose.composition import composition
 from lptn.diagnose.evidence import ErrorsOfRuns, Evidence, FirstOrder, allowances
 from lptn.diagnose.fit_statistics import explained_share, is_met, lack_of_fit
-from lptn.diagnose.priors import log_priors
 from lptn.diagnose.refits import RANKING, unless_interrupted
 from lptn.effects.learned_heat import UNNAMED, LearnedHeat, goes_with
 from lptn.identify.comparison import Errors

@@ -16,12 +16,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import exp, log, pi, sqrt
+from math import log, pi, sqrt
 
 import numpy as np
 from scipy.special import chdtri, log_ndtr, logsumexp, ndtri
 
-from lptn.basics.arrays import FloatArray
+from lptn.basics.arrays import BoolArray, FloatArray
 from lptn.basics.parameters import Parameter
 from lptn.basics.places import EVERYWHERE, is_of_run
 from lptn.basics.processes import one_blas_thread
@@ -34,7 +34,6 @@ from lptn.diagnose.fit_statistics import (
     lack_of_fit,
     standing_out,
 )
-from lptn.diagnose.traces import derivatives, pushed_beyond_bounds
 from lptn.effects import Effect
 from lptn.effects.ambient_offset import AmbientOffset
 from lptn.effects.loss_scale import LossScale
@@ -44,17 +43,21 @@ from lptn.identify.comparison import Errors
 from lptn.identify.data import Segment
 from lptn.identify.fitting import Fit
 from lptn.identify.noise import LEAST_NOISE
-from lptn.identify.problem import AT_REST, Problem, tolerance_of
-from lptn.simulate.bound_run import BoundRun, bind, default_start
+from lptn.identify.problem import AT_REST, Problem, rows_of_readings, tolerance_of
+from lptn.model.model import Model
+from lptn.model.network import EffectDeclaration
+from lptn.simulate.bound_run import BoundRun, bind, default_start, start_from
+from lptn.simulate.simulation import sensitivity_windows
 
 SCATTER = 0.15
 """Share, one standard deviation: how far one of several like parts is off what they have in common. Resistances of
 windings are toleranced to 10 %, film coefficients of like surfaces in one machine differ by as much again."""
 _MIXTURE = (1.0, 3.0, 10.0, 30.0), (0.5, 0.3, 0.15, 0.05)
 """Cauchy's density of a size as normal ones of so many typical sizes, with these weights: the integral is closed."""
-_ROUNDS = 4  # of how large errors are, and how many are independent, each by the other
+_ROUNDS, _SETTLED = 50, 0.003
+"""How often it is asked how large errors are, and how many are independent, each by the other; and the share by which
+the precision then changes no more."""
 _CHANCE = 0.05  # of one log in twenty it is said that it needs more than what every log may be off by
-_FINER = (-1.0, 14.0)  # logarithm of how much more precise errors are than the fit leaves them, see `_precision`
 
 
 @dataclass(frozen=True)
@@ -235,20 +238,23 @@ class Evidence:
         information, gradient = columns.T @ columns, columns.T @ residuals
         # A log without any noise is met to the last digit, and no reading says infinitely much.
         exact = sum(float((LEAST_NOISE / sigma) ** 2 @ bound.counted.sum(axis=1)) for bound in bound_runs)
-        squares, left = max(float(residuals @ residuals), exact), residuals
+        independent, precision, left = (
+            (known.independent, known.precision, residuals) if known else (1.0, 0.0, residuals)
+        )
         for _ in range(1 if known else _ROUNDS):
-            if known:
-                independent, precision = known.independent, known.precision
-            else:  # what errors of the log leave repeats for hours: independent are those beside them
+            before = precision
+            if not known:  # what errors of the log leave repeats for hours: independent are those beside them
                 independent = independent_readings(_by_run(bound_runs, sigma, left), NEGLIGIBLE)
-                precision = _precision(information, self._information, gradient, self._gradient, squares, independent)
+                precision = independent / max(float(left @ left), exact)
             self._factorise(self._information + precision * information)
             self._moved = self._solve(self._gradient + precision * gradient)
             left = residuals - columns @ self._moved
+            if abs(precision - before) < _SETTLED * precision:
+                break
         self.left[rows] = left
         self._information = self._information + precision * information
         self._gradient = self._gradient + precision * gradient
-        self._squares += precision * squares
+        self._squares += precision * max(float(residuals @ residuals), exact)
         before = sum(group.misfit for group in self._groups)
         return _Group(independent, precision, self._squares - float(self._gradient @ self._moved) - before)
 
@@ -335,10 +341,8 @@ class Evidence:
         count = len(self.fit.problem.free)
         moving = np.flatnonzero(self._free[:count])
         covariance = np.zeros((count, count))
-        for number, row in enumerate(moving):
-            unit = np.zeros(len(self._gradient))
-            unit[number] = 1.0
-            covariance[row, moving] = self._solve(unit)[: len(moving)]
+        every = self._solve(np.eye(len(self._gradient))[:, : len(moving)])
+        covariance[np.ix_(moving, moving)] = every[: len(moving)]
         return covariance
 
     def _variance(self, row: int) -> float:
@@ -394,7 +398,65 @@ class Evidence:
     def _solve(self, vector: FloatArray) -> FloatArray:
         from scipy.linalg import cho_solve
 
-        return np.asarray(cho_solve(self._factor, vector * self._scale) * self._scale)
+        return np.asarray((cho_solve(self._factor, (vector.T * self._scale).T).T * self._scale).T)
+
+
+# --- Traces: what effects that are switched off would do to the residuals of a fit, to first order ---------------
+
+
+_ANY_RUN = "?*"  # a glob of all runs that no model file writes
+
+
+def derivatives(fit: Fit, sites: Sequence[EffectDeclaration]) -> FloatArray:
+    """Weighted derivatives of the residuals by the amplitudes of `Candidate.sites`, shape (rows, sites), by columns.
+
+    All sites are switched off in one model, which equals the fitted one to the last bit: one pass of sensitivities
+    gives the whole catalogue. What acts in one run alone does there what it does in every run.
+    """
+    problem, in_any = fit.problem, [replace(site, run=_ANY_RUN) if site.run else site for site in sites]
+    names = [site.shared_name(amplitude.name) for site in in_any if (amplitude := site.effect.amplitude())]
+    distinct = dict(zip(names, in_any, strict=True))
+    number_of = {name: number for number, name in enumerate(distinct)}
+    full = fit.model.made_once(
+        ("sites", tuple(distinct)), lambda: Model(fit.model.network.with_effects(distinct.values()))
+    )
+    values, index = full.values, {parameter.name: number for number, parameter in enumerate(full.parameters)}
+    values[[index[parameter.name] for parameter in fit.model.parameters]] = fit.model.values
+    amplitudes = [index[name] for name in distinct]
+    core = len(fit.model.states)  # effects are added behind the network's own, and so are their states
+    numbers = [number_of[name] for name in names]
+    # By columns, as candidates sum them up; the penalties' rows stay zero, for no site enters them.
+    by_site = np.zeros((problem.rows, len(sites)), order="F")
+    first = 0
+    for bound, start in zip(problem.bound_runs, fit.point.starts, strict=True):
+        wide = bind(full, bound.run)
+        states = start_from(full, wide, dict(zip(fit.model.states, start.tolist(), strict=True)))
+        row_of = rows_of_readings(bound) + first
+        acting = np.array([is_of_run(bound.run.name, site.run or EVERYWHERE) for site in sites])
+        for window, moved in sensitivity_windows(full, wide, values, amplitudes, states, core):
+            counted = bound.counted[:, window]
+            scale = 1.0 / np.repeat(problem.sigma, counted.sum(axis=1))[:, None]
+            by_site[row_of[:, window][counted]] = (moved.by_parameter[counted] * scale)[:, numbers] * acting
+        first += int(bound.counted.sum())
+    return by_site
+
+
+def pushed_beyond_bounds(fit: Fit, gradient: FloatArray) -> BoolArray:
+    """Which unknowns are pushed beyond bounds that hold, shape (size,): they can't follow what a candidate would do.
+
+    So are an effect where it vanishes (no friction cools a joint in place of air that is cooler than the log says), and
+    a whole share. (Other parameters at a bound could follow, if it were moved: it is a user's guess.)
+    """
+    problem, holds = fit.problem, np.zeros((2, len(fit.z)), dtype=bool)
+    for row, index in enumerate(problem.free):
+        own = fit.model.parameters[index].declared
+        for side, end in enumerate(own.bounds):
+            holds[side, row] = end in own.ends_by_nature
+    below, above = problem.at_bounds(fit.z)
+    return np.asarray((holds[0] & below & (gradient > 0)) | (holds[1] & above & (gradient < 0)))
+
+
+# --- Held-out runs beside the fitted ones -----------------------------------------------------------------------
 
 
 def with_runs(fit: Fit, segments: Sequence[Segment]) -> Fit:
@@ -419,36 +481,6 @@ def _by_run(bound_runs: Sequence[BoundRun], sigma: FloatArray, residuals: FloatA
         runs.append((bound, error))
         first += rows
     return runs
-
-
-def _precision(
-    known: FloatArray, held: FloatArray, shared: FloatArray, pull: FloatArray, squares: float, independent: float
-) -> float:
-    """The precision of an independent error that makes the readings most probable, all parameters at their best.
-
-    Args:
-        known, held: information of the readings at a precision of one, and of the priors, both square.
-        shared, pull: likewise of the gradient, shape (parameters,).
-        squares: of the residuals.
-        independent: number of errors.
-    """
-    from scipy.linalg import eigh  # heavy, and few commands need it
-    from scipy.optimize import minimize_scalar
-
-    first = independent / squares
-    whole = first * known + held
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(whole), np.finfo(float).tiny))
-    whole = whole * np.outer(scale, scale) + 1e-10 * np.eye(len(whole))
-    by_priors, axes = eigh(held * np.outer(scale, scale), whole)
-    by_priors = np.clip(by_priors, 0.0, 1.0)
-    by_readings, off = first * (axes.T @ (scale * shared)), axes.T @ (scale * pull)
-
-    def lost(ratio: float) -> float:
-        times = exp(ratio)
-        explained = (times * by_readings + off) ** 2 / np.maximum(times * (1 - by_priors) + by_priors, 1e-12)
-        return times * independent - float(explained.sum()) - independent * ratio
-
-    return first * exp(float(minimize_scalar(lost, bounds=_FINER, method="bounded").x))
 
 
 def _log_density(amplitude: Parameter, value: float) -> float:

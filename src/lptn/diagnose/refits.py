@@ -21,7 +21,7 @@ def refit(base: Fit, declaration: EffectDeclaration) -> Fit:
     return continued(base, base.model.network.with_effects([declaration]))
 
 
-def continued(base: Fit, network: Network) -> Fit:
+def continued(base: Fit, network: Network, precision: float = RANKING) -> Fit:
     """Fit a network that differs from a fitted one by some effects, started from its solution; as far as ranking needs.
 
     What that fit held stays held, and what it fitted is fitted.
@@ -29,6 +29,7 @@ def continued(base: Fit, network: Network) -> Fit:
     Args:
         base: the fit to start from.
         network: the network to fit, to the same readings.
+        precision: share of the cost that is not worth another step.
 
     Raises:
         KeyboardInterrupt: Ctrl-C ended the fit.
@@ -50,7 +51,7 @@ def continued(base: Fit, network: Network) -> Fit:
             symmetry_penalty=problem.symmetry_penalty,
             sigma=problem.sigma,
             guess=Point(values, starts),
-            precision=RANKING,
+            precision=precision,
             free=[
                 index
                 for index, parameter in enumerate(model.parameters)

@@ -13,10 +13,9 @@ from lptn.basics.places import EVERYWHERE
 from lptn.basics.processes import one_blas_thread
 from lptn.basics.words import short_size
 from lptn.diagnose.answers import Step
-from lptn.diagnose.candidates import Candidate, possible_effects
+from lptn.diagnose.candidates import Candidate, in_occams_window, log_priors, possible_effects
 from lptn.diagnose.evidence import ErrorsOfRuns, Evidence, allowances
 from lptn.diagnose.fit_statistics import CLEARLY, explained_share, standing_out
-from lptn.diagnose.priors import in_occams_window, log_priors
 from lptn.diagnose.refits import continued, refit
 from lptn.identify.comparison import Errors, predict
 from lptn.identify.data import Segment

@@ -37,7 +37,7 @@ from lptn.simulate.simulation import simulate
 Keep = Callable[[Point], None]
 """Called with the best point so far."""
 
-_ROUGH = 3e-5  # share of the cost that a search on averages leaves: the next one takes a step or two from there
+ROUGH = 3e-5  # share of the cost that a search on averages leaves: the next one takes a step or two from there
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -217,7 +217,7 @@ def fit(
         if values is None:
             z = min(z, coarse.guess(integral_start(model, averaged, sigma)), key=coarse.cost)
         keep_coarse = None if keep is None else lambda z: keep(replace(coarse.point(z), averaged=True))
-        rough = minimise(coarse, z, progress, keep=keep_coarse, near=True, precision=max(precision, _ROUGH))
+        rough = minimise(coarse, z, progress, keep=keep_coarse, near=True, precision=max(precision, ROUGH))
         before, point = rough.iterations, coarse.point(rough.z)
         z = problem.guess(point.values, point.starts)
         if rough.status == "interrupted":
