@@ -109,8 +109,7 @@ class Step(Tabular):
         """A parameter of the effect as it was fitted."""
         if self.declaration is None or parameter is None:
             return None
-        name = self.declaration.shared_name(parameter.name)
-        return next((fitted for fitted in self.fit.model.parameters if fitted.name == name), None)
+        return self.fit.model.named.get(self.declaration.shared_name(parameter.name))
 
     @property
     def likely(self) -> bool:

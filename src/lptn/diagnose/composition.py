@@ -38,7 +38,7 @@ from lptn.basics.processes import one_blas_thread
 from lptn.diagnose.answers import LIKELY, Key, Report, Step, is_structure, named
 from lptn.diagnose.candidates import NONE, OCCAM, Candidate, candidates, in_occams_window, log_priors, possible_effects
 from lptn.diagnose.evidence import ErrorsOfRuns, Evidence, FirstOrder, allowances, may_deviate, with_runs
-from lptn.diagnose.refits import RANKING, continued, unless_interrupted
+from lptn.diagnose.refits import RANKING, as_fitted, continued, unless_interrupted
 from lptn.effects import Effect
 from lptn.identify.data import DataSplit, Segment
 from lptn.identify.fitting import ROUGH, Fit, tolerant
@@ -388,9 +388,8 @@ class _Search:
             return np.inf
         none, unsure, parameter = size.declared.off or 0.0, 0.0, step.declaration.effect.size()
         if parameter and (common := _instead_of(self.fit, step.declaration)):
-            values = {one.name: one.value for one in self.fit.model.parameters}
             shared = common.shared_name(parameter.name)
-            none, unsure = values[shared], errors.get(shared, 0.0)
+            none, unsure = self.fit.model.named[shared].value, errors.get(shared, 0.0)
         beside = [] if step.key in self.findings else self.structure
         held = {own.shared_name(parameter) for own in beside for parameter in own.resolved} - {size.name}
         names, correlations = list(errors), self.fit.uncertainty.correlations
@@ -402,15 +401,13 @@ class _Search:
 
 def is_at_chosen_bound(fit: Fit, declared: EffectDeclaration) -> bool:
     """Whether a free parameter of an effect ended at a bound that is not nature's: its size is none that was found."""
-    values = {parameter.name: parameter for parameter in fit.model.parameters}
-    for parameter in declared.resolved.values():
-        instance = values.get(declared.shared_name(parameter.name))
-        if instance is None or not instance.free:
-            continue
-        for end in instance.declared.bounds:
-            if end not in instance.declared.ends_by_nature and abs(instance.value - end) <= 1e-3 * abs(end):
-                return True
-    return False
+    fitted = (fit.model.named.get(declared.shared_name(name)) for name in declared.resolved)
+    return any(
+        abs(one.value - end) <= 1e-3 * abs(end)
+        for one in fitted
+        if one and one.free
+        for end in set(one.declared.bounds).difference(one.declared.ends_by_nature)
+    )
 
 
 def _judged(steps: Sequence[Step], none: float) -> list[Step]:
@@ -453,7 +450,7 @@ def _is_simulable(fit: Fit, holdout: Sequence[Segment]) -> bool:
 
 def _is_none(fit: Fit, declared: EffectDeclaration) -> bool:
     amplitude, shape = declared.effect.amplitude(), declared.effect.shape()
-    values = {parameter.name: parameter for parameter in fit.model.parameters}
+    values = fit.model.named
     if amplitude is None or _instead_of(fit, declared):
         return False
     size = values[declared.shared_name(amplitude.name)]
@@ -488,14 +485,12 @@ def _differs_from(one: EffectDeclaration, common: EffectDeclaration) -> bool:
 
 def _as_its_own(difference: EffectDeclaration, fit: Fit, common: EffectDeclaration) -> EffectDeclaration:
     """What a place had beside a common effect, as an effect of its own that starts from both."""
-    fitted = {parameter.name: parameter.value for parameter in fit.model.parameters}
-    amplitude = difference.effect.amplitude()
-    parameters = []
+    own = {parameter.name: parameter for parameter in as_fitted(difference, fit).parameters}
+    amplitude, parameters = difference.effect.amplitude(), []
     for stated in difference.effect.stated():
-        own = next((parameter for parameter in difference.parameters if parameter.name == stated.name), stated)
-        value = fitted.get(difference.shared_name(own.name), own.value)
-        if amplitude is not None and own.name == amplitude.name:
-            value += fitted[common.shared_name(own.name)] - (stated.off or 0.0)
-        lower, upper = stated.bounds
-        parameters.append(replace(own, bounds=stated.bounds, value=min(max(value, lower), upper)))
+        one, (lower, upper) = own.get(stated.name, stated), stated.bounds
+        value = one.value
+        if amplitude is not None and one.name == amplitude.name:
+            value += fit.model.named[common.shared_name(one.name)].value - (stated.off or 0.0)
+        parameters.append(replace(one, bounds=stated.bounds, value=min(max(value, lower), upper)))
     return replace(difference, parameters=tuple(parameters), difference=False)

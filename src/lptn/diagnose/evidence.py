@@ -93,7 +93,7 @@ def allowances(fit: Fit, possible: Iterable[Candidate], errors: ErrorsOfRuns) ->
         errors: how far a log may be off.
     """
     spreads = {LossScale: 2 * errors.torque, SurfaceScale: errors.surface, AmbientOffset: errors.ambient}
-    values = {parameter.name: parameter for parameter in fit.model.parameters}
+    values = fit.model.named
     common = {declared.effect.key: declared for declared in fit.model.network.effects if not declared.difference}
     allowed = []
     for one in possible:

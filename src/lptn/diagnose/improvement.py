@@ -20,7 +20,7 @@ from lptn.diagnose.answers import Report, Step
 from lptn.diagnose.candidates import AMBIENT_ERROR, SURFACE_ERROR, TORQUE_ERROR
 from lptn.diagnose.diagnosis import Diagnosis, Verdict, diagnose
 from lptn.diagnose.fit_statistics import Removed, lack_of_fit
-from lptn.diagnose.refits import continued, unless_interrupted
+from lptn.diagnose.refits import as_fitted, continued, unless_interrupted
 from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit
 from lptn.identify.solvers import PRECISION
@@ -138,15 +138,7 @@ def table_of_steps(steps: Sequence[Step]) -> pd.DataFrame:
 
 def effects_added(steps: Sequence[Step]) -> list[EffectDeclaration]:
     """The effects that were added step by step, with the values that the last step's fit gave them."""
-    fitted = {parameter.name: parameter.value for parameter in steps[-1].fit.model.parameters}
-    effects = []
-    for declared in [one for step in steps for one in step.declarations]:
-        values = tuple(
-            replace(parameter, value=fitted.get(declared.shared_name(parameter.name), parameter.value))
-            for parameter in declared.parameters
-        )
-        effects.append(replace(declared, parameters=values))
-    return effects
+    return [as_fitted(declared, steps[-1].fit) for step in steps for declared in step.declarations]
 
 
 def improve(

@@ -68,6 +68,13 @@ def _carried_over(old: Model, new: Model, states: FloatArray, bound: BoundRun) -
     return start_from(new, bound, nodes | dict(zip(old.states, states.tolist(), strict=True)))
 
 
+def as_fitted(declared: EffectDeclaration, fit: Fit) -> EffectDeclaration:
+    """An effect with the values that a fit gave it."""
+    found = [(own, fit.model.named.get(declared.shared_name(own.name))) for own in declared.parameters]
+    values = (replace(own, value=instance.value) if instance else own for own, instance in found)
+    return replace(declared, parameters=tuple(values))
+
+
 def unless_interrupted(done: Fit) -> Fit:
     """A fit as it is; a search of many fits stops where one was stopped, since a half-done one decides nothing.
 

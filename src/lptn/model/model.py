@@ -110,6 +110,11 @@ class Model:
         """Parameter values as the network declares them, shape (m,)."""
         return np.array([parameter.value for parameter in self.parameters], dtype=float)
 
+    @property
+    def named(self) -> dict[str, ParameterInstance]:
+        """Its parameters by name."""
+        return {parameter.name: parameter for parameter in self.parameters}
+
     def with_values(self, values: FloatArray) -> Model:
         """The same model at other parameter values, shape (m,); its functions are shared, not made again."""
         other = object.__new__(Model)
