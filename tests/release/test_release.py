@@ -28,7 +28,7 @@ def test_the_version_is_said_in_one_place() -> None:
 def test_each_package_and_its_files_are_in_the_wheel() -> None:
     setup = PROJECT["tool"]["setuptools"]
     places = {name: ROOT / place for name, place in setup["package-dir"].items()}
-    places |= {name: places["lptn"] / name.partition(".")[2] for name in setup["packages"] if name not in places}
+    places |= {name: places["lptn"].joinpath(*name.split(".")[1:]) for name in setup["packages"] if name not in places}
     assert all((place / "__init__.py").is_file() for place in places.values())
     on_disk = {path.parent for top in ("src/lptn", "fmu", "planners") for path in (ROOT / top).rglob("__init__.py")}
     assert {place.resolve() for place in places.values()} == {path.resolve() for path in on_disk}
