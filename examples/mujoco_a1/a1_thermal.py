@@ -103,7 +103,7 @@ class Windows:
         raw = self._raw[name.removesuffix("_rms")]
         if name not in FEATURES:
             return np.asarray(raw.mean(axis=0))
-        rule = FEATURES[name].reduction
+        rule = FEATURES[name]
         return rule.after(rule.before(raw).mean(axis=0))
 
     def _value(self, column: str, reduced: dict[str, FloatArray]) -> float:

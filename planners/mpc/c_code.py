@@ -10,8 +10,9 @@ from importlib.resources import files
 from typing import Any
 
 import casadi as ca
+import numpy as np
 
-from lptn.logs import resampling
+from lptn.logs.resampling import feature
 from lptn.online import living_sensors
 
 from ..compiled import c_code, compiled
@@ -134,10 +135,10 @@ def _pattern(slope: ca.Sparsity, heated: ca.Sparsity, unsure: ca.Sparsity) -> st
 
 def _kinds(conditions: Sequence[str]) -> str:
     """How samples of each condition become one number, as where logs are read."""
-    names = {resampling.MEAN_ABS: "LPTN_ABSOLUTE", resampling.RMS: "LPTN_RMS"}
+    names: dict[object, str] = {np.abs: "LPTN_ABSOLUTE", np.square: "LPTN_RMS"}
     kinds = [
         "LPTN_TEMPERATURE" if column.startswith("temperature.")
-        else names.get(resampling.feature(column).reduction, "LPTN_MEAN")
+        else names.get(feature(column).before, "LPTN_MEAN")
         for column in conditions
     ]  # fmt: skip
     lines = [f"    {kind}, /* {column} */" for kind, column in zip(kinds, conditions, strict=True)]

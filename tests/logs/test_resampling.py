@@ -27,7 +27,7 @@ numbers = st.floats(-1e3, 1e3).map(lambda x: round(x, 6))
 
 @given(st.sampled_from(COLUMNS), st.integers(1, 7), arrays(np.float64, 42, elements=numbers))
 def test_a_block_keeps_the_integral(column: str, factor: int, values: FloatArray) -> None:
-    rule = feature(column).reduction
+    rule = feature(column)
     reduced = reduce_blocks(column, values, factor)
     assert reduced.shape == (42 // factor,)
     whole = rule.before(values[: 42 // factor * factor])
@@ -39,7 +39,7 @@ def test_a_bin_keeps_the_integral_of_the_held_signal(column: str, gaps: FloatArr
     values = data.draw(arrays(np.float64, 30, elements=numbers))
     time = 5.0 + np.concatenate(([0.0], np.cumsum(gaps[:-1])))
     end = time[-1] + gaps[-1]
-    rule = feature(column).reduction
+    rule = feature(column)
     reduced = Samples(time, {column: values}).inputs([column], Grid(5.0, (end - 5.0) / 7, 7))[column]
     integral = (rule.before(values) * np.diff(time, append=end)).sum()
     assert np.isclose(rule.before(reduced).sum() * (end - 5.0) / 7, integral, rtol=1e-9, atol=1e-9)

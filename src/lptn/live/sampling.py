@@ -352,7 +352,7 @@ class Sampler:
         raw = dict(zip(self._keys, samples.T, strict=True))
         if not self.averaged:
             self._start, self._time, self._pending = float(time[-1]), self._time[size:], self._pending[size:]
-            rules = {column: feature(column).reduction for column in self._inputs}
+            rules = {column: feature(column) for column in self._inputs}
             columns = {column: rule.after(rule.before(sample_values(column, raw))) for column, rule in rules.items()}
             return [Rows(time, columns | {key: raw[key] for key in self._outputs}, raw, first)]
         # A step is taken a step late, so that what is read once in it has a reading on either side.
@@ -363,7 +363,7 @@ class Sampler:
             on = Grid(start, self._step, count)
             held, columns = on.held(time), {}
             for column in self._inputs:
-                rule = feature(column).reduction
+                rule = feature(column)
                 columns[column] = rule.after(held(rule.before(sample_values(column, raw))))
             columns |= {key: on.averages(time, raw[key], self._gap) for key in self._outputs}
             found = [Rows(on.starts, columns, {}, first)]

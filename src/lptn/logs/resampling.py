@@ -20,48 +20,40 @@ ROUNDING = 1e-6  # of a step: what the rounding of a time stamp may make, and mu
 # --- Features: what a model is driven by, formed from raw quantities and reduced with no integral lost ---
 
 
-class Reduction(NamedTuple):
-    """A generalised mean: `after(mean(before(x)))`. The mean of `before(x)` is what a block preserves."""
-
-    before: Callable[[FloatArray], FloatArray]
-    after: Callable[[FloatArray], FloatArray]
-
-
-MEAN = Reduction(np.positive, np.positive)
-MEAN_ABS = Reduction(np.abs, np.positive)
-RMS = Reduction(np.square, np.sqrt)
-
-
 class Feature(NamedTuple):
-    """A model's input: the raw quantities whose product it is, and how a block of samples is reduced to one value."""
+    """A model's input: the raw quantities whose product it is, and how a block of samples is reduced to one value.
+
+    That is a generalised mean, `after(mean(before(x)))`: what a block preserves is the mean of `before(x)`.
+    """
 
     needs: tuple[str, ...]
-    reduction: Reduction
+    before: Callable[[FloatArray], FloatArray] = np.positive
+    after: Callable[[FloatArray], FloatArray] = np.positive
 
 
 # Copper loss goes with the square of torque or current, so these keep their RMS; the loss of a motor's drive goes with
 # |current|. Friction goes with |speed| and with its square, so velocity gives two features. Any quantity that is not
 # listed keeps its plain mean.
 FEATURES: Mapping[str, Feature] = {
-    "temperature": Feature(("temperature",), MEAN),
-    "torque": Feature(("torque",), RMS),
-    "torque_abs": Feature(("torque",), MEAN_ABS),
-    "current": Feature(("current",), RMS),
-    "current_abs": Feature(("current",), MEAN_ABS),
-    "velocity": Feature(("velocity",), MEAN_ABS),
-    "velocity_rms": Feature(("velocity",), RMS),
-    "mechanical_power": Feature(("torque", "velocity"), MEAN_ABS),
-    "speed": Feature(("speed",), MEAN_ABS),
+    "temperature": Feature(("temperature",)),
+    "torque": Feature(("torque",), np.square, np.sqrt),
+    "torque_abs": Feature(("torque",), np.abs),
+    "current": Feature(("current",), np.square, np.sqrt),
+    "current_abs": Feature(("current",), np.abs),
+    "velocity": Feature(("velocity",), np.abs),
+    "velocity_rms": Feature(("velocity",), np.square, np.sqrt),
+    "mechanical_power": Feature(("torque", "velocity"), np.abs),
+    "speed": Feature(("speed",), np.abs),
 }
 
 # Of no use to a model, which has no sense of direction; who looks for a gait asks for it by name.
-_ON_REQUEST: Mapping[str, Feature] = {"signed_velocity": Feature(("velocity",), MEAN)}
+_ON_REQUEST: Mapping[str, Feature] = {"signed_velocity": Feature(("velocity",))}
 
 
 def feature(column: str) -> Feature:
     """The rule for a column `<feature>.<place>`."""
     quantity = quantity_of(column)
-    return FEATURES.get(quantity) or _ON_REQUEST.get(quantity) or Feature((quantity,), MEAN)
+    return FEATURES.get(quantity) or _ON_REQUEST.get(quantity) or Feature((quantity,))
 
 
 def raw_keys(column: str, available: Iterable[str] = ()) -> tuple[str, ...]:
@@ -94,7 +86,7 @@ def reduce_blocks(column: str, values: FloatArray, factor: int) -> FloatArray:
 
     NaN is left out of a block; a block of nothing but NaN gives NaN. A rest at the end is dropped.
     """
-    rule = feature(column).reduction
+    rule = feature(column)
     return rule.after(means_of_blocks(rule.before(values), factor))
 
 
@@ -255,7 +247,7 @@ class Samples:
         """Features on a grid, (n,) each, from samples without NaN there."""
         held, averaged, found = on.held(self.time), self.averaged(on.step), dict[str, FloatArray]()
         for column in columns:
-            rule = feature(column).reduction
+            rule = feature(column)
             if column.startswith("temperature.") and not averaged:  # read off as the measured ones are
                 found[column] = interpolate(self.time, self.raw[column], on.starts, np.inf)
             else:

@@ -226,7 +226,7 @@ def present_operating_point(
 
 def _before(inputs: FloatArray, columns: list[str]) -> FloatArray:
     """What the mean of each input is taken of: the square of a torque, the value itself of others."""
-    return np.stack([feature(column).reduction.before(row) for column, row in zip(columns, inputs, strict=True)])
+    return np.stack([feature(column).before(row) for column, row in zip(columns, inputs, strict=True)])
 
 
 def _long_run(series: FloatArray, step: float) -> tuple[FloatArray, float]:
