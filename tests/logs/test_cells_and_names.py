@@ -52,6 +52,18 @@ def is_true(run: Run) -> None:
     assert len(run) == N
 
 
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+@pytest.mark.parametrize("block", [1, 7, 64])
+def test_a_line_may_lie_across_blocks(log: Log, monkeypatch: pytest.MonkeyPatch, end: str, block: int) -> None:
+    """Blocks of characters end anywhere, between the two of a line's end, too."""
+    monkeypatch.setattr("lptn.logs.csv_files._BLOCK", block)
+    path = log([NAMES, *ROWS])
+    path.write_bytes(path.read_bytes().replace(b"\n", end.encode()) + b"60,1")  # a copy that was stopped
+    (run,) = read_log(path)
+    is_true(run)
+    assert any("ends within a line" in note for note in run.notes)
+
+
 # --- Names that stand again -------------------------------------------------------------------------
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -47,6 +48,11 @@ def guessed(path: Path, inputs: tuple[str, ...] = INPUTS, outputs: tuple[str, ..
         assert written == {suggestion.key: suggestion.source}
         guesses[suggestion.key] = f"{suggestion.source.columns[0]}|{suggestion.source.unit or ''}"
     return guesses
+
+
+def test_a_log_that_lacks_nothing_is_not_read(write: Write) -> None:
+    table = open_table(write({"time": TIME, **dict.fromkeys((*INPUTS, *OUTPUTS), WARM)}))
+    assert guess(replace(table, read=lambda _: pytest.fail("read for a guess")), {}, INPUTS, OUTPUTS) == []
 
 
 def test_names_with_the_joint_in_them(write: Write) -> None:

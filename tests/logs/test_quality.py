@@ -269,6 +269,13 @@ def test_a_step_is_found(step: float) -> None:
     assert quantisation_step(np.round(SMOOTH / step) * step) == pytest.approx(step, rel=1e-3)
 
 
+@pytest.mark.parametrize("step", [0.02, 1.0, 0.0])
+def test_a_step_of_very_many_readings_is_found_as_of_few(step: float) -> None:
+    rng = np.random.default_rng(7)
+    readings = 20 + 40 * np.sin(np.linspace(0.0, 9.0, 200_000)) ** 2 + rng.normal(0.0, 0.1, 200_000)
+    assert quantisation_step(np.round(readings / step) * step if step else readings) == step
+
+
 def test_nan_and_float32_do_not_hide_a_step() -> None:
     values = (np.round(SMOOTH / 0.0625) * 0.0625 - 273.15 + 273.15).astype(np.float32).astype(np.float64)
     values[::7] = np.nan
