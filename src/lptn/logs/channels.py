@@ -249,10 +249,6 @@ class Channels:
         """The key of what heats a place, '' where nothing of it is logged."""
         return next((key for quantity in HEATS if (key := f"{quantity}.{place}") in self.values), "")
 
-    def is_held(self, key: str) -> bool:
-        """Whether a channel is logged on change, as its entry says: its values stand until the next."""
-        return key in self.sources and self.sources[key].hold
-
     def is_believed(self, key: str) -> bool:
         """Whether somebody said which readings of a channel are valid, who knows the machine."""
         return bool(np.isfinite(self.sources[key].valid).any())

@@ -34,13 +34,15 @@ _SI = {
     **dict.fromkeys(("power", "mechanical_power"), "W"),
     "voltage": "V",
     "resistance": "ohm",
+    "torque_abs": "N*m",
+    "irradiance": "W/m^2",
+    **dict.fromkeys(("powered", "fan"), "1"),
 }
-_NEVER_CONVERTED = {"torque_abs": "N*m", "powered": "1", "fan": "1", "irradiance": "W/m^2"}
 
 
 def column_unit(column: str) -> str:
     """The unit that a log column of lptn's has by its quantity, empty where the quantity has none."""
-    return (_SI | _NEVER_CONVERTED).get(column.partition(".")[0], "")
+    return _SI.get(quantity_of(column), "")
 
 
 # pint reads Nm as "number metre" and does not know rev; 1/s is rad/s to it, while of a shaft it means turns.

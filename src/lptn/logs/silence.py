@@ -139,8 +139,8 @@ def silences_of(log: Channels) -> dict[str, list[Silence]]:
     speeds = {key: np.abs(channel) for key, channel in log.of("velocity").items()}
     of_all = np.max(list(speeds.values()), axis=0) if speeds else resting  # a motor's may stand at its housing
     # Speeds first: a joint of which nobody knows whether it moves may have no torque.
-    # What is logged on change stands, by its entry.
-    inputs = {key: x for key, x in log.values.items() if quantity_of(key) in INPUTS and not log.is_held(key)}
+    held = {key for key, source in log.sources.items() if source.hold}  # logged on change: they stand by their entry
+    inputs = {key: x for key, x in log.values.items() if quantity_of(key) in INPUTS and key not in held}
     silent = {
         key: _of_input(time, inputs[key], speed, resting, _AT_REST) for key, speed in speeds.items() if key in inputs
     }
