@@ -15,7 +15,7 @@ from lptn.basics.errors import InputError
 
 from .archive import Unpacked
 from .session import Exchange, Session
-from .ssp import OpenedSystem, in_units_of
+from .ssp import in_units_of, opened_system
 from .variables import to_column
 
 
@@ -44,11 +44,8 @@ class Connected(AbstractContextManager["Connected"]):
     def __init__(self, path: str | Path, *, start: float = 0.0, held: bool = False, trust: bool = False) -> None:
         self.path, self.time = Path(path), start
         with ExitStack() as stack:
-            opened = OpenedSystem(path)
-            stack.callback(opened.close)
-            stack.enter_context(opened.named())
-            self.structure = opened.structure
-            files = opened.structure.components
+            self.structure = stack.enter_context(opened_system(path))
+            files = self.structure.components
             self.together = not held
             for file in files.values():
                 if self.together:
@@ -59,7 +56,7 @@ class Connected(AbstractContextManager["Connected"]):
             for name, file in files.items():
                 self._sessions[name] = stack.enter_context(kind(file, start=start, trust=trust))
             self._parameters = {
-                name: in_units_of(opened.structure.values.get(name, {}), session.unpacked, self.path)
+                name: in_units_of(self.structure.values.get(name, {}), session.unpacked, self.path)
                 for name, session in self._sessions.items()
             }
             self._wire()

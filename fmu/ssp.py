@@ -280,51 +280,31 @@ def _system_text(
     return rendered("system.ssd.xml.j2", values | {"namespaces": _NAMESPACES})
 
 
-class OpenedSystem:
-    """A system read from its file; the FMUs of an SSP archive lie unpacked until `close`.
+@contextmanager
+def opened_system(path: str | Path) -> Iterator[SystemStructure]:
+    """A system read from its file; within the block the FMUs of an SSP archive lie unpacked.
+
+    What is wrong there with a file that was unpacked is said of the archive, and of the file's place in it.
 
     Args:
         path: an `.ssd` or `.ssp` file.
 
     Raises:
-        InputError: it can't be read, or holds what is not supported here: systems within systems, signal dictionaries.
+        InputError: it can't be read, or holds what is not supported here: systems within systems, signal dictionaries;
+            or as it was raised within.
     """
-
-    def __init__(self, path: str | Path) -> None:
-        self.path = Path(path)
-        self._folder: tempfile.TemporaryDirectory[str] | None = None
-        file = self.path
+    file = archive = Path(path)
+    with tempfile.TemporaryDirectory(prefix="lptn-ssp-", ignore_cleanup_errors=True) as folder:
         try:
-            if self.path.suffix == ".ssp":
-                self._folder = tempfile.TemporaryDirectory(prefix="lptn-ssp-", ignore_cleanup_errors=True)
-                unpack_files(bytes_of(self.path, ARCHIVE, _EXPECTED), self.path, Path(self._folder.name))
-                file = Path(self._folder.name) / _ROOT
-            with self.named():
-                self.structure = _structure(_read(file, "ssd:SystemStructureDescription"), file, self.path)
-        except BaseException:
-            self.close()
-            raise
-
-    @contextmanager
-    def named(self) -> Iterator[None]:
-        """Within it what is wrong with a file that was unpacked is said of the archive, and of the file's place in it.
-
-        Raises:
-            InputError: as it was raised within.
-        """
-        try:
-            yield
+            if archive.suffix == ".ssp":
+                unpack_files(bytes_of(archive, ARCHIVE, _EXPECTED), archive, Path(folder))
+                file = Path(folder) / _ROOT
+            yield _structure(_read(file, "ssd:SystemStructureDescription"), file, archive)
         except InputError as error:
-            folder = None if self._folder is None else self._folder.name
-            if folder is None or not error.file.startswith(folder):
+            if not error.file.startswith(folder):
                 raise
             inside = error.file.removeprefix(folder).lstrip("/\\")
-            raise InputError(self.path, f"{inside}, {error.place}", error.found, error.expected) from error
-
-    def close(self) -> None:
-        """Remove what was unpacked."""
-        if self._folder is not None:
-            self._folder.cleanup()
+            raise InputError(archive, f"{inside}, {error.place}", error.found, error.expected) from error
 
 
 def _structure(root: Any, file: Path, shown: Path) -> SystemStructure:

@@ -14,7 +14,7 @@ from lptn.basics.errors import InputError
 from lptn.fmu import export
 from lptn.fmu.archive import Unpacked
 from lptn.fmu.connected import Connected
-from lptn.fmu.ssp import OpenedSystem
+from lptn.fmu.ssp import opened_system
 from lptn.model.file import parse_model
 from lptn.robots.presets import presets
 
@@ -134,9 +134,13 @@ OUTSIDE = [
 def test_no_source_of_an_archive_leads_out_of_it(source: str, tmp_path: Path) -> None:
     binding = f'<ssd:ParameterBindings><ssd:ParameterBinding source="{source}"/></ssd:ParameterBindings>'
     for text in (system(source), system("resources/one.fmu", inside=binding)):
-        with pytest.raises(InputError, match="leads out of the archive"):
-            OpenedSystem(packed(tmp_path, text))
-    OpenedSystem(packed(tmp_path, system("resources/../resources/one.fmu"))).close()
+        with (
+            pytest.raises(InputError, match="leads out of the archive"),
+            opened_system(packed(tmp_path, text)),
+        ):
+            pass
+    with opened_system(packed(tmp_path, system("resources/../resources/one.fmu"))) as structure:
+        assert [file.is_file() for file in structure.components.values()] == [True]
 
 
 @pytest.mark.parametrize(
@@ -163,8 +167,8 @@ def test_what_is_wrong_within_an_archive_is_said_of_it_and_not_of_where_it_was_u
 def test_a_source_that_is_no_path_beside_the_file_is_refused(source: str, tmp_path: Path) -> None:
     (tmp_path / "x.ssd").write_text(system(source))
     for path in (packed(tmp_path, system(source)), tmp_path / "x.ssd"):
-        with pytest.raises(InputError, match="a path relative to the file"):
-            OpenedSystem(path)
+        with pytest.raises(InputError, match="a path relative to the file"), opened_system(path):
+            pass
 
 
 @pytest.mark.parametrize(
@@ -183,8 +187,8 @@ def test_a_system_holds_some_fmus_and_not_too_many(
     monkeypatch.setattr("lptn.fmu.ssp.ARCHIVE", Bound(10_000, "bytes"))
     zipped(tmp_path / "one.fmu", {"modelDescription.xml": described(2)})
     (tmp_path / "x.ssd").write_text(text)
-    with pytest.raises(InputError, match=said):
-        OpenedSystem(tmp_path / "x.ssd")
+    with pytest.raises(InputError, match=said), opened_system(tmp_path / "x.ssd"):
+        pass
 
 
 # --- names -----------------------------------------------------------------------------------------------------
