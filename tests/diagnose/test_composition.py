@@ -90,6 +90,18 @@ def test_where_nothing_is_hidden_nothing_is_added(leg: Leg, seed: int) -> None: 
     assert made.fit.cost == pytest.approx(given.cost, rel=1e-3)
 
 
+@pytest.mark.long
+def test_a_part_of_structure_shares_its_probability_with_what_the_data_cannot_tell_from_it(
+    leg: Leg,  # noqa: F811
+) -> None:
+    """Where torque alone is logged, warm windings and weaker magnets heat alike; one was told as certain."""
+    model, data = leg(Hidden("torque_constant_drop", "*"))
+    twins = {("torque_constant_drop", "*"), ("resistance_rise", "*")}
+    (step,) = (one for one in diagnose(model, data).steps if one.key in twins)
+    assert {step.key, *step.indistinguishable} >= twins
+    assert step.probability < 0.95 < step.at_its_place
+
+
 def test_what_one_joint_had_beside_all_becomes_its_own_when_the_others_have_none(leg: Leg) -> None:  # noqa: F811
     """Heat of the thigh alone, in a model in which all have some and the thigh has more."""
     model, data = leg(Hidden("constant_heat", "FR_calf"))

@@ -80,6 +80,22 @@ def test_the_odds_of_none_agree_with_the_difference_of_two_fits(heat: float) -> 
         assert evidence.log_odds_of_none(name) == pytest.approx(exact, abs=2.0)
 
 
+@pytest.mark.parametrize("heat", [0.02, 0.1])
+def test_the_odds_of_an_exchange_agree_with_the_difference_of_two_fits(heat: float) -> None:
+    """Convection that changes with temperature, or a drift, in place of a heat."""
+    fit = _fit(heat)
+    larger, name = _with_heat(fit)
+    names = {("natural_convection", NODES[0]), ("radiation", NODES[0]), ("sensor_drift", NODES[0])}
+    asked = [one for one in possible_effects(larger, fit.problem.bound_runs[0].run.columns) if one.key in names]
+    evidence = Evidence(larger, [], asked)
+    exchanges = evidence.exchanges(name)
+    assert {one.key for one, _ in exchanges} == names
+    for one, odds in exchanges:
+        other = finished(continued(larger, fit.model.network.with_effects([one.declaration()])))
+        exact = Evidence(other, [], beside=evidence).log_evidence - evidence.log_evidence
+        assert odds == pytest.approx(exact, abs=2.0)
+
+
 def test_an_allowance_takes_a_deviation_of_its_size_and_not_ten_times_as_much() -> None:
     """How much an offset of one sensor in one run gains to first order, beside an allowance for it."""
     odds = {}

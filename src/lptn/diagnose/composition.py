@@ -116,7 +116,7 @@ def composition(
     if again.findings:
         again.add_structure()
     if not again.findings or again.fit is search.fit:
-        return search.result()
+        return search.with_twins(search.result())
     again.add_findings(most)
     made, other = search.result(), again.result()
     if data.holdout:
@@ -124,7 +124,7 @@ def composition(
         better = bool(errors_made and errors_other and errors_other.rmse < errors_made.rmse)
     else:
         better = search.evidence(other.fit, made.after).log_evidence > made.after.log_evidence
-    return other if better else made
+    return again.with_twins(other) if better else search.with_twins(made)
 
 
 class _Search:
@@ -363,6 +363,62 @@ class _Search:
         structure = sorted((step for step in told if step.key not in self.findings), key=lambda step: -step.log_odds)
         rivals = next(((step, *others) for step, others, _ in self.findings.values() if others), ())
         return Composition(self.fit, findings, tuple(structure), rivals, self.refused, self.before, evidence)
+
+    def with_twins(self, made: Composition) -> Composition:
+        """The same, each part of structure by the most probable of the names that may stand for it.
+
+        Where another name is the more probable by an exact fit, it takes its place. Where the data can't tell the names
+        apart, the probability is shared among them.
+        """
+        exact = dict[tuple[Key, Key], float]()
+        before = self.fit
+        while (shares := self._shares(exact)) is None:
+            pass
+        if self.fit is not before:
+            made = self.result()
+            shares = self._shares(exact) or {}
+        structure = []
+        for step in made.structure:
+            own, *others = shares.get(_name(step.declarations[0]), [(step.key, 1.0)])
+            twins = tuple(key for key, _ in others)
+            structure.append(replace(step, probability=own[1] * step.probability, indistinguishable=twins))
+        return replace(made, structure=tuple(structure))
+
+    def _shares(self, exact: dict[tuple[Key, Key], float]) -> dict[Key, list[tuple[Key, float]]] | None:
+        """Of each part of structure its own share of the probability, and the shares of what may stand for it; `None`
+        where one gave way to another.
+
+        Args:
+            exact: log odds of such an exchange by exact fits, which are added.
+        """
+        common, told = self._common(self.given.model.network), {own.effect.key for own in self.added}
+        odds = dict(zip((one.effect.key for one in common), log_priors(common).tolist(), strict=True))
+        others = [one for one in common if one.effect.key not in told]
+        allowed = allowances(self.fit, self._possible(self.fit, may_deviate(self.fit)), self.errors)
+        evidence = Evidence(self.fit, allowed, others, held_out=self.data.holdout)
+        shares = {}
+        for own in self.structure:
+            amplitude, name = own.effect.amplitude(), _name(own)
+            if amplitude is None or own.effect.key not in odds:
+                continue
+            found = [(_key(own), 0.0)]
+            for one, gain in evidence.exchanges(own.shared_name(amplitude.name)):
+                prior = odds[one.effect.key] - odds[own.effect.key]
+                if gain + prior > -_IN_DOUBT and (name, one.key) not in exact:
+                    rest = [other for other in self.added if other is not own]
+                    fit = self._continued(self.given.model.network.with_effects([*rest, one.declaration()]))
+                    gained = (
+                        -np.inf if fit is None else self.evidence(fit, evidence).log_evidence - evidence.log_evidence
+                    )
+                    exact[name, one.key] = gained + prior
+                    if fit is not None and gained + prior > 0.0:
+                        self._take(fit, (*rest, fit.model.network.effects[-1]))
+                        return None
+                found.append((one.key, exact.get((name, one.key), gain + prior)))
+            probable = softmax([gain for _, gain in found])
+            window = [number for number in in_occams_window(probable) if number]
+            shares[name] = [(found[number][0], float(probable[number])) for number in (0, *window)]
+        return shares
 
     def _as_told(self, declared: EffectDeclaration, evidence: Evidence) -> Step:
         """An effect as it is in the fit that is used, and how probable it is, with a size that is told from none."""

@@ -13,7 +13,7 @@ The size of an effect has a prior with long tails (Cauchy's): an unusual size is
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import log, pi, sqrt
@@ -321,8 +321,8 @@ class Evidence:
         is known of it.
         """
         problem, parameters = self.fit.problem, self.fit.model.parameters
-        row = next((row for row, index in enumerate(problem.free) if parameters[index].name == name), None)
-        if row is None or not self._free[row]:
+        row = self._row_of(name)
+        if row is None:
             return float("inf")
         variance, declared = self._variance(row), parameters[problem.free[row]].declared
         none = declared.off or 0.0
@@ -331,6 +331,34 @@ class Evidence:
         if _is_one_sided(declared):
             density -= float(log_ndtr(off))
         return density - _log_density(declared, none)
+
+    def exchanges(self, name: str) -> list[tuple[Candidate, float]]:
+        """Logarithm of the odds of the model with a candidate in place of an amplitude to this one, of each candidate.
+
+        Of what is collinear neither is told from the other, however sure the data are of both together. To first order,
+        without the candidates' prior odds: the amplitude set to none moves all else, and the candidate takes it up.
+        """
+        row = self._row_of(name)
+        if row is None:
+            return []
+        instance, slope = (
+            self.fit.model.parameters[self.fit.problem.free[row]],
+            self.fit.problem.slope(self.fit.point.values),
+        )
+        off = (instance.value - (instance.declared.off or 0.0)) / float(slope[row])
+        variance, place = float(self.covariance[row, row]), int(self._free[:row].sum())
+        none, best = self.log_odds_of_none(name), dict[Candidate, float]()
+        for one, _, pull, information, beside in self._beside():
+            along = float(beside[place]) / variance
+            gained = _gained(one, pull + along * off, information + along * float(beside[place]))
+            best[one] = max(none + gained, best.get(one, -np.inf))
+        return list(best.items())
+
+    def _row_of(self, name: str) -> int | None:
+        """The number of a parameter among those that move; `None` if it doesn't, or is pushed beyond a bound."""
+        problem, parameters = self.fit.problem, self.fit.model.parameters
+        row = next((row for row, index in enumerate(problem.free) if parameters[index].name == name), None)
+        return row if row is not None and self._free[row] else None
 
     @cached_property
     def covariance(self) -> FloatArray:
@@ -356,36 +384,37 @@ class Evidence:
         Args:
             log_priors: logarithm of the prior odds of each, shape (candidates,).
         """
-        scales, weights = (np.array(numbers) for numbers in _MIXTURE)
         independent = sum(group.independent for group in self._groups)
         misfit = sum(group.misfit for group in self._groups)
+        priors = dict(zip((one for one, _ in self._among), log_priors.tolist(), strict=True))
+        best = dict[Candidate, FirstOrder]()
+        for one, shape, pull, information, _ in self._beside():
+            log_odds = priors[one] + _gained(one, pull, information, independent, misfit)
+            if one not in best or log_odds > best[one].log_odds:
+                least, most = (bound - (one.amplitude.off or 0.0) for bound in one.amplitude.bounds)
+                size = min(max(pull / information, least), most)
+                best[one] = FirstOrder(one, log_odds, size, shape, information**-0.5)
+        return sorted(best.values(), key=lambda entry: -entry.log_odds)
+
+    def _beside(self) -> Iterator[tuple[Candidate, float | None, float, float, FloatArray]]:
+        """Of each candidate and shape what pulls its amplitude from none, the information on that beside all else, and
+        by how much all else then gives way, by a unit of it."""
         shared_by_site = self._columns.T @ self._traces
         pull_by_site = self._traces.T @ self._residuals
-        weighed = []
-        for (one, columns), prior in zip(self._among, log_priors.tolist(), strict=True):
-            amplitude, best = one.amplitude, None
-            least, most = (bound - (amplitude.off or 0.0) for bound in amplitude.bounds)
+        for one, columns in self._among:
             for shape, sites in columns.items():
                 trace = self._traces[:, sites[0]] if len(sites) == 1 else self._traces[:, sites].sum(axis=1)
                 shared = shared_by_site[:, sites].sum(axis=1)
                 whole, beside = float(trace @ trace), self._solve(shared)
                 information = whole - float(shared @ beside)
-                if information <= sqrt(np.finfo(float).eps) * whole or whole == 0.0:
-                    continue
-                pull = float(self._gradient @ beside) - float(pull_by_site[sites].sum())
-                variances = (scales * one.typical) ** 2
-                explained = pull**2 * variances / (1.0 + variances * information)
-                if one.one_sided and pull < 0:
-                    explained = np.zeros_like(explained)
-                left = np.maximum(1.0 - explained / misfit, np.finfo(float).eps)
-                odds = -0.5 * independent * np.log(left) - 0.5 * np.log1p(variances * information)
-                log_odds = prior + float(np.log(np.sum(weights * np.exp(odds - odds.max()))) + odds.max())
-                log_odds += log(2.0) if one.one_sided and pull > 0 else 0.0
-                if best is None or log_odds > best.log_odds:
-                    size = min(max(pull / information, least), most)
-                    best = FirstOrder(one, log_odds, size, shape, information**-0.5)
-            weighed += [] if best is None else [best]
-        return sorted(weighed, key=lambda entry: -entry.log_odds)
+                if information > sqrt(np.finfo(float).eps) * whole and whole != 0.0:
+                    yield (
+                        one,
+                        shape,
+                        float(self._gradient @ beside) - float(pull_by_site[sites].sum()),
+                        information,
+                        beside,
+                    )
 
     def _factorise(self, information: FloatArray) -> None:
         from scipy.linalg import cho_factor  # heavy, and few commands need it
@@ -481,6 +510,28 @@ def _by_run(bound_runs: Sequence[BoundRun], sigma: FloatArray, residuals: FloatA
         runs.append((bound, error))
         first += rows
     return runs
+
+
+def _gained(
+    one: Candidate, pull: float, information: float, independent: float = np.inf, misfit: float = np.inf
+) -> float:
+    """Logarithm of the likelihood ratio of a candidate, its amplitude integrated out.
+
+    Args:
+        one: the candidate.
+        pull: derivative of the log likelihood by its amplitude, at none.
+        information: on it.
+        independent, misfit: of the errors, whose size is known as well as so many tell; infinite where it is known.
+    """
+    scales, weights = (np.array(numbers) for numbers in _MIXTURE)
+    variances = (scales * one.typical) ** 2
+    explained = pull**2 * variances / (1.0 + variances * information)
+    if one.one_sided and pull < 0:
+        explained = np.zeros_like(explained)
+    if np.isfinite(independent):
+        explained = -independent * np.log(np.maximum(1.0 - explained / misfit, np.finfo(float).eps))
+    sides = log(2.0) if one.one_sided and pull > 0 else 0.0
+    return sides + float(logsumexp(0.5 * explained - 0.5 * np.log1p(variances * information), b=weights))
 
 
 def _log_density(amplitude: Parameter, value: float) -> float:

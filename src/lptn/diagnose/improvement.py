@@ -92,8 +92,8 @@ class History(Tabular):
             table.append({"step": number} | name | errors | others)
             if gone and step.declaration:
                 part = name | {"probability": step.probability, "explains": gone.share} | _size(step, self.best.fit)
-                own = {"run": step.declaration.run or None} | others
-                (structure if step.is_structure else findings).append(part | ({} if step.is_structure else own))
+                run = {} if step.is_structure else {"run": step.declaration.run or None}
+                (structure if step.is_structure else findings).append(part | run | others)
         return {
             "verdict": self.verdict,
             "remaining": self.remaining,
