@@ -297,10 +297,10 @@ def largest_error(comparison: Comparison) -> Sentence:
     prediction = comparison.predictions[number]
     errors = comparison.node(node, prediction)
     if errors.rmse <= FAR * comparison.floor(node):
-        return Sentence("Largest error", "Nowhere much larger than the sensors' noise.")
+        return Sentence("Largest RMSE", "Nowhere much larger than the sensors' noise.")
     side = "hot" if errors.mean > 0 else "cold"
     text = "" if abs(errors.mean) < ONE_SIDED * errors.rmse else f", predicted too {side}"
-    return Sentence("Largest error", f"At {node} in {prediction.segment.run.name}, RMSE {kelvin(errors.rmse)}{text}.")
+    return Sentence("Largest RMSE", f"{kelvin(errors.rmse)} at {node} in {prediction.segment.run.name}{text}.")
 
 
 def versus_narrative(result: Versus) -> Narrative:

@@ -14,6 +14,7 @@ Label = Literal[
     "Added by hand",
     "Error",
     "Largest error",
+    "Largest RMSE",
     "Fit",
     "Not fitted",
     "Warning",
