@@ -74,6 +74,8 @@ FAULTS: dict[str, Fault] = {
     "turns at 29 and 58 K": lambda _, x, __: x % 29,
     "falls to 25.0 for 20 s": lambda t, x, _: np.where(t % 300 < 20, 25.0, x),
     "rises to 99.5 for 7 s": lambda t, x, _: np.where(t % 200 < 7, 99.5, x),
+    "stands at 60 from the first tenth on, in steps of 1 K": lambda t, x, _: np.where(t > 400, 60.0, np.round(x)),
+    "stands at 60 until the last tenth, in steps of 1 K": lambda t, x, _: np.where(t < 3200, 60.0, np.round(x)),
 }
 
 
