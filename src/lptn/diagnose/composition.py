@@ -36,10 +36,10 @@ from lptn.basics.errors import InputError
 from lptn.basics.places import EVERYWHERE
 from lptn.basics.processes import one_blas_thread
 from lptn.diagnose.answers import LIKELY, Key, Report, Step, is_structure, named
-from lptn.diagnose.candidates import NONE, OCCAM, Candidate, candidates, in_occams_window, log_priors, possible_effects
+from lptn.diagnose.candidates import NONE, OCCAM, Candidate, in_occams_window, log_priors, possible_effects
 from lptn.diagnose.evidence import ErrorsOfRuns, Evidence, FirstOrder, allowances, may_deviate, with_runs
 from lptn.diagnose.refits import RANKING, as_fitted, continued, unless_interrupted
-from lptn.effects import Effect
+from lptn.effects import Effect, catalogue
 from lptn.identify.data import DataSplit, Segment
 from lptn.identify.fitting import ROUGH, Fit, tolerant
 from lptn.identify.validation import holdout_errors
@@ -161,7 +161,7 @@ class _Search:
     def add_structure(self) -> None:
         """Where anything is lacking, all that every part may have, in one fit; what isn't needed is taken out."""
         network, was = self.fit.model.network, self.evidence(self.fit)
-        more = [one.declaration() for one in self._common(network)] if was.is_lacking() else []
+        more = [one.declaration() for one in self._common()] if was.is_lacking() else []
         if not more:
             return
         self.report(f"fitting {len(more)} effects of all parts at once")
@@ -176,15 +176,11 @@ class _Search:
                 return
         self.fit, self.added, self.findings = before
 
-    def _common(self, network: Network) -> list[Candidate]:
+    def _common(self) -> list[Candidate]:
         """Of each common effect the candidate at the most places; of those between two nodes each class of pairs."""
-        runs = [segment.run for segment in self.data.fit]
-        squares = {key: np.concatenate([run.columns[key] ** 2 for run in runs]) for key in self.columns}
-        rms = {key: float(np.sqrt(np.nanmean(values))) for key, values in squares.items()}
-        step, duration = max(run.step for run in runs), max(len(run) * run.step for run in runs)
         widest: dict[str, list[Candidate]] = {}
-        for one in candidates(network, self.columns, (), step=step, duration=duration, rms=rms):
-            if not one.effect.common or one.difference:
+        for one in self._possible(self.fit, {effect for effect in catalogue().values() if effect.common}):
+            if one.run or one.difference:
                 continue
             # Like pairs of like limbs are structure, and each pair where no two are alike; all pairs at once never are.
             between = one.effect.site == "edge"
