@@ -329,7 +329,7 @@ class _Search:
         rest = []
         for one in self.added:
             if one not in gone:
-                common = next((other for other in gone if _differs_from(one, other)), None)
+                common = next((own for own in gone if one.difference and one.effect.key == own.effect.key), None)
                 rest.append(one if common is None else _as_its_own(one, self.fit, common))
         fit = self._continued(self.given.model.network.with_effects(rest), precision=precision)
         return None if fit is None else (fit, tuple(rest))
@@ -529,10 +529,6 @@ def _name(declared: EffectDeclaration) -> Key:
 def _depends_on(one: EffectDeclaration, other: EffectDeclaration) -> bool:
     """Whether an effect is about an exchange between two places that another one made."""
     return other.effect.site == "edge" and "~" in one.at and set(one.at.split("~")) == set(other.at.split("~"))
-
-
-def _differs_from(one: EffectDeclaration, common: EffectDeclaration) -> bool:
-    return one.difference and one.effect.key == common.effect.key
 
 
 def _as_its_own(difference: EffectDeclaration, fit: Fit, common: EffectDeclaration) -> EffectDeclaration:

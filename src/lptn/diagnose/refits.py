@@ -6,12 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from lptn.basics.arrays import FloatArray
 from lptn.identify.fitting import Fit, fit
 from lptn.identify.problem import Point
 from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration, Network
-from lptn.simulate.bound_run import BoundRun, bind, default_start, start_from
+from lptn.simulate.bound_run import bind, default_start, start_from
 
 RANKING = 3e-4  # share of the cost below which ranks don't change; effects that are kept are fitted to the end
 
@@ -40,10 +39,10 @@ def continued(base: Fit, network: Network, precision: float = RANKING) -> Fit:
     values = np.array([old_values.get(parameter.name, parameter.value) for parameter in model.parameters])
     fitted = {base.model.parameters[index].name for index in problem.free}
     held = {base.model.parameters[index].name for index in base.model.free} - fitted
-    starts = [
-        _carried_over(base.model, model, start, bound)
-        for start, bound in zip(base.point.starts, bound_runs, strict=True)
-    ]
+    starts = []  # the old model's states by name, new hidden ones in equilibrium
+    for start, bound in zip(base.point.starts, bound_runs, strict=True):
+        nodes = dict(zip(model.nodes, default_start(model, bound).tolist(), strict=False))
+        starts.append(start_from(model, bound, nodes | dict(zip(base.model.states, start.tolist(), strict=True))))
     return unless_interrupted(
         fit(
             model,
@@ -60,12 +59,6 @@ def continued(base: Fit, network: Network, precision: float = RANKING) -> Fit:
             tolerance=problem.tolerance,
         )
     )
-
-
-def _carried_over(old: Model, new: Model, states: FloatArray, bound: BoundRun) -> FloatArray:
-    """Initial states of the new model: those of the old one by name, new hidden states in equilibrium."""
-    nodes = dict(zip(new.nodes, default_start(new, bound).tolist(), strict=False))
-    return start_from(new, bound, nodes | dict(zip(old.states, states.tolist(), strict=True)))
 
 
 def as_fitted(declared: EffectDeclaration, fit: Fit) -> EffectDeclaration:
