@@ -54,7 +54,7 @@ SCATTER = 0.15
 windings are toleranced to 10 %, film coefficients of like surfaces in one machine differ by as much again."""
 _MIXTURE = (1.0, 3.0, 10.0, 30.0), (0.5, 0.3, 0.15, 0.05)
 """Cauchy's density of a size as normal ones of so many typical sizes, with these weights: the integral is closed."""
-_ROUNDS, _SETTLED = 50, 0.003
+_ROUNDS, _SETTLED = 50, 0.01
 """How often it is asked how large errors are, and how many are independent, each by the other; and the share by which
 the precision then changes no more."""
 _CHANCE = 0.05  # of one log in twenty it is said that it needs more than what every log may be off by
