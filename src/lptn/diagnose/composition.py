@@ -161,7 +161,7 @@ class _Search:
     def add_structure(self) -> None:
         """Where anything is lacking, all that every part may have, in one fit; what isn't needed is taken out."""
         network, was = self.fit.model.network, self.evidence(self.fit)
-        more = [one.declaration() for one in self._common()] if was.is_lacking() else []
+        more = [one.declaration() for one in self._common(self.fit)] if was.is_lacking() else []
         if not more:
             return
         self.report(f"fitting {len(more)} effects of all parts at once")
@@ -176,10 +176,11 @@ class _Search:
                 return
         self.fit, self.added, self.findings = before
 
-    def _common(self) -> list[Candidate]:
-        """Of each common effect the candidate at the most places; of those between two nodes each class of pairs."""
+    def _common(self, fit: Fit) -> list[Candidate]:
+        """What a fit's parts may all have: of each common effect the candidate at the most places; of those between two
+        nodes each class of pairs."""
         widest: dict[str, list[Candidate]] = {}
-        for one in self._possible(self.fit, {effect for effect in catalogue().values() if effect.common}):
+        for one in self._possible(fit, {effect for effect in catalogue().values() if effect.common}):
             if one.run or one.difference:
                 continue
             # Like pairs of like limbs are structure, and each pair where no two are alike; all pairs at once never are.
@@ -387,7 +388,7 @@ class _Search:
         Args:
             exact: log odds of such an exchange by exact fits, which are added.
         """
-        common, told = self._common(self.given.model.network), {own.effect.key for own in self.added}
+        common, told = self._common(self.given), {own.effect.key for own in self.added}
         odds = dict(zip((one.effect.key for one in common), log_priors(common).tolist(), strict=True))
         others = [one for one in common if one.effect.key not in told]
         allowed = allowances(self.fit, self._possible(self.fit, may_deviate(self.fit)), self.errors)
