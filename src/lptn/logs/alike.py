@@ -12,7 +12,7 @@ from functools import partial
 import numpy as np
 
 from lptn.basics.arrays import FloatArray
-from lptn.logs.channels import FEWEST, Channels, is_measured, spans, standing, usual_length
+from lptn.logs.channels import FEWEST, Channels, few_of, is_measured, spans, standing, usual_length
 from lptn.logs.columns import HEATS, INPUTS, place_of
 from lptn.logs.issue import Issue
 from lptn.logs.law import TOLD, heat_told, warming
@@ -74,7 +74,7 @@ def suspect_held(log: Channels) -> list[Issue]:
             if lengths.size < FEWEST or not is_measured(values):
                 continue
             length, by_the_clock = usual_length(lengths)
-            usual[key] = length * float(np.median(np.diff(log.time[rows])))
+            usual[key] = length * float(np.median(few_of(np.diff(log.time[rows]))))
             if length < _HELD_ROWS or not by_the_clock:
                 usual[key] = min(usual[key], _HELD)
         for key in (key for key, each in usual.items() if each > max(_HELD, 2 * min(usual.values()))):

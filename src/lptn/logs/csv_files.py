@@ -381,11 +381,13 @@ def _rows_below(
     blank = separator in _BLANKS
     between, signs = "\t" if blank else separator, len(names) - 1
     for number, line in lines:
-        if number < first or not line or line.isspace() or line[0] == "#":
+        if number < first:
             continue
         row = between.join(_cells(line, separator)) if blank else line
         # Most begin with a number, and their cells need no look.
-        if not (line[0] in _BEGINS_A_NUMBER and '"' not in line and row.count(between) == signs):
+        if not (line[:1] in _BEGINS_A_NUMBER and '"' not in line and row.count(between) == signs):
+            if not line or line.isspace() or line[0] == "#":
+                continue
             place = f"{lines.row} {number}"
             if not _holds_values(lines.path, place, names, units, _cells(line, separator)):
                 words.append(number)

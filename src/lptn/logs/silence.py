@@ -24,6 +24,7 @@ from lptn.logs.channels import (
     Channels,
     Kind,
     Silence,
+    few_of,
     standing,
     usual_length,
     without_silent,
@@ -115,7 +116,7 @@ def _no_reading(time: FloatArray, values: FloatArray, first: int, last: int) -> 
 def _logged(stamps: FloatArray) -> FloatArray:
     """The time without gaps [s], shape (n,): nothing stands where nothing is read."""
     apart = np.diff(stamps)
-    in_gap = apart > max(GAP * float(np.median(apart)), SHORTEST) if apart.size else np.zeros(0, dtype=bool)
+    in_gap = apart > max(GAP * float(np.median(few_of(apart))), SHORTEST) if apart.size else np.zeros(0, dtype=bool)
     return np.concatenate(([0.0], np.cumsum(np.where(in_gap, 0.0, apart))))
 
 
