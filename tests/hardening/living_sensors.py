@@ -18,6 +18,12 @@ Beside cases that pass their limit stands what was passed before anybody could t
 (`plants.told_at`): a sound robot with every value off by no more than this one's explains the readings as well, and is
 to get its torque.
 
+    python -m tests.hardening.living_sensors --off cores --faults healthy   # the plant has masses that the model lacks
+
+There it falls short: where a quarter of each driven node is a winding that is 40 s apart, it takes healthy sensors for
+false within seconds to minutes, since constant parameters explain no lag, and admits 56 to 98 % of what could be (seed
+94: knee 85, motor 92, leg 61 to 76, gripper 81, arm 95, prosthesis 80, quadruped 56 to 72), never above a limit.
+
     python -m tests.hardening.living_sensors --set WIDER=6 DRIFT=0.03   # other constants of `planners/mpc/c/filter.inc`
 
 How much depends on these constants: cases of 72 that pass limit and margin by more than 0.5 K, by how much in sum [K],
@@ -425,8 +431,8 @@ def run(case: Case) -> Result:
             face = FACES[case.face](robot, mpc)
         share = robot.share(k * PERIOD)
         asked += share / STEPS
-        readings[k] = clean.read(k * PERIOD, plant.temperature, loaded)
-        read = sensors.read(k * PERIOD, plant.temperature, loaded)
+        true = plant.temperature[: len(robot.nodes)]
+        readings[k], read = (one.read(k * PERIOD, true, loaded) for one in (clean, sensors))
         answer = face.step(read, plant, share, AIR + (fault.air if k * PERIOD >= fault.begin else 0.0))
         loaded = bool(answer.currents.max() > robot.asked / 3)
         currents[k], passed[k] = answer.currents, plant.temperature[limited].max() - robot.limit

@@ -16,9 +16,12 @@ from scipy.optimize import least_squares
 from lptn.basics.arrays import FloatArray
 
 AIR = 25.0  # degC
-Off = Literal["exact", "signs", "uniform", "normal"]
+Off = Literal["exact", "signs", "uniform", "normal", "cores"]
 """How every capacity, resistance and loss of a plant differs from the model: not at all, each by the whole share up or
-down at random, evenly within it, or normally with it as standard deviation (at most 2.5 of them)."""
+down at random, evenly within it, or normally with it as standard deviation (at most 2.5 of them). With cores, up or
+down at random, the model has too few masses besides: what a current heats is a winding within its node, `CORE` of its
+capacity, that follows the node in `CORE_SECONDS`."""
+CORE, CORE_SECONDS = 0.25, 40.0
 
 
 @dataclass(frozen=True)
@@ -71,14 +74,26 @@ class Robot:
         def factors(count: int) -> FloatArray:
             if how == "exact":
                 return np.ones(count)
-            if how == "signs":
+            if how in ("signs", "cores"):
                 return np.asarray(1 + share * random.choice([-1.0, 1.0], count))
             if how == "uniform":
                 return np.asarray(1 + share * random.uniform(-1, 1, count))
             return np.asarray(1 + share * np.clip(random.standard_normal(count), -2.5, 2.5))
 
         counts = (len(self.links), *3 * (len(self.nodes),))
-        return self.scaled(np.concatenate([factors(count) for count in counts]))
+        scaled = self.scaled(np.concatenate([factors(count) for count in counts]))
+        return scaled.with_cores() if how == "cores" else scaled
+
+    def with_cores(self) -> Robot:
+        """The same with each winding as a node of its own behind the others; sensors and limits stay where they are."""
+        inner, count = list(self.driven), len(self.nodes)
+        core, loss = CORE * self.capacity[inner], np.append(self.loss, self.loss[inner])
+        shell, loss[inner] = self.capacity.copy(), 0.0
+        shell[inner] -= core
+        ends = zip(inner, range(count, count + len(inner)), (CORE_SECONDS / core).tolist(), strict=True)
+        return replace(self, nodes=(*self.nodes, *(f"{self.nodes[node]}_core" for node in inner)),
+                       capacity=np.append(shell, core), to_air=np.append(self.to_air, np.zeros(len(inner))),
+                       links=(*self.links, *ends), loss=loss, limited=self.limited or tuple(range(count)))  # fmt: skip
 
     def scaled(self, factors: FloatArray) -> Robot:
         """The same robot with every value times a factor: links, capacities, air, losses, in this order."""
