@@ -188,12 +188,17 @@ class Timed(NamedTuple):
 
 @dataclass(frozen=True)
 class Schedule:
-    """Pieces of a mission one after another."""
+    """Pieces of a mission one after another.
+
+    Args:
+        pieces: each with its time, speed and segment.
+    """
 
     pieces: list[Timed]
 
     @property
     def segments(self) -> list[MissionSegment]:
+        """The segment that each piece is of."""
         return [piece.segment for piece in self.pieces]
 
     @property

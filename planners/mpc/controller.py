@@ -184,7 +184,8 @@ class TorqueMPC:
         smoothing: time constant [s] with which a joint's share of its request rises while the same is asked; it falls
             at once. Less ripple at a limit, and no more of what is above it: never is more admitted than without.
         level: probability with which a node that is held at its limit is to be below it. The margin for it follows
-            from the covariance of the estimate, one period on; `Plan.margin` tells it.
+            from the covariance of the estimate, one period on, and the odds that a sensor drifts; `Plan.margin` tells
+            it.
         margin: K that is kept beside it.
         noise: standard deviation of a reading [K], its rounding aside.
         resolution: step to which readings are rounded [K]: 1 where a drive tells whole degrees.

@@ -84,7 +84,7 @@ class Study:
         >>> axes = study.compare().plot()
         >>> study.diagnose()
         <Diagnosis: missing: RMSE 0.655 K fitted, 4.72 K held out;
-        constant_heat at *, natural_convection at *, sensor_lag at *>
+        sensor_lag at *, constant_heat at *, natural_convection at *>
         >>> study.add("sensor_lag", at="*")
         <Step: sensor_lag at *, 4 parameters, RMSE 0.504 K fitted, 3.88 K held out>
         >>> study.add("conduction", at="heater1~heater2")

@@ -101,6 +101,7 @@ def test_low_states_of_a_unitree_robot_have_the_names_of_bags() -> None:
     assert heard["/lowstate.motor_state[4].tau_est"] == 2.0
     assert heard["/lowstate.temperature_ntc1"] == 33
     assert "time" not in heard
+    assert not any("sample_info" in name for name in heard)  # how it was received is nothing that was said
 
 
 def test_a_domain_that_is_none_is_one_line() -> None:

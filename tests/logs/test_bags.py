@@ -247,6 +247,16 @@ def test_numbers_are_found_among_the_bytes_of_any_layout(tmp_path: Path) -> None
     np.testing.assert_array_equal(stamps, [(START + k) * 10**9 for k in range(60)])
 
 
+def test_a_field_that_is_called_header_need_not_be_one(tmp_path: Path) -> None:
+    from lptn.logs.bag_messages import Decoder
+
+    recorder, kind = Recorder(tmp_path / "bag", "mcap"), "maker_msgs/msg/Plain"
+    recorder.store.register(typesys.get_types_from_msg("uint8 header\nfloat64 y\n", kind))
+    raw = bytes(recorder.store.serialize_cdr(recorder.make("maker_msgs/Plain", 7, 2.5), kind))
+    stamps, values, _ = Decoder(recorder.store, kind, ["y"]).read([raw])
+    assert (stamps.tolist(), values.tolist()) == ([0], [[2.5]])
+
+
 def test_a_file_of_lptn_virtual(tmp_path: Path) -> None:
     from lptn.virtual import Bout, Job, quadruped_logs, write_logs
     from tests.truth.bags import write_bag

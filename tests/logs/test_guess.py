@@ -15,7 +15,7 @@ from lptn.basics.errors import InputError
 from lptn.cli.main import main
 from lptn.identify.data import load_model
 from lptn.logs.columns import ColumnSource, parse_columns, parse_map_option
-from lptn.logs.guess import format_note, guess
+from lptn.logs.guess import format_note, guess, name_of_time
 from lptn.logs.reading import open_table, read_log
 from lptn.logs.run import Run
 from lptn.robots.presets import presets
@@ -53,6 +53,25 @@ def guessed(path: Path, inputs: tuple[str, ...] = INPUTS, outputs: tuple[str, ..
 def test_a_log_that_lacks_nothing_is_not_read(write: Write) -> None:
     table = open_table(write({"time": TIME, **dict.fromkeys((*INPUTS, *OUTPUTS), WARM)}))
     assert guess(replace(table, read=lambda _: pytest.fail("read for a guess")), {}, INPUTS, OUTPUTS) == []
+
+
+@pytest.mark.parametrize(
+    ("columns", "time"),
+    [
+        (("max_time", "t_knee", "time"), "time"),
+        (("set_time", "fault_time", "max_t"), None),
+        (("log.T", "log.t"), "log.t"),
+        (("time [s]", "t"), "time [s]"),
+    ],
+)
+def test_what_is_a_time_and_nothing_else(columns: tuple[str, ...], time: str | None) -> None:
+    assert name_of_time(columns) == time
+
+
+@pytest.mark.parametrize("names", [("rig time", "t"), ("time since start", "motor T")])
+def test_a_name_that_says_time_goes_before_a_t(write: Write, names: tuple[str, str]) -> None:
+    said = next(name for name in names if "time" in name)
+    assert guessed(write({**dict.fromkeys(names, TIME), "FL_calf_temp": WARM}))["time"] == f"{said}|"
 
 
 def test_names_with_the_joint_in_them(write: Write) -> None:

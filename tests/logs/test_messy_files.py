@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from lptn.logs.columns import parse_columns
-from lptn.logs.reading import read_log
+from lptn.logs.reading import open_table, read_log
 from tests.logs.conftest import Refuse
 
 N = 40
@@ -125,3 +125,9 @@ def test_rows_of_two_devices_are_refused(refuse: Refuse) -> None:
     other = log.assign(**{"temperature.a": log["temperature.a"] + 5})
     both = pd.concat([log, other]).sort_values("time", kind="stable").reset_index(drop=True)
     assert "2 rows at each time, in which temperature.a differs by 5" in refuse("data frame", read_log, both)
+
+
+def test_a_line_of_names_without_an_end_is_no_empty_file(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text("time,torque.a,temperature.a")
+    assert open_table(path).names == ("time", "torque.a", "temperature.a")

@@ -48,7 +48,7 @@ typedef struct {
     double linear, quadratic;   /* price of slack, per K and per K^2; the cost of admitting nothing at all is 1 */
     double noise;               /* of a reading, its rounding included, standard deviation [K] */
     double grain;               /* of the rounding alone, which no averaging removes [K] */
-    double sigmas;              /* standard deviations of the estimate that are kept as a margin */
+    double sigmas;              /* standard deviations of the estimate that are kept as a margin at least */
     double error[2][LPTN_NE];   /* standard deviations of what sets a robot apart from its model, of the estimate and where
                                    sensors are tested: heat that each node lacks [K/s], logarithms of the parameters */
     double settles[LPTN_NN];    /* time in which a node forgets how warm all began [s] */

@@ -154,9 +154,9 @@ class Candidate:
                     one = replace(one, value=min(max(size, lower), upper), prior=(none, USUAL * self.typical))
             elif one.grid and not one.fixed:
                 lower = min(max(lower, self.shortest if one.unit == "s" else lower), upper)
-                middle = min(max(float(np.exp(np.mean(np.log(self.grid)))), lower), upper)
+                middle = min(max(float(np.exp(np.mean(np.log(self.grid or one.grid)))), lower), upper)
                 value, prior = max(one.value if shape is None else shape, lower), (middle, middle)
-                one = replace(one, value=value, grid=self.grid, bounds=(lower, upper), prior=prior)
+                one = replace(one, value=value, grid=self.grid or one.grid, bounds=(lower, upper), prior=prior)
             parameters.append(replace(one, share="all"))
         effect = self.effect(**dict(self.words))
         return EffectDeclaration(

@@ -12,6 +12,8 @@
    that has it. So *made of* and *wrong* are asked twice, the second time beside what was found, or where that is
    nothing, beside the surest of what would set one part apart. Of the two answers the one stays that predicts held-out
    runs better, as they were logged; without any the more probable one.
+4. A part of structure may stand for another that heats alike: each is put in its place, the more probable one stays,
+   and the probability is shared among those that the data can't tell apart.
 
 The search leaves to errors of runs, of sensors and of like parts what they usually are (`Problem.tolerance`); what it
 ends with is fitted by plain least squares, as the file's user does. What is told is there more probably than not, and
@@ -340,7 +342,7 @@ class _Search:
         self.findings = {key: self.findings[key] for key in map(_key, rest) if key in self.findings}
 
     def result(self) -> Composition:
-        """The model as it is now, fitted to the end."""
+        """The model as it is now, fitted as far as its sizes and errors have digits on averages."""
         self.report("fitting the effects found")
         while True:
             plain = unless_interrupted(tolerant(self.fit, None, precision=ROUGH))
@@ -407,9 +409,13 @@ class _Search:
                     gained = (
                         -np.inf if fit is None else self.evidence(fit, evidence).log_evidence - evidence.log_evidence
                     )
+                    declared = None if fit is None else fit.model.network.effects[-1]
+                    if fit is not None and declared and is_at_chosen_bound(fit, declared):
+                        gained = -np.inf  # no size was found
                     exact[name, one.key] = gained + prior
-                    if fit is not None and gained + prior > 0.0:
-                        self._take(fit, (*rest, fit.model.network.effects[-1]))
+                    if fit is not None and declared and gained + prior > 0.0:
+                        self._take(fit, (*rest, declared))
+                        exact.clear()  # beside another the odds of all are others
                         return None
                 found.append((one.key, exact.get((name, one.key), gain + prior)))
             probable = softmax([gain for _, gain in found])

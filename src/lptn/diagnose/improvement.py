@@ -20,15 +20,13 @@ from lptn.diagnose.answers import Report, Step
 from lptn.diagnose.candidates import AMBIENT_ERROR, SURFACE_ERROR, TORQUE_ERROR
 from lptn.diagnose.diagnosis import Diagnosis, Verdict, diagnose
 from lptn.diagnose.fit_statistics import Removed, lack_of_fit
-from lptn.diagnose.refits import as_fitted, continued, unless_interrupted
+from lptn.diagnose.refits import RANKING, as_fitted, continued, unless_interrupted
 from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit
 from lptn.identify.solvers import PRECISION
 from lptn.identify.validation import fit_segments
 from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration
-
-_THREE_DIGITS = 2e-3  # share of the cost: of an error on the way three digits are enough
 
 
 @dataclass(frozen=True, repr=False)
@@ -179,7 +177,7 @@ def improve(
         >>> data = lptn.split_data(loaded.runs(["examples/tclab/log.csv"]), holdout_after=300)
         >>> history = lptn.improve(loaded.model, data)
         >>> [(step.effect, step.at) for step in history.steps]
-        [(None, None), ('constant_heat', '*'), ('natural_convection', '*'), ('sensor_lag', '*')]
+        [(None, None), ('sensor_lag', '*'), ('constant_heat', '*'), ('natural_convection', '*')]
     """
     errors = {"ambient_error": ambient_error, "torque_error": torque_error, "surface_error": surface_error}
     first = diagnose(model, data, most=most, executor=executor, report=report, **errors)
@@ -189,7 +187,7 @@ def improve(
     for number, step in enumerate(first.steps, start=1):
         network = network.with_effects(step.declarations)
         last = number == len(first.steps)
-        precision = PRECISION if last else _THREE_DIGITS
+        precision = PRECISION if last else RANKING
         coarse = step.fit if last else continued(coarse, network, precision)
         fine = unless_interrupted(fit_segments(coarse.model, data.fit, coarse.point, precision=precision))
         steps.append(replace(step, fit=fine).judged_on(data))

@@ -12,7 +12,7 @@ from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration, Network
 from lptn.simulate.bound_run import bind, default_start, start_from
 
-RANKING = 3e-4  # share of the cost below which ranks don't change; effects that are kept are fitted to the end
+RANKING = 3e-4  # share of the cost below which ranks don't change
 
 
 def refit(base: Fit, declaration: EffectDeclaration) -> Fit:

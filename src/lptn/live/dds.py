@@ -134,8 +134,8 @@ class Dds(Source):
 
 def _plain(value: Any) -> Any:
     """A message as nested dictionaries and lists; `asdict` copies each number, and takes three times as long."""
-    if hasattr(value, "__dataclass_fields__"):
-        return {name: _plain(own) for name, own in vars(value).items()}
+    if fields := getattr(value, "__dataclass_fields__", None):  # beside them stands how a sample was received
+        return {name: _plain(getattr(value, name)) for name in fields}
     return [_plain(own) for own in value] if isinstance(value, list | tuple) else value
 
 

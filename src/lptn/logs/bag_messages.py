@@ -196,8 +196,8 @@ class Decoder:
         """The numbers of a message, and who sent it."""
         message = self._store.deserialize_cdr(raw, self._kind)
         numbers = numbers_of(self._store, message)
-        if (header := getattr(message, "header", None)) is not None:
-            numbers |= zip(_STAMP, (header.stamp.sec, header.stamp.nanosec), strict=True)
+        if (stamp := getattr(getattr(message, "header", None), "stamp", None)) is not None:
+            numbers |= zip(_STAMP, (stamp.sec, stamp.nanosec), strict=True)
         return [numbers.get(name, np.nan) for name in self._fields], label_of(message)
 
 

@@ -209,7 +209,7 @@ class _Lines:
                 if len(rest) >= _LONGEST:
                     place = f"{self.row} {number + 1}"
                     raise InputError(self.path, place, "a line of 16 million characters", "a table of readings")
-        if rest and not self.cut:
+        if rest and not (self.cut and number):
             yield number + 1, rest.strip(" ")
 
     def begin(self) -> tuple[dict[int, str], list[tuple[int, str]]]:

@@ -241,30 +241,36 @@ def _measures(quantity: str, words: Sequence[str]) -> bool:
 
 
 def name_of_time(columns: Iterable[str]) -> str | None:
-    """The first of some columns whose name, behind its last point, says time, perhaps with a unit, and nothing else."""
-    own = [(column, column.rpartition(".")[2]) for column in columns]
-    return next((column for column, name in own if _besides_time(name, ColumnName.of(name)) == 0), None)
-
-
-def _besides_time(column: str, name: ColumnName) -> int | None:
-    """How many words a name has besides one for time, at its beginning or end, and a unit of it; `None` without one.
+    """The first of some columns whose name, behind its last point, says time, perhaps with a unit, and nothing else.
 
     A t may be a time's, a T is a temperature's.
     """
-    words = [word for word in name.words if word not in _NOT_MEASURED]
+    for column in columns:
+        own = column.rpartition(".")[2]
+        name = ColumnName.of(own)
+        is_temperature = "t" in name.words and "t" not in own
+        if _besides_time(name.words, name) == 0 and not is_temperature:
+            return column
+    return None
+
+
+def _besides_time(words: Sequence[str], name: ColumnName) -> int | None:
+    """How many words there are besides one for time, at their begin or end, and a unit of it; `None` without one."""
     for_time, unit = [word for word in words if word in _QUANTITIES["time"]], bool(name.unit("time"))
     if not for_time or not (words[0] in for_time or words[-1] in for_time or unit):
         return None
-    return max(len(words) - len(for_time) - unit, 0) + (for_time == ["t"] and "t" not in column)
+    return max(len(words) - len(for_time) - unit, 0)
 
 
 def _time(names: Names) -> Choice:
-    """The column whose name says time with the fewest words besides."""
-    besides = {column: _besides_time(column, name) for column, name in names.items()}
-    ranked = sorted(
-        (count, number, column) for number, (column, count) in enumerate(besides.items()) if count is not None
-    )
-    return {"time": (ranked[0][2], "its name")} if ranked else {}
+    """The column whose name says time with the fewest words besides; a t alone may be a temperature's."""
+    ranked: list[tuple[int, int, str]] = []
+    for column, name in names.items():
+        words = [word for word in name.words if word not in _NOT_MEASURED]
+        if (count := _besides_time(words, name)) is not None:
+            only_t = {word for word in words if word in _QUANTITIES["time"]} == {"t"}
+            ranked.append((count + only_t, len(ranked), column))
+    return {"time": (min(ranked)[2], "its name")} if ranked else {}
 
 
 def _by_place(

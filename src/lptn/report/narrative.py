@@ -258,9 +258,11 @@ def _next(steps: Sequence[Step], last: Diagnosis, kinds: Mapping[Kind, list[Step
     if advice and advice.experiment:
         first = _first_sentence(advice.experiment.text())
         return first if advice.experiment.separates else f"{first.partition(': ')[0].rstrip('.')}."
-    if any(step.indistinguishable for step in steps):
-        effect = next(step.declaration.effect for step in steps if step.indistinguishable and step.declaration)
-        return f"One experiment would separate the names. {experiment_for(type(effect))}"
+    unnamed = [
+        step for step in steps if step.indistinguishable and (not step.is_structure or last.verdict != "adequate")
+    ]
+    for declared in [own for step in unnamed for own in step.declarations]:
+        return f"One experiment would separate the names. {experiment_for(type(declared.effect))}"
     unseen = [pair for pair in _errors(steps[0], steps[-1]) if pair[0] != "fitted"]
     if last.only_held_out_runs_object or any(after > before for _, before, after in unseen):
         return "Find the difference between fitted and held-out runs, and fit on runs like the held-out ones, too."
@@ -297,10 +299,10 @@ def largest_error(comparison: Comparison) -> Sentence:
     prediction = comparison.predictions[number]
     errors = comparison.node(node, prediction)
     if errors.rmse <= FAR * comparison.floor(node):
-        return Sentence("Largest RMSE", "Nowhere much larger than the sensors' noise.")
+        return Sentence("Worst place", "No RMSE is much larger than the sensors' noise.")
     side = "hot" if errors.mean > 0 else "cold"
     text = "" if abs(errors.mean) < ONE_SIDED * errors.rmse else f", predicted too {side}"
-    return Sentence("Largest RMSE", f"{kelvin(errors.rmse)} at {node} in {prediction.segment.run.name}{text}.")
+    return Sentence("Worst place", f"{node} in {prediction.segment.run.name}, RMSE {kelvin(errors.rmse)}{text}.")
 
 
 def versus_narrative(result: Versus) -> Narrative:

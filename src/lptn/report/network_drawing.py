@@ -44,7 +44,7 @@ def heat_flows(model: Model, states: FloatArray, inputs: FloatArray) -> dict[str
 
 @dataclass
 class _Line:
-    """A link of the drawing, with the effects that act on it; `around` is its end that is no box, if one is none."""
+    """A link of the drawing, with the effects that act on it; `around` is its end in surroundings, empty for none."""
 
     name: str
     ends: tuple[str, str]

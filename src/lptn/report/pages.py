@@ -152,7 +152,7 @@ def conditions_picture(given: Comparison, best: Comparison | None, which: str) -
     text = f"RMSE in K on the {which} runs by node and operating condition; the small numbers are each bin's range."
     for model, comparison in (("model as given" if best else "model", given), ("best model", best)):
         if comparison is not None:
-            text += f" Largest RMSE of the {model}: {largest_error(comparison).text}"
+            text += f" Worst place of the {model}: {largest_error(comparison).text}"
     return Picture(text, *drawings) if drawings else None
 
 

@@ -14,7 +14,7 @@ Label = Literal[
     "Added by hand",
     "Error",
     "Largest error",
-    "Largest RMSE",
+    "Worst place",
     "Fit",
     "Not fitted",
     "Warning",
