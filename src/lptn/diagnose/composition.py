@@ -150,6 +150,8 @@ class _Search:
         """Of what was added, with rivals and log odds before any log; the rest is structure."""
         self.refused: tuple[Step, ...] = ()
         self.needed: dict[Key, float] = {}  # log odds, by exact fits, of what was tried to be left out
+        self.exchanged = frozenset[frozenset[Key]]()
+        """Names of which one gave way to the other; once, for each model has its own count of independent errors."""
         self._known: Evidence | None = None
         self.fit = self._tolerant(given)
         self.before = self.evidence(self.fit)
@@ -413,8 +415,10 @@ class _Search:
                     if fit is not None and declared and is_at_chosen_bound(fit, declared):
                         gained = -np.inf  # no size was found
                     exact[name, one.key] = gained + prior
-                    if fit is not None and declared and gained + prior > 0.0:
+                    pair = frozenset((name, one.key))
+                    if fit is not None and declared and gained + prior > 0.0 and pair not in self.exchanged:
                         self._take(fit, (*rest, declared))
+                        self.exchanged = self.exchanged | {pair}
                         exact.clear()  # beside another the odds of all are others
                         return None
                 found.append((one.key, exact.get((name, one.key), gain + prior)))
