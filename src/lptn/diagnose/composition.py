@@ -371,13 +371,8 @@ class _Search:
         Where another name is the more probable by an exact fit, it takes its place. Where the data can't tell the names
         apart, the probability is shared among them.
         """
-        exact = dict[tuple[Key, Key], float]()
-        before = self.fit
-        while (shares := self._shares(exact)) is None:
-            pass
-        if self.fit is not before:
+        while (shares := self._shares()) is None:
             made = self.result()
-            shares = self._shares(exact) or {}
         structure = []
         for step in made.structure:
             own, *others = shares.get(_name(step.declarations[0]), [(step.key, 1.0)])
@@ -385,13 +380,9 @@ class _Search:
             structure.append(replace(step, probability=own[1] * step.probability, indistinguishable=twins))
         return replace(made, structure=tuple(structure))
 
-    def _shares(self, exact: dict[tuple[Key, Key], float]) -> dict[Key, list[tuple[Key, float]]] | None:
-        """Of each part of structure its own share of the probability, and the shares of what may stand for it; `None`
-        where one gave way to another.
-
-        Args:
-            exact: log odds of such an exchange by exact fits, which are added.
-        """
+    def _shares(self) -> dict[Key, list[tuple[Key, float]]] | None:
+        """Of each part of structure its own share of the probability, then those of what may stand for it; `None` where
+        one gave way to another."""
         common, told = self._common(self.given), {own.effect.key for own in self.added}
         odds = dict(zip((one.effect.key for one in common), log_priors(common).tolist(), strict=True))
         others = [one for one in common if one.effect.key not in told]
@@ -402,29 +393,25 @@ class _Search:
             amplitude, name = own.effect.amplitude(), _name(own)
             if amplitude is None or own.effect.key not in odds:
                 continue
-            found = [(_key(own), 0.0)]
+            names, gains = [_key(own)], [0.0]
             for one, gain in evidence.exchanges(own.shared_name(amplitude.name)):
                 prior = odds[one.effect.key] - odds[own.effect.key]
-                if gain + prior > -_IN_DOUBT and (name, one.key) not in exact:
+                if gain + prior > -_IN_DOUBT:
                     rest = [other for other in self.added if other is not own]
                     fit = self._continued(self.given.model.network.with_effects([*rest, one.declaration()]))
-                    gained = (
-                        -np.inf if fit is None else self.evidence(fit, evidence).log_evidence - evidence.log_evidence
-                    )
-                    declared = None if fit is None else fit.model.network.effects[-1]
-                    if fit is not None and declared and is_at_chosen_bound(fit, declared):
-                        gained = -np.inf  # no size was found
-                    exact[name, one.key] = gained + prior
-                    pair = frozenset((name, one.key))
-                    if fit is not None and declared and gained + prior > 0.0 and pair not in self.exchanged:
-                        self._take(fit, (*rest, declared))
-                        self.exchanged = self.exchanged | {pair}
-                        exact.clear()  # beside another the odds of all are others
-                        return None
-                found.append((one.key, exact.get((name, one.key), gain + prior)))
-            probable = softmax([gain for _, gain in found])
+                    declared = fit.model.network.effects[-1] if fit else None
+                    gain = -np.inf  # no size was found
+                    if fit and declared and not is_at_chosen_bound(fit, declared):
+                        gain = self.evidence(fit, evidence).log_evidence - evidence.log_evidence
+                        pair = frozenset((name, one.key))
+                        if gain + prior > 0.0 and pair not in self.exchanged:
+                            self._take(fit, (*rest, declared))
+                            self.exchanged = self.exchanged | {pair}
+                            return None
+                names, gains = [*names, one.key], [*gains, gain + prior]
+            probable = softmax(gains)
             window = [number for number in in_occams_window(probable) if number]
-            shares[name] = [(found[number][0], float(probable[number])) for number in (0, *window)]
+            shares[name] = [(names[number], float(probable[number])) for number in (0, *window)]
         return shares
 
     def _as_told(self, declared: EffectDeclaration, evidence: Evidence) -> Step:

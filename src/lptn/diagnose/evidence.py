@@ -341,11 +341,9 @@ class Evidence:
         row = self._row_of(name)
         if row is None:
             return []
-        instance, slope = (
-            self.fit.model.parameters[self.fit.problem.free[row]],
-            self.fit.problem.slope(self.fit.point.values),
-        )
-        off = (instance.value - (instance.declared.off or 0.0)) / float(slope[row])
+        instance = self.fit.model.parameters[self.fit.problem.free[row]]
+        slope = float(self.fit.problem.slope(self.fit.point.values)[row])
+        off = (instance.value - (instance.declared.off or 0.0)) / slope
         variance, place = float(self.covariance[row, row]), int(self._free[:row].sum())
         none, best = self.log_odds_of_none(name), dict[Candidate, float]()
         for one, _, pull, information, beside in self._beside():
