@@ -68,6 +68,7 @@ class Kind(Generic[Task]):
 _WHERE = {
     "track": "lptn.planners.mpc.plan_kind",
     "limit": "lptn.planners.limiter.plan_kind",
+    "firmware": "lptn.planners.limiter.firmware_kind",
     "mission": "lptn.planners.mission.plan_kind",
 }
 """Kind -> the object that offers it, imported only when asked for."""
@@ -196,7 +197,9 @@ def check_folder(folder: Path | None, kind: Kind[Any], origin: str) -> None:
     if folder is None:
         return
     if kind.emit_c is None:
-        raise InputError(origin, "--emit-c", "a kind of task without a controller step", 'kind = "track" or "limit"')
+        raise InputError(
+            origin, "--emit-c", "a kind of task without a controller step", 'kind = "track", "limit" or "firmware"'
+        )
     if folder.exists() and not folder.is_dir():
         raise InputError(folder, "--emit-c", "a file", "a folder")
     if not folder.absolute().parent.is_dir():

@@ -41,6 +41,7 @@ TYPED = {
     "export": ["export two_heaters.toml --to numpy --limit 60 -o heat.py"],
     "plan": [
         "plan quadruped.toml limit_now.toml",
+        "plan quadruped.toml firmware.toml",
         "plan quadruped.toml track_trot.toml",
         "plan quadruped.toml mission_deliveries.toml",
     ],

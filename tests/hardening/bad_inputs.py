@@ -315,7 +315,7 @@ OUTPUTS = [
 
 TASKS = [
     _bad("task", "plan {model} {task}", "task.kind", "no such key", task_toml=('kind = "limit"', "")),
-    _bad("task", "plan {model} {task}", "task.kind", "track, limit, mission", task_toml=('"limit"', '"fly"')),
+    _bad("task", "plan {model} {task}", "task.kind", "track, limit, firmware, mission", task_toml=('"limit"', '"fly"')),
     _bad("task", "plan {model} {task}", "limits", task_toml=('[limits]\n"*" = 60', "[limits]")),
     _bad("task", "plan {model} {task}", "line 5", "500", task_toml=('"*" = 60', '"*" = 6000')),
     _bad("task", "plan {model} {task}", "no such place", task_toml=('"*" = 60', "rotor = 60")),
@@ -323,6 +323,7 @@ TASKS = [
          task_toml=('[start]\n"*" = 50', '[start]\n"x*" = 50\n')),
     _bad("task", "plan {model} {task}", "conditions", task_toml=('"temperature.ambient" = 25', "")),
     _bad("task", "plan {model} {task}", "horizons", task_toml=("[10, 60]", "[10, -60]")),
+    _bad("task", "plan {model} {task}", "task.air", task_toml=('"limit"', '"firmware"')),
     _bad("task", "plan {model} {task}", "TOML", task_toml=("[limits]", "[limits")),
     _bad("task", "plan {model} {track}", "phases", track_toml=lambda good: good[: good.index(b"[[phases]]")]),
     _bad("task", "plan {model} {track}", "duration", track_toml=("duration = 100", "duration = 0")),

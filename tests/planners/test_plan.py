@@ -145,6 +145,20 @@ def test_no_compiler_does_not_stop_the_limiter(plan: Plan, tmp_path: Path, monke
     assert {k: pytest.approx(v) for k, v in one.items()} == other
 
 
+def test_numbers_for_firmware_as_table_json_page_and_picture(plan: Plan, tmp_path: Path) -> None:
+    text = (EXAMPLES / "firmware.toml").read_text().replace('"power.pc" = 20\n', "")
+    names = {name: tmp_path / name for name in ("n.csv", "n.json", "n.svg", "n.html")}
+    words = ("-o", names["n.csv"], "--json", names["n.json"], "--plot", names["n.svg"], "--report", names["n.html"])
+    status, out, err = plan(text, *words)
+    assert (status, err) == (0, "")
+    assert "No standard errors: give a margin." in out
+    table, written = pd.read_csv(names["n.csv"], index_col="joint"), json.loads(names["n.json"].read_text())
+    assert table["trip [degC]"].to_dict() == {k: pytest.approx(v["trip"]) for k, v in written["joints"].items()}
+    assert 0 < written["joints"]["FR_calf"]["continuous"] < written["joints"]["FR_calf"]["peak"] == 25
+    assert names["n.svg"].read_text().startswith("<?xml")
+    assert "FR_calf" in names["n.html"].read_text()
+
+
 @pytest.mark.parametrize("text", [TRACK, LIMIT])
 def test_c_code_is_written_into_a_folder(plan: Plan, tmp_path: Path, text: str) -> None:
     status, out, _ = plan(text, "--emit-c", tmp_path / "robot")
@@ -170,7 +184,10 @@ def test_the_shipped_tasks_are_planned(tmp_path: Path, capsys: pytest.CaptureFix
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (('kind = "track"', 'kind = "trace"'), "task.kind: found 'trace'; expected one of track, limit, mission"),
+        (
+            ('kind = "track"', 'kind = "trace"'),
+            "task.kind: found 'trace'; expected one of track, limit, firm",
+        ),
         (('kind = "track"', ""), "task.kind: found no such key"),
         (('[limits]\n"*" = 60', '[limits]\n"FL_*" = 60'), 'limits."FL_*": found no such place'),
         (('[limits]\n"*" = 60', "[limits]"), "limits"),
