@@ -297,6 +297,7 @@ def test_a_log_is_replayed_at_its_own_time(loaded: LoadedModel, tmp_path: Path) 
         ("nowhere.csv", None, "nowhere.csv: source: found no such file"),
         ("nowhere.csv", 1.0, "nowhere.csv: log: found no such file"),
         ("udp://127.0.0.1", None, "found no port; expected udp://HOST:PORT"),
+        ("udp://[::1", None, "found no port; expected udp://HOST:PORT"),
         ("http://127.0.0.1:80", None, "found the scheme http"),
     ],
 )

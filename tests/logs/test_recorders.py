@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -154,6 +155,50 @@ def test_a_small_file_of_many_numbers_is_refused(tmp_path: Path) -> None:
     table, _ = open_log(tmp_path / "log.h5", {})
     with pytest.raises(InputError, match="at most 5e\\+08 numbers"):
         table.numbers(["time", "T"])
+
+
+@pytest.mark.parametrize(
+    ("kind", "other"),
+    [*product(["raw", "virtual"], ["/etc/passwd", "../up", "beside"]), ("virtual", ".")],
+)
+def test_a_log_leads_to_no_file_of_another_folder(
+    tmp_path: Path, kind: str, other: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import h5py
+
+    monkeypatch.chdir(tmp_path)
+    if kind == "raw":
+        (tmp_path / "beside").write_bytes(SLOW.tobytes())
+    else:
+        with h5py.File(tmp_path / "beside", "w") as file:
+            file["time"] = SLOW
+    with h5py.File(tmp_path / "log.h5", "w") as file:
+        file["time"] = SLOW
+        if kind == "raw":
+            file.create_dataset("T", SLOW.shape, "f8", external=[(other, 0, 8 * SLOW.size)])
+        else:
+            layout = h5py.VirtualLayout(SLOW.shape, "f8")
+            layout[:] = h5py.VirtualSource(other, "time", SLOW.shape)
+            file.create_virtual_dataset("T", layout)
+    if "/" in other:
+        with pytest.raises(
+            InputError, match=f"log.h5: T: found numbers of the file '{other}'; expected numbers in the"
+        ):
+            open_log(tmp_path / "log.h5", {})
+    else:
+        table, _ = open_log(tmp_path / "log.h5", {})
+        np.testing.assert_array_equal(table.numbers(["T"])["T"], SLOW)
+
+
+def test_groups_within_each_other_have_a_bound(tmp_path: Path) -> None:
+    import h5py
+
+    with h5py.File(tmp_path / "log.h5", "w") as file:
+        group: h5py.Group = file
+        for _ in range(102):
+            group = group.create_group("g")
+    with pytest.raises(InputError, match="found 101 groups within each other; expected at most 100"):
+        open_log(tmp_path / "log.h5", {})
 
 
 def test_what_has_no_times_is_left_out_or_has_those_of_what_it_is_in(tmp_path: Path) -> None:

@@ -43,15 +43,14 @@ def address_of(text: str, place: str, port: int | None = None) -> tuple[str, str
     """
     if "://" not in text:
         return "", "", 0
-    parts = urlsplit(text)
+    scheme = text.partition("://")[0]
     try:
+        parts = urlsplit(text)
         found = parts.port if parts.port is not None else port
-    except ValueError:
+    except ValueError:  # of a bracket that does not close, too
         found = None
     if found is None:
-        raise InputError(
-            text, place, "no port", f"{parts.scheme}://HOST:PORT, such as {parts.scheme}://{LOOPBACK}:9870"
-        )
+        raise InputError(text, place, "no port", f"{scheme}://HOST:PORT, such as {scheme}://{LOOPBACK}:9870")
     return parts.scheme, parts.hostname or LOOPBACK, found
 
 

@@ -23,6 +23,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from lptn.basics.arrays import FloatArray
+from lptn.basics.bounds import Bound
 from lptn.basics.errors import InputError
 from lptn.basics.files import fingerprint
 from lptn.basics.words import few
@@ -44,6 +45,7 @@ _NUMBERS, _TIMES = "fiub", "mM"  # kinds of NumPy's types
 _MOST_WIDE = 1000
 """Columns of a matrix that are taken for channels; a wider one is a picture or a map."""
 _CLOCK = "time"  # what times are called that are no channel
+_DEEPEST = Bound(100, "groups within each other")  # of HDF5: 1,000 take a second each time, 3,000 ten
 
 
 @dataclass(frozen=True)
@@ -275,7 +277,7 @@ def open_hdf5(path: Path, kind: str = "HDF5 file") -> Table:
     """Open an HDF5 file: its datasets of one column, of several, or of named fields.
 
     Raises:
-        InputError: the package h5py is not installed, or the file can't be read.
+        InputError: the package h5py is not installed, or the file can't be read, or leads to another folder's files.
     """
     require_package(path, "h5py", f"an HDF5 file ({kind})", "pip install 'lptn[bench]'")
     import h5py
@@ -285,8 +287,14 @@ def open_hdf5(path: Path, kind: str = "HDF5 file") -> Table:
         found: dict[str, Any] = {}
 
         def visit(name: str, item: Any) -> None:
+            _DEEPEST.check(name.count("/"), path, "log")
             text = item.attrs.get("MATLAB_class", b"") == b"char"
             if isinstance(item, h5py.Dataset) and not text and not name.startswith("#"):
+                others = [file for file, *_ in item.external or ()]
+                others += [source.file_name for source in item.virtual_sources()] if item.is_virtual else []
+                if far := [file for file in others if file not in (".", Path(file).name)]:  # "." is the log
+                    expected = "numbers in the log itself, or in files beside it"
+                    raise InputError(path, name, f"numbers of the file {far[0]!r}", expected)
                 found[name.replace("/", ".")] = item
 
         with h5py.File(path) as file:
