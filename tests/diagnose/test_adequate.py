@@ -113,6 +113,25 @@ def test_one_node_that_is_met_excuses_no_other(tmp_path: Path, shape: Callable[[
     assert Study(tmp_path / "pair.toml", [log]).diagnose().verdict == verdict
 
 
+@pytest.mark.parametrize(
+    ("seconds", "shape", "verdict"),
+    [
+        (45, lambda: 0 * TIME, "adequate"),
+        (45, lambda: 0.1 * TIME, "unexplained"),
+        (59, lambda: 0.1 * TIME, "unexplained"),
+        (125, lambda: 0 * TIME, "adequate"),
+        (125, lambda: 0.5 * np.sin(TIME / 5.0), "unexplained"),  # which is gone in means of a minute
+    ],
+)
+def test_nor_does_a_log_of_few_minutes(
+    tmp_path: Path, seconds: int, shape: Callable[[], FloatArray], verdict: str
+) -> None:
+    (tmp_path / "motor.toml").write_text(presets()["single-motor"])
+    log = logged(tmp_path, {"motor": AIR + shape()}, "torque")
+    pd.read_csv(log).iloc[:seconds].to_csv(log, index=False)
+    assert Study(tmp_path / "motor.toml", [log]).diagnose().remaining == verdict
+
+
 @pytest.mark.long
 def test_nor_do_fitted_runs_a_held_out_one(tmp_path: Path) -> None:
     (tmp_path / "motor.toml").write_text(presets()["single-motor"])

@@ -114,6 +114,9 @@ class Removed:
 BLOCK = 60.0
 """s; what a sensor's noise changes from reading to reading is gone in means over so long, and no joint's temperature
 changes much faster."""
+_FEWEST = 10
+"""Blocks of a log, however short it is: over two minutes an error that turns within each is gone as well, and of less
+than one there would be no block."""
 NEGLIGIBLE = 0.04
 """K; nobody looks for an effect that leaves less on one node's one-minute means. With .06 K one finding less is told of
 an arm of six joints, with .027 K one more."""
@@ -154,7 +157,8 @@ def noise_of_means(clean: FloatArray, white: float, step: float, size: int, logs
 def minute_means(fit: Fit, runs: Sequence[RunErrors]) -> dict[str, tuple[float, float]]:
     """Mean squares of each node's errors over minutes [K²], and of those that its sensor's noise alone would leave.
 
-    The latter is what noise and steps exceed in one log of twenty, with what is negligible on top.
+    Of logs of less than ten minutes it is over a tenth of them. The latter is what noise and steps exceed in one log of
+    twenty, with what is negligible on top.
 
     Args:
         fit: has the sensors' noise.
@@ -166,8 +170,10 @@ def minute_means(fit: Fit, runs: Sequence[RunErrors]) -> dict[str, tuple[float, 
     found = {}
     for row, (node, white, step) in enumerate(zip(fit.model.nodes, fit.noise.white, fit.noise.step, strict=True)):
         squares, simulated = [], []
-        for bound, error in runs:
-            counted, size = bound.counted[row] & np.isfinite(error[row]), max(1, round(BLOCK / bound.run.step))
+        of_runs = [bound.counted[row] & np.isfinite(error[row]) for bound, error in runs]
+        seconds = sum(bound.run.step * int(counted.sum()) for (bound, _), counted in zip(runs, of_runs, strict=True))
+        for (bound, error), counted in zip(runs, of_runs, strict=True):
+            size = max(1, round(min(BLOCK, seconds / _FEWEST) / bound.run.step))
             own = error[row][counted]
             squares.append(means_of_blocks(own, size) ** 2)
             simulated.append(noise_of_means(bound.measured[row][counted] + own, white, step, size) ** 2)
