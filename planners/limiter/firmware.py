@@ -42,7 +42,7 @@ _UNITS = {
     "peak": "A", "time_constant": "s", "threshold": "A^2", "continuous": "A", "peak_time": "s", "kept": "1",
     "sensor": "", "warning": "degC", "trip": "degC", "restart": "degC", "hysteresis": "K", "rest": "s",
 }  # fmt: skip
-_SHORT = {"time_constant": "tau [s]", "continuous": "ever [A]", "peak_time": "peak [s]", "kept": "kept",
+_SHORT = {"time_constant": "tau [s]", "continuous": "cont. [A]", "peak_time": "peak [s]", "kept": "kept",
           "warning": "warn [C]", "trip": "trip [C]", "restart": "start [C]"}  # fmt: skip
 
 
@@ -55,6 +55,7 @@ class FirmwareTable(Strict):
     warning: Seconds = 10.0
     burst: Seconds = 10.0
     sensor_error: NotNegative = 0.0
+    delay: NotNegative = 0.0
 
 
 class FirmwareFile(Strict):
@@ -203,7 +204,8 @@ class _Limits:
             at = self.at(self.model.values)
             p, q = self.accumulated(at)
             self.squares = shared(p[self.limited], q[self.limited], self.room(at), alone, task.nominal)
-            self.hot = np.minimum(task.limits, at.rest + p @ self.squares + q.sum(axis=1))
+            worst = at.rest + p @ self.squares + q.sum(axis=1)
+            self.hot = np.where(np.isfinite(task.limits), task.limits, worst)
 
     def at(self, p: FloatArray, end: int = 1) -> Responses:
         """Responses at parameters, in the coldest or the hottest air."""
@@ -272,7 +274,7 @@ class _Limits:
             owner = states[:, self.limited, : len(self.joints)].max(axis=0).argmax(axis=1)
             rises = np.full((3, len(self.joints)), np.nan)
             for joint in range(len(self.joints)):
-                k = reads[:, joint]
+                k = later(at.t, reads[:, joint], table.delay)
                 for place in self.limited[owner == joint]:
                     over = beyond(at.t, states[:, place], k)
                     trip = ((self.task.limits[place] - at.rest[place] - over) / SHARES).max()
@@ -284,7 +286,7 @@ class _Limits:
         return np.asarray(np.min(ends, axis=0) - table.sensor_error)
 
     def rest(self, joint: int, restart: float) -> float:
-        """From the hottest that i²t admits to the restart without any current, in the hottest air [s]."""
+        """From all limits at once to the restart without any current, in the hottest air [s]."""
         rates, given = self.task.heating.rate_function(), (self.task.ends[1], self.model.values)
 
         def cooling(_: float, x: FloatArray) -> FloatArray:

@@ -143,6 +143,12 @@ def test_a_sensor_on_the_winding_trips_at_the_limit_less_its_error() -> None:
     assert answer.numbers.loc["w0", "trip"] == pytest.approx(LIMIT - 5.0, abs=0.01)
 
 
+def test_a_drive_that_is_late_trips_lower_by_what_the_winding_rises_meanwhile() -> None:
+    rise = 0.5 * ONE.ohms[0] * (1 + ONE.alpha * (LIMIT - 25)) * 20.0**2 / ONE.winding[0]
+    trip = numbers_of(ONE, 20.0, task={"delay": 0.5}).numbers.loc["w0", "trip"]
+    assert LIMIT - rise - 0.01 <= trip <= LIMIT - 0.9 * rise
+
+
 def test_one_mass_is_its_own_i2t() -> None:
     """A winding apart from any housing: its time constant and its steady state keep everything."""
     alone = replace(

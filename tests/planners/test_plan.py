@@ -159,6 +159,14 @@ def test_numbers_for_firmware_as_table_json_page_and_picture(plan: Plan, tmp_pat
     assert "FR_calf" in names["n.html"].read_text()
 
 
+def test_standard_errors_of_the_model_file_count(plan: Plan, leg: Path, tmp_path: Path) -> None:
+    text, fitted = (EXAMPLES / "firmware.toml").read_text().replace('"power.pc" = 20\n', ""), tmp_path / "fitted.toml"
+    fitted.write_text(leg.read_text() + '\n[fit.standard_errors]\n"capacity.FR_calf" = 40\n"capacity.FR_hip" = 40\n')
+    status, out, _ = plan(text, model=fitted)
+    assert status == 0
+    assert "K are kept for the model's standard errors." in out
+
+
 @pytest.mark.parametrize("text", [TRACK, LIMIT])
 def test_c_code_is_written_into_a_folder(plan: Plan, tmp_path: Path, text: str) -> None:
     status, out, _ = plan(text, "--emit-c", tmp_path / "robot")

@@ -36,15 +36,14 @@ def plan(
     """
     from lptn.basics.tables import write_table
     from lptn.cli.terminal import progress, show_written, write_json
-    from lptn.model.file import read_model_file
-    from lptn.model.model import Model
+    from lptn.identify.data import load_model
     from lptn.planners.tasks import check_folder, kind_of, load_task
 
     options.check_outputs(json, report, tables=[output], pictures=[plot], inputs=(model, task))
     table = load_task(task)
     kind = kind_of(table, str(task))
     check_folder(emit_c, kind, str(task))
-    asked = kind.read(table, str(task), Model(read_model_file(model).network))
+    asked = kind.read(table, str(task), load_model(model).model)
     with progress("planning"):
         answer = kind.run(asked)
     lines = answer.text().splitlines()
