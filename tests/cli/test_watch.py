@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import signal
 import subprocess
@@ -13,6 +14,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tests.cli.conftest import Lptn
@@ -44,7 +46,14 @@ def test_a_replayed_log_gives_lines_and_json(lptn: Lptn, motors: Path, tmp_path:
         (["log.csv", "--to", "screen"], "screen: sink: found no such sink; expected terminal, json"),
         (["log.csv", "--to", "prometheus://127.0.0.1:x"], "sink: found no port"),
         (["udp://127.0.0.1:99999"], "source: found no port"),
-        (["log.csv", "--state", "log.csv"], "log.csv: state: found"),
+        (["log.csv", "--state", "other.csv"], "other.csv: state: found another or a broken file"),
+        (["log.csv", "--state", "numbers.npy"], "numbers.npy: state: found another or a broken file"),
+        (["log.csv", "--state", "pipe"], "pipe: state: found another or a broken file"),
+        *[
+            (["log.csv", *words.split()], ": output: found a file that is read; expected another file")
+            for words in ("--state log.csv", "--json log.csv", "--to json json:./log.csv", "--calibration x --json x")
+        ],
+        (["log.csv", "--to", "json:a", "json:a"], "a: output: found one file for two results"),
         (["log.csv", "--replay", "0"], "column temperature.ambient: found no such column; the log has: time, a"),
     ],
 )
@@ -53,6 +62,9 @@ def test_what_can_not_be_is_one_line(
 ) -> None:
     monkeypatch.chdir(motors.parent)
     Path("log.csv").write_text("time,a\n0,1\n1,2\n")
+    Path("other.csv").write_text("time,a\n0,1\n1,2\n")
+    np.save("numbers.npy", np.zeros(3))
+    os.mkfifo("pipe")
     status, _, told = lptn("watch", motors, *words)
     assert status == 2
     assert message in told

@@ -65,7 +65,8 @@ def watch(
 
     Example: lptn watch fitted.toml udp://:9870 --limit 60 --to terminal prometheus
     """
-    options.check_outputs(json, state, inputs=(model,))
+    lines = [Path(text.removeprefix("json:")) for text in to or () if text.startswith("json:")]
+    options.check_outputs(json, state, *lines, inputs=(model, Path(source), *filter(None, [calibration])))
     limits = options.limits_of(limit, "")
     options.check_inputs(model)
     from lptn.cli.terminal import is_quiet, write_json

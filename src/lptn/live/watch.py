@@ -21,8 +21,9 @@ import numpy as np
 from scipy.special import ndtri
 
 from lptn.basics.arrays import FloatArray
+from lptn.basics.bounds import Bound
 from lptn.basics.errors import InputError
-from lptn.basics.files import fingerprint, write_whole
+from lptn.basics.files import bytes_of, fingerprint, write_whole
 from lptn.basics.processes import one_blas_thread
 from lptn.identify.data import LoadedModel
 from lptn.live.assessment import Assessment, Question, Worker, assess
@@ -45,7 +46,8 @@ _FIRST = 60.0  # s of rows from which a forecast can be made
 _SHARE = 0.05  # of a processor that assessments may take; the loop takes as much at 1 kHz
 _TICK = 0.1  # s that the loop waits for a message
 _SAVED = 60.0  # s between two savings of the state
-_VERSION = 2  # of the state's file
+_VERSION, _STATE = 2, "a state that lptn watch saved"  # of the state's file; what it should be
+_SIZE = Bound(500_000_000, "bytes")  # of it, ten times what thirty joints fill
 _RAW = "raw:"  # how what samples say of themselves is called among the kept rows, beside what the model makes of it
 
 
@@ -461,7 +463,7 @@ class Watch:
             InputError: it is none, or of another model.
         """
         try:
-            with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as file:
+            with np.load(io.BytesIO(bytes_of(path, _SIZE, _STATE)), allow_pickle=False) as file:
                 arrays = {name: file[name] for name in file.files}
             about: dict[str, Any] = json.loads(arrays.pop("about").tobytes())
             if about["version"] != _VERSION or about["model"] != fingerprint(self.loaded.file.path):
@@ -470,8 +472,8 @@ class Watch:
             self._take_up(about, arrays)
         except InputError:
             raise
-        except (OSError, ValueError, KeyError, TypeError, EOFError, BadZipFile) as error:
-            raise InputError(path, "state", str(error) or "a broken file", "a state that lptn watch saved") from error
+        except (AttributeError, ValueError, KeyError, TypeError, EOFError, MemoryError, BadZipFile) as error:
+            raise InputError(path, "state", "another or a broken file", _STATE) from error
 
     def _take_up(self, about: Mapping[str, Any], arrays: Mapping[str, FloatArray]) -> None:
         clock = self._clock
