@@ -30,8 +30,8 @@ class Bound:
             raise InputError(file, place, f"{found:,} {self.noun}", f"at most {self.most:,}")
 
 
-TEXT = Bound(1_000_000, "bytes")
-"""Of a file that a person edits: a model of 800 joints has 0.1 MB. To parse TOML with its comments takes 1 to 20 s a
+TEXT = Bound(500_000, "bytes")
+"""Of a file that a person edits: a model of 800 joints has 0.1 MB. To parse TOML with its comments takes 1 to 45 s a
 megabyte."""
 
 DESCRIPTION = Bound(50_000_000, "bytes")
