@@ -28,6 +28,8 @@ from functools import partial
 from itertools import chain
 from pathlib import Path
 
+import numpy as np
+
 from tests.hardening.bad_inputs import desk
 
 _LONGEST = 60.0  # s, of one command
@@ -165,6 +167,7 @@ trade study.toml | study.toml
 trade own.toml | motors.csv
 motor drawing.toml -o out.toml | drawing.toml
 monitor model.toml log.csv --calibration kept.json | kept.json
+watch model.toml log.csv --replay 0 --state kept.npz | kept.npz
 cosim x.fmu log.csv --trust | x.fmu
 cosim system.ssd log.csv --trust | x.fmu
 cosim system.ssd log.csv --trust | system.ssd
@@ -229,6 +232,8 @@ def _models() -> Iterator[Case]:
     many = "".join(f"[nodes.n{k}]\ncapacity = 300\n" for k in range(3000))
     many += "".join(f'[[links]]\nbetween = ["n{k}", "motor"]\nresistance = 3\n' for k in range(3000))
     kinds["3,000 nodes"] = _changed("model.toml", "[[links]]", f"{many}[[links]]")
+    keys = "".join(f"a.b{k}.c = 1\n" for k in range(33_000))
+    kinds["half a megabyte of dotted keys"] = _changed("model.toml", "[model]", f"{keys}[model]")
     node = '[nodes."{0}"]\ncapacity = 3\n[[links]]\nbetween = ["{0}", "motor"]\nresistance = 3\n[[links]]'
     nodes = ("a b", "a'b", "\u00f6", "%s", "/", "..", "ambient", "__init__", "Motor", "$(id)", "<b>", "-o", "0")
     kinds |= {f"a node {text!r}": _changed("model.toml", "[[links]]", node.format(text)) for text in nodes}
@@ -471,6 +476,8 @@ fit model.toml log.csv --rate {}
 fit model.toml log.csv --holdout-after {}
 fmu model.toml -o out.fmu --step {}
 add model.toml {} --at motor
+watch model.toml udp://[{} --limit 60
+watch model.toml log.csv --replay 0 --to prometheus://[{}
 add model.toml constant_heat --at {}
 monitor model.toml log.csv --threshold {}
 open model.toml log.csv --no-browser --port {}x
@@ -505,6 +512,27 @@ def _parquet(kind: str, path: Path, _: Path) -> None:
     pq.write_table(pa.table([time, warm, torque, air], names=HEAD.strip().split(",")), path)
     if kind == "cut":
         os.truncate(path, path.stat().st_size - 300)
+
+
+def _hdf5(kind: str, path: Path, _: Path) -> None:
+    import h5py
+
+    time = np.arange(300.0)
+    with h5py.File(path, "w") as file:
+        file["time"], file["temperature.motor"], file["temperature.ambient"] = time, 25 + 0 * time, 22 + 0 * time
+        if kind == "another file's bytes":
+            file.create_dataset("torque.motor", time.shape, "u1", external=[("/etc/passwd", 0, time.size)])
+            return
+        file["torque.motor"], group = 1 + 0 * time, file
+        if kind == "3,000 groups deep":
+            for _number in range(3000):
+                group = group.create_group("g")
+        elif kind == "a group in itself":
+            file["g"] = file["/"]
+        elif kind == "links in a circle":
+            file["a"], file["b"] = h5py.SoftLink("/b"), h5py.SoftLink("/a")
+        else:
+            file.create_dataset("pictures", (10**9, 900), "f8", chunks=(1000, 900))
 
 
 def _text_logs() -> Iterator[tuple[str, bytes]]:
@@ -545,6 +573,8 @@ def _logs() -> Iterator[tuple[str, str, Make]]:
     yield from ((name, "log.csv", content) for name, content in _text_logs())
     for kind in ("dictionary", "nested", "decimal", "duration", "uint64", "date", "cut"):
         yield f"a Parquet file, {kind}", "log.parquet", partial(_parquet, kind)
+    for kind in ("another file's bytes", "3,000 groups deep", "a group in itself", "links in a circle", "7 TB beside"):
+        yield f"an HDF5 file, {kind}", "log.h5", partial(_hdf5, kind)
     wide = ",".join(f"c{k}" for k in range(300_000))
     yield "300,000 columns", "log.csv", f"time,{wide}\n" + ",".join(["0"] * 300_001) + "\n"
     yield "2 GB of zeros in a .gz", "log.csv.gz", _bomb
