@@ -314,6 +314,9 @@ def _cautions(result: StudyResult) -> Iterator[str]:
     for design in result.designs:
         if abs(design.checked - design.winding) > 0.5:  # K between the program's few elements and fine steps
             yield f"{design.option.name}: caution, a simulation in fine steps reaches {design.checked:.1f} degC"
+        limit = design.option.motor.limits.winding
+        if limit is not None and design.winding > limit + 0.05:  # K; no more digits are shown
+            yield f"{design.option.name}: caution, its data sheet allows a winding of {limit:g} degC"
         if design.degenerate:
             why = "more constraints are active than it has freedom"
             yield f"{design.option.name}: caution, {why}; its sensitivities are not unique"

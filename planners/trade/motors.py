@@ -71,6 +71,7 @@ class CatalogueMotor(Strict):
     torque_constant: si.TorqueConstant | None = None  # at 25 degC
     speed_constant: si.SpeedConstant | None = None
     magnet_coefficient: Annotated[Number, Field(gt=-0.01, le=0)] = MAGNET_COEFFICIENT  # of the torque constant, 1/K
+    turns: Annotated[list[si.Positive], Field(min_length=1)] = Field(default=[1.0])  # by those of the one described
     rotor_inertia: si.Inertia = 0.0
     price: si.NotNegative | None = None  # none where nobody said
     limits: MotorLimits = MotorLimits()

@@ -16,6 +16,8 @@ from lptn.robots.presets import presets
 from .motors import MOTORS, CatalogueMotor, data_sheet_network, read_catalogue
 from .study import SWEPT, DutyTask, MotorChoice, StudyTables, Sweep, TradeStudy, attachable, pipe_places
 
+_COPPER = "copper_loss.resistance"
+"""How the names of parameters begin that are a winding's electrical resistance."""
 _NEEDED = {"mass": "kg", "volume": "m^3", "torque_constant": "N*m/A at 25 degC"}
 
 
@@ -39,7 +41,8 @@ def parse_study(text: str, path: Path) -> TradeStudy:
     """
     with mistakes_by_line(path, text):
         tables = StudyTables.model_validate(toml_of(path, text))
-        motors = [_motor(motor, place, tables, path) for place, motor in _chosen_motors(tables, path)]
+        chosen = [_motor(motor, place, tables, path) for place, motor in _chosen_motors(tables, path)]
+        motors = [_wound(motor, turns) for motor in chosen for turns in dict.fromkeys(motor.turns)]
         if "gears" in tables.model_fields_set:
             _refuse(path, _mistakes_of_gears(tables))
             tables.task = tables.task.model_copy(update={"gear": 1.0})
@@ -121,6 +124,23 @@ def _motor(table: CatalogueMotor, place: str, tables: StudyTables, path: Path) -
         "standard_errors": errors,
     }
     return MotorChoice(**given | found)
+
+
+def _wound(motor: MotorChoice, turns: float) -> MotorChoice:
+    """A motor with so many times the turns of as much copper: the torque constant goes with them, resistance with their
+    square, and its own largest current with their inverse; the drive's stays."""
+    copper = {p.name: p.value * turns**2 for p in motor.network.parameters if p.name.startswith(_COPPER)}
+    errors = {name: error * turns**2 for name, error in motor.standard_errors.items() if name in copper}
+    current = motor.limits.current
+    limits = {"current": None if current is None else current / turns}
+    wound = {
+        "name": f"{motor.name}, {turns:g} × turns" if len(motor.turns) > 1 else motor.name,
+        "torque_constant": motor.torque_constant * turns,
+        "network": motor.network.with_values(copper),
+        "standard_errors": motor.standard_errors | errors,
+        "limits": motor.limits.model_copy(update=limits),
+    }
+    return motor.model_copy(update=wound)
 
 
 def _needed(names: Iterable[str]) -> str:

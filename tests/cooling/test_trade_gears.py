@@ -130,6 +130,28 @@ def test_a_rotor_takes_torque_to_be_turned_about() -> None:
     assert design.value == pytest.approx(hottest, abs=1e-3)
 
 
+@pytest.mark.parametrize("turns", [0.5, 2.0])
+def test_a_winding_of_other_turns_is_the_same_motor_at_another_voltage_and_current(turns: float) -> None:
+    """n times the turns at U and I bear what the motor bears at U/n and n I."""
+    motor = f'[[motors]]\nname = "U8"\nturns = [1, {turns}]'
+    fast = study("held_torque", "duration = 120\nspeed = 90", f"voltage = {VOLTAGE}", motor, cooling='"none"')
+    held = {design.option.motor.name: design for design in solve_study(fast).designs}
+    for name, by in (("U8, 1 × turns", 1.0), (f"U8, {turns:g} × turns", turns)):
+        assert held[name].value == pytest.approx(held_at(120.0, 90.0, VOLTAGE / by), rel=1e-4)
+        assert ("voltage" in held[name].binding) == (by == 2.0)
+    drive = study("held_torque", "duration = 5", "current = 20", motor, cooling='"none"')
+    at_drive = {design.option.motor.name: design.value for design in solve_study(drive).designs}
+    alone = study("held_torque", "duration = 5", f"current = {20 * turns}", cooling='"none"')
+    assert at_drive[f"U8, {turns:g} × turns"] == pytest.approx(_one(alone).value, rel=1e-6)
+
+
+def test_windings_above_the_motors_own_limit_are_said() -> None:
+    for torque, said in ((1.0, 0), (2.5, 1)):
+        asked = study("worst_temperature", f"torque = {torque}\nduration = 120", cooling='"none"')
+        lines = [line for line in remarks(solve_study(asked)) if "allows a winding of 105 degC" in line]
+        assert len(lines) == said
+
+
 def test_walking_turns_the_ankle_as_its_angle_says() -> None:
     speeds = walking_speed(200)
     assert speeds.mean() == pytest.approx(0.0, abs=1e-9)  # it comes back to where it was
