@@ -20,9 +20,9 @@ to get its torque.
 
     python -m tests.hardening.living_sensors --off cores --faults healthy   # the plant has masses that the model lacks
 
-There it falls short: where a quarter of each driven node is a winding that is 40 s apart, it takes healthy sensors for
-false within seconds to minutes, since constant parameters explain no lag, and admits 56 to 98 % of what could be (seed
-94: knee 85, motor 92, leg 61 to 76, gripper 81, arm 95, prosthesis 80, quadruped 56 to 72), never above a limit.
+There a quarter of each driven node is a winding, 40 s apart. Joints of one mass keep their sensors (seeds 104, 105: 96
+to 102 % of what could be is admitted, before 22 to 99); small nodes lose some, with up to 16 %, and a winding of 30 J/K
+passes limit and margin by up to 2 K while the heat within comes out.
 
     python -m tests.hardening.living_sensors --set WIDER=6 DRIFT=0.03   # other constants of `planners/mpc/c/filter.inc`
 

@@ -94,6 +94,7 @@ typedef struct {
     lptn_mpc_filter filter[4];
     int returning;                       /* which sensor is tested */
     double raised[LPTN_NX];              /* how much of the estimate comes from the controlled heat since its node began [K] */
+    double steady[LPTN_NX];              /* rate at which currents heat it, for what has settled within [K/s] */
     double coldest;                      /* of all that surrounded the robot, and of sensors that live as they began [degC] */
     double hotter[LPTN_NX];              /* by how much each is hotter if nodes that no sensor tells began as hot as allowed [K] */
     double returns[LPTN_NN];             /* of a sensor that came back: error without it, by the time that it has to agree [K/s] */

@@ -41,7 +41,7 @@ LEAST_SHARE = 0.1
 follow it, however little is known of the model. No model of a machine is wrong tenfold."""
 FOLLOWS = 0.7
 """Of the reference's movement, that a sensor has to make to follow it: with every value 10 % off it makes 0.8."""
-FEWEST = 4  # readings; the regression of one on the other needs two, its scatter more
+FEWEST = 4  # readings; a regression of one on the other needs two, its scatter more; a mass within shows late
 STANDS = -math.log(CHANCE)
 """Evidence from which a sensor counts as frozen, as for whole logs."""
 SHORTEST = 60.0  # s; nothing thermal is lost in less
@@ -139,7 +139,8 @@ class LivingSensor:
                 self.agrees, self.agreed_for, self.regression = True, -seconds, [0.0] * 6
             self.proven |= self._follows_reference(reading, reference, noise)
             count, _, _, squares, of_readings, _ = self.regression
-            idle = squares >= count * LEAST**2 and of_readings + count * noise**2 < LEAST_SHARE**2 * squares
+            idle = count >= FEWEST and squares >= count * LEAST**2
+            idle = idle and of_readings + count * noise**2 < LEAST_SHARE**2 * squares
             if not idle:
                 self.agreed_for += seconds
                 self.trusted = self.proven and self.agreed_for >= self.contradicted_for
