@@ -220,7 +220,7 @@ class _Limits:
         room = np.asarray((self.task.limits - at.rest)[self.limited])
         if room.min() <= 0:
             place = self.limited[int(room.argmin())]
-            found = f"{at.rest[place]:.4g} degC without any current in the hottest air"
+            found = f"{self.idle[place]:.4g} degC without any current in the hottest air"
             expected = f"less than the {self.task.limits[place]:.4g} degC that are allowed"
             raise InputError(self.model.network.origin, f"limits.{self.model.places[place]}", found, expected)
         return room
@@ -242,10 +242,9 @@ class _Limits:
     @cached_property
     def idle(self) -> FloatArray:
         """States without any current in the hottest air [degC], by Newton's method from above."""
-        x, at, none = self.hot, self.task.heating.function(), np.zeros(len(self.joints))
+        x, none = self.hot, np.zeros(len(self.joints))
         for _ in range(_ROUNDS):
-            rates, slope = (np.asarray(value.full()) for value in at(x, none, self.task.ends[1], self.model.values)[:2])
-            x = x - np.linalg.lstsq(slope.T, rates.ravel())[0]
+            x = responses(self.task.heating, self.model.values, self.task.ends[1], x, none).rest
         return np.asarray(x)
 
     @cached_property
@@ -278,10 +277,10 @@ class _Limits:
                 for place in self.limited[owner == joint]:
                     over = beyond(at.t, states[:, place], k)
                     trip = ((self.task.limits[place] - at.rest[place] - over) / SHARES).max()
-                    rises[0, joint] = np.fmin(rises[0, joint], trip)
+                    rises[0, joint] = np.nanmin([rises[0, joint], trip, self.task.limits[place] - rest[joint]])
                 for row, seconds in ((1, table.warning), (2, table.burst)):
                     over = beyond(at.t, k, later(at.t, k, seconds))
-                    rises[row, joint] = ((rises[0, joint] - over) / SHARES).max()
+                    rises[row, joint] = min(rises[0, joint], ((rises[0, joint] - over) / SHARES).max())
             ends.append(rest + rises)
         return np.asarray(np.min(ends, axis=0) - table.sensor_error)
 
@@ -324,8 +323,7 @@ def _run(task: FirmwareTask) -> FirmwareAnswer:
         bears = np.sqrt(borne(at.t, at.heated[:, limits.limited], number, others, room, most))
         curves[joint] = np.array([at.t[1:], admitted, bears])
         trips = trip[number] if trip[number] > idle[number] else np.nan
-        warning, restart = trips - gaps[:, number]
-        restart = restart if restart > idle[number] else np.nan
+        warning, restart = (level if level > idle[number] else np.nan for level in trips - gaps[:, number])
         cells = (
             np.sqrt(most), tau, theta, np.sqrt(theta), -tau * np.log1p(-theta / most) if theta < most else inf,
             (admitted / bears).min(), model.nodes[task.sensors[number]], warning, trips, restart, trips - restart,

@@ -68,25 +68,27 @@ def responses(heat: Heating, p: FloatArray, d: FloatArray, hot: FloatArray, squa
     Raises:
         InputError: a node without any way for its heat to the surroundings.
     """
-    rates, at = heat.rate_function(), heat.function()
-    slope = np.asarray(at(hot, np.zeros_like(squares), d, p)[1].full()).T
-    gain = np.asarray(at(hot, squares, d, p)[2].full()).T
-    level = np.asarray(rates(hot, squares, d, p).full()).ravel() - gain @ squares
-    moves = np.abs(slope).any(axis=1)  # a clock's state, as of a drift, does not
-    speeds = -np.linalg.eigvals(slope[np.ix_(moves, moves)]).real
-    if not moves[: len(heat.model.nodes)].all() or speeds.min() < 1e-9 * speeds.max():
-        origin = heat.model.network.origin
-        raise InputError(origin, "links", "heat that never leaves at the limits", "links to the surroundings")
+    rates, at, model = heat.rate_function(), heat.function(), heat.model
+    kept = np.flatnonzero(model.rises == 0)  # a clock, as of a drift, stands still: it is as warm as its node
+    spread = (np.where(model.rises == 0, np.arange(len(hot)), model.owners)[:, None] == kept).astype(float)
+    hot = spread @ hot[kept]
+    slope = np.asarray(at(hot, np.zeros_like(squares), d, p)[1].full()).T[kept] @ spread
+    gain = np.asarray(at(hot, squares, d, p)[2].full()).T[kept]
+    level = np.asarray(rates(hot, squares, d, p).full()).ravel()[kept] - gain @ squares
+    speeds = -np.linalg.eigvals(slope).real
+    if speeds.min() < 1e-9 * speeds.max():
+        raise InputError(
+            model.network.origin, "links", "heat that never leaves at the limits", "links to the surroundings"
+        )
     air = [value for name, value in zip(heat.conditions, d, strict=True) if name.startswith("temperature.")]
-    cool = np.minimum(min(air, default=25.0), hot)
-    x = cool + (hot - cool) * qmc.Sobol(len(hot), seed=1).random(_POINTS)
-    none = np.zeros((len(squares), 1))
-    seen = rates.map(_POINTS)(x.T, np.tile(none, _POINTS), np.tile(d[:, None], _POINTS), np.tile(p[:, None], _POINTS))
-    below = np.where(moves, level + (x - hot) @ slope.T - np.asarray(seen.full()).T, 0.0)
+    cool = np.minimum(min(air, default=25.0), hot[kept])
+    x = cool + (hot[kept] - cool) * qmc.Sobol(len(kept), seed=1).random(_POINTS)
+    given = (np.tile(each[:, None], _POINTS) for each in (np.zeros_like(squares), d, p))
+    seen = np.asarray(rates.map(_POINTS)(spread @ x.T, *given).full())[kept].T
+    below = level + (x - hot[kept]) @ slope.T - seen
     above = np.maximum(0.0, -below.min(axis=0))
     lacking = np.maximum(0.0, below.max(axis=0)) + above
-    rest = hot.copy()
-    rest[moves] -= np.linalg.solve(slope[np.ix_(moves, moves)], (level + above)[moves])
+    rest = spread @ (hot[kept] - np.linalg.solve(slope, level + above))
     causes = np.hstack([gain, -np.diag(lacking)[:, lacking > 1e-9]])
     t, course = [0.0], [causes]
     span = _FIRST / speeds.max()
@@ -96,7 +98,7 @@ def responses(heat: Heating, p: FloatArray, d: FloatArray, hot: FloatArray, squa
             t.append(t[-1] + span / _PARTS)
             course.append(over @ course[-1])
         span = t[-1]
-    both = np.array(course)
+    both = spread @ np.array(course)
     return Responses(np.array(t), rest, both[..., : len(squares)], both[..., len(squares) :])
 
 
@@ -173,12 +175,13 @@ def shared(p: FloatArray, q: FloatArray, room: FloatArray, alone: FloatArray, mo
         most: at most so much of each [A²].
     """
     few = 1e-3  # of the sum of all beside the least: what one doesn't use another may have
-    worth = np.append(few / alone, 1.0)
-    left = np.hstack([p, np.zeros((len(p), 1))])
-    least = np.hstack([-np.diag(1 / alone), np.ones((len(alone), 1))])
-    limits = np.concatenate([room - q.sum(axis=1), np.zeros(len(alone))])
-    answer = linprog(-worth, np.vstack([left, least]), limits, bounds=[*((0, each) for each in most), (0, 1)])
-    return np.zeros(len(alone)) if answer.x is None else np.asarray(answer.x[:-1])
+    count = len(alone)
+    left = np.hstack([p * alone / room[:, None], np.zeros((len(p), 1))])  # in shares, the last the least of them
+    least = np.hstack([-np.eye(count), np.ones((count, 1))])
+    limits = np.concatenate([1 - q.sum(axis=1) / room, np.zeros(count)])
+    ends = [*((0, each) for each in most / alone), (0, 1)]
+    answer = linprog(-np.append(np.full(count, few), 1.0), np.vstack([left, least]), limits, bounds=ends)
+    return np.zeros(count) if answer.x is None else np.asarray(answer.x[:-1] * alone)
 
 
 def beyond(t: FloatArray, g: FloatArray, k: FloatArray) -> FloatArray:

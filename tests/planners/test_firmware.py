@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -18,6 +19,7 @@ from lptn.basics.arrays import FloatArray, IntArray
 from lptn.basics.errors import InputError
 from lptn.model.model import Model
 from lptn.planners.limiter import firmware_kind
+from tests.builders import effect
 from tests.planners.firmware_truth import Drive, Motors, hottest, worst_rise
 
 LIMIT, AIR = 105.0, 40.0
@@ -65,7 +67,8 @@ def continuous(motors: Motors, joint: int = 0) -> float:
     return float(np.sqrt((LIMIT - AIR) / (motors.inside + motors.outside)[joint] / motors.ohms[joint] / 1.3))
 
 
-@settings(max_examples=15, deadline=None)
+@pytest.mark.long
+@settings(max_examples=10, deadline=None)
 @given(random_motors(alpha=0.0, beta=0.0), st.floats(1.2, 6.0))
 def test_the_worst_history_of_a_linear_program_comes_to_the_limit_and_not_above(motors: Motors, ratio: float) -> None:
     peak = ratio * continuous(motors)
@@ -75,7 +78,8 @@ def test_the_worst_history_of_a_linear_program_comes_to_the_limit_and_not_above(
     assert rise >= (LIMIT - AIR) * 0.95 or n.continuous == pytest.approx(peak)
 
 
-@settings(max_examples=15, deadline=None)
+@pytest.mark.long
+@settings(max_examples=10, deadline=None)
 @given(st.data(), st.integers(1, 3), st.floats(1.2, 6.0))
 def test_no_burst_after_any_rest_passes_the_limit(data: st.DataObject, count: int, ratio: float) -> None:
     motors = data.draw(random_motors(count))
@@ -95,7 +99,8 @@ def test_no_burst_after_any_rest_passes_the_limit(data: st.DataObject, count: in
     assert hottest(motors, drives, wanted, steps, dt, AIR, start=start).max() <= LIMIT + 0.02
 
 
-@settings(max_examples=12, deadline=None)
+@pytest.mark.long
+@settings(max_examples=10, deadline=None)
 @given(random_motors(), st.floats(1.05, 2.5), st.sampled_from([0.0, AIR]))
 def test_no_load_before_a_trip_on_the_housing_passes_the_limit_and_the_warning_is_in_time(
     motors: Motors, ratio: float, air: float
@@ -167,6 +172,7 @@ def test_a_fixed_time_constant_and_a_nominal_current_are_kept() -> None:
     assert n.peak_time == pytest.approx(-7.0 * np.log(1 - (4 / 30) ** 2))
 
 
+@pytest.mark.long
 def test_standard_errors_leave_a_margin_that_holds_for_such_robots() -> None:
     """True motors differ from the model by its standard errors; of 200 some 5 % may pass."""
     model = ONE.model(resistance=0.1, capacity=0.1, copper_loss=0.1)
@@ -203,6 +209,14 @@ def test_the_c_code_does_what_a_drive_does(tmp_path: Path) -> None:
         assert given == pytest.approx(np.sign(wanted) * float(drive.admitted(wanted, reading, period)), abs=1e-9)
         rested += drive.tripped
     assert 100 < rested < 3900
+
+
+def test_a_drift_of_a_sensor_stands_still() -> None:
+    """Its state is a clock, which no heat moves."""
+    plain = ONE.model()
+    drifting = Model(plain.network.with_effects([effect("sensor_drift", "w0", rate=1.0)]))
+    expected = numbers_of(ONE, 20.0).numbers
+    pd.testing.assert_frame_equal(numbers_of(ONE, 20.0, model=drifting).numbers, expected, rtol=1e-6)
 
 
 @pytest.mark.parametrize(
