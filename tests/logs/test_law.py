@@ -12,7 +12,9 @@ import pytest
 
 from lptn.basics.errors import InputError
 from lptn.logs.beside import refuse_doubtful
+from lptn.logs.channels import Channels
 from lptn.logs.columns import ColumnSource
+from lptn.logs.law import warming
 from lptn.logs.reading import read_log
 from lptn.virtual import Bout, Job, leg_logs, quadruped_logs
 
@@ -99,6 +101,27 @@ def test_of_what_a_robot_does_nothing_is_said(robot: dict[str, Any], velocity: b
     if rest:
         log = log[log["time"] < SINCE + 300]
     assert not read_log(log)[0].issues
+
+
+@pytest.mark.parametrize("period", [25.0, 30.0, 45.0])
+def test_of_a_load_that_swings_as_fast_as_is_averaged_nothing_is_said(period: float) -> None:
+    """Half of a block's heat counted for the step before it: a light part moved by a tenth otherwise."""
+    time, above = np.arange(0.0, 2400.0, 1.0), 0.0
+    rng = np.random.default_rng(int(period))
+    level = rng.choice([0.0, 2.0, 4.0, 5.0], size=24)[(time // 100).astype(int)]
+    current = level * (1 + 0.5 * np.sin(2 * np.pi * time / period))
+    readings = []
+    for amperes in current:
+        readings.append(25.0 + above + 0.05 * rng.standard_normal())
+        above += (WINDING * amperes**2 + 1.0 - TO_AIR * above) / 20.0
+    columns = {"time": time, "temperature.ambient": 25.0, "temperature.a": readings, "current.a": current}
+    (run,) = read_log(pd.DataFrame(columns))
+    assert not run.issues
+    law = warming(
+        Channels({key: np.broadcast_to(x, time.size) for key, x in columns.items()}), "temperature.a", "current.a"
+    )
+    assert law is not None
+    assert law.error < 0.1  # K; 0.4 to 0.9 before
 
 
 @pytest.mark.parametrize("outside", [-110.0, -80.0, 50.0])

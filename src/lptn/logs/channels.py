@@ -186,7 +186,7 @@ class Channels:
         units: what a row of units in the file says of a column.
         where: a row's place in the file, in words, where each row has one.
         air: the temperature of what surrounds the robot, whether it is logged or not.
-        known_means: `means` that were asked for already.
+        known_means: `means`, and rows of `heats`, that were asked for already.
         gains: how a load's heat changes, by load, as it was found (`law.py`), of all that is made of this log.
     """
 
@@ -216,7 +216,7 @@ class Channels:
 
     def with_channels(self, values: Mapping[str, FloatArray]) -> Channels:
         """The same with another course of some channels, (n,) each."""
-        means = {key: x for key, x in self.known_means.items() if key not in values}
+        means = {key: x for key, x in self.known_means.items() if values.keys().isdisjoint(key.split())}
         return replace(self, values={**self.values, **values}, known_means=means)
 
     def without(self, silent: Mapping[str, Sequence[Silence]]) -> Channels:
@@ -283,9 +283,24 @@ class Channels:
             self.known_means[key] = means_of_blocks(values, self.block)
         return self.known_means[key]
 
-    def work(self, load: str, speed: str) -> FloatArray:
-        """Of the size of a load's product with its joint's speed, (blocks,)."""
-        return means_of_blocks(np.abs(self._borne(load) * self.values[speed]), self.block)
+    def heats(self, load: str) -> list[FloatArray]:
+        """A load's square and, where its joint moves, the size of its speed and of their product, (blocks - 1,) each.
+
+        As a mean temperature moves by them from a block to the next: what comes late in a block counts for that.
+        """
+        borne, speed = self._borne(load), f"velocity.{place_of(load)}"
+        made = {load: np.square(borne)}
+        if speed in self.values:
+            made |= {speed: np.abs(self.values[speed]), f"{load} {speed}": np.abs(borne * self.values[speed])}
+        return [self._between(f"{key} between", values) for key, values in made.items()]
+
+    def _between(self, key: str, values: FloatArray) -> FloatArray:
+        """Of each row the mean over a block's length from there on, of these the mean over each block, but the last."""
+        if key not in self.known_means:
+            onwards = pd.Series(values).rolling(self.block, min_periods=1).mean().to_numpy()[self.block - 1 :]
+            count = values.size // self.block - 1
+            self.known_means[key] = means_of_blocks(onwards[: count * self.block], self.block)
+        return self.known_means[key]
 
     def _borne(self, load: str) -> FloatArray:
         """A load's values, (n,), NaN where it is one that nothing bears beside the others."""

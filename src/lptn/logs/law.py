@@ -114,24 +114,21 @@ def warming(log: Channels, key: str, load: str) -> Warming | None:
     """How a part of temperature `key` warms beside its load, '' for none; `None` where the log is too short to tell."""
     if log.block == 0 or not np.isfinite(log.means(key)).any():
         return None
-    warm, speed = log.means(key), f"velocity.{place_of(load)}"
+    warm, heats = log.means(key), log.heats(load) if load else []
     around = {log.air: np.zeros(warm.size)}  # where no air is logged
     for other in (other for other in log.of("temperature") if other != key):
         read = log.means(other)
         if np.isnan(read).any():  # what is read more seldom than once a block lies between its readings
             read = np.asarray(pd.Series(read).interpolate(limit=_SELDOM, limit_area="inside"), np.float64)
         around |= {other: read} if np.isfinite(read).mean() > _THERE else {}
-    heats = [log.means(load)] if load else []
-    if load and speed in log.values:
-        heats += [log.means(speed), log.work(load, speed)]
     apart = np.diff(log.means("time"))
     hidden = pd.Series(warm).ewm(com=_HIDDEN / float(np.median(apart)), adjust=False).mean().to_numpy() - warm
-    table = np.column_stack([*heats, np.ones(warm.size), *(read - warm for read in around.values()), hidden])
-    moved, design = np.diff(warm), 0.5 * (table[:-1] + table[1:])
+    table = np.column_stack([np.ones(warm.size), *(read - warm for read in around.values()), hidden])
+    moved, design = np.diff(warm), np.column_stack([*heats, 0.5 * (table[:-1] + table[1:])])
     rows = np.flatnonzero(np.isfinite(moved) & np.isfinite(design).all(axis=1) & (apart < GAP * np.median(apart)))
     if rows.size < _FEWEST:
         return None
-    likely = np.full(table.shape[1], _CONDUCTANCE)
+    likely = np.full(design.shape[1], _CONDUCTANCE)
     sizes = np.sqrt(np.square(design[rows]).mean(axis=0)) + np.finfo(float).tiny
     likely[: len(heats)], likely[len(heats)] = _HEATS / sizes[: len(heats)], _HEATS
     signed = np.arange(likely.size) == len(heats)
@@ -440,12 +437,14 @@ def gain_change(log: Channels, key: str, load: str) -> GainChange | None:
     if without <= _LOADED * within and stop == count:  # it makes no heat until then
         start, stop, within, without, sides = 0, start, without, within, sides[::-1]
     ratio, to_the_end = within / max(without, float(np.finfo(float).tiny)), stop == count
-    if ratio >= _NO_HEAT and not to_the_end:
-        return None
     unheated = law.moved - law.design[:, 1:] @ sides[0][1:]
     moved, otherwise = (np.ptp(np.cumsum(x[start:stop])) for x in (law.moved, unheated))
     first = (int(law.rows[start]) + 1) * log.block if start else 0
     last = log.time.size - 1 if to_the_end else (int(law.rows[stop - 1]) + 2) * log.block - 1
     still = ratio < _NO_HEAT and bool(moved < min(_APART, _STILL * otherwise))
+    stretch = (start <= np.arange(count)) & (np.arange(count) < stop)
+    alone = law.apart([0], stretch).error < law.apart(others, stretch).error  # else it is heat that the law lacks
+    if not still and not (alone and (to_the_end or ratio < _NO_HEAT)):
+        return None
     of_a_unit = to_the_end and not still and _LOADED < ratio < 1 / _LOADED
     return GainChange((first, last), of_a_unit * ratio, still)
