@@ -323,7 +323,8 @@ def _run(task: FirmwareTask) -> FirmwareAnswer:
         bears = np.sqrt(borne(at.t, at.heated[:, limits.limited], number, others, room, most))
         curves[joint] = np.array([at.t[1:], admitted, bears])
         trips = trip[number] if trip[number] > idle[number] else np.nan
-        warning, restart = (level if level > idle[number] else np.nan for level in trips - gaps[:, number])
+        warning, restart = trips - gaps[:, number]
+        restart = restart if restart > idle[number] else np.nan
         cells = (
             np.sqrt(most), tau, theta, np.sqrt(theta), -tau * np.log1p(-theta / most) if theta < most else inf,
             (admitted / bears).min(), model.nodes[task.sensors[number]], warning, trips, restart, trips - restart,
