@@ -15,7 +15,8 @@ import pytest
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.cli.main import main
-from lptn.identify.data import load_model
+from lptn.identify.data import load_model, split_data
+from lptn.identify.validation import fit_segments
 from lptn.logs.run import Run
 from lptn.model.model import Model
 from lptn.model.network import Network, NodeDeclaration
@@ -29,6 +30,9 @@ from lptn.robots.presets import preset_text
 from lptn.simulate.bound_run import bind
 from lptn.virtual import Bout, Job, quadruped_logs
 from tests.builders import AMBIENT, capacity, effect, link, make_run, node
+from tests.hardening.living_sensors import model_of
+from tests.hardening.plants import AIR as AIR_AROUND
+from tests.hardening.plants import Plant, leg
 from tests.model import slot
 
 AIR, CAPACITY, RESISTANCE, OHM, CONSTANT = 20.0, 300.0, 5.0, 0.15, 0.84
@@ -248,6 +252,31 @@ def test_healthy_sensors_are_believed_though_nobody_fitted_the_model(
 def test_a_healthy_sensor_of_1_k_may_stand_where_its_joint_hardly_warms(seed: int, run: str, tmp_path: Path) -> None:
     """The noise of one that had dwelled between two steps was taken for twice as large, and it for one that stands."""
     assert unfitted(quadruped_logs(seed=seed)[run], tmp_path).doubts == ()
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", [1, 3, 4])
+def test_healthy_sensors_are_believed_where_the_model_lacks_the_windings(seed: int) -> None:
+    """One of a leg was left out: "lag 30 s", which a winding within its joint makes, or undecided."""
+    robot = leg()
+    true, random = robot.off_by(0.1, "cores", np.random.default_rng(seed)), np.random.default_rng(2)
+
+    def log(minutes: int) -> Run:
+        plant, rows = Plant(true, AIR_AROUND, 1.0), []
+        for _ in range(minutes):
+            currents = random.uniform(0.0, 11.0, 3) * (random.random(3) < 0.8)
+            for _ in range(60):
+                rows.append([*plant.temperature[:3], *currents])
+                plant.step(currents)
+        table = np.array(rows).T
+        table[:3] = np.round(table[:3] + 0.05 * random.standard_normal(table[:3].shape), 1)
+        names = [f"{quantity}.{joint}" for quantity in ("temperature", "current") for joint in robot.nodes]
+        columns = dict(zip(names, table, strict=True)) | {"temperature.ambient": np.full(table.shape[1], AIR_AROUND)}
+        return make_run(columns)
+
+    fitted = fit_segments(model_of(robot), split_data([log(90)]).fit)
+    ahead = forecast(fitted.model, log(60), 60.0, fit=ModelUncertainty.of_fit(fitted))
+    assert ahead.doubts == ()
 
 
 def test_a_model_that_runs_away_settles_nowhere() -> None:

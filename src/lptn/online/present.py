@@ -327,13 +327,15 @@ def _faulty(model: Model, run: Run, uncertainty: ModelUncertainty, usual: Calibr
     """Sensors whose faults explain the readings better than the model's errors do, and better than a wrong input.
 
     None is called unless most of the sensors agree with the model: of one sensor and one model nothing says which is
-    wrong. A model that lacks something, or that nobody fitted, is taken for as wrong as `lptn.monitor` guesses.
+    wrong. A model that lacks something, or that nobody fitted, is taken for as wrong as `lptn.monitor` guesses; and
+    what it lacks may be a mass, behind which a sound sensor lags.
     """
     given = Hypothesis.of(model, run, usual.noise, usual.model_error)
     end, doubts = float(run.time[-1]) + run.step, dict[str, Doubt]()
     known = uncertainty.covariance if uncertainty.learns else None
+    ambiguous = {"undecided"} if uncertainty.learns else {"undecided", "lag"}
     for alarm in faults(given, usual.limits, (), covariance=known, taught=uncertainty.learns):
-        if not alarm.channel and alarm.node not in doubts:
+        if not alarm.channel and alarm.kind not in ambiguous and alarm.node not in doubts:
             why = f"{alarm.words}, as it seems, for {end - alarm.onset:.0f} s"
             doubts[alarm.node] = Doubt(alarm.node, alarm.onset - STEP, why)
     seen = np.isfinite(given.measured).any(axis=1).sum()
