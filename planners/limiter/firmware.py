@@ -151,8 +151,11 @@ class FirmwareAnswer:
                  for what, (rows, why) in missing.items() if rows.any()]  # fmt: skip
         shown = self.numbers.drop(columns=["threshold", "hysteresis"]).rename(columns=_SHORT | {"peak": "peak [A]"})
         numbers = shown.rename(columns={"rest": "rest [s]"}).to_string(na_rep="none", float_format="%.3g")
-        said = f"{self.margin:.3g} K are kept for the model's standard errors."
-        return "\n".join([*lines, numbers, said if isfinite(self.margin) else "No standard errors: give a margin."])
+        if not isfinite(self.margin):
+            return "\n".join(
+                ["Safe for these parameters alone: the model has no standard errors, give a margin.", *lines, numbers]
+            )
+        return "\n".join([*lines, numbers, f"{self.margin:.3g} K are kept for the model's standard errors."])
 
 
 def _read(table: Mapping[str, Any], origin: str, model: Model) -> FirmwareTask:

@@ -151,7 +151,7 @@ def test_numbers_for_firmware_as_table_json_page_and_picture(plan: Plan, tmp_pat
     words = ("-o", names["n.csv"], "--json", names["n.json"], "--plot", names["n.svg"], "--report", names["n.html"])
     status, out, err = plan(text, *words)
     assert (status, err) == (0, "")
-    assert "No standard errors: give a margin." in out
+    assert "the model has no standard errors, give a margin." in out
     table, written = pd.read_csv(names["n.csv"], index_col="joint"), json.loads(names["n.json"].read_text())
     assert table["trip [degC]"].to_dict() == {k: pytest.approx(v["trip"]) for k, v in written["joints"].items()}
     assert 0 < written["joints"]["FR_calf"]["continuous"] < written["joints"]["FR_calf"]["peak"] == 25
