@@ -1,6 +1,7 @@
 """`kind = "firmware"` for `lptn plan`: numbers for the simple limiters of drives, safe for whatever they admit.
 
-Two limiters, each safe alone: i²t, which knows no temperature, and a trip with warning and restart on one sensor.
+Two limiters: i²t, which knows no temperature and is safe alone, and a trip with warning and restart on one sensor, safe
+in place of a joint's own i²t, beside that of the other joints.
 `worst_case` has the bounds that they stand on.
 """
 
@@ -36,6 +37,8 @@ from .worst_case import SHARES, Responses, accumulated, beyond, borne, later, re
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+_BRIEFEST = 1e-3  # s: of what averages for less than a drive's period nothing is left
+_COLDER = 5.0  # K below the coldest air, or its sensor's error: no motor is as cold, and a broken thermistor reads so
 _ROUNDS = 6  # in which the temperatures of places without a limit settle, to a hundredth of a kelvin
 _DRAWS = 64  # of the parameters; the 95 % that are safe are known to 3 %
 _UNITS = {
@@ -55,7 +58,7 @@ class FirmwareTable(Strict):
     warning: Seconds = 10.0
     burst: Seconds = 10.0
     sensor_error: NotNegative = 0.0
-    delay: NotNegative = 0.0
+    delay: Annotated[NotNegative, Field(le=LONGEST)] = 0.0
 
 
 class FirmwareFile(Strict):
@@ -63,7 +66,7 @@ class FirmwareFile(Strict):
     limits: dict[str, Celsius] = Field(min_length=1)
     current_limits: dict[str, Positive] = Field(min_length=1)
     nominal_currents: dict[str, Positive] = Field(default_factory=dict)
-    time_constants: dict[str, Positive] = Field(default_factory=dict)
+    time_constants: dict[str, Annotated[Seconds, Field(ge=_BRIEFEST)]] = Field(default_factory=dict)
     sensors: dict[str, str] = Field(default_factory=dict)
     conditions: ByPlace = Field(default_factory=dict)
 
@@ -73,6 +76,7 @@ class FirmwareTask:
     """A model, and what its drives are.
 
     Args:
+        origin: of the task file.
         heating: the model, of requested currents.
         table: of the task file.
         limits: less the margin [degC], infinite without one, by state.
@@ -82,6 +86,7 @@ class FirmwareTask:
         ends: the model's other inputs in the coldest and in the hottest air.
     """
 
+    origin: str
     heating: Heating
     table: FirmwareTable
     limits: FloatArray
@@ -90,6 +95,11 @@ class FirmwareTask:
     constants: dict[str, float]
     sensors: list[int]
     ends: tuple[FloatArray, FloatArray]
+
+    @cached_property
+    def answer(self) -> FirmwareAnswer:
+        """Its numbers, worked out once."""
+        return _solved(self)
 
 
 @dataclass(frozen=True)
@@ -144,7 +154,11 @@ class FirmwareAnswer:
         """What does not protect, the numbers, the margin."""
         trip, restart = self.numbers["trip"], self.numbers["restart"]
         missing = {
-            "trip": (trip.isna(), "its sensor tells nothing in time at the peak current; i2t protects"),
+            "trip": (
+                trip.isna(),
+                "no reading protects at the peak current: the sensor is too late or too far off, or "
+                "no limited node is the joint's own; i2t protects",
+            ),
             "restart": (trip.notna() & restart.isna(), "in the hottest air no reading leaves the burst"),
         }
         lines = [f"No {what} of {', '.join(self.numbers.index[rows])}: {why}."
@@ -176,17 +190,23 @@ def _read(table: Mapping[str, Any], origin: str, model: Model) -> FirmwareTask:
             sensors |= dict.fromkeys(by_place({pattern: 0.0}, heat.joints, origin, "sensors"), node)
         for joint, node in sensors.items():
             if joint not in peaks:
-                raise InputError(origin, "current_limits", f"none of {joint}", "the peak current of each drive")
+                raise InputError(origin, "current_limits", f"no {joint}", "the peak current of each drive")
+            if nominal[joint] > peaks[joint]:
+                expected = f"at most the peak current, {peaks[joint]:g} A"
+                raise InputError(origin, f"nominal_currents.{joint}", f"{nominal[joint]:g}", expected)
             if node not in model.nodes:
                 raise InputError(origin, f"sensors.{joint}", node, f"one of {', '.join(model.nodes)}")
+        told = next((name for name in file.conditions if name.startswith("temperature.")), None)
+        if told:
+            raise InputError(origin, f"conditions.{told}", "a temperature", 'other inputs: [task] "air" has both ends')
         air = any(name.startswith("temperature.") for name in heat.conditions)
         ends = [file.conditions | ({"temperature.*": end} if air else {}) for end in sorted(file.task.air)]
         cold, hot = (conditions_of(end, heat, np.zeros(len(heat.joints)), origin) for end in ends)
     limits = np.full(heat.x.numel(), inf)
     limits[: len(model.places)] = [bounds.get(place, inf) - file.task.margin for place in model.places]
-    squares = np.array([[peaks[joint], min(nominal[joint], peaks[joint])] for joint in heat.joints]).T ** 2
+    squares = np.array([[peaks[joint], nominal[joint]] for joint in heat.joints]).T ** 2
     rows = [model.nodes.index(sensors[joint]) for joint in heat.joints]
-    return FirmwareTask(heat, file.task, limits, squares[0], squares[1], constants, rows, (cold, hot))
+    return FirmwareTask(origin, heat, file.task, limits, squares[0], squares[1], constants, rows, (cold, hot))
 
 
 class _Limits:
@@ -223,9 +243,9 @@ class _Limits:
         room = np.asarray((self.task.limits - at.rest)[self.limited])
         if room.min() <= 0:
             place = self.limited[int(room.argmin())]
-            found = f"{self.idle[place]:.4g} degC without any current in the hottest air"
-            expected = f"less than the {self.task.limits[place]:.4g} degC that are allowed"
-            raise InputError(self.model.network.origin, f"limits.{self.model.places[place]}", found, expected)
+            found = f"{self.task.limits[place]:.6g} degC, less the margin"
+            expected = f"more than the {self.idle[place]:.6g} degC that it has without any current in the hottest air"
+            raise InputError(self.task.origin, f"limits.{self.model.places[place]}", found, expected)
         return room
 
     def accumulated(self, at: Responses, rows: slice | IntArray = slice(None)) -> tuple[FloatArray, FloatArray]:
@@ -267,18 +287,23 @@ class _Limits:
         return states, np.einsum("ij,njk->nik", slope, states), rest.ravel()
 
     def readings(self, p: FloatArray) -> FloatArray:
-        """Trip, warning and restart [degC] of each joint, in the air for which they are lowest, shape (3, joints)."""
-        table, ends = self.task.table, []
+        """Trip, warning and restart [degC] of each joint, in the air for which they are lowest, shape (3, joints).
+
+        Up to its trip a joint's own heat is bounded by its reading, which others only raise; theirs by their i²t.
+        """
+        table, count, ends = self.task.table, len(self.joints), []
         for end in (0, 1):
             at = self.at(p, end)
             states, reads, rest = self.sensed(at, p)
+            by_square, fixed = self.accumulated(at, self.limited)
             # A place is kept by the sensor of the joint whose heat it feels most.
-            owner = states[:, self.limited, : len(self.joints)].max(axis=0).argmax(axis=1)
-            rises = np.full((3, len(self.joints)), np.nan)
-            for joint in range(len(self.joints)):
-                k = later(at.t, reads[:, joint], table.delay)
-                for place in self.limited[owner == joint]:
-                    over = beyond(at.t, states[:, place], k)
+            owner = states[:, self.limited, :count].max(axis=0).argmax(axis=1)
+            rises = np.full((3, count), np.nan)
+            for joint in range(count):
+                k, own = later(at.t, reads[:, joint], table.delay), [joint, *range(count, states.shape[2])]
+                for row in np.flatnonzero(owner == joint):
+                    place, of_others = self.limited[row], by_square[row] * self.squares + fixed[row]
+                    over = beyond(at.t, states[:, place, own], k[:, own]) + np.delete(of_others, joint).sum()
                     trip = ((self.task.limits[place] - at.rest[place] - over) / SHARES).max()
                     rises[0, joint] = np.nanmin([rises[0, joint], trip, self.task.limits[place] - rest[joint]])
                 for row, seconds in ((1, table.warning), (2, table.burst)):
@@ -300,7 +325,7 @@ class _Limits:
         return float(t[below.index(True)]) if any(below) else inf
 
 
-def _run(task: FirmwareTask) -> FirmwareAnswer:
+def _solved(task: FirmwareTask) -> FirmwareAnswer:
     """The numbers of all joints, safe with the task's level of the parameters within their standard errors."""
     limits, table = _Limits(task), task.table
     model = limits.model
@@ -313,6 +338,9 @@ def _run(task: FirmwareTask) -> FirmwareAnswer:
         scaled = values[unsure] * np.exp(normal * np.sqrt(np.log1p((errors[unsure] / np.maximum(size, 1e-12)) ** 2)))
         drawn[:, unsure] = np.where(size > 0, scaled, normal * errors[unsure])
     kept = min(1.0, max(0.0, float(np.quantile([limits.share(p) for p in drawn], safe))))
+    if kept == 0.0:
+        found = "no current that is safe within the model file's standard errors"
+        raise InputError(task.origin, "task.level", found, "a lower one, or a model that is fitted better")
     tripped = np.array([limits.readings(p) for p in drawn])
     trip = np.quantile(tripped[:, 0], safe, axis=0)
     gaps = np.quantile(tripped[:, :1] - tripped[:, 1:], table.level, axis=0)
@@ -341,12 +369,15 @@ def _run(task: FirmwareTask) -> FirmwareAnswer:
 def _emit(task: FirmwareTask, folder: Path) -> list[Path]:
     """The limiters as C files for a drive: a row of numbers a joint."""
     columns = ["peak", "time_constant", "threshold", "warning", "trip", "restart"]
-    numbers = _run(task).numbers
+    numbers = task.answer.numbers
     rows = [
         f"    {{{', '.join(repr(value) if isfinite(value) else '-HUGE_VAL' for value in row)}}}, /* {joint} */"
         for joint, row in zip(numbers.index, numbers[columns].to_numpy(dtype=float).tolist(), strict=True)
     ]
-    source = files("lptn.planners.limiter").joinpath("c")
+    source, coldest = (
+        files("lptn.planners.limiter").joinpath("c"),
+        min(task.table.air) - max(_COLDER, task.table.sensor_error),
+    )
     return write_folder(folder, {
         **{name: source.joinpath(name).read_text(encoding="utf-8") for name in ("drive.h", "drive.c")},
         "drive_numbers.h": "\n".join([
@@ -354,8 +385,11 @@ def _emit(task: FirmwareTask, folder: Path) -> list[Path]:
             " * restart [degC]. Without a trip (-HUGE_VAL) no reading is looked at; without a restart the drive",
             " * rests until it is started anew. */",
             "static const lptn_drive_number lptn_drive_numbers[] = {", *rows, "};", "",
+            "/* degC: no reading of a sound sensor is below. */",
+            f"static const double lptn_drive_coldest = {coldest!r};",
+            "",
         ]),
     })  # fmt: skip
 
 
-firmware_kind = Kind(_read, _run, _emit)
+firmware_kind = Kind(_read, lambda task: task.answer, _emit)

@@ -134,7 +134,7 @@ def _wound(motor: MotorChoice, turns: float) -> MotorChoice:
     current = motor.limits.current
     limits = {"current": None if current is None else current / turns}
     wound = {
-        "name": f"{motor.name}, {turns:g} × turns" if len(motor.turns) > 1 else motor.name,
+        "name": f"{motor.name}, {turns:.12g} × turns" if len(motor.turns) > 1 else motor.name,
         "torque_constant": motor.torque_constant * turns,
         "network": motor.network.with_values(copper),
         "standard_errors": motor.standard_errors | errors,

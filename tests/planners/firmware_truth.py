@@ -119,7 +119,7 @@ class Drive:
 
     def __post_init__(self) -> None:
         self.sum = self.continuous**2  # A²; a drive that was just switched on may be as hot as can be
-        self.tripped = False
+        self.tripped = bool(np.isfinite(self.restart))  # as hot as can be
 
     def admitted(self, wanted: FloatArray | float, reading: float, dt: float) -> FloatArray:
         """The magnitude of the current that flows for `dt` seconds [A]."""

@@ -143,6 +143,42 @@ def run(motors: Motors, n: Any, loads: FloatArray, held: int, steps: int, dt: fl
     return Course(most, warned, tripped)
 
 
+@pytest.mark.long
+@settings(max_examples=15, deadline=None)
+@given(st.data(), st.floats(0.3, 1.0), st.floats(1.2, 4.0), st.booleans())
+def test_a_trip_protects_beside_the_i2t_of_the_other_joint_whatever_its_limit(
+    data: st.DataObject, share: float, ratio: float, hot: bool
+) -> None:
+    """The neighbour went on heating what a trip had stopped: 99 degC at a limit of 60, with the other's at 120."""
+    motors = data.draw(random_motors(2))
+    limits = {"w0": AIR + share * (LIMIT - AIR), "w1": LIMIT}
+    peak = ratio * max(continuous(motors, joint) for joint in range(2))
+    answer = numbers_of(motors, peak, limits=limits)
+    slow = 3 * float(np.max((motors.inside + motors.outside) * (motors.winding + motors.housing)))
+    fast = float(np.min(1 / (1 / motors.inside + 1 / motors.outside) * np.minimum(motors.winding, motors.housing)))
+    for tripping, (joint, n) in enumerate(answer.numbers.iterrows()):
+        if np.isnan(n["trip"]):
+            continue
+        drives = [Drive(peak, m.time_constant, m.continuous) for m in answer.numbers.itertuples()]
+        drives[tripping] = Drive(peak, trip=n["trip"], restart=-np.inf if np.isnan(n["restart"]) else n["restart"])
+        T, dt, above = np.full((4, 1), AIR if hot else 0.0), min(0.1 * fast, slow / 2000), -np.inf
+        for _ in range(int(min(slow, 20000 * dt) / dt)):
+            readings = T[:2, 0]
+            squares = np.array([d.admitted(peak, r, dt) ** 2 for d, r in zip(drives, readings, strict=True)])
+            T = motors.step(T, squares[:, None], AIR if hot else 0.0, dt)
+            above = max(above, float(np.max(T[:2, 0] - list(limits.values()))))
+        rise = 2 * dt * float(np.max(motors.ohms * (1 + motors.alpha * LIMIT) * peak**2 / motors.winding))
+        assert above <= 0.02 + rise, joint  # a drive that looks once a step
+
+
+def test_a_joint_without_a_limited_node_has_no_trip() -> None:
+    motors = replace(ONE, **{name: np.repeat(getattr(ONE, name), 2) for name in
+                             ("winding", "housing", "inside", "outside", "ohms")}, beside=np.array([2.0]))  # fmt: skip
+    answer = numbers_of(motors, 20.0, limits={"w0": LIMIT})
+    assert np.isnan(answer.numbers.loc["w1", "trip"])
+    assert "no limited node is the joint's own" in answer.text()
+
+
 def test_a_sensor_on_the_winding_trips_at_the_limit_less_its_error() -> None:
     answer = numbers_of(ONE, 20.0, task={"sensor_error": 2.0, "margin": 3.0})
     assert answer.numbers.loc["w0", "trip"] == pytest.approx(LIMIT - 5.0, abs=0.01)
@@ -209,6 +245,15 @@ def test_the_c_code_does_what_a_drive_does(tmp_path: Path) -> None:
         assert given == pytest.approx(np.sign(wanted) * float(drive.admitted(wanted, reading, period)), abs=1e-9)
         rested += drive.tripped
     assert 100 < rested < 3900
+    c.lptn_drive_limit(state, *map(ctypes.c_double, (30.0, n.restart - 1, 1e6)))  # at its threshold
+    for period in (0.0, -1.0, np.nan, np.inf, 1e-3):
+        given = c.lptn_drive_limit(state, *map(ctypes.c_double, (30.0, n.restart - 1, period)))
+        assert 0.0 <= given <= n.continuous * (1 + 1e-6)
+    for reading in (-273.0, -np.inf, np.nan, n.trip):
+        assert c.lptn_drive_limit(state, *map(ctypes.c_double, (30.0, reading, 1e-3))) == 0.0
+    for joint in (-1, 1, 2**31 - 1):
+        c.lptn_drive_start(state, joint)
+        assert c.lptn_drive_limit(state, *map(ctypes.c_double, (30.0, 20.0, 1e-3))) == 0.0
 
 
 def test_a_drift_of_a_sensor_stands_still() -> None:
@@ -225,7 +270,9 @@ def test_a_drift_of_a_sensor_stands_still() -> None:
         ({"task": {"air": [0.0, 110.0]}}, "without any current in the hottest air"),
         ({"sensors": {"*": "magnet"}}, "magnet"),
         ({"sensors": {"x*": "h0"}}, "no such place"),
-        ({"time_constants": {"w0": -1.0}}, "greater than 0"),
+        ({"time_constants": {"w0": -1.0}}, "time_constants"),
+        ({"nominal_currents": {"w0": 21.0}}, "at most the peak current, 20 A"),
+        ({"conditions": {"temperature.ambient": 70.0}}, '"air" has both ends'),
     ],
 )
 def test_mistakes_are_said(more: dict[str, Any], said: str) -> None:

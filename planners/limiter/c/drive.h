@@ -16,11 +16,12 @@ typedef struct {
     double sum;                 /* A2 */
 } lptn_drive;
 
-/* A drive that was just switched on may be as hot as it can be: i2t begins at its threshold. */
+/* A drive that was just switched on may be as hot as it can be: i2t begins at its threshold, and one with a restart rests until
+ * its reading has come down to it. `joint`: its row in drive_numbers.h; of another no current flows. */
 void lptn_drive_start(lptn_drive *drive, int joint);
 
-/* The current [A] that may flow for a period [s] where `wanted` [A] is wanted. `reading` [degC]: one that is no number
- * trips. What is wanted and no number is 0. */
+/* The current [A] that may flow for a period [s], more than 0, where `wanted` [A] is wanted, NaN for none. `reading` [degC]: one
+ * that is no number, or colder than the coldest air, trips. */
 double lptn_drive_limit(lptn_drive *drive, double wanted, double reading, double period);
 
 #ifdef __cplusplus
