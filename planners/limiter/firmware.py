@@ -301,8 +301,10 @@ class _Limits:
             rises = np.full((3, count), np.nan)
             for joint in range(count):
                 k, own = later(at.t, reads[:, joint], table.delay), [joint, *range(count, states.shape[2])]
-                for row in np.flatnonzero(owner == joint):
-                    place, of_others = self.limited[row], by_square[row] * self.squares + fixed[row]
+                for owned_by, place, of_squares, of_bursts in zip(owner, self.limited, by_square, fixed, strict=True):
+                    if owned_by != joint:
+                        continue
+                    of_others = of_squares * self.squares + of_bursts
                     over = beyond(at.t, states[:, place, own], k[:, own]) + np.delete(of_others, joint).sum()
                     trip = ((self.task.limits[place] - at.rest[place] - over) / SHARES).max()
                     rises[0, joint] = np.nanmin([rises[0, joint], trip, self.task.limits[place] - rest[joint]])

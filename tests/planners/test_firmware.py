@@ -172,8 +172,11 @@ def test_a_trip_protects_beside_the_i2t_of_the_other_joint_whatever_its_limit(
 
 
 def test_a_joint_without_a_limited_node_has_no_trip() -> None:
-    motors = replace(ONE, **{name: np.repeat(getattr(ONE, name), 2) for name in
-                             ("winding", "housing", "inside", "outside", "ohms")}, beside=np.array([2.0]))  # fmt: skip
+    motors = Motors(
+        winding=np.repeat(ONE.winding, 2), housing=np.repeat(ONE.housing, 2), inside=np.repeat(ONE.inside, 2),
+        outside=np.repeat(ONE.outside, 2), beside=np.array([2.0]), ohms=np.repeat(ONE.ohms, 2),
+        alpha=ONE.alpha, beta=ONE.beta,
+    )  # fmt: skip
     answer = numbers_of(motors, 20.0, limits={"w0": LIMIT})
     assert np.isnan(answer.numbers.loc["w1", "trip"])
     assert "no limited node is the joint's own" in answer.text()
