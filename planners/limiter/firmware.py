@@ -32,7 +32,17 @@ from lptn.model.model import Model
 from ..heating import Heating, heating
 from ..tasks import Kind, conditions_of, mistakes_with_line
 from ..values import LONGEST, ByPlace, Celsius, NotNegative, Positive, Seconds, by_place
-from .worst_case import SHARES, Responses, accumulated, beyond, borne, later, responses, shared, time_constant
+from .worst_case import (
+    SHARES,
+    Responses,
+    accumulated,
+    constant_squares,
+    delayed,
+    excess,
+    responses,
+    shared_thresholds,
+    time_constant,
+)  # fmt: skip
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -226,7 +236,7 @@ class _Limits:
         for _ in range(_ROUNDS):
             at = self.at(self.model.values)
             p, q = self.accumulated(at)
-            self.squares = shared(p[self.limited], q[self.limited], self.room(at), alone, task.nominal)
+            self.squares = shared_thresholds(p[self.limited], q[self.limited], self.room(at), alone, task.nominal)
             worst = at.rest + p @ self.squares + q.sum(axis=1)
             self.hot = np.where(np.isfinite(task.limits), task.limits, worst)
 
@@ -300,16 +310,16 @@ class _Limits:
             owner = states[:, self.limited, :count].max(axis=0).argmax(axis=1)
             rises = np.full((3, count), np.nan)
             for joint in range(count):
-                k, own = later(at.t, reads[:, joint], table.delay), [joint, *range(count, states.shape[2])]
+                k, own = delayed(at.t, reads[:, joint], table.delay), [joint, *range(count, states.shape[2])]
                 for owned_by, place, of_squares, of_bursts in zip(owner, self.limited, by_square, fixed, strict=True):
                     if owned_by != joint:
                         continue
                     of_others = of_squares * self.squares + of_bursts
-                    over = beyond(at.t, states[:, place, own], k[:, own]) + np.delete(of_others, joint).sum()
+                    over = excess(at.t, states[:, place, own], k[:, own]) + np.delete(of_others, joint).sum()
                     trip = ((self.task.limits[place] - at.rest[place] - over) / SHARES).max()
                     rises[0, joint] = np.nanmin([rises[0, joint], trip, self.task.limits[place] - rest[joint]])
                 for row, seconds in ((1, table.warning), (2, table.burst)):
-                    over = beyond(at.t, k, later(at.t, k, seconds))
+                    over = excess(at.t, k, delayed(at.t, k, seconds))
                     rises[row, joint] = min(rises[0, joint], ((rises[0, joint] - over) / SHARES).max())
             ends.append(rest + rises)
         return np.asarray(np.min(ends, axis=0) - table.sensor_error)
@@ -353,7 +363,7 @@ def _solved(task: FirmwareTask) -> FirmwareAnswer:
         tau, theta, most = limits.constants[number], kept * limits.squares[number], task.peak[number]
         admitted = np.sqrt(np.minimum(most, theta / -np.expm1(-at.t[1:] / tau)))
         others = np.where(np.arange(len(limits.joints)) == number, 0.0, kept * limits.squares)
-        bears = np.sqrt(borne(at.t, at.heated[:, limits.limited], number, others, room, most))
+        bears = np.sqrt(constant_squares(at.t, at.heated[:, limits.limited], number, others, room, most))
         curves[joint] = np.array([at.t[1:], admitted, bears])
         trips = trip[number] if trip[number] > idle[number] else np.nan
         warning, restart = trips - gaps[:, number]

@@ -144,12 +144,14 @@ def time_constant(
     p, q = accumulated(t, g[:, None], constants[:, None])
     thresholds = np.minimum(((room - most * q) / np.maximum(p, 1e-30)).max(axis=0).min(axis=1), most)
     admitted = np.minimum(most, thresholds / -np.expm1(-t[1:, None] / constants))
-    kept = (admitted / borne(t, g[..., None], 0, np.zeros(1), room, most)[:, None]).min(axis=0)
+    kept = (admitted / constant_squares(t, g[..., None], 0, np.zeros(1), room, most)[:, None]).min(axis=0)
     best = int(np.argmax(kept))
     return float(constants[best]), float(thresholds[best])
 
 
-def borne(t: FloatArray, g: FloatArray, joint: int, others: FloatArray, room: FloatArray, most: float) -> FloatArray:
+def constant_squares(
+    t: FloatArray, g: FloatArray, joint: int, others: FloatArray, room: FloatArray, most: float
+) -> FloatArray:
     """Squared constant current [A²] that the network bears of a joint from rest until each instant after the first.
 
     Args:
@@ -165,7 +167,9 @@ def borne(t: FloatArray, g: FloatArray, joint: int, others: FloatArray, room: Fl
     return np.asarray(np.minimum(most, (left / np.maximum(rise[..., joint], 1e-30)).min(axis=1)))
 
 
-def shared(p: FloatArray, q: FloatArray, room: FloatArray, alone: FloatArray, most: FloatArray) -> FloatArray:
+def shared_thresholds(
+    p: FloatArray, q: FloatArray, room: FloatArray, alone: FloatArray, most: FloatArray
+) -> FloatArray:
     """Thresholds [A²] of joints that heat each other: the least share of what each could have alone is the largest.
 
     Args:
@@ -184,7 +188,7 @@ def shared(p: FloatArray, q: FloatArray, room: FloatArray, alone: FloatArray, mo
     return np.zeros(count) if answer.x is None else np.asarray(answer.x[:-1] * alone)
 
 
-def beyond(t: FloatArray, g: FloatArray, k: FloatArray) -> FloatArray:
+def excess(t: FloatArray, g: FloatArray, k: FloatArray) -> FloatArray:
     """How far a place rises above each of `SHARES` times the largest rise of a reading [K], shape (shares,).
 
     Args:
@@ -195,6 +199,6 @@ def beyond(t: FloatArray, g: FloatArray, k: FloatArray) -> FloatArray:
     return np.array([weights @ np.maximum(g - share * k, 0).sum(axis=1) for share in SHARES])
 
 
-def later(t: FloatArray, k: FloatArray, seconds: float) -> FloatArray:
+def delayed(t: FloatArray, k: FloatArray, seconds: float) -> FloatArray:
     """Impulse responses as they were some seconds ago, shape (n, inputs)."""
     return np.array([np.interp(t - seconds, t, each, left=0.0) for each in k.T]).T

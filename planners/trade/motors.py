@@ -33,6 +33,7 @@ REFERENCE = 25.0
 
 _Turns = Annotated[si.Positive, Field(ge=0.05, le=20.0)]  # beyond, the wire of the same copper is a bar, or a hair
 _MOST_TURNS = 20  # choices of a motor, some seconds each
+_Windings = Annotated[list[_Turns], Field(min_length=1, max_length=_MOST_TURNS)]
 
 
 class MotorLimits(Strict):
@@ -75,9 +76,7 @@ class CatalogueMotor(Strict):
     torque_constant: si.TorqueConstant | None = None  # at 25 degC
     speed_constant: si.SpeedConstant | None = None
     magnet_coefficient: Annotated[Number, Field(gt=-0.01, le=0)] = MAGNET_COEFFICIENT  # of the torque constant, 1/K
-    turns: Annotated[list[_Turns], Field(min_length=1, max_length=_MOST_TURNS)] = Field(
-        default=[1.0]
-    )  # by those of the one described
+    turns: _Windings = Field(default=[1.0])  # each a choice, by those of the motor described
     rotor_inertia: si.Inertia = 0.0
     price: si.NotNegative | None = None  # none where nobody said
     limits: MotorLimits = MotorLimits()

@@ -186,7 +186,7 @@ class Channels:
         units: what a row of units in the file says of a column.
         where: a row's place in the file, in words, where each row has one.
         air: the temperature of what surrounds the robot, whether it is logged or not.
-        known_means: `means`, and rows of `heats`, that were asked for already.
+        known_means: `means`, and rows of `heats`, that were asked for already, by the channels that they are made of.
         gains: how a load's heat changes, by load, as it was found (`law.py`), of all that is made of this log.
     """
 
@@ -196,7 +196,7 @@ class Channels:
     units: Mapping[str, str] = field(default_factory=dict)
     where: Callable[[int], str] | None = None
     air: str = AMBIENT
-    known_means: dict[str, FloatArray] = field(default_factory=dict)
+    known_means: dict[tuple[str, ...], FloatArray] = field(default_factory=dict)
     gains: dict[str, GainChange | None] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -216,7 +216,7 @@ class Channels:
 
     def with_channels(self, values: Mapping[str, FloatArray]) -> Channels:
         """The same with another course of some channels, (n,) each."""
-        means = {key: x for key, x in self.known_means.items() if values.keys().isdisjoint(key.split())}
+        means = {key: x for key, x in self.known_means.items() if values.keys().isdisjoint(key)}
         return replace(self, values={**self.values, **values}, known_means=means)
 
     def without(self, silent: Mapping[str, Sequence[Silence]]) -> Channels:
@@ -276,12 +276,12 @@ class Channels:
 
     def means(self, key: str) -> FloatArray:
         """Of one channel, (blocks,)."""
-        if key not in self.known_means:
+        if (key,) not in self.known_means:
             values, quantity = self.values[key], quantity_of(key)
             values = np.square(self._borne(key)) if quantity in HEATS else values
             values = np.abs(values) if quantity == "velocity" else values
-            self.known_means[key] = means_of_blocks(values, self.block)
-        return self.known_means[key]
+            self.known_means[key,] = means_of_blocks(values, self.block)
+        return self.known_means[key,]
 
     def heats(self, load: str) -> list[FloatArray]:
         """A load's square and, where its joint moves, the size of its speed and of their product, (blocks - 1,) each.
@@ -289,12 +289,12 @@ class Channels:
         As a mean temperature moves by them from a block to the next: what comes late in a block counts for that.
         """
         borne, speed = self._borne(load), f"velocity.{place_of(load)}"
-        made = {load: np.square(borne)}
+        made: dict[tuple[str, ...], FloatArray] = {(load,): np.square(borne)}
         if speed in self.values:
-            made |= {speed: np.abs(self.values[speed]), f"{load} {speed}": np.abs(borne * self.values[speed])}
-        return [self._between(f"{key} between", values) for key, values in made.items()]
+            made |= {(speed,): np.abs(self.values[speed]), (load, speed): np.abs(borne * self.values[speed])}
+        return [self._between((*channels, "between"), values) for channels, values in made.items()]
 
-    def _between(self, key: str, values: FloatArray) -> FloatArray:
+    def _between(self, key: tuple[str, ...], values: FloatArray) -> FloatArray:
         """Of each row the mean over a block's length from there on, of these the mean over each block, but the last."""
         if key not in self.known_means:
             onwards = pd.Series(values).rolling(self.block, min_periods=1).mean().to_numpy()[self.block - 1 :]
