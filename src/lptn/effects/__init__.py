@@ -37,24 +37,10 @@ from lptn.effects.base import (
 )
 
 __all__ = [
-    "BoundaryEffect",
-    "ClockEffect",
-    "ContactEffect",
-    "EdgeEffect",
-    "Effect",
-    "ExcessEffect",
-    "GroupEffect",
-    "InertialEffect",
-    "LinkEffect",
-    "LossEffect",
-    "MassEffect",
-    "NodeEffect",
-    "PairSensorEffect",
-    "SensorEffect",
-    "Signature",
-    "catalogue",
-    "effect_named",
-]
+    "BoundaryEffect", "ClockEffect", "ContactEffect", "EdgeEffect", "Effect", "ExcessEffect", "GroupEffect",
+    "InertialEffect", "LinkEffect", "LossEffect", "MassEffect", "NodeEffect", "PairSensorEffect", "SensorEffect",
+    "Signature", "catalogue", "effect_named",
+]  # fmt: skip
 
 _SITES = get_args(Site)
 logger = logging.getLogger(__name__)

@@ -1,12 +1,9 @@
 """The air around the robot warms or cools while nobody logs it."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from types import SimpleNamespace
 
 from lptn.basics.parameters import LARGEST, Parameter
-from lptn.effects.base import CLOCK, BoundaryEffect, NetworkPlaces, Signature, Symbol
+from lptn.effects.base import CLOCK, BoundaryEffect, NetworkPlaces, Signature, Symbol, Values
 from lptn.effects.excitation import long_enough
 
 
@@ -44,8 +41,8 @@ class AmbientDrift(BoundaryEffect):
         """It matters only where no column says what the temperature does."""
         return place in layout.unlogged
 
-    def error(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:
+    def error(self, temperature: Symbol, state: Symbol, p: Values) -> Symbol:
         return p.rate * (state - temperature) / (3600.0 * CLOCK)
 
-    def rate(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:
+    def rate(self, temperature: Symbol, state: Symbol, p: Values) -> Symbol:
         return self.rises

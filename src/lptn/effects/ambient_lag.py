@@ -1,11 +1,7 @@
 """What surrounds the nodes follows the measured ambient late: walls, covers, a body that warms through."""
 
-from __future__ import annotations
-
-from types import SimpleNamespace
-
 from lptn.basics.parameters import LARGEST, Parameter
-from lptn.effects.base import BoundaryEffect, Signature, Symbol
+from lptn.effects.base import BoundaryEffect, Signature, Symbol, Values
 from lptn.effects.excitation import surroundings_change
 
 
@@ -43,8 +39,8 @@ class AmbientLag(BoundaryEffect):
     excitation = surroundings_change()
     source = "first-order lag"
 
-    def error(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:
+    def error(self, temperature: Symbol, state: Symbol, p: Values) -> Symbol:
         return p.fraction * (state - temperature)
 
-    def rate(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:
+    def rate(self, temperature: Symbol, state: Symbol, p: Values) -> Symbol:
         return (temperature - state) / p.time_constant

@@ -1,11 +1,7 @@
 """The air around the robot is warmer or cooler than the ambient sensor says."""
 
-from __future__ import annotations
-
-from types import SimpleNamespace
-
 from lptn.basics.parameters import LARGEST, Parameter
-from lptn.effects.base import BoundaryEffect, Signature, Symbol
+from lptn.effects.base import BoundaryEffect, Signature, Symbol, Values
 from lptn.effects.excitation import REST_OR_LEVELS
 
 
@@ -38,5 +34,5 @@ class AmbientOffset(BoundaryEffect):
     excitation = REST_OR_LEVELS
     source = "definition"
 
-    def error(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:
+    def error(self, temperature: Symbol, state: Symbol, p: Values) -> Symbol:
         return p.offset

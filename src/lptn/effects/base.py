@@ -32,6 +32,8 @@ SITES: Mapping[Site, str] = {
 """What an effect can act on, in words for people."""
 Symbol = Any
 """A symbolic scalar (`casadi.SX`) or a plain number: an equation is written once for both."""
+Values = SimpleNamespace
+"""Of an effect's inputs, or of its parameters, by name."""
 Place = tuple[str, tuple[str, ...]]
 """The name of a place, and its ends: the nodes that an effect touches there."""
 CLOCK = 1000.0 / 3600.0
@@ -124,11 +126,11 @@ class Conditions(Protocol):
         """Its own state, `None` without one."""
 
     @property
-    def inputs(self) -> SimpleNamespace:
+    def inputs(self) -> Values:
         """The input features that it needs, by name."""
 
     @property
-    def p(self) -> SimpleNamespace:
+    def p(self) -> Values:
         """Its parameters, by name."""
 
     def heat_of(self, key: str) -> Symbol:
@@ -327,7 +329,7 @@ class NodeEffect(Effect):
     site = "node"
 
     @abstractmethod
-    def heat(self, temperature: Symbol, inputs: SimpleNamespace, p: SimpleNamespace) -> Symbol:
+    def heat(self, temperature: Symbol, inputs: Values, p: Values) -> Symbol:
         """Heat into the node [W], from its temperature [degC], its inputs and the parameters."""
 
     def heat_into_ends(self, here: Conditions) -> Sequence[Symbol]:
@@ -341,11 +343,11 @@ class MassEffect(Effect):
     has_state = True
 
     @abstractmethod
-    def heat(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:
+    def heat(self, temperature: Symbol, state: Symbol, p: Values) -> Symbol:
         """Heat from the state into the node [W]."""
 
     @abstractmethod
-    def rate(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:
+    def rate(self, temperature: Symbol, state: Symbol, p: Values) -> Symbol:
         """Time derivative of the state [K/s]."""
 
     def heat_into_ends(self, here: Conditions) -> Sequence[Symbol]:
@@ -363,11 +365,11 @@ class GroupEffect(Effect):
     one_place_a_pattern = True
 
     @abstractmethod
-    def heat(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:
+    def heat(self, temperature: Symbol, state: Symbol, p: Values) -> Symbol:
         """Heat from the state into one of the nodes [W]."""
 
     @abstractmethod
-    def rate(self, mean: Symbol, state: Symbol, surroundings: Symbol, p: SimpleNamespace) -> Symbol:
+    def rate(self, mean: Symbol, state: Symbol, surroundings: Symbol, p: Values) -> Symbol:
         """Time derivative of the state [K/s], from the nodes' mean temperature and that of the surroundings."""
 
     @classmethod
@@ -395,7 +397,7 @@ class LossEffect(Effect):
     scales_heat = True
 
     @abstractmethod
-    def factor(self, temperature: Symbol, p: SimpleNamespace) -> Symbol:
+    def factor(self, temperature: Symbol, p: Values) -> Symbol:
         """Factor on the heat, 1 when off."""
 
     @classmethod
@@ -413,13 +415,11 @@ class LinkEffect(Effect):
     site = "link"
     changes_link = True
 
-    def conductance_factor(
-        self, temperature: Symbol, surroundings: Symbol, inputs: SimpleNamespace, p: SimpleNamespace
-    ) -> Symbol:
+    def conductance_factor(self, temperature: Symbol, surroundings: Symbol, inputs: Values, p: Values) -> Symbol:
         """Factor on the link's conductance, 1 when off; temperatures in degC."""
         return 1.0
 
-    def extra_heat(self, temperature: Symbol, surroundings: Symbol, p: SimpleNamespace) -> Symbol:
+    def extra_heat(self, temperature: Symbol, surroundings: Symbol, p: Values) -> Symbol:
         """Heat from the surroundings into the node [W] beside the link's own."""
         return 0.0
 
@@ -448,7 +448,7 @@ class ContactEffect(Effect):
     changes_link = True
 
     @abstractmethod
-    def conductance_factor(self, p: SimpleNamespace) -> Symbol:
+    def conductance_factor(self, p: Values) -> Symbol:
         """Factor on the link's conductance, 1 when off."""
 
     @classmethod
@@ -471,7 +471,7 @@ class EdgeEffect(Effect):
     between_ends = True
 
     @abstractmethod
-    def conductance(self, p: SimpleNamespace) -> Symbol:
+    def conductance(self, p: Values) -> Symbol:
         """Conductance between the two nodes [W/K]."""
 
     @classmethod
@@ -500,10 +500,10 @@ class SensorEffect(Effect):
     changes_reading = True
 
     @abstractmethod
-    def error(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:
+    def error(self, temperature: Symbol, state: Symbol, p: Values) -> Symbol:
         """Reading minus temperature [K]; `state` is `None` for an effect without one."""
 
-    def rate(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:
+    def rate(self, temperature: Symbol, state: Symbol, p: Values) -> Symbol:
         """Time derivative of the sensor's state [K/s], for an effect that has one."""
         return 0.0
 
@@ -521,7 +521,7 @@ class PairSensorEffect(SensorEffect):
     in_all_pairs = False  # two sensors that each read a share of the other's node: no fault is like that
 
     @abstractmethod
-    def error(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:
+    def error(self, temperature: Symbol, state: Symbol, p: Values) -> Symbol:
         """Reading minus temperature [K]; `state` is the other node's temperature [degC]."""
 
     @classmethod
@@ -555,7 +555,7 @@ class InertialEffect(Effect):
     has_state = True
 
     @abstractmethod
-    def excess_rate(self, excess: Symbol, heat: Symbol, p: SimpleNamespace) -> Symbol:
+    def excess_rate(self, excess: Symbol, heat: Symbol, p: Values) -> Symbol:
         """Time derivative of state minus temperature [K/s], from that excess [K] and the driving heat [W]."""
 
     def state_rate(self, here: Conditions) -> Symbol:
@@ -582,7 +582,7 @@ class ClockEffect(Effect):
     delays_readings = True
 
     @abstractmethod
-    def delay(self, p: SimpleNamespace) -> Symbol:
+    def delay(self, p: Values) -> Symbol:
         """How late the readings come [s]."""
 
     def reading_delay(self, here: Conditions) -> Symbol:
@@ -595,10 +595,10 @@ class BoundaryEffect(Effect):
     site = "boundary"
 
     @abstractmethod
-    def error(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:
+    def error(self, temperature: Symbol, state: Symbol, p: Values) -> Symbol:
         """What is felt minus what is given [K]; `state` is `None` for an effect without one."""
 
-    def rate(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:
+    def rate(self, temperature: Symbol, state: Symbol, p: Values) -> Symbol:
         """Time derivative of the state [K/s], for an effect that has one."""
         return 0.0
 

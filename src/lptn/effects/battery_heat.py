@@ -1,11 +1,7 @@
 """Part of the battery's power ends as heat at a joint."""
 
-from __future__ import annotations
-
-from types import SimpleNamespace
-
 from lptn.basics.parameters import Parameter
-from lptn.effects.base import NodeEffect, Signature, Symbol
+from lptn.effects.base import NodeEffect, Signature, Symbol, Values
 from lptn.effects.excitation import INPUTS_VARY
 
 
@@ -33,5 +29,5 @@ class BatteryHeat(NodeEffect):
     excitation = INPUTS_VARY
     source = "definition"
 
-    def heat(self, temperature: Symbol, inputs: SimpleNamespace, p: SimpleNamespace) -> Symbol:
+    def heat(self, temperature: Symbol, inputs: Values, p: Values) -> Symbol:
         return p.fraction * abs(inputs.battery_power)

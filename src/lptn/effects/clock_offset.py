@@ -1,11 +1,7 @@
 """The temperatures of a log come later, or earlier, than its torques and speeds."""
 
-from __future__ import annotations
-
-from types import SimpleNamespace
-
 from lptn.basics.parameters import Parameter
-from lptn.effects.base import ClockEffect, Signature, Symbol
+from lptn.effects.base import ClockEffect, Signature, Symbol, Values
 from lptn.effects.excitation import LOAD_STEPS
 
 
@@ -43,5 +39,5 @@ class ClockOffset(ClockEffect):
     excitation = LOAD_STEPS
     source = "definition"
 
-    def delay(self, p: SimpleNamespace) -> Symbol:
+    def delay(self, p: Values) -> Symbol:
         return p.delay

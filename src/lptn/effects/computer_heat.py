@@ -1,11 +1,7 @@
 """Part of the onboard computer's heat reaches a joint."""
 
-from __future__ import annotations
-
-from types import SimpleNamespace
-
 from lptn.basics.parameters import Parameter
-from lptn.effects.base import NodeEffect, Signature, Symbol
+from lptn.effects.base import NodeEffect, Signature, Symbol, Values
 from lptn.effects.excitation import INPUTS_VARY
 
 
@@ -31,6 +27,6 @@ class ComputerHeat(NodeEffect):
     excitation = INPUTS_VARY
     source = "[QuadrupedLPTN, eq. 1]"
 
-    def heat(self, temperature: Symbol, inputs: SimpleNamespace, p: SimpleNamespace) -> Symbol:
+    def heat(self, temperature: Symbol, inputs: Values, p: Values) -> Symbol:
         power = inputs.pc_power if self.chosen["input"] == "pc_power" else inputs.computer_power
         return p.fraction * power

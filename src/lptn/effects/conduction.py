@@ -1,11 +1,7 @@
 """Two parts that touch, or share a bracket, exchange heat."""
 
-from __future__ import annotations
-
-from types import SimpleNamespace
-
 from lptn.basics.parameters import LARGEST, Parameter
-from lptn.effects.base import EdgeEffect, Signature, Symbol
+from lptn.effects.base import EdgeEffect, Signature, Symbol, Values
 from lptn.effects.excitation import nodes_apart
 
 
@@ -40,5 +36,5 @@ class Conduction(EdgeEffect):
     excitation = nodes_apart()
     source = "[QuadrupedLPTN, eq. 5]"
 
-    def conductance(self, p: SimpleNamespace) -> Symbol:
+    def conductance(self, p: Values) -> Symbol:
         return p.conductance

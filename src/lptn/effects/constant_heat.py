@@ -1,11 +1,7 @@
 """Something beside the motor gives off a steady heat."""
 
-from __future__ import annotations
-
-from types import SimpleNamespace
-
 from lptn.basics.parameters import LARGEST, Parameter
-from lptn.effects.base import NodeEffect, Signature, Symbol
+from lptn.effects.base import NodeEffect, Signature, Symbol, Values
 from lptn.effects.excitation import REST_OR_LEVELS
 
 
@@ -38,5 +34,5 @@ class ConstantHeat(NodeEffect):
     excitation = REST_OR_LEVELS
     source = "[QuadrupedLPTN, eq. 1]"
 
-    def heat(self, temperature: Symbol, inputs: SimpleNamespace, p: SimpleNamespace) -> Symbol:
+    def heat(self, temperature: Symbol, inputs: Values, p: Values) -> Symbol:
         return p.power

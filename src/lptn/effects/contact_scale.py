@@ -1,11 +1,7 @@
 """A contact conducts better or worse than its like: paste, a pad, a screw, a strap."""
 
-from __future__ import annotations
-
-from types import SimpleNamespace
-
 from lptn.basics.parameters import Parameter
-from lptn.effects.base import ContactEffect, Signature, Symbol
+from lptn.effects.base import ContactEffect, Signature, Symbol, Values
 from lptn.effects.excitation import nodes_apart
 
 
@@ -31,5 +27,5 @@ class ContactScale(ContactEffect):
     excitation = nodes_apart()
     source = "definition"
 
-    def conductance_factor(self, p: SimpleNamespace) -> Symbol:
+    def conductance_factor(self, p: Values) -> Symbol:
         return 1 + p.change

@@ -1,12 +1,9 @@
 """Current through the winding's resistance heats it."""
 
-from __future__ import annotations
-
-from types import SimpleNamespace
 from typing import Literal
 
 from lptn.basics.parameters import LARGEST, Parameter
-from lptn.effects.base import NodeEffect, Signature, Symbol
+from lptn.effects.base import NodeEffect, Signature, Symbol, Values
 from lptn.effects.excitation import INPUTS_VARY
 
 # Heat of a symmetric three-phase winding for 1 ohm of a star's phase and 1 ampere, by what the ampere is: the phases'
@@ -58,7 +55,7 @@ class CopperLoss(NodeEffect):
     excitation = INPUTS_VARY
     source = "I²R: [QuadrupedLPTN, eq. 1]"
 
-    def heat(self, temperature: Symbol, inputs: SimpleNamespace, p: SimpleNamespace) -> Symbol:
+    def heat(self, temperature: Symbol, inputs: Values, p: Values) -> Symbol:
         current = inputs.current if self.chosen["input"] == "current" else inputs.torque / p.torque_constant
         return self.factor * p.resistance * current**2
 

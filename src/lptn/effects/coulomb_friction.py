@@ -1,11 +1,7 @@
 """Dry friction in a moving joint turns into heat."""
 
-from __future__ import annotations
-
-from types import SimpleNamespace
-
 from lptn.basics.parameters import LARGEST, Parameter
-from lptn.effects.base import NodeEffect, Signature, Symbol
+from lptn.effects.base import NodeEffect, Signature, Symbol, Values
 from lptn.effects.excitation import speed_apart_from_load
 
 
@@ -35,5 +31,5 @@ class CoulombFriction(NodeEffect):
     excitation = speed_apart_from_load()
     source = "[QuadrupedLPTN, eq. 7, 8]"
 
-    def heat(self, temperature: Symbol, inputs: SimpleNamespace, p: SimpleNamespace) -> Symbol:
+    def heat(self, temperature: Symbol, inputs: Values, p: Values) -> Symbol:
         return p.torque * abs(inputs.velocity)

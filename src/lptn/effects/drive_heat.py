@@ -1,11 +1,7 @@
 """A drive that is switched on warms its joint, torque or no torque."""
 
-from __future__ import annotations
-
-from types import SimpleNamespace
-
 from lptn.basics.parameters import LARGEST, Parameter
-from lptn.effects.base import NodeEffect, Signature, Symbol
+from lptn.effects.base import NodeEffect, Signature, Symbol, Values
 from lptn.effects.excitation import INPUTS_VARY
 
 
@@ -42,5 +38,5 @@ class DriveHeat(NodeEffect):
     excitation = INPUTS_VARY
     source = "[QuadrupedLPTN, eq. 1]"
 
-    def heat(self, temperature: Symbol, inputs: SimpleNamespace, p: SimpleNamespace) -> Symbol:
+    def heat(self, temperature: Symbol, inputs: Values, p: Values) -> Symbol:
         return p.power * inputs.powered

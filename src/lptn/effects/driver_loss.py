@@ -1,11 +1,7 @@
 """The drive's transistors and diodes have a voltage drop that hardly depends on the current."""
 
-from __future__ import annotations
-
-from types import SimpleNamespace
-
 from lptn.basics.parameters import LARGEST, Parameter
-from lptn.effects.base import NodeEffect, Signature, Symbol
+from lptn.effects.base import NodeEffect, Signature, Symbol, Values
 from lptn.effects.excitation import INPUTS_VARY
 
 
@@ -37,7 +33,7 @@ class DriverLoss(NodeEffect):
     excitation = INPUTS_VARY
     source = "semiconductor with a threshold voltage"
 
-    def heat(self, temperature: Symbol, inputs: SimpleNamespace, p: SimpleNamespace) -> Symbol:
+    def heat(self, temperature: Symbol, inputs: Values, p: Values) -> Symbol:
         if self.chosen["input"] == "current_abs":
             return p.voltage * abs(inputs.current_abs)
         return p.voltage * abs(inputs.torque_abs) / p.torque_constant

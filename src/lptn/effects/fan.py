@@ -1,11 +1,7 @@
 """A fan whose speed is logged drives air past a surface."""
 
-from __future__ import annotations
-
-from types import SimpleNamespace
-
 from lptn.basics.parameters import Parameter
-from lptn.effects.base import LinkEffect, Signature, Symbol
+from lptn.effects.base import LinkEffect, Signature, Symbol, Values
 from lptn.effects.excitation import INPUTS_VARY
 
 
@@ -32,7 +28,5 @@ class Fan(LinkEffect):
     excitation = INPUTS_VARY
     source = "[Chen2017, table 4.2]"
 
-    def conductance_factor(
-        self, temperature: Symbol, surroundings: Symbol, inputs: SimpleNamespace, p: SimpleNamespace
-    ) -> Symbol:
+    def conductance_factor(self, temperature: Symbol, surroundings: Symbol, inputs: Values, p: Values) -> Symbol:
         return 1 + p.gamma * abs(inputs.fan if self.chosen["input"] == "fan" else inputs.fan_speed)

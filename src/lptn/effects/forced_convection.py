@@ -1,11 +1,7 @@
 """Air moved by the robot's own motion carries more heat away as it travels faster."""
 
-from __future__ import annotations
-
-from types import SimpleNamespace
-
 from lptn.basics.parameters import Parameter
-from lptn.effects.base import LinkEffect, Signature, Symbol
+from lptn.effects.base import LinkEffect, Signature, Symbol, Values
 from lptn.effects.excitation import INPUTS_VARY
 
 
@@ -30,7 +26,5 @@ class ForcedConvection(LinkEffect):
     excitation = INPUTS_VARY
     source = "[QuadrupedLPTN, eq. 3]"
 
-    def conductance_factor(
-        self, temperature: Symbol, surroundings: Symbol, inputs: SimpleNamespace, p: SimpleNamespace
-    ) -> Symbol:
+    def conductance_factor(self, temperature: Symbol, surroundings: Symbol, inputs: Values, p: Values) -> Symbol:
         return 1 + p.gamma * abs(inputs.base_speed)

@@ -1,11 +1,7 @@
 """A gear that passes power on loses part of it as heat."""
 
-from __future__ import annotations
-
-from types import SimpleNamespace
-
 from lptn.basics.parameters import Parameter
-from lptn.effects.base import NodeEffect, Signature, Symbol
+from lptn.effects.base import NodeEffect, Signature, Symbol, Values
 from lptn.effects.excitation import speed_apart_from_load
 
 
@@ -34,5 +30,5 @@ class GearLoss(NodeEffect):
     excitation = speed_apart_from_load()
     source = "load-dependent gear loss ([ISO14179-1])"
 
-    def heat(self, temperature: Symbol, inputs: SimpleNamespace, p: SimpleNamespace) -> Symbol:
+    def heat(self, temperature: Symbol, inputs: Values, p: Values) -> Symbol:
         return p.fraction * abs(inputs.mechanical_power)

@@ -1,11 +1,7 @@
 """A logged power heats more or less than the model's gain says."""
 
-from __future__ import annotations
-
-from types import SimpleNamespace
-
 from lptn.basics.parameters import Parameter
-from lptn.effects.base import LossEffect, Signature, Symbol
+from lptn.effects.base import LossEffect, Signature, Symbol, Values
 from lptn.effects.excitation import INPUTS_VARY
 
 
@@ -36,5 +32,5 @@ class HeatScale(LossEffect):
     excitation = INPUTS_VARY
     source = "definition"
 
-    def factor(self, temperature: Symbol, p: SimpleNamespace) -> Symbol:
+    def factor(self, temperature: Symbol, p: Values) -> Symbol:
         return 1 + p.change

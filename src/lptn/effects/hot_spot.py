@@ -1,11 +1,7 @@
 """The sensor sits where the heat arises, so that it reads more than the mass around it."""
 
-from __future__ import annotations
-
-from types import SimpleNamespace
-
 from lptn.basics.parameters import LARGEST, Parameter
-from lptn.effects.base import ExcessEffect, Signature, Symbol
+from lptn.effects.base import ExcessEffect, Signature, Symbol, Values
 from lptn.effects.excitation import LOAD_STEPS
 
 _RESISTANCE = 1.0  # K/W; scale of the state's excess
@@ -48,8 +44,8 @@ class HotSpot(ExcessEffect):
     excitation = LOAD_STEPS
     source = "definition"
 
-    def error(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:
+    def error(self, temperature: Symbol, state: Symbol, p: Values) -> Symbol:
         return p.resistance * (state - temperature) / _RESISTANCE
 
-    def excess_rate(self, excess: Symbol, heat: Symbol, p: SimpleNamespace) -> Symbol:
+    def excess_rate(self, excess: Symbol, heat: Symbol, p: Values) -> Symbol:
         return (_RESISTANCE * heat - excess) / p.time_constant

@@ -1,11 +1,7 @@
 """The field that turns with the rotor heats the iron it passes through."""
 
-from __future__ import annotations
-
-from types import SimpleNamespace
-
 from lptn.basics.parameters import LARGEST, Parameter
-from lptn.effects.base import NodeEffect, Signature, Symbol
+from lptn.effects.base import NodeEffect, Signature, Symbol, Values
 from lptn.effects.excitation import speed_apart_from_load
 
 
@@ -36,6 +32,6 @@ class IronLoss(NodeEffect):
     excitation = speed_apart_from_load()
     source = "Steinmetz's law at constant flux ([Steinmetz1892])"
 
-    def heat(self, temperature: Symbol, inputs: SimpleNamespace, p: SimpleNamespace) -> Symbol:
+    def heat(self, temperature: Symbol, inputs: Values, p: Values) -> Symbol:
         standstill = 1e-12  # rad/s; keeps the derivative by the exponent finite at rest
         return p.gain * (abs(inputs.velocity_rms) + standstill) ** p.exponent

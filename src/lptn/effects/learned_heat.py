@@ -1,12 +1,9 @@
 """Heat that no effect of the catalogue explains, as a curve over one input: learned, not named."""
 
-from __future__ import annotations
-
 from itertools import pairwise
-from types import SimpleNamespace
 
 from lptn.basics.parameters import LARGEST, Parameter
-from lptn.effects.base import Effect, NodeEffect, Signature, Symbol
+from lptn.effects.base import Effect, NodeEffect, Signature, Symbol, Values
 from lptn.effects.excitation import INPUTS_VARY
 
 PIECES = 8  # of the curve: so many show a bend, a threshold or a saturation; the prior holds those that no data fill
@@ -61,7 +58,7 @@ class LearnedHeat(NodeEffect):
     def needed(self) -> tuple[str, ...]:
         return () if self.chosen["input"] == OWN_TEMPERATURE else super().needed()
 
-    def heat(self, temperature: Symbol, inputs: SimpleNamespace, p: SimpleNamespace) -> Symbol:
+    def heat(self, temperature: Symbol, inputs: Values, p: Values) -> Symbol:
         of_pieces = self.pieces(getattr(inputs, self.chosen["input"], temperature), p.start, p.span)
         rises = [getattr(p, f"rise_{number}") for number in range(1, PIECES + 1)]
         return p.scale * sum(rise * heat for rise, heat in zip(rises, of_pieces, strict=True))

@@ -1,11 +1,7 @@
 """The heat computed from torque or current is wrong by a factor: another torque constant, another resistance."""
 
-from __future__ import annotations
-
-from types import SimpleNamespace
-
 from lptn.basics.parameters import Parameter
-from lptn.effects.base import LossEffect, Signature, Symbol
+from lptn.effects.base import LossEffect, Signature, Symbol, Values
 from lptn.effects.excitation import SEVERAL_RUNS_OR_PLACES
 
 
@@ -36,5 +32,5 @@ class LossScale(LossEffect):
     excitation = SEVERAL_RUNS_OR_PLACES
     source = "definition"
 
-    def factor(self, temperature: Symbol, p: SimpleNamespace) -> Symbol:
+    def factor(self, temperature: Symbol, p: Values) -> Symbol:
         return 1 + p.change

@@ -1,13 +1,9 @@
 """A hotter surface drives more air past itself."""
 
-from __future__ import annotations
-
-from types import SimpleNamespace
-
 import casadi as ca
 
 from lptn.basics.parameters import Parameter
-from lptn.effects.base import LinkEffect, Signature, Symbol
+from lptn.effects.base import LinkEffect, Signature, Symbol, Values
 from lptn.effects.excitation import hot
 
 
@@ -34,7 +30,5 @@ class NaturalConvection(LinkEffect):
     excitation = hot()
     source = "[QuadrupedLPTN, eq. 3]"
 
-    def conductance_factor(
-        self, temperature: Symbol, surroundings: Symbol, inputs: SimpleNamespace, p: SimpleNamespace
-    ) -> Symbol:
+    def conductance_factor(self, temperature: Symbol, surroundings: Symbol, inputs: Values, p: Values) -> Symbol:
         return ca.exp(p.beta * (temperature - surroundings))

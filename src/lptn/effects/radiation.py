@@ -1,11 +1,7 @@
 """A hot surface radiates to its surroundings."""
 
-from __future__ import annotations
-
-from types import SimpleNamespace
-
 from lptn.basics.parameters import LARGEST, Parameter
-from lptn.effects.base import LinkEffect, Signature, Symbol
+from lptn.effects.base import LinkEffect, Signature, Symbol, Values
 from lptn.effects.excitation import hot
 
 STEFAN_BOLTZMANN = 5.670374419e-8  # W/(m² K⁴)
@@ -44,5 +40,5 @@ class Radiation(LinkEffect):
     excitation = hot()
     source = "Stefan-Boltzmann law ([IncroperaDeWitt])"
 
-    def extra_heat(self, temperature: Symbol, surroundings: Symbol, p: SimpleNamespace) -> Symbol:
+    def extra_heat(self, temperature: Symbol, surroundings: Symbol, p: Values) -> Symbol:
         return STEFAN_BOLTZMANN * p.area * ((surroundings + ZERO_CELSIUS) ** 4 - (temperature + ZERO_CELSIUS) ** 4)

@@ -1,11 +1,7 @@
 """A hot winding has more resistance and so more copper loss."""
 
-from __future__ import annotations
-
-from types import SimpleNamespace
-
 from lptn.basics.parameters import Parameter
-from lptn.effects.base import LossEffect, Signature, Symbol
+from lptn.effects.base import LossEffect, Signature, Symbol, Values
 from lptn.effects.excitation import hot
 
 
@@ -34,5 +30,5 @@ class ResistanceRise(LossEffect):
     excitation = hot()
     source = "[QuadrupedLPTN, eq. 6]"
 
-    def factor(self, temperature: Symbol, p: SimpleNamespace) -> Symbol:
+    def factor(self, temperature: Symbol, p: Values) -> Symbol:
         return 1 + p.alpha * (temperature - p.reference)

@@ -1,11 +1,7 @@
 """The temperature is worked out from a resistance, and the resistance at the reference is a little another one."""
 
-from __future__ import annotations
-
-from types import SimpleNamespace
-
 from lptn.basics.parameters import Parameter
-from lptn.effects.base import SensorEffect, Signature, Symbol
+from lptn.effects.base import SensorEffect, Signature, Symbol, Values
 from lptn.effects.excitation import REST_OR_LEVELS
 
 
@@ -36,5 +32,5 @@ class ResistanceThermometer(SensorEffect):
     excitation = REST_OR_LEVELS
     source = "[QuadrupedLPTN, eq. 6]"
 
-    def error(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:
+    def error(self, temperature: Symbol, state: Symbol, p: Values) -> Symbol:
         return p.change * (temperature - p.reference + 1 / p.alpha)

@@ -1,11 +1,7 @@
 """Part of the heat goes in and out of a mass that has no sensor."""
 
-from __future__ import annotations
-
-from types import SimpleNamespace
-
 from lptn.basics.parameters import LARGEST, Parameter
-from lptn.effects.base import MassEffect, Signature, Symbol
+from lptn.effects.base import MassEffect, Signature, Symbol, Values
 from lptn.effects.excitation import LOAD_STEPS
 
 
@@ -51,8 +47,8 @@ class SecondMass(MassEffect):
     excitation = LOAD_STEPS
     source = "two-node network, fitted to [Chen2017, sec. 3.1.2]"
 
-    def heat(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:
+    def heat(self, temperature: Symbol, state: Symbol, p: Values) -> Symbol:
         return p.capacity / p.time_constant * (state - temperature)
 
-    def rate(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:
+    def rate(self, temperature: Symbol, state: Symbol, p: Values) -> Symbol:
         return (temperature - state) / p.time_constant

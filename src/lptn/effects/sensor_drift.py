@@ -1,12 +1,9 @@
 """The sensor's error grows with time."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from types import SimpleNamespace
 
 from lptn.basics.parameters import LARGEST, Parameter
-from lptn.effects.base import CLOCK, ExcessEffect, NetworkPlaces, Signature, Symbol
+from lptn.effects.base import CLOCK, ExcessEffect, NetworkPlaces, Signature, Symbol, Values
 from lptn.effects.excitation import long_enough
 
 
@@ -48,8 +45,8 @@ class SensorDrift(ExcessEffect):
         """Where all heat is taken to be constant, heat that is not would be named a drift."""
         return place not in layout.nodes_of_constant_heat
 
-    def error(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:
+    def error(self, temperature: Symbol, state: Symbol, p: Values) -> Symbol:
         return p.rate * (state - temperature) / (3600.0 * CLOCK)
 
-    def excess_rate(self, excess: Symbol, heat: Symbol, p: SimpleNamespace) -> Symbol:
+    def excess_rate(self, excess: Symbol, heat: Symbol, p: Values) -> Symbol:
         return self.rises

@@ -1,12 +1,9 @@
 """The sensor follows the node's temperature late."""
 
-from __future__ import annotations
-
-from types import SimpleNamespace
 from typing import ClassVar
 
 from lptn.basics.parameters import LARGEST, Parameter
-from lptn.effects.base import Conditions, SensorEffect, Signature, Symbol
+from lptn.effects.base import Conditions, SensorEffect, Signature, Symbol, Values
 from lptn.effects.excitation import LOAD_STEPS
 
 
@@ -39,7 +36,7 @@ class SensorLag(SensorEffect):
     excitation = LOAD_STEPS
     source = "first-order sensor"
 
-    def error(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:
+    def error(self, temperature: Symbol, state: Symbol, p: Values) -> Symbol:
         return p.fraction * (state - temperature)
 
     def reading_error(self, here: Conditions) -> Symbol:
@@ -48,5 +45,5 @@ class SensorLag(SensorEffect):
     def state_rate(self, here: Conditions) -> Symbol:
         return self.rate(here.at_sensor, here.state, here.p)
 
-    def rate(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:
+    def rate(self, temperature: Symbol, state: Symbol, p: Values) -> Symbol:
         return (temperature - state) / p.time_constant

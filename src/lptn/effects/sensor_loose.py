@@ -1,7 +1,5 @@
 """The sensor has come loose: it reads late, and between its part and what is around."""
 
-from __future__ import annotations
-
 from lptn.basics.parameters import Parameter
 from lptn.effects.base import Conditions, NetworkPlaces, Place, Signature, Symbol
 from lptn.effects.excitation import LOAD_STEPS

@@ -1,11 +1,7 @@
 """The sensor reads too high or too low by a constant."""
 
-from __future__ import annotations
-
-from types import SimpleNamespace
-
 from lptn.basics.parameters import LARGEST, Parameter
-from lptn.effects.base import SensorEffect, Signature, Symbol
+from lptn.effects.base import SensorEffect, Signature, Symbol, Values
 from lptn.effects.excitation import REST_OR_LEVELS
 
 
@@ -35,5 +31,5 @@ class SensorOffset(SensorEffect):
     excitation = REST_OR_LEVELS
     source = "definition"
 
-    def error(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:
+    def error(self, temperature: Symbol, state: Symbol, p: Values) -> Symbol:
         return p.offset

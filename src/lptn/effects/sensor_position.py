@@ -1,11 +1,7 @@
 """The sensor sits between two parts and reads a mix of their temperatures."""
 
-from __future__ import annotations
-
-from types import SimpleNamespace
-
 from lptn.basics.parameters import Parameter
-from lptn.effects.base import PairSensorEffect, Signature, Symbol
+from lptn.effects.base import PairSensorEffect, Signature, Symbol, Values
 from lptn.effects.excitation import nodes_apart
 
 
@@ -33,5 +29,5 @@ class SensorPosition(PairSensorEffect):
     excitation = nodes_apart()
     source = "definition"
 
-    def error(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:
+    def error(self, temperature: Symbol, state: Symbol, p: Values) -> Symbol:
         return p.fraction * (state - temperature)

@@ -1,11 +1,7 @@
 """Several joints sit on a common part that has no node in the model: the trunk."""
 
-from __future__ import annotations
-
-from types import SimpleNamespace
-
 from lptn.basics.parameters import LARGEST, Parameter
-from lptn.effects.base import GroupEffect, Signature, Symbol
+from lptn.effects.base import GroupEffect, Signature, Symbol, Values
 from lptn.effects.excitation import LOAD_STEPS
 
 
@@ -56,8 +52,8 @@ class SharedMass(GroupEffect):
     excitation = LOAD_STEPS
     source = "definition"
 
-    def heat(self, temperature: Symbol, state: Symbol, p: SimpleNamespace) -> Symbol:
+    def heat(self, temperature: Symbol, state: Symbol, p: Values) -> Symbol:
         return p.conductance * (state - temperature)
 
-    def rate(self, mean: Symbol, state: Symbol, surroundings: Symbol, p: SimpleNamespace) -> Symbol:
+    def rate(self, mean: Symbol, state: Symbol, surroundings: Symbol, p: Values) -> Symbol:
         return (mean - state - p.leak * (state - surroundings)) / p.time_constant

@@ -1,11 +1,7 @@
 """The sun shines on a surface."""
 
-from __future__ import annotations
-
-from types import SimpleNamespace
-
 from lptn.basics.parameters import LARGEST, Parameter
-from lptn.effects.base import NodeEffect, Signature, Symbol
+from lptn.effects.base import NodeEffect, Signature, Symbol, Values
 from lptn.effects.excitation import INPUTS_VARY
 
 
@@ -43,5 +39,5 @@ class Solar(NodeEffect):
     excitation = INPUTS_VARY
     source = "definition"
 
-    def heat(self, temperature: Symbol, inputs: SimpleNamespace, p: SimpleNamespace) -> Symbol:
+    def heat(self, temperature: Symbol, inputs: Values, p: Values) -> Symbol:
         return p.area * (inputs.irradiance if self.chosen["input"] == "irradiance" else inputs.global_irradiance)

@@ -1,11 +1,7 @@
 """The field of the winding's current induces losses in parts that carry no current."""
 
-from __future__ import annotations
-
-from types import SimpleNamespace
-
 from lptn.basics.parameters import LARGEST, Parameter
-from lptn.effects.base import NodeEffect, Signature, Symbol
+from lptn.effects.base import NodeEffect, Signature, Symbol, Values
 from lptn.effects.excitation import INPUTS_VARY
 
 
@@ -31,5 +27,5 @@ class StrayLoadLoss(NodeEffect):
     excitation = INPUTS_VARY
     source = "stray-load loss ([IEEE112])"
 
-    def heat(self, temperature: Symbol, inputs: SimpleNamespace, p: SimpleNamespace) -> Symbol:
+    def heat(self, temperature: Symbol, inputs: Values, p: Values) -> Symbol:
         return p.resistance * inputs.current**2

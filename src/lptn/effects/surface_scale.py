@@ -1,11 +1,7 @@
 """A node loses heat faster or slower than its link says: a fan, a cover, a wet or dusty surface."""
 
-from __future__ import annotations
-
-from types import SimpleNamespace
-
 from lptn.basics.parameters import Parameter
-from lptn.effects.base import LinkEffect, Signature, Symbol
+from lptn.effects.base import LinkEffect, Signature, Symbol, Values
 from lptn.effects.excitation import SEVERAL_RUNS_OR_PLACES
 
 
@@ -35,7 +31,5 @@ class SurfaceScale(LinkEffect):
     excitation = SEVERAL_RUNS_OR_PLACES
     source = "definition"
 
-    def conductance_factor(
-        self, temperature: Symbol, surroundings: Symbol, inputs: SimpleNamespace, p: SimpleNamespace
-    ) -> Symbol:
+    def conductance_factor(self, temperature: Symbol, surroundings: Symbol, inputs: Values, p: Values) -> Symbol:
         return 1 + p.change

@@ -1,11 +1,7 @@
 """Warm magnets give less torque per ampere, so the same torque takes more current."""
 
-from __future__ import annotations
-
-from types import SimpleNamespace
-
 from lptn.basics.parameters import Parameter
-from lptn.effects.base import LossEffect, Signature, Symbol
+from lptn.effects.base import LossEffect, Signature, Symbol, Values
 from lptn.effects.excitation import hot
 
 
@@ -38,5 +34,5 @@ class TorqueConstantDrop(LossEffect):
     excitation = hot()
     source = "[Chen2017, eq. 2.6]"
 
-    def factor(self, temperature: Symbol, p: SimpleNamespace) -> Symbol:
+    def factor(self, temperature: Symbol, p: Values) -> Symbol:
         return (1 - p.kappa * (temperature - p.reference)) ** -2

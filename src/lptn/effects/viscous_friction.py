@@ -1,11 +1,7 @@
 """Oil and grease in a moving joint turn motion into heat."""
 
-from __future__ import annotations
-
-from types import SimpleNamespace
-
 from lptn.basics.parameters import LARGEST, Parameter
-from lptn.effects.base import NodeEffect, Signature, Symbol
+from lptn.effects.base import NodeEffect, Signature, Symbol, Values
 from lptn.effects.excitation import speed_apart_from_load
 
 
@@ -34,5 +30,5 @@ class ViscousFriction(NodeEffect):
     excitation = speed_apart_from_load()
     source = "[QuadrupedLPTN, eq. 7, 8]"
 
-    def heat(self, temperature: Symbol, inputs: SimpleNamespace, p: SimpleNamespace) -> Symbol:
+    def heat(self, temperature: Symbol, inputs: Values, p: Values) -> Symbol:
         return p.damping * inputs.velocity_rms**2

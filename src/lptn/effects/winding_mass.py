@@ -1,12 +1,9 @@
 """The winding is a mass apart: its loss reaches the node late."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from types import SimpleNamespace
 
 from lptn.basics.parameters import LARGEST, Parameter
-from lptn.effects.base import Conditions, InertialEffect, Signature, Symbol
+from lptn.effects.base import Conditions, InertialEffect, Signature, Symbol, Values
 from lptn.effects.excitation import LOAD_STEPS
 
 _RESISTANCE = 1.0  # K/W; scale of the state's excess
@@ -48,5 +45,5 @@ class WindingMass(InertialEffect):
         passed_on = self.excess(here) / _RESISTANCE
         return [here.p.fraction * (passed_on - here.heat_of(self.heat_of))]
 
-    def excess_rate(self, excess: Symbol, heat: Symbol, p: SimpleNamespace) -> Symbol:
+    def excess_rate(self, excess: Symbol, heat: Symbol, p: Values) -> Symbol:
         return (_RESISTANCE * heat - excess) / p.time_constant

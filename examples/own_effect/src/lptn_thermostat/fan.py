@@ -1,14 +1,10 @@
 """A fan that switches itself on when its motor is warm, and that no log records."""
 
-from __future__ import annotations
-
-from types import SimpleNamespace
-
 import casadi as ca
 
 from lptn.basics.parameters import Parameter
 from lptn.effects import LinkEffect, Signature
-from lptn.effects.base import Symbol
+from lptn.effects.base import Symbol, Values
 from lptn.effects.excitation import hot
 
 WIDTH = 5.0  # K; the fan speeds up over some kelvin, and a fit wants a slope
@@ -40,8 +36,6 @@ class ThermostatFan(LinkEffect):
     excitation = hot(rise=20.0)  # K above the surroundings, so that the fan comes on
     source = "definition"
 
-    def conductance_factor(
-        self, temperature: Symbol, surroundings: Symbol, inputs: SimpleNamespace, p: SimpleNamespace
-    ) -> Symbol:
+    def conductance_factor(self, temperature: Symbol, surroundings: Symbol, inputs: Values, p: Values) -> Symbol:
         """Factor on the conductance, 1 when off; temperatures in degC."""
         return 1 + p.gain / (1 + ca.exp((p.setting - temperature) / WIDTH))
