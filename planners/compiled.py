@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Mapping
-from pathlib import Path
-from typing import Any
+from subprocess import CalledProcessError
 
 import casadi as ca
-import numpy as np
 
-from lptn.basics.arrays import FloatArray
 from lptn.basics.c_library import shared_library
+from lptn.model.array_function import ArrayFunction
 
 _OPTIONS = ("-std=c99", "-O2", "-ftree-vectorize", "-ffp-contract=off")
 """Without contraction of products and sums a robot computes the same digits as Python does here."""
@@ -40,8 +38,7 @@ def compiled(sources: Mapping[str, str], main: str) -> ctypes.CDLL:
         OSError: no C compiler, or the cache of libraries can't be used.
         subprocess.CalledProcessError: the compiler failed.
     """
-    library: Path = shared_library(sources, main, _OPTIONS)
-    return ctypes.CDLL(str(library))
+    return ctypes.CDLL(str(shared_library(sources, main, _OPTIONS)))
 
 
 def c_code(file: str, *functions: ca.Function) -> str:
@@ -52,32 +49,14 @@ def c_code(file: str, *functions: ca.Function) -> str:
     return f"{_QUIET}{generator.dump()}{_LOUD}"
 
 
-class CompiledFunction:
-    """A CasADi function of vectors with one result as machine code, called without copies.
+def compiled_function(function: ca.Function) -> ArrayFunction:
+    """A CasADi function of dense vectors with one result as machine code, where it can be compiled; else as it is.
 
-    Args:
-        function: CasADi's function.
-
-    Raises:
-        OSError: no C compiler.
-        subprocess.CalledProcessError: the compiler failed.
+    Without a C compiler CasADi's interpreter takes twenty times as long.
     """
-
-    def __init__(self, function: ca.Function) -> None:
-        library = compiled({"function.c": c_code("function.c", function)}, "function.c")
-        self._function: Any = getattr(library, function.name())
-        self._arguments = (ctypes.c_void_p * max(1, function.sz_arg()))()
-        self._results = (ctypes.c_void_p * max(1, function.sz_res()))()
-        self._integers = (ctypes.c_longlong * max(1, function.sz_iw()))()
-        self._doubles = (ctypes.c_double * max(1, function.sz_w()))()
-        self._size = function.nnz_out(0)
-
-    def __call__(self, *arguments: FloatArray) -> FloatArray:
-        """The result for arguments in the function's order, shape (size of the result,)."""
-        kept = [np.ascontiguousarray(argument, dtype=float) for argument in arguments]
-        result = np.empty(self._size)
-        for number, argument in enumerate(kept):
-            self._arguments[number] = argument.ctypes.data
-        self._results[0] = result.ctypes.data
-        self._function(self._arguments, self._results, self._integers, self._doubles, 0)
-        return result
+    sources = {"function.c": c_code("function.c", function)}
+    try:
+        library = shared_library(sources, "function.c", _OPTIONS)
+    except (OSError, CalledProcessError):
+        return ArrayFunction(function)
+    return ArrayFunction(ca.external(function.name(), str(library)))

@@ -14,7 +14,6 @@ from collections.abc import Sequence
 from importlib.resources import files
 from math import ceil, inf, isinf
 from pathlib import Path
-from subprocess import CalledProcessError
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -25,7 +24,7 @@ from lptn.basics.bounds import Bound
 from lptn.basics.files import write_folder
 from lptn.model.model import Model, rk4
 
-from ..compiled import CompiledFunction, c_code
+from ..compiled import c_code, compiled_function
 from ..heating import Heating, Request, heating, requested_by
 from ..values import Each, Values, checked_by_place, in_order, limits_of
 
@@ -78,10 +77,7 @@ class Limiter:
         most = checked_by_place(current_limits, self.joints, "current_limits", infinite=True)
         self.most = np.minimum([most.get(joint, inf) for joint in self.joints], _UNLIMITED)
         self.function = self._function()
-        try:
-            self._call: CompiledFunction | None = CompiledFunction(self.function)
-        except (OSError, CalledProcessError):
-            self._call = None  # no compiler; CasADi's interpreter takes twenty times as long
+        self._call = compiled_function(self.function)
         self._scales: dict[float, ca.Function] = {}
 
     def admissible(self, temperatures: Values, load: Values, conditions: Values = ()) -> FloatArray:
@@ -101,9 +97,7 @@ class Limiter:
         now = in_order(load, self.joints, "load", 0.0)
         arguments = (self._states(temperatures), now, self.heating.conditions_from(conditions, now),
                      self.model.values, self.limits, self.most)  # fmt: skip
-        if self._call is not None:
-            return self._call(*arguments).reshape(len(self.joints), len(self.horizons))
-        return np.asarray(self.function(*arguments)).reshape(len(self.joints), len(self.horizons))
+        return self._call(*arguments).reshape(len(self.joints), len(self.horizons))
 
     def largest_scale(self, temperatures: Values, activity: Values, seconds: float, conditions: Values = ()) -> float:
         """The largest constant factor on all joints' torques with which an activity can go on for a time.
