@@ -7,7 +7,7 @@ and the better answer is kept. Its multipliers say what each limit is worth.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, Literal
@@ -16,6 +16,7 @@ import casadi as ca
 import numpy as np
 
 from lptn.basics.arrays import FloatArray
+from lptn.model.array_function import solver_watch
 
 from .gait import Gait, with_surroundings
 from .mission import Mission, Schedule, Timed, limited_later, segments_of, simulate_plan
@@ -82,7 +83,7 @@ class MissionProgram:
         ends = np.cumsum([0, *(len(segment.posture) for segment in self.segments)])
         self._postures_of = [slice(int(a), int(b)) for a, b in pairwise(ends)]  # each segment, in a row of all
         problem = self._problem(int(ends[-1]))
-        self._watch = _Watch(problem)
+        self._watch = solver_watch(problem, _no_price)
         options: dict[str, Any] = {"print_time": False, "ipopt": _IPOPT, "iteration_callback": self._watch}
         self._solver = ca.nlpsol("mission", "ipopt", problem, options)
 
@@ -271,28 +272,9 @@ class MissionProgram:
         return {"ambient": ambient, "carry": carry, **limits}
 
 
-class _Watch(ca.Callback):
-    """Ends a solve whose multipliers grow without bound: no plan keeps the limits."""
-
-    def __init__(self, problem: Mapping[str, Any]) -> None:
-        super().__init__()
-        rows, columns, given = (problem[key].numel() for key in ("g", "x", "p"))
-        self._sizes = {"x": columns, "f": 1, "g": rows, "lam_x": columns, "lam_g": rows, "lam_p": given}
-        self.construct("watch", {})
-
-    def get_n_in(self) -> int:
-        return int(ca.nlpsol_n_out())
-
-    def get_n_out(self) -> int:
-        return 1
-
-    def get_sparsity_in(self, number: int) -> ca.Sparsity:
-        return ca.Sparsity.dense(self._sizes[ca.nlpsol_out(number)])
-
-    def eval(self, arguments: Sequence[Any]) -> list[int]:
-        """1 to stop."""
-        prices = arguments[list(self._sizes).index("lam_x")]
-        # Multiplier of a bound, in `TIME` per unit, that none has: 3000 years for a kelvin. On the way to an optimum
-        # they stayed below 1e5; where no plan keeps the limits they grow without end, and a step then takes a minute.
-        no_price = 1e8
-        return [int(float(ca.norm_inf(prices)) > no_price)]
+def _no_price(results: dict[str, Any]) -> bool:
+    """Whether multipliers grow without bound: no plan keeps the limits, and each step then takes a minute."""
+    # Multiplier of a bound, in `TIME` per unit, that none has: 3000 years for a kelvin. On the way to an optimum they
+    # stayed below 1e5.
+    most = 1e8
+    return float(ca.norm_inf(results["lam_x"])) > most

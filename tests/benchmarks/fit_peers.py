@@ -116,7 +116,7 @@ def ours(given: Task) -> float:
     problem = given.problem
 
     def search() -> None:
-        minima.append(minimise(problem, given.start, near=True).cost)
+        minima.append(minimise(problem, given.start).cost)
 
     minima: list[float] = []
     search()

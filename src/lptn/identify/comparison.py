@@ -219,7 +219,7 @@ def fit_start(model: Model, bound: BoundRun, sigma: FloatArray) -> FloatArray:
         KeyboardInterrupt: Ctrl-C was pressed.
     """
     problem = Problem(model, [bound], sigma, free=())
-    solution = minimise(problem, problem.guess(model.values), near=True)  # nearly linear, a few steps
+    solution = minimise(problem, problem.guess(model.values))  # nearly linear, a few steps
     if solution.status == "interrupted":
         raise KeyboardInterrupt
     return problem.point(solution.z).starts[0]

@@ -217,7 +217,7 @@ def fit(
         if values is None:
             z = min(z, coarse.guess(integral_start(model, averaged, sigma)), key=coarse.cost)
         keep_coarse = None if keep is None else lambda z: keep(replace(coarse.point(z), averaged=True))
-        rough = minimise(coarse, z, progress, keep=keep_coarse, near=True, precision=max(precision, ROUGH))
+        rough = minimise(coarse, z, progress, keep=keep_coarse, precision=max(precision, ROUGH))
         before, point = rough.iterations, coarse.point(rough.z)
         z = problem.guess(point.values, point.starts)
         if rough.status == "interrupted":
@@ -226,7 +226,7 @@ def fit(
         balanced = integral_start(model, bound_runs, sigma)
         z = min((np.clip(problem.guess(own, starts), *problem.bounds) for own in (values, balanced)), key=problem.cost)
     keep_fine = None if keep is None else lambda z: keep(problem.point(z))
-    solution = minimise(problem, z, progress, iterations, keep=keep_fine, near=True, precision=precision)
+    solution = minimise(problem, z, progress, iterations, keep=keep_fine, precision=precision)
     return _as_fit(problem, solution, noise, before + solution.iterations)
 
 
@@ -265,7 +265,7 @@ def tolerant(done: Fit, tolerance: FloatArray | None, *, precision: float = PREC
     old = done.problem
     problem = Problem(done.model, old.bound_runs, old.sigma, old.symmetry_penalty, old.free, tolerance)
     guess = problem.guess(done.point.values, done.point.starts)
-    solution = minimise(problem, guess, near=True, precision=precision, rescued=precision <= PRECISION)
+    solution = minimise(problem, guess, precision=precision, rescued=precision <= PRECISION)
     return _as_fit(problem, solution, done.noise, done.iterations + solution.iterations)
 
 

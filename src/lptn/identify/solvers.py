@@ -1,4 +1,4 @@
-"""Least-squares minimisers: IPOPT with the Gauss-Newton Hessian, Levenberg-Marquardt for the last steps.
+"""Least-squares minimisers: Levenberg-Marquardt within bounds, and IPOPT with the Gauss-Newton Hessian to rescue it.
 
 Sources: [Marquardt1963], here with bounds; [DennisGayWelsch1981].
 """
@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from math import log
-from typing import Any, Literal
+from typing import Literal
 
 import casadi as ca
 import numpy as np
@@ -19,6 +19,7 @@ import numpy as np
 from lptn.basics.arrays import FloatArray
 from lptn.identify.bounded_minimum import bounded_minimum
 from lptn.identify.problem import Problem
+from lptn.model.array_function import PythonFunction, solver_watch
 from lptn.simulate.simulation import SimulationError
 
 # --- Cost, gradient and Gauss-Newton Hessian of a problem, each point worked out once -------------
@@ -260,42 +261,6 @@ class Solution:
     status: str  # "converged", "not converged" or "interrupted"
 
 
-class _Function(ca.Callback):
-    """A Python function of dense columns as a CasADi function."""
-
-    def __init__(
-        self,
-        name: str,
-        inputs: list[ca.Sparsity],
-        outputs: list[ca.Sparsity],
-        evaluate: Callable[[list[ca.DM]], list[Any]],
-    ) -> None:
-        ca.Callback.__init__(self)
-        self._inputs, self._outputs, self._evaluate = inputs, outputs, evaluate
-        self.failure: Exception | None = None
-        self.construct(name, {})
-
-    def get_n_in(self) -> int:
-        return len(self._inputs)
-
-    def get_n_out(self) -> int:
-        return len(self._outputs)
-
-    def get_sparsity_in(self, index: int) -> ca.Sparsity:
-        return self._inputs[index]
-
-    def get_sparsity_out(self, index: int) -> ca.Sparsity:
-        return self._outputs[index]
-
-    def eval(self, arguments: Sequence[ca.DM]) -> list[Any]:
-        # The solver would swallow an exception: it is kept, and raised once the solver has returned.
-        try:
-            return self._evaluate(list(arguments))
-        except Exception as error:
-            self.failure = error
-            return [ca.DM(pattern, np.nan) for pattern in self._outputs]
-
-
 class _Watcher:
     """Counts iterations and reports them; tells IPOPT to stop near the optimum, and once Ctrl-C was pressed."""
 
@@ -306,14 +271,15 @@ class _Watcher:
         self.patient = False  # whether IPOPT is to go on to its own end
         self._before = float("inf")
 
-    def __call__(self, _arguments: list[ca.DM]) -> list[Any]:
+    def __call__(self, _results: dict[str, ca.DM]) -> bool:
+        """Whether IPOPT is to stop."""
         cost, first = self.evaluator.best[0], not np.isfinite(self._before)
         nearly = 1e-3  # relative change of the cost in an iteration, below which polishing takes over
         near = 0 < self._before - cost < nearly * cost
         self._before = cost
         if not first:
             self.count()
-        return [int(self.interrupted or (near and not self.patient))]
+        return self.interrupted or (near and not self.patient)
 
     def count(self) -> None:
         """One more iteration."""
@@ -335,14 +301,13 @@ def minimise(
     iterations: int = 80,
     *,
     keep: Keep | None = None,
-    near: bool = False,
     precision: float = PRECISION,
     rescued: bool = True,
 ) -> Solution:
     """The least weighted sum of squares, from `guess`, within the problem's bounds.
 
-    IPOPT goes most of the way, bounded Gauss-Newton steps the rest. Ctrl-C ends the search at the best point so
-    far, with status `"interrupted"`.
+    By bounded Gauss-Newton steps; where they come to no end IPOPT goes most of the way. Ctrl-C ends the search at the
+    best point so far, with status `"interrupted"`.
 
     Args:
         problem: the problem.
@@ -350,9 +315,8 @@ def minimise(
         progress: called after each iteration.
         iterations: how many to take at most.
         keep: called after each iteration with the best unknowns so far.
-        near: the guess is a solution on coarser data, from which a few steps should do.
-        precision: share of the cost that is not worth another step, for a search from near.
-        rescued: whether IPOPT goes on where polishing from near fails. From a solution it was seen to gain a thousandth
+        precision: share of the cost that is not worth another step.
+        rescued: whether IPOPT goes on where these steps fail. From a solution it was seen to gain a thousandth
             of the cost, for more time than all else.
     """
     evaluator = Evaluator(problem)
@@ -361,16 +325,14 @@ def minimise(
     evaluator.cost(np.clip(guess, lower, upper))
     watcher.say()
     with _interrupt(watcher):
-        ended = _search(evaluator, watcher, iterations, near, precision, rescued)
+        ended = _search(evaluator, watcher, iterations, precision, rescued)
     best, z = evaluator.best
     status = "interrupted" if watcher.interrupted else ended
     return Solution(np.clip(z, lower, upper), best / evaluator.scale, watcher.iterations, status)
 
 
-def _search(
-    evaluator: Evaluator, watcher: _Watcher, iterations: int, near: bool, precision: float, rescued: bool
-) -> str:
-    """Polish where the start is near; else IPOPT, then polish; IPOPT to its end where polishing fails."""
+def _search(evaluator: Evaluator, watcher: _Watcher, iterations: int, precision: float, rescued: bool) -> str:
+    """Polish; where that fails IPOPT, then polish again; IPOPT to its end where that fails, too."""
 
     def left() -> int:
         return max(0, iterations - watcher.iterations)
@@ -379,7 +341,7 @@ def _search(
         start, stopped = evaluator.best[1].copy(), lambda: watcher.interrupted
         return polish(evaluator, start, left(), stopped, watcher.count, precision)
 
-    if near and (ending := polished()) != "stopped":
+    if (ending := polished()) != "stopped":
         return ending
     if not rescued:
         return "not converged"
@@ -396,46 +358,30 @@ def _interior_point(evaluator: Evaluator, watcher: _Watcher, iterations: int) ->
     """IPOPT from the best point so far; how it ended, in its own word."""
     n = evaluator.problem.size
     column, empty, scalar = ca.Sparsity.dense(n, 1), ca.Sparsity(0, 0), ca.Sparsity.dense(1, 1)
-    nothing = ca.Sparsity(0, 1)
-    functions = [
-        _Function("nlp_f", [column], [scalar], lambda a: [evaluator.cost(_array(a[0]))]),
-        _Function(
-            "nlp_grad_f",
-            [column, empty],
-            [scalar, column],
-            lambda a: [evaluator.cost(_array(a[0])), evaluator.derivatives(_array(a[0]))[0]],
-        ),
-        _Function(
-            "nlp_hess_lag",
-            [column, empty, scalar, nothing],
-            [ca.Sparsity.upper(n)],
-            lambda a: [ca.triu(ca.DM(evaluator.derivatives(_array(a[0]))[1] * float(a[2])))],
-        ),
-        _Function("watch", [_solver_output(i, n) for i in range(ca.nlpsol_n_out())], [scalar], watcher),
-    ]
-    cost, gradient, hessian, watch = functions
+    cost = PythonFunction("nlp_f", [column], [scalar], lambda a: [evaluator.cost(_array(a[0]))])
+    gradient = PythonFunction(
+        "nlp_grad_f",
+        [column, empty],
+        [scalar, column],
+        lambda a: [evaluator.cost(_array(a[0])), evaluator.derivatives(_array(a[0]))[0]],
+    )
+    hessian = PythonFunction(
+        "nlp_hess_lag",
+        [column, empty, scalar, ca.Sparsity(0, 1)],
+        [ca.Sparsity.upper(n)],
+        lambda a: [ca.triu(ca.DM(evaluator.derivatives(_array(a[0]))[1] * float(a[2])))],
+    )
     x = ca.MX.sym("x", n)
-    options = {
-        **_IPOPT,
-        "ipopt.max_iter": iterations,
-        "grad_f": gradient,
-        "hess_lag": hessian,
-        "iteration_callback": watch,
-    }
-    solver = ca.nlpsol("fit", "ipopt", {"x": x, "f": cost(x)}, options)  # type: ignore[dict-item, arg-type]
+    problem = {"x": x, "f": cost(x)}
+    watch = solver_watch(problem, watcher)
+    options = {"grad_f": gradient, "hess_lag": hessian, "iteration_callback": watch, "ipopt.max_iter": iterations}
+    solver = ca.nlpsol("fit", "ipopt", problem, _IPOPT | options)  # type: ignore[arg-type]
     lower, upper = evaluator.problem.bounds
     solver(x0=evaluator.best[1], lbx=lower, ubx=upper)
-    for function in functions:
+    for function in (cost, gradient, hessian, watch):
         if function.failure is not None:
             raise function.failure
     return str(solver.stats()["return_status"])
-
-
-def _solver_output(index: int, n: int) -> ca.Sparsity:
-    name = ca.nlpsol_out(index)
-    if name == "f":
-        return ca.Sparsity.scalar()
-    return ca.Sparsity.dense(n) if name in ("x", "lam_x") else ca.Sparsity(0, 0)
 
 
 def _array(column: ca.DM) -> FloatArray:

@@ -1,6 +1,9 @@
-"""A CasADi function called on NumPy's arrays where they lie."""
+"""CasADi's functions called on NumPy's arrays where they lie, and Python's functions called by CasADi."""
 
 from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -48,3 +51,58 @@ class ArrayFunction:
         buffer.set_res(0, result.reshape(-1).data)  # type: ignore[call-arg]
         evaluate()
         return result.T
+
+
+class PythonFunction(ca.Callback):
+    """A Python function as a CasADi function.
+
+    What it raises the solver that calls it would swallow: it is kept as `failure`, and the results are NaN.
+
+    Args:
+        name: of the function.
+        inputs, outputs: patterns of its arguments and results.
+        evaluate: the arguments -> the results.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        inputs: Sequence[ca.Sparsity],
+        outputs: Sequence[ca.Sparsity],
+        evaluate: Callable[[list[ca.DM]], list[Any]],
+    ) -> None:
+        super().__init__()
+        self._inputs, self._outputs, self._evaluate = inputs, outputs, evaluate
+        self.failure: Exception | None = None
+        self.construct(name, {})
+
+    def get_n_in(self) -> int:
+        return len(self._inputs)
+
+    def get_n_out(self) -> int:
+        return len(self._outputs)
+
+    def get_sparsity_in(self, index: int) -> ca.Sparsity:
+        return self._inputs[index]
+
+    def get_sparsity_out(self, index: int) -> ca.Sparsity:
+        return self._outputs[index]
+
+    def eval(self, arguments: Sequence[ca.DM]) -> list[Any]:
+        try:
+            return self._evaluate(list(arguments))
+        except Exception as error:
+            self.failure = error
+            return [ca.DM(pattern, np.nan) for pattern in self._outputs]
+
+
+def solver_watch(problem: Mapping[str, Any], stops: Callable[[dict[str, ca.DM]], bool]) -> PythonFunction:
+    """CasADi's `iteration_callback` for a nonlinear program: `stops` gets what its solver has by name, such as `lam_x`,
+    after each iteration, and says whether it ends there."""
+    unknowns, rows, given = (problem[name].numel() if name in problem else 0 for name in ("x", "g", "p"))
+    sizes = {"x": unknowns, "f": 1, "g": rows, "lam_x": unknowns, "lam_g": rows, "lam_p": given}
+    names = [ca.nlpsol_out(number) for number in range(ca.nlpsol_n_out())]
+    patterns = [ca.Sparsity.dense(sizes[name], 1) for name in names]
+    return PythonFunction(
+        "watch", patterns, [ca.Sparsity.scalar()], lambda given: [int(stops(dict(zip(names, given, strict=True))))]
+    )
