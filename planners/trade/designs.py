@@ -1,15 +1,15 @@
 """A feasible choice at its best, simulated in fine steps: a check on the program's few elements, maps and curves.
 
-Networks of a few masses take RK4. A motor made from its drawing has time constants of a second or less, which RK4
-would have to follow for an hour; maps and curves of it take Rosenbrock steps, which are stable at any length.
+By Rosenbrock steps, which are stable at any length: a motor made from its drawing has time constants of a second or
+less, which RK4 would have to follow for an hour.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import ceil, log, log1p
+from math import ceil
 
 import casadi as ca
 import numpy as np
@@ -17,16 +17,13 @@ import numpy as np
 from lptn.basics.arrays import BoolArray, FloatArray
 from lptn.basics.errors import InputError
 from lptn.model.array_function import ArrayFunction
-from lptn.model.model import rk4
 
 from .motors import ENAMEL_LIMIT, REFERENCE
 from .plant import CAPACITY, RESISTANCE, Load, Parameters, Plant
 from .problem import DesignProblem, DesignSolution
 from .study import BUDGETS, Option
 
-_CYCLE_STEPS = 2  # of RK4 at least, in each part of a cycle
-Advance = Callable[[FloatArray, FloatArray, FloatArray | float], FloatArray]
-"""States after a step, from the states before it, the drive and the length of the step [s]."""
+_CYCLE_STEPS = 2, 10  # in each part of a cycle: at least, and at most where the network has faster rates
 _HOT = 2000.0  # degC; what runs away is held here instead of overflowing
 
 
@@ -38,6 +35,9 @@ class Simulator:
         sink: its capacity [J/K] and resistance [K/W], each one for all cases or for each; `None` without a sink.
         driven_by: `"torque"`: a drive is a torque [N·m] behind the gear for each case, shape (cases,), or torque, speed
             [rad/s] and acceleration [rad/s²], shape (3, cases); or `"current"`: the motor's [A], at standstill.
+
+    Attributes:
+        rates: (x, drive, sink's capacity, resistance) -> dx/dt [K/s], of one case.
     """
 
     def __init__(
@@ -59,11 +59,17 @@ class Simulator:
         given = [drive, capacity, resistance]
         f = ca.Function("f", [x, *given, parameters.stacked], [rates])
         rates = f(x, *given, numbers)
-        self.step = ca.Function(
-            "step", [x, *given, h], [ca.fmin(rk4(lambda state: f(state, *given, numbers), x, h), _HOT)]
-        )
-        self._rates = ca.Function("rates", [x, *given], [ca.densify(rates)])
-        self._jacobian = ca.Function("jacobian", [x, *given], [ca.densify(ca.jacobian(rates, x))])
+        slope = ca.densify(ca.jacobian(rates, x))
+        self.rates = ca.Function("rates", [x, *given], [ca.densify(rates)])
+        self._jacobian = ca.Function("jacobian", [x, *given], [slope])
+        self._newton = ca.Function("newton", [x, *given], [ca.cse(ca.densify(ca.solve(slope, rates)))])
+        # ROS2 of Verwer, Spee, Blom and Hundsdorfer, SIAM J. Sci. Comput. 20 (1999) 1456.
+        gamma = 1 - 0.5**0.5  # makes the method L-stable
+        system = ca.SX.eye(len(plant.states)) - gamma * h * slope
+        first = ca.solve(system, rates)
+        second = ca.solve(system, self.rates(ca.fmin(x + h * first, _HOT), *given) - 2 * first)
+        following = ca.fmin(x + h * (1.5 * first + 0.5 * second), _HOT)
+        self._step = ca.Function("step", [x, *given, h], [ca.cse(following)])
         amperes, volts = (drive, 0) if load is None else (plant.current(x, load), plant.voltage(x, load))
         electric = ca.substitute(ca.vertcat(amperes, volts), parameters.stacked, numbers)
         self._electric = ca.Function("electric", [x, drive], [ca.densify(electric)])
@@ -85,43 +91,15 @@ class Simulator:
         still = np.zeros((len(Load._fields) - 1, rows.shape[1]))
         return np.vstack([rows, still]) if self._by_torque and len(rows) == 1 else rows
 
-    def substeps(self, duration: float, drive: float = 0.0) -> int:
-        """How many equal steps of RK4 a duration [s] needs for the fastest rate of the smallest sink in the air."""
+    def substeps(self, duration: float, drive: float) -> int:
+        """How many equal steps a duration [s] needs to follow the fastest rate of the smallest sink in the air."""
         cold = np.full(len(self.plant.states), self.option.study.task.ambient)
         jacobian = self._jacobian(cold, self._drive(drive), *(float(values.min()) for values in self._sink)).full()
-        fastest = float(np.abs(np.linalg.eigvals(jacobian)).max())  # 1/s
-        longest = 0.5 / fastest  # s; RK4 is then good to 1e-4
-        return max(1, int(np.ceil(duration / longest)))
-
-    def method(self, duration: float, implicit_steps: int, drive: float = 0.0) -> tuple[Advance, int]:
-        """What takes the cases through a duration [s] sooner: so many implicit steps, or RK4 in as many as needed."""
-        steps = self.substeps(duration, drive)
-        # With 10 to 14 states an implicit step takes the time of two of RK4.
-        return (self.advance_implicitly, implicit_steps) if steps > 2 * implicit_steps else (self.advance, steps)
+        return ceil(2 * duration * float(np.abs(np.linalg.eigvals(jacobian)).max()))
 
     def advance(self, x: FloatArray, drive: FloatArray, h: FloatArray | float) -> FloatArray:
-        """States after one step of RK4, shape (states, cases), from such states; h [s] for each case or all."""
-        return self._at(self.step, x, self._drive(drive), *self._sink, np.atleast_2d(h))
-
-    def advance_implicitly(self, x: FloatArray, drive: FloatArray, h: FloatArray | float) -> FloatArray:
-        """States after one Rosenbrock step of order 2, arguments and result as for `advance`.
-
-        Source: Verwer, Spee, Blom and Hundsdorfer, SIAM J. Sci. Comput. 20 (1999) 1456: ROS2.
-        """
-        gamma = 1 - 0.5**0.5  # makes the method L-stable
-        rates, slope = self._linearised(x, drive)
-        system = np.eye(len(x)) - gamma * np.reshape(h, (-1, 1, 1)) * slope
-        first = np.linalg.solve(system, rates)
-        middle = np.minimum(x + h * first[:, :, 0].T, _HOT)
-        ahead = self._at(self._rates, middle, self._drive(drive), *self._sink).T[:, :, None]
-        second = np.linalg.solve(system, ahead - 2 * first)
-        return np.minimum(x + h * (1.5 * first + 0.5 * second)[:, :, 0].T, _HOT)
-
-    def _linearised(self, x: FloatArray, drive: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Rates [K/s], shape (cases, states, 1), and their slope in the states [1/s], shape (cases, states, states)."""
-        (n, cases), rows = x.shape, (self._drive(drive), *self._sink)
-        slope = self._at(self._jacobian, x, *rows).reshape(n, cases, n).transpose(1, 0, 2)
-        return self._at(self._rates, x, *rows).T[:, :, None], slope
+        """States after a step of order 2, shape (states, cases), from such states; h [s] for each case or all."""
+        return self._at(self._step, x, self._drive(drive), *self._sink, np.atleast_2d(h))
 
     def steady(self, drive: FloatArray) -> FloatArray:
         """States that no longer change, shape (states, cases); infinite where there are none.
@@ -131,11 +109,12 @@ class Simulator:
         ambient = self.option.study.task.ambient
         x = np.full((len(self.plant.states), np.shape(drive)[-1]), ambient + 20.0)
         for _ in range(30):
-            rates, slope = self._linearised(x, drive)
-            step = np.linalg.solve(slope, rates)[:, :, 0].T
+            step = self._at(self._newton, x, self._drive(drive), *self._sink)
             x = x - step
             if np.abs(step).max() < 1e-9 * np.abs(x).max():
                 break
+        n, cases = x.shape
+        slope = self._at(self._jacobian, x, self._drive(drive), *self._sink).reshape(n, cases, n).transpose(1, 0, 2)
         stable = np.linalg.eigvals(slope).real.max(axis=1) < 0
         return np.where(stable & (x.min(axis=0) > ambient - 1.0), x, np.inf)
 
@@ -226,20 +205,29 @@ def check_design(option: Option, design: DesignSolution) -> tuple[float, float]:
 
     A task that repeats for ever starts from the periodic state that was found, and runs one cycle.
     """
-    simulator, task = Simulator(option, design.sink), option.study.task
-    part = design.duration / len(task.shape)
-    loads = task.operation * (design.torque, 1.0, 1.0)
-    steps = max(simulator.substeps(part, design.torque), 400 if task.is_hold else _CYCLE_STEPS)
-    x = design.states[:, :1]
-    hottest, most = float(simulator.winding(x)[0]), 0.0
-    run = simulator.step.mapaccum(steps)
-    for _ in range(task.repeats or 1):
-        for load in loads:
-            path = run(x, np.tile(load[:, None], steps), *(design.sink or (1.0, 1.0)), part / steps).full()
-            x = path[:, -1:]
-            hottest = max(hottest, float(simulator.winding(path).max()))
-            most = max(most, float(np.abs(simulator.electric(x, load[:, None])[0]).max()))
+    simulator = Simulator(option, design.sink)
+    hottest, most = float(simulator.winding(design.states[:, :1])[0]), 0.0
+    for x, drive in _course(
+        simulator, design.states[:, :1], np.array([design.torque]), design.duration, hold_steps=400
+    ):
+        hottest = max(hottest, float(simulator.winding(x)[0]))
+        most = max(most, abs(float(simulator.electric(x, drive)[0][0])))
     return hottest, most
+
+
+def _course(
+    simulator: Simulator, x: FloatArray, torque: FloatArray, duration: float, hold_steps: int
+) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """States and drives after each fine step through a study's task from states x, at peak torques, (cases,)."""
+    task = simulator.option.study.task
+    part = duration / len(task.shape)
+    least, most = _CYCLE_STEPS
+    steps = hold_steps if task.is_hold else min(max(simulator.substeps(part, float(torque.max())), least), most)
+    for share, *motion in np.tile(task.operation, (task.repeats or 1, 1)):
+        drive = np.vstack([torque * share, *(np.full(torque.size, value) for value in motion)])
+        for _ in range(steps):
+            x = simulator.advance(x, drive, part / steps)
+            yield x, drive
 
 
 def peak_temperatures(
@@ -248,7 +236,6 @@ def peak_temperatures(
     resistance: FloatArray,
     torque: FloatArray,
     duration: float,
-    hold_steps: int = 200,
 ) -> FloatArray:
     """Highest winding temperature [degC] of many designs under a study's task, shape as given.
 
@@ -257,18 +244,10 @@ def peak_temperatures(
     simulator, task = Simulator(option, (capacity, resistance)), option.study.task
     if task.repeats is None:
         return simulator.winding(simulator.steady(_equivalent(option, torque)))
-    n, part = capacity.size, duration / len(task.shape)
-    x = np.full((len(simulator.plant.states), n), task.start)
-    hottest = simulator.winding(x)
-    hardest = float(torque.max())
-    implicit_steps = hold_steps if task.is_hold else 10  # of order 2, and so shorter than RK4 would need them
-    advance, needed = simulator.method(part, implicit_steps, hardest)
-    steps = max(needed, hold_steps if task.is_hold else _CYCLE_STEPS)
-    for share, *motion in np.tile(task.operation, (task.repeats, 1)):
-        drive = np.vstack([torque * share, *(np.full(n, value) for value in motion)])
-        for _ in range(steps):
-            x = advance(x, drive, part / steps)
-            hottest = np.maximum(hottest, simulator.winding(x))
+    start = np.full((len(simulator.plant.states), capacity.size), task.start)
+    hottest = simulator.winding(start)
+    for x, _ in _course(simulator, start, torque, duration, hold_steps=200):
+        hottest = np.maximum(hottest, simulator.winding(x))
     return np.asarray(hottest)
 
 
@@ -336,23 +315,17 @@ def limit_curves(design: Design, currents: FloatArray) -> LimitCurve:
     option = design.option
     limit = option.limits.get("winding", option.motor.limits.winding or ENAMEL_LIMIT)
     simulator, task = Simulator(option, design.sink, "current"), option.study.task
-    n, hardest = currents.size, float(currents.max())
-    # Short steps at first: a winding at many times its rating warms within a second.
-    first, growth = 0.02, 1.02
-    growing = ceil(log1p(task.longest / first * (growth - 1)) / log(growth))  # steps, a geometric sum
-    advance, steps = simulator.method(task.longest, growing, hardest)
-    longest = task.longest if advance == simulator.advance_implicitly else task.longest / steps
-    x = np.full((len(simulator.plant.states), n), task.start)
-    time, reached = 0.0, np.full(n, np.inf)
-    h = min(longest, first)
+    x = np.full((len(simulator.plant.states), currents.size), task.start)
+    time, reached = 0.0, np.full(currents.size, np.inf)
+    h, growth = 0.02, 1.02  # s: short steps at first, for a winding at many times its rating warms within a second
     while time < task.longest and np.isinf(reached).any():
         before = simulator.winding(x)
-        x = advance(x, currents, h)
+        x = simulator.advance(x, currents, h)
         after = simulator.winding(x)
         crossed = np.isinf(reached) & (after >= limit)
         reached[crossed] = time + h * ((limit - before[crossed]) / (after[crossed] - before[crossed]))
         time += h
-        h = min(longest, h * growth)
+        h *= growth
     return LimitCurve(option.name, limit, currents, reached)
 
 
@@ -441,7 +414,7 @@ def _endurance(
         # Beyond a thermal runaway long steps mean nothing; before, short ones have passed a limit. A hold changes
         # fastest at the beginning, where steps are shorter.
         for share in np.diff((np.arange(61) / 60) ** 2):
-            x = simulator.advance_implicitly(x, short, share * durations[~ever])
+            x = simulator.advance(x, short, share * durations[~ever])
             good[~ever] &= within(x, short)
         return good
 

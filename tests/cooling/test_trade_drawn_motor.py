@@ -9,7 +9,9 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
+from lptn.basics.arrays import FloatArray
 from lptn.cli.main import main
 from lptn.planners.trade import DesignProblem, load_study
 from lptn.planners.trade.designs import Simulator
@@ -157,18 +159,19 @@ def test_heat_through_the_pipes_is_what_the_sink_takes_in() -> None:
     assert float(stored) == pytest.approx(float(through))
 
 
-def test_implicit_steps_agree_with_explicit_ones() -> None:
+def test_steps_follow_the_rates_and_are_stable_at_any_length() -> None:
     (option,) = study("held_torque", "duration = 120", HELD, cooling='"passive"').options()
-    simulator = Simulator(option, (100.0, 2.0))
-    assert simulator.method(120.0, 200)[0] == simulator.advance
-    torque = np.array([1.5, 1.8])
-    paths = []
-    for advance in (simulator.advance, simulator.advance_implicitly):
-        x = np.full((4, 2), 21.5)
-        for _ in range(240):
-            x = advance(x, torque, 0.5)
-        paths.append(x)
-    assert paths[1] == pytest.approx(paths[0], abs=2e-3)
-    for _ in range(20):  # stable at any length: it settles
-        x = simulator.advance_implicitly(x, torque / 2, 1e5)
+    simulator, start = Simulator(option, (100.0, 2.0)), np.full(4, 21.5)
+    torque, x = np.array([1.5, 1.8]), np.tile(start[:, None], 2)
+    for _ in range(240):
+        x = simulator.advance(x, torque, 0.5)
+
+    def rates(_: float, states: FloatArray, peak: float) -> FloatArray:
+        return np.asarray(simulator.rates(states, [peak, 0.0, 0.0], 100.0, 2.0).full()).ravel()
+
+    for case, peak in enumerate(torque.tolist()):
+        exact = solve_ivp(rates, (0.0, 120.0), start, method="LSODA", rtol=1e-10, atol=1e-10, args=(peak,)).y[:, -1]
+        assert x[:, case] == pytest.approx(exact, abs=2e-3)
+    for _ in range(20):  # it settles
+        x = simulator.advance(x, torque / 2, 1e5)
     assert x == pytest.approx(simulator.steady(torque / 2), abs=1e-6)
