@@ -58,11 +58,13 @@ class Kind(Generic[Task]):
         run: task -> its answer. What can't be met is said in the answer, it is no exception.
         emit_c: (task, folder) -> the files of its step as C code for a robot, in the order a person reads them; `None`
             for a kind that has none. The folder is made if missing.
+        c_code: what that is, in words.
     """
 
     read: Callable[[Mapping[str, Any], str, Model], Task]
     run: Callable[[Task], Answer]
     emit_c: Callable[[Task, Path], list[Path]] | None = None
+    c_code: str = "the controller in C"
 
 
 _WHERE = {

@@ -7,18 +7,16 @@ in place of a joint's own i²t, beside that of the other joints.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from importlib.resources import files
 from math import inf, isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
 import pandas as pd
-from pydantic import Field
 from scipy.integrate import solve_ivp
 from scipy.special import ndtri
 from scipy.stats import qmc
@@ -26,12 +24,10 @@ from scipy.stats import qmc
 from lptn.basics.arrays import FloatArray, IntArray
 from lptn.basics.errors import InputError
 from lptn.basics.files import write_folder
-from lptn.basics.toml import Strict
-from lptn.model.model import Model
 
-from ..heating import Heating, heating
-from ..tasks import Kind, conditions_of, mistakes_with_line
-from ..values import LONGEST, ByPlace, Celsius, NotNegative, Positive, Seconds, by_place
+from ..tasks import Kind
+from ..values import LONGEST
+from .firmware_file import FirmwareTask, read_firmware
 from .worst_case import (
     SHARES,
     Responses,
@@ -47,7 +43,6 @@ from .worst_case import (
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_BRIEFEST = 1e-3  # s: of what averages for less than a drive's period nothing is left
 _COLDER = 5.0  # K below the coldest air, or its sensor's error: no motor is as cold, and a broken thermistor reads so
 _ROUNDS = 6  # in which the temperatures of places without a limit settle, to a hundredth of a kelvin
 _DRAWS = 64  # of the parameters; the 95 % that are safe are known to 3 %
@@ -57,59 +52,6 @@ _UNITS = {
 }  # fmt: skip
 _SHORT = {"time_constant": "tau [s]", "continuous": "cont. [A]", "peak_time": "peak [s]", "kept": "kept",
           "warning": "warn [C]", "trip": "trip [C]", "restart": "start [C]"}  # fmt: skip
-
-
-class FirmwareTable(Strict):
-    kind: Literal["firmware"]
-    name: str = "limits of the firmware"
-    air: Annotated[list[Celsius], Field(min_length=2, max_length=2)]
-    margin: NotNegative = 0.0
-    level: Annotated[float, Field(ge=0.5, lt=1)] = 0.95
-    warning: Seconds = 10.0
-    burst: Seconds = 10.0
-    sensor_error: NotNegative = 0.0
-    delay: Annotated[NotNegative, Field(le=LONGEST)] = 0.0
-
-
-class FirmwareFile(Strict):
-    task: FirmwareTable
-    limits: dict[str, Celsius] = Field(min_length=1)
-    current_limits: dict[str, Positive] = Field(min_length=1)
-    nominal_currents: dict[str, Positive] = Field(default_factory=dict)
-    time_constants: dict[str, Annotated[Seconds, Field(ge=_BRIEFEST)]] = Field(default_factory=dict)
-    sensors: dict[str, str] = Field(default_factory=dict)
-    conditions: ByPlace = Field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class FirmwareTask:
-    """A model, and what its drives are.
-
-    Args:
-        origin: of the task file.
-        heating: the model, of requested currents.
-        table: of the task file.
-        limits: less the margin [degC], infinite without one, by state.
-        peak, nominal: squares of the drives' currents [A²], by joint.
-        constants: time constants that are fixed [s], by joint.
-        sensors: row of the model's readings that each joint's drive reads.
-        ends: the model's other inputs in the coldest and in the hottest air.
-    """
-
-    origin: str
-    heating: Heating
-    table: FirmwareTable
-    limits: FloatArray
-    peak: FloatArray
-    nominal: FloatArray
-    constants: dict[str, float]
-    sensors: list[int]
-    ends: tuple[FloatArray, FloatArray]
-
-    @cached_property
-    def answer(self) -> FirmwareAnswer:
-        """Its numbers, worked out once."""
-        return _solved(self)
 
 
 @dataclass(frozen=True)
@@ -180,43 +122,6 @@ class FirmwareAnswer:
                 ["Safe for these parameters alone: the model has no standard errors, give a margin.", *lines, numbers]
             )
         return "\n".join([*lines, numbers, f"{self.margin:.3g} K are kept for the model's standard errors."])
-
-
-def _read(table: Mapping[str, Any], origin: str, model: Model) -> FirmwareTask:
-    """A task from the whole parsed task file.
-
-    Raises:
-        InputError: something in it can't be used.
-    """
-    with mistakes_with_line(origin):
-        file = FirmwareFile.model_validate(dict(table))
-        heat = heating(model, "current")
-        bounds = by_place(file.limits, model.places, origin, "limits")
-        peaks = by_place(file.current_limits, heat.joints, origin, "current_limits")
-        nominal = peaks | by_place(file.nominal_currents, heat.joints, origin, "nominal_currents")
-        constants = by_place(file.time_constants, heat.joints, origin, "time_constants")
-        sensors: dict[str, str] = {}
-        for pattern, node in ({joint: joint for joint in heat.joints} | file.sensors).items():
-            sensors |= dict.fromkeys(by_place({pattern: 0.0}, heat.joints, origin, "sensors"), node)
-        for joint, node in sensors.items():
-            if joint not in peaks:
-                raise InputError(origin, "current_limits", f"no {joint}", "the peak current of each drive")
-            if nominal[joint] > peaks[joint]:
-                expected = f"at most the peak current, {peaks[joint]:g} A"
-                raise InputError(origin, f"nominal_currents.{joint}", f"{nominal[joint]:g}", expected)
-            if node not in model.nodes:
-                raise InputError(origin, f"sensors.{joint}", node, f"one of {', '.join(model.nodes)}")
-        told = next((name for name in file.conditions if name.startswith("temperature.")), None)
-        if told:
-            raise InputError(origin, f"conditions.{told}", "a temperature", 'other inputs: [task] "air" has both ends')
-        air = any(name.startswith("temperature.") for name in heat.conditions)
-        ends = [file.conditions | ({"temperature.*": end} if air else {}) for end in sorted(file.task.air)]
-        cold, hot = (conditions_of(end, heat, np.zeros(len(heat.joints)), origin) for end in ends)
-    limits = np.full(heat.x.numel(), inf)
-    limits[: len(model.places)] = [bounds.get(place, inf) - file.task.margin for place in model.places]
-    squares = np.array([[peaks[joint], nominal[joint]] for joint in heat.joints]).T ** 2
-    rows = [model.nodes.index(sensors[joint]) for joint in heat.joints]
-    return FirmwareTask(origin, heat, file.task, limits, squares[0], squares[1], constants, rows, (cold, hot))
 
 
 class _Limits:
@@ -337,7 +242,8 @@ class _Limits:
         return float(t[below.index(True)]) if any(below) else inf
 
 
-def _solved(task: FirmwareTask) -> FirmwareAnswer:
+@lru_cache(1)  # both the answer and the C code ask for it
+def solved(task: FirmwareTask) -> FirmwareAnswer:
     """The numbers of all joints, safe with the task's level of the parameters within their standard errors."""
     limits, table = _Limits(task), task.table
     model = limits.model
@@ -381,7 +287,7 @@ def _solved(task: FirmwareTask) -> FirmwareAnswer:
 def _emit(task: FirmwareTask, folder: Path) -> list[Path]:
     """The limiters as C files for a drive: a row of numbers a joint."""
     columns = ["peak", "time_constant", "threshold", "warning", "trip", "restart"]
-    numbers = task.answer.numbers
+    numbers = solved(task).numbers
     rows = [
         f"    {{{', '.join(repr(value) if isfinite(value) else '-HUGE_VAL' for value in row)}}}, /* {joint} */"
         for joint, row in zip(numbers.index, numbers[columns].to_numpy(dtype=float).tolist(), strict=True)
@@ -404,4 +310,4 @@ def _emit(task: FirmwareTask, folder: Path) -> list[Path]:
     })  # fmt: skip
 
 
-firmware_kind = Kind(_read, lambda task: task.answer, _emit)
+firmware_kind = Kind(read_firmware, solved, _emit, "the drives' limiters in C")

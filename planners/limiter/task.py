@@ -178,4 +178,9 @@ def _short(value: float) -> str:
     return "no limit" if isinf(value) or value > _NO_LIMIT else f"{value:.3g}"
 
 
-plan_kind = Kind(_read, _run, lambda task, folder: task.limiter.emit(folder, task.x, task.load, task.conditions))
+plan_kind = Kind(
+    _read,
+    _run,
+    lambda task, folder: task.limiter.emit(folder, task.x, task.load, task.conditions),
+    "the limiter in C",
+)

@@ -56,6 +56,7 @@ horizons = [10, 60]
 "powered.*" = 1
 "speed.base" = 0.5
 """
+FIRMWARE = (EXAMPLES / "firmware.toml").read_text().replace('"power.pc" = 20\n', "")
 
 
 @pytest.fixture(scope="module")
@@ -146,10 +147,9 @@ def test_no_compiler_does_not_stop_the_limiter(plan: Plan, tmp_path: Path, monke
 
 
 def test_numbers_for_firmware_as_table_json_page_and_picture(plan: Plan, tmp_path: Path) -> None:
-    text = (EXAMPLES / "firmware.toml").read_text().replace('"power.pc" = 20\n', "")
     names = {name: tmp_path / name for name in ("n.csv", "n.json", "n.svg", "n.html")}
     words = ("-o", names["n.csv"], "--json", names["n.json"], "--plot", names["n.svg"], "--report", names["n.html"])
-    status, out, err = plan(text, *words)
+    status, out, err = plan(FIRMWARE, *words)
     assert (status, err) == (0, "")
     assert "the model has no standard errors, give a margin." in out
     table, written = pd.read_csv(names["n.csv"], index_col="joint"), json.loads(names["n.json"].read_text())
@@ -160,19 +160,26 @@ def test_numbers_for_firmware_as_table_json_page_and_picture(plan: Plan, tmp_pat
 
 
 def test_standard_errors_of_the_model_file_count(plan: Plan, leg: Path, tmp_path: Path) -> None:
-    text, fitted = (EXAMPLES / "firmware.toml").read_text().replace('"power.pc" = 20\n', ""), tmp_path / "fitted.toml"
+    fitted = tmp_path / "fitted.toml"
     fitted.write_text(leg.read_text() + '\n[fit.standard_errors]\n"capacity.FR_calf" = 40\n"capacity.FR_hip" = 40\n')
-    status, out, _ = plan(text, model=fitted)
+    status, out, _ = plan(FIRMWARE, model=fitted)
     assert status == 0
     assert "K are kept for the model's standard errors." in out
 
 
-@pytest.mark.parametrize("text", [TRACK, LIMIT])
-def test_c_code_is_written_into_a_folder(plan: Plan, tmp_path: Path, text: str) -> None:
+@pytest.mark.parametrize(
+    ("text", "file", "what"),
+    [
+        (TRACK, "main.c", "the controller in C"),
+        (LIMIT, "main.c", "the limiter in C"),
+        (FIRMWARE, "drive.c", "the drives' limiters in C"),
+    ],
+)
+def test_c_code_is_written_into_a_folder(plan: Plan, tmp_path: Path, text: str, file: str, what: str) -> None:
     status, out, _ = plan(text, "--emit-c", tmp_path / "robot")
     assert status == 0
-    assert "main.c" in {path.name for path in (tmp_path / "robot").iterdir()}
-    assert "robot (the controller in C)." in out
+    assert file in {path.name for path in (tmp_path / "robot").iterdir()}
+    assert f"robot ({what})." in out
 
 
 def test_the_shipped_tasks_are_planned(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -198,7 +205,7 @@ def test_the_shipped_tasks_are_planned(tmp_path: Path, capsys: pytest.CaptureFix
         ),
         (('kind = "track"', ""), "task.kind: found no such key"),
         (('[limits]\n"*" = 60', '[limits]\n"FL_*" = 60'), 'limits."FL_*": found no such place'),
-        (('[limits]\n"*" = 60', "[limits]"), "limits"),
+        (('[limits]\n"*" = 60', "[limits]"), "limits: found none; expected at least 1 entry"),
         (('[start]\n"*" = 50', "[start]\nFR_hip = 50"), "start: found no temperature of FR_thigh"),
         (('"speed.base" = 0.5\n', ""), "conditions: found no speed.base"),
         (("duration = 100", "duration = 101"), "phases[0].duration: found 101; expected a multiple of 5 s"),

@@ -192,12 +192,18 @@ def expectation(error: Any) -> str:
         return f'a key "{error["loc"][-1]}"'
     if kind in _KINDS:
         return _KINDS[kind]
+    if kind in ("too_short", "too_long"):
+        least = kind == "too_short"
+        count = error["ctx"]["min_length" if least else "max_length"]
+        return f"{'at least' if least else 'at most'} {count} entr{'y' if count == 1 else 'ies'}"
     return sentence(message.removeprefix("Input should be ").removeprefix("Value error, "))
 
 
 def found_in(error: Any) -> str:
     """What stands in the file where pydantic found a mistake."""
-    return "no such key" if error["type"] == "missing" else shown(error["input"])
+    if error["type"] == "missing":
+        return "no such key"
+    return "none" if error["type"] == "too_short" and not error["input"] else shown(error["input"])
 
 
 def sentence(message: str) -> str:

@@ -62,4 +62,4 @@ def plan(
     write_json(json, answer.as_json())
     if emit_c is not None and kind.emit_c is not None:
         kind.emit_c(asked, emit_c)
-    show_written({"the plan": output, "the controller in C": emit_c, "open it in a browser": report})
+    show_written({"the plan": output, kind.c_code: emit_c, "open it in a browser": report})
