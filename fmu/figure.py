@@ -10,8 +10,7 @@ from matplotlib.figure import Figure
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
-from lptn.basics.lines import decimated, time_axis
-from lptn.basics.style import BEST, GIVEN, MEASURED, SMALL, TEXT, dress, new_figure, plain
+from lptn.basics.style import BEST, GIVEN, MEASURED, SMALL, TEXT, draw_over_time, new_figure, plain
 
 from .cosim import CosimulatedRun, Cosimulation
 
@@ -35,12 +34,8 @@ def cosimulation_figure(done: Cosimulation) -> Figure:
     for ax in grid.flat[len(panels) :]:
         ax.remove()
     for ax, (title, unit, time, lines) in zip(grid.flat, panels, strict=False):
-        dress(ax)
-        shown, label = time_axis(time - time[0])
-        for name, values, style in lines:
-            ax.plot(*decimated(shown, values), label=name, **style)
+        draw_over_time(ax, time - time[0], [(values, look | {"label": name}) for name, values, look in lines])
         ax.set_title(plain(title), size=TEXT, loc="left", pad=3)
-        ax.set_xlabel(label, size=SMALL)
         ax.set_ylabel(unit, size=SMALL)
         ax.margins(x=0.01)
     handles: dict[str, Artist] = {}

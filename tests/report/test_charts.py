@@ -51,6 +51,17 @@ def test_thinned_lines_keep_each_peak() -> None:
     assert thin[1].min() == -80.0
 
 
+def test_thinned_lines_keep_gaps_and_short_lines() -> None:
+    time = np.arange(10_000.0)
+    values = np.where((time > 3000) & (time < 6000), np.nan, time)
+    at, (thin,) = thinned(time, values[None], 400)
+    inside = (at > 3100) & (at < 5900)
+    assert inside.any()
+    assert np.isnan(thin[inside]).all()
+    assert (np.diff(at) > 0).all()
+    assert thinned(time[:400], values[None, :400], 400)[0].size == 400
+
+
 def test_text_of_users_cannot_end_the_data() -> None:
     name = "</script><script>alert(1)</script>"
     values = {"x": np.arange(3.0)}

@@ -19,7 +19,6 @@ from matplotlib.backend_bases import RendererBase
 from matplotlib.figure import Figure
 
 from lptn.basics.errors import InputError
-from lptn.basics.lines import decimated
 from lptn.basics.style import ERROR, inline_svg, new_figure, show
 from lptn.identify.comparison import Comparison, compare
 from lptn.identify.data import holdout_segment
@@ -49,28 +48,6 @@ def _figure(ax: Axes) -> Figure:
 
 def _comparison(outcome: Told) -> Comparison:
     return compare(outcome[0].steps[0].fit.model, outcome[1].holdout)
-
-
-def test_decimation_keeps_extremes() -> None:
-    rng = np.random.default_rng(0)
-    time = np.arange(100_000.0)
-    values = rng.normal(size=time.size)
-    values[[12_345, 67_890]] = 50.0, -50.0
-    thin_time, thin = decimated(time, values, 1000)
-    assert thin.size <= 1000
-    assert (thin.max(), thin.min()) == (50.0, -50.0)
-    assert thin_time[thin.argmax()] == 12_345
-    assert (np.diff(thin_time) > 0).all()
-
-
-def test_decimation_keeps_gaps_and_short_lines() -> None:
-    time = np.arange(10_000.0)
-    values = np.where((time > 3000) & (time < 6000), np.nan, time)
-    thin_time, thin = decimated(time, values, 400)
-    inside = (thin_time > 3100) & (thin_time < 5900)
-    assert inside.any()
-    assert np.isnan(thin[inside]).all()
-    assert decimated(time[:400], values[:400], 400)[0].size == 400
 
 
 def test_every_axis_has_its_unit(missing: Told) -> None:

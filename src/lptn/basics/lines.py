@@ -23,34 +23,6 @@ def time_axis(time: FloatArray) -> tuple[FloatArray, str]:
     return time / unit, label
 
 
-MOST = 900  # points a line; a panel is some 300 pt wide
-
-
-def decimated(time: FloatArray, values: FloatArray, most: int = MOST) -> tuple[FloatArray, FloatArray]:
-    """A line that looks the same with at most about `most` points.
-
-    Each block of samples keeps its smallest and its largest value, at their own times. A block without any
-    value keeps one NaN, so that a gap stays a gap.
-
-    Args:
-        time: shape (n,).
-        values: shape (n,), NaN where missing.
-        most: about how many points to keep.
-    """
-    if time.size <= most:
-        return time, values
-    starts = np.array([block[0] for block in np.array_split(np.arange(time.size), max(1, most // 2))])
-    missing = ~np.isfinite(values)
-    kept = [starts[np.logical_and.reduceat(missing, starts)]]
-    for extreme in (np.minimum, np.maximum):
-        filled = np.where(missing, np.inf if extreme is np.minimum else -np.inf, values)
-        reached = filled == np.repeat(extreme.reduceat(filled, starts), np.diff(starts, append=time.size))
-        first = np.flatnonzero(reached & ~missing)
-        kept.append(first[np.unique(np.searchsorted(starts, first, side="right"), return_index=True)[1]])
-    at = np.unique(np.concatenate(kept))
-    return time[at], values[at]
-
-
 def thinned(time: FloatArray, columns: FloatArray, most: int) -> tuple[FloatArray, FloatArray]:
     """Lines that look the same with at most about `most` points, all at the same times.
 

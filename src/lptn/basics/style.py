@@ -6,18 +6,21 @@ import hashlib
 import io
 import re
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib import import_module
 from typing import Any
 
 import matplotlib
+import numpy as np
 from markupsafe import Markup, escape
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure, FigureBase
 from matplotlib.ticker import AutoLocator, MaxNLocator
 
+from lptn.basics.arrays import FloatArray
+from lptn.basics.lines import thinned, time_unit
 from lptn.basics.progress import in_notebook
 
 # --- The one visual language: which colour and line means what, and how axes look -----------------
@@ -58,6 +61,18 @@ def new_figure(height: float) -> Figure:
         height: in inch.
     """
     return Figure(figsize=(WIDTH, height), dpi=150, layout="constrained")
+
+
+def single(height: float, plot: Callable[[Axes], Axes]) -> Figure:
+    """What is plotted on one pair of axes, for a document.
+
+    Args:
+        height: in inch.
+        plot: draws on them.
+    """
+    figure = new_figure(height)
+    plot(figure.add_subplot())
+    return figure
 
 
 def stacked_axes(figure: FigureBase, count: int, columns: int) -> list[tuple[Axes, Axes]]:
@@ -111,6 +126,38 @@ def dress(ax: Axes) -> None:
     ax.spines[["top", "right"]].set_visible(False)
     ax.spines[["left", "bottom"]].set_color(FAINT)
     ax.tick_params(labelsize=SMALL, color=FAINT)
+
+
+_POINTS = 900  # of a line; a panel is some 300 pt wide
+
+
+def draw_over_time(
+    ax: Axes,
+    time: FloatArray,
+    lines: Sequence[tuple[FloatArray, Mapping[str, Any]]] = (),
+    ends: tuple[float, float] | None = None,
+) -> float:
+    """Draw lines over time on axes that get their unit, label and look; long lines keep their peaks.
+
+    Args:
+        ax: where to draw.
+        time: s, (n,).
+        lines: values, (n,) each, NaN where missing, with their looks.
+        ends: of the axis [s]; by default those of the time.
+
+    Returns:
+        The unit of the axis across [s].
+    """
+    start, stop = ends or (float(time[0]), float(time[-1]))
+    unit, label = time_unit(stop - start)
+    if lines:
+        at, drawn = thinned(time, np.array([values for values, _ in lines]), _POINTS)
+        for values, (_, look) in zip(drawn, lines, strict=True):
+            ax.plot(at / unit, values, **look)
+    ax.set_xlabel(label, size=SMALL)
+    ax.set_xlim(start / unit, stop / unit)
+    dress(ax)
+    return unit
 
 
 def plain(text: str) -> str:

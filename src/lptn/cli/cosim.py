@@ -77,15 +77,13 @@ def cosim(
 def _show_cosimulation(done: Cosimulation, details: bool) -> None:
     """Errors of the FMU by run and node, in the answer the largest first, and its speed."""
     from lptn.cli.terminal import show_table
-    from lptn.report.text import kelvin, signed_kelvin
+    from lptn.report.tables import error_cells
 
     rows: list[tuple[float, list[str]]] = []
     for run in done.runs:
         for row, node in enumerate(run.nodes):
             errors, from_model = run.errors(row), run.from_model(row)
-            cells = ["not measured", "", ""]
-            if errors.count:
-                cells = [kelvin(errors.rmse), kelvin(errors.max), signed_kelvin(errors.mean)]
+            cells = error_cells(errors) if errors.count else ("not measured", "", "")
             beside = "" if from_model is None else f"{from_model:.2g} K"
             rows.append((errors.rmse if errors.count else 0.0, [run.run.name, node, *cells, beside]))
     if not details:

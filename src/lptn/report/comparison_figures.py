@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 
 from lptn.basics import style
-from lptn.basics.lines import decimated, time_unit
+from lptn.basics.arrays import FloatArray
 from lptn.identify.comparison import Comparison, Condition, Pair, Prediction, Versus
 from lptn.report.shown import MOST, NOISE_BAND, View, initialisation_end, worst_view, worst_views
 from lptn.report.tables import conditions_by_quantity
@@ -49,15 +49,12 @@ def plot_temperatures(
         InputError: the node is not measured there.
     """
     run, node = worst_view(given, node, run)
-    alone = ax is None
-    ax = ax or style.new_axes(2.6)
+    alone, ax = ax is None, ax or style.new_axes(2.6)
     prediction = given.predictions[run]
-    time = _shaded_time(ax, prediction)
-    measured = prediction.bound.measured[given.model.nodes.index(node)]
-    ax.plot(*decimated(time, measured), label="measured", **style.MEASURED)
-    for comparison, look, name in _models(given, best, names):
-        readings = comparison.predictions[run].readings[comparison.model.nodes.index(node)]
-        ax.plot(*decimated(time, readings), label=name, **look)
+    lines = [(prediction.bound.measured[given.model.nodes.index(node)], style.MEASURED | {"label": "measured"})]
+    for comparison, look in _models(given, best, names):
+        lines.append((comparison.predictions[run].readings[comparison.model.nodes.index(node)], look))
+    _draw_over_run(ax, prediction, lines)
     if alone:
         ax.legend(frameon=False, fontsize=style.SMALL)
     ax.set_title(style.plain(f"{node}, run {prediction.segment.run.name}"), size=style.TEXT, loc="left", pad=3)
@@ -77,16 +74,17 @@ def plot_errors(
     Args and Raises: as for `plot_temperatures`.
     """
     run, node = worst_view(given, node, run)
-    ax = style.new_axes(2.0) if ax is None else ax
-    time = _shaded_time(ax, given.predictions[run])
+    ax = ax or style.new_axes(2.0)
     band = NOISE_BAND * given.floor(node)
     ax.axhspan(-band, band, color=style.NOISE, linewidth=0, label="sensor noise")
-    errors = []
-    for comparison, look, name in _models(given, best, NAMES):
+    lines, errors = [], []
+    for comparison, look in _models(given, best, NAMES):
         prediction = comparison.predictions[run]
-        error = prediction.error[comparison.model.nodes.index(node)]
-        ax.plot(*decimated(time, error), label=name, **look | {"linewidth": 0.8, "linestyle": "-"})
+        lines.append(
+            (prediction.error[comparison.model.nodes.index(node)], look | {"linewidth": 0.8, "linestyle": "-"})
+        )
         errors.append(kelvin(comparison.node(node, prediction).rmse))
+    _draw_over_run(ax, given.predictions[run], lines)
     ax.set_title(f"RMSE {' → '.join(errors)}", size=style.SMALL, loc="right", pad=2)
     ax.set_ylabel(style.ERROR, size=style.SMALL)
     return ax
@@ -94,25 +92,21 @@ def plot_errors(
 
 def _models(
     given: Comparison, best: Comparison | None, names: tuple[str, str]
-) -> list[tuple[Comparison, dict[str, Any], str]]:
-    """One or two comparisons, how their lines look, and what they are called."""
+) -> list[tuple[Comparison, dict[str, Any]]]:
+    """One or two comparisons, each with the look of its lines and what they are called."""
     if best is None:
-        return [(given, style.GIVEN, "model")]
-    return [(given, style.GIVEN, style.plain(names[0])), (best, style.BEST, style.plain(names[1]))]
+        return [(given, style.GIVEN | {"label": "model"})]
+    called = [{"label": style.plain(name)} for name in names]
+    return [(given, style.GIVEN | called[0]), (best, style.BEST | called[1])]
 
 
-def _shaded_time(ax: Axes, prediction: Prediction) -> Any:
-    """The run's time in the unit of the axis, which gets its label; the initialisation window is shaded."""
+def _draw_over_run(ax: Axes, prediction: Prediction, lines: Sequence[tuple[FloatArray, dict[str, Any]]]) -> None:
+    """Lines over a run's time, the initialisation window shaded."""
     elapsed = prediction.bound.run.elapsed
-    unit, label = time_unit(float(np.ptp(elapsed)))
-    time = elapsed / unit
+    unit = style.draw_over_time(ax, elapsed, lines)
     end = initialisation_end(prediction)
     if end is not None:
-        ax.axvspan(float(time[0]), end / unit, color=style.SHADE, zorder=0, linewidth=0, label="initialisation")
-    ax.set_xlabel(label, size=style.SMALL)
-    ax.set_xlim(float(time[0]), float(time[-1]))
-    style.dress(ax)
-    return time
+        ax.axvspan(elapsed[0] / unit, end / unit, color=style.SHADE, zorder=0, linewidth=0, label="initialisation")
 
 
 _PANEL, _LEGEND = 2.9, 0.35  # inch
@@ -162,7 +156,7 @@ def draw_predictions(
             upper.set_ylabel("")
             lower.set_ylabel("")
     handles: list[Line2D | Patch] = [Line2D([], [], label="measured", **style.MEASURED)]
-    handles += [Line2D([], [], label=name, **look) for _, look, name in _models(given, best, names)]
+    handles += [Line2D([], [], **look) for _, look in _models(given, best, names)]
     if any(initialisation_end(prediction) is not None for prediction in given.predictions):
         handles.append(Patch(color=style.SHADE, label="initialisation"))
     handles.append(Patch(color=style.NOISE, label="sensor noise"))
@@ -173,9 +167,7 @@ def draw_predictions(
 
 
 _ROW, _FRAME = 0.3, 0.35  # inch: a node's row, and what surrounds the rows of a map
-_NOISE_IS_LIGHT = (
-    2.0  # multiples of the noise up to which the scale of colours reaches at least; it begins at the noise
-)
+_NOISE_IS_LIGHT = 2.0  # multiples of the noise up to which the scale of colours, which begins there, reaches at least
 _ON_DARK = 0.55  # strength of a colour from which writing on it takes the paper's colour
 
 
@@ -191,7 +183,7 @@ def plot_conditions(
         ax: where to draw; by default new axes.
     """
     nodes = list(dict.fromkeys(cell.node for cell in cells))
-    ax = style.new_axes(_FRAME + _ROW * len(nodes)) if ax is None else ax
+    ax = ax or style.new_axes(_FRAME + _ROW * len(nodes))
     most = most or _scale(comparison, cells)
     for row, node in enumerate(nodes):
         of_node = [cell for cell in cells if cell.node == node]
@@ -308,21 +300,12 @@ def plot_pairs(
         names: of the two models.
         ax: where to draw; by default new axes.
     """
-    ax = style.new_axes(0.9 + 0.32 * len(pairs)) if ax is None else ax
+    ax = ax or style.new_axes(0.9 + 0.32 * len(pairs))
     places = np.arange(len(pairs))[::-1]
     # Hatching separates the two on a grey printer.
-    styles = ((style.BEST["color"], "", 0.2), (style.GIVEN["color"], "////", -0.2))
-    for which, (colour, hatch, shift) in enumerate(styles):
-        values = [size[which] for size in sizes]
-        bars = ax.barh(
-            places + shift,
-            values,
-            0.38,
-            color=colour,
-            hatch=hatch,
-            edgecolor=style.PAPER,
-            label=style.plain(names[which]),
-        )
+    looks = ({"color": style.BEST["color"]}, {"color": style.GIVEN["color"], "hatch": "////"})
+    for values, shift, look, name in zip(zip(*sizes, strict=True), (0.2, -0.2), looks, names, strict=True):
+        bars = ax.barh(places + shift, values, 0.38, edgecolor=style.PAPER, label=style.plain(name), **look)
         ax.bar_label(bars, fmt="%.2f", padding=2, fontsize=style.SMALL)
     ax.set_yticks(places, [style.plain(pair.what) for pair in pairs], fontsize=style.SMALL)
     ax.margins(x=0.14)

@@ -28,7 +28,8 @@ from lptn.report.text import kelvin, place_of, title_of, unit_text
 # --- the history: how the errors fall from step to step -----------------------------------------------------
 
 
-_HISTORY = 3.2  # inch
+HISTORY = 3.2
+"""Height of a history [inch]."""
 _FRAME, _ROW = 0.75, 0.2  # inch: around the rows of a figure, and a row
 _LETTERS = 140  # that fit below the axes side by side
 _WIDE = 8.0  # ratio of errors above which only a logarithmic axis shows them all
@@ -46,7 +47,7 @@ def plot_history(steps: Sequence[Step], ax: Axes | None = None) -> Axes:
         steps: of a history, the model as given first.
         ax: where to draw; by default new axes.
     """
-    ax = style.new_axes(_HISTORY) if ax is None else ax
+    ax = ax or style.new_axes(HISTORY)
     noise, best = noise_alone(steps[-1].fit), len(steps) - 1
     shown = [noise]
     for name, look in _STYLES.items():
@@ -76,13 +77,6 @@ def plot_history(steps: Sequence[Step], ax: Axes | None = None) -> Axes:
     ax.legend(frameon=False, fontsize=style.SMALL)
     style.dress(ax)
     return ax
-
-
-def history_figure(steps: Sequence[Step]) -> Figure:
-    """`plot_history` for a document."""
-    figure = style.new_figure(_HISTORY)
-    plot_history(steps, figure.add_subplot())
-    return figure
 
 
 def _rmse(step: Step, data: str) -> float | None:
@@ -146,6 +140,11 @@ _LEAST_REACH, _MOST_REACH = 1e-3, 1e3  # shares of the typical size beyond which
 _HIDDEN = 1.0  # share of the typical size from which an effect could hide
 
 
+def reach_height(sizes: Sequence[Detectable]) -> float:
+    """How high `plot_detectability` is [inch]."""
+    return _FRAME + _ROW * len(reaches(sizes))
+
+
 def plot_detectability(sizes: Sequence[Detectable], ax: Axes | None = None) -> Axes:
     """Smallest size that would show, as a share of the typical one, from the easiest place to the hardest.
 
@@ -154,7 +153,7 @@ def plot_detectability(sizes: Sequence[Detectable], ax: Axes | None = None) -> A
         ax: where to draw; by default new axes.
     """
     rows = reaches(sizes)
-    ax = style.new_axes(_FRAME + _ROW * len(rows)) if ax is None else ax
+    ax = ax or style.new_axes(reach_height(sizes))
     ends = [(reach.easiest.share_of_typical, reach.hardest.share_of_typical) for reach in rows]
     low, high = np.clip(np.array(ends), _LEAST_REACH, _MOST_REACH).T
     places, seen = np.arange(len(rows)), low < _HIDDEN
@@ -176,10 +175,3 @@ def plot_detectability(sizes: Sequence[Detectable], ax: Axes | None = None) -> A
     style.dress(ax)
     ax.tick_params(axis="y", labelsize=style.SMALL, length=0)
     return ax
-
-
-def detectability_figure(sizes: Sequence[Detectable]) -> Figure:
-    """`plot_detectability` for a document."""
-    figure = style.new_figure(_FRAME + _ROW * len(reaches(sizes)))
-    plot_detectability(sizes, figure.add_subplot())
-    return figure

@@ -13,7 +13,7 @@ from matplotlib.path import Path
 
 from lptn.basics import style
 from lptn.basics.arrays import FloatArray
-from lptn.basics.lines import decimated, time_axis, time_unit
+from lptn.basics.lines import time_axis
 from lptn.diagnose.learned_heat import LearnedCurve
 from lptn.diagnose.unexplained_heat import HeatPeak, UnexplainedHeat
 from lptn.logs.run import Run
@@ -36,7 +36,7 @@ def plot_field(field: Field, most: float | None = None, ax: Axes | None = None) 
         most: the value that the strongest colours stand for; by default the largest.
         ax: where to draw; by default new axes.
     """
-    ax = style.new_axes(field_height(field)) if ax is None else ax
+    ax = ax or style.new_axes(field_height(field))
     most = most or float(np.nanmax(np.abs(field.values), initial=0.0)) or 1.0
     rows, columns = field.values.shape
     edges, label = time_axis(field.start + field.seconds * np.arange(columns + 1))
@@ -124,7 +124,8 @@ def field_height(field: Field) -> float:
 # --- one node's unexplained heat over time, above the inputs that it goes with ------------------------------
 
 
-_HEAT, _INPUT = 2.3, 0.95  # inch
+HEAT, _INPUT = 2.3, 0.95
+"""Height of axes of heat, and of the inputs below them [inch]."""
 
 
 def plot_heat(
@@ -143,19 +144,20 @@ def plot_heat(
         peak: the interval to shade.
         ax: where to draw; by default new axes.
     """
-    ax = style.new_axes(_HEAT) if ax is None else ax
-    time = given.time - given.origin
-    unit, label = time_unit(float(np.ptp(time)))
-    if peak is not None:
-        ax.axvspan(peak.elapsed[0] / unit, peak.elapsed[1] / unit, color=style.SHADE, zorder=0, linewidth=0)
+    ax = ax or style.new_axes(HEAT)
+    unit = style.draw_over_time(ax, given.time - given.origin)
+    _shade(ax, peak, unit)
     for heat, look, name in ((given, style.GIVEN, NAMES[0] if best else "model"), (best, style.BEST, NAMES[1])):
         if heat is not None and node in heat.nodes:
             row = heat.nodes.index(node)
             _band(ax, (heat.time - heat.origin) / unit, heat.heat[row], heat.sure_band[row], look, name)
-    ax.set_xlabel(label, size=style.SMALL)
-    ax.set_xlim(time[0] / unit, time[-1] / unit)
     ax.set_title(style.plain(f"{node}, run {given.run}"), size=style.TEXT, loc="left", pad=3)
     return ax
+
+
+def _shade(ax: Axes, peak: HeatPeak | None, unit: float) -> None:
+    if peak is not None:
+        ax.axvspan(peak.elapsed[0] / unit, peak.elapsed[1] / unit, color=style.SHADE, zorder=0, linewidth=0)
 
 
 def _band(ax: Axes, x: FloatArray, heat: FloatArray, band: FloatArray, look: dict[str, Any], name: str) -> None:
@@ -186,24 +188,20 @@ def heat_figure(
         peak: the interval to shade.
         links: the inputs to draw, closest first.
     """
-    heights = [_HEAT, *(_INPUT for _ in links)]
+    heights = [HEAT, *(_INPUT for _ in links)]
     figure = style.new_figure(sum(heights) + 0.3)
     axes = figure.subplots(len(heights), 1, squeeze=False, sharex=True, height_ratios=heights)[:, 0]
-    plot_heat(given, node, best, peak, axes[0]).set_xlabel("")
-    unit, label = time_unit(float(np.ptp(given.time)))
-    for ax, link in zip(axes[1:], links, strict=True):
-        if peak is not None:
-            ax.axvspan(peak.elapsed[0] / unit, peak.elapsed[1] / unit, color=style.SHADE, zorder=0, linewidth=0)
-        inside = (run.time >= given.time[0]) & (run.time <= given.time[-1])
-        ax.plot(
-            *decimated(run.elapsed[inside] / unit, run.columns[link.column][inside]), color=style.INK, linewidth=0.7
-        )
+    plot_heat(given, node, best, peak, axes[0])
+    ends = float(given.time[0] - given.origin), float(given.time[-1] - given.origin)
+    inside = (run.elapsed >= ends[0]) & (run.elapsed <= ends[1])
+    for above, ax, link in zip(axes, axes[1:], links, strict=False):
+        above.set_xlabel("")
+        line = run.columns[link.column][inside], {"color": style.INK, "linewidth": 0.7}
+        _shade(ax, peak, style.draw_over_time(ax, run.elapsed[inside], [line], ends))
         ax.set_ylabel(f"[{unit_of(link.column)}]", size=style.SMALL)
         what = f"{link.column}, whose square" if link.squared else f"{link.column}, which"
         title = for_people(f"{what} correlates with the heat by {link.correlation:+.2f}")
         ax.set_title(style.plain(title), size=style.SMALL, loc="left", pad=2)
-        style.dress(ax)
-    axes[-1].set_xlabel(label, size=style.SMALL)
     figure.align_ylabels(axes)
     return figure
 
@@ -215,16 +213,9 @@ def plot_learned(curve: LearnedCurve, ax: Axes | None = None) -> Axes:
         curve: of `lptn.diagnose.learned_heat`.
         ax: where to draw; by default new axes.
     """
-    ax = style.new_axes(_HEAT) if ax is None else ax
+    ax = ax or style.new_axes(HEAT)
     _band(ax, curve.values, curve.heat, curve.band, style.BEST, "learned")
     column = curve.inputs[0].column
     ax.set_xlabel(style.plain(f"{column} [{unit_of(column)}]"), size=style.SMALL)
     ax.set_title(style.plain(curve.inputs[0].node), size=style.TEXT, loc="left", pad=3)
     return ax
-
-
-def learned_figure(curve: LearnedCurve) -> Figure:
-    """`plot_learned` for a document."""
-    figure = style.new_figure(_HEAT)
-    plot_learned(curve, figure.add_subplot())
-    return figure

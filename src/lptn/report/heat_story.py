@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
-from lptn.basics.style import inline_svg
+from lptn.basics.style import inline_svg, single
 from lptn.basics.words import listed
 from lptn.diagnose.improvement import History
 from lptn.diagnose.learned_heat import LearnedCurve
@@ -15,7 +16,7 @@ from lptn.diagnose.unexplained_heat import HeatPeak, UnexplainedHeat, largest, u
 from lptn.identify.fitting import Fit
 from lptn.logs.columns import quantity_of
 from lptn.report.document import Picture
-from lptn.report.heat_figures import field_figures, heat_figure, learned_figure
+from lptn.report.heat_figures import HEAT, field_figures, heat_figure, plot_learned
 from lptn.report.shown import MOST_INPUTS, MOST_RUNS, InputLink, heat_fields, input_links
 from lptn.report.text import for_people, number
 
@@ -120,7 +121,7 @@ def learned_picture(curve: LearnedCurve | None) -> Picture | None:
     """The curve over the input that unexplained heat goes with; none where it goes with none that can be learned."""
     if not curve or not curve.step:
         return None
-    drawing = inline_svg(learned_figure(curve), f"unexplained heat over {curve.inputs[0].column}")
+    drawing = inline_svg(single(HEAT, partial(plot_learned, curve)), f"unexplained heat over {curve.inputs[0].column}")
     return Picture(for_people(curve.text()), drawing)
 
 

@@ -13,7 +13,6 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from lptn.basics import style
-from lptn.basics.lines import decimated, time_unit
 from lptn.online.forecasting import Forecast, NodeForecast
 from lptn.online.monitoring import MonitoredRun, Monitoring
 from lptn.report.tables import time_to_limit
@@ -41,7 +40,7 @@ def plot_forecast(
         span: from when to when to show, in s from the end of the log; by default what this node needs.
         ax: where to draw; by default new axes.
     """
-    ax = style.new_axes(3.0) if ax is None else ax
+    ax = ax or style.new_axes(3.0)
     one = forecast.nodes[node]
     span = span or _span(forecast, [one])
     row, minutes = forecast.names.index(node), forecast.time / 60
@@ -124,21 +123,18 @@ def plot_monitored(monitored: MonitoredRun, node: str, threshold: float | None =
         threshold: of the plain detector [K]; with one, the error (predicted − measured) is drawn instead.
         ax: where to draw; by default new axes.
     """
-    ax = style.new_axes(2.6) if ax is None else ax
+    ax = ax or style.new_axes(2.6)
     row = monitored.nodes.index(node)
-    unit, label = time_unit(float(np.ptp(monitored.run.elapsed)))
-    time = monitored.run.elapsed / unit
-    if threshold is None:
-        ax.plot(*decimated(time, monitored.measured[row]), **style.MEASURED)
-        ax.plot(*decimated(time, monitored.predicted[row]), **style.GIVEN)
-        ax.set_ylabel("temperature [°C]", size=style.SMALL)
-    else:
-        ax.plot(*decimated(time, monitored.error[row]), **style.MEASURED | {"linewidth": 0.7})
+    lines = [(monitored.measured[row], style.MEASURED), (monitored.predicted[row], style.GIVEN)]
+    if threshold is not None:
+        lines = [(monitored.error[row], style.MEASURED | {"linewidth": 0.7})]
+    unit = style.draw_over_time(ax, monitored.run.elapsed, lines)
+    ax.set_ylabel("temperature [°C]" if threshold is None else style.ERROR, size=style.SMALL)
+    if threshold is not None:
         for limit in (-threshold, threshold):
             ax.axhline(limit, **_THRESHOLD)
         top = 1.15 * max(threshold, float(np.nanmax(np.abs(monitored.error[row]), initial=0.0)))
         ax.set_ylim(-top, top)
-        ax.set_ylabel(style.ERROR, size=style.SMALL)
     alarms = ((monitored.threshold_alarms, _THRESHOLD_ALARM), (monitored.statistical_alarms, _STATISTICAL_ALARM))
     for called, look in alarms:
         for alarm in called:
@@ -148,9 +144,6 @@ def plot_monitored(monitored: MonitoredRun, node: str, threshold: float | None =
     kinds = dict.fromkeys(alarm.kind for alarm in every if alarm.node == node)
     title = f"{node}, run {monitored.run.name}: {' or '.join(kinds) or 'no alarm'}"
     ax.set_title(style.plain(title), size=style.TEXT, loc="left", pad=3)
-    ax.set_xlabel(label, size=style.SMALL)
-    ax.set_xlim(float(time[0]), float(time[-1]))
-    style.dress(ax)
     return ax
 
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import compress
 
-from lptn.basics.style import inline_svg
+from lptn.basics.style import inline_svg, single
 from lptn.diagnose.advice import Advice, Detectable, smallest
 from lptn.diagnose.improvement import History
 from lptn.diagnose.unexplained_heat import stretches
@@ -17,7 +18,7 @@ from lptn.identify.fitting import Fit
 from lptn.references import works_cited
 from lptn.report import tables
 from lptn.report.comparison_figures import NAMES, condition_figures, predictions_figure, versus_figure
-from lptn.report.diagnosis_figures import detectability_figure, history_figure
+from lptn.report.diagnosis_figures import HISTORY, plot_detectability, plot_history, reach_height
 from lptn.report.document import Picture, render
 from lptn.report.heat_figures import field_figures
 from lptn.report.heat_story import HeatStory, heat_line_picture, heat_map_picture, learned_picture
@@ -165,7 +166,9 @@ def _errors(given: Comparison, best: Comparison | None, which: str) -> Picture:
 
 
 def _fall(history: History) -> Picture:
-    drawing = inline_svg(history_figure(history.steps), "RMSE of each step on fit, held-out and test data")
+    drawing = inline_svg(
+        single(HISTORY, partial(plot_history, history.steps)), "RMSE of each step on fit, held-out and test data"
+    )
     held = "judge it by the held-out errors" if history.best.holdout else "no data were held out to test it"
     best = f"the best model (step {len(history.steps) - 1}, green)"
     return Picture(f"RMSE from the model as given (step 0, blue) to {best}; {held}.", drawing)
@@ -200,7 +203,9 @@ def detectability_picture(sizes: Sequence[Detectable]) -> Picture | None:
     """What the data could have shown; none without a candidate."""
     if not sizes:
         return None
-    drawing = inline_svg(detectability_figure(sizes), "smallest size of each effect that would show")
+    drawing = inline_svg(
+        single(reach_height(sizes), partial(plot_detectability, sizes)), "smallest size of each effect that would show"
+    )
     rows = reaches(sizes)
     hidden = sum(reach.easiest.share_of_typical >= 1 for reach in rows)
     text = (

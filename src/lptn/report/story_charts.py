@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from itertools import zip_longest
 from typing import Any
 
 import numpy as np
@@ -24,45 +24,6 @@ from lptn.report.text import kelvin, signed_kelvin, significant
 _CHARTS = "story"  # name of the charts on the page, which the tiles pick from
 
 
-@dataclass(frozen=True)
-class Shown:
-    """One run of the page.
-
-    Args:
-        label: what it is called: its name, and what it was used as.
-        number: in the comparisons.
-        start: where the drawing begins [s, counted from the run's origin].
-        stop: where it ends.
-        heat: what the model as it is now lacks in it; only fitted runs have it.
-    """
-
-    label: str
-    number: int
-    start: float
-    stop: float
-    heat: UnexplainedHeat | None = None
-
-
-def shown_runs(jobs: Sequence[str], comparison: Comparison, heat: Sequence[UnexplainedHeat] = ()) -> list[Shown]:
-    """The runs of a comparison as the page calls them.
-
-    Args:
-        jobs: what each run was used as; empty for none.
-        comparison: of all runs.
-        heat: of the first so many runs, the fitted ones.
-    """
-    runs: list[Shown] = []
-    for number, (job, prediction) in enumerate(zip(jobs, comparison.predictions, strict=True)):
-        run, window = prediction.segment.run, prediction.segment.evaluation
-        label = f"{run.name} ({job})" if job else run.name
-        if any(label == earlier.label for earlier in runs):
-            label += f" {number + 1}"
-        first, last = float(run.elapsed[0]), float(run.elapsed[-1])
-        stop = min(window[1] - run.origin, last) if job == "fitted" else last
-        runs.append(Shown(label, number, first, stop, heat[number] if number < len(heat) else None))
-    return runs
-
-
 def looked_through(
     given: Comparison,
     best: Comparison | None = None,
@@ -79,21 +40,25 @@ def looked_through(
         jobs: what each run was used as, where that is shown.
         heat: of the first so many runs, the fitted ones.
     """
-    runs = shown_runs(jobs or [""] * len(given.predictions), given, heat)
-    charts, thinned = time_charts(runs, given, best, names)
-    return {"tiles": tiles(runs, best or given), "charts": charts.html(_CHARTS), "thinned": thinned}
+    labels: list[str] = []
+    for number, (job, prediction) in enumerate(zip_longest(jobs or (), given.predictions)):
+        label = f"{prediction.segment.run.name} ({job})" if job else prediction.segment.run.name
+        labels.append(f"{label} {number + 1}" if label in labels else label)
+    fitted = [job == "fitted" for job in jobs or [""] * len(labels)]
+    charts, thinned = _time_charts(labels, fitted, given, best, names, heat)
+    return {"tiles": _tiles(labels, best or given), "charts": charts.html(_CHARTS), "thinned": thinned}
 
 
 # --- tiles: node by run ---------------------------------------------------------------------------------------
 
 
-def tiles(runs: Sequence[Shown], comparison: Comparison) -> dict[str, Any]:
+def _tiles(labels: Sequence[str], comparison: Comparison) -> dict[str, Any]:
     """A table of errors, a tile for each node and run; pale where they are like the noise."""
     errors = {
-        (node, run.label): own
+        (node, label): own
         for node in comparison.model.nodes
-        for run in runs
-        if (own := comparison.node(node, comparison.predictions[run.number])).count
+        for label, prediction in zip(labels, comparison.predictions, strict=True)
+        if (own := comparison.node(node, prediction)).count
     }
     beyond = {key: own.rmse for key, own in errors.items() if own.rmse > NOISE_BAND * comparison.floor(key[0])}
     most = max(beyond.values(), default=1.0)
@@ -111,74 +76,79 @@ def tiles(runs: Sequence[Shown], comparison: Comparison) -> dict[str, Any]:
             "text": significant(own.rmse, 2),
         }
 
-    heads = [run.label for run in runs]
     nodes = dict.fromkeys(node for node, _ in errors)
-    rows = [{"node": node, "cells": [tile(node, run) for run in heads]} for node in nodes]
-    return {"charts": _CHARTS, "heads": heads, "rows": rows}
+    rows = [{"node": node, "cells": [tile(node, run) for run in labels]} for node in nodes]
+    return {"charts": _CHARTS, "heads": labels, "rows": rows}
 
 
 # --- lines over time ------------------------------------------------------------------------------------------
 
 
-def time_charts(
-    runs: Sequence[Shown], given: Comparison, best: Comparison | None, names: tuple[str, str]
+_HEAT = ChartPanel(
+    "heat [W]",
+    "W",
+    (
+        Line("from", "95 % band from", "soft"),
+        Line("to", "to", "soft"),
+        Line("heat", "heat that the model lacks", "heat"),
+    ),
+    130,
+    zero=True,
+    band=("from", "to"),
+)
+
+
+def _time_charts(
+    labels: Sequence[str],
+    fitted: Sequence[bool],
+    given: Comparison,
+    best: Comparison | None,
+    names: tuple[str, str],
+    heat: Sequence[UnexplainedHeat],
 ) -> tuple[Charts, str]:
     """Measured and predicted temperatures, errors and unexplained heat of every node measured in every run.
 
-    Args:
-        runs: of the comparisons.
-        given: the model as given.
-        best: the model as it is now, where it is another.
-        names: of the two models.
-
-    Returns:
-        The charts, and a sentence on how they were thinned.
+    With a sentence on how the lines were thinned.
     """
-    unit, label = time_unit(max(run.stop - run.start for run in runs))
+    runs = [prediction.segment.run for prediction in given.predictions]
+    starts = [float(run.elapsed[0]) for run in runs]
+    stops = [
+        min(prediction.segment.evaluation[1] - run.origin, run.elapsed[-1]) if own else float(run.elapsed[-1])
+        for prediction, run, own in zip(given.predictions, runs, fitted, strict=True)
+    ]
+    unit, label = time_unit(max(np.subtract(stops, starts)))
     values: dict[str, FloatArray] = {}
     rmse: dict[tuple[str, ...], float] = {}
     views, longest = [], 0.0
-    for run in runs:
-        prediction = given.predictions[run.number]
-        time = prediction.segment.run.elapsed
-        inside = (time >= run.start) & (time <= run.stop)
+    for number, (called, prediction, start, stop) in enumerate(
+        zip(labels, given.predictions, starts, stops, strict=True)
+    ):
+        run = prediction.segment.run
+        inside = (run.elapsed >= start) & (run.elapsed <= stop)
         if inside.sum() > POINTS:
-            longest = max(longest, (run.stop - run.start) / (POINTS // 2))
+            longest = max(longest, (stop - start) / (POINTS // 2))
+        counted = prediction.segment.evaluation[0] - run.origin
+        shaded = [(start / unit, counted / unit)] if counted > start else []
         for row, node in enumerate(given.model.nodes):
             if not np.isfinite(prediction.bound.measured[row, inside]).any():
                 continue
             lines = _lines(prediction, row, "given")
             if best is not None and node in best.model.nodes:
-                lines |= _lines(best.predictions[run.number], best.model.nodes.index(node), "best")
-            at, thin = thinned(time[inside], np.array(list(lines.values()))[:, inside], POINTS)
-            drawn = dict(zip(lines, thin, strict=True)) | _heat(run.heat, node, at)
-            values[run.label] = at / unit
-            shown = best or given
-            rmse[node, run.label] = shown.node(node, shown.predictions[run.number]).rmse
-            start = prediction.segment.evaluation[0] - prediction.segment.run.origin
-            shaded = [(run.start / unit, start / unit)] if start > run.start else []
+                lines |= _lines(best.predictions[number], best.model.nodes.index(node), "best")
+            at, thin = thinned(run.elapsed[inside], np.array(list(lines.values()))[:, inside], POINTS)
+            drawn = dict(zip(lines, thin, strict=True)) | _heat_lines(heat[number : number + 1], node, at)
+            values[called], shown = at / unit, best or given
+            rmse[node, called] = shown.node(node, shown.predictions[number]).rmse
+            title = f"{node}, {called}: RMSE {kelvin(rmse[node, called])}"
             floor = NOISE_BAND * given.floor(node)
-            title = f"{node}, {run.label}: RMSE {kelvin(rmse[node, run.label])}"
-            views.append(View((node, run.label), title, run.label, drawn, shaded, floor, prediction.segment.run.began))
+            views.append(View((node, called), title, called, drawn, shaded, floor, run.began))
+    temperatures = Line("measured", "measured", "measured"), *_of_models("", names, best)
     panels = (
-        ChartPanel(
-            "temperature [°C]", "°C", (Line("measured", "measured", "measured"), *_of_models("", names, best)), 250
-        ),
+        ChartPanel("temperature [°C]", "°C", temperatures, 250),
         ChartPanel("error [K]", "K", _of_models("error ", names, best), 150, zero=True),
-        ChartPanel(
-            "heat [W]",
-            "W",
-            (
-                Line("from", "95 % band from", "soft"),
-                Line("to", "to", "soft"),
-                Line("heat", "heat that the model lacks", "heat"),
-            ),
-            130,
-            zero=True,
-            band=("from", "to"),
-        ),
+        _HEAT,
     )
-    order = {"node": list(dict.fromkeys(view.keys[0] for view in views)), "run": [run.label for run in runs]}
+    order = {"node": list(dict.fromkeys(view.keys[0] for view in views)), "run": list(labels)}
     views.sort(key=lambda view: -rmse[view.keys])
     return Charts(label, panels, views, values, order), sizes_in_words(longest)
 
@@ -193,18 +163,15 @@ def _lines(prediction: Prediction, row: int, name: str) -> dict[str, FloatArray]
     return {"measured": measured, name: readings, f"error {name}": readings - measured}
 
 
-def _heat(heat: UnexplainedHeat | None, node: str, at: FloatArray) -> dict[str, FloatArray]:
-    if heat is None or node not in heat.nodes:
-        return {}
-    row = heat.nodes.index(node)
-    lines = {
-        "heat": heat.heat[row],
-        "from": heat.heat[row] - heat.sure_band[row],
-        "to": heat.heat[row] + heat.sure_band[row],
-    }
-    return {
-        name: np.interp(at, heat.time - heat.origin, line, left=np.nan, right=np.nan) for name, line in lines.items()
-    }
+def _heat_lines(heat: Sequence[UnexplainedHeat], node: str, at: FloatArray) -> dict[str, FloatArray]:
+    """Of a fitted run, at these times [s]."""
+    found = {}
+    for own in heat:
+        if node in own.nodes:
+            line, band = own.heat[own.nodes.index(node)], own.sure_band[own.nodes.index(node)]
+            for name, edge in (("heat", line), ("from", line - band), ("to", line + band)):
+                found[name] = np.interp(at, own.time - own.origin, edge, left=np.nan, right=np.nan)
+    return found
 
 
 # --- the network at its hottest -----------------------------------------------------------------------------

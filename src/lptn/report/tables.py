@@ -10,12 +10,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
+
 from lptn.basics.lines import time_unit
 from lptn.basics.parameters import ParameterInstance
 from lptn.basics.words import short_size
 from lptn.diagnose.unexplained_heat import HeatPeak
 from lptn.effects import Effect, catalogue
-from lptn.identify.comparison import Comparison, Condition, Pair
+from lptn.identify.comparison import Comparison, Condition, Errors, Pair
 from lptn.identify.data import Segment
 from lptn.identify.fitting import Fit
 from lptn.references import cite, works_cited
@@ -67,24 +69,27 @@ def error_table(comparison: Comparison, most: int | None = None) -> ReportTable:
     rows: list[tuple[float, tuple[str, ...]]] = []
     for prediction in comparison.predictions:
         for node in comparison.model.nodes:
-            errors = comparison.node(node, prediction)
+            errors, noise = comparison.node(node, prediction), kelvin(comparison.floor(node), 2)
             if errors.count:
-                cells = (kelvin(errors.rmse), kelvin(errors.max), signed_kelvin(errors.mean))
-                row = prediction.segment.run.name, node, *cells, kelvin(comparison.floor(node), 2)
-                rows.append((errors.rmse, row))
+                rows.append((errors.rmse, (prediction.segment.run.name, node, *error_cells(errors), noise)))
     if most is not None and len(rows) > most:
         rows.sort(key=lambda one: -one[0])
     heads = ("run", "node", ">RMSE", ">max |error|", ">mean error", ">noise alone")
     return ReportTable(heads, tuple(row for _, row in rows))
 
 
-def condition_table(comparison: Comparison, most: int = 12) -> ReportTable:
+def error_cells(errors: Errors) -> tuple[str, ...]:
+    """RMSE, largest and mean error."""
+    return kelvin(errors.rmse), kelvin(errors.max), signed_kelvin(errors.mean)
+
+
+_CONDITIONS = 12  # rows
+
+
+def condition_table(comparison: Comparison) -> ReportTable:
     """The conditions in which a model fails worst, worst first."""
-    rows = []
-    for condition in sorted(conditions_of(comparison), key=lambda condition: -condition.errors.rmse)[:most]:
-        errors = condition.errors
-        cells = (kelvin(errors.rmse), kelvin(errors.max), signed_kelvin(errors.mean))
-        rows.append((condition.node, bin_text(condition.quantity, condition.lower, condition.upper), *cells))
+    worst = sorted(conditions_of(comparison), key=lambda condition: -condition.errors.rmse)[:_CONDITIONS]
+    rows = ((one.node, bin_text(one.quantity, one.lower, one.upper), *error_cells(one.errors)) for one in worst)
     return ReportTable(("node", "condition", ">RMSE", ">max |error|", ">mean error"), tuple(rows))
 
 
@@ -140,24 +145,13 @@ def data_table(jobs: Mapping[str, Sequence[Segment]]) -> ReportTable:
             whole = segment.initialisation == segment.evaluation
             start = "all counted readings" if whole else window_text(segment.initialisation, segment)
             size = time_span(len(run) * run.step), f"{run.step:g} s"
-            names = [run.name, Path(run.source).name, run.fingerprint[:12]]
+            cells = [run.name, Path(run.source).name, run.fingerprint[:12]]
             if clocked:
-                names.append(f"{run.began:%Y-%m-%d %H:%M} UTC" if run.began else "–")
+                cells.append(f"{run.began:%Y-%m-%d %H:%M} UTC" if run.began else "–")
             notes = " ".join(run.notes) or "none"
-            rows.append((*names, *size, job, start, window_text(segment.evaluation, segment), notes))
-    clock = ["began"] if clocked else []
-    heads = (
-        "run",
-        "file",
-        "fingerprint",
-        *clock,
-        ">length",
-        ">step",
-        "used as",
-        "initialised on",
-        "errors counted",
-        "notes",
-    )
+            rows.append((*cells, *size, job, start, window_text(segment.evaluation, segment), notes))
+    names = ("run", "file", "fingerprint", "began") if clocked else ("run", "file", "fingerprint")
+    heads = (*names, ">length", ">step", "used as", "initialised on", "errors counted", "notes")
     return ReportTable(heads, tuple(rows))
 
 
@@ -170,19 +164,12 @@ def forecast_table(ahead: Forecast, most: int | None = None) -> ReportTable:
     """
     every = list(ahead.nodes.values())
     nodes = every if most is None or len(every) <= most else ahead.soonest
-    rows = tuple(
-        (
-            one.node,
-            f"{one.now:.1f} °C",
-            f"{one.limit:g} °C",
-            time_to_limit(one),
-            interval_to_limit(one),
-            settling_temperature(one),
-        )
-        for one in nodes
-    )
+    rows = []
+    for one in nodes:
+        times = time_to_limit(one), interval_to_limit(one)
+        rows.append((one.node, f"{one.now:.1f} °C", f"{one.limit:g} °C", *times, settling_temperature(one)))
     heads = ("node", ">now", ">limit", ">time to limit", f">{percent(ahead.coverage)} interval", ">settles at [°C]")
-    return ReportTable(heads, rows)
+    return ReportTable(heads, tuple(rows))
 
 
 def time_to_limit(one: NodeForecast) -> str:
@@ -250,19 +237,12 @@ def refused_table(history: History) -> ReportTable:
 
 def stretch_table(stretches: Sequence[HeatPeak]) -> ReportTable:
     """One row for each stretch of unexplained heat, in the order given."""
-    rows = tuple(
-        (
-            stretch.run,
-            stretch.node,
-            *(f"{time:.0f}" for time in stretch.elapsed),
-            *(
-                f"{'−' if watts < 0 else '+'}{short_size(abs(watts))}"
-                for watts in (stretch.heat, stretch.heat - stretch.band, stretch.heat + stretch.band)
-            ),
-        )
-        for stretch in stretches
-    )
-    return ReportTable(("run", "node", ">from [s]", ">to [s]", ">heat [W]", ">at least [W]", ">at most [W]"), rows)
+    rows = []
+    for one in stretches:
+        watts = [f"{'−' if x < 0 else '+'}{short_size(abs(x))}" for x in one.heat + one.band * np.array([0, -1, 1])]
+        rows.append((one.run, one.node, *(f"{time:.0f}" for time in one.elapsed), *watts))
+    heads = ("run", "node", ">from [s]", ">to [s]", ">heat [W]", ">at least [W]", ">at most [W]")
+    return ReportTable(heads, tuple(rows))
 
 
 _ZERO = 1e-9  # share of the typical size; what a search leaves of a zero
