@@ -12,7 +12,7 @@ from contextlib import closing, nullcontext
 from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import pandas as pd
@@ -101,36 +101,32 @@ def pooled_of(
         fitted: robots with a result, or days of them.
         robots: by the outcomes' names, whose and of which day they are; by default a robot each, of one day.
     """
-    logarithmic = {parameter.name: parameter.logarithmic for parameter in model.parameters} | {RMSE: True}
-    usual = {parameter.name: parameter.declared.typical for parameter in model.parameters}
+    declared = {parameter.name: parameter for parameter in model.parameters}
     whose = robots or {}
     unknown = max((robot.day for robot in whose.values() if robot.day), default=_ANY)
+    told: dict[str, dict[str, tuple[float, float, str]]] = {RMSE: {}}
+    for outcome in fitted:
+        told[RMSE][outcome.robot] = outcome.rmse, _OF_RMSE * outcome.rmse, "K"
+        for name, said in outcome.parameters.items():
+            error = math.nan if said["error"] is None else said["error"]
+            told.setdefault(name, {})[outcome.robot] = said["value"], error, said["unit"]
     parameters = []
-    for name in [RMSE, *dict.fromkeys(name for outcome in fitted for name in outcome.parameters)]:
-        entries = {outcome.robot: entry for outcome in fitted if (entry := _entry(outcome, name)) is not None}
-        if not entries:
+    for name, entries in told.items():
+        known = {robot: entry for robot, entry in entries.items() if math.isfinite(entry[1])}
+        if not known:
             continue
-        values = np.array([value for value, _, _ in entries.values()])
-        of_logarithm = logarithmic.get(name, False) and bool((values > 0).all())
+        values = np.array([value for value, _, _ in known.values()])
+        of_logarithm = (name == RMSE or (name in declared and declared[name].logarithmic)) and bool((values > 0).all())
         # What may be none at all changes by as much as it usually is where it ages, not by a share of that.
-        size = 0.0 if of_logarithm else (max(float(np.median(np.abs(values))), usual.get(name) or 0.0) or 1.0) / DRIFT
+        usual = declared[name].declared.typical if name in declared else 0.0
+        size = 0.0 if of_logarithm else (max(float(np.median(np.abs(values))), usual) or 1.0) / DRIFT
         sessions = []
-        for outcome, (value, error, _) in entries.items():
-            robot = whose.get(outcome, RobotLogs(outcome, ()))
+        for called, (value, error, _) in known.items():
+            robot = whose.get(called, RobotLogs(called, ()))
             x, e = (math.log(value), error / value) if of_logarithm else (value / size, error / size)
             sessions.append(Session(robot.of, robot.day or unknown, x, e))
-        parameters.append(pool(sessions, name, next(iter(entries.values()))[2], size))
+        parameters.append(pool(sessions, name, next(iter(known.values()))[2], size))
     return tuple(parameters)
-
-
-def _entry(outcome: Outcome, name: str) -> tuple[float, float, str] | None:
-    """Value, standard error and unit; `None` where the robot's logs don't determine it."""
-    if name == RMSE:
-        return (outcome.rmse, _OF_RMSE * outcome.rmse, "K") if math.isfinite(outcome.rmse) else None
-    parameter: Any = outcome.parameters.get(name)
-    if parameter is None or parameter["error"] is None or not math.isfinite(parameter["error"]):
-        return None
-    return float(parameter["value"]), float(parameter["error"]), str(parameter["unit"])
 
 
 # --- One model fitted to each robot of a fleet, and what came of it -------------------------------

@@ -6,11 +6,13 @@ import json
 import os
 import pickle
 import time
+from collections import deque
 from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from itertools import chain, repeat
 from pathlib import Path
 from typing import Any, Literal
 
@@ -247,14 +249,14 @@ class ResultFolder:
 
 
 _DIED = "its worker died (out of memory?)"
-_Lost = Literal["out", "unsent"]
 
 
+@dataclass(frozen=True)
 class Work:
     """The task of each robot, and what is kept of its outcome."""
 
-    def __init__(self, order: FleetFit, results: ResultFolder | None) -> None:
-        self.order, self.results = order, results
+    order: FleetFit
+    results: ResultFolder | None
 
     def task(self, robot: RobotLogs) -> tuple[FleetFit, str, list[str], str]:
         """Arguments of `fit_robot`."""
@@ -268,9 +270,8 @@ class Work:
             outcome = replace(outcome, message=outcome.message.replace(str(log.absolute()), str(log)))
         if self.results is None or not outcome.fitted:
             return outcome
-        return (
-            self.results.kept(outcome.robot) or outcome if outcome.status == "unchanged" else self.results.keep(outcome)
-        )
+        earlier = self.results.kept(outcome.robot) if outcome.status == "unchanged" else self.results.keep(outcome)
+        return earlier or outcome
 
 
 def here(work: Work, fleet: Iterable[RobotLogs]) -> Generator[Outcome]:
@@ -284,54 +285,49 @@ def here(work: Work, fleet: Iterable[RobotLogs]) -> Generator[Outcome]:
 
 def elsewhere(work: Work, fleet: Iterable[RobotLogs], executor: Executor, in_flight: int) -> Generator[Outcome]:
     """In an executor of the caller's."""
-    for robot, outcome in _handed_out(work, fleet, executor, in_flight):
-        yield outcome if isinstance(outcome, Outcome) else Outcome(robot.name, "failed", message=_DIED)
+    left = deque(fleet)
+    for robot, outcome in chain(_handed_out(work, left, executor, in_flight), zip(left, repeat(None))):
+        yield outcome or Outcome(robot.name, "failed", message=_DIED)
 
 
-def in_processes(work: Work, fleet: Sequence[RobotLogs], jobs: int, in_flight: int) -> Generator[Outcome]:
+def in_processes(work: Work, fleet: Iterable[RobotLogs], jobs: int, in_flight: int) -> Generator[Outcome]:
     """In processes of one's own; where one dies, those who were out are tried alone, and the rest in new ones."""
-    rest = list(fleet)
-    while rest:
-        lost: dict[_Lost, list[RobotLogs]] = {"out": [], "unsent": []}
-        with pool_of(min(jobs, len(rest))) as pool:
-            for robot, outcome in _handed_out(work, rest, pool, in_flight):
-                if isinstance(outcome, Outcome):
-                    yield outcome
+    left = deque(fleet)
+    while left:
+        lost = []
+        with pool_of(min(jobs, len(left))) as pool:
+            for robot, outcome in _handed_out(work, left, pool, in_flight):
+                if outcome is None:
+                    lost.append(robot)
                 else:
-                    lost[outcome].append(robot)
-        for robot in lost["out"]:
+                    yield outcome
+        for robot in lost:
             with pool_of(1) as pool:
                 yield from elsewhere(work, [robot], pool, 1)
-        rest = lost["unsent"]
 
 
 def _handed_out(
-    work: Work, fleet: Iterable[RobotLogs], executor: Executor, in_flight: int
-) -> Iterator[tuple[RobotLogs, Outcome | _Lost]]:
-    """Outcomes as they come; which robots were out, or were not sent, when the executor broke."""
+    work: Work, left: deque[RobotLogs], executor: Executor, in_flight: int
+) -> Iterator[tuple[RobotLogs, Outcome | None]]:
+    """Outcomes as they come, none of robots that were out when the executor broke; those it was not given are left."""
     out: dict[Future[Outcome], RobotLogs] = {}
     try:
-        for robot in fleet:
-            while len(out) >= in_flight:
-                yield from _done(out)
-            try:
-                out[executor.submit(fit_robot, *work.task(robot))] = robot
-            except BrokenExecutor:
-                yield robot, "unsent"
-        while out:
-            yield from _done(out)
+        while True:
+            with suppress(BrokenExecutor):
+                while left and len(out) < in_flight:
+                    future = executor.submit(fit_robot, *work.task(left[0]))
+                    out[future] = left.popleft()
+            if not out:
+                return
+            for future in wait(out, return_when=FIRST_COMPLETED).done:
+                robot, outcome = out.pop(future), None
+                try:
+                    outcome = future.result()
+                except BrokenExecutor:
+                    pass
+                except (Exception, CancelledError) as error:
+                    outcome = Outcome(robot.name, "failed", message=in_one_line(error))
+                yield robot, outcome
     finally:
         for future in out:
             future.cancel()
-
-
-def _done(out: dict[Future[Outcome], RobotLogs]) -> Iterator[tuple[RobotLogs, Outcome | _Lost]]:
-    """Those that are done, once one is; they are no longer out."""
-    for future in wait(out, return_when=FIRST_COMPLETED).done:
-        robot = out.pop(future)
-        try:
-            yield robot, future.result()
-        except BrokenExecutor:
-            yield robot, "out"
-        except (Exception, CancelledError) as error:
-            yield robot, Outcome(robot.name, "failed", message=in_one_line(error))
