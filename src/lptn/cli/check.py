@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter as Option
 
+from lptn import report
 from lptn.basics.errors import InputError
 from lptn.basics.words import FEW, count_of, few
 from lptn.cli import options
@@ -86,11 +87,7 @@ def check(
     for content in contents:
         if content.error is not None:
             raise content.error
-    if drawing is not None:
-        from lptn.basics.files import write_whole
-        from lptn.report.network_drawing import draw_network
-
-        write_whole(drawing, draw_network(loaded.model))
+    options.write_text(drawing, lambda: report.draw_network(loaded.model))
     write_json(json, result)
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter as Option
 
+from lptn import report as drawn
 from lptn.cli import options
 
 if TYPE_CHECKING:
@@ -38,7 +39,6 @@ def compare(
         json, report, pictures=[plot], inputs=(model, *logs, *(() if against is None else (against,)))
     )
     options.check_inputs(model, *logs)
-    from lptn.basics.files import write_whole
     from lptn.cli.terminal import is_quiet, progress, show_table, write_json
     from lptn.identify.comparison import Versus
     from lptn.study import Study
@@ -51,19 +51,14 @@ def compare(
     if not is_quiet():
         for title, table in _tables(result, details):
             show_table(*table, title, None if details else options.ROWS)
-    more = {"against": result.as_json()} if isinstance(result, Versus) else {}
-    write_json(json, (result.model if isinstance(result, Versus) else result).as_json() | more)
-    if plot is not None:
-        from lptn.report.comparison_figures import comparison_figure, versus_figure
-
-        options.write_figure(versus_figure(result) if isinstance(result, Versus) else comparison_figure(result), plot)
-    if report is not None:
-        from lptn.report.pages import comparison_html, versus_html
-
-        if isinstance(result, Versus):
-            write_whole(report, versus_html(result, " against ".join(result.names)))
-        else:
-            write_whole(report, comparison_html(result, studies[0].model.network.name))
+    if isinstance(result, Versus):
+        write_json(json, result.model.as_json() | {"against": result.as_json()})
+        options.write_figure(plot, lambda: drawn.versus_figure(result))
+        options.write_text(report, lambda: drawn.versus_html(result, " against ".join(result.names)))
+    else:
+        write_json(json, result.as_json())
+        options.write_figure(plot, lambda: drawn.comparison_figure(result))
+        options.write_text(report, lambda: drawn.comparison_html(result, studies[0].model.network.name))
 
 
 def _tables(result: Comparison | Versus, details: bool) -> list[tuple[str, ReportTable]]:

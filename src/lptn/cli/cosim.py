@@ -71,7 +71,7 @@ def cosim(
     if plot is not None:
         from lptn.fmu.figure import cosimulation_figure
 
-        options.write_figure(cosimulation_figure(done), plot)
+        options.write_figure(plot, lambda: cosimulation_figure(done))
 
 
 def _show_cosimulation(done: Cosimulation, details: bool) -> None:

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from lptn import report
 from lptn.basics.words import few
 from lptn.cli import options
 
@@ -49,10 +50,7 @@ def diagnose(
     if details:
         show_advice(advice)
     write_json(json, diagnosis.as_json() | advice.as_json())
-    if plot is not None:
-        from lptn.report.diagnosis_figures import diagnosis_figure
-
-        options.write_figure(diagnosis_figure(diagnosis, study.shown), plot)
+    options.write_figure(plot, lambda: report.diagnosis_figure(diagnosis, study.shown))
 
 
 IN_TABLE = ("Findings", "Best candidates", "Structure")

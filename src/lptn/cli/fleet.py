@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter as Option
 
+from lptn import report as drawn
 from lptn.basics.errors import InputError
 from lptn.basics.words import FEW, count_of
 from lptn.cli import options
@@ -80,10 +81,7 @@ def fleet(
     write_tables(done, folder)
     write_json(json, done.as_json())
     _show(done, folder, details)
-    if plot is not None and done.parameters:
-        from lptn.report.fleet_figure import fleet_figure
-
-        options.write_figure(fleet_figure(done), plot)
+    options.write_figure(plot if done.parameters else None, lambda: drawn.fleet_figure(done))
     if done.failed:
         sys.exit(1)
 

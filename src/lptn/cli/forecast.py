@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, cast
 from cyclopts import Parameter as Option
 from cyclopts import validators
 
+from lptn import report
 from lptn.basics.errors import InputError
 from lptn.cli import options
 
@@ -59,10 +60,7 @@ def forecast(
         most = None if details else options.ROWS
         show_table(*forecast_table(ahead.result, most), most=most)
     write_json(json, ahead.result.as_json())
-    if plot is not None:
-        from lptn.report.online_figures import forecast_figure
-
-        options.write_figure(forecast_figure(ahead.result), plot)
+    options.write_figure(plot, lambda: report.forecast_figure(ahead.result))
 
 
 def _window(word: str) -> WindowChoice:

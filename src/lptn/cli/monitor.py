@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter as Option
 from cyclopts import validators
 
+from lptn import report as drawn
 from lptn.basics.errors import InputError
 from lptn.cli import options
 
@@ -80,10 +81,7 @@ def monitor(
         show_table(heads, rows, most=None if details else options.ROWS)
         print("Times are in s on each log's clock, or since its start where that clock counts from 1970.")
     write_json(json, result.as_json())
-    if plot is not None:
-        from lptn.report.online_figures import monitoring_figure
-
-        options.write_figure(monitoring_figure(result), plot)
+    options.write_figure(plot, lambda: drawn.monitoring_figure(result))
 
 
 def _calibration(

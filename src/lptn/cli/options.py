@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import io
 import shlex
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -16,7 +17,7 @@ from cyclopts import Parameter as Option
 from cyclopts import Token, validators
 
 from lptn.basics.errors import MODEL_FILE, InputError
-from lptn.basics.files import PICTURES, TABLES, check_ending, real_path, text_of
+from lptn.basics.files import PICTURES, TABLES, check_ending, real_path, text_of, write_whole
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -280,7 +281,6 @@ def write_beginning(path: Path, text: str, what: str, next_: str, *, edited: boo
     Raises:
         InputError: an edited file is there and says something else, or it can't be written.
     """
-    from lptn.basics.files import write_whole
     from lptn.cli.terminal import print_file, show_written
 
     if path == PRINTED:
@@ -319,12 +319,20 @@ def executor_of(jobs: int) -> Iterator[Executor | None]:
         yield pool
 
 
-def write_figure(figure: Figure, path: Path) -> None:
-    """Write a figure into a file of the kind that its name says (see `check_outputs`)."""
-    import io
+def write_figure(path: Path | None, made: Callable[[], Figure]) -> None:
+    """Write a figure into a file of the kind that its name says (see `check_outputs`); nothing without a file.
 
-    from lptn.basics.files import write_whole
+    Args:
+        path: of the file.
+        made: makes the figure, if it is wanted.
+    """
+    if path is not None:
+        picture = io.BytesIO()
+        made().savefig(picture, format=path.suffix.lower().removeprefix("."))
+        write_whole(path, picture.getvalue())
 
-    picture = io.BytesIO()
-    figure.savefig(picture, format=path.suffix.lower().removeprefix("."))
-    write_whole(path, picture.getvalue())
+
+def write_text(path: Path | None, made: Callable[[], str]) -> None:
+    """Write a page or a drawing; as `write_figure`."""
+    if path is not None:
+        write_whole(path, made())

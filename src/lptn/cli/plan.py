@@ -9,6 +9,7 @@ from typing import Annotated
 
 from cyclopts import Parameter as Option
 
+from lptn import report as drawn
 from lptn.cli import options
 
 _LINES, _COLUMNS = 14, 80  # of a plan in the answer; the details and the table have all
@@ -52,13 +53,8 @@ def plan(
     print(*lines[:kept], *([f"and {len(lines) - kept} more lines: --details"] if kept < len(lines) else []), sep="\n")
     if output is not None:
         write_table(output, answer.table())
-    if plot is not None:
-        options.write_figure(answer.figure(), plot)
-    if report is not None:
-        from lptn.basics.files import write_whole
-        from lptn.report.planning_pages import plan_html
-
-        write_whole(report, plan_html(answer, f"{model.stem}: {task.stem}"))
+    options.write_figure(plot, answer.figure)
+    options.write_text(report, lambda: drawn.plan_html(answer, f"{model.stem}: {task.stem}"))
     write_json(json, answer.as_json())
     if emit_c is not None and kind.emit_c is not None:
         kind.emit_c(asked, emit_c)

@@ -7,6 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter as Option
 
+from lptn import report as drawn
 from lptn.cli import options
 
 Result = Annotated[Path | None, Option(name=["--json", "--output", "-o"], help="JSON file for the result.")]
@@ -47,24 +48,16 @@ def trade(
         result = solve_study(asked, say)
     if not result.designs:
         raise result.infeasible()
-    if diagram is not None:
-        from lptn.planners.trade.figures import torque_speed_figure
+    from lptn.planners.trade import figures
 
-        options.write_figure(torque_speed_figure(result), diagram)
+    options.write_figure(diagram, lambda: figures.torque_speed_figure(result))
     (choice, *numbers), *rows = table(result, brief=not details)
     heads = [choice, *(for_people(head if head == "active constraints" else f">{head}") for head in numbers)]
     show_table(heads, rows, headline(result), None if details else _BEST)
     for remark in remarks(result) if details else summary(result):
         print(for_people(remark))
-    if plot is not None:
-        from lptn.planners.trade.figures import study_figure
-
-        options.write_figure(study_figure(result), plot)
-    if report is not None:
-        from lptn.basics.files import write_whole
-        from lptn.report.planning_pages import trade_html
-
-        write_whole(report, trade_html(result))
+    options.write_figure(plot, lambda: figures.study_figure(result))
+    options.write_text(report, lambda: drawn.trade_html(result))
     if json is not None:  # its maps and curves take as long as the study
         write_json(json, as_json(result))
     show_written({"open it in a browser": report})

@@ -12,7 +12,6 @@ from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, 
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from itertools import chain, repeat
 from pathlib import Path
 from typing import Any, Literal
 
@@ -286,8 +285,10 @@ def here(work: Work, fleet: Iterable[RobotLogs]) -> Generator[Outcome]:
 def elsewhere(work: Work, fleet: Iterable[RobotLogs], executor: Executor, in_flight: int) -> Generator[Outcome]:
     """In an executor of the caller's."""
     left = deque(fleet)
-    for robot, outcome in chain(_handed_out(work, left, executor, in_flight), zip(left, repeat(None))):
+    for robot, outcome in _handed_out(work, left, executor, in_flight):
         yield outcome or Outcome(robot.name, "failed", message=_DIED)
+    for robot in left:
+        yield Outcome(robot.name, "failed", message=_DIED)
 
 
 def in_processes(work: Work, fleet: Iterable[RobotLogs], jobs: int, in_flight: int) -> Generator[Outcome]:
