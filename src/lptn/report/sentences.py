@@ -7,29 +7,10 @@ from html import escape
 from typing import Literal
 
 Label = Literal[
-    "Verdict",
-    "Findings",
-    "Best candidates",
-    "Structure",
-    "Added by hand",
-    "Error",
-    "Largest error",
-    "Worst place",
-    "Fit",
-    "Not fitted",
-    "Warning",
-    "Unexplained heat",
-    "Load",
-    "Uncertainty",
-    "Sensors ignored",
-    "Model",
-    "Losses",
-    "Sensors",
-    "Excitation",
-    "Effects",
-    "Written",
-    "Next",
-]
+    "Verdict", "Findings", "Best candidates", "Structure", "Added by hand", "Error", "Largest error", "Worst place",
+    "Fit", "Not fitted", "Warning", "Unexplained heat", "Load", "Uncertainty", "Sensors ignored", "Model", "Losses",
+    "Sensors", "Excitation", "Effects", "Written", "Next",
+]  # fmt: skip
 
 
 @dataclass(frozen=True)

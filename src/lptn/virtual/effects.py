@@ -63,20 +63,20 @@ def _check_size(effect: str, size: float, largest: float, where: str) -> None:
         raise ValueError(f"size of {effect}: found {size:g}; expected at most {largest:.2f} at {where}")
 
 
-def _factor(effect: str, size: float, strength: float) -> float:
-    if 1 + strength * size < 0.1:
-        raise ValueError(f"size of {effect}: found {size:g}; expected {-0.9 / strength:.2f} or above")
-    return 1 + strength * size
+def _scaled(effect: str, field: str, strength: float, power: float = 1.0) -> Callable[..., None]:
+    """Return what multiplies the node's entry in this field by a power of 1 + strength × size."""
+
+    def scale(robot: Robot, node: int, size: float) -> None:
+        if 1 + strength * size < 0.1:
+            raise ValueError(f"size of {effect}: found {size:g}; expected {-0.9 / strength:.2f} or above")
+        getattr(robot, field)[node] *= (1 + strength * size) ** power
+
+    return scale
 
 
-def _loss_scale(robot: Robot, node: int, size: float) -> None:
-    """Wrong torque constant: the copper loss is 1.2 times what torque, data sheet and resistance say."""
-    robot.torque_constant[node] /= _factor("loss_scale", size, 0.2) ** 0.5
-
-
-def _surface_scale(robot: Robot, node: int, size: float) -> None:
-    """Conductance to air × 1.3: a fan that no log has, a cover taken off."""
-    robot.to_air[node] *= _factor("surface_scale", size, 0.3)
+def _raised(field: str, strength: float) -> Callable[..., None]:
+    """Return what adds strength × size to this number of the robot."""
+    return lambda robot, size: setattr(robot, field, getattr(robot, field) + strength * size)
 
 
 def _conduction(robot: Robot, one: int, other: int, size: float) -> None:
@@ -113,11 +113,6 @@ def _sensor_position(robot: Robot, one: int, other: int, size: float) -> None:
     robot.positions.append((one, other, 0.2 * size))
 
 
-def _ambient_offset(robot: Robot, size: float) -> None:
-    """The true ambient is 2.5 K above the logged one."""
-    robot.ambient_offset += 2.5 * size
-
-
 def _ambient_lag(robot: Robot, size: float) -> None:
     """The true ambient follows the logged one as a first-order lag of 1200 s (walls, the body's own air).
 
@@ -128,17 +123,13 @@ def _ambient_lag(robot: Robot, size: float) -> None:
         robot.ambient_swing = 8.0
 
 
-def _clock_offset(robot: Robot, size: float) -> None:
-    """The temperatures' clock is wrong: what their rows show was so 30 s before the row's time."""
-    robot.clock += 30.0 * size
-
-
 EFFECTS: dict[str, HiddenEffect] = {
     # Copper: the winding's resistance × (1 + 0.00393 (T - 25)) [QuadrupedLPTN, eq. 6].
     "resistance_rise": HiddenEffect(_added("resistance_rise", 0.00393), JOINT),
     # Magnets: the torque constant × (1 - 0.0012 (T - 25)).
     "torque_constant_drop": HiddenEffect(_added("torque_constant_drop", 0.0012), JOINT),
-    "loss_scale": HiddenEffect(_loss_scale, JOINT, signed=True, single=True),
+    # Wrong torque constant: the copper loss is 1.2 times what torque, data sheet and resistance say.
+    "loss_scale": HiddenEffect(_scaled("loss_scale", "torque_constant", 0.2, -0.5), JOINT, signed=True, single=True),
     # Heat 0.5 |ω|: 0.5 N·m at the joint; heat 0.07 ω²: 0.07 N·m·s ([QuadrupedLPTN, eq. 8], as power); heat 0.2 |ω|^1.5.
     "coulomb_friction": HiddenEffect(_added("coulomb", 0.5), JOINT),
     "viscous_friction": HiddenEffect(_added("viscous", 0.07), JOINT),
@@ -159,7 +150,8 @@ EFFECTS: dict[str, HiddenEffect] = {
     "natural_convection": HiddenEffect(_added("natural_convection", 0.006), NODE),
     "forced_convection": HiddenEffect(_added("forced_convection", 0.55), NODE),
     "fan": HiddenEffect(_added("fanned", 0.5), NODE),
-    "surface_scale": HiddenEffect(_surface_scale, NODE, signed=True, single=True),
+    # Conductance to air × 1.3: a fan that no log has, a cover taken off.
+    "surface_scale": HiddenEffect(_scaled("surface_scale", "to_air", 0.3), NODE, signed=True, single=True),
     "conduction": HiddenEffect(_conduction, EDGE),
     "second_mass": HiddenEffect(_second_mass, NODE),
     "shared_mass": HiddenEffect(_shared_mass, CLASS),
@@ -173,9 +165,11 @@ EFFECTS: dict[str, HiddenEffect] = {
     "sensor_position": HiddenEffect(_sensor_position, LINKED),
     # The sensor sits in the winding, 0.12 K/W of its copper loss above the rest, 3 s behind that loss.
     "hot_spot": HiddenEffect(_added("hot_spot", 0.12), JOINT),
-    "ambient_offset": HiddenEffect(_ambient_offset, AMBIENT, signed=True, single=True),
+    # The true ambient is 2.5 K above the logged one.
+    "ambient_offset": HiddenEffect(_raised("ambient_offset", 2.5), AMBIENT, signed=True, single=True),
     "ambient_lag": HiddenEffect(_ambient_lag, AMBIENT),
-    "clock_offset": HiddenEffect(_clock_offset, WHOLE, signed=True, single=True),
+    # The temperatures' clock is wrong: what their rows show was so 30 s before the row's time.
+    "clock_offset": HiddenEffect(_raised("clock", 30.0), WHOLE, signed=True, single=True),
     # Bursts of 6 W, each 1 to 3 min, at random times.
     "heat_bursts": HiddenEffect(_added("bursts", 6.0), NODE, beyond=True),
     # The reading jumps up by 3 K at a random time of each run; the next run starts without it.

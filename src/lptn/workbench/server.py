@@ -12,7 +12,7 @@ import secrets
 import socket
 import tempfile
 import threading
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import asdict
 from importlib.resources import files
 from pathlib import Path
@@ -28,6 +28,7 @@ from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, R
 from starlette.routing import Route
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
+from lptn.basics.arrays import FloatArray
 from lptn.basics.bounds import Bound
 from lptn.basics.errors import InputError
 from lptn.basics.files import finite, write_whole
@@ -69,10 +70,10 @@ def application(session: WorkbenchSession, port: int, *tokens: str) -> Starlette
     routes += [
         Route("/favicon.ico", _nothing),  # browsers ask for it unasked
         Route("/state", site.state),
-        Route("/lines", site.lines),
-        Route("/special", site.special),
-        Route("/residuals", site.residuals),
-        Route("/network", site.network),
+        Route("/lines", _answering(LinesAsked, session.lines, _as_bytes)),
+        Route("/special", _answering(SpecialAsked, session.special, _as_json)),
+        Route("/residuals", _answering(ResidualsAsked, session.residuals, _as_json)),
+        Route("/network", _answering(NetworkAsked, session.network, JSONResponse)),
         Route("/order", site.order, methods=["POST"]),
         Route("/stop", site.stop, methods=["POST"]),
         Route("/result/{name}", site.result),
@@ -109,23 +110,6 @@ class _Site:
             return _wrong("since: a whole number")
         content = self._session.state(since)
         return Response(status_code=204) if content is None else JSONResponse(content)
-
-    async def lines(self, request: Request) -> Response:
-        return await _answered(
-            request,
-            LinesAsked,
-            self._session.lines,
-            lambda lines: Response(packed(lines), media_type="application/octet-stream"),
-        )
-
-    async def special(self, request: Request) -> Response:
-        return await _answered(request, SpecialAsked, self._session.special, _as_json)
-
-    async def residuals(self, request: Request) -> Response:
-        return await _answered(request, ResidualsAsked, self._session.residuals, _as_json)
-
-    async def network(self, request: Request) -> Response:
-        return await _answered(request, NetworkAsked, self._session.network, JSONResponse)
 
     async def order(self, request: Request) -> Response:
         try:
@@ -166,20 +150,27 @@ def _as_json(result: Special | Residuals) -> Response:
     return JSONResponse(finite(asdict(result)))
 
 
-async def _answered(
-    request: Request, kind: type[Asked], answer: Callable[[Asked], Found], respond: Callable[[Found], Response]
-) -> Response:
-    """The answer to a question whose parts stand in the address; what was wrong with it in a line."""
+def _as_bytes(lines: Mapping[str, Mapping[str, FloatArray]]) -> Response:
+    return Response(packed(lines), media_type="application/octet-stream")
+
+
+def _answering(
+    kind: type[Asked], answer: Callable[[Asked], Found], respond: Callable[[Found], Response]
+) -> Callable[[Request], Awaitable[Response]]:
+    """Answers a question whose parts stand in the address; what was wrong with it in a line."""
     lists = {name for name, field in kind.model_fields.items() if get_origin(field.annotation) is list}
-    words = request.query_params
-    parts = {name: words.getlist(name) if name in lists else words[name] for name in words}
-    try:
-        asked = kind.model_validate(parts)
-        return await run_in_threadpool(lambda: respond(answer(asked)))
-    except ValidationError as error:
-        return _wrong(_in_words(error))
-    except InputError as error:
-        return _wrong(str(error))
+
+    async def answered(request: Request) -> Response:
+        words = request.query_params
+        try:
+            asked = kind.model_validate({name: words.getlist(name) if name in lists else words[name] for name in words})
+            return await run_in_threadpool(lambda: respond(answer(asked)))
+        except ValidationError as error:
+            return _wrong(_in_words(error))
+        except InputError as error:
+            return _wrong(str(error))
+
+    return answered
 
 
 async def _short_text(request: Request) -> str:

@@ -78,11 +78,9 @@ class Robots:
 
 def _steps(model: Model, number: int) -> ca.Function:
     """(x, u, p, h) -> x after so many steps of h seconds."""
-    if number == 1:
-        return model.step("rk4")
     sizes = (len(model.states), len(model.inputs), len(model.parameters), 1)
     x, u, p, h = (ca.MX.sym(name, size) for name, size in zip("xuph", sizes, strict=True))
-    end = model.step("rk4").mapaccum(number)(x, *(ca.repmat(symbol, 1, number) for symbol in (u, p, h)))[:, -1]
+    end = model.run(number)(x, ca.repmat(u, 1, number), p, h)[:, -1]
     return ca.Function("period", [x, u, p, h], [ca.densify(end)])
 
 
