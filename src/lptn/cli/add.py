@@ -16,14 +16,9 @@ def add(
     effect: str,
     /,
     *,
-    at: Annotated[
-        str, Option(help='Node, edge "a~b", pattern such as "*_calf", or "*"; NODE@RUN as `lptn diagnose` prints it.')
-    ],
-    run: Annotated[str, Option(help="The only run in which the effect acts; all by default.")] = "",
-    set: Annotated[  # noqa: A002 - the option's name
-        list[str] | None,
-        Option(help="Options and parameters of the effect: input=velocity span=6.", consume_multiple=True),
-    ] = None,
+    at: str,
+    run: str = "",
+    set: Annotated[list[str] | None, Option(consume_multiple=True)] = None,  # noqa: A002 - the option's name
     output: options.Output,
 ) -> None:
     """Add an effect to a model file.
@@ -31,6 +26,11 @@ def add(
     It gets its typical size, or the values given with --set.
 
     Example: lptn add leg.toml forced_convection --at "*" -o next.toml
+
+    Args:
+        at: Node, edge "a~b", pattern such as "*_calf", or "*"; NODE@RUN as `lptn diagnose` prints it.
+        run: The only run in which the effect acts; all by default.
+        set: Options and parameters of the effect: input=velocity span=6.
     """
     if run and "@" in at:
         raise InputError("command line", "--run", f"'{run}' beside --at {at}", "the run in one place")

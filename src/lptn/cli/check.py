@@ -6,9 +6,7 @@ import shlex
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-from cyclopts import Parameter as Option
+from typing import TYPE_CHECKING
 
 from lptn import report
 from lptn.basics.errors import InputError
@@ -25,16 +23,13 @@ if TYPE_CHECKING:
     from lptn.model.model import Model
     from lptn.simulate.bound_run import BoundRun
 
-Drawing = Annotated[Path | None, Option(help="Drawing of the network to write: .svg.")]
-Guessing = Annotated[bool, Option(help="Use the proposed columns, like --map guess.")]
-
 
 def check(
     model: Path,
     /,
     *logs: Path,
-    guess: Guessing = False,
-    drawing: Drawing = None,
+    guess: bool = False,
+    drawing: Path | None = None,
     details: options.Details = False,
     json: options.Json = None,
     columns: options.Columns = options.COLUMNS,
@@ -47,6 +42,10 @@ def check(
     forward.
 
     Example: lptn check leg.toml monday.parquet
+
+    Args:
+        guess: Use the proposed columns, like --map guess.
+        drawing: Drawing of the network to write: .svg.
     """
     options.check_outputs(json, drawings=[drawing], inputs=(model, *logs))
     options.check_inputs(model, *logs)

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-from cyclopts import Parameter as Option
+from typing import TYPE_CHECKING
 
 from lptn import report as drawn
 from lptn.cli import options
@@ -19,7 +17,7 @@ def compare(
     model: Path,
     /,
     *logs: Path,
-    against: Annotated[Path | None, Option(help="Model file to compare with, on the same logs.")] = None,
+    against: Path | None = None,
     details: options.Details = False,
     json: options.Json = None,
     plot: options.Picture = None,
@@ -33,6 +31,9 @@ def compare(
     Example: lptn compare fitted.toml friday.parquet --plot friday.png
 
     Example: lptn compare whole-body.toml friday.parquet --against single-nodes.toml --report versus.html
+
+    Args:
+        against: Model file to compare with, on the same logs.
     """
     options.needs_logs(logs)
     options.check_outputs(

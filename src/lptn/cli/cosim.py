@@ -5,8 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from cyclopts import Parameter as Option
-
 from lptn.basics.errors import InputError
 from lptn.basics.tables import write_table
 from lptn.cli import options
@@ -14,26 +12,16 @@ from lptn.cli import options
 if TYPE_CHECKING:
     from lptn.fmu.cosim import Cosimulation
 
-Outputs = Annotated[
-    Path | None, Option(name=["--output", "-o"], help="File for all outputs at the end of each step: .csv or .parquet.")
-]
-
 
 def cosim(
     fmu: Path,  # the file, not the command
     /,
     *logs: Path,
-    model: Annotated[Path | None, Option(help="Model file to compare with; by default the one inside the FMU.")] = None,
-    ramps: Annotated[
-        bool,
-        Option(help="Interpolate the FMU's inputs between samples; by default they are constant, as in the model."),
-    ] = False,
-    trust: Annotated[bool, Option(help="Run native code of an FMU that was not exported on this machine.")] = False,
-    parameters: Annotated[
-        Path | None,
-        Option(help="Parameter values for the FMU: an SSV file, as lptn fmu MODEL -o VALUES.ssv writes it."),
-    ] = None,
-    output: Outputs = None,
+    model: Path | None = None,
+    ramps: bool = False,
+    trust: bool = False,
+    parameters: Path | None = None,
+    output: Annotated[Path | None, options.WRITES] = None,
     details: options.Details = False,
     plot: options.Picture = None,
     json: options.Json = None,
@@ -47,6 +35,13 @@ def cosim(
     Example: lptn cosim leg.fmu friday.parquet -o outputs.csv --plot friday.png
 
     Example: lptn cosim motor.fmu friday.csv --map tau=torque.knee --map T_case=temperature.knee --trust
+
+    Args:
+        model: Model file to compare with; by default the one inside the FMU.
+        ramps: Interpolate the FMU's inputs between samples; by default they are constant, as in the model.
+        trust: Run native code of an FMU that was not exported on this machine.
+        parameters: Parameter values for the FMU: an SSV file, as lptn fmu MODEL -o VALUES.ssv writes it.
+        output: File for all outputs at the end of each step: .csv or .parquet.
     """
     options.needs_logs(logs)
     inputs = (fmu, *logs, *filter(None, (model, parameters)))

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
-
-from cyclopts import Parameter as Option
+from typing import Literal
 
 from lptn.cli import options
 
@@ -14,7 +12,7 @@ def export(
     model: Path,
     /,
     *,
-    to: Annotated[Literal["jax", "torch", "numpy", "c"], Option(help="What the module is made of.")],
+    to: Literal["jax", "torch", "numpy", "c"],
     output: options.Output,
     limit: options.NodeLimits = None,
     json: options.Json = None,
@@ -24,6 +22,9 @@ def export(
     The module needs neither lptn nor CasADi. Its docstring says names, units and how its functions are called.
 
     Example: lptn export fitted.toml --to jax --limit 80 -o heat.py
+
+    Args:
+        to: What the module is made of.
     """
     options.check_outputs(output, json, inputs=(model,))
     options.check_inputs(model)

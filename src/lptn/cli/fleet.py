@@ -8,8 +8,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from cyclopts import Parameter as Option
-
 from lptn import report as drawn
 from lptn.basics.errors import InputError
 from lptn.basics.words import FEW, count_of
@@ -19,14 +17,12 @@ if TYPE_CHECKING:
     from lptn.fleet import Fleet, FleetParameter
     from lptn.fleet.work import Outcome
 
-FleetFolder = Annotated[Path | None, Option(name=["--output", "-o"], help="Folder for models, records and a table.")]
-
 
 def fleet(
     model: Path,
     /,
     *robots: Path,
-    output: FleetFolder = None,
+    output: Annotated[Path | None, options.WRITES] = None,
     held: options.HeldOut = options.HELD_OUT,
     symmetry_penalty: options.SymmetryPenalty = 0.0,
     jobs: options.Jobs = 1,
@@ -43,6 +39,9 @@ def fleet(
     one line, and the exit status is 1.
 
     Example: lptn fleet leg.toml robots/*/ -o fleet --jobs 8 --plot fleet.pdf
+
+    Args:
+        output: Folder for models, records and a table.
     """
     options.needs_logs(robots)
     if held.holdout:

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, cast
-
-from cyclopts import Parameter as Option
+from typing import TYPE_CHECKING, cast
 
 from lptn.basics.errors import InputError
 from lptn.cli import options
@@ -16,63 +14,29 @@ if TYPE_CHECKING:
     from lptn.fmu.compile import Compiler
     from lptn.fmu.exporter import Exported
 
-Platforms = Annotated[
-    str | None,
-    Option(
-        help="Comma-separated: linux64, linux-aarch64, win64, darwin-x86_64, darwin-arm64; source for C code only. "
-        "By default this machine."
-    ),
-]
-Forecast = Annotated[
-    bool, Option(help="Add the time to each node's limit as an output; it depends on the whole model.")
-]
-Events = Annotated[
-    bool, Option(help="Crossing a limit is an event: outputs limit_crossed, and in FMI 3 event mode and clocks.")
-]
-Arrays = Annotated[bool, Option(help="Combine the variables of all joints into arrays, such as torque[12]; FMI 3.")]
-Reference = Annotated[
-    bool, Option(help="Include an experiment with reference results (FMI-LS-REF), to check an importer with.")
-]
-Admissible = Annotated[
-    bool,
-    Option(help="Add each joint's admissible torque within --limit for 10 s, 60 s, 300 s and for ever as outputs."),
-]
-CurrentLimit = Annotated[
-    list[str] | None, Option(help="With --admissible: limit in A, for all joints or as JOINT=30; may be repeated.")
-]
-Connect = Annotated[
-    list[str] | None,
-    Option(help="With -o SYSTEM.ssd or .ssp and FMUs: OUTPUT=INPUT, each FMU.VARIABLE; may be repeated."),
-]
-Casadi = Annotated[
-    bool, Option(help="Allow setting states and parameters in any mode, for CasADi's import; the standard forbids it.")
-]
-
 
 def fmu(
     model: Path,
     /,
     *others: Path,
     output: options.Output,
-    fmi: Annotated[int, Option(help="Version of the standard: 2 or 3.")] = 3,
-    platforms: Platforms = None,
-    solver: Annotated[str, Option(help="Solver of Co-Simulation: rk4, or ros2 for stiff networks.")] = "rk4",
-    step: Annotated[
-        float | None, Option(help="Longest inner step in s; by default chosen from the model's time constants.")
-    ] = None,
+    fmi: int = 3,
+    platforms: str | None = None,
+    solver: str = "rk4",
+    step: float | None = None,
     limit: options.NodeLimits = None,
-    forecast: Forecast = False,
-    events: Events = False,
-    admissible: Admissible = False,
-    current_limit: CurrentLimit = None,
-    arrays: Arrays = False,
-    reference: Reference = False,
-    casadi: Casadi = False,
-    author: Annotated[str | None, Option(help="Author of the model, as importers show it.")] = None,
-    copyright: Annotated[str | None, Option(help="Copyright of the model.")] = None,  # noqa: A002
-    license: Annotated[str | None, Option(help="License of the model.")] = None,  # noqa: A002
-    connect: Connect = None,
-    compiler: Annotated[str, Option(help="auto, zig or cc.")] = "auto",
+    forecast: bool = False,
+    events: bool = False,
+    admissible: bool = False,
+    current_limit: list[str] | None = None,
+    arrays: bool = False,
+    reference: bool = False,
+    casadi: bool = False,
+    author: str | None = None,
+    copyright: str | None = None,  # noqa: A002
+    license: str | None = None,  # noqa: A002
+    connect: list[str] | None = None,
+    compiler: str = "auto",
     json: options.Json = None,
 ) -> None:
     """Write a model as an FMU for other simulators.
@@ -85,6 +49,25 @@ def fmu(
     Example: lptn fmu fitted.toml -o fitted.ssv
 
     Example: lptn fmu motor.fmu body.fmu -o robot.ssd --connect motor.case.temperature=body.motor.temperature
+
+    Args:
+        fmi: Version of the standard: 2 or 3.
+        platforms: Comma-separated: linux64, linux-aarch64, win64, darwin-x86_64, darwin-arm64; source for C code only.
+            By default this machine.
+        solver: Solver of Co-Simulation: rk4, or ros2 for stiff networks.
+        step: Longest inner step in s; by default chosen from the model's time constants.
+        forecast: Add the time to each node's limit as an output; it depends on the whole model.
+        events: Crossing a limit is an event: outputs limit_crossed, and in FMI 3 event mode and clocks.
+        admissible: Add each joint's admissible torque within --limit for 10 s, 60 s, 300 s and for ever as outputs.
+        current_limit: With --admissible: limit in A, for all joints or as JOINT=30; may be repeated.
+        arrays: Combine the variables of all joints into arrays, such as torque[12]; FMI 3.
+        reference: Include an experiment with reference results (FMI-LS-REF), to check an importer with.
+        casadi: Allow setting states and parameters in any mode, for CasADi's import; the standard forbids it.
+        author: Author of the model, as importers show it.
+        copyright: Copyright of the model.
+        license: License of the model.
+        connect: With -o SYSTEM.ssd or .ssp and FMUs: OUTPUT=INPUT, each FMU.VARIABLE; may be repeated.
+        compiler: auto, zig or cc.
     """
     from lptn.cli.terminal import progress, write_json
     from lptn.fmu.exporter import export

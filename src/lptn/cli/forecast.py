@@ -22,17 +22,9 @@ def forecast(
     log: Path,
     /,
     *,
-    limit: Annotated[
-        list[str],
-        Option(help="Limit in degC for all joints, or NODE=degC, also for a pattern of nodes; may be repeated."),
-    ],
-    window: Annotated[
-        str,
-        Option(help="The load assumed to continue: steady (since the last change), cycles, or a number of seconds."),
-    ] = "steady",
-    cycles: Annotated[
-        int, Option(help="Number of gait cycles with --window cycles.", validator=validators.Number(gte=1))
-    ] = 10,
+    limit: list[str],
+    window: str = "steady",
+    cycles: Annotated[int, Option(validator=validators.Number(gte=1))] = 10,
     coverage: options.Coverage = 0.9,
     details: options.Details = False,
     json: options.Json = None,
@@ -44,6 +36,11 @@ def forecast(
     The robot is assumed to continue as at the end of the log.
 
     Example: lptn forecast fitted.toml now.parquet --limit 60
+
+    Args:
+        limit: Limit in degC for all joints, or NODE=degC, also for a pattern of nodes; may be repeated.
+        window: The load assumed to continue: steady (since the last change), cycles, or a number of seconds.
+        cycles: Number of gait cycles with --window cycles.
     """
     options.check_outputs(json, pictures=[plot], inputs=(model, log))
     limits, chosen = options.limits_of(limit, ""), _window(window)

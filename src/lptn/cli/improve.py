@@ -16,10 +16,6 @@ if TYPE_CHECKING:
     from lptn.diagnose.improvement import History
     from lptn.identify.data import DataSplit
 
-Steps = Annotated[
-    int, Option(help="Largest number of findings to add; structure is not counted.", validator=validators.Number(gte=0))
-]
-
 
 def improve(
     model: Path,
@@ -28,7 +24,7 @@ def improve(
     output: options.OptionalOutput = None,
     data: options.Data = options.DATA,
     test: options.Test = None,
-    steps: Steps = 6,
+    steps: Annotated[int, Option(validator=validators.Number(gte=0))] = 6,
     details: options.Details = False,
     json: options.Json = None,
     report: options.Report = None,
@@ -39,6 +35,9 @@ def improve(
     Prints the verdict, what was added, the errors, and what to do next.
 
     Example: lptn improve leg.toml monday.parquet --holdout friday.parquet -o better.toml --report story.html
+
+    Args:
+        steps: Largest number of findings to add; structure is not counted.
     """
     options.needs_logs(logs)
     options.check_outputs(output, json, report, inputs=(*logs, *(data.holdout or ()), *(test or ())))

@@ -51,12 +51,15 @@ app.meta.suppress_keyboard_interrupt = False
 @app.meta.default
 def _command_of(
     *words: Annotated[str, Option(show=False, allow_leading_hyphen=True)],
-    verbose: Annotated[bool, Option(name=["--verbose", "-v"], help="Also print what is being done.")] = False,
-    quiet: Annotated[
-        bool, Option(name=["--quiet", "-q"], help="Print only the answer, without progress, warnings and tables.")
-    ] = False,
+    verbose: Annotated[bool, Option(name=["--verbose", "-v"])] = False,
+    quiet: Annotated[bool, Option(name=["--quiet", "-q"])] = False,
 ) -> None:
-    """Run the command that words make."""
+    """Run the command that words make.
+
+    Args:
+        verbose: Also print what is being done.
+        quiet: Print only the answer, without progress, warnings and tables.
+    """
     if verbose and quiet:
         raise InputError("command line", "--verbose", "--quiet beside it", "one of the two")
     with library_log_shown(verbose, quiet):

@@ -19,30 +19,15 @@ if TYPE_CHECKING:
     from lptn.online.calibration import Calibration
     from lptn.online.monitoring import MonitoredRun
 
-Healthy = Annotated[
-    list[Path] | None,
-    Option(
-        help="Logs of the same kind without faults, preferably those that the model was fitted to.",
-        consume_multiple=True,
-    ),
-]
-
 
 def monitor(
     model: Path,
     /,
     *logs: Path,
-    threshold: Annotated[
-        float, Option(help="Threshold of the plain detector, in K.", validator=validators.Number(gt=0))
-    ] = 10.0,
-    healthy: Healthy = None,
-    false_alarms: Annotated[
-        float,
-        Option(help="Rate of false alarms of the statistical detector, per hour.", validator=validators.Number(gt=0)),
-    ] = 0.01,
-    calibration: Annotated[
-        Path | None, Option(help="Calibration file: written with --healthy, read without it.")
-    ] = None,
+    threshold: Annotated[float, Option(validator=validators.Number(gt=0))] = 10.0,
+    healthy: Annotated[list[Path] | None, Option(consume_multiple=True)] = None,
+    false_alarms: Annotated[float, Option(validator=validators.Number(gt=0))] = 0.01,
+    calibration: Path | None = None,
     details: options.Details = False,
     json: options.Json = None,
     plot: options.Picture = None,
@@ -55,6 +40,12 @@ def monitor(
     readings contradict is called a faulty input. Undecided: either a sensor or an input would explain the readings.
 
     Example: lptn monitor fitted.toml today.parquet --threshold 10 --healthy monday.parquet tuesday.parquet
+
+    Args:
+        threshold: Threshold of the plain detector, in K.
+        healthy: Logs of the same kind without faults, preferably those that the model was fitted to.
+        false_alarms: Rate of false alarms of the statistical detector, per hour.
+        calibration: Calibration file: written with --healthy, read without it.
     """
     options.needs_logs(logs)
     read, written = (None, calibration) if healthy else (calibration, None)

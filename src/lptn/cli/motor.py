@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
-
-from cyclopts import Parameter as Option
+from typing import Literal
 
 from lptn.cli import options
 
@@ -15,9 +13,7 @@ def motor(
     /,
     *,
     output: options.Beginning = None,
-    sample: Annotated[
-        Literal["inrunner", "outrunner"] | None, Option(help="Kind of the sample drawing (inrunner by default).")
-    ] = None,
+    sample: Literal["inrunner", "outrunner"] | None = None,
     json: options.Json = None,
 ) -> None:
     """Make a model file from a motor's drawing.
@@ -25,6 +21,9 @@ def motor(
     Without a drawing, write a sample drawing, to be filled with your motor's numbers.
 
     Example: lptn motor drawing.toml -o motor.toml
+
+    Args:
+        sample: Kind of the sample drawing (inrunner by default).
     """
     from lptn.basics.errors import InputError
     from lptn.basics.words import count_of

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
-
-from cyclopts import Parameter as Option
+from typing import Literal
 
 from lptn.cli import options
+
 
 Resistance = Literal["phase", "line_to_line", "delta"]
 Amperes = Literal["power_invariant", "amplitude", "rms", "block"]
@@ -17,11 +16,11 @@ def new(
     preset: str | None = None,
     /,
     *,
-    model: Annotated[str | None, Option(help="Variant of the preset, such as single-node.")] = None,
-    urdf: Annotated[Path | None, Option(help="URDF of the robot to make a model for.")] = None,
-    current: Annotated[bool, Option(help="With --urdf: the log has currents in place of torques.")] = False,
-    resistance_of: Annotated[Resistance | None, Option(help="With --urdf: what winding resistances are of.")] = None,
-    amperes: Annotated[Amperes | None, Option(help="With --urdf: what amperes are.")] = None,
+    model: str | None = None,
+    urdf: Path | None = None,
+    current: bool = False,
+    resistance_of: Resistance | None = None,
+    amperes: Amperes | None = None,
     output: options.Beginning = None,
 ) -> None:
     """Write a model file to begin with.
@@ -33,6 +32,13 @@ def new(
     Example: lptn new --urdf my_robot.urdf -o my_robot.toml
 
     Example: lptn new --urdf my_robot.urdf --current --resistance-of line_to_line --amperes rms -o my_robot.toml
+
+    Args:
+        model: Variant of the preset, such as single-node.
+        urdf: URDF of the robot to make a model for.
+        current: With --urdf: the log has currents in place of torques.
+        resistance_of: With --urdf: what winding resistances are of.
+        amperes: With --urdf: what amperes are.
     """
     from lptn.basics.errors import InputError
     from lptn.cli.terminal import show_table

@@ -21,12 +21,8 @@ def open(  # noqa: A001 - the command's name
     *logs: Path,
     data: options.Data = options.DATA,
     test: options.Test = None,
-    browser: Annotated[
-        bool, Option(help="Open the browser; otherwise only print the address.", negative="--no-browser")
-    ] = True,
-    port: Annotated[
-        int, Option(help="Port of the server; by default a free one.", validator=validators.Number(gte=0, lte=65535))
-    ] = 0,
+    browser: Annotated[bool, Option(negative="--no-browser")] = True,
+    port: Annotated[int, Option(validator=validators.Number(gte=0, lte=65535))] = 0,
 ) -> None:
     """Open the workbench in the browser.
 
@@ -36,6 +32,10 @@ def open(  # noqa: A001 - the command's name
     Without a model it offers a tour of two examples, five minutes each.
 
     Example: lptn open leg.toml monday.parquet --holdout friday.parquet
+
+    Args:
+        browser: Open the browser; otherwise only print the address.
+        port: Port of the server; by default a free one.
     """
     if model is None:
         if given := [word for word, value in (("--holdout", data.holdout), ("--test", test)) if value]:

@@ -27,18 +27,14 @@ if TYPE_CHECKING:
 # --- options -----------------------------------------------------------------------------------------------
 
 
-Output = Annotated[Path, Option(name=["--output", "-o"], help="File to write.")]
+WRITES = Option(name=["--output", "-o"])
+"""The names of what a command writes."""
+Output = Annotated[Path, WRITES, Option(help="File to write.")]
 PRINTED = Path("-")
 """In place of a file's name: standard output."""
-Beginning = Annotated[
-    Path | None,
-    Option(
-        name=["--output", "-o"],
-        help="File to write; by default named after its source, in this folder; - prints the text.",
-        allow_leading_hyphen=True,
-    ),
-]
-OptionalOutput = Annotated[Path | None, Option(name=["--output", "-o"], help="File to write the model to.")]
+_BESIDE = "File to write; by default named after its source, in this folder; - prints the text."
+Beginning = Annotated[Path | None, WRITES, Option(help=_BESIDE, allow_leading_hyphen=True)]
+OptionalOutput = Annotated[Path | None, WRITES, Option(help="File to write the model to.")]
 Json = Annotated[Path | None, Option(help="JSON file for the result.")]
 Report = Annotated[Path | None, Option(help="HTML report to write.")]
 HtmlReport = Annotated[Path | None, Option(help="HTML page to write, with zoomable charts.")]
@@ -50,10 +46,6 @@ Test = Annotated[
     list[Path] | None, Option(help="Test logs: only the final model predicts them.", consume_multiple=True)
 ]
 Jobs = Annotated[int, Option(help="Number of processes.", validator=validators.Number(gte=1))]
-Limits = Annotated[
-    list[str] | None,
-    Option(help="Limit in degC for all joints, or NODE=degC, also for a pattern of nodes; may be repeated."),
-]
 NodeLimits = Annotated[list[str] | None, Option(help="Limit in degC, for all nodes or as NODE=90; may be repeated.")]
 Coverage = Annotated[float, Option(help="Probability of the intervals.", validator=validators.Number(gt=0, lt=1))]
 
@@ -84,18 +76,15 @@ def _time_or_after(_type: object, tokens: Sequence[Token]) -> float | str:
 @Option(name="*")
 @dataclass(frozen=True)
 class Columns:
-    """How the columns of logs are read."""
+    """How the columns of logs are read.
 
-    map: Annotated[
-        list[str] | None,
-        Option(
-            help="Which column is a quantity: temperature.FR_calf=T3[degF]; may be repeated. guess: by similar names."
-        ),
-    ] = None
-    rate: Annotated[
-        float | None,
-        Option(help="Rows per second [Hz], for logs without a time column.", validator=validators.Number(gt=0)),
-    ] = None
+    Args:
+        map: Which column is a quantity: temperature.FR_calf=T3[degF]; may be repeated. guess: by similar names.
+        rate: Rows per second [Hz], for logs without a time column.
+    """
+
+    map: list[str] | None = None
+    rate: Annotated[float | None, Option(validator=validators.Number(gt=0))] = None
 
     @property
     def texts(self) -> list[str]:
@@ -106,47 +95,32 @@ class Columns:
 @Option(name="*")
 @dataclass(frozen=True)
 class HeldOut(Columns):
-    """What is held out of a fit."""
+    """What is held out of a fit.
 
-    holdout: Annotated[
-        list[Path] | None, Option(help="Held-out logs: no parameter is fitted to them.", consume_multiple=True)
-    ] = None
-    holdout_after: Annotated[
-        float | str | None,
-        Option(
-            help="Hold out the end of each fitted log, from this time in s; +300: from 300 s after its start.",
-            converter=_time_or_after,
-        ),
-    ] = None
+    Args:
+        holdout: Held-out logs: no parameter is fitted to them.
+        holdout_after: Hold out the end of each fitted log, from this time in s; +300: from 300 s after its start.
+    """
+
+    holdout: Annotated[list[Path] | None, Option(consume_multiple=True)] = None
+    holdout_after: Annotated[float | str | None, Option(converter=_time_or_after)] = None
 
 
 @Option(name="*")
 @dataclass(frozen=True)
 class Data(HeldOut):
-    """What is held out of a search, and how far its logs may be off."""
+    """What is held out of a search, and how far its logs may be off.
 
-    ambient_error: Annotated[
-        float | None,
-        Option(
-            help="Standard error of the ambient sensor in each run [K]; 0.3 by default, 0 if exact.",
-            validator=validators.Number(gte=0),
-        ),
-    ] = None
-    torque_error: Annotated[
-        float | None,
-        Option(
-            help="Relative standard error of torques or currents in each run; 0.015 by default, 0 if exact.",
-            validator=validators.Number(gte=0),
-        ),
-    ] = None
-    surface_error: Annotated[
-        float | None,
-        Option(
-            help="Relative standard error of a surface's heat loss in each run; 0.03 by default, "
-            "0 in still or logged air.",
-            validator=validators.Number(gte=0),
-        ),
-    ] = None
+    Args:
+        ambient_error: Standard error of the ambient sensor in each run [K]; 0.3 by default, 0 if exact.
+        torque_error: Relative standard error of torques or currents in each run; 0.015 by default, 0 if exact.
+        surface_error: Relative standard error of a surface's heat loss in each run;
+            0.03 by default, 0 in still or logged air.
+    """
+
+    ambient_error: Annotated[float | None, Option(validator=validators.Number(gte=0))] = None
+    torque_error: Annotated[float | None, Option(validator=validators.Number(gte=0))] = None
+    surface_error: Annotated[float | None, Option(validator=validators.Number(gte=0))] = None
 
     def opening(self, model: Path, logs: Sequence[Path], test: Sequence[Path] | None = None) -> Opening:
         """A model file with its logs and all this."""

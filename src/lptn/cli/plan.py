@@ -7,8 +7,6 @@ from math import ceil
 from pathlib import Path
 from typing import Annotated
 
-from cyclopts import Parameter as Option
-
 from lptn import report as drawn
 from lptn.cli import options
 
@@ -20,20 +18,22 @@ def plan(
     task: Path,
     /,
     *,
-    output: Annotated[
-        Path | None, Option(name=["--output", "-o"], help="Table to write the plan to: .csv or .parquet.")
-    ] = None,
+    output: Annotated[Path | None, options.WRITES] = None,
     details: options.Details = False,
     json: options.Json = None,
     plot: options.Picture = None,
     report: options.HtmlReport = None,
-    emit_c: Annotated[Path | None, Option(help="Folder for the controller step as C code for the robot.")] = None,
+    emit_c: Path | None = None,
 ) -> None:
     """Plan torque, speeds or loads within limits.
 
     A task file states what is planned, and the temperature limits.
 
     Example: lptn plan quadruped.toml track.toml -o plan.csv --json plan.json --plot plan.png
+
+    Args:
+        output: Table to write the plan to: .csv or .parquet.
+        emit_c: Folder for the controller step as C code for the robot.
     """
     from lptn.basics.tables import write_table
     from lptn.cli.terminal import progress, show_written, write_json

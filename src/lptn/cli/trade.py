@@ -10,13 +10,6 @@ from cyclopts import Parameter as Option
 from lptn import report as drawn
 from lptn.cli import options
 
-Result = Annotated[Path | None, Option(name=["--json", "--output", "-o"], help="JSON file for the result.")]
-Diagram = Annotated[
-    Path | None,
-    Option(
-        help="File for the torque-speed-time diagram: how long each torque can be held at each speed (PNG, SVG, PDF)."
-    ),
-]
 _BEST = 5  # choices in the answer; the details have all
 
 
@@ -25,9 +18,9 @@ def trade(
     /,
     *,
     details: options.Details = False,
-    json: Result = None,
+    json: Annotated[Path | None, Option(name=["--json", "--output", "-o"])] = None,
     plot: options.Picture = None,
-    diagram: Diagram = None,
+    diagram: Path | None = None,
     report: options.HtmlReport = None,
 ) -> None:
     """Solve a trade study of motor, gear and cooling.
@@ -35,6 +28,10 @@ def trade(
     Best designs, what limits them, the Pareto front, sensitivities.
 
     Example: lptn trade u8.toml --json result.json --plot study.png
+
+    Args:
+        json: JSON file for the result.
+        diagram: File for the torque-speed-time diagram: how long each torque can be held at each speed (PNG, SVG, PDF).
     """
     from lptn.cli.terminal import progress, show_table, show_written, write_json
     from lptn.planners.trade import load_study, solve_study

@@ -25,34 +25,13 @@ def watch(
     source: Annotated[str, Option(allow_leading_hyphen=True)],
     /,
     *,
-    to: Annotated[
-        list[str] | None,
-        Option(
-            help="Where results go: terminal (default), json, json:FILE, prometheus, foxglove, the last two also with "
-            "://HOST:PORT; may be repeated.",
-            consume_multiple=True,
-        ),
-    ] = None,
-    limit: options.Limits = None,
-    replay: Annotated[
-        float | None,
-        Option(
-            help="Replay the log at so many times its speed; 0: as fast as possible.",
-            validator=validators.Number(gte=0),
-        ),
-    ] = None,
-    state: Annotated[Path | None, Option(help="File to save the state in each minute, and to go on from.")] = None,
-    every: Annotated[
-        float,
-        Option(
-            help="Least time between forecasts [s]; live, they take 5 % of a core at most.",
-            validator=validators.Number(gt=0),
-        ),
-    ] = 30.0,
+    to: Annotated[list[str] | None, Option(consume_multiple=True)] = None,
+    limit: list[str] | None = None,
+    replay: Annotated[float | None, Option(validator=validators.Number(gte=0))] = None,
+    state: Path | None = None,
+    every: Annotated[float, Option(validator=validators.Number(gt=0))] = 30.0,
     coverage: options.Coverage = 0.9,
-    calibration: Annotated[
-        Path | None, Option(help="Calibration file of lptn monitor, learnt from healthy logs.")
-    ] = None,
+    calibration: Path | None = None,
     json: options.Json = None,
     columns: options.Columns = options.COLUMNS,
 ) -> None:
@@ -64,6 +43,15 @@ def watch(
     saves its state.
 
     Example: lptn watch fitted.toml udp://:9870 --limit 60 --to terminal prometheus
+
+    Args:
+        to: Where results go: terminal (default), json, json:FILE, prometheus, foxglove,
+            the last two also with ://HOST:PORT; may be repeated.
+        limit: Limit in degC for all joints, or NODE=degC, also for a pattern of nodes; may be repeated.
+        replay: Replay the log at so many times its speed; 0: as fast as possible.
+        state: File to save the state in each minute, and to go on from.
+        every: Least time between forecasts [s]; live, they take 5 % of a core at most.
+        calibration: Calibration file of lptn monitor, learnt from healthy logs.
     """
     lines = [Path(text.removeprefix("json:")) for text in to or () if text.startswith("json:")]
     options.check_outputs(json, state, *lines, inputs=(model, Path(source), *filter(None, [calibration])))
