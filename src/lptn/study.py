@@ -604,8 +604,7 @@ class Study:
         Returns:
             SVG, which a notebook shows; without a run, of the network alone.
         """
-        from lptn.report.network_course import hottest_moment
-        from lptn.report.network_drawing import draw_network
+        from lptn.report.network_drawing import draw_network, hottest_moment
 
         return hottest_moment(self.compare())[0] if self.runs else draw_network(self.model)
 

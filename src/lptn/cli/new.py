@@ -7,7 +7,6 @@ from typing import Literal
 
 from lptn.cli import options
 
-
 Resistance = Literal["phase", "line_to_line", "delta"]
 Amperes = Literal["power_invariant", "amplitude", "rms", "block"]
 

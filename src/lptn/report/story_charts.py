@@ -17,7 +17,7 @@ from lptn.identify.comparison import Comparison, Prediction
 from lptn.report.charts import POINTS, ChartPanel, Charts, Line, View, sizes_in_words
 from lptn.report.comparison_figures import NAMES
 from lptn.report.document import Picture
-from lptn.report.network_course import hottest_moment
+from lptn.report.network_drawing import hottest_moment
 from lptn.report.shown import NOISE_BAND, ONE_SIDED
 from lptn.report.text import kelvin, signed_kelvin, significant
 

@@ -13,7 +13,7 @@ from lptn.diagnose.evidence import FirstOrder
 from lptn.diagnose.unexplained_heat import UnexplainedHeat
 from lptn.identify.comparison import Prediction
 from lptn.identify.data import Segment
-from lptn.report.network_course import NetworkCourse
+from lptn.report.network_drawing import NetworkCourse
 from lptn.study import Study
 from lptn.workbench.lines import RunLines
 from lptn.workbench.orders import Add, Back, Cut, Keep, Order, Plain, Set, Try

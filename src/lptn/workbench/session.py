@@ -17,7 +17,7 @@ import platformdirs
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.basics.files import finite, held
-from lptn.report.network_course import NetworkCourse
+from lptn.report.network_drawing import NetworkCourse
 from lptn.report.text import for_people
 from lptn.workbench.bench import News
 from lptn.workbench.calculation import work
