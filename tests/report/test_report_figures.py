@@ -11,7 +11,6 @@ from types import SimpleNamespace
 from typing import Any
 
 import matplotlib
-import numpy as np
 import pytest
 from matplotlib import pyplot
 from matplotlib.axes import Axes

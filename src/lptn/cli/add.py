@@ -9,6 +9,7 @@ from cyclopts import Parameter as Option
 
 from lptn.basics.errors import InputError
 from lptn.cli import options
+from lptn.cli.terminal import show_written
 
 
 def add(
@@ -38,7 +39,6 @@ def add(
         if "=" not in text:
             raise InputError("command line", "--set", f"'{text}'", "NAME=VALUE, such as input=velocity")
     options.check_inputs(model)
-    from lptn.cli.terminal import show_written
     from lptn.model.file import added, read_model_file
 
     settings = {name: value for name, _, value in (text.partition("=") for text in set or ())}

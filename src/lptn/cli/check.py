@@ -12,6 +12,7 @@ from lptn import report
 from lptn.basics.errors import InputError
 from lptn.basics.words import FEW, count_of, few
 from lptn.cli import options
+from lptn.cli.terminal import progress, show_table, write_json
 
 if TYPE_CHECKING:
     from lptn.basics.arrays import FloatArray
@@ -49,7 +50,6 @@ def check(
     """
     options.check_outputs(json, drawings=[drawing], inputs=(model, *logs))
     options.check_inputs(model, *logs)
-    from lptn.cli.terminal import progress, write_json
     from lptn.diagnose.excitation import excitation, identifiability
     from lptn.identify.data import GUESS, load_model, warn_of_absent_runs
     from lptn.report.narrative import logs_narrative
@@ -345,7 +345,6 @@ def _show_nodes(model: Model, bound_runs: Sequence[BoundRun]) -> None:
     """Each node's temperatures over all runs."""
     import numpy as np
 
-    from lptn.cli.terminal import show_table
     from lptn.identify.noise import estimate_noise
 
     noise = estimate_noise(bound_runs, model.nodes)

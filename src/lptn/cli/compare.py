@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from lptn import report as drawn
 from lptn.cli import options
+from lptn.cli.terminal import is_quiet, progress, show_table, write_json
 
 if TYPE_CHECKING:
     from lptn.identify.comparison import Comparison, Versus
@@ -40,7 +41,6 @@ def compare(
         json, report, pictures=[plot], inputs=(model, *logs, *(() if against is None else (against,)))
     )
     options.check_inputs(model, *logs)
-    from lptn.cli.terminal import is_quiet, progress, show_table, write_json
     from lptn.identify.comparison import Versus
     from lptn.study import Study
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 from lptn.basics.errors import InputError
 from lptn.basics.tables import write_table
 from lptn.cli import options
+from lptn.cli.terminal import progress, show_table, write_json
 
 if TYPE_CHECKING:
     from lptn.fmu.cosim import Cosimulation
@@ -48,7 +49,6 @@ def cosim(
     options.check_outputs(json, tables=[output], pictures=[plot], inputs=inputs)
     import pandas as pd
 
-    from lptn.cli.terminal import progress, write_json
     from lptn.fmu.cosim import cosimulate
     from lptn.fmu.session import FmuError
 
@@ -71,7 +71,6 @@ def cosim(
 
 def _show_cosimulation(done: Cosimulation, details: bool) -> None:
     """Errors of the FMU by run and node, in the answer the largest first, and its speed."""
-    from lptn.cli.terminal import show_table
     from lptn.report.tables import error_cells
 
     rows: list[tuple[float, list[str]]] = []

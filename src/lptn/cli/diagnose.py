@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from lptn import report
 from lptn.basics.words import few
 from lptn.cli import options
+from lptn.cli.terminal import is_quiet, progress, show_table, write_json
 
 if TYPE_CHECKING:
     from lptn.diagnose.advice import Advice
@@ -34,7 +35,6 @@ def diagnose(
     options.needs_logs(logs)
     options.check_outputs(json, pictures=[plot], inputs=(model, *logs, *(data.holdout or ())))
     options.check_inputs(model, *logs, *(data.holdout or ()))
-    from lptn.cli.terminal import is_quiet, progress, write_json
     from lptn.report.sentences import Narrative
 
     with progress("reading"), options.executor_of(jobs) as executor:
@@ -58,7 +58,6 @@ IN_TABLE = ("Findings", "Best candidates", "Structure")
 
 def show_answers(diagnosis: Diagnosis) -> None:
     """A table of what is missing, by the names that `lptn add` takes; without answers, how probable none is."""
-    from lptn.cli.terminal import show_table
     from lptn.diagnose.answers import NOTHING
     from lptn.report.text import named, percent, size_text
 
@@ -89,7 +88,6 @@ _MOST_SEGMENTS = 8  # of unexplained heat, on the terminal
 
 def show_advice(advice: Advice) -> None:
     """What to do next, and every segment in which heat is unexplained."""
-    from lptn.cli.terminal import show_table
     from lptn.report.tables import stretch_table
     from lptn.report.text import for_people
 

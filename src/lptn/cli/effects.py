@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from lptn.cli import options
+from lptn.cli.terminal import write_json
 
 
 def effects(key: str | None = None, /, *, details: options.Details = False, json: options.Json = None) -> None:
@@ -11,7 +12,6 @@ def effects(key: str | None = None, /, *, details: options.Details = False, json
     Example: lptn effects forced_convection
     """
     from lptn.cli.catalogue import catalogue_json, show_effects
-    from lptn.cli.terminal import write_json
 
     options.check_outputs(json)
     show_effects(key, details)

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Literal
 
 from lptn.cli import options
+from lptn.cli.terminal import show_written, write_json
 
 
 def export(
@@ -29,7 +30,6 @@ def export(
     options.check_outputs(output, json, inputs=(model,))
     options.check_inputs(model)
     from lptn.batch import export as write
-    from lptn.cli.terminal import show_written, write_json
     from lptn.identify.data import load_model
 
     loaded = load_model(model).model

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from lptn.basics.errors import InputError
 from lptn.basics.words import FEW
 from lptn.cli import options
+from lptn.cli.terminal import is_quiet, progress, show_table, show_written, write_json
 
 if TYPE_CHECKING:
     from lptn.identify.fitting import Checkpoint
@@ -34,7 +35,6 @@ def fit(
     options.check_outputs(output, json, inputs=(*logs, *holdout))
     options.check_outputs(json, inputs=(model,))  # only the fitted model may take its place
     options.check_inputs(model, *logs, *holdout)
-    from lptn.cli.terminal import is_quiet, progress, show_table, show_written, write_json
     from lptn.identify.fitting import Checkpoint, fingerprint_of
     from lptn.report.narrative import fit_narrative
     from lptn.report.tables import parameter_table

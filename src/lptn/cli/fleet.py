@@ -12,6 +12,7 @@ from lptn import report as drawn
 from lptn.basics.errors import InputError
 from lptn.basics.words import FEW, count_of
 from lptn.cli import options
+from lptn.cli.terminal import complain, progress, show_table, write_json
 
 if TYPE_CHECKING:
     from lptn.fleet import Fleet, FleetParameter
@@ -47,7 +48,6 @@ def fleet(
     if held.holdout:
         raise InputError("command line", "--holdout", "logs", "--holdout-after: of each robot's own logs")
     folder = _folder(output)
-    from lptn.cli.terminal import complain, progress, write_json
     from lptn.fleet.fleet import fit_each, write_tables
     from lptn.fleet.robots import by_day, robots_of
     from lptn.identify.data import load_model
@@ -97,8 +97,6 @@ def _folder(output: Path | None) -> Path:
 
 def _show(fleet: Fleet, folder: Path, details: bool) -> None:
     """Robots that stand apart or drift, each parameter over the fleet, warnings, and one line that counts."""
-    from lptn.cli.terminal import show_table
-
     most = None if details else FEW
     robots = {robot.of for robot in fleet.robots.values()}
     days = {robot.day for robot in fleet.robots.values() if robot.day}

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, cast
 
 from lptn.basics.errors import InputError
 from lptn.cli import options
+from lptn.cli.terminal import progress, write_json
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -69,7 +70,6 @@ def fmu(
         connect: With -o SYSTEM.ssd or .ssp and FMUs: OUTPUT=INPUT, each FMU.VARIABLE; may be repeated.
         compiler: auto, zig or cc.
     """
-    from lptn.cli.terminal import progress, write_json
     from lptn.fmu.exporter import export
 
     options.check_outputs(output, json)

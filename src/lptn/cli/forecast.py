@@ -12,6 +12,7 @@ from cyclopts import validators
 from lptn import report
 from lptn.basics.errors import InputError
 from lptn.cli import options
+from lptn.cli.terminal import is_quiet, progress, show_table, write_json
 
 if TYPE_CHECKING:
     from lptn.online.operating_point import WindowChoice
@@ -45,7 +46,6 @@ def forecast(
     options.check_outputs(json, pictures=[plot], inputs=(model, log))
     limits, chosen = options.limits_of(limit, ""), _window(window)
     options.check_inputs(model, log)
-    from lptn.cli.terminal import is_quiet, progress, show_table, write_json
     from lptn.report.tables import forecast_table
     from lptn.study import Study
 

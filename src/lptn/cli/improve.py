@@ -10,6 +10,7 @@ from cyclopts import validators
 
 from lptn.cli import options
 from lptn.cli.diagnose import show_advice
+from lptn.cli.terminal import progress, show_table, show_written, write_json
 
 if TYPE_CHECKING:
     from lptn.diagnose.advice import Advice
@@ -43,8 +44,6 @@ def improve(
     options.check_outputs(output, json, report, inputs=(*logs, *(data.holdout or ()), *(test or ())))
     options.check_outputs(json, report, inputs=(model,))  # only the better model may take its place
     options.check_inputs(model, *logs, *(data.holdout or ()), *(test or ()))
-    from lptn.cli.terminal import progress, show_written, write_json
-
     with progress("reading"), options.executor_of(jobs) as executor:
         study = data.opening(model, logs, test).study(executor)
         study.improve(steps)
@@ -62,7 +61,6 @@ def improve(
 
 def show_details(history: History, data: DataSplit, advice: Advice) -> None:
     """The table of steps, what stands behind it, what the fit warns of, and all advice."""
-    from lptn.cli.terminal import show_table
     from lptn.report.narrative import details
     from lptn.report.tables import history_table
 

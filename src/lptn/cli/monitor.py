@@ -12,6 +12,7 @@ from cyclopts import validators
 from lptn import report as drawn
 from lptn.basics.errors import InputError
 from lptn.cli import options
+from lptn.cli.terminal import is_quiet, progress, show_table, write_json
 
 if TYPE_CHECKING:
     from lptn.logs.run import Run
@@ -52,7 +53,6 @@ def monitor(
     inputs = (model, *logs, *(healthy or ()), *(() if read is None else (read,)))
     options.check_outputs(json, written, pictures=[plot], inputs=inputs)
     options.check_inputs(model, *logs, *(healthy or ()))
-    from lptn.cli.terminal import is_quiet, progress, show_table, write_json
     from lptn.identify.data import load_model
     from lptn.online.monitoring import monitor as watch
     from lptn.report.narrative import monitoring_narrative

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Literal
 
 from lptn.cli import options
+from lptn.cli.terminal import write_json
 
 
 def motor(
@@ -27,7 +28,6 @@ def motor(
     """
     from lptn.basics.errors import InputError
     from lptn.basics.words import count_of
-    from lptn.cli.terminal import write_json
     from lptn.model.file import parse_model
     from lptn.model.model import Model
     from lptn.robots import motor_drawing as drawings

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Literal
 
 from lptn.cli import options
+from lptn.cli.terminal import show_table
 
 Resistance = Literal["phase", "line_to_line", "delta"]
 Amperes = Literal["power_invariant", "amplitude", "rms", "block"]
@@ -40,7 +41,6 @@ def new(
         amperes: With --urdf: what amperes are.
     """
     from lptn.basics.errors import InputError
-    from lptn.cli.terminal import show_table
     from lptn.robots.presets import PRESETS, preset_text
 
     words = {"resistance_of": resistance_of, "amperes": amperes, "input": "current" if current else None}

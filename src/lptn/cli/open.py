@@ -13,6 +13,7 @@ from cyclopts import validators
 
 from lptn.basics.errors import InputError
 from lptn.cli import options
+from lptn.cli.terminal import progress
 
 
 def open(  # noqa: A001 - the command's name
@@ -43,7 +44,6 @@ def open(  # noqa: A001 - the command's name
     else:
         options.needs_logs(logs)
         options.check_inputs(model, *logs, *(data.holdout or ()), *(test or ()))
-    from lptn.cli.terminal import progress
     from lptn.workbench.server import serve
     from lptn.workbench.session import WorkbenchSession
 

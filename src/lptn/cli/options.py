@@ -18,6 +18,7 @@ from cyclopts import Token, validators
 
 from lptn.basics.errors import MODEL_FILE, InputError
 from lptn.basics.files import PICTURES, TABLES, check_ending, real_path, text_of, write_whole
+from lptn.cli.terminal import print_file, show_written
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -255,8 +256,6 @@ def write_beginning(path: Path, text: str, what: str, next_: str, *, edited: boo
     Raises:
         InputError: an edited file is there and says something else, or it can't be written.
     """
-    from lptn.cli.terminal import print_file, show_written
-
     if path == PRINTED:
         print_file(text)
         return

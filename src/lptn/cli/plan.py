@@ -9,6 +9,7 @@ from typing import Annotated
 
 from lptn import report as drawn
 from lptn.cli import options
+from lptn.cli.terminal import progress, show_written, write_json
 
 _LINES, _COLUMNS = 14, 80  # of a plan in the answer; the details and the table have all
 
@@ -36,7 +37,6 @@ def plan(
         emit_c: Folder for the controller step as C code for the robot.
     """
     from lptn.basics.tables import write_table
-    from lptn.cli.terminal import progress, show_written, write_json
     from lptn.identify.data import load_model
     from lptn.planners.tasks import check_folder, kind_of, load_task
 

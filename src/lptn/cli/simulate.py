@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from lptn.cli import options
+from lptn.cli.terminal import progress, show_written, write_json
 
 
 def simulate(
@@ -24,7 +25,6 @@ def simulate(
     """
     options.check_outputs(json, tables=[output], inputs=(model, log))
     options.check_inputs(model, log)
-    from lptn.cli.terminal import progress, show_written, write_json
     from lptn.identify.comparison import write_predictions
     from lptn.study import Study
 

@@ -9,6 +9,7 @@ from cyclopts import Parameter as Option
 
 from lptn import report as drawn
 from lptn.cli import options
+from lptn.cli.terminal import progress, show_table, show_written, write_json
 
 _BEST = 5  # choices in the answer; the details have all
 
@@ -33,7 +34,6 @@ def trade(
         json: JSON file for the result.
         diagram: File for the torque-speed-time diagram: how long each torque can be held at each speed (PNG, SVG, PDF).
     """
-    from lptn.cli.terminal import progress, show_table, show_written, write_json
     from lptn.planners.trade import load_study, solve_study
     from lptn.planners.trade.answer import as_json, headline, remarks, summary, table
     from lptn.report.text import for_people

@@ -12,6 +12,7 @@ from cyclopts import Parameter as Option
 from cyclopts import validators
 
 from lptn.cli import options
+from lptn.cli.terminal import is_quiet, out, write_json
 
 if TYPE_CHECKING:
     from rich.live import Live
@@ -57,7 +58,6 @@ def watch(
     options.check_outputs(json, state, *lines, inputs=(model, Path(source), *filter(None, [calibration])))
     limits = options.limits_of(limit, "")
     options.check_inputs(model)
-    from lptn.cli.terminal import is_quiet, write_json
     from lptn.identify.data import load_model
     from lptn.live.addresses import sink_of, source_of
     from lptn.live.watch import Watch
@@ -83,8 +83,6 @@ class Terminal:
     """A table that is redrawn, or plain lines where there is no terminal."""
 
     def __init__(self) -> None:
-        from lptn.cli.terminal import out
-
         self._live: Live | None = None
         self._drawn = -_LINE
         self._events = list[str]()
