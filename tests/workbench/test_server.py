@@ -116,10 +116,10 @@ def test_every_answer_lets_a_page_load_from_here_alone(stranger: TestClient) -> 
 
 def test_the_page_and_all_that_it_names_is_there(browser: TestClient) -> None:
     page = browser.get("/").text
-    for name in ("/uPlot.css", "/style.css", "/page.js"):
+    for name in ("/uplot/uPlot.css", "/style.css", "/page.js"):
         assert name in page
         assert browser.get(name).status_code == 200
-    for name in ("/sections.js", "/plots.js", "/uPlot.js"):
+    for name in ("/sections.js", "/plots.js", "/uplot/uPlot.esm.js"):
         assert browser.get(name).headers["content-type"].startswith("text/javascript")
     assert browser.get("/../pyproject.toml").status_code == 404
 

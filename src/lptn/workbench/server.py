@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import asyncio
 import json
+import mimetypes
 import secrets
 import socket
 import tempfile
 import threading
 from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import asdict
-from importlib.resources import files
 from pathlib import Path
 from typing import Any, TypeVar, get_origin
 
@@ -25,7 +25,8 @@ from starlette.concurrency import run_in_threadpool
 from starlette.middleware import Middleware
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response
-from starlette.routing import Route
+from starlette.routing import BaseRoute, Mount, Route
+from starlette.staticfiles import StaticFiles
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from lptn.basics.arrays import FloatArray
@@ -41,19 +42,11 @@ from lptn.workbench.special import Special
 
 _LARGEST_ORDER = Bound(10_000, "bytes")  # an order is a sentence
 _PATIENCE = 20.0  # s in which a request has come whole; on one machine that takes milliseconds
-_PAGE = {
-    "": ("index.html", "text/html"),
-    "colours.css": ("colours.css", "text/css"),
-    "style.css": ("style.css", "text/css"),
-    "page.js": ("page.js", "text/javascript"),
-    "sections.js": ("sections.js", "text/javascript"),
-    "plots.js": ("plots.js", "text/javascript"),
-    "network.js": ("network.js", "text/javascript"),
-    "residuals.js": ("residuals.js", "text/javascript"),
-    "tour.js": ("tour.js", "text/javascript"),
-    "uPlot.js": ("uplot/uPlot.esm.js", "text/javascript"),
-    "uPlot.css": ("uplot/uPlot.css", "text/css"),
-}
+_PAGE: list[str | tuple[str, str]] = [
+    ("lptn.workbench", "page"),
+    ("lptn.report", "page"),
+]  # what reports are drawn with, too, is theirs
+mimetypes.add_type("text/javascript", ".js")  # whatever the machine says, a browser runs nothing else as a module
 _RESULTS = {"story.html": "text/html", "model.fmu": "application/octet-stream"}
 
 
@@ -66,9 +59,8 @@ def application(session: WorkbenchSession, port: int, *tokens: str) -> Starlette
         tokens: secrets in addresses, each of which lets in once.
     """
     site = _Site(session)
-    routes = [Route(f"/{name}", _page) for name in _PAGE]
-    routes += [
-        Route("/favicon.ico", _nothing),  # browsers ask for it unasked
+    routes: list[BaseRoute] = [
+        Route("/favicon.ico", lambda _: Response(status_code=204)),  # browsers ask for it unasked
         Route("/state", site.state),
         Route("/lines", _answering(LinesAsked, session.lines, _as_bytes)),
         Route("/special", _answering(SpecialAsked, session.special, _as_json)),
@@ -78,19 +70,9 @@ def application(session: WorkbenchSession, port: int, *tokens: str) -> Starlette
         Route("/stop", site.stop, methods=["POST"]),
         Route("/result/{name}", site.result),
         Route("/model", site.model),
+        Mount("/", StaticFiles(packages=_PAGE, html=True)),
     ]
     return Starlette(routes=routes, middleware=[Middleware(Gate, port=port, tokens=tokens)])
-
-
-async def _page(request: Request) -> Response:
-    name, kind = _PAGE[request.url.path.removeprefix("/")]
-    # What reports are drawn with, too, is theirs.
-    room = "lptn.report" if name.startswith(("uplot/", "colours")) else "lptn.workbench"
-    return Response(files(room).joinpath("page", name).read_bytes(), media_type=kind)
-
-
-async def _nothing(_: Request) -> Response:
-    return Response(status_code=204)
 
 
 Asked = TypeVar("Asked", bound=BaseModel)

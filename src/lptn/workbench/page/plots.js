@@ -1,6 +1,6 @@
 // Time plots: drag to zoom, hover to read. Lines come from the server for the window that is shown, thinned to its width.
 
-import uPlot from "/uPlot.js";
+import uPlot from "/uplot/uPlot.esm.js";
 import { h, kelvin, placed, triable } from "/sections.js";
 
 const GRID = [1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1200, 1800, 3600, 7200, 14400, 28800, 86400];  // s between ticks
