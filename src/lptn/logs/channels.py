@@ -14,7 +14,7 @@ from lptn.basics.arrays import BoolArray, FloatArray, IntArray
 from lptn.logs.clock import counted_from, stretch_in_words
 from lptn.logs.columns import AMBIENT, HEATS, ColumnSource, as_line_or_option, place_of, quantity_of
 from lptn.logs.issue import Issue
-from lptn.logs.resampling import means_of_blocks
+from lptn.logs.resampling import means_of_blocks, means_of_windows
 
 # --- Stretches of rows ----------------------------------------------------------------------------
 
@@ -297,9 +297,8 @@ class Channels:
     def _between(self, key: tuple[str, ...], values: FloatArray) -> FloatArray:
         """Of each row the mean over a block's length from there on, of these the mean over each block, but the last."""
         if key not in self.known_means:
-            onwards = pd.Series(values).rolling(self.block, min_periods=1).mean().to_numpy()[self.block - 1 :]
-            count = values.size // self.block - 1
-            self.known_means[key] = means_of_blocks(onwards[: count * self.block], self.block)
+            onwards = means_of_windows(values, self.block)[: self.block * (values.size // self.block - 1)]
+            self.known_means[key] = means_of_blocks(onwards, self.block)
         return self.known_means[key]
 
     def _borne(self, load: str) -> FloatArray:

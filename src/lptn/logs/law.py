@@ -16,6 +16,8 @@ as warm ones do, or stay as parts at rest under a sensor with an offset.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -38,7 +40,8 @@ _FAR = 2.0  # standard deviations, from which on what is off counts by its size 
 _REWEIGHTED = 3  # least squares whose weights make them least absolute errors: a fall is far off, and rare
 
 
-class Warming(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Warming:
     """A part's warming beside what makes it.
 
     Args:
@@ -68,46 +71,47 @@ class Warming(NamedTuple):
         The law is that of the steps `used`, (m,), as most of them say, whatever a few that are far off say.
         """
         used = np.ones(self.moved.size, dtype=bool) if used is None else used
-        columns = self.design * self.likely
-        own, moved = columns[used], self.moved[used]
-        kept, weights, noise = np.flatnonzero(self.likely), np.ones(moved.size), _NOISE
+        columns, noise = self.design * self.likely, _NOISE
+        weights, prior = np.ones(np.count_nonzero(used)), np.eye(self.likely.size)
         for _ in range(_REWEIGHTED):
-            weighted = own.T * weights
-            normal, right = weighted @ own + noise**2 * np.eye(self.likely.size), weighted @ moved
-            while True:
-                found = np.linalg.solve(normal[np.ix_(kept, kept)], right[kept])
-                below = np.where(self.signed[kept], 0.0, found)
-                if below.min(initial=0.0) >= 0:
-                    break
-                kept = np.delete(kept, below.argmin())
-            off = self.moved - columns[:, kept] @ found
+            weighted = columns[used].T * weights
+            inverse = np.linalg.inv(weighted @ columns[used] + noise**2 * prior)
+            found = inverse @ (weighted @ self.moved[used])
+            while (below := np.where(self.signed, 0.0, found)).min() < 0:
+                worst = int(below.argmin())  # is taken out, and stays out
+                shares, columns[:, worst] = inverse[:, worst] / inverse[worst, worst], 0.0
+                found, inverse = found - shares * found[worst], inverse - np.outer(shares, inverse[worst])
+            off = self.moved - columns @ found
             noise = max(MAD_TO_SIGMA * float(np.median(np.abs(off[used]))), _LEAST)
             weights = 1 / np.maximum(np.abs(off[used]) / (_FAR * noise), 1.0)
-        coefficients = np.zeros(self.likely.size)
-        coefficients[kept] = found * self.likely[kept]
-        return coefficients, off
+        return found * self.likely, off
+
+    @cached_property
+    def off(self) -> FloatArray:
+        """What a part moves otherwise than by the law of all steps in each [K], (m,)."""
+        return self.fitted()[1]
 
     @property
     def error(self) -> float:
-        """The mean size of what a part moves otherwise than by its law in a step [K]."""
-        return float(np.mean(np.abs(self.fitted()[1])))
+        """The mean size of that [K]."""
+        return float(np.mean(np.abs(self.off)))
 
     def without(self, column: int) -> Warming:
         """The same law without one of its terms."""
-        return self._replace(likely=np.where(np.arange(self.likely.size) == column, 0.0, self.likely))
+        return replace(self, likely=np.where(np.arange(self.likely.size) == column, 0.0, self.likely))
 
     def apart(self, terms: Sequence[int], stretch: BoolArray) -> Warming:
         """The same law, some of whose terms are others in a stretch, (m,): it has its columns of them at the end."""
         design = np.column_stack([self.design, self.design[:, terms] * stretch[:, None]])
         design[:, terms] *= ~stretch[:, None]
         likely, signed = np.append(self.likely, self.likely[terms]), np.append(self.signed, self.signed[terms])
-        return self._replace(design=design, likely=likely, signed=signed)
+        return replace(self, design=design, likely=likely, signed=signed)
 
     def over(self, steps: int) -> Warming:
         """The same of so many steps at a time, where they follow each other, and without a constant heat."""
         first = np.flatnonzero(self.rows[steps - 1 :] - self.rows[: 1 - steps] == steps - 1)
         moved, design = (sliding_window_view(x, steps, axis=0).sum(axis=-1)[first] for x in (self.moved, self.design))
-        return self._replace(rows=self.rows[first], moved=moved, design=design).without(self.other)
+        return replace(self, rows=self.rows[first], moved=moved, design=design).without(self.other)
 
 
 def warming(log: Channels, key: str, load: str) -> Warming | None:
@@ -159,7 +163,7 @@ def rest_evidence(log: Channels, warm: Mapping[str, float], *, all_warm: bool) -
     passive = [key for key in log.sensors if key != log.air and not has_own_heat(place_of(key))]
     for key in passive if log.loads and not warm.keys().isdisjoint(passive) else ():
         laws = [warming(told, key, log.load_of(place_of(key))) for told in (log, shifted)]
-        off = [law.over(_WINDOW).fitted()[1] for law in laws if law]
+        off = [law.over(_WINDOW).off for law in laws if law]
         if len(off) == 2:
             noise = min(MAD_TO_SIGMA * float(np.median(np.abs(one))) for one in off)
             sizes = [np.abs(one) / max(noise, _ROUNDING * log.sensors[key].step, _NOISE) for one in off]
@@ -379,7 +383,7 @@ def changed(law: Warming, own: Sequence[int], like: Change | None = None) -> Cha
     `None` of short ones alone.
     """
     steps, best, tried = np.arange(law.moved.size), None, set[tuple[int, int]]()
-    sizes, course = np.abs(law.design[:, own[0]]), law.fitted()[1] * law.design[:, own[0]]
+    sizes, course = np.abs(law.design[:, own[0]]), law.off * law.design[:, own[0]]
     course -= course.sum() * sizes / sizes.sum()
     other = [np.where((like.begin <= steps) & (steps < like.end), 1.0, -1.0)] if like else []
     for more in (course, -course, *other):

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+import pandas as pd
 
 from lptn.basics.arrays import FloatArray, IntArray
 from lptn.logs.channels import quantisation_step
@@ -67,10 +68,8 @@ def _between(readings: FloatArray, mean_of: float) -> FloatArray:
         lines = readings[:-1, None] + np.diff(readings)[:, None] * np.arange(_FINER) / _FINER
         lines[:, 0] = readings[:-1]
         return np.append(lines, readings[-1])
-    held, size = np.repeat(readings, _FINER), round(_FINER * mean_of)
-    sums, counts = (np.append(0.0, np.cumsum(x)) for x in (np.nan_to_num(held), np.isfinite(held)))
-    there = counts[size:] - counts[:-size] == size
-    return np.where(there, (sums[size:] - sums[:-size]) / size, np.nan)
+    size = round(_FINER * mean_of)
+    return pd.Series(np.repeat(readings, _FINER)).rolling(size).mean().to_numpy(np.float64)[size - 1 :]
 
 
 def _best_shift(

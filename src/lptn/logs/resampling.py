@@ -100,6 +100,12 @@ def means_of_blocks(values: FloatArray, size: int) -> FloatArray:
     return _ratio(np.nansum(blocks, axis=-1), np.sum(~np.isnan(blocks), axis=-1))
 
 
+def means_of_windows(values: FloatArray, size: int) -> FloatArray:
+    """Mean of each `size` samples of (n,) in turn, of those that are there: shape (n - size + 1,), NaN of none."""
+    sums, counts = (np.append(0, np.cumsum(x)) for x in (np.nan_to_num(values), np.isfinite(values)))
+    return _ratio(sums[size:] - sums[:-size], counts[size:] - counts[:-size])
+
+
 def _ratio(total: FloatArray, count: npt.NDArray[np.integer]) -> FloatArray:
     """`total / count`, NaN where the count is 0; numpy's own nanmean warns about an empty block."""
     return np.asarray(np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0))
