@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 import re
 import shutil
@@ -21,7 +20,6 @@ import numpy as np
 from lptn.basics.arrays import FloatArray, IntArray
 from lptn.basics.bounds import Bound
 from lptn.basics.errors import InputError
-from lptn.basics.files import fingerprint
 from lptn.logs.bag_messages import COMMON_TYPES, Decoder, label_of, numbers_of, quantities
 from lptn.logs.streams import ANOTHER_SOURCE, conflicts
 from lptn.logs.tables import (
@@ -30,7 +28,6 @@ from lptn.logs.tables import (
     Bounded,
     Source,
     Table,
-    one_line_if_broken,
     require_package,
     table_of_sources,
 )
@@ -95,15 +92,8 @@ def open_bag(path: Path) -> Table:
             for stream, own in zip(streams, stamps, strict=True)
         ]
 
-    def digest() -> str:
-        """Of a folder that of its files' digests in order of their names."""
-        if path.is_file():
-            return fingerprint(path)
-        lines = (f"{file.name} {fingerprint(file)}" for file in sorted(path.iterdir()) if file.is_file())
-        return hashlib.sha256("\n".join(lines).encode()).hexdigest()
-
     defaults = quantities({name: (topic.kind, topic.names) for name, topic in topics.items()})
-    return table_of_sources(path, names, sources, "ROS 2 bag", defaults=defaults, notes=notes, digest=digest)
+    return table_of_sources(path, names, sources, "ROS 2 bag", defaults=defaults, notes=notes)
 
 
 @dataclass(frozen=True)
@@ -253,8 +243,7 @@ def _reader(path: Path) -> Iterator[Any]:
     """The bag, open for reading."""
     from rosbags.rosbag2 import Reader
 
-    expected = "a whole ROS 2 bag; one that was not closed is mended by `mcap recover` or `ros2 bag reindex`"
-    with one_line_if_broken(path, expected), bounded(), Reader(path) as reader:
+    with bounded(), Reader(path) as reader:
         yield reader
 
 

@@ -21,7 +21,6 @@ from array import array
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -30,10 +29,9 @@ import pandas as pd
 
 from lptn.basics.bounds import Bound
 from lptn.basics.errors import InputError
-from lptn.basics.files import fingerprint
 from lptn.logs import tables
 from lptn.logs.columns import ColumnSource, is_number, is_unit
-from lptn.logs.tables import Bounded, Table, most_unpacked, one_line_if_broken, require_package, too_large
+from lptn.logs.tables import Bounded, Table, most_unpacked, require_package, too_large
 
 # --- Where the table begins among rows of cells, and under which names they stand -------------------------
 
@@ -322,15 +320,13 @@ def _table_of_text(path: Path, opened: Callable[[], BinaryIO], row: str, kind: s
         words, positions = array("q"), list(map(names.index, wanted))
         del kept[:]
         rows = _rows_below(lines, first, names, layout.units, separator, kept, words)
-        with one_line_if_broken(path, "a whole table"):
-            frame = _parsed(path, rows, positions, len(names), separator, decimal)
+        frame = _parsed(path, rows, positions, len(names), separator, decimal)
         table.note([f"log: {len(words)} lines below its names hold words and no number; left out."] * bool(words))
         return frame.set_axis(list(wanted), axis="columns")
 
-    units, digest = dict(zip(names, layout.units, strict=False)), partial(fingerprint, path)
-    known, said = _vesc_columns(names)
-    table = Table(path, names, read, lambda k: f"{row} {kept[k]}", kind, defaults=known, notes=[*notes, *said],
-                  digest=digest, units=units)  # fmt: skip
+    units, (known, said) = dict(zip(names, layout.units, strict=False)), _vesc_columns(names)
+    notes = [*notes, *said]
+    table = Table(path, names, read, lambda k: f"{row} {kept[k]}", kind, defaults=known, notes=notes, units=units)
     return table
 
 
@@ -471,31 +467,30 @@ def open_spreadsheet(path: Path) -> Table:
     require_package(path, "openpyxl", "a spreadsheet", "pip install 'lptn[excel]', or the sheet saved as CSV")
     from openpyxl import load_workbook
 
-    with one_line_if_broken(path, "a whole .xlsx file"):
-        with zipfile.ZipFile(path) as archive:
-            unpacked = sum(part.file_size for part in archive.infolist())
-        if unpacked > min(_MOST_BYTES, most_unpacked(path, at_once=True)):
-            raise InputError(path, "log", f"{unpacked / 1e9:.2g} GB unpacked", "a spreadsheet of readings, or CSV")
-        with closing(load_workbook(path, read_only=True, data_only=True, keep_links=False)) as book:
-            heads = {sheet.title: list(islice(filter(any, _rows(sheet)), _LOOKED_AT)) for sheet in book.worksheets}
-            layouts = {name: find_layout(rows) for name, rows in heads.items()}
-            found = [name for name, layout in layouts.items() if layout.rows]
-            if not found:
-                expected = "a row of column names, and rows of numbers below it"
-                raise InputError(path, "log", "no table in any sheet", expected)
-            name = max(found, key=lambda name: layouts[name].rows)
-            width = _width_of(heads[name][layouts[name].header if layouts[name].named else layouts[name].first])
-            text, count = io.StringIO(newline=""), 0
-            write = csv.writer(text, quoting=csv.QUOTE_ALL, lineterminator="\n").writerow
-            for cells in _rows(book[name]):
-                filled = _width_of(cells)
-                count += max(filled, width)
-                if count > _MOST_CELLS:
-                    raise too_large(path, f"a spreadsheet of more than {_MOST_CELLS:.0e} cells")
-                if filled:
-                    write([*cells[: max(filled, width)], *[""] * (width - len(cells))])
-                else:
-                    text.write("\n")
+    with zipfile.ZipFile(path) as archive:
+        unpacked = sum(part.file_size for part in archive.infolist())
+    if unpacked > min(_MOST_BYTES, most_unpacked(path, at_once=True)):
+        raise InputError(path, "log", f"{unpacked / 1e9:.2g} GB unpacked", "a spreadsheet of readings, or CSV")
+    with closing(load_workbook(path, read_only=True, data_only=True, keep_links=False)) as book:
+        heads = {sheet.title: list(islice(filter(any, _rows(sheet)), _LOOKED_AT)) for sheet in book.worksheets}
+        layouts = {name: find_layout(rows) for name, rows in heads.items()}
+        found = [name for name, layout in layouts.items() if layout.rows]
+        if not found:
+            expected = "a row of column names, and rows of numbers below it"
+            raise InputError(path, "log", "no table in any sheet", expected)
+        name = max(found, key=lambda name: layouts[name].rows)
+        width = _width_of(heads[name][layouts[name].header if layouts[name].named else layouts[name].first])
+        text, count = io.StringIO(newline=""), 0
+        write = csv.writer(text, quoting=csv.QUOTE_ALL, lineterminator="\n").writerow
+        for cells in _rows(book[name]):
+            filled = _width_of(cells)
+            count += max(filled, width)
+            if count > _MOST_CELLS:
+                raise too_large(path, f"a spreadsheet of more than {_MOST_CELLS:.0e} cells")
+            if filled:
+                write([*cells[: max(filled, width)], *[""] * (width - len(cells))])
+            else:
+                text.write("\n")
     others = ", ".join(f"'{other}'" for other in found if other != name)
     notes = [f"log: sheet '{name}' is read; {others} not (another sheet: save it as CSV)."] if others else []
     content = text.getvalue().encode()

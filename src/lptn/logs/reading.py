@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 import re
 from collections.abc import Callable, Collection, Mapping
@@ -15,6 +16,7 @@ import pandas as pd
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
+from lptn.basics.files import fingerprint
 from lptn.logs.alike import duplicates, without_held_rows
 from lptn.logs.bags import open_bag
 from lptn.logs.channels import Channels, quantisation_step
@@ -47,24 +49,25 @@ from lptn.logs.resampling import (
 from lptn.logs.run import LATEST_FIRST, Run
 from lptn.logs.scatter import scatter_of
 from lptn.logs.streams import ANOTHER_SOURCE, rows_of_zeros
-from lptn.logs.tables import Table, column_sources, open_parquet, table_of, with_times
+from lptn.logs.tables import Table, column_sources, one_line_if_broken, open_parquet, table_of, with_times
 from lptn.logs.ulog import open_ulog
 
 # --- A log opened by its path: one file or folder, or two logs of one run that are joined ---------
 
 _PAIR = re.compile(r"(?P<first>.+?)\+(?P<second>[^+]+?)(?:@(?P<shift>[-+]?\d+(?:\.\d+)?))?")
-OPENERS: Mapping[tuple[str, ...], Callable[[Path], Table]] = {
-    (".csv", ".tsv", ".txt", ".csv.gz", ".tsv.gz", ".txt.gz"): open_csv,
-    (".parquet",): open_parquet,
-    (".xlsx", ".xlsm"): open_spreadsheet,
-    (".mcap", ".db3"): open_bag,
-    (".ulg", ".ulog"): open_ulog,
-    (".mf4", ".mdf"): open_mdf,
-    (".tdms",): open_tdms,
-    (".mat",): open_mat,
-    (".h5", ".hdf5"): open_hdf5,
+_BAG = open_bag, "a whole ROS 2 bag; one that was not closed is mended by `mcap recover` or `ros2 bag reindex`"
+OPENERS: Mapping[tuple[str, ...], tuple[Callable[[Path], Table], str]] = {
+    (".csv", ".tsv", ".txt", ".csv.gz", ".tsv.gz", ".txt.gz"): (open_csv, "a whole table"),
+    (".parquet",): (open_parquet, "a whole Parquet file"),
+    (".xlsx", ".xlsm"): (open_spreadsheet, "a whole .xlsx file"),
+    (".mcap", ".db3"): _BAG,
+    (".ulg", ".ulog"): (open_ulog, "a whole PX4 ULog"),
+    (".mf4", ".mdf"): (open_mdf, "a whole MDF4 file"),
+    (".tdms",): (open_tdms, "a whole TDMS file"),
+    (".mat",): (open_mat, "a whole MATLAB file"),
+    (".h5", ".hdf5"): (open_hdf5, "a whole HDF5 file"),
 }
-"""How a file is opened, by the end of its name: the one list of formats."""
+"""How a file is opened, by the end of its name, and what is expected where it is broken: the one list of formats."""
 ENDINGS = tuple(chain(*OPENERS))
 _PLAIN = [ending for ending in ENDINGS if not ending.endswith(".gz")]
 LOG_FILE = f"a {', '.join(_PLAIN[:-1])} or {_PLAIN[-1]} file, or the folder of a ROS 2 bag"
@@ -99,14 +102,22 @@ def open_table(path: Path) -> Table:
         raise InputError(path, "log", "no such file", "the path of a log")
     if path.is_dir() and not (path / "metadata.yaml").is_file():
         raise InputError(path, "log", "a folder", f"{LOG_FILE} with its metadata.yaml")
-    if path.is_dir():
-        return open_bag(path)
-    if not path.is_file():  # which may never end, or never begin, and is read once
+    if not path.is_dir() and not path.is_file():  # which may never end, or never begin, and is read once
         raise InputError(path, "log", "a pipe or a device", LOG_FILE)
-    for endings, opened in OPENERS.items():
-        if path.name.endswith(endings):
-            return opened(path)
-    raise InputError(path, "log", f"the ending '{path.suffix}'", LOG_FILE)
+    found = (how for endings, how in OPENERS.items() if path.name.endswith(endings))
+    if (how := _BAG if path.is_dir() else next(found, None)) is None:
+        raise InputError(path, "log", f"the ending '{path.suffix}'", LOG_FILE)
+    opened, whole = how
+    with one_line_if_broken(path, whole):
+        return replace(opened(path), whole=whole, digest=partial(_digest, path))
+
+
+def _digest(path: Path) -> str:
+    """SHA-256 of a file's bytes; of a folder that of its files' digests in order of their names."""
+    if path.is_file():
+        return fingerprint(path)
+    lines = (f"{file.name} {fingerprint(file)}" for file in sorted(path.iterdir()) if file.is_file())
+    return hashlib.sha256("\n".join(lines).encode()).hexdigest()
 
 
 def pair_of(path: Path) -> tuple[Path, Path, float | None] | None:

@@ -25,7 +25,6 @@ import pandas as pd
 from lptn.basics.arrays import FloatArray
 from lptn.basics.bounds import Bound
 from lptn.basics.errors import InputError
-from lptn.basics.files import fingerprint
 from lptn.basics.words import few
 from lptn.logs.columns import ColumnName, ColumnSource, is_key, quantity_of, to_si
 from lptn.logs.guess import name_of_time
@@ -34,7 +33,7 @@ from lptn.logs.tables import (
     MOST_NUMBERS,
     Source,
     Table,
-    one_line_if_broken,
+    refuse_too_large,
     require_package,
     table_of_sources,
     too_large,
@@ -115,7 +114,7 @@ def _table(path: Path, groups: Sequence[Group], kind: str) -> Table:
     said = {name: ColumnName.of(name, unit).unit(quantity_of(name)) for name, unit in units.items() if is_key(name)}
     defaults = {name: ColumnSource((name,), unit) for name, unit in said.items() if unit}
     units = {name: unit for name, unit in units.items() if name not in defaults}
-    known: dict[str, Any] = {"defaults": defaults, "units": units, "notes": notes, "digest": partial(fingerprint, path)}
+    known: dict[str, Any] = {"defaults": defaults, "units": units, "notes": notes}
     if len(groups) == 1:
         return _table_of_one(path, groups[0], kind, known)
     channels = [[(called(group, name), name) for name in group.channels if name != group.time] for group in groups]
@@ -124,9 +123,8 @@ def _table(path: Path, groups: Sequence[Group], kind: str) -> Table:
         for group, pairs in zip(groups, channels, strict=True):
             asked = [pair for pair in pairs if pair[0] in wanted]
             if asked or set(wanted) == {_CLOCK}:
-                with one_line_if_broken(path, f"a whole {kind}"):
-                    numbers = group.read([name for _, name in asked])
-                    yield group.times(), {own: _seconds(numbers[name]) for own, name in asked}
+                numbers = group.read([name for _, name in asked])
+                yield group.times(), {own: _seconds(numbers[name]) for own, name in asked}
 
     names = (_CLOCK, *(own for pairs in channels for own, _ in pairs))
     return table_of_sources(path, names, lambda wanted: list(sources(wanted)), kind, **known)
@@ -138,14 +136,12 @@ def _table_of_one(path: Path, group: Group, kind: str, known: Mapping[str, Any])
     names = (*clock, *(name for name in group.channels if name not in clock))
 
     def read(wanted: Sequence[str]) -> pd.DataFrame:
-        if group.rows * len(wanted) > MOST_NUMBERS:
-            raise too_large(path, f"{group.rows} rows of {len(wanted)} columns")
-        with one_line_if_broken(path, f"a whole {kind}"):
-            columns = dict(group.read([name for name in wanted if name not in clock]))
-            columns |= {name: group.times() for name in clock if name in wanted}
-            return pd.DataFrame({name: columns[name] for name in wanted}, copy=False)
+        refuse_too_large(path, group.rows, len(wanted))
+        columns = dict(group.read([name for name in wanted if name not in clock]))
+        columns |= {name: group.times() for name in clock if name in wanted}
+        return pd.DataFrame({name: columns[name] for name in wanted}, copy=False)
 
-    return Table(path, names, read, lambda row: f"row {row + 1}", kind, **known)
+    return Table(path, names, read, kind=kind, **known)
 
 
 # --- The formats ------------------------------------------------------------------------------------------
@@ -169,7 +165,7 @@ def open_mdf(path: Path) -> Table:
 
     kind, groups = "MDF4 file", []
     at = list[dict[str, int]]()  # of each group the channels' numbers, by their names
-    with one_line_if_broken(path, f"a whole {kind}"), _mdf(path) as file:
+    with _mdf(path) as file:
         for number, group in enumerate(file.groups):
             units: dict[str, str] = {}
             at.append({})
@@ -220,7 +216,7 @@ def open_tdms(path: Path) -> Table:
             return {name: np.asarray(file[group][name][:]) for name in names}
 
     kind, groups = "TDMS file", []
-    with one_line_if_broken(path, f"a whole {kind}"), path.open("rb") as stream, TdmsFile.open(stream) as file:
+    with path.open("rb") as stream, TdmsFile.open(stream) as file:
         for group in file.groups():
             numeric = [channel for channel in group.channels() if channel.dtype.kind in _NUMBERS + _TIMES]
             lengths = dict.fromkeys(map(len, numeric))
@@ -254,7 +250,7 @@ def open_mat(path: Path) -> Table:
     kind = "MATLAB file"
     if _is_hdf5(path):
         return open_hdf5(path, kind)
-    with one_line_if_broken(path, f"a whole {kind}"), path.open("rb") as file:
+    with path.open("rb") as file:
         stream: Any = file  # not by its path: of a broken file the library leaves it open
         numbers = sum(int(np.prod(shape, dtype=float)) for _, shape, _ in whosmat(stream))
         if numbers > MOST_NUMBERS:
@@ -301,9 +297,7 @@ def open_hdf5(path: Path, kind: str = "HDF5 file") -> Table:
             file.visititems(visit)
             yield found
 
-    with one_line_if_broken(path, f"a whole {kind}"):
-        groups = _by_length(datasets)
-    return _table(path, groups, kind)
+    return _table(path, _by_length(datasets), kind)
 
 
 def _is_hdf5(path: Path) -> bool:

@@ -10,7 +10,6 @@ from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NoReturn
@@ -23,7 +22,6 @@ from pandas.api import types as kinds
 from lptn.basics.arrays import FloatArray
 from lptn.basics.bounds import Bound
 from lptn.basics.errors import InputError
-from lptn.basics.files import fingerprint
 from lptn.logs.columns import SAMPLES, ColumnSource, is_key
 
 COLUMNS = Bound(100_000, "columns")
@@ -59,19 +57,21 @@ class Table:
         defaults: where quantities stand in a format that says so itself; a user's mapping wins.
         notes: what opening and reading it brought up, a sentence each.
         digest: SHA-256 of all its bytes.
+        whole: what is expected where a library that reads the file finds it broken.
         units: what a row of units says of a column, by its name.
     """
 
     path: Path
     names: tuple[str, ...]
     read: Callable[[Sequence[str]], pd.DataFrame]
-    where: Callable[[int], str]
+    where: Callable[[int], str] = lambda row: f"row {row + 1}"
     kind: str = "CSV"
     mixed: bool = False
     defaults: Mapping[str, ColumnSource] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     digest: Callable[[], str] = str
     units: Mapping[str, str] = field(default_factory=dict)
+    whole: str = ""
 
     def numbers(self, names: Iterable[str], worded: Collection[str] = ()) -> dict[str, FloatArray]:
         """The columns `names` as floats, (n,) each, NaN where empty; dates in s since 1970, durations in s.
@@ -87,7 +87,8 @@ class Table:
                 raise InputError(self.path, f"column '{name}'", "that name more than once", "one such column")
         if not wanted:
             return {}
-        frame = self.read(wanted)
+        with one_line_if_broken(self.path, self.whole):
+            frame = self.read(wanted)
         return {name: self._floats(name, frame[name], worded=name in worded) for name in wanted}
 
     def refuse(self, row: int, name: str, found: str, expected: str) -> NoReturn:
@@ -241,6 +242,12 @@ def too_large(path: Path, size: str) -> InputError:
     return InputError(path, "log", size, f"at most {MOST_NUMBERS:.0e} numbers; cut the log into pieces")
 
 
+def refuse_too_large(path: Path, rows: int, columns: int) -> None:
+    """Refuse a table of so many rows and columns that would fill the memory: such a number takes few bytes to write."""
+    if rows * columns > MOST_NUMBERS:
+        raise too_large(path, f"{rows} rows of {columns} columns")
+
+
 def most_unpacked(path: Path, *, at_once: bool) -> int:
     """Bytes that a packed file may unfold to, read piece by piece or at once."""
     return max(UNPACKED_AT_ONCE if at_once else UNPACKED, TIMES_PACKED * path.stat().st_size)
@@ -324,7 +331,7 @@ def table_of(frame: pd.DataFrame, name: str) -> Table:
     def read(wanted: Sequence[str]) -> pd.DataFrame:
         return labelled[list(wanted)]
 
-    return Table(Path(name), tuple(labelled.columns), read, lambda row: f"row {row + 1}", "DataFrame", digest=digest)
+    return Table(Path(name), tuple(labelled.columns), read, kind="DataFrame", digest=digest)
 
 
 def open_parquet(path: Path) -> Table:
@@ -335,23 +342,21 @@ def open_parquet(path: Path) -> Table:
     """
     import pyarrow.parquet as pq  # here, since most logs are CSV
 
-    expected = "a whole Parquet file"
-    with one_line_if_broken(path, expected), pq.ParquetFile(path) as file:
+    with pq.ParquetFile(path) as file:
         names, rows = tuple(file.schema_arrow.names), int(file.metadata.num_rows)
         texts = [field.name for field in file.schema_arrow if field.type in _TEXTS]
     COLUMNS.check(len(names), path, "columns")
 
     def read(wanted: Sequence[str]) -> pd.DataFrame:
-        if rows * len(wanted) > MOST_NUMBERS:  # such a number of rows takes few bytes to write
-            raise too_large(path, f"{rows} rows of {len(wanted)} columns")
+        refuse_too_large(path, rows, len(wanted))
         at_once = max(1, _NUMBERS_AT_ONCE // max(rows, 1))
         some = [list(wanted[k : k + at_once]) for k in range(0, len(wanted), at_once)]
-        with one_line_if_broken(path, expected), pq.ParquetFile(path, read_dictionary=texts) as file:
+        with pq.ParquetFile(path, read_dictionary=texts) as file:
             frames = [file.read(names).to_pandas(ignore_metadata=True, split_blocks=True) for names in some]
             frame: pd.DataFrame = pd.concat(frames, axis="columns")
         return frame
 
-    return Table(path, names, read, lambda row: f"row {row + 1}", "Parquet", digest=partial(fingerprint, path))
+    return Table(path, names, read, kind="Parquet")
 
 
 # --- Columns with times of their own, put on the union of their times -----------------------------------
@@ -375,9 +380,7 @@ def table_of_sources(
 
     def read(wanted: Sequence[str]) -> pd.DataFrame:
         sources = read_sources(wanted)
-        rows = sum(own.size for own, _ in sources)
-        if rows * len(wanted) > MOST_NUMBERS:
-            raise too_large(path, f"{rows} rows of {len(wanted)} columns")
+        refuse_too_large(path, sum(own.size for own, _ in sources), len(wanted))
         columns = on_one_time(sources)
         stamps[0] = columns["time"]
         return pd.DataFrame({name: columns[name] for name in wanted}, copy=False)

@@ -6,7 +6,6 @@ import io
 import re
 from collections.abc import Mapping, Sequence
 from contextlib import redirect_stdout
-from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -15,10 +14,9 @@ import numpy as np
 
 from lptn.basics.arrays import FloatArray, IntArray
 from lptn.basics.errors import InputError
-from lptn.basics.files import fingerprint
 from lptn.logs.clock import in_order
 from lptn.logs.columns import ColumnSource
-from lptn.logs.tables import Source, Table, one_line_if_broken, require_package, table_of_sources
+from lptn.logs.tables import Source, Table, require_package, table_of_sources
 
 _ESC = re.compile(r"(?P<topic>esc_status|esc_report)\.esc\[(?P<number>\d+)\]\.(?P<field>esc_\w+)")
 _ESC_FIELDS = {
@@ -42,7 +40,7 @@ def open_ulog(path: Path) -> Table:
     require_package(path, "pyulog", "a PX4 ULog", "pip install 'lptn[ulog]'")
     topics: dict[str, Mapping[str, Any]] = {}  # the fields of each, (n,); the time of a message, us, is `timestamp`
     noise = io.StringIO()  # the library prints what it finds odd
-    with one_line_if_broken(path, "a whole PX4 ULog"), path.open("rb") as stream, redirect_stdout(noise):
+    with path.open("rb") as stream, redirect_stdout(noise):
         for data in _bounded_reader()(stream).data_list:
             if np.size(data.data.get("timestamp", ())):
                 fields = {name: values for name, values in data.data.items() if "_padding" not in name}
@@ -64,8 +62,7 @@ def open_ulog(path: Path) -> Table:
                 found.append((time, {f"{topic}.{name}": np.asarray(fields[name], np.float64)[rows] for name in asked}))
         return found
 
-    digest = partial(fingerprint, path)
-    table = table_of_sources(path, names, sources, "PX4 ULog", defaults=defaults, notes=notes, digest=digest)
+    table = table_of_sources(path, names, sources, "PX4 ULog", defaults=defaults, notes=notes)
     return table
 
 
