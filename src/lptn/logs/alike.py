@@ -58,7 +58,7 @@ def without_held_rows(log: Channels) -> tuple[Channels, list[Issue]]:
     start, stop = float(time[rows][0]), float(time[rows][-1])
     problem = f"all columns stand {len(held)} time{'s' * (len(held) > 1)}, {sum(held):.4g} s in all, "
     problem += log.when(start, stop)
-    issue = log.doubt("time", problem, "these rows are left out", "held", (start, stop))
+    issue = log.issue("time", problem, "these rows are left out", "held", stretch=(start, stop))
     return log.with_channels({key: np.where(rows, np.nan, x) for key, x in channels.items()}), [issue]
 
 
@@ -80,7 +80,7 @@ def suspect_held(log: Channels) -> list[Issue]:
         for key in (key for key, each in usual.items() if each > max(_HELD, 2 * min(usual.values()))):
             problem = f"a number each {usual[key]:.3g} s, repeated until the next, while others change in each row"
             remedy = "it is used as it is, late by half of that; log it as often, or as root mean squares"
-            issues.append(log.doubt(key, problem, remedy, "held"))
+            issues.append(log.issue(key, problem, remedy, "held"))
     return issues
 
 
@@ -120,12 +120,12 @@ def copies_in(log: Channels, twice: Mapping[str, str]) -> list[Issue]:
         return len(told) == len(parts) and min(told) < _UNTOLD and max(told) > TOLD
 
     unused = f"{_WHOSE}, and beside others neither is used; map its own column"
-    issues = [log.doubt(key, f"the same readings as {other}", unused, "duplicate") for key, other in twice.items()]
+    issues = [log.issue(key, f"the same readings as {other}", unused, "duplicate") for key, other in twice.items()]
     for quantity in HEATS:
         for key, other in _pairs(log, list(log.of(quantity)), is_one).items():
             if not log.is_believed(key):
                 remedy = f"{_WHOSE}: map its own column; if both are right, write {log.believed(key)}"
-                issues.append(log.doubt(key, f"the same numbers as {other}", remedy, "duplicate"))
+                issues.append(log.issue(key, f"the same numbers as {other}", remedy, "duplicate"))
     return issues
 
 

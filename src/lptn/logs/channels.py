@@ -12,7 +12,7 @@ import pandas as pd
 
 from lptn.basics.arrays import BoolArray, FloatArray, IntArray
 from lptn.logs.clock import counted_from, stretch_in_words
-from lptn.logs.columns import AMBIENT, HEATS, ColumnSource, as_line_or_option, place_of, quantity_of
+from lptn.logs.columns import AMBIENT, HEATS, ColumnSource, as_line_or_option, column_unit, place_of, quantity_of
 from lptn.logs.issue import Issue
 from lptn.logs.resampling import means_of_blocks, means_of_windows
 
@@ -259,11 +259,26 @@ class Channels:
         far = float(f"{max(2 * np.abs(raw).max(initial=0.0), 1.0):.0e}")
         return as_line_or_option(key, replace(self.sources[key], valid=(-far, far)))
 
-    def doubt(
-        self, key: str, problem: str, remedy: str, kind: str = "unit", stretch: tuple[float, float] | None = None
+    def issue(
+        self,
+        key: str,
+        problem: str,
+        remedy: str,
+        kind: str = "unit",
+        *,
+        certain: bool = False,
+        corrected: ColumnSource | None = None,
+        stretch: tuple[float, float] | None = None,
     ) -> Issue:
-        """What is odd about a channel that is read as it stands, or in a stretch of it."""
-        return Issue(key, self.sources[key].columns[0], problem, remedy, certain=False, kind=kind, stretch=stretch)
+        """What is odd about a channel, or in a stretch of it; {} in the remedy is the line of the corrected entry."""
+        column = (corrected or self.sources[key]).columns[0]
+        remedy = remedy.replace("{}", as_line_or_option(key, corrected)) if corrected else remedy
+        return Issue(key, column, problem, remedy, certain, corrected, kind, stretch)
+
+    def in_unit(self, key: str, unit: str, problem: str, *, certain: bool = True) -> Issue:
+        """That a column seems to be in another unit."""
+        remedy = f"write {{}}; if it is {column_unit(key)} all the same, say so as its unit"
+        return self.issue(key, problem, remedy, certain=certain, corrected=replace(self.sources[key], unit=unit))
 
     # Means over some hundred blocks: times, temperatures, the squares of loads, the sizes of speeds.
 

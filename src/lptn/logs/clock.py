@@ -12,7 +12,6 @@ import pandas as pd
 from lptn.basics.arrays import FloatArray, IntArray
 from lptn.basics.errors import InputError
 from lptn.logs.columns import ColumnSource, as_line_or_option, is_number, to_si
-from lptn.logs.issue import Issue, in_unit
 from lptn.logs.tables import Table
 
 FEWEST_ROWS = 10
@@ -34,7 +33,8 @@ def stretch_in_words(start: float, stop: float, origin: float) -> str:
     return f"from {start - origin:.7g} to {stop - origin:.7g} s{' after the log began' * bool(origin)}"
 
 
-_DAY, _SUMMER_TIME = 86400.0, 3600.0  # s
+DAY = 86400.0  # s
+_SUMMER_TIME = 3600.0  # s
 _LATEST = 1e20  # s, or in whatever unit was meant: times since 1970 in ns are below 2e18
 _FEW = 5.0  # rows, and usual steps, by which a row may be out of order: loggers of several threads write so
 
@@ -68,9 +68,9 @@ def check_time(table: Table, key: str, source: ColumnSource, time: FloatArray) -
         problem = f"{time.size} rows" + f" at {keep.size} different times" * (time.size >= FEWEST_ROWS)
         raise InputError(table.path, "log", problem, f"at least {FEWEST_ROWS} at different times")
     period = float(np.median(np.diff(time[keep])))
-    if period > _DAY:  # nothing thermal is logged once a day
-        line = as_line_or_option(key, replace(source, unit=_unit_of_rows(period)))
-        problem = f"{period:.3g} s from row to row, which looks like {_unit_of_rows(period)}"
+    if period > DAY:  # nothing thermal is logged once a day
+        line = as_line_or_option(key, replace(source, unit=unit_of_rows(period)))
+        problem = f"{period:.3g} s from row to row, which looks like {unit_of_rows(period)}"
         expected = f"seconds; for another unit write, say, {line}"
         raise InputError(table.path, f"column '{source.columns[0]}'", problem, expected)
     dropped = time.size - keep.size
@@ -89,9 +89,9 @@ def _refuse_backwards(table: Table, key: str, source: ColumnSource, time: FloatA
     if as_text and 0 <= now - (before - _SUMMER_TIME) <= _FEW * float(np.median(np.abs(np.diff(time)))):
         expected += "; this is the hour that clocks repeat where summer time ends: write UTC, or each time with its"
         expected += " offset (+02:00)"
-    elif 0.9 * _DAY < before < _DAY and 0 <= now < 0.1 * _DAY:
+    elif 0.9 * DAY < before < DAY and 0 <= now < 0.1 * DAY:
         seconds = float(to_si(np.array([source.scale]), "time", source.unit)[0])  # of one in the file
-        midnight = as_line_or_option(key, replace(source, wrap=float(f"{_DAY / seconds:.12g}")))
+        midnight = as_line_or_option(key, replace(source, wrap=float(f"{DAY / seconds:.12g}")))
         expected += f"; for a clock of the day that passes midnight write {midnight}"
     elif abs(now) <= 0.1 * abs(before):  # the clock starts again from about 0
         expected += "; a counter that overflows is written as wrap = 65536, or whatever it counts to, in its entry"
@@ -146,29 +146,6 @@ def within_stamps(
     return spread, f"time: stamps {usual:.3g} s apart for {count} each, which are spread evenly."
 
 
-_SINCE_1970 = (("ms", 3e11, 1e13), ("us", 3e14, 1e16), ("ns", 3e17, 1e19))  # first times from 1979 to 2286
-_LONG_PERIOD = 20.0  # s: a log of whole numbers this far apart, over half a day, is rather one in a smaller unit
-
-
-def suspect_unit_of_time(source: ColumnSource, time: FloatArray) -> list[Issue]:
-    """Milliseconds and less, or minutes, of a time (n,) that is read as s.
-
-    By a time since 1970, or rows that are far apart.
-    """
-    if source.scale != 1.0 or time.size < 2 or not np.isfinite(time).all():
-        return []
-    first, period, span = float(abs(time[0])), float(np.median(np.abs(np.diff(time)))), float(abs(time[-1] - time[0]))
-    for unit, low, high in _SINCE_1970:
-        if low < first < high:
-            return [in_unit("time", source, unit, f"times around {first:.4g}, which look like {unit} since 1970")]
-    of_minutes = period % 60 == 0  # buildings are logged so; nobody logs every 60 ms
-    if period >= _LONG_PERIOD and not of_minutes and span > _DAY / 2 and bool((np.round(time) == time).all()):
-        unit = _unit_of_rows(period)
-        problem = f"{period:.4g} s from row to row over {span / 3600:.3g} h, which looks like {unit}"
-        return [in_unit("time", source, unit, problem, certain=False)]
-    return []
-
-
-def _unit_of_rows(period: float) -> str:
+def unit_of_rows(period: float) -> str:
     """The longest unit of time in which rows that are so many units apart are as close as those of a log."""
     return next((name for name, n in {"ms": 1e3, "us": 1e6}.items() if period / n <= _COARSEST_CLOCK), "ns")

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
-from lptn.logs.columns import ColumnSource, as_line_or_option, column_unit
+from lptn.logs.columns import ColumnSource
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class Issue:
     column: str
     problem: str
     remedy: str
-    certain: bool
+    certain: bool = False
     corrected: ColumnSource | None = None
     kind: str = "unit"
     stretch: tuple[float, float] | None = None
@@ -41,17 +41,3 @@ class Issue:
     def error(self) -> tuple[str, str, str]:
         """Place, found and expected of the InputError that refuses the column."""
         return f"column '{self.column}'", self.problem, f"plausible values: {self.remedy}"
-
-
-def correctable(
-    key: str, problem: str, corrected: ColumnSource, certain: bool, remedy: str = "write {}", kind: str = "unit"
-) -> Issue:
-    """An issue whose remedy is an entry of [columns], put into the text `remedy`."""
-    remedy = remedy.replace("{}", as_line_or_option(key, corrected))
-    return Issue(key, corrected.columns[0], problem, remedy, certain, corrected, kind)
-
-
-def in_unit(key: str, source: ColumnSource, unit: str, problem: str, certain: bool = True) -> Issue:
-    """The issue that a column seems to be in `unit`."""
-    remedy = f"write {{}}; if it is {column_unit(key)} all the same, say so as its unit"
-    return correctable(key, problem, replace(source, unit=unit), certain, remedy)

@@ -25,7 +25,7 @@ from lptn.logs.columns import (
     place_of,
     quantity_of,
 )
-from lptn.logs.issue import Issue, correctable, in_unit
+from lptn.logs.issue import Issue
 from lptn.logs.law import AT_MOST, DOUBTED, exchanged, gain_change
 from lptn.logs.silence import silences_of
 from lptn.logs.tables import Table
@@ -107,7 +107,7 @@ def _suspect_silence(log: Channels, key: str, silent: list[Silence], predicted: 
         in_file = (*source.invalid, *(_in_file(log, key, code) for code in codes))
         corrected = replace(source, invalid=tuple(dict.fromkeys(in_file)))
         remedy = "these readings are left out; to have it in the model file, write {}"
-        issues.append(correctable(key, problem, corrected, False, remedy, kind="code"))
+        issues.append(log.issue(key, problem, remedy, "code", corrected=corrected))
     if len(off) > _MANY:  # a sensor that is off again and again: all in one
         rows, middle = np.any([silence.rows for silence in off], axis=0), float(np.median([one.value for one in off]))
         off = [replace(off[0], value=middle, stop=off[-1].stop, rows=rows)]
@@ -169,14 +169,14 @@ def _suspect_power(log: Channels, key: str) -> list[Issue]:
         high = float(np.percentile(np.abs(power), 99))
         if high > PLAUSIBLE["power"].most and np.nanmax(np.abs(torque)) < PLAUSIBLE["torque"].most:
             problem = f"with the joint's torque a power of {high / 1000:.3g} kW, which looks like rpm, "
-            return [in_unit(key, source, "rpm", problem + "or the speed of the rotor", certain=False)]
+            return [log.in_unit(key, "rpm", problem + "or the speed of the rotor", certain=False)]
     work, braking = float(np.abs(power).sum()), -float(np.minimum(power, 0).sum())
     tells = quantity == "torque" and source.scale == 1 and work > _LEAST_POWER * power.size
     if tells and braking >= _BRAKES * work:
         problem = f"{braking / work:.0%} of its work with the joint's speed is braking, "
         problem += "which looks like a sign turned round"
         remedy = "write {}; if the joint is driven from outside, say the unit: what heats with the square heeds no sign"
-        return [correctable(key, problem, replace(source, scale=-1.0), False, remedy, kind="sign")]
+        return [log.issue(key, problem, remedy, "sign", corrected=replace(source, scale=-1.0))]
     return []
 
 
@@ -201,7 +201,7 @@ def _suspect_gains(log: Channels, said: Collection[str]) -> list[Issue]:
             else:
                 problem, remedy = f"{problem}does not heat {part}, as it does in the rest of the log", "leave that out"
             remedy = f"cut the log there, and {remedy}; if the column is right, write {log.believed(key)}"
-            issues.append(log.doubt(key, problem, remedy, stretch=(start, stop)))
+            issues.append(log.issue(key, problem, remedy, stretch=(start, stop)))
     return issues
 
 
@@ -214,7 +214,7 @@ def _suspect_exchange(log: Channels) -> list[Issue]:
             if place != of and not log.is_believed(key):
                 problem = f"follows {load} better than {quantity}.{place}: columns of joints are probably exchanged"
                 remedy = f"map each to its own column; if they are right, write {log.believed(key)}"
-                issues.append(log.doubt(key, problem, remedy, "exchanged"))
+                issues.append(log.issue(key, problem, remedy, "exchanged"))
     return issues
 
 
@@ -246,7 +246,7 @@ def _suspect_ambient(log: Channels) -> list[Issue]:
             remedy = "is the sensor near that joint? What leaves to the air can't be fitted with it; use one further "
             remedy += 'away, or, for a log that begins at rest, ambient = "start" under [model]; if the room itself is '
             remedy += f"warmed, write {log.believed(log.air)}"
-            return [log.doubt(log.air, problem, remedy, "follows")]
+            return [log.issue(log.air, problem, remedy, "follows")]
     return []
 
 
@@ -255,7 +255,7 @@ def _suspect_few(log: Channels, predicted: Collection[str]) -> list[Issue]:
     counts = {key: int(np.isfinite(x).sum()) for key, x in log.of("temperature").items() if key in predicted}
     rows, remedy = log.time.size, "map its own column, or leave that out"
     return [
-        log.doubt(
+        log.issue(
             key, f"{n} reading{'s' * (n > 1)} in {rows} rows, which tell next to nothing of its part", remedy, "few"
         )
         for key, n in counts.items()

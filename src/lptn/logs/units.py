@@ -15,7 +15,7 @@ import numpy as np
 
 from lptn.basics.arrays import FloatArray
 from lptn.logs.channels import Channels, quantisation_step
-from lptn.logs.clock import suspect_unit_of_time
+from lptn.logs.clock import DAY, unit_of_rows
 from lptn.logs.columns import (
     UNITS,
     ColumnName,
@@ -26,7 +26,7 @@ from lptn.logs.columns import (
     quantity_of,
     words_of,
 )
-from lptn.logs.issue import Issue, correctable, in_unit
+from lptn.logs.issue import Issue
 from lptn.logs.law import rest_evidence
 
 
@@ -70,12 +70,33 @@ def suspect_unit(log: Channels, key: str) -> list[Issue]:
     if source.unit is None and (named := _suspect_name(log, key)):
         return named
     if key == "time":
-        return suspect_unit_of_time(source, log.time) if source.unit is None else []
+        return _suspect_time(log) if source.unit is None else []
     if not log.is_believed(key):
         if quantity == "temperature":
             return _suspect_temperature(log, key, readings)
         if quantity in ("torque", "current", "velocity"):
-            return _suspect_counts(key, source, readings) or _suspect_size(log, key, readings)
+            return _suspect_counts(log, key, readings) or _suspect_size(log, key, readings)
+    return []
+
+
+_SINCE_1970 = (("ms", 3e11, 1e13), ("us", 3e14, 1e16), ("ns", 3e17, 1e19))  # first times from 1979 to 2286
+_LONG_PERIOD = 20.0  # s: a log of whole numbers this far apart, over half a day, is rather one in a smaller unit
+
+
+def _suspect_time(log: Channels) -> list[Issue]:
+    """Milliseconds and less of a time that is read as s, by a time since 1970, or rows that are far apart."""
+    time = log.time
+    if log.sources["time"].scale != 1.0 or time.size < 2 or not np.isfinite(time).all():
+        return []
+    first, period, span = float(abs(time[0])), float(np.median(np.abs(np.diff(time)))), float(abs(time[-1] - time[0]))
+    for unit, low, high in _SINCE_1970:
+        if low < first < high:
+            return [log.in_unit("time", unit, f"times around {first:.4g}, which look like {unit} since 1970")]
+    of_minutes = period % 60 == 0  # buildings are logged so; nobody logs every 60 ms
+    if period >= _LONG_PERIOD and not of_minutes and span > DAY / 2 and _are_whole(time):
+        unit = unit_of_rows(period)
+        problem = f"{period:.4g} s from row to row over {span / 3600:.3g} h, which looks like {unit}"
+        return [log.in_unit("time", unit, problem, certain=False)]
     return []
 
 
@@ -87,20 +108,20 @@ def _suspect_name(log: Channels, key: str) -> list[Issue]:
         if not stated and words_of(cell) and quantity in UNITS:
             remedy = f"a unit of {quantity}; if it is one all the same, write {{}}"
             meant = replace(source, columns=(column,), unit=column_unit(key))
-            return [correctable(key, f"a unit in the file that says {cell}", meant, True, remedy)]
+            return [log.issue(key, f"a unit in the file that says {cell}", remedy, certain=True, corrected=meant)]
         if stated and stated != column_unit(key) and source.scale == 1:
-            return [in_unit(key, source, stated, f"a unit of {stated} in the file")]
+            return [log.in_unit(key, stated, f"a unit of {stated} in the file")]
     unit = ColumnName.of(name).unit(quantity)
     named = source.scale == 1 and unit not in ("", column_unit(key))
     if named and quantity == "temperature":  # a column T_K that was converted to degC keeps its name
         named = _can_be(_middle(replace(source, unit=unit).values(key, log.numbers)))
     if named:
-        return [in_unit(key, source, unit, f"no unit is given for '{name}', whose name says {unit}")]
+        return [log.in_unit(key, unit, f"no unit is given for '{name}', whose name says {unit}")]
     if quantity == "velocity" and "erpm" in words_of(name):
         meant = replace(source, unit="rpm", scale=1 / _EXAMPLE_POLE_PAIRS)
         remedy = f"for {_EXAMPLE_POLE_PAIRS} pole pairs, say, write {as_line_or_option(key, meant)}"
         # No log says how many there are, so that nobody is to take this line unseen.
-        return [Issue(key, name, "electrical turns, by the column's name", remedy, True)]
+        return [log.issue(key, "electrical turns, by the column's name", remedy, certain=True)]
     return []
 
 
@@ -113,16 +134,16 @@ def _suspect_size(log: Channels, key: str, readings: FloatArray) -> list[Issue]:
         problem += "more than any joint bears"
         if source.scale == 1 and source.unit is None and len(source.columns) == 1:
             meant = replace(source, valid=(-can.most, can.most))
-            return [correctable(key, problem, meant, True, "to leave them out, write {}", kind="size")]
+            return [log.issue(key, problem, "to leave them out, write {}", "size", certain=True, corrected=meant)]
         remedy = "write another unit, or in its entry of [columns] a range, valid = [LEAST, MOST], without these"
-        return [Issue(key, source.columns[0], problem, remedy, True, kind="size")]
+        return [log.issue(key, problem, remedy, "size", certain=True)]
     if not beyond and (high <= can.most_whole or source.unit is not None or not _are_whole(readings)):
         return []
     problem = f"values up to {high:.4g}, which look like {can.unit}"
     if source.unit is None:
-        return [in_unit(key, source, can.unit, problem, certain=beyond > 0)]
+        return [log.in_unit(key, can.unit, problem, certain=beyond > 0)]
     remedy = f"write another unit; if it is right, write {log.believed(key)}"
-    return [Issue(key, source.columns[0], problem, remedy, True, kind="size")]
+    return [log.issue(key, problem, remedy, "size", certain=True)]
 
 
 _CONVERTERS = (10, 12, 14, 16)  # bits that converters have
@@ -138,9 +159,10 @@ def _bits_of(readings: FloatArray) -> int:
     return next((bits for bits in _CONVERTERS if _LEAST_COUNTS * 2**bits < high < 2**bits), 0)
 
 
-def _suspect_counts(key: str, source: ColumnSource, readings: FloatArray) -> list[Issue]:
+def _suspect_counts(log: Channels, key: str, readings: FloatArray) -> list[Issue]:
     """Whole numbers about the middle of a converter's range, which stand for none; or of torques large ones about 0."""
     can, bits, high = PLAUSIBLE[quantity_of(key)], _bits_of(readings), float(np.percentile(np.abs(readings), 99))
+    source = log.sources[key]
     zero, full = 2.0 ** (bits - 1), can.full_scale
     away = np.abs(readings - zero) / (2 * zero)
     if source.unit is not None or not full:
@@ -156,7 +178,7 @@ def _suspect_counts(key: str, source: ColumnSource, readings: FloatArray) -> lis
         return []
     # No number tells its full scale, so that nobody is to take this line unseen.
     remedy = f"for {what} with ±{full:g} {column_unit(key)} at full scale, say, write {as_line_or_option(key, meant)}"
-    return [Issue(key, source.columns[0], problem, remedy, certain, kind="counts")]
+    return [log.issue(key, problem, remedy, "counts", certain=certain)]
 
 
 # --- Temperatures, read in all ways in which they are written ---------------------------------------
@@ -323,7 +345,7 @@ def suspect_wrap(log: Channels, key: str) -> list[Issue]:
         problem = f"{wraps} jumps of some {turn:.6g}: a counter of {bits} bit that wraps"
         meant = replace(source, wrap=turn)
         if not temperature:
-            return [correctable(key, problem, meant, True, kind="wrap")]
+            return [log.issue(key, problem, "write {}", "wrap", certain=True, corrected=meant)]
         ways = {"a counter from 0 up": meant, "a counter that began below 0": _below_zero(source, turn)}
         return [_proposed(log, key, problem, ways, _in_parts_of_a_degree(ways), certain=True, kind="wrap")]
     return []
@@ -358,7 +380,7 @@ def suspect_starts(log: Channels) -> list[Issue]:
         if certain:
             problem = "begins at {:.4g} degC, as all sensors do, and none of them ever cools: which looks like degF"
         certain |= warm_air > _NO_ROOM
-        return [in_unit(key, sources[key], "degF", problem.format(starts[key]), certain=certain) for key in free]
+        return [log.in_unit(key, "degF", problem.format(starts[key]), certain=certain) for key in free]
     if log.air not in starts:
         return []
     room = starts.pop(log.air)
@@ -367,7 +389,7 @@ def suspect_starts(log: Channels) -> list[Issue]:
     if log.air in free and _FAHRENHEIT[0] < room < _FAHRENHEIT[1] and (around or warm_air > _WARM_ROOM):
         problem = f"surroundings of {room:.4g} degC around a robot that begins at {robot:.4g} degC, "
         problem += "which look like degF"
-        return [in_unit(log.air, sources[log.air], "degF", problem, certain=around or warm_air > _NO_ROOM)]
+        return [log.in_unit(log.air, "degF", problem, certain=around or warm_air > _NO_ROOM)]
     # Sensors that begin warmer than the air and hardly cool: their parts were warm, or at rest as the air.
     above, evidence, issues = {key: start - room for key, start in starts.items()}, dict[object, float](), list[Issue]()
     warm = {k: x for k, x in above.items() if x > _COOLS and sensors[k].least > sensors[k].first - _COOLS}
@@ -407,7 +429,7 @@ def _suspect_rest(
     if degf:
         problem = f"begins at {start + room:.4g} degC where the surroundings have {room:.4g} degC, {stays}, "
         problem += "which looks like degF"
-        in_degf = in_unit(key, source, "degF", problem, certain=False)
+        in_degf = log.in_unit(key, "degF", problem, certain=False)
         in_degf = replace(in_degf, remedy=in_degf.remedy.partition(";")[0] + f"; {right}") if source.unit else in_degf
         issues.append(in_degf)
     if not degf or (byte and np.isfinite(evidence)):
@@ -415,5 +437,5 @@ def _suspect_rest(
         problem = f"begins {start:.3g} K above the surroundings{' in whole numbers' * byte}, {stays}: {what}?"
         meant = replace(source, offset=-offset if byte else -float(f"{start:.3g}"))
         remedy = f"if it has an offset, write {{}}; {right}"
-        issues.append(correctable(key, problem, meant, False, remedy, kind="offset"))
+        issues.append(log.issue(key, problem, remedy, "offset", corrected=meant))
     return issues
