@@ -22,15 +22,7 @@ from lptn.basics.bounds import Bound
 from lptn.basics.errors import InputError
 from lptn.logs.bag_messages import COMMON_TYPES, Decoder, label_of, numbers_of, quantities
 from lptn.logs.streams import ANOTHER_SOURCE, conflicts
-from lptn.logs.tables import (
-    TIMES_PACKED,
-    UNPACKED,
-    Bounded,
-    Source,
-    Table,
-    require_package,
-    table_of_sources,
-)
+from lptn.logs.tables import TIMES_PACKED, UNPACKED, Bounded, Source, Table, require_package, table_of_sources
 
 # --- A bag opened ----------------------------------------------------------------------------------
 

@@ -55,12 +55,10 @@ def check_time(table: Table, key: str, source: ColumnSource, time: FloatArray) -
     Raises:
         InputError: time is missing somewhere, runs backwards, or is too short or too coarse to be in s.
     """
-    usable, steps = np.abs(time) < _LATEST, np.diff(time)
+    usable, steps, name = np.abs(time) < _LATEST, np.diff(time), (*source.columns, "time")[0]
     if time.size >= FEWEST_ROWS and not usable.all():
         row = int(np.argmin(usable))
-        table.refuse(
-            row, source.columns[0], "no time" if np.isnan(time[row]) else f"{time[row]}", "a time in every row"
-        )
+        table.refuse(row, name, "no time" if np.isnan(time[row]) else f"{time[row]}", "a time in every row")
     if time.size >= FEWEST_ROWS and (steps < 0).any():
         _refuse_backwards(table, key, source, time, int((steps < 0).argmax()) + 1)
     keep = np.flatnonzero(np.append(True, steps > 0)[: time.size])
@@ -72,7 +70,7 @@ def check_time(table: Table, key: str, source: ColumnSource, time: FloatArray) -
         line = as_line_or_option(key, replace(source, unit=unit_of_rows(period)))
         problem = f"{period:.3g} s from row to row, which looks like {unit_of_rows(period)}"
         expected = f"seconds; for another unit write, say, {line}"
-        raise InputError(table.path, f"column '{source.columns[0]}'", problem, expected)
+        raise InputError(table.path, f"column '{name}'", problem, expected)
     dropped = time.size - keep.size
     note = f"time: {dropped} of {time.size} rows repeat a time stamp; the first of each is kept."
     return keep, (note,) if dropped else ()

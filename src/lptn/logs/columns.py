@@ -143,6 +143,11 @@ class ColumnSource:
     value: float | Literal["start"] | None = None
     rows: str = ""
 
+    @property
+    def counted(self) -> str:
+        """A note on a time that is counted from the rows."""
+        return f"time: counted from its rows, {self.rate:g} a second, as given."
+
     def parts(self) -> tuple[ColumnSource, ...]:
         """What a mean is taken of, each as a source of its own; this one itself of all else."""
         if self.how != "mean":
@@ -151,6 +156,8 @@ class ColumnSource:
 
     def values(self, key: str, raw: Mapping[str, FloatArray]) -> FloatArray:
         """The quantity `key` in SI (degC), (n,), from the file's columns `raw`, (n,) each; NaN where invalid."""
+        if self.rate:  # of a log whose rows are its clock
+            return np.arange(next(iter(raw.values())).size) / self.rate
         quantity = key.partition(".")[0]
         columns = [self._unwrapped(self._readings(raw[name]), quantity) for name in self.columns]
         x = columns[0]

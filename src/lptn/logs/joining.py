@@ -83,8 +83,9 @@ def _in_time(table: Table, source: ColumnSource | None, key: str) -> tuple[Float
     if source is None or not set(source.columns) <= set(table.names):
         problem = f"no such column; the log has: {table.listing}"
         raise InputError(table.path, f"column {key}", problem, f"a line in [columns] / --map {key}=YOURNAME")
-    numbers = table.numbers(source.columns)
+    numbers = table.numbers(source.columns or table.names[:1])
     time = source.values("time", numbers)
+    table.note([source.counted] * bool(source.rate))
     for issue in suspect_unit(Channels({"time": time}, {"time": source}, numbers, table.units), "time"):
         if issue.certain:
             remedy = issue.remedy.replace('"time=', f'"{key}=').replace("write time =", f'write "{key}" =')
@@ -92,4 +93,4 @@ def _in_time(table: Table, source: ColumnSource | None, key: str) -> tuple[Float
     order = in_order(time)
     rows = np.arange(time.size) if order is None else order
     rows = rows[check_time(table, key, source, time[rows])[0]]
-    return time[rows], rows, source.columns[0]
+    return time[rows], rows, "".join(source.columns) or "time"

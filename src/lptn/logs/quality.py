@@ -16,15 +16,7 @@ from lptn.basics.arrays import BoolArray, FloatArray
 from lptn.logs.alike import copies_in, reads_alike, suspect_held
 from lptn.logs.channels import Channels, Silence
 from lptn.logs.clock import FEWEST_ROWS
-from lptn.logs.columns import (
-    HEATS,
-    INPUTS,
-    ColumnSource,
-    as_line_or_option,
-    column_unit,
-    place_of,
-    quantity_of,
-)
+from lptn.logs.columns import HEATS, INPUTS, ColumnSource, as_line_or_option, column_unit, place_of, quantity_of
 from lptn.logs.issue import Issue
 from lptn.logs.law import AT_MOST, DOUBTED, exchanged, gain_change
 from lptn.logs.silence import silences_of

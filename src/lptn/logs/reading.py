@@ -21,18 +21,11 @@ from lptn.logs.alike import duplicates, without_held_rows
 from lptn.logs.bags import open_bag
 from lptn.logs.channels import Channels, quantisation_step
 from lptn.logs.clock import FEWEST_ROWS, check_time, in_order, within_stamps
-from lptn.logs.columns import (
-    AMBIENT,
-    MEANS,
-    SAMPLES,
-    ColumnSource,
-    as_line_or_option,
-    place_of,
-)
+from lptn.logs.columns import AMBIENT, MEANS, SAMPLES, ColumnSource, as_line_or_option, place_of
 from lptn.logs.csv_files import open_csv, open_spreadsheet
 from lptn.logs.guess import format_note, guess, refuse_exchanged
 from lptn.logs.issue import Issue
-from lptn.logs.joining import SECOND_TIME, join
+from lptn.logs.joining import join
 from lptn.logs.quality import check_values, issues_of, silent_channels
 from lptn.logs.recorders import open_hdf5, open_mat, open_mdf, open_tdms
 from lptn.logs.resampling import (
@@ -49,7 +42,7 @@ from lptn.logs.resampling import (
 from lptn.logs.run import LATEST_FIRST, Run
 from lptn.logs.scatter import scatter_of
 from lptn.logs.streams import ANOTHER_SOURCE, rows_of_zeros
-from lptn.logs.tables import Table, column_sources, one_line_if_broken, open_parquet, table_of, with_times
+from lptn.logs.tables import Table, column_sources, one_line_if_broken, open_parquet, table_of
 from lptn.logs.ulog import open_ulog
 
 # --- A log opened by its path: one file or folder, or two logs of one run that are joined ---------
@@ -85,11 +78,9 @@ def open_log(path: Path, columns: Mapping[str, ColumnSource]) -> tuple[Table, di
     """
     pair = pair_of(path)
     if pair is None:
-        return with_times(open_table(path), columns)
+        return open_table(path), dict(columns)
     first, second, shift = pair
-    one, rest = with_times(open_table(first), columns)
-    other, rest = with_times(open_table(second), rest, SECOND_TIME)
-    return join(path, one, other, shift, rest)
+    return join(path, open_table(first), open_table(second), shift, columns)
 
 
 def open_table(path: Path) -> Table:
@@ -340,7 +331,7 @@ def read_log(
             raise InputError(path, setting, f"{value:g} s", "a time above 0 s")
     rows = columns["time"].rows if columns and "time" in columns else ""
     if isinstance(log, pd.DataFrame):
-        table, columns = with_times(table_of(log, name), columns or {})
+        table, columns = table_of(log, name), dict(columns or {})
     else:
         table, columns = open_log(path, columns or {})
     if rows in MEANS and table.mixed:
@@ -425,7 +416,7 @@ def _channels(table: Table, sources: Mapping[str, ColumnSource]) -> tuple[Channe
     """The file's columns as they stand there, and the quantities in SI and degC, in order of time; and notes."""
     sensors = {name for key, source in sources.items() if key.startswith("temperature.") for name in source.columns}
     numbers = table.numbers((name for source in sources.values() for name in source.columns), sensors)
-    raw, notes = dict[str, FloatArray](), list[str]()
+    raw, notes = dict[str, FloatArray](), [sources["time"].counted] * bool(sources["time"].rate)
     for key, source in sources.items():
         raw[key] = source.values(key, numbers)
         if key != "time":

@@ -9,7 +9,7 @@ temperature has no noise, or its sensor's steps hide it, the two may differ by w
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
@@ -46,14 +46,12 @@ def repeated_stretch(one: Run, other: Run) -> tuple[float, float] | None:
     if not names or ratio > _MOST_FACTOR:
         return None
     names.sort(key=lambda name: -_changes(coarse.columns[name]))
-    readings = {name: coarse.columns[name] for name in names[:_MOST_COLUMNS]}
-    needed = {name: _OF_NOISE if _shows_noise(values) else _ROUNDED for name, values in readings.items()}
     at = np.round(_FINER * ratio * np.arange(len(coarse))).astype(int)  # its rows, in parts of the other's steps
     for mean_of in (1.0, ratio) if ratio > _MEANS else (1.0,):
-        others = {name: _between(fine.columns[name], mean_of) for name in readings}
-        shift = _best_shift(readings, others, at, needed)
+        pairs = [(coarse.columns[name], _between(fine.columns[name], mean_of)) for name in names[:_MOST_COLUMNS]]
+        shift = _best_shift(at, [(*pair, _OF_NOISE if _shows_noise(pair[0]) else _ROUNDED) for pair in pairs])
         if shift is not None:
-            rows = np.flatnonzero((at + shift >= 0) & (at + shift < len(next(iter(others.values())))))[[0, -1]]
+            rows = np.flatnonzero((at + shift >= 0) & (at + shift < pairs[0][1].size))[[0, -1]]
             begin, end = coarse.step * rows if other is coarse else fine.step * (at[rows] + shift) / _FINER
             return float(other.time[0] + begin), float(other.time[0] + end)
     return None
@@ -72,19 +70,18 @@ def _between(readings: FloatArray, mean_of: float) -> FloatArray:
     return pd.Series(np.repeat(readings, _FINER)).rolling(size).mean().to_numpy(np.float64)[size - 1 :]
 
 
-def _best_shift(
-    readings: Mapping[str, FloatArray],
-    others: Mapping[str, FloatArray],
-    at: IntArray,
-    needed: Mapping[str, float],
-) -> int | None:
+Columns = Sequence[tuple[FloatArray, FloatArray, float]]
+"""Readings of each column, (n,), what the other run has of it, and the correlation of noise that a copy of it has."""
+
+
+def _best_shift(at: IntArray, columns: Columns) -> int | None:
     """Where in others' columns readings begin whose noise some of these share, and which are all as warm, if anywhere.
 
-    Readings are (n,), and `at`, (n,), how far apart they are in those columns.
+    How far apart the readings are in those columns is `at`, (n,).
     """
     from scipy.signal import correlate  # here, since it takes a while to import
 
-    if at.size < _LEAST:
+    if at.size < _LEAST or columns[0][1].size <= 2 * at[1]:
         return None
     step, score, rows = int(at[1]), np.zeros(()), np.zeros(())
 
@@ -94,33 +91,28 @@ def _best_shift(
         placed[at[:-2]] = of_own
         return np.asarray(correlate(of_other, placed, method="fft"))
 
-    for name, values in readings.items():
-        other = others[name]
-        if other.size <= 2 * step:
-            return None
-        a, b = np.diff(values, n=2), other[2 * step :] - 2 * other[step:-step] + other[: -2 * step]
+    for own, other, needed in columns:
+        a, b = np.diff(own, n=2), other[2 * step :] - 2 * other[step:-step] + other[: -2 * step]
         there, there_too = np.isfinite(a) * 1.0, np.isfinite(b) * 1.0
         a, b = np.nan_to_num(a), np.nan_to_num(b)
         count, powers = np.round(shifted(there_too, there)), [shifted(there_too, a**2), shifted(b**2, there)]
         known = np.min([power > _NEXT_TO_NONE * power.max(initial=0.0) for power in powers], axis=0)
         power = np.sqrt(np.prod(powers, axis=0).clip(0))
         shared = np.divide(shifted(b, a), power, out=np.zeros(count.size), where=known)
-        together = shared > needed[name]
+        together = shared > needed
         score = score + np.where(together, shared * count, 0.0)
         rows = rows + np.where(together, count, 0.0)
     weight = score / (_SPREAD * np.sqrt(np.maximum(rows, 1)))
     for k in np.argsort(weight)[: -_MOST_SHIFTS - 1 : -1]:
         shift = int(k) - int(at[-3])
-        parts = []
-        for name, values in readings.items():
-            inside = (at + shift >= 0) & (at + shift < others[name].size)
-            parts.append((values[inside], others[name][at[inside] + shift], needed[name]))
+        inside = (at + shift >= 0) & (at + shift < columns[0][1].size)
+        parts = [(own[inside], other[at[inside] + shift], needed) for own, other, needed in columns]
         if weight[k] > _CHANCE and _are_one(parts):
             return shift
     return None
 
 
-def _are_one(parts: Sequence[tuple[FloatArray, FloatArray, float]]) -> bool:
+def _are_one(parts: Columns) -> bool:
     """Whether columns that may be one, (n,) each, are as warm, and change often enough where they share their noise."""
     changes = 0
     for one, copy, needed in parts:

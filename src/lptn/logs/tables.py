@@ -9,7 +9,7 @@ import warnings
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NoReturn
@@ -22,7 +22,7 @@ from pandas.api import types as kinds
 from lptn.basics.arrays import FloatArray
 from lptn.basics.bounds import Bound
 from lptn.basics.errors import InputError
-from lptn.logs.columns import SAMPLES, ColumnSource, is_key
+from lptn.logs.columns import ColumnSource, is_key
 
 COLUMNS = Bound(100_000, "columns")
 """Of a table: a file of so many takes 8 s to open; of a robot's log a thousand are many."""
@@ -169,29 +169,6 @@ def column_sources(table: Table, columns: Mapping[str, ColumnSource]) -> dict[st
     """Where each quantity stands: by its own name, by the format's own rules, or, above both, by the mapping."""
     own = {name: ColumnSource((name,)) for name in table.names if is_key(name)}
     return own | dict(table.defaults) | dict(columns)
-
-
-def with_times(
-    table: Table, columns: Mapping[str, ColumnSource], key: str = "time"
-) -> tuple[Table, dict[str, ColumnSource]]:
-    """A log whose rows are its clock, by a rate of `key` in the mapping, with a column of times, and the mapping to it.
-
-    Any other as it is.
-    """
-    source = columns.get(key)
-    if source is None or not (rate := source.rate):
-        return table, dict(columns)
-
-    def read(wanted: Sequence[str]) -> pd.DataFrame:
-        frame = table.read([name for name in wanted if name != "time"] or table.names[:1])
-        return frame.assign(time=np.arange(len(frame)) / rate)[list(wanted)]
-
-    names = ("time", *(name for name in table.names if name != "time"))
-    units = {name: unit for name, unit in table.units.items() if name != "time"}
-    notes = [*table.notes, f"time: counted from its rows, {rate:g} a second, as given."]
-    # Who counts rows has said when they are; of means he says so, too.
-    counted = ColumnSource(("time",), rows=source.rows or SAMPLES)
-    return replace(table, names=names, read=read, units=units, notes=notes), {**columns, key: counted}
 
 
 # --- Times as people write them: dates, clocks of the day, durations ------------------------------------

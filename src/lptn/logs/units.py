@@ -65,7 +65,7 @@ def suspect_unit(log: Channels, key: str) -> list[Issue]:
     """Another unit than the entry's, or SI, by a row of units, the column's name or its values."""
     source, quantity = log.sources[key], quantity_of(key)
     readings = log.values[key][np.isfinite(log.values[key])]
-    if not readings.size or (len(source.columns) > 1 and source.how != "mean"):
+    if not readings.size or source.rate or (len(source.columns) > 1 and source.how != "mean"):
         return []
     if source.unit is None and (named := _suspect_name(log, key)):
         return named
@@ -320,10 +320,12 @@ _USUALLY, _ONE_MORE = 0.95, 3.0  # share of a counter's steps; counts more than 
 def suspect_wrap(log: Channels, key: str) -> list[Issue]:
     """A counter of 8, 16 or 32 bit that wraps."""
     source, temperature = log.sources[key], key.startswith("temperature.")
+    if source.wrap or len(source.columns) != 1:
+        return []
     raw = log.numbers[source.columns[0]]
     raw = raw[np.isfinite(raw)]
     unit = 1.0 if _are_whole(raw) else quantisation_step(raw) if temperature else 0.0
-    if source.wrap or len(source.columns) > 1 or raw.size < 2 or unit == 0:
+    if raw.size < 2 or unit == 0:
         return []
     counts = raw / unit
     steps = np.abs(np.diff(counts))
