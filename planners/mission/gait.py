@@ -10,18 +10,20 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+from pydantic import Field
 from scipy.interpolate import CubicSpline
 from scipy.linalg import khatri_rao
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError, shown
 from lptn.basics.places import matching
+from lptn.basics.toml import Number, Strict
 from lptn.logs.columns import ColumnSource
 from lptn.logs.reading import read_log
 from lptn.logs.resampling import reduce_blocks
 from lptn.model.model import Model
 
-from ..values import SINE
+from ..values import SINE, ExtraMass, NotNegative, Positive
 
 REST = "rest"
 """The gait with all drives off."""
@@ -237,23 +239,14 @@ def _table(values: Any, shape: tuple[int, ...], origin: str, where: str) -> Floa
 # --- from logs -----------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class LogPart:
-    """Part of a log.
+class LogPart(Strict):
+    """Part of a log: a table `[[gaits.NAME.logs]]` of a task file."""
 
-    Args:
-        file: the log.
-        load: on the robot's back [kg].
-        start: since the log's beginning [s].
-        end: since the log's beginning [s].
-        posture: by name.
-    """
-
-    file: Path
-    load: float
-    start: float = 0.0
-    end: float = np.inf
-    posture: Mapping[str, float] = field(default_factory=dict)
+    file: Path  # as seen from the task file
+    load: ExtraMass = 0.0  # on the robot's back [kg]
+    start: NotNegative = 0.0  # since the log's beginning [s]
+    end: Positive | None = None  # since the log's beginning [s]; none: all of it
+    posture: dict[str, Number] = Field(default_factory=dict)  # by name
 
 
 def gait_from_logs(
@@ -297,7 +290,7 @@ def gait_from_logs(
         still = [*(part.posture[key] for key in bare.postures), part.load]
         for run in runs:
             since = run.time - float(runs[0].time[0])
-            keep = (since >= part.start) & (since < part.end)
+            keep = (since >= part.start) & (since < (part.end or np.inf))
             factor = max(1, round(window / run.step))
             reduced = [reduce_blocks(column, run.columns[column][keep], factor) for column in asked]
             measured.append(np.column_stack([*reduced, np.tile(still, (reduced[0].size, 1))]))

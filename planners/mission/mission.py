@@ -15,7 +15,7 @@ import numpy as np
 from lptn.basics.arrays import FloatArray
 from lptn.basics.bounds import Bound
 from lptn.model.model import Model
-from lptn.simulate.dynamics import longest_step
+from lptn.simulate.dynamics import longest_step, states_at_ends
 
 from .gait import REST, Gait, with_surroundings
 
@@ -320,23 +320,17 @@ def simulate_plan(mission: Mission, schedule: Schedule) -> Course:
     Raises:
         InputError: the model is so fast that the plan would take too many steps.
     """
-    model, values = mission.model, mission.model.values
-    steps = 32  # that one call takes
-    run = model.run(steps)
-    clock, states, ends, count = [0.0], [mission.start[:, None]], [], 0
+    model, values, least = mission.model, mission.model.values, 32  # steps in a piece
+    time, states, ends = [np.zeros(1)], [mission.start[:, None]], [0]
     for segment, duration, speed, load, posture in schedule.pieces:
         u = with_surroundings(segment.gait.at(speed, load, posture), model.inputs, speed, mission.ambient)
         # A Runge-Kutta step that is half of the fastest time constant is exact to 1e-4.
         step = min(1.0, longest_step(model, states[-1][:, -1], u, values, 0.5))  # s
-        blocks = max(1, ceil(duration / (steps * step)))
+        steps = max(least, ceil(duration / step))
         why = f"a time constant of {step / 0.5:.2g} s in a plan of {schedule.total:.4g} s"
-        _STEPS.check(count + blocks * steps, model.network.origin, why)
-        h = duration / (steps * blocks)
-        begin = clock[-1]
-        for block in range(blocks):
-            path = run(states[-1][:, -1], np.repeat(u[:, None], steps, axis=1), values, h).full()
-            states.append(path)
-            clock += (begin + h * (block * steps + np.arange(1, steps + 1))).tolist()
-        count += blocks * steps
-        ends.append(count)
-    return Course(np.array(clock), np.hstack(states), ends)
+        _STEPS.check(ends[-1] + steps, model.network.origin, why)
+        h, held = duration / steps, np.repeat(u[:, None], steps, axis=1)
+        states.append(states_at_ends(model, states[-1][:, -1], held, values, h, 1)[:, 1:])
+        time.append(time[-1][-1] + h * np.arange(1, steps + 1))
+        ends.append(ends[-1] + steps)
+    return Course(np.concatenate(time), np.hstack(states), ends[1:])

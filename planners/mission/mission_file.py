@@ -26,7 +26,7 @@ from lptn.logs.columns import parse_columns
 from lptn.model.model import Model
 
 from ..tasks import check_limits_at_rest, mistakes_with_line, start_of
-from ..values import LONGEST, Celsius, ExtraMass, Length, NotNegative, Positive, Seconds, Speed, by_place
+from ..values import LONGEST, Celsius, ExtraMass, Length, NotNegative, Seconds, Speed, by_place
 from .gait import REST, Gait, LogPart, gait_from_logs, gait_from_tables, with_surroundings
 from .mission import Activity, GivesUp, Mission, Range, Transition
 
@@ -79,14 +79,6 @@ class ActivityTable(Strict):
     pieces: Annotated[int, Field(ge=1, le=12, strict=True)] | None = None
 
 
-class LogTable(Strict):
-    file: str
-    load: ExtraMass = 0.0
-    start: NotNegative = 0.0
-    end: Positive | None = None
-    posture: dict[str, Number] = Field(default_factory=dict)
-
-
 class GaitTable(BaseModel):
     """Further keys are quantities (`torque`, `velocity`, `power`, …): for each pattern of places a table."""
 
@@ -94,7 +86,7 @@ class GaitTable(BaseModel):
     speeds: Cells[Speed] | None = None
     loads: Cells[ExtraMass] = [0.0]
     postures: dict[str, Cells[Number]] = Field(default_factory=dict)
-    logs: Annotated[list[LogTable], Field(min_length=1)] | None = None
+    logs: Annotated[list[LogPart], Field(min_length=1)] | None = None
     window: Annotated[Number, Field(ge=2, le=600)] = 10.0
 
 
@@ -182,14 +174,12 @@ def _gait(name: str, table: GaitTable, tables: MissionFile, model: Model, origin
         return gait_from_tables(name, speeds, table.loads, given, model, origin, table.postures)
     if given:
         raise InputError(origin, f"gaits.{name}", f"{next(iter(given))} beside logs", "tables or logs, not both")
-    folder = Path(origin).parent
-    parts = []
     for k, log in enumerate(table.logs):
         if log.posture.keys() != table.postures.keys():
             expected = f"a number for each of {', '.join(table.postures)}" if table.postures else "none"
             keys = ", ".join(log.posture) or "none"
             raise InputError(origin, f"gaits.{name}.logs[{k}].posture", keys, expected)
-        parts.append(LogPart(folder / log.file, log.load, log.start, log.end or np.inf, log.posture))
+    parts = [log.model_copy(update={"file": Path(origin).parent / log.file}) for log in table.logs]
     columns = parse_columns(tables.columns, origin, "[columns]")
     return gait_from_logs(
         name, speeds, table.loads, parts, model, origin, window=table.window, columns=columns, postures=table.postures

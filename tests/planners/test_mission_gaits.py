@@ -122,8 +122,8 @@ def rms(joint: int, speed: Any, load: float) -> Any:
 
 def test_cells_are_learned_from_logs(tmp_path: Path) -> None:
     parts = [
-        LogPart(write_log(tmp_path / "empty.parquet", [0.2, 0.6, 1.0], 0.0), 0.0),
-        LogPart(write_log(tmp_path / "loaded.parquet", [0.2, 0.5, 1.0], 4.0), 4.0),
+        LogPart(file=write_log(tmp_path / "empty.parquet", [0.2, 0.6, 1.0], 0.0)),
+        LogPart(file=write_log(tmp_path / "loaded.parquet", [0.2, 0.5, 1.0], 4.0), load=4.0),
     ]
     gait = gait_from_logs("walk", [0.2, 1.0], [0.0, 4.0], parts, leg(), "task.toml")
     for k, joint in enumerate(truth.VELOCITY):
@@ -137,14 +137,14 @@ def test_cells_are_learned_from_logs(tmp_path: Path) -> None:
 
 def test_a_part_of_a_log_is_only_that_part(tmp_path: Path) -> None:
     log = write_log(tmp_path / "log.parquet", [0.3, 0.9], 0.0)
-    first = gait_from_logs("walk", [0.3], [0.0], [LogPart(log, 0.0, 0.0, 120.0)], leg(), "task.toml")
-    second = gait_from_logs("walk", [0.3], [0.0], [LogPart(log, 0.0, 120.0, 240.0)], leg(), "task.toml")
+    first = gait_from_logs("walk", [0.3], [0.0], [LogPart(file=log, end=120.0)], leg(), "task.toml")
+    second = gait_from_logs("walk", [0.3], [0.0], [LogPart(file=log, start=120.0, end=240.0)], leg(), "task.toml")
     assert first.at(0.3, 0.0)[row("torque.FR_calf")] == pytest.approx(rms(2, 0.3, 0.0), rel=1e-3)
     assert second.at(0.3, 0.0)[row("torque.FR_calf")] == pytest.approx(rms(2, 0.9, 0.0), rel=1e-3)
 
 
 def test_a_cell_that_no_log_has_seen_is_refused(tmp_path: Path) -> None:
-    parts = [LogPart(write_log(tmp_path / "log.parquet", [0.2, 1.0], 0.0), 0.0)]
+    parts = [LogPart(file=write_log(tmp_path / "log.parquet", [0.2, 1.0], 0.0))]
     with pytest.raises(InputError, match=r"0\.0 windows near 4 kg at 0\.2 m/s"):
         gait_from_logs("walk", [0.2, 1.0], [0.0, 4.0], parts, leg(), "task.toml")
 
@@ -183,7 +183,7 @@ def test_the_expression_with_a_posture_is_the_table() -> None:
 def test_postures_are_learned_from_logs(tmp_path: Path) -> None:
     parts = [
         LogPart(
-            write_log(tmp_path / f"{height}_{load}.parquet", [0.2, 1.0], load, heavier=1 + height), load,
+            file=write_log(tmp_path / f"{height}_{load}.parquet", [0.2, 1.0], load, heavier=1 + height), load=load,
             posture={"height": height},
         )
         for height in (0.0, 0.5) for load in (0.0, 4.0)
