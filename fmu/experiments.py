@@ -19,11 +19,11 @@ from .component import Component
 from .variables import Variable
 
 FOLDER = "extra/org.fmi-standard.fmi-ls-ref"
-_HOLD, _JUMPS = 20.0, 15  # s between jumps of the inputs, and how many stretches
+_HOLD = 20.0  # s between jumps of the inputs
 _LARGEST = 6.0  # of torques [N·m], currents [A] and speeds: what a joint of a quadruped sees
 
 
-def experiment(component: Component, step: float) -> dict[str, Any]:
+def experiment(component: Component, step: float, stretches: int = 15) -> dict[str, Any]:
     """What the templates show of the experiment, with its tables of inputs and reference results as CSV texts.
 
     The results come from SciPy's DOP853 at a tolerance of 1e-12 and the model's expressions, not from the FMU's own
@@ -32,37 +32,44 @@ def experiment(component: Component, step: float) -> dict[str, Any]:
     Args:
         component: what is exported, without arrays.
         step: longest inner step of the FMU [s].
+        stretches: of held inputs.
     """
-    inputs, states = component.of("input"), component.of("state")
-    rows = _inputs(inputs)
+    inputs, states, p = component.of("input"), component.of("state"), component.starts("parameter")
     rates = ca.Function("rates", [component.x, component.u, component.p], [component.rates])
-    solution = held_solution(rates, component.starts("state"), rows, component.starts("parameter"), _HOLD)
-    times = np.column_stack([_HOLD * np.arange(_JUMPS), _HOLD * np.arange(1, _JUMPS + 1)]).ravel()
-    held = np.column_stack([times, np.repeat(rows, 2, axis=0)])
+    rows, solution = _inputs(inputs, stretches), [component.starts("state")]
+
+    def held(_: float, x: FloatArray, u: FloatArray) -> FloatArray:
+        return np.asarray(rates(x, u, p).full()).ravel()
+
+    for row in rows:
+        end = solve_ivp(held, (0.0, _HOLD), solution[-1], method="DOP853", rtol=1e-12, atol=1e-12, args=(row,))
+        solution.append(end.y[:, -1])
+    times = _HOLD * np.arange(stretches + 1)
+    jumps = np.column_stack([np.repeat(times, 2)[1:-1], np.repeat(rows, 2, axis=0)])
     seen = [row for row, state in enumerate(states) if not state.hidden]
-    results = np.column_stack([_HOLD * np.arange(_JUMPS + 1), solution[:, seen]])
+    results = np.column_stack([times, np.array(solution)[:, seen]])
     tolerance = 1e-4  # K that an importer may differ by: a tenth of what a fine sensor resolves
     return {
-        "stop": _HOLD * _JUMPS,
+        "stop": float(times[-1]),
         "hold": _HOLD,
         "step": step,
         "tolerance": tolerance,
         "tables": {
-            "inputs.csv": _csv(["time", *(variable.name for variable in inputs)], held),
+            "inputs.csv": _csv(["time", *(variable.name for variable in inputs)], jumps),
             "results.csv": _csv(["time", *(states[row].name for row in seen)], results),
         },
     }
 
 
-def _inputs(variables: list[Variable]) -> FloatArray:
+def _inputs(variables: list[Variable], stretches: int) -> FloatArray:
     """Inputs of each stretch, shape (stretches, inputs), in the FMU's units."""
     seed = 20260101  # any fixed one, so that the same model gives the same bytes
     rng = np.random.default_rng(seed)
-    rows = np.round(rng.uniform(-_LARGEST, _LARGEST, (_JUMPS, len(variables))), 3)
+    rows = np.round(rng.uniform(-_LARGEST, _LARGEST, (stretches, len(variables))), 3)
     room = 295.0  # K, about which surroundings drift by 2 K
     for column, variable in enumerate(variables):
         if variable.celsius:
-            rows[:, column] = np.round(room + 2.0 * np.sin(np.arange(_JUMPS) / 4), 3)
+            rows[:, column] = np.round(room + 2.0 * np.sin(np.arange(stretches) / 4), 3)
         elif variable.minimum == 0.0:  # a share, such as whether a drive is on
             rows[:, column] = np.round(np.abs(rows[:, column]) / _LARGEST, 3)
         elif (variable.start or 0.0) < 0:  # a mean that is formed from other inputs while it is not connected
@@ -70,32 +77,9 @@ def _inputs(variables: list[Variable]) -> FloatArray:
     return rows
 
 
-def held_solution(rates: ca.Function, state: FloatArray, rows: FloatArray, p: FloatArray, hold: float) -> FloatArray:
-    """States at the start and after each stretch of held inputs, by SciPy's DOP853 at a tolerance of 1e-12.
-
-    Args:
-        rates: (x, u, p) -> dx/dt.
-        state: at the start.
-        rows: inputs of each stretch, shape (stretches, inputs).
-        p: parameters.
-        hold: how long a stretch lasts [s].
-
-    Returns:
-        Shape (stretches + 1, states).
-    """
-    states = [state]
-    for row in rows:
-
-        def of_stretch(_: float, x: FloatArray, row: FloatArray = row) -> FloatArray:
-            return np.asarray(rates(x, row, p).full().ravel())
-
-        states.append(solve_ivp(of_stretch, (0.0, hold), states[-1], method="DOP853", rtol=1e-12, atol=1e-12).y[:, -1])
-    return np.array(states)
-
-
 def _csv(names: list[str], table: FloatArray) -> str:
     header = ",".join(f'"{name}"' for name in names)
-    return "\n".join([header, *(",".join(f"{value:.10g}" for value in row) for row in table)]) + "\n"
+    return "\n".join([header, *(",".join(f"{value:.12g}" for value in row) for row in table)]) + "\n"
 
 
 def related(entries: Mapping[str, bytes]) -> list[dict[str, str]]:
