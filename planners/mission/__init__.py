@@ -8,18 +8,6 @@ from .plan import plan_kind, plan_mission
 from .program import MissionProgram, MissionSolution
 
 __all__ = [
-    "Activity",
-    "Gait",
-    "LogPart",
-    "Mission",
-    "MissionPlan",
-    "MissionProgram",
-    "MissionSegment",
-    "MissionSolution",
-    "Transition",
-    "gait_from_logs",
-    "gait_from_tables",
-    "plan_kind",
-    "plan_mission",
-    "read_mission",
-]
+    "Activity", "Gait", "LogPart", "Mission", "MissionPlan", "MissionProgram", "MissionSegment", "MissionSolution",
+    "Transition", "gait_from_logs", "gait_from_tables", "plan_kind", "plan_mission", "read_mission",
+]  # fmt: skip

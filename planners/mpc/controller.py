@@ -23,7 +23,7 @@ from lptn.online.living_sensors import LEAST
 from ..heating import Request, heating, requested_by
 from ..values import Each, Values, in_order
 from .c_code import python_library, settings_header, sources, structs, surroundings, unsure
-from .settings import LostSensor, settle
+from .settings import SLACK_PRICES, LostSensor, settle
 
 _MEANING = {
     4: "a request is no number; taken as zero",
@@ -414,7 +414,7 @@ class TorqueMPC:
     def _fill_settings(self) -> None:
         """Write the settings into their struct; one that `c/lptn_mpc.h` has and this lacks is a KeyError."""
         own = self.settings
-        linear, quadratic = own.prices
+        linear, quadratic = SLACK_PRICES
         parameters, around = len(self.model.values), len(surroundings(self.heating))
         values: dict[str, Any] = {
             "stage": own.stages, "limit": own.planned_limits,

@@ -12,7 +12,7 @@ from lptn.basics.arrays import FloatArray
 from lptn.model.model import rk4
 
 from ..heating import Heating
-from .settings import Settings
+from .settings import SLACK_PRICES, Settings
 
 _OPTIONS: dict[str, Any] = {
     "print_time": False,
@@ -121,7 +121,7 @@ class ReferenceProgram:
             before = x[:, k]
         limits = ca.MX.sym("limits", len(nodes), n)
         over = x[nodes, :] - limits - e
-        linear, quadratic = settings.prices
+        linear, quadratic = SLACK_PRICES
         cost = ca.sum1(ca.vec(weight * (1 - ca.sqrt(s)) ** 2))
         cost += linear * ca.sum1(ca.vec(e)) + quadratic / 2 * ca.sumsqr(e)
         program = {

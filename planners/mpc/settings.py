@@ -26,6 +26,8 @@ LostSensor = Literal["model", "derate", "stop"]
 _ROOM = 25.0  # degC
 _ABSOLUTE = 273.15 + _ROOM  # K
 _AIR = 3.0 / _ABSOLUTE  # standard deviation of its told absolute temperature: a room may have 20 or 30 degC as well
+SLACK_PRICES = 10.0, 10.0
+"""Of slack, linear [1/K] and quadratic [1/K²] at one stage; admitting nothing at all costs 1."""
 BAND = 10.0  # K above its limit at which a node, by default, is to cool as fast as it does without any load
 
 
@@ -91,11 +93,6 @@ class Settings:
     def sigmas(self) -> float:
         """Standard deviations of a normal error that it stays below with the probability `level`."""
         return float(ndtri(self.level))
-
-    @property
-    def prices(self) -> tuple[float, float]:
-        """Of slack, linear [1/K] and quadratic [1/K²] at one stage; admitting nothing at all costs 1."""
-        return 10.0, 10.0
 
 
 def settle(
@@ -194,17 +191,16 @@ def _at_limits(heating: Heating, limits: Mapping[str, float]) -> _Balance:
     x = np.array([limits.get(node, max(limits.values())) for node in model.nodes])[np.array(model.owners)]
     room = np.array([_ROOM if name.startswith("temperature") else 0.0 for name in heating.conditions])
 
-    def unloaded() -> ca.Function:
-        rates = ca.substitute(heating.rates, heating.amount, ca.SX.zeros(heating.amount.shape))
-        return ca.Function("unloaded", [heating.x, heating.d, heating.p], [rates, ca.jacobian(rates, heating.x)])
+    def unloaded() -> tuple[FloatArray, FloatArray]:
+        rates, slope, *_ = heating.function()(x, np.zeros(len(heating.joints)), room, model.values)
+        return np.asarray(rates.full()).ravel(), np.asarray(slope.full()).T
 
-    function = model.made_once(("rates without load", heating.request), unloaded)
     free = [row for row, owner in enumerate(model.owners) if model.nodes[owner] not in limits]
-    rates, slope = (np.asarray(value.full()) for value in function(x, room, model.values))
+    rates, slope = unloaded()
     if free:
-        x[free] -= np.linalg.lstsq(slope[np.ix_(free, free)], rates.ravel()[free])[0]
-        rates, slope = (np.asarray(value.full()) for value in function(x, room, model.values))
-    return _Balance(x, room, rates.ravel(), slope)
+        x[free] -= np.linalg.lstsq(slope[np.ix_(free, free)], rates[free])[0]
+        rates, slope = unloaded()
+    return _Balance(x, room, rates, slope)
 
 
 def _errors(

@@ -8,23 +8,7 @@ from .study_file import load_study, parse_study
 from .uncertainty import Interval
 
 __all__ = [
-    "Design",
-    "DesignProblem",
-    "FrontPoint",
-    "Gear",
-    "Interval",
-    "IsoMap",
-    "LimitCurve",
-    "Obstacle",
-    "Option",
-    "Refusal",
-    "StudyResult",
-    "TorqueSpeed",
-    "TradeStudy",
-    "iso_map",
-    "limit_curves",
-    "load_study",
-    "parse_study",
-    "solve_study",
-    "torque_speed",
-]
+    "Design", "DesignProblem", "FrontPoint", "Gear", "Interval", "IsoMap", "LimitCurve", "Obstacle", "Option",
+    "Refusal", "StudyResult", "TorqueSpeed", "TradeStudy", "iso_map", "limit_curves", "load_study", "parse_study",
+    "solve_study", "torque_speed",
+]  # fmt: skip

@@ -75,9 +75,9 @@ class Errors:
         return cls(root, float(np.abs(finite).max()), float(finite.mean()), int(finite.size))
 
 
-def errors_of(predictions: Sequence[Prediction]) -> Errors | None:
-    """Errors over all readings that count of some runs, `None` without any."""
-    return Errors.of(np.concatenate([prediction.error.ravel() for prediction in predictions])) if predictions else None
+def errors_of(predictions: Sequence[Prediction]) -> Errors:
+    """Errors over all readings that count of some runs."""
+    return Errors.of(np.concatenate([np.zeros(0), *(prediction.error.ravel() for prediction in predictions)]))
 
 
 @dataclass(frozen=True)
@@ -110,7 +110,7 @@ class Comparison(Tabular):
     @cached_property
     def all(self) -> Errors:
         """Errors over all readings that count."""
-        return Errors.of(np.concatenate([prediction.error.ravel() for prediction in self.predictions]))
+        return errors_of(self.predictions)
 
     def node(self, name: str, prediction: Prediction | None = None) -> Errors:
         """Errors at one node, over all runs or in one."""

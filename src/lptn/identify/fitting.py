@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from math import isfinite
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -21,7 +22,7 @@ from lptn.basics.errors import InputError
 from lptn.basics.files import write_whole
 from lptn.basics.processes import one_blas_thread
 from lptn.basics.tables import Tabular
-from lptn.identify.comparison import Errors, Prediction
+from lptn.identify.comparison import Prediction, errors_of
 from lptn.identify.data import EVERYTHING, Segment
 from lptn.identify.integral_start import integral_start
 from lptn.identify.noise import Noise, balanced_sigma, estimate_noise
@@ -89,7 +90,7 @@ class Fit(Tabular):
     @property
     def rmse(self) -> float:
         """Root mean square error over all readings that count [K]."""
-        return Errors.of(np.concatenate([run.error.ravel() for run in self.predictions])).rmse
+        return errors_of(self.predictions).rmse
 
     @property
     def summary(self) -> str:
@@ -113,7 +114,6 @@ class Fit(Tabular):
 
     def table(self) -> FitTable:
         """The result as a model file keeps it, without infinite standard errors."""
-        free = [self.model.parameters[index] for index in self.free]
         sources = {bound.run.source: bound.run.fingerprint for bound in self.problem.bound_runs}
         return FitTable(
             rmse=self.rmse,
@@ -121,34 +121,26 @@ class Fit(Tabular):
             warnings=list(self.uncertainty.warnings),
             data=[DataTable(file=Path(source).name, sha256=digest) for source, digest in sources.items()],
             parameters={
-                parameter.name: FittedTable(
-                    value=parameter.value,
-                    error=self.standard_errors[parameter.name]
-                    if isfinite(self.standard_errors[parameter.name])
-                    else None,
-                    unit=parameter.declared.unit,
-                )
-                for parameter in free
+                name: FittedTable(**entry | {"error": entry["error"] if isfinite(entry["error"]) else None})
+                for name, entry in self._estimates.items()
             },
         )
 
     def as_json(self) -> dict[str, object]:
         """The result as other tools read it."""
-        free = [self.model.parameters[index] for index in self.problem.free]
         return {
             "rmse_fit": self.rmse,
             "status": self.status,
-            "parameters": {
-                parameter.name: {
-                    "value": parameter.value,
-                    "error": self.standard_errors[parameter.name],
-                    "unit": parameter.declared.unit,
-                }
-                for parameter in free
-            },
+            "parameters": self._estimates,
             "correlations": self.uncertainty.correlations.tolist(),
             "warnings": list(self.uncertainty.warnings),
         }
+
+    @property
+    def _estimates(self) -> dict[str, dict[str, Any]]:
+        """Value, standard error and unit of each free parameter by name."""
+        free, errors = (self.model.parameters[index] for index in self.free), self.standard_errors
+        return {one.name: {"value": one.value, "error": errors[one.name], "unit": one.declared.unit} for one in free}
 
     @property
     def standard_errors(self) -> dict[str, float]:

@@ -102,7 +102,7 @@ def fit_split(
 
 def holdout_errors(done: Fit, segments: Sequence[Segment]) -> Errors | None:
     """Errors of a fitted model on runs that it never saw, `None` without any."""
-    return errors_of([predict(done.model, segment) for segment in segments])
+    return errors_of([predict(done.model, segment) for segment in segments]) if segments else None
 
 
 @dataclass(frozen=True)
