@@ -32,7 +32,8 @@ class Parameter:
             work with the logarithm.
         off: the value at which the effect vanishes exactly; `None` for a parameter that can't switch
             its effect off (a shape, a data-sheet number).
-        typical: the size at which the effect is usually met, at a robot's joint; scales the search.
+        typical: the size at which the effect is usually met, at a robot's joint; scales the search. By default its
+            value, 1 where that is 0.
         title: what a person calls it.
         fixed: `True` keeps the fit away from it.
         share: who has it in common.
@@ -58,7 +59,7 @@ class Parameter:
     unit: str
     bounds: tuple[float, float] = (-math.inf, math.inf)
     off: float | None = None
-    typical: float = 1.0
+    typical: float = math.nan
     title: str = ""
     fixed: bool = False
     share: Share = "each"
@@ -68,6 +69,8 @@ class Parameter:
     relative_to: Scale = ""
 
     def __post_init__(self) -> None:
+        if math.isnan(self.typical):
+            object.__setattr__(self, "typical", abs(self.value) or 1.0)
         lower, upper = self.bounds
         if not lower <= upper:
             raise ValueError(f"{self.name}: bounds {lower:g} to {upper:g} are in the wrong order")

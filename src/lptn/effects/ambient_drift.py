@@ -24,9 +24,7 @@ class AmbientDrift(BoundaryEffect):
     per_run = True
     has_state = True
     in_one_run = ("in {run} the {place} warmed by {size} K an hour", "in {run} the {place} cooled by {size} K an hour")
-    parameters = (
-        Parameter("rate", 1.0, "K/h", (-LARGEST, LARGEST), off=0.0, typical=1.0, title="rise of the temperature"),
-    )
+    parameters = (Parameter("rate", 1.0, "K/h", (-LARGEST, LARGEST), off=0.0, title="rise of the temperature"),)
     signature = Signature(
         looks_like="every node is off by more and more, all by about the same, whatever the robot does",
         separate_by="log the air, or leave the robot unpowered beside a thermometer for an hour",

@@ -20,16 +20,8 @@ class AmbientLag(BoundaryEffect):
     """Walls out of balance with the air take a change of weather or of room, which few logs hold."""
     has_state = True
     parameters = (
-        Parameter("fraction", 0.7, "1", (0.0, 1.0), off=0.0, typical=0.7, title="share that is late"),
-        Parameter(
-            "time_constant",
-            900.0,
-            "s",
-            (10.0, LARGEST),
-            typical=900.0,
-            title="time constant",
-            grid=(300.0, 900.0, 2700.0),
-        ),
+        Parameter("fraction", 0.7, "1", (0.0, 1.0), off=0.0, title="share that is late"),
+        Parameter("time_constant", 900.0, "s", (10.0, LARGEST), title="time constant", grid=(300.0, 900.0, 2700.0)),
     )
     signature = Signature(
         looks_like="after each change of the ambient all nodes are predicted to follow too soon",

@@ -23,9 +23,7 @@ class AmbientOffset(BoundaryEffect):
         "in {run} the {place} was {size} K warmer than given",
         "in {run} the {place} was {size} K cooler than given",
     )
-    parameters = (
-        Parameter("offset", 2.0, "K", (-LARGEST, LARGEST), off=0.0, typical=2.0, title="true minus given temperature"),
-    )
+    parameters = (Parameter("offset", 2.0, "K", (-LARGEST, LARGEST), off=0.0, title="true minus given temperature"),)
     signature = Signature(
         looks_like="every node drifts off by the same amount, from a start that fits",
         separate_by="leave the robot unpowered for two hours: what does it settle at?",

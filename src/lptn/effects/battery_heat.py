@@ -18,9 +18,7 @@ class BatteryHeat(NodeEffect):
     key = "battery_heat"
     title = "heat of the battery"
     needs = ("battery_power",)
-    parameters = (
-        Parameter("fraction", 0.02, "1", (0.0, 1.0), off=0.0, typical=0.02, title="share of the battery's power"),
-    )
+    parameters = (Parameter("fraction", 0.02, "1", (0.0, 1.0), off=0.0, title="share of the battery's power"),)
     signature = Signature(
         looks_like="predicted too cold whenever the whole robot draws much power, at resting joints as well",
         separate_by="load the joints far from the battery for 20 min while those beside it rest",

@@ -28,9 +28,7 @@ class ClockOffset(ClockEffect):
         "in {run} the temperatures come {size} s later than the inputs: are its clocks apart?",
         "in {run} the temperatures come {size} s earlier than the inputs: are its clocks apart?",
     )
-    parameters = (
-        Parameter("delay", 10.0, "s", (-7200.0, 7200.0), off=0.0, typical=10.0, title="delay of the readings"),
-    )
+    parameters = (Parameter("delay", 10.0, "s", (-7200.0, 7200.0), off=0.0, title="delay of the readings"),)
     signature = Signature(
         looks_like="all readings come late (or early) at every change of load, by the same time on every node",
         separate_by="one short strong burst of load from rest: when does the first node begin to warm?",

@@ -16,9 +16,7 @@ class ComputerHeat(NodeEffect):
     key = "computer_heat"
     title = "heat of the onboard computer"
     options = {"input": ("pc_power", "computer_power")}  # noqa: RUF012
-    parameters = (
-        Parameter("fraction", 0.1, "1", (0.0, 1.0), off=0.0, typical=0.1, title="share of the computer's power"),
-    )
+    parameters = (Parameter("fraction", 0.1, "1", (0.0, 1.0), off=0.0, title="share of the computer's power"),)
     signature = Signature(
         looks_like="predicted too cold whenever the computer works hard, at rest as well",
         separate_by="leave the robot resting for an hour with the computer under full load, then idle",

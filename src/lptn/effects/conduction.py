@@ -18,14 +18,7 @@ class Conduction(EdgeEffect):
     common = True
     parameters = (
         Parameter(
-            "conductance",
-            0.3,
-            "W/K",
-            (0.0, LARGEST),
-            off=0.0,
-            typical=0.3,
-            relative_to="conductance",
-            title="thermal conductance",
+            "conductance", 0.3, "W/K", (0.0, LARGEST), off=0.0, relative_to="conductance", title="thermal conductance"
         ),
     )
     signature = Signature(

@@ -22,9 +22,7 @@ class ConstantHeat(NodeEffect):
         "in {run} {size} W less heat goes into {into} all the time",
     )
     parameters = (
-        Parameter(
-            "power", 3.0, "W", (0.0, LARGEST), off=0.0, typical=3.0, relative_to="conductance", title="constant heat"
-        ),
+        Parameter("power", 3.0, "W", (0.0, LARGEST), off=0.0, relative_to="conductance", title="constant heat"),
     )
     signature = Signature(
         looks_like="predicted too cold all the time, at rest as well",

@@ -18,7 +18,7 @@ class ContactScale(ContactEffect):
 
     key = "contact_scale"
     title = "better or worse contact"
-    parameters = (Parameter("change", 0.5, "1", (-1.0, 50.0), off=0.0, typical=0.5, title="change of the conductance"),)
+    parameters = (Parameter("change", 0.5, "1", (-1.0, 50.0), off=0.0, title="change of the conductance"),)
     signature = Signature(
         looks_like="of two linked parts the heated one is predicted too cold and the other too hot, or the reverse",
         separate_by="hold a load until both stand, and look at the difference of the two; then cool down unpowered",

@@ -42,10 +42,8 @@ class CopperLoss(NodeEffect):
         "amperes": tuple(_AMPERES),
     }
     parameters = (
-        Parameter("resistance", 0.15, "ohm", (1e-6, LARGEST), typical=0.15, title="winding resistance", fixed=True),
-        Parameter(
-            "torque_constant", 0.84, "N*m/A", (1e-6, LARGEST), typical=0.84, title="joint torque per ampere", fixed=True
-        ),
+        Parameter("resistance", 0.15, "ohm", (1e-6, LARGEST), title="winding resistance", fixed=True),
+        Parameter("torque_constant", 0.84, "N*m/A", (1e-6, LARGEST), title="joint torque per ampere", fixed=True),
     )
     signature = Signature(
         looks_like="predicted too cold whenever the joint carries load",

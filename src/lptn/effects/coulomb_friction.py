@@ -20,9 +20,7 @@ class CoulombFriction(NodeEffect):
     title = "Coulomb friction of the joint"
     common = True
     needs = ("velocity",)
-    parameters = (
-        Parameter("torque", 0.25, "N*m", (0.0, LARGEST), off=0.0, typical=0.25, title="Coulomb friction torque"),
-    )
+    parameters = (Parameter("torque", 0.25, "N*m", (0.0, LARGEST), off=0.0, title="Coulomb friction torque"),)
     signature = Signature(
         looks_like="predicted too cold whenever the joint moves, in proportion to its speed",
         separate_by="swing the unloaded leg at two speeds, 15 min each",

@@ -19,16 +19,7 @@ class DriveHeat(NodeEffect):
     title = "heat of the drive while it is on"
     needs = ("powered",)
     parameters = (
-        Parameter(
-            "power",
-            4.0,
-            "W",
-            (0.0, LARGEST),
-            off=0.0,
-            typical=4.0,
-            relative_to="conductance",
-            title="heat of the drive",
-        ),
+        Parameter("power", 4.0, "W", (0.0, LARGEST), off=0.0, relative_to="conductance", title="heat of the drive"),
     )
     signature = Signature(
         looks_like="predicted too cold while the drives are on, right once they are off",

@@ -20,10 +20,8 @@ class DriverLoss(NodeEffect):
     common = True
     options = {"input": ("torque_abs", "current_abs")}  # noqa: RUF012
     parameters = (
-        Parameter("voltage", 0.5, "V", (0.0, LARGEST), off=0.0, typical=0.5, title="voltage drop of the drive"),
-        Parameter(
-            "torque_constant", 0.84, "N*m/A", (1e-6, LARGEST), typical=0.84, title="joint torque per ampere", fixed=True
-        ),
+        Parameter("voltage", 0.5, "V", (0.0, LARGEST), off=0.0, title="voltage drop of the drive"),
+        Parameter("torque_constant", 0.84, "N*m/A", (1e-6, LARGEST), title="joint torque per ampere", fixed=True),
     )
     signature = Signature(
         looks_like="predicted too cold at small loads more than at large ones, beside a copper loss that fits",

@@ -19,7 +19,7 @@ class Fan(LinkEffect):
     key = "fan"
     title = "air of a logged fan"
     options = {"input": ("fan", "fan_speed")}  # noqa: RUF012
-    parameters = (Parameter("gamma", 1.0, "1", (0.0, 100.0), off=0.0, typical=1.0, title="gain at full speed"),)
+    parameters = (Parameter("gamma", 1.0, "1", (0.0, 100.0), off=0.0, title="gain at full speed"),)
     signature = Signature(
         looks_like="predicted too hot whenever the fan runs",
         separate_by="hold one load for 30 min without the fan, then for 30 min with it",

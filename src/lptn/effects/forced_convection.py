@@ -17,7 +17,7 @@ class ForcedConvection(LinkEffect):
     title = "forced convection with base speed"
     common = True
     needs = ("base_speed",)
-    parameters = (Parameter("gamma", 0.5, "s/m", (0.0, 20.0), off=0.0, typical=0.5, title="forced-convection gain"),)
+    parameters = (Parameter("gamma", 0.5, "s/m", (0.0, 20.0), off=0.0, title="forced-convection gain"),)
     signature = Signature(
         looks_like="predicted too hot while travelling, right while standing",
         separate_by="same joint torque, standing and at two speeds, 15 min each",

@@ -19,9 +19,7 @@ class GearLoss(NodeEffect):
     title = "gear loss, a share of the mechanical power"
     common = True
     needs = ("mechanical_power",)
-    parameters = (
-        Parameter("fraction", 0.1, "1", (0.0, 1.0), off=0.0, typical=0.1, title="share of the mechanical power lost"),
-    )
+    parameters = (Parameter("fraction", 0.1, "1", (0.0, 1.0), off=0.0, title="share of the mechanical power lost"),)
     signature = Signature(
         looks_like="predicted too cold when the joint moves under load, right when it moves unloaded or holds still",
         separate_by="lift and lower the same load at two speeds, 15 min each, and swing unloaded at those speeds",

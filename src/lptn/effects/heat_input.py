@@ -18,7 +18,7 @@ class HeatInput(NodeEffect):
     key = "heat_input"
     title = "heat in proportion to a logged power"
     needs = ("power",)
-    parameters = (Parameter("gain", 1.0, "W/W", (0.0, LARGEST), off=0.0, typical=1.0, title="watts per logged unit"),)
+    parameters = (Parameter("gain", 1.0, "W/W", (0.0, LARGEST), off=0.0, title="watts per logged unit"),)
     signature = Signature(
         looks_like="predicted too cold whenever the logged power is high",
         separate_by="switch the consumer on and off, 15 min each, with everything else at rest",

@@ -23,7 +23,7 @@ class HeatScale(LossEffect):
         "in {run} the logged power heats{at} {factor} times as much as in the fitted runs",
         "in {run} the logged power heats{at} only {factor} times as much as in the fitted runs",
     )
-    parameters = (Parameter("change", 0.2, "1", (-1.0, 20.0), off=0.0, typical=0.2, title="change of the heat"),)
+    parameters = (Parameter("change", 0.2, "1", (-1.0, 20.0), off=0.0, title="change of the heat"),)
     signature = Signature(
         looks_like="predicted too cold (or too hot) in proportion to the logged power",
         separate_by="switch the consumer on and off, 15 min each, with a meter of known accuracy in its supply",

@@ -30,11 +30,10 @@ class HotSpot(ExcessEffect):
             "K/W",
             (0.0, LARGEST),
             off=0.0,
-            typical=0.1,
             relative_to="resistance",
             title="from the hot spot to the mass",
         ),
-        Parameter("time_constant", 5.0, "s", (1.0, LARGEST), typical=5.0, title="its time constant", grid=(5.0, 30.0)),
+        Parameter("time_constant", 5.0, "s", (1.0, LARGEST), title="its time constant", grid=(5.0, 30.0)),
     )
     signature = Signature(
         looks_like="the reading jumps up within seconds of a load, and down when it ends, by the same amount",

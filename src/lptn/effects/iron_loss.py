@@ -21,8 +21,8 @@ class IronLoss(NodeEffect):
     common = True
     needs = ("velocity_rms",)
     parameters = (
-        Parameter("gain", 0.05, "W*(s/rad)^n", (0.0, LARGEST), off=0.0, typical=0.05, title="loss at 1 rad/s"),
-        Parameter("exponent", 1.5, "1", (1.1, 1.9), typical=1.5, title="exponent of the speed", grid=(1.3, 1.5, 1.7)),
+        Parameter("gain", 0.05, "W*(s/rad)^n", (0.0, LARGEST), off=0.0, title="loss at 1 rad/s"),
+        Parameter("exponent", 1.5, "1", (1.1, 1.9), title="exponent of the speed", grid=(1.3, 1.5, 1.7)),
     )
     signature = Signature(
         looks_like="predicted too cold when the joint moves fast, even unloaded",

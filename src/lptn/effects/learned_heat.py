@@ -31,19 +31,11 @@ class LearnedHeat(NodeEffect):
     title = "learned heat, without a name"
     options = {"input": ("velocity", "torque", "current", "power", OWN_TEMPERATURE)}  # noqa: RUF012
     parameters = (
-        Parameter("scale", 3.0, "W", (1e-6, LARGEST), typical=3.0, title="heat that rises are shares of", fixed=True),
+        Parameter("scale", 3.0, "W", (1e-6, LARGEST), title="heat that rises are shares of", fixed=True),
         Parameter("start", 0.0, "1", title="where the curve begins, in the input's SI unit or degC", fixed=True),
-        Parameter("span", 10.0, "1", (1e-9, LARGEST), typical=10.0, title="the input's range in the logs", fixed=True),
+        Parameter("span", 10.0, "1", (1e-9, LARGEST), title="the input's range in the logs", fixed=True),
         *(
-            Parameter(
-                f"rise_{number}",
-                0.2,
-                "1",
-                (0.0, LARGEST),
-                typical=0.2,
-                prior=(0.0, 1.0),
-                title=f"rise of piece {number}",
-            )
+            Parameter(f"rise_{number}", 0.2, "1", (0.0, LARGEST), prior=(0.0, 1.0), title=f"rise of piece {number}")
             for number in range(1, PIECES + 1)
         ),
     )

@@ -23,7 +23,7 @@ class LossScale(LossEffect):
         "in {run} the copper loss{at} is {factor} times what the model computes",
         "in {run} the copper loss{at} is only {factor} times what the model computes",
     )
-    parameters = (Parameter("change", 0.2, "1", (-1.0, 20.0), off=0.0, typical=0.2, title="change of the copper loss"),)
+    parameters = (Parameter("change", 0.2, "1", (-1.0, 20.0), off=0.0, title="change of the copper loss"),)
     signature = Signature(
         looks_like="predicted too cold (or too hot) in proportion to the square of the load, warm or cold",
         separate_by="hold one joint at two torques, 15 min each; measure current and torque together",

@@ -19,9 +19,7 @@ class NaturalConvection(LinkEffect):
     title = "natural convection growing with the temperature difference"
     common = True
     alike = True
-    parameters = (
-        Parameter("beta", 0.006, "1/K", (0.0, 0.05), off=0.0, typical=0.006, title="natural-convection exponent"),
-    )
+    parameters = (Parameter("beta", 0.006, "1/K", (0.0, 0.05), off=0.0, title="natural-convection exponent"),)
     signature = Signature(
         looks_like="predicted too hot at the hottest, too cold at the coolest, in the same run",
         separate_by="heat to 60 degC or more, then cool down unpowered for 30 min, at two ambients",

@@ -21,16 +21,7 @@ class Radiation(LinkEffect):
     common = True
     alike = True
     parameters = (
-        Parameter(
-            "area",
-            0.01,
-            "m^2",
-            (0.0, LARGEST),
-            off=0.0,
-            typical=0.01,
-            relative_to="link",
-            title="emissivity times area",
-        ),
+        Parameter("area", 0.01, "m^2", (0.0, LARGEST), off=0.0, relative_to="link", title="emissivity times area"),
     )
     signature = Signature(
         looks_like="predicted too hot at the hottest; the more so at a warm ambient",

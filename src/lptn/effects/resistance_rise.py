@@ -19,8 +19,8 @@ class ResistanceRise(LossEffect):
     alike = True
     heat_of = "copper_loss"
     parameters = (
-        Parameter("alpha", 0.0039, "1/K", (0.0, 0.02), off=0.0, typical=0.0039, title="temperature coefficient"),
-        Parameter("reference", 25.0, "degC", (-50.0, 200.0), typical=25.0, title="reference temperature", fixed=True),
+        Parameter("alpha", 0.0039, "1/K", (0.0, 0.02), off=0.0, title="temperature coefficient"),
+        Parameter("reference", 25.0, "degC", (-50.0, 200.0), title="reference temperature", fixed=True),
     )
     signature = Signature(
         looks_like="predicted too cold under load when already hot, right under the same load when cool",

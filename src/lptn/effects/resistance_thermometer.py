@@ -20,9 +20,9 @@ class ResistanceThermometer(SensorEffect):
     key = "resistance_thermometer"
     title = "a winding as its own thermometer"
     parameters = (
-        Parameter("change", 0.02, "1", (-0.5, 0.5), typical=0.02, title="true over assumed cold resistance, less 1"),
-        Parameter("alpha", 0.0039, "1/K", (1e-4, 0.02), typical=0.0039, title="temperature coefficient", fixed=True),
-        Parameter("reference", 25.0, "degC", (-50.0, 200.0), typical=25.0, title="reference temperature", fixed=True),
+        Parameter("change", 0.02, "1", (-0.5, 0.5), title="true over assumed cold resistance, less 1"),
+        Parameter("alpha", 0.0039, "1/K", (1e-4, 0.02), title="temperature coefficient", fixed=True),
+        Parameter("reference", 25.0, "degC", (-50.0, 200.0), title="reference temperature", fixed=True),
     )
     signature = Signature(
         looks_like="a rested motor reads off ambient, 2.6 K for each per cent of resistance, a hot one a little more",

@@ -25,18 +25,11 @@ class SecondMass(MassEffect):
             "J/K",
             (0.0, LARGEST),
             off=0.0,
-            typical=50.0,
             relative_to="capacity",
             title="capacitance of the second mass",
         ),
         Parameter(
-            "time_constant",
-            120.0,
-            "s",
-            (1.0, LARGEST),
-            typical=120.0,
-            title="its time constant",
-            grid=(15.0, 60.0, 240.0, 900.0),
+            "time_constant", 120.0, "s", (1.0, LARGEST), title="its time constant", grid=(15.0, 60.0, 240.0, 900.0)
         ),
     )
     signature = Signature(

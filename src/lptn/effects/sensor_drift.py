@@ -28,9 +28,7 @@ class SensorDrift(ExcessEffect):
     thirteen measured logs of `tests/benchmarks/measured_verdicts.py` is known to have."""
     per_run = True
     in_one_run = ("in {run} {of} drifts up by {size} K an hour", "in {run} {of} drifts down by {size} K an hour")
-    parameters = (
-        Parameter("rate", 1.0, "K/h", (-LARGEST, LARGEST), off=0.0, typical=1.0, title="drift of the reading"),
-    )
+    parameters = (Parameter("rate", 1.0, "K/h", (-LARGEST, LARGEST), off=0.0, title="drift of the reading"),)
     signature = Signature(
         looks_like="predicted off by more and more, whatever the robot does",
         separate_by="two hours at rest with nothing powered: does the reading leave the ambient?",

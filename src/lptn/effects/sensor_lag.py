@@ -23,10 +23,8 @@ class SensorLag(SensorEffect):
     common = True
     has_state = True
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("fraction", 1.0, "1", (0.0, 1.0), off=0.0, on=1.0, typical=1.0, title="share behind the lag"),
-        Parameter(
-            "time_constant", 15.0, "s", (0.5, LARGEST), typical=15.0, title="time constant", grid=(5.0, 15.0, 45.0)
-        ),
+        Parameter("fraction", 1.0, "1", (0.0, 1.0), off=0.0, on=1.0, title="share behind the lag"),
+        Parameter("time_constant", 15.0, "s", (0.5, LARGEST), title="time constant", grid=(5.0, 15.0, 45.0)),
     )
     signature = Signature(
         looks_like="the reading comes late at every change of load, by the same time up and down",

@@ -29,7 +29,7 @@ class SensorLoose(SensorLag):
     common = False
     parameters = (
         SensorLag.parameters[0],
-        Parameter("exposure", 0.3, "1", (0.0, 1.0), typical=0.3, title="share of what is around"),
+        Parameter("exposure", 0.3, "1", (0.0, 1.0), title="share of what is around"),
         *SensorLag.parameters[1:],
     )
     signature = Signature(

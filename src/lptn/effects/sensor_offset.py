@@ -20,9 +20,7 @@ class SensorOffset(SensorEffect):
     """Common sensors keep to their class, 0.3 to 1 K, and a robot at rest shows those that do not."""
     per_run = True
     in_one_run = ("in {run} {of} reads {size} K high", "in {run} {of} reads {size} K low")
-    parameters = (
-        Parameter("offset", 1.0, "K", (-LARGEST, LARGEST), off=0.0, typical=1.0, title="reading minus temperature"),
-    )
+    parameters = (Parameter("offset", 1.0, "K", (-LARGEST, LARGEST), off=0.0, title="reading minus temperature"),)
     signature = Signature(
         looks_like="predicted off by the same amount all the time, and a rested robot reads off ambient",
         separate_by="a plain cool-down to a known ambient, at two ambient temperatures",

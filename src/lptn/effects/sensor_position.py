@@ -18,9 +18,7 @@ class SensorPosition(PairSensorEffect):
     key = "sensor_position"
     title = "sensor between two parts"
     moves_sensor = True
-    parameters = (
-        Parameter("fraction", 0.2, "1", (0.0, 1.0), off=0.0, typical=0.2, title="share of the other temperature"),
-    )
+    parameters = (Parameter("fraction", 0.2, "1", (0.0, 1.0), off=0.0, title="share of the other temperature"),)
     signature = Signature(
         looks_like="one reading follows a neighbour at once, without the delay that a mass would give",
         separate_by="a step of load on the neighbour alone: does the reading rise in the first seconds?",

@@ -29,20 +29,13 @@ class SharedMass(GroupEffect):
             "W/K",
             (0.0, LARGEST),
             off=0.0,
-            typical=0.3,
             relative_to="conductance",
             title="from each node to the mass",
         ),
         Parameter(
-            "time_constant",
-            1200.0,
-            "s",
-            (10.0, LARGEST),
-            typical=1200.0,
-            title="its time constant",
-            grid=(200.0, 800.0, 3200.0),
+            "time_constant", 1200.0, "s", (10.0, LARGEST), title="its time constant", grid=(200.0, 800.0, 3200.0)
         ),
-        Parameter("leak", 0.5, "1", (0.0, 20.0), typical=0.5, title="its loss, as a share of the exchange", fixed=True),
+        Parameter("leak", 0.5, "1", (0.0, 20.0), title="its loss, as a share of the exchange", fixed=True),
     )
     signature = Signature(
         looks_like="like nodes warm each other with a delay of many minutes, however far apart they sit",

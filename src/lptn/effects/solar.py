@@ -26,7 +26,6 @@ class Solar(NodeEffect):
             "m^2",
             (0.0, LARGEST),
             off=0.0,
-            typical=0.005,
             relative_to="conductance",
             title="absorptivity times lit area",
         ),

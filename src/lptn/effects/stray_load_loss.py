@@ -16,9 +16,7 @@ class StrayLoadLoss(NodeEffect):
     key = "stray_load_loss"
     title = "stray-load loss of the winding's current"
     needs = ("current",)
-    parameters = (
-        Parameter("resistance", 0.002, "ohm", (0.0, LARGEST), off=0.0, typical=0.002, title="equivalent resistance"),
-    )
+    parameters = (Parameter("resistance", 0.002, "ohm", (0.0, LARGEST), off=0.0, title="equivalent resistance"),)
     signature = Signature(
         looks_like="predicted too cold under load in a part that carries no current, at any speed",
         separate_by="the same speed at two currents, 20 min each",

@@ -22,7 +22,7 @@ class SurfaceScale(LinkEffect):
         "{run} loses heat{at} {factor} times as fast as the other runs: was a fan on?",
         "{run} loses heat{at} only {factor} times as fast as the other runs: was it covered, or out of the wind?",
     )
-    parameters = (Parameter("change", 0.3, "1", (-1.0, 20.0), off=0.0, typical=0.3, title="change of the conductance"),)
+    parameters = (Parameter("change", 0.3, "1", (-1.0, 20.0), off=0.0, title="change of the conductance"),)
     signature = Signature(
         looks_like="predicted too hot (or too cold) in proportion to how far it lies above the surroundings",
         separate_by="heat up, then cool down unpowered for 30 min; the rate of cooling tells it from heat",

@@ -23,8 +23,8 @@ class TorqueConstantDrop(LossEffect):
     prior_odds = 0.3
     """Drivers mostly log as torque what is current times a constant, which holds it already."""
     parameters = (
-        Parameter("kappa", 0.0012, "1/K", (0.0, 0.005), off=0.0, typical=0.0012, title="temperature coefficient"),
-        Parameter("reference", 25.0, "degC", (-50.0, 200.0), typical=25.0, title="reference temperature", fixed=True),
+        Parameter("kappa", 0.0012, "1/K", (0.0, 0.005), off=0.0, title="temperature coefficient"),
+        Parameter("reference", 25.0, "degC", (-50.0, 200.0), title="reference temperature", fixed=True),
     )
     signature = Signature(
         looks_like="predicted too cold under load when already hot, from the logged torque",

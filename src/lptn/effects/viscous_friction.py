@@ -19,9 +19,7 @@ class ViscousFriction(NodeEffect):
     title = "viscous friction of the joint"
     common = True
     needs = ("velocity_rms",)
-    parameters = (
-        Parameter("damping", 0.04, "N*m*s/rad", (0.0, LARGEST), off=0.0, typical=0.04, title="viscous damping"),
-    )
+    parameters = (Parameter("damping", 0.04, "N*m*s/rad", (0.0, LARGEST), off=0.0, title="viscous damping"),)
     signature = Signature(
         looks_like="predicted too cold when the joint moves fast, with the square of its speed",
         separate_by="swing the unloaded leg at two speeds, 15 min each",

@@ -28,10 +28,8 @@ class WindingMass(InertialEffect):
     site = "node"
     heat_of = "copper_loss"
     parameters = (
-        Parameter("fraction", 1.0, "1", (0.0, 1.0), off=0.0, on=1.0, typical=1.0, title="share that takes this way"),
-        Parameter(
-            "time_constant", 30.0, "s", (0.5, LARGEST), typical=30.0, title="time constant", grid=(10.0, 30.0, 90.0)
-        ),
+        Parameter("fraction", 1.0, "1", (0.0, 1.0), off=0.0, on=1.0, title="share that takes this way"),
+        Parameter("time_constant", 30.0, "s", (0.5, LARGEST), title="time constant", grid=(10.0, 30.0, 90.0)),
     )
     signature = Signature(
         looks_like="the reading turns late after each change of load, most where the stator has no paste",

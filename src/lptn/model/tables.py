@@ -111,10 +111,8 @@ _MATERIAL = {
     "density": Parameter("density", 1e3, "kg/m^3", (1.0, 3e4)),
     "specific_heat": Parameter("specific_heat", 1e3, "J/(kg*K)", (10.0, 2e4)),
 }
-_CONDUCTIVITY = Parameter(
-    "conductivity", 1.0, "W/(m*K)", (1e-4, 1e4), typical=1.0, title="thermal conductivity", fixed=True
-)
-_CAPACITY = Parameter("capacity", 300.0, "J/K", (1e-3, 1e8), typical=300.0, title="heat capacity", fixed=True)
+_CONDUCTIVITY = Parameter("conductivity", 1.0, "W/(m*K)", (1e-4, 1e4), title="thermal conductivity", fixed=True)
+_CAPACITY = Parameter("capacity", 300.0, "J/K", (1e-3, 1e8), title="heat capacity", fixed=True)
 ReadParameter = Callable[[Parameter, object, str], Parameter]
 """A parameter as the file has it: from its declaration, what the file says, and where."""
 
@@ -221,8 +219,8 @@ class ElementReader:
 
 # --- The checked tables turned into the declarations of a network -----------------------------------
 
-_NODE_CAPACITY = Parameter("capacity", 300.0, "J/K", (1e-6, LARGEST), typical=300.0, title="heat capacity")
-_RESISTANCE = Parameter("resistance", 5.0, "K/W", (1e-9, LARGEST), typical=5.0, title="thermal resistance")
+_NODE_CAPACITY = Parameter("capacity", 300.0, "J/K", (1e-6, LARGEST), title="heat capacity")
+_RESISTANCE = Parameter("resistance", 5.0, "K/W", (1e-9, LARGEST), title="thermal resistance")
 _TEMPERATURE = Parameter(
     "temperature", 20.0, "degC", (-80.0, 200.0), typical=10.0, title="prescribed temperature", fixed=True
 )

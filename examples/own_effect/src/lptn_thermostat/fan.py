@@ -23,10 +23,8 @@ class ThermostatFan(LinkEffect):
     key = "thermostat_fan"
     title = "a fan that a thermostat switches on"
     parameters = (
-        Parameter("gain", 1.0, "1", (0.0, 20.0), off=0.0, typical=1.0, title="rise of the conductance"),
-        Parameter(
-            "setting", 45.0, "degC", (20.0, 100.0), typical=45.0, title="thermostat's setting", grid=(35.0, 45.0, 55.0)
-        ),
+        Parameter("gain", 1.0, "1", (0.0, 20.0), off=0.0, title="rise of the conductance"),
+        Parameter("setting", 45.0, "degC", (20.0, 100.0), title="thermostat's setting", grid=(35.0, 45.0, 55.0)),
     )
     signature = Signature(
         looks_like="predicted too hot above one temperature, right below it",
