@@ -38,14 +38,8 @@ def show_effects(key: str | None, details: bool = True) -> None:
     effect = effect_named(key, "effects", "KEY")
     print(docstring_text(effect, sources=details), "", sep="\n")
     rows = [
-        (
-            parameter.name,
-            parameter.title,
-            parameter.unit,
-            f"{parameter.typical:g}",
-            "" if parameter.off is None else f"{parameter.off:g}",
-        )
-        for parameter in effect.parameters
+        (one.name, one.title, one.unit, f"{one.typical:g}", "" if one.off is None else f"{one.off:g}")
+        for one in effect.parameters
     ]
     if rows:
         show_table(("parameter", "what it is", "unit", ">typical", ">off"), rows)
@@ -79,13 +73,8 @@ def catalogue_json(key: str | None) -> dict[str, object]:
             "source": cite(effect.source),
             "references": [cited.reference.full for cited in works_cited(cited_by(effect))],
             "parameters": {
-                parameter.name: {
-                    "title": parameter.title,
-                    "unit": parameter.unit,
-                    "typical": parameter.typical,
-                    "off": parameter.off,
-                }
-                for parameter in effect.parameters
+                one.name: {key: getattr(one, key) for key in ("title", "unit", "typical", "off")}
+                for one in effect.parameters
             },
         }
         for name, effect in catalogue().items()

@@ -70,11 +70,8 @@ def sink_of(text: str, terminal: Callable[[], Sink], stream: TextIO) -> Sink:
         return terminal()
     if kind == "json":
         return JsonLines(Path(rest) if rest else stream)
-    if kind == "prometheus":
-        _, host, port = address_of(text if rest else f"{kind}://{LOOPBACK}", "sink", PORT_OF_METRICS)
-        return Prometheus(host, port)
-    if kind == "foxglove":
-        _, host, port = address_of(text if rest else f"{kind}://{LOOPBACK}", "sink", PORT_OF_FOXGLOVE)
-        return Foxglove(host, port)
+    for name, port, served in (("prometheus", PORT_OF_METRICS, Prometheus), ("foxglove", PORT_OF_FOXGLOVE, Foxglove)):
+        if kind == name:
+            return served(*address_of(text if rest else f"{kind}://{LOOPBACK}", "sink", port)[1:])
     expected = "terminal, json, json:FILE, prometheus, foxglove, or one of these two with ://HOST:PORT behind it"
     raise InputError(text, "sink", "no such sink", expected)

@@ -135,11 +135,12 @@ def _tiles(bench: Bench) -> dict[str, dict[str, list[dict[str, float] | None]]]:
     for name, number in (("given", 0), ("now", len(bench.study.steps) - 1)):
         for key, prediction in bench.predictions(number).items():
             errors = [Errors.of(row) for row in prediction.error]
-            tiles[key][name] = [
-                {"rmse": summary.rmse, "mean": summary.mean, "max": summary.max} if summary.count else None
-                for summary in errors
-            ]
+            tiles[key][name] = [_tile(summary) if summary.count else None for summary in errors]
     return tiles
+
+
+def _tile(errors: Errors) -> dict[str, Any]:
+    return {"rmse": errors.rmse, "mean": errors.mean, "max": errors.max}
 
 
 def _conditions(bench: Bench) -> dict[str, list[dict[str, Any]]]:
@@ -157,9 +158,8 @@ def _conditions(bench: Bench) -> dict[str, list[dict[str, Any]]]:
             columns: dict[int, list[dict[str, Any] | None]] = {}
             for cell in cells:
                 met[cell.node] += 1
-                limits, errors = f"{short(cell.lower)} to {short(cell.upper)}", cell.errors
-                tile = {"rmse": errors.rmse, "mean": errors.mean, "max": errors.max, "limits": limits}
-                tile |= {"segment": worst[cell.node]}
+                limits = f"{short(cell.lower)} to {short(cell.upper)}"
+                tile = _tile(cell.errors) | {"limits": limits, "segment": worst[cell.node]}
                 columns.setdefault(met[cell.node], [None] * len(nodes))[nodes.index(cell.node)] = tile
             rows += [{"group": quantity, "name": str(part), "tiles": columns[part]} for part in sorted(columns)]
     return by_model
@@ -193,9 +193,7 @@ def _correlations(step: Step) -> list[dict[str, Any]]:
     matrix = fit.uncertainty.correlations
     pairs = [(matrix[one, other], names[one], names[other]) for one, other in combinations(range(len(names)), 2)]
     pairs.sort(key=lambda pair: -abs(pair[0]))
-    return [
-        {"one": one, "other": other, "correlation": float(correlation)} for correlation, one, other in pairs[:_PAIRS]
-    ]
+    return [{"one": one, "other": other, "correlation": float(both)} for both, one, other in pairs[:_PAIRS]]
 
 
 # --- answers ------------------------------------------------------------------------------------------------

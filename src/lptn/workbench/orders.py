@@ -7,24 +7,24 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, TypeAdapter, model_validator
 
 
-class _Order(BaseModel):
+class _Said(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-class Plain(_Order):
+class Plain(_Said):
     """Orders that say all by their name."""
 
     what: Literal["fit", "diagnose", "improve", "undo", "redo", "use_all", "report", "fmu"]
 
 
-class Open(_Order):
+class Open(_Said):
     """Open an example, where no files were given."""
 
     what: Literal["example"]
     name: Literal["tclab", "leg"]
 
 
-class _Effect(_Order):
+class _Effect(_Said):
     effect: str = Field(min_length=1, max_length=100)
     at: str = Field(min_length=1, max_length=300)
 
@@ -41,7 +41,7 @@ class Try(_Effect):
     what: Literal["try"]
 
 
-class Cut(_Order):
+class Cut(_Said):
     """Leave a stretch of a run out, hold it out, fit it alone, or use it again."""
 
     what: Literal["leave_out", "hold_out", "fit_on", "use_again"]
@@ -56,7 +56,7 @@ class Cut(_Order):
         return self
 
 
-class Set(_Order):
+class Set(_Said):
     """Set a parameter's value or bounds, fix it or free it, and fit again."""
 
     what: Literal["set"]
@@ -66,14 +66,14 @@ class Set(_Order):
     fixed: bool
 
 
-class Back(_Order):
+class Back(_Said):
     """Go on from a branch that was left."""
 
     what: Literal["back"]
     number: int = Field(ge=0)
 
 
-class Keep(_Order):
+class Keep(_Said):
     """Add the steps that a search had found when it was stopped; the session orders it, no page does."""
 
     what: Literal["keep"] = "keep"
@@ -85,10 +85,8 @@ order: TypeAdapter[Order] = TypeAdapter(Annotated[Order, Field(discriminator="wh
 """Checks what the page sent."""
 
 
-class ResidualsAsked(BaseModel):
+class ResidualsAsked(_Said):
     """What do the errors of a node in a run look like?"""
-
-    model_config = ConfigDict(extra="forbid")
 
     segment: str
     node: str
@@ -101,19 +99,15 @@ class SpecialAsked(ResidualsAsked):
     stop: FiniteFloat
 
 
-class NetworkAsked(BaseModel):
+class NetworkAsked(_Said):
     """What does the network look like at a moment of a run, by default when it is hottest?"""
-
-    model_config = ConfigDict(extra="forbid")
 
     segment: str
     time: FiniteFloat | None = None
 
 
-class LinesAsked(BaseModel):
+class LinesAsked(_Said):
     """Which lines plots want: of nodes in one run, from a time to another, at most so many points each."""
-
-    model_config = ConfigDict(extra="forbid")
 
     segment: str
     node: list[str] = Field(min_length=1, max_length=1000)

@@ -345,10 +345,7 @@ class WorkbenchSession:
 
 
 def _examples() -> dict[str, dict[str, str]]:
-    return {
-        name: {"title": example.title, "about": example.about, "solved": example.solved}
-        for name, example in EXAMPLES.items()
-    }
+    return {name: {key: getattr(one, key) for key in ("title", "about", "solved")} for name, one in EXAMPLES.items()}
 
 
 def _end(process: multiprocessing.process.BaseProcess | None) -> None:
