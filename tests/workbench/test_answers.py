@@ -13,9 +13,8 @@ from lptn.diagnose.answers import Key
 from lptn.report.text import size_text
 from lptn.workbench.bench import Bench, name_of
 from lptn.workbench.content import content_of
-from lptn.workbench.opening import Opening
+from lptn.workbench.opening import EXAMPLES, Opening
 from lptn.workbench.orders import Add, Plain, Try
-from lptn.workbench.tour import EXAMPLES
 from tests.workbench.conftest import EXAMPLE, OPENING
 
 

@@ -26,10 +26,10 @@ from lptn.basics.files import held
 from lptn.workbench.bench import Bench
 from lptn.workbench.calculation import _opened
 from lptn.workbench.content import content_of
+from lptn.workbench.opening import EXAMPLES
 from lptn.workbench.orders import Keep, order
 from lptn.workbench.server import application, listening, serve
 from lptn.workbench.session import WorkbenchSession
-from lptn.workbench.tour import EXAMPLES
 from tests.workbench.conftest import EXAMPLE, OPENING, unpacked
 
 ADDRESS = "http://127.0.0.1:8000"

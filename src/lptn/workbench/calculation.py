@@ -27,9 +27,8 @@ from lptn.identify.data import Stretch
 from lptn.study import Study
 from lptn.workbench.bench import Bench
 from lptn.workbench.content import content_of, step_content
-from lptn.workbench.opening import Opening
+from lptn.workbench.opening import Opening, example_opening
 from lptn.workbench.orders import Keep, Order
-from lptn.workbench.tour import example_opening
 
 logger = logging.getLogger("lptn")
 

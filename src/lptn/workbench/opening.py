@@ -1,12 +1,17 @@
-"""What a workbench is opened with: a model file, logs, options."""
+"""What a workbench is opened with: a model file, logs, options; or an example."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from importlib.resources import files
 from pathlib import Path
 
+from lptn.basics.files import write_whole
+from lptn.basics.own_folder import own_folder
 from lptn.identify.fitting import fingerprint_of
+from lptn.robots.presets import preset_text
 from lptn.study import Study
 
 
@@ -45,3 +50,71 @@ class Opening:
             "errors": [study.ambient_error, study.torque_error, study.surface_error],
         }
         return fingerprint_of(study.file.text, logs, options)
+
+
+# --- the examples that are offered where no files are given: an effect is hidden, or really was missing -----------
+
+
+_LEG_SEED = 3  # arbitrary: the effect is found with any seed
+
+
+@dataclass(frozen=True)
+class Example:
+    """A model with its logs.
+
+    Args:
+        title: its name on the page.
+        about: what is measured, and what is not in the model.
+        solved: what there was to find, told at the end.
+        opening: writes what is needed into a folder, and says how it is opened.
+    """
+
+    title: str
+    about: str
+    solved: str
+    opening: Callable[[Path], Opening]
+
+
+def _heaters(folder: Path) -> Opening:
+    for name in ("two_heaters.toml", "log.csv"):
+        write_whole(folder / name, files("lptn.workbench").joinpath("examples", name).read_text(encoding="utf-8"))
+    return Opening(folder / "two_heaters.toml", (folder / "log.csv",), holdout_after=300)
+
+
+def _leg(folder: Path) -> Opening:
+    from lptn.virtual import Hidden, leg_logs, write_logs
+
+    write_whole(folder / "leg.toml", preset_text("leg"))
+    logs = leg_logs([Hidden("forced_convection", "FR_thigh")], seed=_LEG_SEED, rate=1.0)
+    *fitted, held_out = write_logs(folder, logs)
+    return Opening(folder / "leg.toml", tuple(fitted), (held_out,))
+
+
+EXAMPLES = {
+    "tclab": Example(
+        "Two heaters, measured",
+        "Ten minutes of a heater board with two transistors and two sensors. The model has each heater lose heat to "
+        "the air, and nothing else; it is fitted to the first five minutes and tested on the rest.",
+        "The sensors lag behind the heaters, and the losses differ from one constant resistance: the model had "
+        "neither. The log can't tell these losses from heat that passes between the heaters.",
+        _heaters,
+    ),
+    "leg": Example(
+        "A robot's leg, with a secret",
+        "Three joints of a virtual leg: two runs to fit, one held out. The simulation behind the logs shares no code "
+        "with the model, and has one effect that the model lacks.",
+        "The thigh's cooling grows with the robot's speed: forced convection, which the model did not have.",
+        _leg,
+    ),
+}
+"""By the name that the page orders."""
+
+
+def example_opening(name: str, sessions: Path) -> Opening:
+    """How an example is opened, with its files written beside the sessions: nothing lands in the user's own folders.
+
+    Args:
+        name: one of `EXAMPLES`.
+        sessions: the folder of all sessions.
+    """
+    return EXAMPLES[name].opening(own_folder(sessions / f"example-{name}"))

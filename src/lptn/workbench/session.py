@@ -22,11 +22,10 @@ from lptn.report.text import for_people
 from lptn.workbench.bench import News
 from lptn.workbench.calculation import work
 from lptn.workbench.lines import RunLines
-from lptn.workbench.opening import Opening
+from lptn.workbench.opening import EXAMPLES, Opening
 from lptn.workbench.orders import Keep, LinesAsked, NetworkAsked, Open, Order, ResidualsAsked, SpecialAsked
 from lptn.workbench.residuals import Residuals, residuals
 from lptn.workbench.special import Special, special
-from lptn.workbench.tour import EXAMPLES
 
 _MOST_SAID = 200  # sentences of one order that are kept
 _HEARS_CTRL_C = 0.5  # s after which a wait looks whether somebody pressed it
