@@ -7,7 +7,7 @@ import re
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from html import escape
 from importlib import import_module
 
@@ -129,9 +129,5 @@ def shown_in_notebook(first: str) -> Iterator[None]:
     if not in_notebook() or logging.getLogger("lptn").isEnabledFor(logging.INFO):
         yield
         return
-    bar = _Bar(first)
-    try:
-        with library_log_to(bar):
-            yield
-    finally:
-        bar.close()
+    with closing(_Bar(first)) as bar, library_log_to(bar):
+        yield

@@ -5,9 +5,9 @@ from __future__ import annotations
 import io
 import shlex
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
@@ -18,6 +18,7 @@ from cyclopts import Token, validators
 
 from lptn.basics.errors import MODEL_FILE, InputError
 from lptn.basics.files import PICTURES, TABLES, check_ending, real_path, text_of, write_whole
+from lptn.basics.processes import pool_of
 from lptn.cli.terminal import print_file, show_written
 
 if TYPE_CHECKING:
@@ -280,16 +281,9 @@ def _files_of(path: Path) -> tuple[Path, ...]:
 # --- work and its results ---------------------------------------------------------------------------------
 
 
-@contextmanager
-def executor_of(jobs: int) -> Iterator[Executor | None]:
+def executor_of(jobs: int) -> AbstractContextManager[Executor | None]:
     """A pool of processes; `None` where one process does it all."""
-    if jobs <= 1:
-        yield None
-        return
-    from lptn.basics.processes import pool_of
-
-    with pool_of(jobs) as pool:
-        yield pool
+    return pool_of(jobs) if jobs > 1 else nullcontext()
 
 
 def write_figure(path: Path | None, made: Callable[[], Figure]) -> None:

@@ -264,18 +264,11 @@ def spared_closed_pipes() -> Iterator[None]:
         OSError: standard output can't be written for another reason than that nobody reads it.
     """
     usual = sys.stdout
-    if usual is None:  # `lptn … >&-`
-        with open(os.devnull, "w") as nowhere:  # noqa: PTH123
-            sys.stdout = nowhere
-            try:
-                yield
-            finally:
-                sys.stdout = usual
-        return
-    output = _Output(usual)
-    sys.stdout = cast("TextIO", output)
-    try:
-        yield
-    finally:
-        sys.stdout = usual
-        output.flush()
+    with open(os.devnull, "w") if usual is None else nullcontext(usual) as stream:  # noqa: PTH123 - `lptn … >&-`
+        output = _Output(stream)
+        sys.stdout = cast("TextIO", output)
+        try:
+            yield
+        finally:
+            sys.stdout = usual
+            output.flush()
