@@ -11,11 +11,11 @@ from __future__ import annotations
 
 import secrets
 from collections.abc import Iterable
-from http.cookies import CookieError, SimpleCookie
 
-from starlette.datastructures import Headers, MutableHeaders, QueryParams
+from starlette.middleware.base import BaseHTTPMiddleware, RequestResponseEndpoint
+from starlette.requests import Request
 from starlette.responses import HTMLResponse, PlainTextResponse, Response
-from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from starlette.types import ASGIApp
 
 _POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; "
@@ -36,7 +36,7 @@ HEADERS = {
 """Of every answer."""
 
 
-class Gate:
+class Gate(BaseHTTPMiddleware):
     """Lets through what carries the token, for this server's own names.
 
     Args:
@@ -46,36 +46,28 @@ class Gate:
     """
 
     def __init__(self, app: ASGIApp, port: int, tokens: Iterable[str]) -> None:
-        self._app, self._tokens, self._secret = app, set(tokens), secrets.token_urlsafe(32)
+        super().__init__(app)
+        self._tokens, self._secret = set(tokens), secrets.token_urlsafe(32)
         self._hosts = (f"127.0.0.1:{port}", f"localhost:{port}")
         self._cookie = f"lptn-{port}"  # cookies of a host are those of all its ports
 
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+    async def dispatch(self, request: Request, call_next: RequestResponseEndpoint) -> Response:
         """Answer a request here, or pass it on."""
-        if scope["type"] != "http":
-            await self._app(scope, receive, send)
-            return
+        answer = self._answer(request) or await call_next(request)
+        answer.headers.update(HEADERS)
+        return answer
 
-        async def send_with_headers(message: Message) -> None:
-            if message["type"] == "http.response.start":
-                MutableHeaders(scope=message).update(HEADERS)
-            await send(message)
-
-        refused = self._answer(scope)
-        await (refused or self._app)(scope, receive, send_with_headers)
-
-    def _answer(self, scope: Scope) -> Response | None:
+    def _answer(self, request: Request) -> Response | None:
         """What is answered at the gate, `None` for what may pass."""
-        headers = Headers(scope=scope)
-        host, origin = headers.get("host", ""), headers.get("origin")
+        host, origin = request.headers.get("host", ""), request.headers.get("origin")
         if host not in self._hosts:
             return PlainTextResponse("This is not the address that `lptn open` printed.", 421)
         if origin is not None and origin != f"http://{host}":
             return PlainTextResponse("Other pages may not use the workbench.", 403)
-        if scope["method"] == "POST" and origin is None:
+        if request.method == "POST" and origin is None:
             return PlainTextResponse("Orders come from the workbench's own page.", 403)
-        known = _same(self._cookie_of(headers), self._secret)
-        given = QueryParams(scope["query_string"]).get("token")
+        known = _same(request.cookies.get(self._cookie, ""), self._secret)
+        given = request.query_params.get("token")
         if given is None:
             return None if known else _refused()
         token = next((token for token in self._tokens if _same(given, token)), None)
@@ -85,13 +77,6 @@ class Gate:
         answer = HTMLResponse(MOVES_ON.format("/"))
         answer.set_cookie(self._cookie, self._secret, httponly=True, samesite="strict")
         return answer
-
-    def _cookie_of(self, headers: Headers) -> str:
-        try:
-            cookie = SimpleCookie(headers.get("cookie", "")).get(self._cookie)
-        except CookieError:
-            return ""
-        return cookie.value if cookie else ""
 
 
 def _same(given: str, secret: str) -> bool:
