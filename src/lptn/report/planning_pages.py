@@ -170,7 +170,15 @@ def _front(result: StudyResult) -> Charts:
     amounts = np.unique([point.amount for points in [*every.values(), result.front] for point in points])
     shown: dict[str, FloatArray] = {}
     panels: list[ChartPanel] = []
-    for label_up, unit, height, value in _front_panels(result, scale, goal):
+    drawn: list[tuple[str, str, int, Callable[[FrontPoint], float]]] = [
+        (goal, goal.partition("[")[2].rstrip("]"), 380, lambda point: scale * point.value)
+    ]
+    if any(gear.is_sought for gear in result.study.gears):  # below the goal, what the designs are
+        drawn.append(("gear ratio", "", 120, lambda point: point.ratio))
+    if result.with_sink is not None:
+        drawn.append(("C [J/K]", "J/K", 120, lambda point: np.nan if point.capacity is None else point.capacity))
+        drawn.append(("R_h [K/W]", "K/W", 120, lambda point: np.nan if point.resistance is None else point.resistance))
+    for label_up, unit, height, value in drawn:
         lines = []
         for name, points in [*every.items(), ("", result.front)]:
             key = f"{label_up}, {name}"
@@ -185,23 +193,6 @@ def _front(result: StudyResult) -> Charts:
         panels.append(ChartPanel(label_up, unit, tuple(lines), height))
     view = View(("",), "", "amount", shown)
     return Charts(label, tuple(panels), [view], {"amount": factor * amounts})
-
-
-def _front_panels(
-    result: StudyResult, scale: float, goal: str
-) -> list[tuple[str, str, int, Callable[[FrontPoint], float]]]:
-    """The goal, and below it what the designs are: label, unit, height [px], value of a point."""
-    panels: list[tuple[str, str, int, Callable[[FrontPoint], float]]] = [
-        (goal, goal.partition("[")[2].rstrip("]"), 380, lambda point: scale * point.value)
-    ]
-    if any(gear.is_sought for gear in result.study.gears):
-        panels.append(("gear ratio", "", 120, lambda point: point.ratio))
-    if result.with_sink is not None:
-        panels += [
-            ("C [J/K]", "J/K", 120, lambda point: np.nan if point.capacity is None else point.capacity),
-            ("R_h [K/W]", "K/W", 120, lambda point: np.nan if point.resistance is None else point.resistance),
-        ]
-    return panels
 
 
 def _torque_speed(result: StudyResult) -> Charts:
