@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -16,8 +16,6 @@ from lptn.cli.terminal import is_quiet, progress, show_table, write_json
 
 if TYPE_CHECKING:
     from lptn.logs.run import Run
-    from lptn.model.model import Model
-    from lptn.online.calibration import Calibration
     from lptn.online.monitoring import MonitoredRun
 
 
@@ -54,6 +52,7 @@ def monitor(
     options.check_outputs(json, written, pictures=[plot], inputs=inputs)
     options.check_inputs(model, *logs, *(healthy or ()))
     from lptn.identify.data import load_model
+    from lptn.online.calibration import calibrate, read_calibration, write_calibration
     from lptn.online.monitoring import monitor as watch
     from lptn.report.narrative import monitoring_narrative
 
@@ -61,7 +60,11 @@ def monitor(
     runs, healthy_runs = loaded.runs(logs), loaded.runs(healthy or [])
     _refuse_shared(runs, healthy_runs)
     with progress("reading") as report:
-        learnt = _calibration(loaded.model, healthy_runs, false_alarms, calibration, report)
+        learnt = None if read is None else read_calibration(read, loaded.model)
+        if healthy_runs:
+            learnt = calibrate(loaded.model, healthy_runs, false_alarms=false_alarms, report=report)
+        if learnt is not None and written is not None:
+            write_calibration(learnt, written)
         result = watch(
             loaded.model, runs, threshold=threshold, calibration=learnt, rmse=loaded.file.fit.rmse, report=report
         )
@@ -73,20 +76,6 @@ def monitor(
         print("Times are in s on each log's clock, or since its start where that clock counts from 1970.")
     write_json(json, result.as_json())
     options.write_figure(plot, lambda: drawn.monitoring_figure(result))
-
-
-def _calibration(
-    model: Model, healthy: list[Run], false_alarms: float, path: Path | None, report: Callable[[str], None]
-) -> Calibration | None:
-    """The calibration: from healthy logs, from a file, or none."""
-    from lptn.online.calibration import calibrate, read_calibration, write_calibration
-
-    if healthy:
-        learnt = calibrate(model, healthy, false_alarms=false_alarms, report=report)
-        if path is not None:
-            write_calibration(learnt, path)
-        return learnt
-    return None if path is None else read_calibration(path, model)
 
 
 def _refuse_shared(runs: list[Run], healthy: list[Run]) -> None:

@@ -35,7 +35,7 @@ from lptn.logs.run import Run
 from lptn.online.calibration import Calibration
 from lptn.online.estimator import Estimator
 from lptn.online.fault_bank import Alarm
-from lptn.online.forecasting import Forecast, NodeForecast, check_limits
+from lptn.online.forecasting import Forecast, check_limits
 from lptn.online.monitoring import THRESHOLD
 from lptn.online.present import MEMORY, ModelUncertainty, judge_of_sensors
 from lptn.simulate.bound_run import bind
@@ -426,9 +426,13 @@ class Watch:
             if place in sensors and f"temperature.{place}" in newest:
                 proven = "trusted" if sensors[place].once_trusted else "not yet"
                 trust = now.untrusted.get(place) or doubts.get(place) or proven
-            ahead, around = self._ahead.nodes.get(place) if self._ahead else None, self._width * deviation
-            yield NodeStatus(place, temperature, temperature - around, temperature + around, readings[place],
-                             *_left(ahead, ago, temperature), trust)  # fmt: skip
+            limit = left = early = late = None
+            if ahead := self._ahead.nodes.get(place) if self._ahead else None:  # the time that is left of what was said
+                limit = ahead.limit
+                early, left, late = (max(x - ago, 0.0) for x in (ahead.low, ahead.time_to_limit, ahead.high))
+                left = 0.0 if temperature >= limit else left
+            low, high = temperature - self._width * deviation, temperature + self._width * deviation
+            yield NodeStatus(place, temperature, low, high, readings[place], limit, left, early, late, trust)
 
     # --- The state ------------------------------------------------------------------------------------
 
@@ -486,16 +490,6 @@ class Watch:
         self._resumed = {key.removeprefix("estimator/"): x for key, x in arrays.items() if key.startswith("estimator/")}
         self._due = self._newest + self._every
         self._events.append(f"{len(self._rows)} rows taken up from {self._state}")
-
-
-def _left(
-    ahead: NodeForecast | None, ago: float, temperature: float
-) -> tuple[float | None, float | None, float | None, float | None]:
-    """A node's limit, and the time that is left of what a forecast said so long ago, with its interval."""
-    if ahead is None:
-        return None, None, None, None
-    low, middle, high = (max(x - ago, 0.0) for x in (ahead.low, ahead.time_to_limit, ahead.high))
-    return ahead.limit, 0.0 if temperature >= ahead.limit else middle, low, high
 
 
 @contextmanager
