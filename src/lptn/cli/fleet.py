@@ -48,7 +48,8 @@ def fleet(
     if held.holdout:
         raise InputError("command line", "--holdout", "logs", "--holdout-after: of each robot's own logs")
     folder = _folder(output)
-    from lptn.fleet.fleet import fit_each, write_tables
+    from lptn.basics.tables import write_table
+    from lptn.fleet.fleet import fit_each, table_of
     from lptn.fleet.robots import by_day, robots_of
     from lptn.identify.data import load_model
 
@@ -77,7 +78,8 @@ def fleet(
         kept = sum(outcome.fitted for outcome in outcomes)
         complain(f"stopped; {kept} of {len(found)} fits are kept in {folder}, the same command goes on from there")
         sys.exit(130)
-    write_tables(done, folder)
+    for name in ("fleet.csv", "fleet.parquet"):
+        write_table(folder / name, table_of(done))
     write_json(json, done.as_json())
     _show(done, folder, details)
     options.write_figure(plot if done.parameters else None, lambda: drawn.fleet_figure(done))

@@ -18,7 +18,6 @@ import numpy as np
 import pandas as pd
 
 from lptn.basics.errors import InputError
-from lptn.basics.tables import write_table
 from lptn.fleet.pooling import DRIFT, FleetParameter, RobotValue, Session, pool
 from lptn.fleet.robots import RobotLogs, by_day, robots_of
 from lptn.fleet.work import FleetFit, Outcome, ResultFolder, Status, Work, elsewhere, here, in_processes
@@ -302,10 +301,3 @@ def table_of(fleet: Fleet) -> pd.DataFrame:
         rows.append(row)
     numbers = ["rmse_holdout", *names, *(f"{name}.error" for name in names)]
     return pd.DataFrame(rows).astype(dict.fromkeys(numbers, float))
-
-
-def write_tables(fleet: Fleet, folder: Path) -> None:
-    """Write `fleet.csv` and `fleet.parquet`, each whole."""
-    table = table_of(fleet)
-    for name in ("fleet.csv", "fleet.parquet"):
-        write_table(folder / name, table)

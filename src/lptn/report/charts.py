@@ -149,10 +149,3 @@ def packed(values: FloatArray) -> list[Any]:
     steps = np.full(values.size, _STEPS + 1, dtype="<u2")
     steps[finite] = np.rint((values[finite] - low) / ((high - low) or 1.0) * _STEPS)
     return [float(f"{low:.9g}"), float(f"{high:.9g}"), base64.b64encode(steps.tobytes()).decode()]
-
-
-def sizes_in_words(seconds: float) -> str:
-    """How the lines of a chart were thinned, with the longest interval, `seconds`; empty if none was."""
-    if not seconds:
-        return ""
-    return f"Of every {float(f'{seconds:.3g}'):g} s at most, each line keeps its smallest and its largest reading."

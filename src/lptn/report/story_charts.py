@@ -14,7 +14,7 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.lines import thinned, time_unit
 from lptn.diagnose.unexplained_heat import UnexplainedHeat
 from lptn.identify.comparison import Comparison, Prediction
-from lptn.report.charts import POINTS, ChartPanel, Charts, Line, View, sizes_in_words
+from lptn.report.charts import POINTS, ChartPanel, Charts, Line, View
 from lptn.report.comparison_figures import NAMES
 from lptn.report.document import Picture
 from lptn.report.network_drawing import hottest_moment
@@ -150,7 +150,8 @@ def _time_charts(
     )
     order = {"node": list(dict.fromkeys(view.keys[0] for view in views)), "run": list(labels)}
     views.sort(key=lambda view: -rmse[view.keys])
-    return Charts(label, panels, views, values, order), sizes_in_words(longest)
+    said = f"Of every {float(f'{longest:.3g}'):g} s at most, each line keeps its smallest and its largest reading."
+    return Charts(label, panels, views, values, order), said if longest else ""
 
 
 def _of_models(what: str, names: tuple[str, str], best: Comparison | None) -> tuple[Line, ...]:

@@ -27,7 +27,7 @@ from lptn.identify.data import Stretch
 from lptn.study import Study
 from lptn.workbench.bench import Bench
 from lptn.workbench.content import content_of, step_content
-from lptn.workbench.opening import Opening, example_opening
+from lptn.workbench.opening import EXAMPLES, Opening
 from lptn.workbench.orders import Keep, Order
 
 logger = logging.getLogger("lptn")
@@ -55,7 +55,8 @@ def work(pipe: Connection, opening: Opening | str, sessions: Path, parent: int, 
     logger.addHandler(_Telling(pipe))
     try:
         if isinstance(opening, str):
-            opening = example_opening(opening, sessions)
+            # Its files are written beside the sessions: nothing lands in the user's own folders.
+            opening = EXAMPLES[opening].opening(own_folder(sessions / f"example-{opening}"))
         bench = _opened(pipe, opening, sessions, after_a_stop)
     except InputError as error:
         pipe.send(("refused", error))

@@ -9,7 +9,6 @@ from importlib.resources import files
 from pathlib import Path
 
 from lptn.basics.files import write_whole
-from lptn.basics.own_folder import own_folder
 from lptn.identify.fitting import fingerprint_of
 from lptn.robots.presets import preset_text
 from lptn.study import Study
@@ -108,13 +107,3 @@ EXAMPLES = {
     ),
 }
 """By the name that the page orders."""
-
-
-def example_opening(name: str, sessions: Path) -> Opening:
-    """How an example is opened, with its files written beside the sessions: nothing lands in the user's own folders.
-
-    Args:
-        name: one of `EXAMPLES`.
-        sessions: the folder of all sessions.
-    """
-    return EXAMPLES[name].opening(own_folder(sessions / f"example-{name}"))
