@@ -11,9 +11,10 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
+from itertools import combinations
 from typing import Literal
 
-from .robot import CASE, LAYOUTS, Mass, Robot, check_one_of
+from .robot import CASE, LAYOUTS, Mass, Robot, check_one_of, edge
 
 JOINT, NODE, EDGE, LINKED, CLASS, AMBIENT, WHOLE = "joint", "node", "edge", "linked", "class", "ambient", "whole"
 EVERYWHERE = "*"
@@ -191,11 +192,13 @@ def places(effect: str, robot: str = "leg") -> tuple[str, ...]:
     """
     check_one_of("robot", robot, LAYOUTS)
     layout, kind = LAYOUTS[robot], EFFECTS[effect].kind
+    edges = (edge(*pair) for pair in combinations(layout.nodes, 2))
+    linked = sorted(tuple(name.split("~")) for name in layout.linked)
     by_kind = {
         JOINT: (*layout.joints, *layout.classes, EVERYWHERE),
         NODE: (*layout.nodes, *layout.classes, EVERYWHERE),
-        EDGE: layout.unlinked,
-        LINKED: layout.linked_both_orders,
+        EDGE: tuple(name for name in edges if name not in layout.linked),
+        LINKED: tuple(name for one, other in linked for name in (f"{one}~{other}", f"{other}~{one}")),
         CLASS: (*layout.classes, EVERYWHERE),
         AMBIENT: (AMBIENT,),
         WHOLE: (EVERYWHERE,),

@@ -90,18 +90,6 @@ class RobotLayout:
     classes: tuple[str, ...]
     linked: frozenset[str]
 
-    @property
-    def unlinked(self) -> tuple[str, ...]:
-        """The edges that the baseline lacks."""
-        edges = (edge(*pair) for pair in combinations(self.nodes, 2))
-        return tuple(name for name in edges if name not in self.linked)
-
-    @property
-    def linked_both_orders(self) -> tuple[str, ...]:
-        """The edges that the baseline has, from either end."""
-        pairs = sorted(tuple(name.split("~")) for name in self.linked)
-        return tuple(name for one, other in pairs for name in (f"{one}~{other}", f"{other}~{one}"))
-
 
 def _joints(leg: str) -> tuple[str, ...]:
     return tuple(f"{leg}_{part}" for part in PARTS)
