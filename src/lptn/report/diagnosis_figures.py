@@ -33,10 +33,10 @@ HISTORY = 3.2
 _FRAME, _ROW = 0.75, 0.2  # inch: around the rows of a figure, and a row
 _LETTERS = 140  # that fit below the axes side by side
 _WIDE = 8.0  # ratio of errors above which only a logarithmic axis shows them all
-_STYLES: dict[str, dict[str, Any]] = {
-    "fit data": {"color": style.FAINT, "linestyle": "--", "marker": "o"},
-    "held-out data": {"color": style.INK, "linestyle": "-", "marker": "s"},
-    "test data": {"color": style.INK, "linestyle": ":", "marker": "^", "markerfacecolor": style.PAPER},
+_STYLES: dict[str, dict[str, Any]] = {  # by what has the errors in a step
+    "fit": {"label": "fit data", "color": style.FAINT, "linestyle": "--", "marker": "o"},
+    "holdout": {"label": "held-out data", "color": style.INK, "linestyle": "-", "marker": "s"},
+    "test": {"label": "test data", "color": style.INK, "linestyle": ":", "marker": "^", "markerfacecolor": style.PAPER},
 }
 
 
@@ -51,10 +51,12 @@ def plot_history(steps: Sequence[Step], ax: Axes | None = None) -> Axes:
     noise, best = noise_alone(steps[-1].fit), len(steps) - 1
     shown = [noise]
     for name, look in _STYLES.items():
-        points = [(place, rmse) for place, step in enumerate(steps) if (rmse := _rmse(step, name)) is not None]
+        points = [
+            (place, errors.rmse) for place, step in enumerate(steps) if (errors := getattr(step, name)) is not None
+        ]
         if not points:
             continue
-        ax.plot(*zip(*points, strict=True), label=name, linewidth=1.4, markersize=6, **look)
+        ax.plot(*zip(*points, strict=True), linewidth=1.4, markersize=6, **look)
         # The model as given and the best one in the colours that they have in every other figure.
         for place, rmse in points:
             if best and place in (0, best):
@@ -77,13 +79,6 @@ def plot_history(steps: Sequence[Step], ax: Axes | None = None) -> Axes:
     ax.legend(frameon=False, fontsize=style.SMALL)
     style.dress(ax)
     return ax
-
-
-def _rmse(step: Step, data: str) -> float | None:
-    if data == "fit data":
-        return step.fit.rmse
-    errors = step.holdout if data == "held-out data" else step.test
-    return None if errors is None else errors.rmse
 
 
 def _label(number: int, step: Step, letters: int) -> str:

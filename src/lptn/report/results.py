@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from lptn.basics.tables import rows_html
 from lptn.identify.comparison import Comparison, Versus
+from lptn.report.narrative import comparison_narrative, forecast_narrative, versus_narrative
 from lptn.report.sentences import Narrative
 
 if TYPE_CHECKING:
@@ -37,8 +38,6 @@ class StudyComparison(_Told, Comparison):
 
     def narrative(self) -> Narrative:
         """How far the model is off and where most, in the sentences of terminal and report."""
-        from lptn.report.narrative import comparison_narrative
-
         return comparison_narrative(self)
 
     def _repr_html_(self) -> str:
@@ -77,8 +76,6 @@ class StudyVersus(_Told, Versus):
 
     def narrative(self) -> Narrative:
         """Which model predicts better, in the sentences of terminal and report."""
-        from lptn.report.narrative import versus_narrative
-
         return versus_narrative(self)
 
 
@@ -97,8 +94,6 @@ class StudyForecast(_Told):
 
     def narrative(self) -> Narrative:
         """Which node reaches its limit first, and when, in the sentences of the terminal."""
-        from lptn.report.narrative import forecast_narrative
-
         return forecast_narrative(self.result)
 
     def plot(self, node: str | None = None, ax: Axes | None = None) -> Axes:
