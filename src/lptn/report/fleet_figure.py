@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from lptn.basics import style
+from lptn.fleet import Fleet, FleetParameter
 from lptn.report.text import unit_text
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from lptn.fleet import Fleet, FleetParameter
 
 _MOST, _NAMED = 6, 5  # panels on a page; robots with a colour and a name in each
 _FRAME, _PANEL = 0.4, 3.0  # inch

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,14 +12,13 @@ from lptn.basics.style import inline_svg
 from lptn.planners.limiter.task import LimitAnswer
 from lptn.planners.mission.answer import MissionPlan
 from lptn.planners.mpc.answer import TrackAnswer
+from lptn.planners.tasks import Answer
+from lptn.planners.trade.answer import FrontPoint, StudyResult, headline, remarks, table
+from lptn.planners.trade.figures import RPM, axis_of, duration_words, study_figure
 from lptn.report.charts import POINTS, ChartPanel, Charts, Line, View
 from lptn.report.document import Picture, render
 from lptn.report.tables import ReportTable
 from lptn.report.text import for_people, unit_text
-
-if TYPE_CHECKING:
-    from lptn.planners.tasks import Answer
-    from lptn.planners.trade import FrontPoint, StudyResult
 
 _TEMPERATURE = ChartPanel(
     "temperature [°C]", "°C", (Line("temperature", "temperature", "given"), Line("limit", "limit", "limit")), 210
@@ -138,9 +136,6 @@ def trade_html(result: StudyResult) -> str:
     Returns:
         HTML text, with the Pareto front and the times to the limit to hover.
     """
-    from lptn.planners.trade.answer import headline, remarks, table
-    from lptn.planners.trade.figures import study_figure
-
     heads, *rows = table(result)
     charts = {"Time to the limit": _curves(result).html("curves")}
     if result.front:
@@ -161,8 +156,6 @@ def trade_html(result: StudyResult) -> str:
 
 
 def _front(result: StudyResult) -> Charts:
-    from lptn.planners.trade.figures import axis_of
-
     assert result.study.sweep is not None  # a front comes from a sweep
     factor, label = axis_of(result.study.sweep.against, result.study)
     scale, goal = axis_of(result.study.question.goal, result.study)
@@ -196,8 +189,6 @@ def _front(result: StudyResult) -> Charts:
 
 
 def _torque_speed(result: StudyResult) -> Charts:
-    from lptn.planners.trade.figures import RPM, duration_words
-
     diagrams = result.torque_speed
     durations = [duration_words(duration) for duration in diagrams[0].durations.tolist()]
     drawn = tuple(Line(words, words, colour=number) for number, words in enumerate(durations))
