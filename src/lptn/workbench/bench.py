@@ -8,7 +8,7 @@ from pathlib import Path
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
-from lptn.diagnose.answers import Key, Step
+from lptn.diagnose.answers import Step, named
 from lptn.diagnose.evidence import FirstOrder
 from lptn.diagnose.unexplained_heat import UnexplainedHeat
 from lptn.identify.comparison import Prediction
@@ -206,12 +206,7 @@ def segments(study: Study) -> dict[str, Segment]:
 
 def name_of(step: Step) -> str:
     """An effect with its place, empty for the model as given."""
-    return key_of(step.key) if step.effect else ""
-
-
-def key_of(key: Key) -> str:
-    """What the page calls an effect at a place."""
-    return f"{key[0]} at {key[1]}"
+    return named(step.key) if step.effect else ""
 
 
 def names_of(steps: tuple[Step, ...]) -> list[str]:

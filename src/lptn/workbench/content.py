@@ -9,6 +9,7 @@ from itertools import combinations
 from typing import Any
 
 from lptn.basics.equations import equations_of
+from lptn.diagnose import answers
 from lptn.diagnose.answers import Key, Step
 from lptn.diagnose.diagnosis import Diagnosis
 from lptn.effects import catalogue
@@ -19,7 +20,7 @@ from lptn.report.shown import noise_alone, views, worst_view
 from lptn.report.tables import conditions_by_quantity
 from lptn.report.text import experiment_for, for_people, named, percent, place_of, short, size_text, title_of
 from lptn.study import Study
-from lptn.workbench.bench import Bench, key_of, names_of, segments
+from lptn.workbench.bench import Bench, names_of, segments
 from lptn.workbench.opening import Opening
 
 _JOB_NAMES = {"fit": "fitted", "holdout": "held out", "test": "test"}
@@ -236,8 +237,8 @@ def _tried(bench: Bench, key: Key) -> dict[str, Any]:
     """The model with an effect added alone, where that was fitted: its name, and the errors that *Add* leaves."""
     step = next((step for step in bench.study.attempts if step.key == key), None)
     if step is None:
-        return {"key": key_of(key), "tried": ""}
-    return step_content(step) | {"key": key_of(key), "tried": bench.name_tried(step)}
+        return {"key": answers.named(key), "tried": ""}
+    return step_content(step) | {"key": answers.named(key), "tried": bench.name_tried(step)}
 
 
 # --- data -----------------------------------------------------------------------------------------------------
