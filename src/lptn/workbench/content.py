@@ -136,12 +136,8 @@ def _tiles(bench: Bench) -> dict[str, dict[str, list[dict[str, float] | None]]]:
     for name, number in (("given", 0), ("now", len(bench.study.steps) - 1)):
         for key, prediction in bench.predictions(number).items():
             errors = [Errors.of(row) for row in prediction.error]
-            tiles[key][name] = [_tile(summary) if summary.count else None for summary in errors]
+            tiles[key][name] = [asdict(summary) if summary.count else None for summary in errors]
     return tiles
-
-
-def _tile(errors: Errors) -> dict[str, Any]:
-    return {"rmse": errors.rmse, "mean": errors.mean, "max": errors.max}
 
 
 def _conditions(bench: Bench) -> dict[str, list[dict[str, Any]]]:
@@ -160,7 +156,7 @@ def _conditions(bench: Bench) -> dict[str, list[dict[str, Any]]]:
             for cell in cells:
                 met[cell.node] += 1
                 limits = f"{short(cell.lower)} to {short(cell.upper)}"
-                tile = _tile(cell.errors) | {"limits": limits, "segment": worst[cell.node]}
+                tile = asdict(cell.errors) | {"limits": limits, "segment": worst[cell.node]}
                 columns.setdefault(met[cell.node], [None] * len(nodes))[nodes.index(cell.node)] = tile
             rows += [{"group": quantity, "name": str(part), "tiles": columns[part]} for part in sorted(columns)]
     return by_model
