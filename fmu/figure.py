@@ -37,7 +37,6 @@ def cosimulation_figure(done: Cosimulation) -> Figure:
         draw_over_time(ax, time - time[0], [(values, look | {"label": name}) for name, values, look in lines])
         ax.set_title(plain(title), size=TEXT, loc="left", pad=3)
         ax.set_ylabel(unit, size=SMALL)
-        ax.margins(x=0.01)
     handles: dict[str, Artist] = {}
     for ax in figure.axes:
         for handle, name in zip(*ax.get_legend_handles_labels(), strict=True):

@@ -155,7 +155,8 @@ def draw_over_time(
         for values, (_, look) in zip(drawn, lines, strict=True):
             ax.plot(at / unit, values, **look)
     ax.set_xlabel(label, size=SMALL)
-    ax.set_xlim(start / unit, stop / unit)
+    if stop > start:
+        ax.set_xlim(start / unit, stop / unit)
     dress(ax)
     return unit
 
