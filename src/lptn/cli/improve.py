@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shlex
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -55,7 +57,7 @@ def improve(
         study.save(output)
     write_json(json, history.as_json() | advice.as_json())
     if report is not None:
-        study.report(report, (options.typed(),))
+        study.report(report, (shlex.join(["lptn", *sys.argv[1:]]),))
     show_written({"the best model": output, "open it in a browser": report})
 
 

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import io
-import shlex
-import sys
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager, nullcontext
@@ -163,11 +161,6 @@ def limits_of(
             raise InputError("command line", option, f"'{text}'", f"{unit} or {place}={unit}, such as 60 or {place}=70")
         limits[name.strip() if equals else every] = value
     return {every: limits.pop(every), **limits} if every in limits else limits
-
-
-def typed() -> str:
-    """The command as it was typed, for the report."""
-    return " ".join(["lptn", *(shlex.quote(word) for word in sys.argv[1:])])
 
 
 # --- checks before the work -------------------------------------------------------------------------------
