@@ -21,7 +21,6 @@ from lptn.logs.resampling import raw_keys
 from lptn.logs.run import Run
 from lptn.model.file import parse_model, read_model_file
 from lptn.model.model import Model
-from lptn.simulate.readings import over_steps
 
 from .archive import unit_of
 from .component import Component
@@ -259,7 +258,8 @@ def _cosimulated(session: Driven, plan: _Plan, ramps: bool, given: Mapping[str, 
     outputs = {name: values - plan.offset(session, name) for name, values in zip(columns, rows.T, strict=True)}
     ends = {column if many[column] == 1 else name: outputs[name][1:] for name, column in columns.items()}
     sensed = [_reading(session, node, outputs) for node in plan.nodes]
-    readings = over_steps(np.array(sensed).reshape(len(sensed), len(run) + 1), run.averaged)
+    at = np.array(sensed).reshape(len(sensed), len(run) + 1)
+    readings = (at[:, :-1] + at[:, 1:]) / 2 if run.averaged else at[:, :-1]
     nodes = tuple(node.removesuffix(".temperature") for node in plan.nodes)
     table = {"time": run.time + run.step} | ends
     return CosimulatedRun(run, nodes, readings, plan.measured, plan.predicted, table, seconds)

@@ -15,7 +15,7 @@ import numpy as np
 from lptn.basics.arrays import FloatArray
 from lptn.basics.bounds import Bound
 from lptn.model.model import Model
-from lptn.simulate.dynamics import longest_step, states_at_ends
+from lptn.simulate.dynamics import longest_step, stepped
 
 from .gait import REST, Gait, with_surroundings
 
@@ -330,7 +330,7 @@ def simulate_plan(mission: Mission, schedule: Schedule) -> Course:
         why = f"a time constant of {step / 0.5:.2g} s in a plan of {schedule.total:.4g} s"
         _STEPS.check(ends[-1] + steps, model.network.origin, why)
         h, held = duration / steps, np.repeat(u[:, None], steps, axis=1)
-        states.append(states_at_ends(model, states[-1][:, -1], held, values, h, 1)[:, 1:])
+        states.append(stepped(model, states[-1][:, -1], held, values, h).ends[:, 1:])
         time.append(time[-1][-1] + h * np.arange(1, steps + 1))
         ends.append(ends[-1] + steps)
     return Course(np.concatenate(time), np.hstack(states), ends[1:])

@@ -17,7 +17,7 @@ import numpy as np
 from lptn.basics.arrays import FloatArray, IntArray
 from lptn.model.array_function import ArrayFunction
 from lptn.model.model import Model
-from lptn.simulate.kernel import AtPoints, differentiated_with, kernel
+from lptn.simulate.kernel import MEAN_OF_A_STEP, AtPoints, Steps, differentiated_with, kernel
 
 # --- The linearised rates dx/dt = f(x, u, p) ------------------------------------------------------
 
@@ -136,19 +136,25 @@ def zero_order_hold(a: FloatArray, step: float) -> tuple[FloatArray, FloatArray]
     return transition, step * phi
 
 
-def runge_kutta_derivative(slopes: Sequence[FloatArray], step: float) -> FloatArray:
+_OF_STEP = (1 / 6, 1 / 3, 1 / 3, 1 / 6)
+
+
+def runge_kutta_derivative(
+    slopes: Sequence[FloatArray], step: float, weights: Sequence[float] = _OF_STEP
+) -> FloatArray:
     """Exact derivative of one RK4 step by state and parameters, shape (..., n, n + m).
 
     Args:
         slopes: the derivatives [A B] of the rates at each of the step's four stages, shape (..., n, n + m).
         step: s.
+        weights: of the four slopes; `MEAN_OF_A_STEP` for the mean over the step.
     """
     n = slopes[0].shape[-2]
-    stage, total = slopes[0], slopes[0].copy()
-    for share, weight, slope in zip((step / 2, step / 2, step), (2.0, 2.0, 1.0), slopes[1:], strict=True):
+    stage, total = slopes[0], weights[0] * slopes[0]
+    for share, weight, slope in zip((step / 2, step / 2, step), weights[1:], slopes[1:], strict=True):
         stage = slope + share * (slope[..., :n] @ stage)
         total += weight * stage
-    total *= step / 6
+    total *= step
     total[..., range(n), range(n)] += 1.0
     return total
 
@@ -176,18 +182,20 @@ class Stepper:
         return Linearisation(self.model, self.core, self.chosen)
 
     def run(
-        self, start: FloatArray, derivative: FloatArray, inputs: FloatArray, p: FloatArray, step: float, substeps: int
-    ) -> tuple[FloatArray, FloatArray]:
-        """States, and their derivatives, at the n + 1 ends of n steps; arguments as for `Kernel.run`.
-
-        Returns:
-            Shapes (states, n + 1) and (n + 1, core, chosen + core).
-        """
+        self,
+        start: FloatArray,
+        derivative: FloatArray,
+        inputs: FloatArray,
+        p: FloatArray,
+        step: float,
+        substeps: int,
+        averaged: bool,
+    ) -> Steps:
+        """Steps through n rows, with derivatives; arguments as for `Kernel.run`."""
         compiled = kernel(self.model, self.core, self.chosen)
         if compiled is not None:
-            states, derivatives = compiled.run(start, inputs, p, step, substeps, derivative)
-            return states.T, derivatives
-        return self._interpreted(start, derivative, np.repeat(inputs, substeps, axis=1), p, step / substeps, substeps)
+            return compiled.run(start, inputs, p, step, substeps, averaged, derivative)
+        return self._interpreted(start, derivative, inputs, p, step, substeps, averaged)
 
     def of_readings(
         self, states: FloatArray, p: FloatArray, derivatives: FloatArray, asked: slice | IntArray
@@ -236,31 +244,46 @@ class Stepper:
         return {parameters.index(index): number for number, index in enumerate(self.chosen)}
 
     def _interpreted(
-        self, start: FloatArray, derivative: FloatArray, inputs: FloatArray, p: FloatArray, h: float, substeps: int
-    ) -> tuple[FloatArray, FloatArray]:
-        path = _path(self.model, start, inputs, p, h)
-        states = np.hstack([start[:, None], path])
-        derivatives = np.empty((inputs.shape[1] // substeps + 1, *derivative.shape))
-        derivatives[0] = derivative
-        core, chosen = self.core, len(self.chosen)
-        for first in range(0, inputs.shape[1], _CHUNK):
-            window = slice(first, min(first + _CHUNK, inputs.shape[1]))
-            for k, of_step in enumerate(self._of_steps(states[:, window], inputs[:, window], p, h), start=first + 1):
-                derivative = of_step[:, :core] @ derivative
-                derivative[:, :chosen] += of_step[:, core:]
-                if k % substeps == 0:
-                    derivatives[k // substeps] = derivative
-        return states[:, ::substeps], derivatives
+        self,
+        start: FloatArray,
+        derivative: FloatArray,
+        inputs: FloatArray,
+        p: FloatArray,
+        step: float,
+        substeps: int,
+        averaged: bool,
+    ) -> Steps:
+        core, chosen, n, h = self.core, len(self.chosen), inputs.shape[1], step / substeps
+        fine = np.repeat(inputs, substeps, axis=1)
+        states = _path(self.model, start, fine, p, h)
+        derivatives = np.zeros((n, *derivative.shape))
 
-    def _of_steps(self, x: FloatArray, u: FloatArray, p: FloatArray, h: float) -> FloatArray:
-        """Derivative of each of n RK4 steps by its states and by the parameters, shape (n, core, core + chosen)."""
-        n = x.shape[1]
-        rates = self.model.made_once(("rates", n), lambda: ArrayFunction(self.model.rhs, n, common=(2,)))
+        def moved(of_step: FloatArray) -> FloatArray:
+            following = of_step[:, :core] @ derivative
+            following[:, :chosen] += of_step[:, core:]
+            return np.asarray(following)
+
+        for first in range(0, n * substeps, _CHUNK):
+            window = slice(first, min(first + _CHUNK, n * substeps))
+            slopes = self._slopes(states[:, window], fine[:, window], p, h)
+            of_steps, of_means = (runge_kutta_derivative(slopes, h, own) for own in (_OF_STEP, MEAN_OF_A_STEP))
+            for k, (of_step, of_mean) in enumerate(zip(of_steps, of_means, strict=True), start=first):
+                if averaged:
+                    derivatives[k // substeps] += moved(of_mean) / substeps
+                elif k % substeps == 0:
+                    derivatives[k // substeps] = derivative
+                derivative = moved(of_step)
+        held = _means(self.model, states[:, :-1], fine, p, h, substeps) if averaged else states[:, :-1:substeps]
+        return Steps(states[:, ::substeps], held, derivatives, derivative)
+
+    def _slopes(self, x: FloatArray, u: FloatArray, p: FloatArray, h: float) -> list[FloatArray]:
+        """[A B] at the four stages of n RK4 steps, shape (n, core, core + chosen) each."""
+        rates = _rates(self.model, x.shape[1])
         point, slopes = x, [self.linearisation.rates(x, u, p)]
         for share in (h / 2, h / 2, h):
             point = x + share * rates(point, u, p)
             slopes.append(self.linearisation.rates(point, u, p))
-        return runge_kutta_derivative(slopes, h)
+        return slopes
 
 
 def stepper(model: Model, core: int, chosen: Sequence[int]) -> Stepper:
@@ -268,19 +291,42 @@ def stepper(model: Model, core: int, chosen: Sequence[int]) -> Stepper:
     return model.made_once(("stepper", core, tuple(chosen)), lambda: Stepper(model, core, chosen))
 
 
-def states_at_ends(
-    model: Model, start: FloatArray, inputs: FloatArray, p: FloatArray, step: float, substeps: int
-) -> FloatArray:
-    """States at the n + 1 ends of n steps, shape (states, n + 1); arguments as for `Kernel.run`."""
+def stepped(
+    model: Model,
+    start: FloatArray,
+    inputs: FloatArray,
+    p: FloatArray,
+    step: float,
+    substeps: int = 1,
+    averaged: bool = False,
+) -> Steps:
+    """Steps through n rows without derivatives; arguments as for `Kernel.run`."""
     compiled = kernel(model)
     if compiled is not None:
-        return np.ascontiguousarray(compiled.run(start, inputs, p, step, substeps)[0].T)
+        return compiled.run(start, inputs, p, step, substeps, averaged)
     fine = np.repeat(inputs, substeps, axis=1)
-    path = _path(model, start, fine, p, step / substeps)
-    return np.hstack([start[:, None], path[:, substeps - 1 :: substeps]])
+    states = _path(model, start, fine, p, step / substeps)
+    starts = states[:, :-1]
+    held = _means(model, starts, fine, p, step / substeps, substeps) if averaged else starts[:, ::substeps]
+    return Steps(states[:, ::substeps], held, np.empty((0, 0, 0)), np.empty((0, 0)))
 
 
 def _path(model: Model, start: FloatArray, inputs: FloatArray, p: FloatArray, h: float) -> FloatArray:
-    """States after each of n Runge-Kutta steps by the interpreter, shape (states, n)."""
+    """States at the n + 1 ends of n Runge-Kutta steps by the interpreter, shape (states, n + 1)."""
     n = inputs.shape[1]
-    return model.made_once(("path", n), lambda: ArrayFunction(model.run(n)))(start, inputs, p, h)
+    path = model.made_once(("path", n), lambda: ArrayFunction(model.run(n)))(start, inputs, p, h)
+    return np.hstack([start[:, None], path])
+
+
+def _means(model: Model, starts: FloatArray, inputs: FloatArray, p: FloatArray, h: float, substeps: int) -> FloatArray:
+    """Means over rows of so many Runge-Kutta steps, by the interpreter; shapes (states or inputs, steps)."""
+    rates, point, means = _rates(model, starts.shape[1]), starts, starts.copy()
+    for share, weight in zip((h / 2, h / 2, h, 0.0), MEAN_OF_A_STEP, strict=True):
+        slope = rates(point, inputs, p)
+        means += h * weight * slope
+        point = starts + share * slope
+    return np.asarray(means.reshape(len(means), -1, substeps).mean(axis=2))
+
+
+def _rates(model: Model, n: int) -> ArrayFunction:
+    return model.made_once(("rates", n), lambda: ArrayFunction(model.rhs, n, common=(2,)))

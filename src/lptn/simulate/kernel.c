@@ -101,43 +101,51 @@ WIDE void at_points(const model *m, integer n, const double *x, const double *u,
     }
 }
 
-/* n steps of `parts` internal steps of h seconds each; row k of X and S holds what stands after k steps.
+/* n rows of `parts` steps of h seconds each.
  *
- * x: (n + 1, states), its first row given. S: (n + 1, core, chosen + core), its first block given; a null pointer
- * where no derivatives are to be followed. u: (n, inputs). */
-WIDE void run(const model *m, integer n, integer parts, double h, const double *u, const double *p, double *X, double *S,
-              double *work) {
+ * X: (n + 1, states), at the ends of rows, its first row given. H: (n, states), means over rows; a null pointer where
+ * none are asked for. S: (core, chosen + core), derivatives at the start, and when all is done at the end; a null
+ * pointer where none are to be followed. D: (n, core, chosen + core), derivatives of the means, or without them of the
+ * states at the starts of rows. u: (n, inputs). mean: what a step's mean has of each of its four slopes. */
+WIDE void run(const model *m, integer n, integer parts, double h, const double *mean, const double *u, const double *p,
+              double *X, double *H, double *S, double *D, double *work) {
     const integer states = m->states, block = S ? m->core * (m->chosen + m->core) : 0;
-    const double share[4] = {0.0, h / 2, h / 2, h}, weight[4] = {h / 6, h / 3, h / 3, h / 6};
+    const double share[4] = {0.0, h / 2, h / 2, h}, weight[4] = {h / 6, h / 3, h / 3, h / 6}, one = 1.0 / parts;
     double *v = work, *point = v + m->values, *sum = point + states, *slope = sum + states;
     double *moved = slope + m->results, *total = moved + block, *change = total + block;
     memcpy(v, m->initial, (size_t)m->values * sizeof(double));
     memcpy(v + states + m->inputs, p, (size_t)m->parameters * sizeof(double));
     evaluate(m, PARAMETERS, v);
     for (integer k = 0; k < n; k++, u += m->inputs) {
-        double *x = X + (k + 1) * states, *d = block ? S + (k + 1) * block : 0;
+        double *x = X + (k + 1) * states, *row = H ? H + k * states : 0, *d = block ? D + k * block : 0;
         memcpy(v + states, u, (size_t)m->inputs * sizeof(double));
         evaluate(m, INPUTS, v);
         memcpy(x, x - states, (size_t)states * sizeof(double));
-        if (block) memcpy(d, d - block, (size_t)block * sizeof(double));
+        if (row) memset(row, 0, (size_t)states * sizeof(double));
+        if (block && row) memset(d, 0, (size_t)block * sizeof(double));
+        else if (block) memcpy(d, S, (size_t)block * sizeof(double));
         for (integer part = 0; part < parts; part++) {
             memcpy(sum, x, (size_t)states * sizeof(double));
-            if (block) memcpy(total, d, (size_t)block * sizeof(double));
+            if (row) combine(states, row, row, one, x);
+            if (block) memcpy(total, S, (size_t)block * sizeof(double));
+            if (block && row) combine(block, d, d, one, S);
             for (int stage = 0; stage < 4; stage++) {
                 /* `slope` and `change` still hold what the stage before found. */
                 if (stage) combine(states, point, x, share[stage], slope);
                 else memcpy(point, x, (size_t)states * sizeof(double));
-                if (block && stage) combine(block, moved, d, share[stage], change);
-                else if (block) memcpy(moved, d, (size_t)block * sizeof(double));
+                if (block && stage) combine(block, moved, S, share[stage], change);
+                else if (block) memcpy(moved, S, (size_t)block * sizeof(double));
                 results_at(m, point, v, block > 0, slope);
                 combine(states, sum, sum, weight[stage], slope);
+                if (row) combine(states, row, row, one * h * mean[stage], slope);
                 if (block) {
                     derive(m, slope + states, moved, change);
                     combine(block, total, total, weight[stage], change);
+                    if (row) combine(block, d, d, one * h * mean[stage], change);
                 }
             }
             memcpy(x, sum, (size_t)states * sizeof(double));
-            if (block) memcpy(d, total, (size_t)block * sizeof(double));
+            if (block) memcpy(S, total, (size_t)block * sizeof(double));
         }
     }
 }

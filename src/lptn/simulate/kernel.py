@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 from itertools import accumulate
@@ -168,9 +169,34 @@ class Operations:
         self.bounds = np.searchsorted(sorted_work[0, starts], range(5)).tolist()
 
 
+# --- What a Runge-Kutta step says of the time within it ---------------------------------------------
+
+MEAN_OF_A_STEP = (1 / 5, 1 / 6, 1 / 10, 1 / 30)
+"""The mean of the states over a step of h seconds is its start and h times these shares of its four slopes. A linear
+network's mean, (1 - e^-z) / z of a transient in a step of z time constants, comes out to z⁵/720."""
+
+
+@dataclass(frozen=True)
+class Steps:
+    """A model stepped through n rows of inputs.
+
+    Args:
+        ends: states at the ends of rows, shape (states, n + 1).
+        held: states as rows hold them, means or those at their starts, shape (states, n).
+        derivatives: of the core states as rows hold them, shape (n, core, chosen + core); empty without any.
+        last: of the core states at the end, shape (core, chosen + core); empty without any.
+    """
+
+    ends: FloatArray
+    held: FloatArray
+    derivatives: FloatArray
+    last: FloatArray
+
+
 # --- Machine code that evaluates and steps any model ----------------------------------------------
 
 _FLAGS = ("-O3",)
+_OF_MEAN = np.array(MEAN_OF_A_STEP)
 _NONE = np.zeros((2, 0), dtype=np.int64)
 
 
@@ -297,41 +323,42 @@ class Kernel:
         p: FloatArray,
         step: float,
         substeps: int,
+        averaged: bool,
         derivative: FloatArray | None = None,
-    ) -> tuple[FloatArray, FloatArray]:
-        """States, and their derivatives, at the n + 1 ends of n steps.
+    ) -> Steps:
+        """Runge-Kutta steps through n rows.
 
         Args:
             start: initial states, shape (states,).
-            inputs: held over each step, shape (inputs, n).
+            inputs: held over each row, shape (inputs, n).
             p: parameters, shape (m,).
-            step: length of a step [s].
-            substeps: Runge-Kutta steps in each step.
+            step: length of a row [s].
+            substeps: Runge-Kutta steps in each row.
+            averaged: whether rows hold means.
             derivative: of the initial core states, shape (core, chosen + core); `None` for the states alone.
-
-        Returns:
-            States, shape (n + 1, states), and derivatives, shape (n + 1, core, chosen + core); empty without any.
         """
         program, model, n = self._program, self._program.struct, inputs.shape[1]
-        states = np.empty((n + 1, model.states))
-        states[0] = start
-        derivatives = np.empty((n + 1 if derivative is not None else 0, model.core, model.chosen + model.core))
-        if derivative is not None:
-            derivatives[0] = derivative
+        ends, means = np.empty((n + 1, model.states)), np.empty((n if averaged else 0, model.states))
+        ends[0] = start
+        width = model.chosen + model.core
+        derivatives = np.empty((n if derivative is not None else 0, model.core, width))
+        last = np.empty((0, width)) if derivative is None else np.array(derivative, dtype=float, order="C")
         held, parameters = np.ascontiguousarray(inputs.T), np.ascontiguousarray(p)
         work = np.empty(int(program.library.working_doubles(ctypes.byref(model))))
-        to_states, to_derivatives, to_work = _addresses(states, derivatives, work)
+        to_ends, to_means, to_last, to_derivatives, to_work = _addresses(ends, means, last, derivatives, work)
         program.library.run(
             ctypes.byref(model),
             ctypes.c_longlong(n),
             ctypes.c_longlong(substeps),
             ctypes.c_double(step / substeps),
-            *_addresses(held, parameters),
-            to_states,
-            None if derivative is None else to_derivatives,
+            *_addresses(_OF_MEAN, held, parameters),
+            to_ends,
+            to_means if averaged else None,
+            None if derivative is None else to_last,
+            to_derivatives,
             to_work,
         )
-        return states, derivatives
+        return Steps(ends.T, means.T if averaged else ends[:-1].T, derivatives, last)
 
     def slopes(self, x: FloatArray, u: FloatArray, p: FloatArray) -> FloatArray:
         """Derivatives of the core states' rates by these at n points [1/s], shape (n, core, core).

@@ -1,4 +1,4 @@
-"""From a trajectory to what a log holds of it: means over steps or samples, read at the log's own clock.
+"""From a trajectory to what a log holds of it: what its sensors read, at the log's own clock.
 
 A sensor's readings may come late, or early, by a delay that is itself fitted. A long run is simulated in pieces, so
 they are read late piece by piece, too, and no more is held at once than the delay needs.
@@ -35,49 +35,23 @@ def readings_of(model: Model, x: FloatArray, p: FloatArray) -> FloatArray:
     return model.made_once("readings at points", at_points)(x, np.zeros((0, x.shape[1])), p)[:, :, 0].T
 
 
-def over_steps(ends: FloatArray, averaged: bool, parts: int = 1) -> FloatArray:
-    """From values at the ends of steps, along the last axis, to what a log's n rows hold: means, or samples.
-
-    A mean over one step is that of its two ends. Over an even number of steps it is Simpson's rule, whose error of a
-    transient is x⁴/180 of it for steps of x time constants.
-
-    Args:
-        ends: shape (..., n · parts + 1).
-        averaged: whether rows are means.
-        parts: steps in a row, 1 or an even number.
-    """
-    rows = (ends.shape[-1] - 1) // parts
-    if not averaged:
-        return ends[..., : rows * parts : parts]
-    if parts == 1:  # of derivatives this is a good part of a fit's time: nothing is copied twice
-        means = ends[..., :-1] + ends[..., 1:]
-        means *= 0.5
-        return means
-    weights = [factor / (3 * parts) for factor in (1, *(4, 2) * (parts // 2 - 1), 4, 1)]
-    means = weights[0] * ends[..., : rows * parts : parts]
-    for first, weight in enumerate(weights[1:], start=1):
-        means += weight * ends[..., first : first + (rows - 1) * parts + 1 : parts]
-    return means
-
-
 def delayed(readings: FloatArray, delays: FloatArray) -> FloatArray:
-    """Readings at the ends of steps, shape (nodes, n + 1), each node's late by its delay [steps], shape (nodes,)."""
-    count = readings.shape[1]
-    instants = [_between(np.arange(count), delay, count) for delay in delays]
-    # Written so that a delay of 0 gives the same numbers to the last bit.
-    return np.array(
-        [(1 - share) * row[j] + share * row[j + 1] for row, (j, share) in zip(readings, instants, strict=True)]
-    )
+    """Readings of n rows, shape (nodes, n), each node's late by its delay [rows], shape (nodes,)."""
+    late, rows = np.empty_like(readings), np.arange(readings.shape[1])
+    for node, delay in enumerate(delays):
+        before, share = _between(rows, float(delay), len(rows))
+        late[node] = _interpolated(readings[node], before, share)
+    return late
 
 
 @dataclass(frozen=True)
 class Piece:
-    """What a run's sensors would read without delay, at the w + 1 ends of w steps, with derivatives.
+    """What a run's sensors would read without delay, in w rows, with derivatives.
 
     Args:
-        first: number of the first of these ends in the run.
-        readings: degC, shape (nodes, w + 1).
-        derivatives: shape (w + 1, nodes, columns).
+        first: number of the first of these rows in the run.
+        readings: degC, shape (nodes, w).
+        derivatives: shape (w, nodes, columns).
     """
 
     first: int
@@ -86,17 +60,17 @@ class Piece:
 
     @property
     def stop(self) -> int:
-        """Number of the end behind the last one."""
+        """Number of the row behind the last one."""
         return self.first + int(self.readings.shape[1])
 
     def joined(self, following: Piece) -> Piece:
-        """With the piece behind it, which begins at this one's last end."""
-        readings = np.concatenate([self.readings, following.readings[:, 1:]], axis=1)
-        return Piece(self.first, readings, np.concatenate([self.derivatives, following.derivatives[1:]]))
+        """With the piece behind it."""
+        readings = np.concatenate([self.readings, following.readings], axis=1)
+        return Piece(self.first, readings, np.concatenate([self.derivatives, following.derivatives]))
 
-    def without_ends_before(self, end: int) -> Piece:
+    def without_rows_before(self, row: int) -> Piece:
         """The later part of it."""
-        cut = max(0, end - self.first)
+        cut = max(0, row - self.first)
         return Piece(self.first + cut, self.readings[:, cut:], self.derivatives[cut:])
 
 
@@ -106,15 +80,12 @@ def delayed_pieces(
     """The pieces of a run, in order and next to each other, read late.
 
     Args:
-        delays: of each node's readings [steps], shape (nodes,).
+        delays: of each node's readings [rows], shape (nodes,).
         by_column: derivative of each node's delay [s] by the columns of the derivatives, shape (nodes, columns).
-        step: s.
-        count: ends of steps in the whole run.
+        step: length of a row [s].
+        count: rows of the whole run.
     """
-    if not delays.any():
-        yield from (_with_slopes_of_no_delay(piece, by_column, step) for piece in pieces)
-        return
-    margin = ceil(float(np.abs(delays).max())) + 1
+    margin = ceil(float(np.abs(delays).max(initial=0.0))) + 1
     held: Piece | None = None
     waiting: list[tuple[int, int]] = []
     for piece in pieces:
@@ -122,44 +93,43 @@ def delayed_pieces(
         held = piece if held is None else held.joined(piece)
         stop = held.stop
         while waiting and (stop == count or waiting[0][1] + margin <= stop):
-            ends = np.arange(*waiting.pop(0))
-            yield _read(held, ends, delays, by_column, step, count)
-            held = held.without_ends_before(int(ends[-1]) - margin)
+            rows = np.arange(*waiting.pop(0))
+            yield _read(held, rows, delays, by_column, step, count)
+            held = held.without_rows_before(int(rows[-1]) - margin)
 
 
-def _between(ends: IntArray, delay: float, count: int) -> tuple[IntArray, FloatArray]:
-    """Ends of steps before the wanted instants, and the share of the following step that lies before them."""
-    wanted = np.clip(ends - delay, 0, count - 1)
-    before = np.minimum(wanted.astype(int), count - 2)
+def _between(rows: IntArray, delay: float, count: int) -> tuple[IntArray, FloatArray]:
+    """Rows before the wanted instants, and the share of a row's length by which they lie behind these."""
+    wanted = np.clip(rows - delay, 0, count - 1)
+    before = wanted.astype(int)
     return before, wanted - before
 
 
-def _read(piece: Piece, ends: IntArray, delays: FloatArray, by_column: FloatArray, step: float, count: int) -> Piece:
-    readings = np.empty((len(delays), len(ends)))
-    derivatives = np.empty((len(ends), *piece.derivatives.shape[1:]))
+def _interpolated(values: FloatArray, before: IntArray, share: FloatArray) -> FloatArray:
+    """Between rows of values, along the first axis, and those behind them."""
+    found = values[before]
+    if share.any():
+        share = share.reshape(-1, *[1] * (values.ndim - 1))
+        found = (1 - share) * found + share * values[np.minimum(before + 1, len(values) - 1)]
+    return found
+
+
+def _read(piece: Piece, rows: IntArray, delays: FloatArray, by_column: FloatArray, step: float, count: int) -> Piece:
+    readings = np.empty((len(delays), len(rows)))
+    derivatives = np.empty((len(rows), *piece.derivatives.shape[1:]))
     for node, delay in enumerate(delays):
-        before, share = _between(ends, float(delay), count)
-        j = before - piece.first
-        values, by_values = piece.readings[node], piece.derivatives[:, node]
-        readings[node] = (1 - share) * values[j] + share * values[j + 1]
-        derivatives[:, node] = (1 - share)[:, None] * by_values[j] + share[:, None] * by_values[j + 1]
-        inside = (ends - delay >= 0) & (ends - delay <= count - 1)
-        slope = np.where(inside, _slope(values, j, share), 0.0) / step
-        derivatives[:, node] -= slope[:, None] * by_column[node]
-    return Piece(int(ends[0]), readings, derivatives)
-
-
-def _with_slopes_of_no_delay(piece: Piece, by_column: FloatArray, step: float) -> Piece:
-    """Delays of 0 leave the readings as they are, but not their derivatives."""
-    slopes = np.gradient(piece.readings, step, axis=1)
-    for node, slope in enumerate(slopes):
+        before, share = _between(rows, float(delay), count)
+        own = before - piece.first
+        readings[node] = _interpolated(piece.readings[node], own, share)
+        derivatives[:, node] = _interpolated(piece.derivatives[:, node], own, share)
+        inside = (rows - delay >= 0) & (rows - delay <= count - 1)
+        slope = np.where(inside, _slope(piece.readings[node], own, share), 0.0) / step
         columns = np.flatnonzero(by_column[node])
-        piece.derivatives[:, node, columns] -= slope[:, None] * by_column[node, columns]
-    return piece
+        derivatives[:, node, columns] -= slope[:, None] * by_column[node, columns]
+    return Piece(int(rows[0]), readings, derivatives)
 
 
 def _slope(values: FloatArray, before: IntArray, share: FloatArray) -> FloatArray:
-    """Rise in the step in which an instant lies; between two steps the mean of both, outside the run none."""
+    """Rise from row to row where an instant lies; at a row the mean of both sides, outside the run none."""
     rise = np.concatenate([[0.0], np.diff(values), [0.0]])
-    end = before + (share == 1)
-    return np.where((share > 0) & (share < 1), rise[before + 1], 0.5 * (rise[end] + rise[end + 1]))
+    return np.where(share > 0, rise[before + 1], 0.5 * (rise[before] + rise[before + 1]))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 from math import ceil, isfinite, log2
@@ -13,14 +13,11 @@ from lptn.basics.arrays import FloatArray, IntArray
 from lptn.basics.errors import InputError
 from lptn.model.model import Model
 from lptn.simulate.bound_run import BoundRun, default_start
-from lptn.simulate.dynamics import RATE_OF_A_STEP, Stepper, slopes_at_points, states_at_ends, stepper
-from lptn.simulate.readings import Piece, delayed, delayed_pieces, over_steps, readings_of
+from lptn.simulate.dynamics import RATE_OF_A_STEP, Stepper, slopes_at_points, stepped, stepper
+from lptn.simulate.readings import Piece, delayed, delayed_pieces, readings_of
 
 # --- Substeps: how finely a run is integrated -----------------------------------------------------
 
-_STRAIGHT = 0.3
-"""Largest product of a row and the fastest rate for which a mean over the row is taken to be that of its two ends: off
-by x²/12 of a transient, 0.7 %, no more than a Runge-Kutta step itself (`RATE_OF_A_STEP`)."""
 _SMALLER = "inputs and parameters for which temperatures stay finite"
 _MOST_SUBSTEPS = 32  # a time constant below 1/32 of the log's step can't be seen in it, and would take all the time
 
@@ -36,16 +33,10 @@ def _sample(steps: int) -> IntArray:
     return np.unique(np.linspace(0, steps - 1, min(steps, sampled)).astype(int))
 
 
-def substeps(
-    model: Model, bound: BoundRun, values: FloatArray, start: FloatArray, core: int | None = None
-) -> tuple[int, int]:
-    """How many Runge-Kutta steps each row of the run needs, and in how many steps it is looked at.
+def substeps(model: Model, bound: BoundRun, values: FloatArray, start: FloatArray) -> int:
+    """How many Runge-Kutta steps each row of the run needs, a power of two, so that few functions are made.
 
-    The fastest rate is the largest eigenvalue of the Jacobian at a sample of the inputs. Steps are a power of two, so
-    that few functions are made. A row is looked at as one step unless it is a mean and a transient bends within it.
-
-    Args:
-        core: how many leading states the mean is taken of, as in `sensitivities`.
+    The fastest rate is the largest eigenvalue of the Jacobian at a sample of the inputs.
 
     Raises:
         SimulationError: more than 32 would be needed.
@@ -53,48 +44,28 @@ def substeps(
     sample, step = _sample(len(bound)), bound.run.step
     at_start = np.repeat(start[:, None], len(sample), axis=1)
     stacked = step * slopes_at_points(model, at_start, bound.inputs[:, sample], values)
-    at_most = _row_sums(stacked)
+    sizes = np.abs(stacked)
+    at_most = float(sizes.sum(axis=2).max())  # no eigenvalue is larger than the largest sum of a row
     if not isfinite(at_most):
         raise SimulationError(bound.run.source, "run", "rates of temperature that are not finite", _SMALLER)
-    parts = 1
-    if at_most > RATE_OF_A_STEP:
-        fastest = _largest_eigenvalue(stacked, _parts)
-        parts = _parts(fastest)
-        if parts > _MOST_SUBSTEPS:
-            place = model.states[int(np.abs(stacked).sum(axis=2).max(axis=0).argmax())]
-            found = f"a time constant of {step / fastest:.2g} s in a log of steps of {step:g} s"
-            expected = f"{step / (_MOST_SUBSTEPS * RATE_OF_A_STEP):.2g} s or more: a larger capacity or resistance"
-            raise SimulationError(model.network.origin, place, found, expected)
-    if bound.run.averaged and at_most > _STRAIGHT:
-        of_core = stacked[:, :core, :core]
-        if _row_sums(of_core) > _STRAIGHT and _bends(_largest_eigenvalue(of_core, _bends)):
-            return max(parts, 2), max(parts, 2)
-    return parts, 1
+    if at_most <= RATE_OF_A_STEP:
+        return 1
+    # The largest eigenvalue is no smaller than that of the matrix with the largest row sum, and no larger than that of
+    # the largest sizes of all, entry by entry (Perron and Frobenius). Mostly both say the same.
+    fastest = _eigenvalue(stacked[sizes.sum(axis=2).max(axis=1).argmax()])
+    if _parts(fastest) != _parts(_eigenvalue(sizes.max(axis=0))):
+        fastest = _eigenvalue(stacked)
+    if (parts := _parts(fastest)) > _MOST_SUBSTEPS:
+        place = model.states[int(sizes.sum(axis=2).max(axis=0).argmax())]
+        found = f"a time constant of {step / fastest:.2g} s in a log of steps of {step:g} s"
+        expected = f"{step / (_MOST_SUBSTEPS * RATE_OF_A_STEP):.2g} s or more: a larger capacity or resistance"
+        raise SimulationError(model.network.origin, place, found, expected)
+    return parts
 
 
 def _parts(fastest: float) -> int:
     """Runge-Kutta steps for a row with this product of its length and the fastest rate."""
     return 1 << ceil(log2(max(fastest / RATE_OF_A_STEP, 1.0)))
-
-
-def _bends(fastest: float) -> bool:
-    return fastest > _STRAIGHT
-
-
-def _row_sums(stacked: FloatArray) -> float:
-    """The largest sum of a row of several matrices, shape (k, n, n): no eigenvalue is larger."""
-    return float(np.abs(stacked).sum(axis=2).max())
-
-
-def _largest_eigenvalue(stacked: FloatArray, decided: Callable[[float], int]) -> float:
-    """The largest eigenvalue of several matrices, shape (k, n, n), or one by which the same is decided.
-
-    It is no smaller than that of the matrix with the largest row sum, and no larger than that of the largest sizes of
-    all, entry by entry (Perron and Frobenius). Mostly both decide the same, for a tenth of the time.
-    """
-    sizes = np.abs(stacked)
-    at_least, at_most = _eigenvalue(stacked[sizes.sum(axis=2).max(axis=1).argmax()]), _eigenvalue(sizes.max(axis=0))
-    return at_least if decided(at_least) == decided(at_most) else _eigenvalue(stacked)
 
 
 def _eigenvalue(matrices: FloatArray) -> float:
@@ -134,15 +105,13 @@ def simulate(
     """
     values = model.in_run(bound.run.name, model.values if values is None else values)
     start = default_start(model, bound) if start is None else start
-    parts, shown = substeps(model, bound, values, start)
-    inputs, step = np.repeat(bound.inputs, shown, axis=1), bound.run.step / shown
-    states = states_at_ends(model, start, inputs, values, step, parts // shown)
-    _refuse_runaway(states, bound)
-    readings = readings_of(model, states, values)
+    parts = substeps(model, bound, values, start)
+    path = stepped(model, start, bound.inputs, values, bound.run.step, parts, bound.run.averaged)
+    _refuse_runaway(path.ends, bound)
+    readings = readings_of(model, path.held, values)
     if not model.in_time:
-        readings = delayed(readings, model.delays(values)[0] / step)
-    held = over_steps(states, bound.run.averaged, shown)
-    return Trajectory(states[:, ::shown], held, over_steps(readings, bound.run.averaged, shown))
+        readings = delayed(readings, model.delays(values)[0] / bound.run.step)
+    return Trajectory(path.ends, path.held, readings)
 
 
 def _refuse_runaway(states: FloatArray, bound: BoundRun) -> None:
@@ -227,40 +196,30 @@ def sensitivity_windows(
     run, values = bound.run, model.in_run(bound.run.name, values)
     start = default_start(model, bound) if start is None else start
     core = len(model.states) if core is None else core
-    parts, shown = substeps(model, bound, values, start, core)
-    step = run.step / shown
-    pieces = _pieces(stepper(model, core, chosen), bound, values, start, parts, shown, nodes)
+    parts = substeps(model, bound, values, start)
+    pieces = _pieces(stepper(model, core, chosen), bound, values, start, parts, nodes)
     if not model.in_time:
         delays, slopes = (of_all[nodes] for of_all in model.delays(values))
         by_column = np.hstack([slopes[:, list(chosen)], np.zeros((len(delays), core))])
-        pieces = delayed_pieces(pieces, delays / step, by_column, step, len(bound) * shown + 1)
+        pieces = delayed_pieces(pieces, delays / run.step, by_column, run.step, len(bound))
     for piece in pieces:
-        ends = np.moveaxis(piece.derivatives, 0, 2)
-        derivatives = np.moveaxis(over_steps(ends, run.averaged, shown), 2, 1)
-        window = slice(piece.first // shown, (piece.stop - 1) // shown)
-        yield window, Sensitivities(over_steps(piece.readings, run.averaged, shown), derivatives, len(chosen))
+        derivatives = np.moveaxis(piece.derivatives, 0, 1)
+        yield slice(piece.first, piece.stop), Sensitivities(piece.readings, derivatives, len(chosen))
 
 
 def _pieces(
-    steps: Stepper,
-    bound: BoundRun,
-    values: FloatArray,
-    start: FloatArray,
-    parts: int,
-    shown: int,
-    nodes: slice | IntArray,
+    steps: Stepper, bound: BoundRun, values: FloatArray, start: FloatArray, parts: int, nodes: slice | IntArray
 ) -> Iterator[Piece]:
-    """Pieces of whole rows, at the ends of the steps in which rows are looked at, of the nodes that are asked for."""
+    """Pieces of the run, of the nodes that are asked for."""
     model, core, chosen = steps.model, steps.core, len(steps.chosen)
     # Columns: one for each chosen parameter, then one for each core state's initial value.
     states, derivative = start, np.hstack([np.zeros((core, chosen)), np.eye(core)])
     block = 4_000_000  # derivatives, 32 MB
-    most = max(1, min(WINDOW, block // derivative.size) // shown)
+    most = max(1, min(WINDOW, block // derivative.size))
     for first in range(0, len(bound), most):
-        inputs = np.repeat(bound.inputs[:, first : first + most], shown, axis=1)
-        path, derivatives = steps.run(states, derivative, inputs, values, bound.run.step / shown, parts // shown)
-        _refuse_runaway(path, bound)
-        # Before whoever takes the piece changes it: without an effect on readings these are the derivatives themselves.
-        states, derivative = path[:, -1].copy(), derivatives[-1].copy()
-        of_readings = steps.of_readings(path, values, derivatives, nodes)
-        yield Piece(first * shown, readings_of(model, path, values)[nodes], of_readings)
+        inputs = bound.inputs[:, first : first + most]
+        path = steps.run(states, derivative, inputs, values, bound.run.step, parts, bound.run.averaged)
+        _refuse_runaway(path.ends, bound)
+        states, derivative = path.ends[:, -1], path.last
+        of_readings = steps.of_readings(path.held, values, path.derivatives, nodes)
+        yield Piece(first, readings_of(model, path.held, values)[nodes], of_readings)
