@@ -218,7 +218,8 @@ def fit(
         balanced = integral_start(model, bound_runs, sigma)
         z = min((np.clip(problem.guess(own, starts), *problem.bounds) for own in (values, balanced)), key=problem.cost)
     keep_fine = None if keep is None else lambda z: keep(problem.point(z))
-    solution = minimise(problem, z, progress, iterations, keep=keep_fine, precision=precision)
+    rescued = precision <= PRECISION  # one that only ranks is left where it fails
+    solution = minimise(problem, z, progress, iterations, keep=keep_fine, precision=precision, rescued=rescued)
     return _as_fit(problem, solution, noise, before + solution.iterations)
 
 
