@@ -89,11 +89,11 @@ def test_the_odds_of_an_exchange_agree_with_the_difference_of_two_fits(heat: flo
     asked = [one for one in possible_effects(larger, fit.problem.bound_runs[0].run.columns) if one.key in names]
     evidence = Evidence(larger, [], asked)
     exchanges = evidence.exchanges(name)
-    assert {one.key for one, _ in exchanges} == names
-    for one, odds in exchanges:
-        other = finished(continued(larger, fit.model.network.with_effects([one.declaration()])))
+    assert {entry.candidate.key for entry in exchanges} == names
+    for entry in exchanges:
+        other = finished(continued(larger, fit.model.network.with_effects([entry.declaration()])))
         exact = Evidence(other, [], beside=evidence).log_evidence - evidence.log_evidence
-        assert odds == pytest.approx(exact, abs=2.0)
+        assert entry.log_odds == pytest.approx(exact, abs=2.0)
 
 
 def test_an_allowance_takes_a_deviation_of_its_size_and_not_ten_times_as_much() -> None:

@@ -14,7 +14,12 @@ _OTHER_SIDE = _SIDES | {right: left for left, right in _SIDES.items()}
 
 def matching(pattern: str, names: Iterable[str]) -> list[str]:
     """The names that a glob such as `"*_calf"` matches, in their own order."""
-    return [name for name in names if fnmatchcase(name, pattern)]
+    return list(_matching(pattern, tuple(names)))
+
+
+@lru_cache(4096)  # a search asks for the same places of hundreds of models
+def _matching(pattern: str, names: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(name for name in names if fnmatchcase(name, pattern))
 
 
 def in_listed_order(names: Iterable[str], listed: Sequence[str]) -> list[str]:

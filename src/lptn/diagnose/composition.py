@@ -152,6 +152,8 @@ class _Search:
         self.needed: dict[Key, float] = {}  # log odds, by exact fits, of what was tried to be left out
         self.exchanged = frozenset[frozenset[Key]]()
         """Names of which one gave way to the other; once, for each model has its own count of independent errors."""
+        self._left: dict[tuple[EffectDeclaration, ...], tuple[Fit, Fit | None]] = {}
+        """Of effects that were once left alone the fit without the others, and the one that it started from."""
         self._known: Evidence | None = None
         self.fit = self._tolerant(given)
         self.before = self.evidence(self.fit)
@@ -250,7 +252,7 @@ class _Search:
     def _fitted(self, shortlist: Sequence[FirstOrder], base: Evidence, odds: dict[Key, float]) -> list[Step]:
         """Each candidate fitted exactly, the most probable first; `log_odds` are those to the model without it."""
         steps = []
-        declared = [one.candidate.declaration(one.amplitude, one.shape) for one in shortlist]
+        declared = [one.declaration() for one in shortlist]
         networks = [self.fit.model.network.with_effects([declaration]) for declaration in declared]
         fits = self.map(_continued, repeat(self.fit), networks, repeat(self.data.holdout))
         for entry, declaration, fit in zip(shortlist, declared, fits, strict=True):
@@ -336,8 +338,12 @@ class _Search:
             if one not in gone:
                 common = next((own for own in gone if one.difference and one.effect.key == own.effect.key), None)
                 rest.append(one if common is None else _as_its_own(one, self.fit, common))
-        fit = self._continued(self.given.model.network.with_effects(rest), precision=precision)
-        return None if fit is None else (fit, tuple(rest))
+        left = tuple(rest)
+        base, fit = self._left.get(left, (None, None))
+        if base is not self.fit:
+            fit = self._continued(self.given.model.network.with_effects(rest), precision=precision)
+            self._left = self._left | {left: (self.fit, fit)}
+        return None if fit is None else (fit, left)
 
     def _take(self, fit: Fit, rest: tuple[EffectDeclaration, ...]) -> None:
         self.fit, self.added = fit, rest
@@ -394,14 +400,14 @@ class _Search:
             if amplitude is None or own.effect.key not in odds:
                 continue
             names, gains = [_key(own)], [0.0]
-            for one, gain in evidence.exchanges(own.shared_name(amplitude.name)):
+            for entry in evidence.exchanges(own.shared_name(amplitude.name)):
+                one, gain = entry.candidate, entry.log_odds
                 prior = odds[one.effect.key] - odds[own.effect.key]
                 if gain + prior > -_IN_DOUBT:
-                    rest = [other for other in self.added if other is not own]
-                    fit = self._continued(self.given.model.network.with_effects([*rest, one.declaration()]))
-                    declared = fit.model.network.effects[-1] if fit else None
+                    rest, declared = [other for other in self.added if other is not own], entry.declaration()
+                    fit = self._continued(self.given.model.network.with_effects([*rest, declared]))
                     gain = -np.inf  # no size was found
-                    if fit and declared and not is_at_chosen_bound(fit, declared):
+                    if fit and not is_at_chosen_bound(fit, declared):
                         gain = self.evidence(fit, evidence).log_evidence - evidence.log_evidence
                         pair = frozenset((name, one.key))
                         if gain + prior > 0.0 and pair not in self.exchanged:

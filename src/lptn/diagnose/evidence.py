@@ -134,6 +134,10 @@ class FirstOrder:
     shape: float | None
     standard_error: float
 
+    def declaration(self) -> EffectDeclaration:
+        """The effect as it is fitted, from this size and shape."""
+        return self.candidate.declaration(self.amplitude, self.shape)
+
 
 @dataclass(frozen=True)
 class _Group:
@@ -157,8 +161,8 @@ class Evidence:
         fit: the fitted model.
         allowed: small deviations that every model may have.
         among: candidates that are to be weighed besides, see `first_order`.
-        beside: evidence of another model of the same readings, whose errors say how many of them are independent; this
-            one's own by default.
+        beside: evidence of another model of the same readings, whose errors say how many of them are independent, and
+            whose responses to small deviations are taken for this one's; its own by default.
         held_out: runs that moved no parameter, and speak of the model all the same; their starts are integrated out.
 
     Raises:
@@ -207,7 +211,10 @@ class Evidence:
         column = {name: place for place, name in enumerate(every)}
         self._among = [(one, {k: [column[name] for name in own] for k, own in by.items()}) for one, by in scored]
         """Candidates to be weighed; for each shape the columns of its sites among the traces."""
-        self._traces = np.asfortranarray(derivatives(fit, [*every.values()])[:n]) if every else np.zeros((n, 0))
+        self._responses: dict[str, FloatArray] = dict(beside._responses) if beside else {}
+        if new := {name: site for name, site in every.items() if name not in self._responses}:
+            self._responses |= zip(new, derivatives(fit, [*new.values()])[:n].T, strict=True)
+        self._traces = np.array([self._responses[name] for name in every]).reshape(-1, n).T
         spreads = np.array([allowance.spread for allowance in allowed])
         of_allowed = self._traces[:, [column[name] for name, _ in small]] * spreads
         self._columns = np.hstack([jacobian[:n, self._free], of_allowed])
@@ -332,8 +339,8 @@ class Evidence:
             density -= float(log_ndtr(off))
         return density - _log_density(declared, none)
 
-    def exchanges(self, name: str) -> list[tuple[Candidate, float]]:
-        """Logarithm of the odds of the model with a candidate in place of an amplitude to this one, of each candidate.
+    def exchanges(self, name: str) -> list[FirstOrder]:
+        """The model with each candidate in place of an amplitude; `log_odds` are those to this model.
 
         Of what is collinear neither is told from the other, however sure the data are of both together. To first order,
         without the candidates' prior odds: the amplitude set to none moves all else, and the candidate takes it up.
@@ -345,12 +352,12 @@ class Evidence:
         slope = float(self.fit.problem.slope(self.fit.point.values)[row])
         off = (instance.value - (instance.declared.off or 0.0)) / slope
         variance, place = float(self.covariance[row, row]), int(self._free[:row].sum())
-        none, best = self.log_odds_of_none(name), dict[Candidate, float]()
-        for one, _, pull, information, beside in self._beside():
-            along = float(beside[place]) / variance
-            gained = _gained(one, pull + along * off, information + along * float(beside[place]))
-            best[one] = max(none + gained, best.get(one, -np.inf))
-        return list(best.items())
+        none = self.log_odds_of_none(name)
+        return _best(
+            _first_order(one, shape, pull + along * off, information + along * float(beside[place]), none)
+            for one, shape, pull, information, beside in self._beside()
+            for along in [float(beside[place]) / variance]
+        )
 
     def _row_of(self, name: str) -> int | None:
         """The number of a parameter among those that move; `None` if it doesn't, or is pushed beyond a bound."""
@@ -385,14 +392,10 @@ class Evidence:
         independent = sum(group.independent for group in self._groups)
         misfit = sum(group.misfit for group in self._groups)
         priors = dict(zip((one for one, _ in self._among), log_priors.tolist(), strict=True))
-        best = dict[Candidate, FirstOrder]()
-        for one, shape, pull, information, _ in self._beside():
-            log_odds = priors[one] + _gained(one, pull, information, independent, misfit)
-            if one not in best or log_odds > best[one].log_odds:
-                least, most = (bound - (one.amplitude.off or 0.0) for bound in one.amplitude.bounds)
-                size = min(max(pull / information, least), most)
-                best[one] = FirstOrder(one, log_odds, size, shape, information**-0.5)
-        return sorted(best.values(), key=lambda entry: -entry.log_odds)
+        return _best(
+            _first_order(one, shape, pull, information, priors[one], independent, misfit)
+            for one, shape, pull, information, _ in self._beside()
+        )
 
     def _beside(self) -> Iterator[tuple[Candidate, float | None, float, float, FloatArray]]:
         """Of each candidate and shape what pulls its amplitude from none, the information on that beside all else, and
@@ -508,6 +511,31 @@ def _by_run(bound_runs: Sequence[BoundRun], sigma: FloatArray, residuals: FloatA
         runs.append((bound, error))
         first += rows
     return runs
+
+
+def _first_order(
+    one: Candidate,
+    shape: float | None,
+    pull: float,
+    information: float,
+    log_odds: float,
+    independent: float = np.inf,
+    misfit: float = np.inf,
+) -> FirstOrder:
+    """A candidate of a shape; arguments as for `_gained`, and the log odds beforehand."""
+    least, most = (bound - (one.amplitude.off or 0.0) for bound in one.amplitude.bounds)
+    size = min(max(pull / information, least), most)
+    log_odds += _gained(one, pull, information, independent, misfit)
+    return FirstOrder(one, log_odds, size, shape, information**-0.5)
+
+
+def _best(entries: Iterable[FirstOrder]) -> list[FirstOrder]:
+    """Of each candidate the shape that explains most, the most probable candidate first."""
+    best = dict[Candidate, FirstOrder]()
+    for entry in entries:
+        if entry.candidate not in best or entry.log_odds > best[entry.candidate].log_odds:
+            best[entry.candidate] = entry
+    return sorted(best.values(), key=lambda entry: -entry.log_odds)
 
 
 def _gained(

@@ -157,7 +157,7 @@ def _causes(alone: Fit, exact: int) -> list[Step]:
     base, odds = Evidence(alone, allowances(alone, possible, errors), possible), log_priors(possible)
     prior = dict(zip((candidate.key for candidate in possible), odds.tolist(), strict=True))
     for entry in base.first_order(odds)[:exact]:
-        declared = entry.candidate.declaration(entry.amplitude, entry.shape)
+        declared = entry.declaration()
         fit = refit(alone, declared)
         evidence = Evidence(fit, allowances(fit, lacking(fit), errors), beside=base).log_evidence
         steps.append(Step(fit, declared, evidence + prior[entry.candidate.key]))
