@@ -22,15 +22,12 @@ class Uncertainty:
     Args:
         standard_errors: in each parameter's unit, shape (free,); infinite where undetermined.
         covariance: of the search's coordinates, shape (free, free).
-        spreads: standard errors of these coordinates, shape (free,); infinite where a combination is open, but for one
-            factor that all share.
         correlations: shape (free, free).
         warnings: one sentence for each parameter or combination that the data don't determine.
     """
 
     standard_errors: FloatArray
     covariance: FloatArray
-    spreads: FloatArray
     correlations: FloatArray
     warnings: tuple[str, ...]
 
@@ -44,7 +41,7 @@ def uncertainty(problem: Problem, z: FloatArray) -> Uncertainty:
     """
     count = len(problem.free)
     if count == 0:
-        return Uncertainty(np.zeros(0), np.zeros((0, 0)), np.zeros(0), np.zeros((0, 0)), ())
+        return Uncertainty(np.zeros(0), np.zeros((0, 0)), np.zeros((0, 0)), ())
     whole = problem.normal(z)[1]
     information = _without_starts(whole, count)
     residuals = problem.residuals(z)
@@ -59,10 +56,9 @@ def uncertainty(problem: Problem, z: FloatArray) -> Uncertainty:
     covariance = _widened_by_blocks(covariance, problem, z, whole)
     spread = np.sqrt(np.diag(covariance))
     combinations = open_combinations(vectors[:, singular])
-    undetermined, open_ = np.zeros((2, count), dtype=bool)
-    for members, common_factor in combinations:
+    undetermined = np.zeros(count, dtype=bool)
+    for members, _ in combinations:
         undetermined[members] = True
-        open_[members] = not common_factor
     # Resistances whose conductance is not told from none.
     resistances = np.array([problem.model.parameters[index].resistance for index in problem.free], dtype=bool)
     perhaps_none = np.asarray(resistances & (-z[:count] < 2 * spread))
@@ -72,8 +68,7 @@ def uncertainty(problem: Problem, z: FloatArray) -> Uncertainty:
     names = [problem.model.parameters[index].name for index in problem.free]
     warnings = _combinations(names, combinations, perhaps_none)
     warnings += _single_parameters(problem, z, names, spread, undetermined, perhaps_none)
-    spreads = np.where(open_, np.inf, spread)
-    return Uncertainty(errors, covariance, spreads, covariance / np.outer(scale, scale), tuple(warnings))
+    return Uncertainty(errors, covariance, covariance / np.outer(scale, scale), tuple(warnings))
 
 
 def _without_starts(whole: FloatArray, count: int) -> FloatArray:
