@@ -425,7 +425,8 @@ class TorqueMPC:
             "recovery": own.recovery, "smoothing": own.smoothing, "linear": linear, "quadratic": quadratic,
             "noise": math.hypot(own.noise, own.grain), "grain": own.grain, "sigmas": own.sigmas,
             "error": own.errors, "learns": own.model_error > 0, "settles": own.settles,
-            "tolerance": own.tolerance, "iterations": own.iterations, "warm": own.warm,
+            "tolerance": 1e-6,  # on the duality gap; the cost of admitting nothing is 1
+            "iterations": 100, "warm": 50,  # at most; so many from the last plan, the others for a cold start
             "lost_sensor": get_args(LostSensor).index(own.lost_sensor),
         }  # fmt: skip
         for name, _ in self._settings._fields_:

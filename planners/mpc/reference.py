@@ -71,7 +71,7 @@ class ReferenceProgram:
         n, joints = len(settings.stages), len(self.heating.joints)
         weight = settings.stages[:, None] * settings.weights * request**2
         weight = np.maximum(weight / weight.sum(), 1e-9) if weight.sum() > 0 else np.full_like(weight, 1 / weight.size)
-        most = self._most(start, request, conditions, p)
+        most = self._most(start, request, p)
         nodes = [self.heating.model.places.index(node) for node in settings.limits]
         asked, floor = np.maximum(np.abs(request), 1e-12), 1e-3  # of the heat scale, as in `c/linear.inc`
         least = np.maximum(floor * most, np.minimum((settings.floors / asked) ** 2, most))
@@ -96,7 +96,7 @@ class ReferenceProgram:
             bool(self._solver.stats()["success"]),
         )
 
-    def _most(self, start: FloatArray, request: FloatArray, conditions: FloatArray, p: FloatArray) -> FloatArray:
+    def _most(self, start: FloatArray, request: FloatArray, p: FloatArray) -> FloatArray:
         """Largest heat scale that the current limit allows, at the present temperatures."""
         heating, settings = self.heating, self.settings
         if not np.isfinite(settings.currents).any():

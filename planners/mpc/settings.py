@@ -46,9 +46,6 @@ class Settings:
             tested: heat that each node lacks, as a rate [K/s], and logarithms of these parameters over their
             units; shape (2, errors).
         settles: time in which each node forgets how warm the whole robot began [s].
-        tolerance: on the duality gap; the cost of admitting nothing is 1.
-        iterations: of the solver, at most.
-        warm: of them, from the last plan; the others are kept for a cold start.
     """
 
     stages: FloatArray
@@ -67,10 +64,7 @@ class Settings:
     units: FloatArray
     errors: FloatArray
     settles: FloatArray
-    lost_sensor: LostSensor = "model"
-    tolerance: float = 1e-6
-    iterations: int = 100
-    warm: int = 50
+    lost_sensor: LostSensor
 
     @property
     def planned_limits(self) -> FloatArray:
