@@ -27,13 +27,7 @@ from lptn.basics.errors import InputError
 from lptn.basics.own_folder import own_folder
 
 Compiler = Literal["auto", "zig", "cc"]
-_FLAGS = (
-    "-std=c99",
-    "-O2",
-    "-fPIC",
-    "-fvisibility=hidden",
-    "-ffp-contract=off",  # the same digits on every platform
-)
+_FLAGS = ("-std=c99", "-O2", "-fPIC", "-fvisibility=hidden", "-ffp-contract=off")  # the same digits on every platform
 _ROOM = 100_000_000  # bytes; zig keeps 30 MB for each platform in its cache
 _PATIENCE = 20.0  # s; a build takes 2 s, 20 s with admissible torques
 _PATIENTLY = "%s: still compiling; a large model or a busy machine takes a minute"

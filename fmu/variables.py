@@ -236,17 +236,6 @@ def pattern_as_word(pattern: str) -> str:
 
 # --- units ------------------------------------------------------------------------------------------
 
-_BASES = {
-    "kilogram": "kg",
-    "meter": "m",
-    "second": "s",
-    "ampere": "A",
-    "kelvin": "K",
-    "mole": "mol",
-    "candela": "cd",
-    "radian": "rad",
-}
-
 
 @dataclass(frozen=True)
 class UnitDefinition:
@@ -293,5 +282,6 @@ def _unit_definition(unit: str) -> UnitDefinition:
             bases, size = dict(quantity.units._units), float(quantity.magnitude)
         factor *= size**power
         for base, exponent in bases.items():
-            exponents[_BASES[base]] = exponents.get(_BASES[base], 0) + round(exponent * power)
+            symbol = registry().get_symbol(base)  # FMI's base units are called as pint's
+            exponents[symbol] = exponents.get(symbol, 0) + round(exponent * power)
     return UnitDefinition(unit, {base: power for base, power in exponents.items() if power}, factor)

@@ -14,10 +14,10 @@ from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from pkgutil import iter_modules
-from typing import get_args
 
 from lptn.basics.errors import InputError, one_line
 from lptn.effects.base import (
+    SITES,
     BoundaryEffect,
     ClockEffect,
     ContactEffect,
@@ -33,7 +33,6 @@ from lptn.effects.base import (
     PairSensorEffect,
     SensorEffect,
     Signature,
-    Site,
 )
 
 __all__ = [
@@ -42,7 +41,6 @@ __all__ = [
     "Signature", "catalogue", "effect_named",
 ]  # fmt: skip
 
-_SITES = get_args(Site)
 logger = logging.getLogger(__name__)
 
 
@@ -52,11 +50,11 @@ def catalogue() -> dict[str, type[Effect]]:
 
     A plug-in that can't be used is left out, with one warning that names it; a key that is taken stays with the first.
     """
-    built_in = sorted(_of_this_folder(), key=lambda effect: (_SITES.index(effect.site), effect.key))
+    sites = list(SITES)
+    built_in = sorted(_of_this_folder(), key=lambda effect: (sites.index(effect.site), effect.key))
     effects = {effect.key: effect for effect in built_in}
     for entry in entry_points(group="lptn.effects"):
-        effect = _of_plug_in(entry)
-        if effect is not None:
+        if (effect := _of_plug_in(entry)) is not None:
             effects.setdefault(effect.key, effect)
     return effects
 
