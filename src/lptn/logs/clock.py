@@ -49,8 +49,8 @@ def in_order(time: FloatArray) -> IntArray | None:
     return order if by_few else None
 
 
-def check_time(table: Table, key: str, source: ColumnSource, time: FloatArray) -> tuple[IntArray, tuple[str, ...]]:
-    """The rows to keep, (m,), and notes: of rows with the same time (n,) s the first is kept. It is mapped as `key`.
+def check_time(table: Table, key: str, source: ColumnSource, time: FloatArray) -> IntArray:
+    """The rows to keep, (m,): of rows with the same time (n,) s the first is kept. It is mapped as `key`.
 
     Raises:
         InputError: time is missing somewhere, runs backwards, or is too short or too coarse to be in s.
@@ -71,9 +71,9 @@ def check_time(table: Table, key: str, source: ColumnSource, time: FloatArray) -
         problem = f"{period:.3g} s from row to row, which looks like {unit_of_rows(period)}"
         expected = f"seconds; for another unit write, say, {line}"
         raise InputError(table.path, f"column '{name}'", problem, expected)
-    dropped = time.size - keep.size
-    note = f"time: {dropped} of {time.size} rows repeat a time stamp; the first of each is kept."
-    return keep, (note,) if dropped else ()
+    if dropped := time.size - keep.size:
+        table.note(f"time: {dropped} of {time.size} rows repeat a time stamp; the first of each is kept.")
+    return keep
 
 
 def _refuse_backwards(table: Table, key: str, source: ColumnSource, time: FloatArray, row: int) -> NoReturn:
@@ -105,10 +105,8 @@ _OF_DEVICES = 3.0
 follow each other; of one sensor's rows they differ less."""
 
 
-def within_stamps(
-    table: Table, source: ColumnSource, time: FloatArray, values: Mapping[str, FloatArray]
-) -> tuple[FloatArray, str]:
-    """Times (n,) s in which rows of one stamp are evenly apart, where the clock is coarser than the rows; and a note.
+def within_stamps(table: Table, source: ColumnSource, time: FloatArray, values: Mapping[str, FloatArray]) -> FloatArray:
+    """Times (n,) s in which rows of one stamp are evenly apart, where the clock is coarser than the rows.
 
     Whole seconds under fifty rows a second would leave one torque of fifty, whose square says little of the heat. Rows
     whose values, (n,) each, are there twice, number by number, are not spread.
@@ -120,11 +118,11 @@ def within_stamps(
     counts = np.diff(first, append=time.size)
     usable = first.size >= FEWEST_ROWS and bool((np.abs(time) < _LATEST).all())  # else `check_time` refuses it
     if not usable or np.median(counts) < 2:
-        return time, ""
+        return time
     inside, rows = np.setdiff1d(np.arange(1, time.size), first), pd.DataFrame(values)
     copies = rows.eq(rows.shift()) | (rows.isna() & rows.shift().isna())
     if 1 - copies.all(axis=1).to_numpy()[inside].mean() < _MOSTLY_TWICE:
-        return time, ""
+        return time
     apart, count = np.diff(time[first]), f"{np.median(counts):.0f} rows"
     usual, place = float(np.median(apart)), f"column '{source.columns[0]}'"
     for key, column in values.items():
@@ -140,8 +138,8 @@ def within_stamps(
         expected = f"a time for each row; if they come at one rate, {as_line_or_option('time', rated)}"
         raise InputError(table.path, place, problem, expected)
     lasts = np.minimum(np.append(apart, usual), usual)
-    spread = time + (np.arange(time.size) - np.repeat(first, counts)) * np.repeat(lasts / counts, counts)
-    return spread, f"time: stamps {usual:.3g} s apart for {count} each, which are spread evenly."
+    table.note(f"time: stamps {usual:.3g} s apart for {count} each, which are spread evenly.")
+    return np.asarray(time + (np.arange(time.size) - np.repeat(first, counts)) * np.repeat(lasts / counts, counts))
 
 
 def unit_of_rows(period: float) -> str:

@@ -85,12 +85,12 @@ def _in_time(table: Table, source: ColumnSource | None, key: str) -> tuple[Float
         raise InputError(table.path, f"column {key}", problem, f"a line in [columns] / --map {key}=YOURNAME")
     numbers = table.numbers(source.columns or table.names[:1])
     time = source.values("time", numbers)
-    table.note([source.counted] * bool(source.rate))
+    table.note(source.counted * bool(source.rate))
     for issue in suspect_unit(Channels({"time": time}, {"time": source}, numbers, table.units), "time"):
         if issue.certain:
             remedy = issue.remedy.replace('"time=', f'"{key}=').replace("write time =", f'write "{key}" =')
             raise InputError(table.path, f"column '{issue.column}'", issue.problem, remedy)
     order = in_order(time)
     rows = np.arange(time.size) if order is None else order
-    rows = rows[check_time(table, key, source, time[rows])[0]]
+    rows = rows[check_time(table, key, source, time[rows])]
     return time[rows], rows, "".join(source.columns) or "time"

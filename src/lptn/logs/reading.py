@@ -340,7 +340,7 @@ def read_log(
     guesses = guess(table, columns, inputs, outputs, optional) if guessing else []
     columns |= {guessed.key: guessed.source for guessed in guesses}
     choice = choose_columns(table, columns, inputs, outputs, optional)
-    samples, of_values, issues = _checked_samples(table, choice, strict)
+    samples, issues = _checked_samples(table, choice, strict)
     refuse_exchanged(path, guesses, choice.sources, Channels({"time": samples.time, **samples.raw}))
     period = float(f"{samples.period:.3g}")
     asked = _SHORTEST_STEP if step is None else step
@@ -366,7 +366,7 @@ def read_log(
     choice = choice.without(gappy)
     empty = _empty(table, choice, void & choice.sources.keys(), issues)
     notes = [f"{GUESSED}{guessed.line} ({guessed.why})." for guessed in guesses]
-    notes += [*filter(None, [format_note(table)]), *table.notes, *choice.notes, *of_values]
+    notes += [*filter(None, [format_note(table)]), *choice.notes, *table.notes]
     notes += [f"{column}: has gaps, and the model does not need it; left out." for column in gappy]
     notes += [*(f"{key}: no value in any row; left out." for key in samples.raw if key in empty), *said]
     choice = choice.without(empty)
@@ -377,9 +377,9 @@ def read_log(
 
 
 @np.errstate(over="ignore", invalid="ignore")  # what overflows is refused as a time
-def _checked_samples(table: Table, choice: ColumnChoice, strict: bool) -> tuple[Samples, list[str], tuple[Issue, ...]]:
-    """The log's samples in SI and degC, notes, and what looks wrong."""
-    log, notes = _channels(table, choice.sources)
+def _checked_samples(table: Table, choice: ColumnChoice, strict: bool) -> tuple[Samples, tuple[Issue, ...]]:
+    """The log's samples in SI and degC, and what looks wrong."""
+    log = _channels(table, choice.sources)
     predicted = set(choice.outputs) - set(choice.inputs)
     given = [key for key in log.of("temperature") if key not in predicted and not log.load_of(place_of(key))]
     if AMBIENT not in given and len(given) == 1:  # called something else
@@ -396,10 +396,10 @@ def _checked_samples(table: Table, choice: ColumnChoice, strict: bool) -> tuple[
     if not alike.issuperset(choice.outputs):  # of the only two sensors one is right
         raw |= {key: np.full(raw[key].size, np.nan) for key in alike}
     time, source = raw.pop("time"), choice.sources["time"]
-    keep, repeated = check_time(table, "time", source, time)
+    keep = check_time(table, "time", source, time)
     if keep.size < time.size:
         time, raw = time[keep], {key: values[keep] for key, values in raw.items()}
-    samples, notes = Samples(time, raw), [*notes, *repeated]
+    samples = Samples(time, raw)
     if source.rows in MEANS:  # from the beginning of what each row is about
         samples = replace(samples, time=time - MEANS[source.rows] * samples.period, means=True)
     elif samples.period >= _SLOW and not source.rows and source.columns and not table.mixed:
@@ -407,37 +407,37 @@ def _checked_samples(table: Table, choice: ColumnChoice, strict: bool) -> tuple[
         line = as_line_or_option("time", replace(source, rows=example))
         note = f"{ROWS_UNKNOWN}{samples.period:.4g} s, read as samples whose inputs hold until the next; "
         note += f'if rows are means, write {line} ({" or ".join(others)}, where it is so), else rows = "{SAMPLES}".'
-        notes.append(note)
-    notes += [*_temperature_notes(samples, table.mixed), *(issue.sentence for issue in issues)]
-    return samples, notes, issues
+        table.note(note)
+    table.note(*_temperature_notes(samples, table.mixed), *(issue.sentence for issue in issues))
+    return samples, issues
 
 
-def _channels(table: Table, sources: Mapping[str, ColumnSource]) -> tuple[Channels, list[str]]:
-    """The file's columns as they stand there, and the quantities in SI and degC, in order of time; and notes."""
+def _channels(table: Table, sources: Mapping[str, ColumnSource]) -> Channels:
+    """The file's columns as they stand there, and the quantities in SI and degC, in order of time."""
     sensors = {name for key, source in sources.items() if key.startswith("temperature.") for name in source.columns}
     numbers = table.numbers((name for source in sources.values() for name in source.columns), sensors)
-    raw, notes = dict[str, FloatArray](), [sources["time"].counted] * bool(sources["time"].rate)
+    table.note(sources["time"].counted * bool(sources["time"].rate))
+    raw = dict[str, FloatArray]()
     for key, source in sources.items():
         raw[key] = source.values(key, numbers)
         if key != "time":
             check_values(table, key, source, raw[key])
         if marked := source.missing(numbers):
-            notes.append(f"{key}: {marked} of {raw[key].size} numbers are no readings, by its entry in [columns].")
+            table.note(f"{key}: {marked} of {raw[key].size} numbers are no readings, by its entry in [columns].")
     where = None if table.mixed else table.where
     if (order := in_order(raw["time"])) is not None:
         raw, numbers = ({key: values[order] for key, values in columns.items()} for columns in (raw, numbers))
         late, where = int((np.diff(order) < 0).sum()), None
-        notes.append(f"time: {late} row{'s' * (late > 1)} out of order, by a few steps; sorted.")
+        table.note(f"time: {late} row{'s' * (late > 1)} out of order, by a few steps; sorted.")
     zeros, of_zeros = rows_of_zeros(Channels(raw, sources))
     if of_zeros:
         raw |= {key: np.where(zeros, np.nan, raw[key]) for key in of_zeros}
         said = f"zero in {zeros.sum()} rows between rows of other values, as if {ANOTHER_SOURCE}; these are left out."
-        notes.append(f"{', '.join(of_zeros)}: {said}")
+        table.note(f"{', '.join(of_zeros)}: {said}")
     if not table.mixed:
         others = {key: values for key, values in raw.items() if key != "time"}
-        raw["time"], spread = within_stamps(table, sources["time"], raw["time"], others)
-        notes += [spread] * bool(spread)
-    return Channels(raw, sources, numbers, table.units, where), notes
+        raw["time"] = within_stamps(table, sources["time"], raw["time"], others)
+    return Channels(raw, sources, numbers, table.units, where)
 
 
 def _temperature_notes(samples: Samples, mixed: bool) -> list[str]:

@@ -146,7 +146,7 @@ class Table:
             self.refuse(row, name, repr(cell), expected)
         words = cells[text]
         shown = ", ".join(f"'{word}'" for word in words.unique()[:_MOST_WORDS])
-        self.note([f"{name}: {words.size} cells hold a word ({shown}), which is no reading."])
+        self.note(f"{name}: {words.size} cells hold a word ({shown}), which is no reading.")
         return numbers
 
     @property
@@ -155,9 +155,9 @@ class Table:
         more = len(self.names) - _MOST_LISTED
         return ", ".join(self.names[:_MOST_LISTED]) + (f" and {more} more" if more > 0 else "")
 
-    def note(self, notes: Iterable[str]) -> None:
-        """Add what reading brought up, once though it is read twice."""
-        self.notes.extend(note for note in notes if note not in self.notes)
+    def note(self, *notes: str) -> None:
+        """Add what reading brought up, once though it is read twice, and nothing for an empty text."""
+        self.notes.extend(note for note in notes if note and note not in self.notes)
 
 
 def _is_time(values: pd.Series | pd.Index) -> bool:

@@ -58,7 +58,7 @@ def open_ulog(path: Path) -> Table:
             asked = [field for field in fields if f"{topic}.{field}" in of_all]
             if asked or of_all == {"time"}:
                 time, rows, said = _timed(path, topic, np.asarray(fields["timestamp"], np.float64) / 1e6)  # us
-                table.note(said)
+                table.note(*said)
                 found.append((time, {f"{topic}.{name}": np.asarray(fields[name], np.float64)[rows] for name in asked}))
         return found
 
