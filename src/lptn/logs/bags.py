@@ -47,7 +47,9 @@ def open_bag(path: Path) -> Table:
         InputError: the package rosbags is not installed, or the bag can't be read.
     """
     require_package(path, "rosbags", "a ROS 2 bag", "pip install 'lptn[ros]'")
-    with _reader(path) as reader:
+    from rosbags.rosbag2 import Reader
+
+    with bounded(), Reader(path) as reader:
         _CHANNELS.check(len(reader.connections), path, "log")
         of_types = {channel.msgtype: len(channel.msgdef.data) for channel in reader.connections}
         _DEFINITIONS.check(sum(of_types.values()), path, "log")
@@ -64,7 +66,7 @@ def open_bag(path: Path) -> Table:
 
     def sources(wanted: Sequence[str]) -> list[Source]:
         of_all, streams, of_sources = set(wanted), list[Stream](), list[str]()
-        with _reader(path) as again:
+        with bounded(), Reader(path) as again:
             for part, (topic, source) in parts.items():
                 numbers = [name for name in topic.names if f"{part}.{name}" in of_all]
                 if not numbers and (of_all != {"time"} or streams):
@@ -228,15 +230,6 @@ def _plain(types: Mapping[str, Any]) -> bool:
         if not all(isinstance(value, bool | int | float | str) for *_, value in constants):
             return False
     return True
-
-
-@contextmanager
-def _reader(path: Path) -> Iterator[Any]:
-    """The bag, open for reading."""
-    from rosbags.rosbag2 import Reader
-
-    with bounded(), Reader(path) as reader:
-        yield reader
 
 
 # --- One clock for the topics of a bag: header stamps where there are any, times of reception else ---

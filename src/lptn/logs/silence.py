@@ -89,7 +89,7 @@ def silences(
         one = _no_reading(time, values, int(there[first[k]]), int(there[last[k]]))
         if one.kind != "dead" or lengths[k] >= SHORTEST:
             found.append(one if temperature else replace(one, kind="frozen"))
-    limits, rows = {one.value for one in found if one.kind == "clamped"}, np.arange(values.size)
+    limits = {one.value for one in found if one.kind == "clamped"}
     found = [one for one in found if one.kind != "clamped"]
     for limit in limits:
         # Where noise only touches the limit, what is left of it is too high on average, or too low.
@@ -97,7 +97,7 @@ def silences(
         for some in np.split(touches, np.flatnonzero(np.diff(touches) > _CLEAR) + 1):
             beside = _CLEAR if np.ptp(some) >= some.size else 0  # of a number that stands no noise is cut off
             begin, end = there[np.clip([some[0] - beside, some[-1] + beside], 0, there.size - 1)]
-            found.append(Silence.at(time, "clamped", limit, (rows >= begin) & (rows <= end)))
+            found.append(Silence.at(time, "clamped", limit, np.arange(begin, end + 1)))
     return sorted(found, key=lambda one: one.start)
 
 
