@@ -18,7 +18,7 @@ import pytest
 
 from lptn.basics.bounds import Bound
 from lptn.cli.main import main
-from lptn.fmu import cosimulate, export
+from lptn.fmu import cosimulate, export, write_system
 from lptn.fmu.compile import universal
 from lptn.fmu.library import fault
 from lptn.model.file import parse_model
@@ -131,6 +131,17 @@ def test_a_refused_table_or_model_writes_nothing(
     said = _refused(["cosim", exported, log, "--model", other, "--json", target], capsys)
     assert "ambient.temperature, which the model lacks" in said
     assert not target.exists()
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("option", ["--json", "-o", "--plot"])
+def test_a_result_never_takes_the_place_of_an_fmu_of_the_system(
+    exported: Path, log: Path, tmp_path: Path, option: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    system, before = tmp_path / "legs.ssd", exported.read_bytes()
+    write_system(system, {"leg": exported}, [])
+    assert "a file that is read" in _refused(["cosim", system, log, option, exported], capsys)
+    assert exported.read_bytes() == before
 
 
 @pytest.mark.long

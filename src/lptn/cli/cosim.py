@@ -45,7 +45,12 @@ def cosim(
         output: File for all outputs at the end of each step: .csv or .parquet.
     """
     options.needs_logs(logs)
-    inputs = (fmu, *logs, *filter(None, (model, parameters)))
+    inputs = [fmu, *logs, *filter(None, (model, parameters))]
+    if fmu.suffix == ".ssd":
+        from lptn.fmu.ssp import opened_system
+
+        with opened_system(fmu) as system:
+            inputs += system.components.values()
     options.check_outputs(json, tables=[output], pictures=[plot], inputs=inputs)
     import pandas as pd
 
