@@ -11,6 +11,7 @@ from typing import cast, get_args
 import numpy as np
 import pytest
 
+from lptn.basics.words import short_size
 from lptn.diagnose.advice import Advice
 from lptn.diagnose.answers import Step
 from lptn.diagnose.experiment import Experiment
@@ -20,6 +21,7 @@ from lptn.diagnose.unexplained_heat import HeatPeak, UnexplainedHeat, largest, s
 from lptn.effects import Effect
 from lptn.effects.copper_loss import CopperLoss
 from lptn.effects.radiation import Radiation
+from lptn.effects.second_mass import SecondMass
 from lptn.effects.sensor_lag import SensorLag
 from lptn.effects.sensor_loose import SensorLoose
 from lptn.identify.comparison import Comparison, compare
@@ -217,6 +219,17 @@ def test_a_likely_candidate_that_would_predict_worse_is_named_with_its_size(miss
         "not added, because held-out data would be predicted worse."
     )
     assert "Best candidates" not in said[1]
+
+
+def test_what_stands_in_place_of_a_common_effect_is_told_beside_its_size(missing: Told) -> None:
+    """A mass of 0 J/K at one joint is nothing to find, where not all others have one."""
+    fit = missing[0].best.fit
+    parts = tuple(replace(parameter, share="all") for parameter in SecondMass.stated())
+    common, own = (EffectDeclaration(SecondMass(), at, parts) for at in ("*", NODES[0]))
+    made = continued(fit, fit.model.network.with_effects([common, own]))
+    shared = made.model.named[common.shared_name("capacity")].value
+    assert size_text(Step(made, own), made).endswith(f" J/K in place of {short_size(shared)}")
+    assert size_text(Step(made, common), made).endswith(" J/K")
 
 
 def test_a_model_that_predicts_worse_than_the_one_given_is_not_to_be_used(missing: Told) -> None:

@@ -316,7 +316,7 @@ class _Search:
         """To first order; of an effect that is either present or not, or stands in place of what others have, by the
         last fit without it, infinite before there was one."""
         amplitude = declared.effect.amplitude()
-        if amplitude is None or amplitude.on is not None or _instead_of(evidence.fitted, declared):
+        if amplitude is None or amplitude.on is not None or evidence.fitted.model.network.instead_of(declared):
             return -self.needed.get(_name(declared), -np.inf)
         return evidence.log_odds_of_none(declared.shared_name(amplitude.name))
 
@@ -443,7 +443,7 @@ class _Search:
         if size is None or step.declaration is None or not errors.get(size.name):
             return np.inf
         none, unsure, parameter = size.declared.off or 0.0, 0.0, step.declaration.effect.size()
-        if parameter and (common := _instead_of(self.fit, step.declaration)):
+        if parameter and (common := self.fit.model.network.instead_of(step.declaration)):
             shared = common.shared_name(parameter.name)
             none, unsure = self.fit.model.named[shared].value, errors.get(shared, 0.0)
         beside = [] if step.key in self.findings else self.structure
@@ -507,18 +507,13 @@ def _is_simulable(fit: Fit, holdout: Sequence[Segment]) -> bool:
 def _is_none(fit: Fit, declared: EffectDeclaration) -> bool:
     amplitude, shape = declared.effect.amplitude(), declared.effect.shape()
     values = fit.model.named
-    if amplitude is None or _instead_of(fit, declared):
+    if amplitude is None or fit.model.network.instead_of(declared):
         return False
     size = values[declared.shared_name(amplitude.name)]
     if amplitude.on is not None:  # there or not: none where it acts within a step
         own = values.get(declared.shared_name(shape.name)) if shape else None
         return own is not None and own.value <= (1.0 + NONE) * own.declared.bounds[0]
     return abs(size.value - (amplitude.off or 0.0)) < NONE * abs(size.declared.typical)
-
-
-def _instead_of(fit: Fit, declared: EffectDeclaration) -> EffectDeclaration | None:
-    """What a place has in common with others in whose place it has an effect of its own."""
-    return next((other for other in fit.model.network.effects if declared.in_place_of(other)), None)
 
 
 def _key(declared: EffectDeclaration) -> Key:

@@ -427,6 +427,10 @@ class Network:
         places = Counter(index for _, index in shared)
         return [instance for instance, index in shared if places[index] > 1]
 
+    def instead_of(self, own: EffectDeclaration) -> EffectDeclaration | None:
+        """What places have in common, in whose place one has an effect of its own; `None` where they have nothing."""
+        return next(filter(own.in_place_of, self.effects), None)
+
     def with_effects(self, extra: Iterable[EffectDeclaration]) -> Network:
         """The same network and more effects."""
         return replace(self, effects=(*self.effects, *extra))
