@@ -12,7 +12,7 @@ from collections import deque
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
-from threading import Condition, Event
+from threading import Event
 from typing import BinaryIO
 
 import numpy as np
@@ -26,6 +26,7 @@ from lptn.logs.guess import guess
 from lptn.logs.reading import choose_columns, open_log
 
 _MOST = 10_000  # messages that wait: ten seconds at 1 kHz
+_FULL = 0.01  # s between two looks of a source that waits at a full inbox
 LOOPBACK = "127.0.0.1"
 _OVERFLOWS = 40  # SO_RXQ_OVFL of Linux, which Python's `socket` does not name
 Message = tuple[float, bytes | Numbers]
@@ -42,7 +43,7 @@ class Inbox:
     def __init__(self, *, waits: bool) -> None:
         self._waits = waits
         self._queue: deque[Message] = deque(maxlen=_MOST)
-        self._changed = Condition()
+        self._come = Event()
         self._offset = time.time() - time.monotonic()
         self.dropped = 0
         self.closed = False
@@ -50,29 +51,23 @@ class Inbox:
 
     def put(self, payload: bytes | Numbers) -> None:
         """Add a message that came now."""
-        with self._changed:
-            while self._waits and len(self._queue) == _MOST and not self.closed:
-                self._changed.wait(1.0)
-            self.dropped += len(self._queue) == _MOST
-            self._queue.append((time.monotonic() + self._offset, payload))
-            if len(self._queue) == 1:
-                self._changed.notify_all()
+        while self._waits and len(self._queue) == _MOST and not self.closed:
+            time.sleep(_FULL)
+        self.dropped += len(self._queue) == _MOST
+        self._queue.append((time.monotonic() + self._offset, payload))
+        self._come.set()
 
     def take(self, timeout: float) -> list[Message]:
         """All that has come, after waiting for so many seconds at most."""
-        with self._changed:
-            if not self._queue and not self.closed:
-                self._changed.wait(timeout)
-            messages = list(self._queue)
-            self._queue.clear()
-            self._changed.notify_all()
-        return messages
+        self._come.wait(timeout)
+        if not self.closed:
+            self._come.clear()
+        return [self._queue.popleft() for _ in range(len(self._queue))]
 
     def close(self, error: Exception | None = None) -> None:
         """Nothing more comes."""
-        with self._changed:
-            self.closed, self.error = True, error
-            self._changed.notify_all()
+        self.closed, self.error = True, error
+        self._come.set()
 
 
 class Source(ABC):

@@ -61,17 +61,14 @@ def _add_shared(robot: argparse.ArgumentParser, quantisation: float) -> None:
 
 
 def _hidden(robot: str, effects: list[str], at: list[str], sizes: list[float], runs: list[str]) -> list[Hidden]:
-    if len(at) != len(effects):
-        raise ValueError(f"--at: found {len(at)}; expected one for each --hidden, so {len(effects)}")
-    for option, values in (("--size", sizes), ("--run", runs)):
-        if values and len(values) != len(effects):
-            raise ValueError(
-                f"{option}: found {len(values)}; expected none or one for each --hidden, so {len(effects)}"
-            )
-    sizes, names = sizes or [1.0] * len(effects), [run.replace("*", "") for run in runs] or [""] * len(effects)
+    count = len(effects)
+    sizes, runs = sizes or [1.0] * count, runs or ["*"] * count
+    for option, values, none in (("--at", at, ""), ("--size", sizes, "none or "), ("--run", runs, "none or ")):
+        if len(values) != count:
+            raise ValueError(f"{option}: found {len(values)}; expected {none}one for each --hidden, so {count}")
     return [
-        Hidden(effect, place, size, robot, run)
-        for effect, place, size, run in zip(effects, at, sizes, names, strict=True)
+        Hidden(effect, place, size, robot, run.replace("*", ""))
+        for effect, place, size, run in zip(effects, at, sizes, runs, strict=True)
     ]
 
 

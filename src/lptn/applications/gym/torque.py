@@ -257,12 +257,9 @@ class TorqueEnv(gymnasium.Env[Observation, Array]):
 
     def __init__(self, **options: Any) -> None:
         self.many = TorqueVectorEnv(1, **options)
-        self.observation_space, self.action_space = self.many.single_observation_space, self.many.single_action_space
-
-    @property
-    def names(self) -> list[str]:
+        self.names = self.many.names
         """What each number of an observation is."""
-        return self.many.names
+        self.observation_space, self.action_space = self.many.single_observation_space, self.many.single_action_space
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
