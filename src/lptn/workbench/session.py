@@ -73,7 +73,8 @@ class WorkbenchSession:
         self._lock = threading.Condition()
         self._version = 0
         self._content: dict[str, Any] = {}
-        self._file = ""
+        self.model_file = ""
+        """The text of the model file as it is now."""
         self._busy: dict[str, Any] | None = None
         self._failed = ""
         self._notes: list[str] = []
@@ -183,7 +184,7 @@ class WorkbenchSession:
         self._failed = str(error)
 
     def _heard_shown(self, content: dict[str, Any], news: News) -> None:
-        self._file = str(content.pop("file"))
+        self.model_file = str(content.pop("file"))
         self._content = finite(content)
         lines = news.runs or self._lines
         for (segment, model), readings in news.predicted.items():
@@ -225,11 +226,6 @@ class WorkbenchSession:
                 "example": self.opening if isinstance(self.opening, str) else "",
             }
             return {**self._content, **state}
-
-    @property
-    def model_file(self) -> str:
-        """The text of the model file as it is now."""
-        return self._file
 
     def lines(self, asked: LinesAsked) -> dict[str, dict[str, FloatArray]]:
         """The lines that plots want, by node.
