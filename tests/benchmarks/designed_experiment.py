@@ -27,7 +27,7 @@ from lptn.basics.places import EVERYWHERE, matching
 from lptn.diagnose.answers import Step
 from lptn.diagnose.candidates import candidates
 from lptn.diagnose.diagnosis import for_search
-from lptn.diagnose.experiment import Experiment, Move, possible_moves, propose
+from lptn.diagnose.experiment import Experiment, Move, Stage, propose
 from lptn.diagnose.fit_statistics import criterion_difference
 from lptn.diagnose.refits import refit
 from lptn.identify.data import LoadedModel, load_model, split_data
@@ -125,7 +125,7 @@ def _walked(kind: str, seconds: int, draw: random.Random) -> Bout:
 def segments(experiment: Experiment, at: str) -> tuple[Bout, ...]:
     """The proposed run in the virtual robot's words; where it moves all joints at once, those at `at` are as asked."""
     table = zip(experiment.program.phases, experiment.moves, strict=True)
-    return tuple(_segment(step.move, round(step.seconds), entry["inputs"], at) for step, entry in table)
+    return tuple(_segment(move, round(seconds), entry["inputs"], at) for (move, seconds), entry in table)
 
 
 def feasible(move: Move) -> bool:
@@ -221,7 +221,7 @@ def trial(number: int, seed: int) -> Outcome:
 
         base = log("base", walking(3600, f"{seed}"), AMBIENT)
         given, first = refits(loaded, [base], rivals, at)
-        moves = [move for move in possible_moves(first) if feasible(move)]
+        moves = [move for move in Stage(first).moves() if feasible(move)]
         asked = time.process_time()
         experiment = propose(first, allowed=moves)
         proposing = time.process_time() - asked

@@ -19,13 +19,7 @@ from scipy.integrate import solve_ivp
 from lptn.basics.arrays import FloatArray
 from lptn.diagnose.answers import Step
 from lptn.diagnose.candidates import candidates
-from lptn.diagnose.experiment import (
-    Experiment,
-    Move,
-    Rivals,
-    possible_moves,
-    propose,
-)
+from lptn.diagnose.experiment import Experiment, Move, Rivals, Stage, propose
 from lptn.diagnose.fit_statistics import criterion_difference
 from lptn.diagnose.refits import refit
 from lptn.identify.data import split_data
@@ -214,7 +208,7 @@ def test_it_stays_within_time_limit_and_what_the_log_has_shown(case: Case) -> No
 def test_friction_laws_are_told_apart_at_another_speed_than_the_log_s() -> None:
     experiment = propose(FRICTION.before()[1], ambients=())
     assert experiment is not None
-    assert any(0.0 < step.move.speed < 1.0 for step in experiment.program.working)
+    assert any(0.0 < move.speed < 1.0 for move, _ in experiment.program.phases)
     assert "rad/s" in experiment.text()
 
 
@@ -250,10 +244,10 @@ def test_a_limit_below_every_run_leaves_nothing_to_propose() -> None:
 
 def test_moves_that_a_robot_can_not_make_are_not_proposed() -> None:
     rivals = FRICTION.before()[1]
-    loaded = [move for move in possible_moves(rivals) if move.speed == 0.0]
+    loaded = [move for move in Stage(rivals).moves() if move.speed == 0.0]
     experiment = propose(rivals, allowed=loaded, ambients=())
     assert experiment is not None
-    assert all(step.move in loaded for step in experiment.program.working)
+    assert all(move in loaded for move, _ in experiment.program.phases if move.joints)
     assert not experiment.separates  # friction needs speed
     assert experiment.text().startswith("No run of 20 min")
 
@@ -275,7 +269,7 @@ def test_three_rivals_two_of_them_the_same_formula_leave_that_pair_undecided() -
     assert experiment is not None
     assert experiment.separates
     twice = rivals[0].key
-    assert experiment.indistinguishable == ((twice, twice),)
+    assert [one.pair for one in experiment.differences if not one.clear] == [(twice, twice)]
     assert "does not separate" in experiment.text()
 
 

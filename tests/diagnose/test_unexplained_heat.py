@@ -13,8 +13,8 @@ from lptn.diagnose.unexplained_heat import (
     Blocks,
     UnexplainedHeat,
     blocks,
+    forward,
     largest,
-    likelihood,
     means_in_blocks,
     smoothed,
     unexplained_heat,
@@ -134,7 +134,7 @@ def test_smoothing_is_the_least_squares_answer(burst_fit: Fit) -> None:
     spreads = loads @ unknown @ loads.T + np.diag(run.variance.ravel()[measured])
     error = run.error.ravel()[measured]
     expected_density = -0.5 * (error @ np.linalg.solve(spreads, error) + np.linalg.slogdet(spreads)[1])  # but for 2π
-    assert likelihood(run, start, walk) == density == pytest.approx(expected_density, rel=1e-6)
+    assert forward(run, start, walk)[0] == density == pytest.approx(expected_density, rel=1e-6)
 
 
 def test_a_gap_widens_the_band_where_it_is(burst_fit: Fit) -> None:

@@ -25,13 +25,11 @@ from lptn.model.network import EffectDeclaration, Network
 from lptn.model.sizes import Sizes
 from lptn.simulate.bound_run import default_start, start_from
 
-_FEWEST = 3  # nodes that share an unseen mass
-NONE, _START = 0.01, 0.3
-"""Of its usual size: below the first an effect is none, at the second, near none, the search for one begins."""
+NONE = 0.01
+"""Of its usual size: below it an effect is none."""
 USUAL = 2.0
 """Times its typical size that an effect is as often above as below (the scale of Cauchy's density): sizes are stated to
 a factor of two or three."""
-_MOST_RISE = 30.0  # K; what would warm its place by more in the long run, at its usual size, is expected smaller there
 _OF_A_JOINT = {"torque", "current", "velocity", "powered"}
 """What a log says of a joint as a whole; sun or air that is logged at a place are not its neighbour's."""
 _JOINTS = "*_*"  # names such as FR_calf
@@ -126,18 +124,21 @@ class Candidate:
             found[site.shared_name(amplitude.name if amplitude else "")] = site
         return found
 
-    def declaration(self, amplitude: float | None = None, shape: float | None = None) -> EffectDeclaration:
+    def declaration(
+        self, amplitude: float | None = None, shape: float | None = None, start: float = 0.3
+    ) -> EffectDeclaration:
         """The effect as it is fitted, one amplitude shared by all its places; sizes and shapes have priors.
 
         Where a place has its own in place of what the others have (`Effect.adds_up`), it starts larger or smaller, or
         where it is all or nothing later or earlier, than they by what the score says.
 
         Args:
-            amplitude: where its size starts, beside where it is off; a share of the usual one by default.
+            amplitude: where its size starts, beside where it is off; `start` by default.
             shape: where its shape starts; the middle of its grid by default.
+            start: share of the usual size, near none, where the search for one begins.
         """
         shape = self.grid[len(self.grid) // 2] if shape is None and self.grid else shape
-        size = _START * self.typical if amplitude is None else amplitude
+        size = start * self.typical if amplitude is None else amplitude
         size = math.copysign(max(abs(size), NONE * self.typical), size)
         difference = self.difference and self.effect.adds_up()
         if self.difference and not difference and shape is not None:
@@ -218,35 +219,26 @@ def possible_effects(
         names: of runs, in each of which alone an effect may act; the fitted ones by default.
         effects: as for `candidates`.
     """
-    runs = [bound.run for bound in fit.problem.bound_runs]
+    model, runs = fit.model, [bound.run for bound in fit.problem.bound_runs]
     squares = {column: [np.nanmean(run.columns[column] ** 2) for run in runs] for column in columns}
+    rates = []  # of each run, at its mean readings and inputs
+    for bound in fit.problem.bound_runs:
+        readings = [row[np.isfinite(row)] for row in bound.measured]
+        firsts = zip(readings, default_start(model, bound).tolist(), strict=False)
+        means = (float(row.mean()) if row.size else first for row, first in firsts)
+        states = start_from(model, bound, dict(zip(model.nodes, means, strict=True)))
+        values = model.in_run(bound.run.name, fit.point.values)
+        rates.append(model.state_jacobian(states, bound.inputs.mean(axis=1), values).full())
     return candidates(
-        fit.model.network,
+        model.network,
         columns,
         names or [run.name for run in runs],
         step=max(run.step for run in runs),
         duration=max(len(run) * run.step for run in runs),
         rms={column: float(np.sqrt(np.mean(of_runs))) for column, of_runs in squares.items()},
-        rates=_mean_rates(fit),
+        rates=np.asarray(np.mean(rates, axis=0)),
         effects=effects,
     )
-
-
-def _mean_rates(fit: Fit) -> FloatArray:
-    """Derivative of the fitted model's rates by its states [1/s], shape (states, states), mean over the runs.
-
-    At the mean readings and inputs of each.
-    """
-    model = fit.model
-    of_runs = []
-    for bound in fit.problem.bound_runs:
-        start = default_start(model, bound)
-        readings = [row[np.isfinite(row)] for row in bound.measured]
-        means = [row.mean() if row.size else first for row, first in zip(readings, start, strict=False)]
-        states = start_from(model, bound, dict(zip(model.nodes, map(float, means), strict=True)))
-        values = model.in_run(bound.run.name, fit.point.values)
-        of_runs.append(model.state_jacobian(states, bound.inputs.mean(axis=1), values).full())
-    return np.asarray(np.mean(of_runs, axis=0))
 
 
 def separate_runs(names: Sequence[str]) -> list[str]:
@@ -306,8 +298,13 @@ def _grid(shape: Parameter | None, step: float | None, duration: float | None) -
     return tuple(value for value in grid if _OF_A_STEP * step <= value <= duration) or (max(grid[0], step),)
 
 
-def _usual_size(one: Candidate, network: Network, sizes: Sizes, rms: Mapping[str, float] | None) -> float:
-    """Of a candidate's amplitude, the geometric mean over its places."""
+def _usual_size(
+    one: Candidate, network: Network, sizes: Sizes, rms: Mapping[str, float] | None, most_rise: float = 30.0
+) -> float:
+    """Of a candidate's amplitude, the geometric mean over its places.
+
+    What would warm its place by more than `most_rise` [K] in the long run, at its usual size, is expected smaller.
+    """
     ends, effect = dict(network.places_for(EffectDeclaration(one.effect(), one.pattern))), one.effect(**dict(one.words))
     amplitude, usual = next(own for own in effect.parameters if own.off is not None), []
     for place, winding in zip(one.places, one.windings or ("",) * len(one.places), strict=True):
@@ -318,7 +315,7 @@ def _usual_size(one: Candidate, network: Network, sizes: Sizes, rms: Mapping[str
             p = {own.name: size if own is amplitude else own.value for own in effect.parameters}
             here = SimpleNamespace(temperatures=(25.0,), inputs=SimpleNamespace(**inputs), p=SimpleNamespace(**p))
             heat = abs(float(effect.heat_into_ends(here)[0])) if inputs else 0.0
-            size *= min(1.0, _MOST_RISE * sizes.conductance(ends[place]) / max(heat, 1e-12))
+            size *= min(1.0, most_rise * sizes.conductance(ends[place]) / max(heat, 1e-12))
         usual.append(math.log(size))
     return math.exp(sum(usual) / len(usual))
 
@@ -392,8 +389,8 @@ def _patterns(network: Network) -> list[str]:
     return list(dict.fromkeys([EVERYWHERE, *filter(is_glob, own), *([] if alone else [_JOINTS])]))
 
 
-def _node_groups(network: Network) -> list[str]:
-    """Patterns of three nodes or more, each as one place: classes of like nodes, and patterns of the model.
+def _node_groups(network: Network, fewest: int = 3) -> list[str]:
+    """Patterns of several nodes, each as one place that they share: classes of like nodes, and patterns of the model.
 
     What lies between two nodes is an edge, and needs no mass of its own to be named.
     """
@@ -401,7 +398,7 @@ def _node_groups(network: Network) -> list[str]:
     classes = [class_of(name) for name in network.dynamic]
     covered = {at: frozenset(matching(at, network.dynamic)) for at in [*classes, *_patterns(network)]}
     groups = _one_pattern_a_set({at: nodes for at, nodes in covered.items() if nodes not in taken}, network.dynamic)
-    return [at for at in groups if len(covered[at]) >= _FEWEST]
+    return [at for at in groups if len(covered[at]) >= fewest]
 
 
 def _groups(effect: type[Effect], places: list[str], network: Network, run: str) -> list[tuple[str, list[str]]]:

@@ -161,10 +161,6 @@ class Diagnosis(Tabular):
         }
 
 
-_MOST_READINGS = 8000
-"""Of all nodes in all fitted runs together: robots of many joints and days of data get longer means."""
-
-
 def diagnose(
     model: Model,
     data: DataSplit,
@@ -199,14 +195,19 @@ def diagnose(
     return examine(base, coarse, most=most, errors=errors, executor=executor, report=report)
 
 
-def for_search(data: DataSplit) -> DataSplit:
+def for_search(data: DataSplit, most: int = 8000) -> DataSplit:
     """The same data of common inputs in the steps of a search: 5 s, longer where there are very many readings.
 
     Readings that are closer say several times what a model gets wrong, and cost most of the time.
+
+    Args:
+        data: the runs.
+        most: readings of all nodes in all fitted runs together: robots of many joints and days of data get longer
+            means.
     """
     sensors = [sum(key.startswith("temperature.") for key in one.run.columns) for one in data.fit]
     seconds = sum(len(one.run) * one.run.step * count for one, count in zip(data.fit, sensors, strict=True))
-    return data.of_common_inputs().coarsened(max(REPEATED, seconds / _MOST_READINGS))
+    return data.of_common_inputs().coarsened(max(REPEATED, seconds / most))
 
 
 def examine(

@@ -26,25 +26,32 @@ from lptn.model.model import Model
 NOT_LOGGED = "not logged: "
 """How the reason of an effect begins that lacks columns of the log."""
 
-_STILL, _LOW = 0.05, 0.5
-"""Shares of the largest load's heat: below the first a robot rests, but for what holds its weight and what sensors
-read; below the second what had settled cools to half its rise."""
-_STEP = 0.3  # of the largest load's heat from one minute to the next: a jump beyond what a gait makes
-_COOLS = 1.0  # K in a time of little load: a step of a coarse sensor
 _LOADS = {"power": 1.0, "current": 2.0, "torque": 2.0}  # exponent that makes it a heat
 
 
-def excitation(runs: Sequence[Run], nodes: Sequence[str]) -> Excitation:
+def excitation(
+    runs: Sequence[Run],
+    nodes: Sequence[str],
+    *,
+    still: float = 0.05,
+    low: float = 0.5,
+    jump: float = 0.3,
+    cools: float = 1.0,
+) -> Excitation:
     """Measure what happens in runs.
 
     Args:
         runs: at least one.
         nodes: the model's nodes.
+        still: share of the largest load's heat below which a robot rests, but for what holds its weight and what
+            sensors read.
+        low: share below which what had settled cools to half its rise.
+        jump: share from one minute to the next that is beyond what a gait makes.
+        cools: K in a time of little load: a step of a coarse sensor.
     """
     minutes = [_Minutes(run, nodes) for run in runs]
     most = max(float(own.load.max(initial=0.0)) for own in minutes)
     loads = [own.load / most if most > 0 else np.zeros(0) for own in minutes]
-    still = np.concatenate([load < _STILL for load in loads])
     means: dict[str, list[FloatArray]] = {}
     for own in minutes:
         for column, values in own.means.items():
@@ -62,9 +69,11 @@ def excitation(runs: Sequence[Run], nodes: Sequence[str]) -> Excitation:
         minutes=sum(len(run) * run.step for run in runs) / 60,
         runs=len(runs),
         levels=max(_levels(loads), int(most > 0)),
-        still=float(np.mean(still)) if most > 0 else 0.0,
-        cool_downs=sum(_cool_downs(load < _LOW, own.temperatures) for load, own in zip(loads, minutes, strict=True)),
-        steps=sum(int((np.abs(np.diff(load)) > _STEP).sum()) for load in loads),
+        still=float(np.mean(np.concatenate(loads) < still)) if most > 0 else 0.0,
+        cool_downs=sum(
+            _cool_downs(load < low, own.temperatures, cools) for load, own in zip(loads, minutes, strict=True)
+        ),
+        steps=sum(int((np.abs(np.diff(load)) > jump).sum()) for load in loads),
         rise=max(own.rise for own in minutes),
         spread=max(own.spread for own in minutes),
         ambient=max((float(np.ptp(air)) for own in minutes for air in own.surroundings), default=0.0),
@@ -119,12 +128,12 @@ def _levels(loads: Sequence[FloatArray]) -> int:
     return count
 
 
-def _cool_downs(low: BoolArray, temperatures: FloatArray) -> int:
+def _cool_downs(low: BoolArray, temperatures: FloatArray, cools: float) -> int:
     """Times of little load, of two minutes and more, in which some node cools."""
     count = 0
     for start, stop in spans(low):
         ends = temperatures[:, [start, stop - 1]] if stop - start > 1 else np.zeros((1, 2))
-        count += bool((ends[:, 0] - ends[:, 1] >= _COOLS).any())
+        count += bool((ends[:, 0] - ends[:, 1] >= cools).any())
     return count
 
 

@@ -38,9 +38,6 @@ STEP = 10.0
 """s, of a proposed run; short against the time constants of a joint."""
 POWER = 0.8
 """Statistical power: the share of logs in which the planned difference should show, as usual in such designs."""
-_BEYOND = 10.0
-"""K, how far a proposed run may go beyond what the logs show to be safe: above their hottest reading, and in a room
-that is colder or warmer than theirs."""
 
 
 # --- What a robot can do: loads and speeds that its logs have shown --------------------------------
@@ -50,9 +47,6 @@ _LOADS = ("torque", "current", "torque_abs", "current_abs")
 _SPEEDS = ("velocity", "velocity_rms")
 _POWER = "mechanical_power"
 _BASE = "speed.base"
-_LEVELS = (0.5, 1.0)
-"""Shares of the high ordinary load and speed: laws that go with different powers of them are told apart by two levels,
-and losses that go with the square are a quarter at the lower one."""
 
 
 @dataclass(frozen=True)
@@ -74,28 +68,22 @@ class Move:
     travelling: bool = False
 
 
-class Phase(NamedTuple):
-    """A move and how long it takes [s]."""
-
-    move: Move
-    seconds: float
-
-
 class Program(NamedTuple):
     """Moves one after the other.
 
     Args:
-        phases: the moves.
+        phases: the moves, and how long each takes [s].
         ambient: temperature of the air, and of the whole robot at the beginning [degC].
     """
 
-    phases: tuple[Phase, ...]
+    phases: tuple[tuple[Move, float], ...]
     ambient: float
 
-    @property
-    def working(self) -> tuple[Phase, ...]:
-        """The phases without rest."""
-        return tuple(phase for phase in self.phases if phase.move.joints)
+    def effort(self, usual: float) -> int:
+        """How many things it asks for: other air than usual [degC] is two, a rig that loads a moving joint another."""
+        work = [move for move, _ in self.phases if move.joints]
+        rigs = sum(move.load > 0 and move.speed > 0 and move.at != EVERYWHERE for move in work)
+        return 2 * (self.ambient != usual) + max(len(work) - 1, 0) + rigs
 
 
 class Stage:
@@ -138,8 +126,13 @@ class Stage:
         self.ambient = float(np.median(self._values[str(self._air)] if self._air else np.concatenate(firsts)))
         """The usual temperature of the air in the logs [degC]; without its column, of the nodes at the start."""
 
-    def moves(self) -> list[Move]:
-        """Every move to be considered: the joints where rivals act, their classes, all; loaded, moving, or both."""
+    def moves(self, levels: Sequence[float] = (0.5, 1.0)) -> list[Move]:
+        """Every move to be considered: the joints where rivals act, their classes, all; loaded, moving, or both.
+
+        Args:
+            levels: shares of the high ordinary load and speed: laws that go with different powers of them are told
+                apart by two levels, and losses that go with the square are a quarter at the lower one.
+        """
         acting = [
             one.place
             for rival in self._rivals
@@ -153,12 +146,12 @@ class Stage:
             if members := tuple(matching(pattern, self.joints)):
                 whole = len(members) == len(self.joints) > 1
                 scopes.setdefault(members, EVERYWHERE if whole else pattern)
-        shares = list(product((0.0, *_LEVELS), (0.0, *_LEVELS) if self.moving else (0.0,)))[1:]
+        shares = list(product((0.0, *levels), (0.0, *levels) if self.moving else (0.0,)))[1:]
         proposed = []
         for joints, at in scopes.items():
             proposed += [Move(at, joints, load, speed) for load, speed in shares]
             if _BASE in self.inputs and at == EVERYWHERE:
-                proposed += [Move(at, joints, 1.0, speed, travelling=True) for speed in _LEVELS]
+                proposed += [Move(at, joints, 1.0, speed, travelling=True) for speed in levels]
         return proposed
 
     def value(self, column: str, move: Move) -> float:
@@ -177,10 +170,10 @@ class Stage:
 
     def run(self, program: Program) -> Run:
         """A program as a log: inputs, and every node at the air's temperature."""
-        counts = [round(phase.seconds / STEP) for phase in program.phases]
+        moves, counts = zip(*((move, round(seconds / STEP)) for move, seconds in program.phases), strict=True)
         n, columns = sum(counts), dict[str, FloatArray]()
         for name in self.columns:
-            columns[name] = np.repeat([self.value(name, phase.move) for phase in program.phases], counts).astype(float)
+            columns[name] = np.repeat([self.value(name, move) for move in moves], counts).astype(float)
         for name in self.given:
             columns[name] = np.full(n, program.ambient if name == self._air else float(np.median(self._values[name])))
         columns |= {f"temperature.{node}": np.full(n, program.ambient) for node in self.nodes}
@@ -344,97 +337,6 @@ class Rivals:
         return differences
 
 
-# --- The search among runs: single moves, then one move more behind the best, in each air -----------------------
-
-
-def best_program(
-    stage: Stage,
-    rivals: Rivals,
-    moves: Sequence[Move],
-    ambients: Iterable[float],
-    seconds: float,
-    limit: float,
-    *,
-    longest: int = 3,
-    kept: int = 6,
-    simpler: float = 0.85,
-) -> tuple[Program | None, int]:
-    """The simplest program that is nearly as good as the best, `None` if all run too hot; and how many were tried.
-
-    Args:
-        stage: turns programs into runs.
-        rivals: the fits.
-        moves: what can be done, beside rest.
-        ambients: temperatures of the air beside the logs' own [degC].
-        seconds: how long a run may last.
-        limit: highest temperature that a prediction may reach [degC].
-        longest: moves of a program, each as long as the others.
-        kept: moves, and programs of each length, that are followed further.
-        simpler: share of the pairs that a simpler run must decide beside one that asks for one thing more: it may last
-            a third longer, and then sets rivals apart by 15 % more deviations.
-    """
-    tried: dict[Program, tuple[float, float] | None] = {}  # pairs decided, and their deviations; none of what runs hot
-
-    def best(some: Iterable[tuple[Move, ...]], ambient: float) -> list[tuple[Move, ...]]:
-        """Of some moves one after the other, each as long as the others, those that decide most, the best first."""
-        worth = {}
-        for moves in some:
-            ends = np.round(np.linspace(0.0, seconds / 60, len(moves) + 1)) * 60  # whole minutes, as people take them
-            ends[-1] = round(seconds / STEP) * STEP
-            parts = [(move, list(own)) for move, own in groupby(range(len(moves)), key=moves.__getitem__)]
-            phases = tuple(Phase(move, float(ends[own[-1] + 1] - ends[own[0]])) for move, own in parts)
-            if (program := Program(phases, ambient)) not in tried:
-                tried[program] = _decided(stage, rivals, program, limit)
-            if (decided := tried[program]) is not None:
-                worth[moves] = decided
-        return sorted(worth, key=worth.__getitem__, reverse=True)[:kept]
-
-    rest = (Move(),)
-    for ambient in (stage.ambient, *ambients):
-        longer = good = best([rest, *((move,) for move in moves)], ambient)
-        for _ in range(1, longest):
-            longer = best([some + one for some, one in product(longer, dict.fromkeys([*good, rest]))], ambient)
-
-    cool: dict[Program, tuple[float, ...]] = {}  # what each decides, less its effort
-    for program, decided in tried.items():
-        if decided is not None:  # effort is largest for other air, then for a rig that loads a moving joint
-            work = [phase.move for phase in program.working]
-            rigs = sum(move.load > 0 and move.speed > 0 and move.at != EVERYWHERE for move in work)
-            effort = 2 * (program.ambient != stage.ambient) + max(len(work) - 1, 0) + rigs
-            cool[program] = tuple(simpler**effort * own for own in decided)
-    return max(cool, key=cool.__getitem__, default=None), len(tried)
-
-
-def _decided(
-    stage: Stage, rivals: Rivals, program: Program, limit: float, reserve: float = 3.0
-) -> tuple[float, float] | None:
-    """Number of pairs that a program is expected to decide, and deviations of all; `None` where it gets too hot.
-
-    With a reserve: effects may be so many times smaller than they were fitted, or the log be so much worse.
-    """
-    run = stage.run(program)
-    try:
-        predictions = rivals.predict(run)
-    except SimulationError:
-        return None
-    if max(float(prediction.readings.max()) for prediction in predictions) > limit:
-        return None
-    deviations = [difference.deviations for difference in rivals.apart(predictions, run)]
-    return sum(_power(own / reserve) for own in deviations), sum(deviations)
-
-
-def _power(deviations: float) -> float:
-    """The probability that a refit rules out the wrong one of two rivals that a run sets so far apart.
-
-    Twice the logarithm of the odds is expected to be the square, with a scatter of twice the deviations; it must be
-    beyond Occam's window.
-    """
-    return float(ndtr(0.5 * deviations - log(OCCAM) / deviations)) if deviations > 0 else 0.0
-
-
-# --- The proposal: how rivals differ in it, by how much, where and when ----------------------------------------
-
-
 @dataclass(frozen=True)
 class Experiment:
     """A proposed run.
@@ -446,9 +348,9 @@ class Experiment:
         differences: of each pair of rivals, the clearest first.
         predictions: of each rival [degC], shape (nodes, n) as in the models; mean over each step.
         limit: the temperature that no prediction passes [degC].
-        tried: how many runs were compared.
         moves: the moves as other tools read them.
         words: what to do, a sentence or two.
+        tried: how many runs were compared.
     """
 
     rivals: tuple[Key, ...]
@@ -457,9 +359,9 @@ class Experiment:
     differences: tuple[Difference, ...]
     predictions: Mapping[Key, FloatArray]
     limit: float
-    tried: int
     moves: tuple[dict[str, object], ...]
     words: str
+    tried: int = 1
 
     @property
     def separates(self) -> bool:
@@ -471,11 +373,6 @@ class Experiment:
         """The least clear pair of those that the run separates; if it separates none, of all."""
         return [contrast for contrast in self.differences if contrast.clear or not self.separates][-1]
 
-    @property
-    def indistinguishable(self) -> tuple[tuple[Key, Key], ...]:
-        """Pairs that the run leaves undecided."""
-        return tuple(contrast.pair for contrast in self.differences if not contrast.clear)
-
     def text(self) -> str:
         """What to do, what each rival predicts, and what to conclude."""
         least = self.weakest
@@ -485,7 +382,8 @@ class Experiment:
             f"{warmer} than if it is {colder}, whatever the other parameters are"
         )
         if self.separates:
-            pairs = "; ".join(listed([named(key) for key in pair]) for pair in self.indistinguishable)
+            undecided = (contrast.pair for contrast in self.differences if not contrast.clear)
+            pairs = "; ".join(listed([named(key) for key in pair]) for pair in undecided)
             rest = f" It does not separate {pairs}." if pairs else ""
             decided = "Add that log to the fit: it rules out the wrong one."
             return f"{shown} ({least.deviations:.0f} standard deviations). {decided}{rest}"
@@ -516,6 +414,9 @@ class Experiment:
         }
 
 
+# --- The proposal: single moves, then one move more behind the best, in each air -------------------------------
+
+
 @one_blas_thread
 def propose(
     rivals: Sequence[Step],
@@ -525,20 +426,32 @@ def propose(
     limit: float | None = None,
     allowed: Sequence[Move] | None = None,
     most: int = 4,
+    beyond: float = 10.0,
+    longest: int = 3,
+    kept: int = 6,
+    simpler: float = 0.85,
+    reserve: float = 3.0,
 ) -> Experiment | None:
     """The run that best separates rivals, of those that the fitted logs show to be possible.
 
     Each rival's parameters may move as far as the old data let them to meet the other's prediction; what is left
-    between the two, in units of the sensors' noise, is made to decide as many pairs as it may.
+    between the two, in units of the sensors' noise, is made to decide as many pairs as it may. Of programs that are
+    nearly as good as the best it is the simplest.
 
     Args:
         rivals: refitted candidates that the data can't tell apart, of one baseline.
         minutes: how long the run may last.
-        ambients: temperatures of the air that can be had [degC] beside the logs' own; by default 10 K colder and
-            10 K warmer.
-        limit: highest temperature that a prediction may reach [degC]; by default 10 K above the hottest reading.
-        allowed: what the robot can do; by default all `possible_moves`.
+        ambients: temperatures of the air that can be had [degC] beside the logs' own; by default `beyond` colder and
+            as much warmer.
+        limit: highest temperature that a prediction may reach [degC]; by default `beyond` above the hottest reading.
+        allowed: what the robot can do; by default all `Stage.moves`.
         most: of the rivals, the most probable first, among which the run has to decide.
+        beyond: K, how far a run may go beyond what the logs show to be safe.
+        longest: moves of a program, each as long as the others.
+        kept: moves, and programs of each length, that are followed further.
+        simpler: share of the pairs that a simpler run must decide beside one that asks for one thing more: it may last
+            a third longer, and then sets rivals apart by 15 % more deviations.
+        reserve: effects may be so many times smaller than they were fitted, or the log be so much worse.
 
     Returns:
         The experiment; `None` with fewer than two rivals, or if no run stays below the limit. See
@@ -549,20 +462,63 @@ def propose(
     if len(rivals := rivals[:most]) < 2:
         return None
     stage, fitted = Stage(rivals), Rivals(rivals)
-    if limit is None:
-        limit = _BEYOND + max(float(np.nanmax(bound.measured)) for bound in rivals[0].fit.problem.bound_runs)
-    others = [round(stage.ambient) + shift for shift in (-_BEYOND, _BEYOND)] if ambients is None else ambients
-    moves = stage.moves() if allowed is None else allowed
-    best, tried = best_program(stage, fitted, moves, others if stage.air_can_change else (), 60.0 * minutes, limit)
-    if best is None:
+    hottest = max(float(np.nanmax(bound.measured)) for bound in rivals[0].fit.problem.bound_runs)
+    limit = hottest + beyond if limit is None else limit
+    others = [round(stage.ambient) + shift for shift in (-beyond, beyond)] if ambients is None else ambients
+    seconds, single = 60.0 * minutes, stage.moves() if allowed is None else allowed
+    tried: dict[Program, Experiment | None] = {}  # none of what runs too hot
+
+    def decided(experiment: Experiment) -> tuple[float, float]:
+        """The number of pairs that it is expected to decide, and the deviations of all."""
+        deviations = [difference.deviations for difference in experiment.differences]
+        return sum(_power(own / reserve) for own in deviations), sum(deviations)
+
+    def best(some: Iterable[tuple[Move, ...]], ambient: float) -> list[tuple[Move, ...]]:
+        """Of some moves one after the other, each as long as the others, those that decide most, the best first."""
+        worth = {}
+        for moves in some:
+            ends = np.round(np.linspace(0.0, seconds / 60, len(moves) + 1)) * 60  # whole minutes, as people take them
+            ends[-1] = round(seconds / STEP) * STEP
+            parts = [(move, list(own)) for move, own in groupby(range(len(moves)), key=moves.__getitem__)]
+            phases = tuple((move, float(ends[own[-1] + 1] - ends[own[0]])) for move, own in parts)
+            if (program := Program(phases, ambient)) not in tried:
+                tried[program] = _experiment(stage, fitted, program, limit)
+            if (experiment := tried[program]) is not None:
+                worth[moves] = decided(experiment)
+        return sorted(worth, key=worth.__getitem__, reverse=True)[:kept]
+
+    rest = (Move(),)
+    for ambient in (stage.ambient, *(others if stage.air_can_change else ())):
+        longer = good = best([rest, *((move,) for move in single)], ambient)
+        for _ in range(1, longest):
+            longer = best([some + one for some, one in product(longer, dict.fromkeys([*good, rest]))], ambient)
+
+    def less_its_effort(experiment: Experiment) -> tuple[float, ...]:
+        return tuple(simpler ** experiment.program.effort(stage.ambient) * own for own in decided(experiment))
+
+    found = max(filter(None, tried.values()), key=less_its_effort, default=None)
+    return found and replace(found, tried=len(tried))
+
+
+def _experiment(stage: Stage, rivals: Rivals, program: Program, limit: float) -> Experiment | None:
+    """A program with what the rivals predict of it, `None` where it gets too hot."""
+    run = stage.run(program)
+    try:
+        predictions = rivals.predict(run)
+    except SimulationError:
         return None
-    predictions = fitted.predict(run := stage.run(best))
-    differences = sorted(fitted.apart(predictions, run), key=lambda contrast: -contrast.deviations)
-    readings = {key: prediction.readings for key, prediction in zip(fitted.keys, predictions, strict=True)}
-    told = stage.as_json(best), stage.text(best)
-    return Experiment(tuple(fitted.keys), best, run, tuple(differences), readings, limit, tried, *told)
+    readings = {key: prediction.readings for key, prediction in zip(rivals.keys, predictions, strict=True)}
+    if max(float(own.max()) for own in readings.values()) > limit:
+        return None
+    differences = sorted(rivals.apart(predictions, run), key=lambda contrast: -contrast.deviations)
+    told = stage.as_json(program), stage.text(program)
+    return Experiment(tuple(rivals.keys), program, run, tuple(differences), readings, limit, *told)
 
 
-def possible_moves(rivals: Sequence[Step]) -> list[Move]:
-    """The moves that a proposal is made of, for two and more refitted candidates of one baseline; see `propose`."""
-    return Stage(rivals).moves()
+def _power(deviations: float) -> float:
+    """The probability that a refit rules out the wrong one of two rivals that a run sets so far apart.
+
+    Twice the logarithm of the odds is expected to be the square, with a scatter of twice the deviations; it must be
+    beyond Occam's window.
+    """
+    return float(ndtr(0.5 * deviations - log(OCCAM) / deviations)) if deviations > 0 else 0.0

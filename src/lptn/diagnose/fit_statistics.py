@@ -114,9 +114,6 @@ class Removed:
 BLOCK = 60.0
 """s; what a sensor's noise changes from reading to reading is gone in means over so long, and no joint's temperature
 changes much faster."""
-_FEWEST = 10
-"""Blocks of a log, however short it is: over two minutes an error that turns within each is gone as well, and of less
-than one there would be no block."""
 NEGLIGIBLE = 0.04
 """K; nobody looks for an effect that leaves less on one node's one-minute means. With .06 K one finding less is told of
 an arm of six joints, with .027 K one more."""
@@ -154,26 +151,27 @@ def noise_of_means(clean: FloatArray, white: float, step: float, size: int, logs
     return np.array(errors)
 
 
-def minute_means(fit: Fit, runs: Sequence[RunErrors]) -> dict[str, tuple[float, float]]:
+def minute_means(fit: Fit, runs: Sequence[RunErrors] | None = None, fewest: int = 10) -> dict[str, tuple[float, float]]:
     """Mean squares of each node's errors over minutes [K²], and of those that its sensor's noise alone would leave.
 
-    Of logs of less than ten minutes it is over a tenth of them. The latter is what noise and steps exceed in one log of
-    twenty, with what is negligible on top.
+    The latter is what noise and steps exceed in one log of twenty, with what is negligible on top.
 
     Args:
         fit: has the sensors' noise.
-        runs: with their errors.
+        runs: with their errors; the fitted ones with what the fit leaves of them, by default.
+        fewest: blocks, however short the logs are: in less than ten minutes over a tenth of them. Over two minutes an
+            error that turns within each is gone as well, and of less than one there would be no block.
 
     Returns:
         For the nodes of which some minute is whole.
     """
-    found = {}
+    found, runs = {}, fitted_errors(fit) if runs is None else runs
     for row, (node, white, step) in enumerate(zip(fit.model.nodes, fit.noise.white, fit.noise.step, strict=True)):
         squares, simulated = [], []
         of_runs = [bound.counted[row] & np.isfinite(error[row]) for bound, error in runs]
         seconds = sum(bound.run.step * int(counted.sum()) for (bound, _), counted in zip(runs, of_runs, strict=True))
         for (bound, error), counted in zip(runs, of_runs, strict=True):
-            size = max(1, round(min(BLOCK, seconds / _FEWEST) / bound.run.step))
+            size = max(1, round(min(BLOCK, seconds / fewest) / bound.run.step))
             own = error[row][counted]
             squares.append(means_of_blocks(own, size) ** 2)
             simulated.append(noise_of_means(bound.measured[row][counted] + own, white, step, size) ** 2)
@@ -191,8 +189,7 @@ def lack_of_fit(fit: Fit, runs: Sequence[RunErrors] | None = None) -> dict[str, 
         fit: the fit.
         runs: these with other errors than the fit's own.
     """
-    means = minute_means(fit, fitted_errors(fit) if runs is None else runs)
-    return {node: square / limit for node, (square, limit) in means.items()}
+    return {node: square / limit for node, (square, limit) in minute_means(fit, runs).items()}
 
 
 def is_met(lack: dict[str, float]) -> bool:
@@ -228,7 +225,7 @@ def standing_out(
     Returns:
         For each such node the root mean square of one-minute means in this run and in the fitted ones, the worst first.
     """
-    errors, usual = {}, minute_means(fit, fitted_errors(fit) if fitted is None else fitted)
+    errors, usual = {}, minute_means(fit, fitted)
     for node, (square, limit) in minute_means(fit, [run]).items():
         known = usual[node][0] if node in usual else 0.0
         if square > max(CLEARLY**2 * known, LACKING * limit, least**2):

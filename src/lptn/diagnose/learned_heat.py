@@ -31,13 +31,14 @@ from lptn.identify.bounded_minimum import bounded_minimum
 from lptn.identify.data import DataSplit
 from lptn.identify.fitting import Fit
 from lptn.identify.validation import holdout_errors
+from lptn.logs.clock import DAY
 from lptn.logs.columns import column_unit
 from lptn.logs.run import Run
 from lptn.model.heat_balance import input_column
 from lptn.model.network import EffectDeclaration
 
-_DAY = 86400.0  # s; the time of day is an input for logs of a day and more, whose clock is assumed to be the day's
 TIME_OF_DAY = "time of day"
+"""An input for logs of a day and more, whose clock is assumed to be the day's."""
 
 
 @dataclass(frozen=True)
@@ -75,11 +76,6 @@ class InputShare:
         )
         return EffectDeclaration(LearnedHeat(input=self.key), self.node, parameters, driven_by=self.driven_by)
 
-    def in_blocks(self, run: Run, time: FloatArray, seconds: float) -> FloatArray:
-        """Heat of each piece for a rise of 1 W, means over blocks of time with these middles, shape (n, PIECES)."""
-        pieces = LearnedHeat(input=self.key or OWN_TEMPERATURE).pieces(_values(run, self.column), self.start, self.span)
-        return means_in_blocks(np.array(pieces), run, time, seconds).T
-
 
 @dataclass(frozen=True, repr=False)
 class LearnedCurve:
@@ -92,7 +88,6 @@ class LearnedCurve:
         band: half-width of the 95 % band [W], shape (n,).
         step: the exact fit with the curve in the model, with held-out errors; `None` without a curve.
         without: held-out error without the curve, the lower of the given model's and that with all that was found [K].
-        offered: whether the curve lowers that error by more than chance.
         beside: whether the fit has effects that were found and are not in the model as given.
     """
 
@@ -102,13 +97,17 @@ class LearnedCurve:
     band: FloatArray = field(default_factory=lambda: np.zeros(0))
     step: Step | None = None
     without: float | None = None
-    offered: bool = False
     beside: bool = False
 
     @property
     def held_out(self) -> float | None:
         """Held-out error with the curve [K], `None` where nothing is held out, or without a curve."""
         return self.step.holdout.rmse if self.step and self.step.holdout else None
+
+    @property
+    def offered(self) -> bool:
+        """Whether the curve lowers the held-out error by more than chance."""
+        return bool(self.without and self.held_out is not None and self.held_out < (1 - WORTH) * self.without)
 
     def __repr__(self) -> str:
         return f"<LearnedCurve: {self.text()}>"
@@ -184,11 +183,9 @@ def learned_curve(first: Diagnosis, last: Diagnosis, data: DataSplit, heat: Wand
     fits = [first.fit, *(one.fit for one in found)]
     models = [heat if fit is heat.fit else WanderingHeat(fit) for fit in fits]
     told = [curve for number, one in enumerate(models) if (curve := _likeliest(one, data, beside=number > 0))]
-    without = min((one.holdout.rmse for one in (first, *found) if one.holdout), default=0.0)  # none: none offered
-    for curve in told:
-        if curve.held_out is not None and curve.held_out < (1 - WORTH) * without:
-            return replace(curve, without=without, offered=True)
-    return replace(told[0], without=without or None) if told else None
+    without = min((one.holdout.rmse for one in (first, *found) if one.holdout), default=None)
+    told = [replace(curve, without=without) for curve in told]
+    return next((curve for curve in told if curve.offered), told[0] if told else None)
 
 
 def _likeliest(
@@ -266,7 +263,9 @@ def input_shares(heat: WanderingHeat, nodes: Sequence[str], *, walks: int = 3) -
     for run, part, heats in zip(runs, heat.runs, known, strict=True):
         for one, row, own in zip(inputs, rows, columns, strict=True):
             at = np.flatnonzero(part.rows == row)  # a run may not measure all nodes
-            heats[:, at, own] = one.in_blocks(run, part.time, part.seconds)[:, None]
+            effect = LearnedHeat(input=one.key or OWN_TEMPERATURE)
+            for_a_watt = np.array(effect.pieces(_values(run, one.column), one.start, one.span))
+            heats[:, at, own] = means_in_blocks(for_a_watt, run, part.time, part.seconds).T[:, None]
     best, none = [replace(one, log_odds=-np.inf) for one in inputs], -np.inf
     for walk in reversed(heat.walks[-walks:]):
         done = [
@@ -314,7 +313,7 @@ def _inputs_of(fit: Fit, node: str, runs: Sequence[Run]) -> list[InputShare]:
     columns.append((f"temperature.{node}", OWN_TEMPERATURE, ""))
     beside = {end for link in network.resistors if node in link.ends for end in link.ends} - {node}
     columns += [(f"temperature.{name}", "", "") for name in sorted(beside)]
-    if all(run.time[-1] - run.time[0] >= _DAY for run in runs):
+    if all(run.time[-1] - run.time[0] >= DAY for run in runs):
         columns.append((TIME_OF_DAY, "", ""))
     inputs = []
     for column, key, driven_by in columns:
@@ -331,7 +330,7 @@ def _inputs_of(fit: Fit, node: str, runs: Sequence[Run]) -> list[InputShare]:
 def _values(run: Run, column: str) -> FloatArray:
     """A column of a run, gaps bridged; or the hour of its log's clock."""
     if column == TIME_OF_DAY:
-        return np.asarray(run.time % _DAY)
+        return np.asarray(run.time % DAY)
     values = run.columns[column]
     there = np.isfinite(values)
     return values if there.all() else np.interp(run.time, run.time[there], values[there])

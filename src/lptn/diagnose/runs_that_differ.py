@@ -167,18 +167,22 @@ def _causes(alone: Fit, exact: int) -> list[Step]:
 # --- Words ----------------------------------------------------------------------------------------
 
 
-_NEARLY_ONE = 0.1  # a share: a factor that differs from one by less is given to the third decimal, without a question
-_PLAIN = "in {run}{at}: {title}, {amplitude}"
+def in_words(declaration: EffectDeclaration, amplitude: ParameterInstance, run: str, nearly_one: float = 0.1) -> str:
+    """What an amplitude in one run means, by the effect's own sentence.
 
-
-def in_words(declaration: EffectDeclaration, amplitude: ParameterInstance, run: str) -> str:
-    """What an amplitude in one run means, by the effect's own sentence."""
+    Args:
+        declaration: the effect.
+        amplitude: as it was fitted.
+        run: name of the run.
+        nearly_one: a share: a factor that differs from one by less is given to the third decimal, without a question,
+            for a per cent or two more is no fan, and one less no cover.
+    """
     size, at, effect = amplitude.value, declaration.at, declaration.effect
     lower, upper = amplitude.declared.bounds
     most, least = (isclose(size, bound, rel_tol=1e-3) for bound in (upper, lower))  # there a size is only a limit
-    times = f"{1 + size:.3f}" if abs(size) < _NEARLY_ONE else short_size(1 + size)
+    times = f"{1 + size:.3f}" if abs(size) < nearly_one else short_size(1 + size)
     more, less = effect.in_one_run
-    sentence = (more if size >= 0 else less) or _PLAIN
+    sentence = (more if size >= 0 else less) or "in {run}{at}: {title}, {amplitude}"
     sentence = sentence.replace("only {factor}", "{factor}") if least else sentence
     words = sentence.format(
         run=run,
@@ -191,8 +195,7 @@ def in_words(declaration: EffectDeclaration, amplitude: ParameterInstance, run: 
         factor=("at least " if most else "at most " if least else "") + times,
         amplitude=f"{size:.3g}{amplitude.declared.unit_behind}",
     )
-    # A per cent or two more is no fan, and one less no cover.
-    return _without_question(words) if amplitude.declared.unit == "1" and abs(size) < _NEARLY_ONE else words
+    return _without_question(words) if amplitude.declared.unit == "1" and abs(size) < nearly_one else words
 
 
 def _without_question(words: str) -> str:

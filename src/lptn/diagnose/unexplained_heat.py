@@ -121,17 +121,6 @@ class HeatPeak:
         return {"run": self.run, "node": self.node, "from": self.start, "to": self.stop, "watts": self.heat}
 
 
-_GRID = (0.001, 0.003, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
-"""Shares of the heat scale that heat may wander in a minute, of which the readings choose: from next to none to all."""
-_START = 5.0
-"""K, one standard deviation: how far a state may start from the fit. It is for hidden ones; readings hold a measured
-node, of which no band changed by a thousandth with 1.5 K."""
-_BIASED = 3.0
-"""Standard errors by which missing heat may have biased the fitted parameters. Of the hidden bursts of
-`tests/diagnose/hidden_heat.py` the bands hold zero in 80 to 86 % of the quiet time with 1, above 93 % with 3, 5."""
-_FARTHEST = 3.0
-"""Of a logarithm, a factor of twenty: how far off parameters may be of which together the readings tell nothing. Of the
-same bursts the bands hold zero in 84 % of the quiet time at worst with 1.5, 94 % with 2, all of it with 3 to 5."""
 WIDE = NormalDist().inv_cdf(0.975)  # standard deviations on either side of a 95 % band
 
 
@@ -148,10 +137,15 @@ class WanderingHeat:
 
     Args:
         fit: the fitted model, with the readings that count.
+        rates: shares of the heat scale that heat may wander in a minute, of which the readings choose: from next to
+            none to all.
     """
 
     @one_blas_thread
-    def __init__(self, fit: Fit) -> None:
+    def __init__(
+        self, fit: Fit, rates: Sequence[float] = (0.001, 0.003, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
+    ) -> None:
+        self._rates = rates
         self.fit, self.runs = fit, [blocks(fit, number) for number in range(len(fit.problem.bound_runs))]
         self.scale = float(np.sqrt(np.mean([run.scale**2 for run in self.runs])))
         """What heat is large [W], as in each run."""
@@ -163,10 +157,10 @@ class WanderingHeat:
 
         @cache
         def density(number: int) -> float:
-            return sum(likelihood(run, self.prior(run), walks[number]) for run in self.runs)
+            return sum(forward(run, self.prior(run), walks[number])[0] for run in self.runs)
 
         # It has one peak, which is climbed to from the third, near which most have it.
-        walks, top = [share * self.scale / np.sqrt(60.0) for share in _GRID], 2
+        walks, top = [share * self.scale / np.sqrt(60.0) for share in self._rates], 2
         while (best := max((k for k in (top, top - 1, top + 1) if 0 <= k < len(walks)), key=density)) != top:
             top = best
         return walks[: top + 1]
@@ -183,21 +177,42 @@ class WanderingHeat:
             told.append(UnexplainedHeat(bound.run.name, run.time, nodes, heat, *about))
         return told
 
-    def prior(self, run: Blocks, *, open_parameters: bool = False) -> FloatArray:
+    def prior(
+        self,
+        run: Blocks,
+        *,
+        open_parameters: bool = False,
+        start: float = 5.0,
+        biased: float = 3.0,
+        farthest: float = 3.0,
+    ) -> FloatArray:
         """Covariance of the states, the heats, and the parameters, which are off together as their standard errors say.
 
         The errors grow with what the model lacks. Were each parameter free to move for itself, a steady heat that
         nobody needs could be balanced by resistances and capacitances far from the fitted ones. With `open_parameters`
         it may: beside a curve that stands for the heat they go to where they belong.
+
+        Of the hidden bursts of `tests/diagnose/hidden_heat.py` the bands hold zero in 80 to 86 % of the quiet time if
+        parameters are `biased` by 1 standard error, above 93 % with 3 and 5; in 84 % at worst if `farthest` is 1.5,
+        94 % with 2, all of it with 3 to 5.
+
+        Args:
+            run: the linear model of a run.
+            open_parameters: whether each parameter is free to move for itself.
+            start: K, one standard deviation: how far a state may start from the fit. It is for hidden ones; readings
+                hold a measured node, of which no band changed by a thousandth with 1.5 K.
+            biased: standard errors by which missing heat may have biased the fitted parameters.
+            farthest: of a logarithm, a factor of twenty: how far off parameters may be of which together the readings
+                tell nothing.
         """
         fit, states, nodes = self.fit, len(self.fit.model.states), len(run.rows)
-        deviations = np.full(states + nodes, _START)
+        deviations = np.full(states + nodes, start)
         deviations[states:] = self.scale
         known = slice(len(deviations), run.top.shape[2])
         covariance = np.zeros((known.stop, known.stop))
         covariance[: known.start, : known.start] = np.diag(deviations**2)
-        sizes, directions = np.linalg.eigh(_BIASED**2 * fit.uncertainty.covariance)
-        sizes = np.clip(np.inf if open_parameters else sizes, 0.0, _FARTHEST**2)
+        sizes, directions = np.linalg.eigh(biased**2 * fit.uncertainty.covariance)
+        sizes = np.clip(np.inf if open_parameters else sizes, 0.0, farthest**2)
         covariance[known, known] = (directions * sizes) @ directions.T
         return covariance
 
@@ -223,10 +238,6 @@ def largest(runs: Sequence[UnexplainedHeat]) -> HeatPeak | None:
 
 
 # --- The linear model: a fitted run in blocks of time, with heat at each measured node as an input --
-
-
-_BLOCK = 10.0  # s; faster changes of heat can't be distinguished from noise, since a joint takes minutes to warm
-_SLOW = 300.0  # s; the share of a rounding error that lasts so long can't be distinguished from heat
 
 
 @dataclass(frozen=True)
@@ -256,18 +267,20 @@ class Blocks:
     scale: float
 
 
-def blocks(fit: Fit, number: int, most: int = 1200) -> Blocks:
+def blocks(fit: Fit, number: int, seconds: float = 10.0, most: int = 1200) -> Blocks:
     """One of a fit's runs, from its first reading that counts to its last.
 
     Args:
         fit: the fitted model.
         number: of the run, in the order of the fit.
+        seconds: of a block; faster changes of heat can't be distinguished from noise, since a joint takes minutes to
+            warm.
         most: blocks; a longer run gets longer ones, so that 10 h need no more memory than 3 h.
     """
     bound, step = fit.problem.bound_runs[number], fit.problem.bound_runs[number].run.step
     counted = np.flatnonzero(bound.counted.any(axis=0))
     first, stop = int(counted[0]), int(counted[-1]) + 1
-    size = max(1, round(_BLOCK / step), ceil((stop - first) / most))
+    size = max(1, round(seconds / step), ceil((stop - first) / most))
     size = min(size, stop - first)
     count = (stop - first) // size
     rows = np.flatnonzero(bound.counted.any(axis=1))
@@ -319,7 +332,9 @@ def means_in_blocks(values: FloatArray, run: Run, time: FloatArray, seconds: flo
     return means_of_blocks(values[..., first : first + size * len(time)], size)
 
 
-def _variance(predicted: FloatArray, counts: FloatArray, fit: Fit, rows: IntArray, size: int) -> FloatArray:
+def _variance(
+    predicted: FloatArray, counts: FloatArray, fit: Fit, rows: IntArray, size: int, slow: int = 30
+) -> FloatArray:
     """Variance of independent errors of each block's mean reading that hide a slow heat as well as a sensor does [K²].
 
     A coarse sensor is off to one side until the temperature crosses a step, so errors of neighbouring blocks are one
@@ -328,6 +343,10 @@ def _variance(predicted: FloatArray, counts: FloatArray, fit: Fit, rows: IntArra
     Args:
         predicted: readings of the fitted model, shape (M, steps).
         counts: readings that each block has, shape (M, n).
+        fit: has the sensors' noise.
+        rows: of the measured nodes, shape (M,).
+        size: readings of a whole block.
+        slow: blocks; the share of a rounding error that lasts so long can't be distinguished from heat.
 
     Returns:
         Shape (M, n).
@@ -335,18 +354,13 @@ def _variance(predicted: FloatArray, counts: FloatArray, fit: Fit, rows: IntArra
     variance = np.empty(counts.shape)
     for row, number in enumerate(rows):
         errors = noise_of_means(predicted[row], fit.noise.white[number], fit.noise.step[number], size, logs=20)
-        group = max(1, min(round(_SLOW / _BLOCK), errors.shape[1] // 4))
+        group = max(1, min(slow, errors.shape[1] // 4))
         least = max(np.var(errors), group * np.var(means_of_blocks(errors, group)), LEAST_NOISE**2)
         variance[row] = least * size / np.maximum(counts[row], 1)
     return variance
 
 
 # --- Fixed-interval smoothing: forward filter, backward adjoint, and the likelihood ----------------
-
-
-def likelihood(run: Blocks, prior: FloatArray, walk: float) -> float:
-    """Logarithm of the readings' probability density, by prediction errors ([Kristensen2004]); as for `smoothed`."""
-    return _forward(run, prior, walk, np.zeros((len(run.time), len(run.rows), 0)), None)[0]
 
 
 class Smoothed(NamedTuple):
@@ -358,7 +372,7 @@ class Smoothed(NamedTuple):
         taken: what is to be taken off the heat where the known heats are there [W], shape (M, n, K).
         white: errors of the prediction from block to block, measured − predicted and whitened, the readings' first and
             then what each known heat takes off them, shape (readings, 1 + K).
-        density: logarithm of the readings' probability density, as `likelihood` gives it.
+        density: logarithm of the readings' probability density, as `forward` gives it.
     """
 
     heat: FloatArray
@@ -381,10 +395,9 @@ def smoothed(run: Blocks, prior: FloatArray, walk: float, known: FloatArray | No
         known: heat into each measured node in each block [W], K of them one beside the other, shape (n, M, K).
     """
     steps: list[tuple[FloatArray, ...]] = []
-    known = np.zeros((len(run.time), len(run.rows), 0)) if known is None else known
-    density, white = _forward(run, prior, walk, known, steps)
+    density, white = forward(run, prior, walk, known, steps)
     states, nodes = run.top.shape[1], len(run.rows)
-    size, count = run.top.shape[2], 1 + known.shape[2]
+    size, count = run.top.shape[2], white.shape[1]
     heat, spread = np.empty((nodes, len(steps), count)), np.empty((nodes, len(steps)))
     back, curve = np.zeros((size, count)), np.zeros((size, size))
     heats = slice(states, states + nodes)
@@ -402,16 +415,22 @@ def smoothed(run: Blocks, prior: FloatArray, walk: float, known: FloatArray | No
     return Smoothed(heat[:, :, 0], spread, -heat[:, :, 1:], white, density)
 
 
-def _forward(
-    run: Blocks, prior: FloatArray, walk: float, known: FloatArray, steps: list[tuple[FloatArray, ...]] | None
+def forward(
+    run: Blocks,
+    prior: FloatArray,
+    walk: float,
+    known: FloatArray | None = None,
+    steps: list[tuple[FloatArray, ...]] | None = None,
 ) -> tuple[float, FloatArray]:
-    """The filter; where a list is given it keeps of each block, before its readings are taken in, what smoothing needs.
+    """Logarithm of the readings' probability density, by prediction errors ([Kristensen2004]), and these, whitened.
 
-    That is the heats (M, 1 + K), their rows of the covariance (M, D), and of the nodes that are read the derivative
-    (seen, D), gain (D, seen), precision of the innovation (seen, seen) and innovation (seen, 1 + K).
-
-    Its first column is of the readings, each other one of a known heat without readings: what it does is linear.
+    Arguments and errors as for `smoothed`. Where a list `steps` is given it keeps of each block, before its readings
+    are taken in, what smoothing needs: the heats (M, 1 + K), their rows of the covariance (M, D), and of the nodes that
+    are read the derivative (seen, D), gain (D, seen), precision of the innovation (seen, seen) and innovation
+    (seen, 1 + K). Its first column is of the readings, each other one of a known heat without readings: what it does is
+    linear.
     """
+    known = np.zeros((len(run.time), len(run.rows), 0)) if known is None else known
     states, nodes = run.top.shape[1], len(run.rows)
     heats = slice(states, states + nodes)
     d, p, density = np.zeros((run.top.shape[2], 1 + known.shape[2])), prior.copy(), 0.0
