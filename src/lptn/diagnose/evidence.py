@@ -161,8 +161,8 @@ class Evidence:
         fit: the fitted model.
         allowed: small deviations that every model may have.
         among: candidates that are to be weighed besides, see `first_order`.
-        beside: evidence of another model of the same readings, whose errors say how many of them are independent, and
-            whose responses to small deviations are taken for this one's; its own by default.
+        beside: evidence of another model of the same readings, whose errors say how many of them are independent; this
+            one's own by default.
         held_out: runs that moved no parameter, and speak of the model all the same; their starts are integrated out.
 
     Raises:
@@ -211,10 +211,7 @@ class Evidence:
         column = {name: place for place, name in enumerate(every)}
         self._among = [(one, {k: [column[name] for name in own] for k, own in by.items()}) for one, by in scored]
         """Candidates to be weighed; for each shape the columns of its sites among the traces."""
-        self._responses: dict[str, FloatArray] = dict(beside._responses) if beside else {}
-        if new := {name: site for name, site in every.items() if name not in self._responses}:
-            self._responses |= zip(new, derivatives(fit, [*new.values()])[:n].T, strict=True)
-        self._traces = np.array([self._responses[name] for name in every]).reshape(-1, n).T
+        self._traces = np.asfortranarray(derivatives(fit, [*every.values()])[:n]) if every else np.zeros((n, 0))
         spreads = np.array([allowance.spread for allowance in allowed])
         of_allowed = self._traces[:, [column[name] for name, _ in small]] * spreads
         self._columns = np.hstack([jacobian[:n, self._free], of_allowed])
