@@ -21,6 +21,7 @@ from lptn.logs.resampling import raw_keys
 from lptn.logs.run import Run
 from lptn.model.file import parse_model, read_model_file
 from lptn.model.model import Model
+from lptn.simulate.readings import readings_of
 
 from .archive import unit_of
 from .component import Component
@@ -198,13 +199,16 @@ def _plans_by_model(model: Model, runs: Sequence[Run]) -> list[_Plan]:
     plans = []
     for segment in split_data((), runs).holdout:
         prediction = predict(model, segment)
-        start = dict(zip(states, prediction.states[:, 0].tolist(), strict=True))
-        values = model.in_run(segment.run.name, model.values)
+        path, values = prediction.path, model.in_run(segment.run.name, model.values)
+        start = dict(zip(states, path.states[:, 0].tolist(), strict=True))
         start |= {parameters[index]: float(values[index]) for index in model.network.runs.values()}
         bound = prediction.bound
         measured = np.where(bound.counted, bound.measured, np.nan)
         inputs = dict(zip(names, bound.inputs, strict=True))
-        plans.append(_Plan(segment.run, tuple(model.nodes), inputs, measured, prediction.readings, start))
+        predicted = path.readings
+        if model.in_time:  # from the same instants as the FMU's
+            predicted = _of_rows(readings_of(model, path.states, values), segment.run.averaged)
+        plans.append(_Plan(segment.run, tuple(model.nodes), inputs, measured, predicted, start))
     return plans
 
 
@@ -258,11 +262,15 @@ def _cosimulated(session: Driven, plan: _Plan, ramps: bool, given: Mapping[str, 
     outputs = {name: values - plan.offset(session, name) for name, values in zip(columns, rows.T, strict=True)}
     ends = {column if many[column] == 1 else name: outputs[name][1:] for name, column in columns.items()}
     sensed = [_reading(session, node, outputs) for node in plan.nodes]
-    at = np.array(sensed).reshape(len(sensed), len(run) + 1)
-    readings = (at[:, :-1] + at[:, 1:]) / 2 if run.averaged else at[:, :-1]
+    readings = _of_rows(np.array(sensed).reshape(len(sensed), len(run) + 1), run.averaged)
     nodes = tuple(node.removesuffix(".temperature") for node in plan.nodes)
     table = {"time": run.time + run.step} | ends
     return CosimulatedRun(run, nodes, readings, plan.measured, plan.predicted, table, seconds)
+
+
+def _of_rows(ends: FloatArray, averaged: bool) -> FloatArray:
+    """What n rows hold of the values at their n + 1 ends: the mean of both, or that at the start."""
+    return (ends[:, :-1] + ends[:, 1:]) / 2 if averaged else ends[:, :-1]
 
 
 def _inputs(session: Driven, plan: _Plan) -> FloatArray:

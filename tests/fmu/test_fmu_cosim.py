@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 import stat
 import struct
 import zipfile
@@ -119,6 +120,20 @@ def test_cosimulation_says_to_the_fmu_which_run_it_is(tmp_path: Path) -> None:
         assert done.from_model < 1e-3
         ends[name] = done.runs[0].readings[:, -1]
     assert ends["hot"][2] - ends["cool"][2] > 3.0
+
+
+@pytest.mark.long
+def test_an_fmu_has_the_same_means_over_rows_as_its_model(log: Path, tmp_path: Path) -> None:
+    """Rows that a node bends within, and the start that comes before the first row's mean."""
+    model, fmu = tmp_path / "quick.toml", tmp_path / "quick.fmu"
+    model.write_text(re.sub(r"(capacity = .*value = )[0-9.]+", r"\g<1>20", presets()["leg"]))
+    _run("fmu", model, "-o", fmu)
+    rows = pd.read_csv(log)
+    fine = rows.loc[rows.index.repeat(20)].assign(time=0.1 * np.arange(20 * len(rows)))
+    fine.to_csv(log, index=False)
+    (done,) = cosimulate(fmu, [log]).runs
+    assert done.run.averaged
+    assert max(done.from_model(row) or np.nan for row in range(3)) < 1e-5
 
 
 @pytest.mark.long

@@ -133,7 +133,7 @@ def runs_that_differ(fit: Fit, segments: Sequence[Segment], *, exact: int = 4) -
         if segment.run.source in fitted or not (where := standing_out(fit, (before.bound, before.error))):
             continue
         problem = Problem(fit.model, [before.bound.count((float("-inf"), float("inf")))], sigma, free=())
-        z = problem.guess(fit.model.values, [before.states[:, 0]])
+        z = problem.guess(fit.model.values, [before.path.states[:, 0]])
         alone = continued(Fit(fit.model, problem, z, problem.cost(z), fit.noise, 0, "converged"), fit.model.network)
         error, causes = Errors.of(before.error), []
         for step in _causes(alone, exact):

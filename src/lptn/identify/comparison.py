@@ -23,7 +23,7 @@ from lptn.identify.solvers import minimise
 from lptn.logs.run import Run
 from lptn.model.model import Model
 from lptn.simulate.bound_run import BoundRun, bind
-from lptn.simulate.simulation import simulate
+from lptn.simulate.simulation import Trajectory, simulate
 
 _BINS = 5  # of an operating condition, with equally many readings each
 
@@ -37,18 +37,26 @@ class Prediction:
     Args:
         segment: the run and its windows.
         bound: its inputs and readings, those of the evaluation window counting.
-        readings: predicted readings [degC], shape (nodes, n).
-        states: simulated states as the log holds them, means or samples, shape (states, n).
+        path: the simulated run.
     """
 
     segment: Segment
     bound: BoundRun
-    readings: FloatArray
-    states: FloatArray
+    path: Trajectory
 
     def __repr__(self) -> str:
         errors = Errors.of(self.error)
         return f"<Prediction of {self.segment.run.name}: RMSE {errors.rmse:.3g} K, largest error {errors.max:.3g} K>"
+
+    @property
+    def readings(self) -> FloatArray:
+        """Predicted readings [degC], shape (nodes, n)."""
+        return self.path.readings
+
+    @property
+    def states(self) -> FloatArray:
+        """Simulated states as the log holds them, means or samples, shape (states, n)."""
+        return self.path.held
 
     @property
     def error(self) -> FloatArray:
@@ -207,8 +215,7 @@ def predict(model: Model, segment: Segment, sigma: FloatArray | None = None) -> 
         sigma = balanced_sigma([bound], estimate_noise([bound], model.nodes))
     window = segment.initialisation
     start = fit_start(model, bound.count(window).until(window[1]), sigma)
-    path = simulate(model, bound, model.values, start)
-    return Prediction(segment, bound.count(segment.evaluation), path.readings, path.held)
+    return Prediction(segment, bound.count(segment.evaluation), simulate(model, bound, model.values, start))
 
 
 @one_blas_thread

@@ -84,7 +84,7 @@ class Fit(Tabular):
         runs = []
         for bound, start in zip(self.problem.bound_runs, self.point.starts, strict=True):
             path = simulate(self.model, bound, self.point.values, start)
-            runs.append(Prediction(Segment(bound.run, EVERYTHING, EVERYTHING), bound, path.readings, path.held))
+            runs.append(Prediction(Segment(bound.run, EVERYTHING, EVERYTHING), bound, path))
         return runs
 
     @property
