@@ -191,6 +191,15 @@ def test_rows_at_a_rate(tmp_path: Path) -> None:
     np.testing.assert_array_equal(framed.temperature("a"), run.temperature("a"))
 
 
+def test_columns_that_stand_are_told_of_rows_at_a_rate(tmp_path: Path) -> None:
+    rng, rows = np.random.default_rng(4), np.minimum(np.arange(400), 100) + np.maximum(np.arange(400) - 200, 0)
+    noisy = {f"temperature.{name}": 30 + rng.normal(0, 0.01, 400)[rows] for name in ("a", "b", "c")}
+    pd.DataFrame(noisy).to_csv(tmp_path / "log.csv", index=False)
+    _, source = parse_map_option("time=[rate=10]")
+    (run,) = read_log(tmp_path / "log.csv", {"time": source})
+    assert [(one.key, one.column) for one in run.issues if "all columns stand" in one.problem] == [("time", "time")]
+
+
 def test_slow_rows_at_a_rate_are_not_asked_and_can_say_that_they_are_means(tmp_path: Path) -> None:
     (tmp_path / "log.csv").write_text("\n".join(",".join(row[1:]) for row in [NAMES, *ROWS]) + "\n")
     for option, averaged, begins in (("rate=0.01", False, 0.0), ("rate=0.01; rows=means before", True, -100.0)):

@@ -271,7 +271,7 @@ class Channels:
         stretch: tuple[float, float] | None = None,
     ) -> Issue:
         """What is odd about a channel, or in a stretch of it; {} in the remedy is the line of the corrected entry."""
-        column = (corrected or self.sources[key]).columns[0]
+        column = (*(corrected or self.sources[key]).columns, key)[0]  # times by a rate have no column
         remedy = remedy.replace("{}", as_line_or_option(key, corrected)) if corrected else remedy
         return Issue(key, column, problem, remedy, certain, corrected, kind, stretch)
 
