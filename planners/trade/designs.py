@@ -23,7 +23,8 @@ from .plant import CAPACITY, RESISTANCE, Load, Parameters, Plant
 from .problem import DesignProblem, DesignSolution
 from .study import BUDGETS, Option
 
-_CYCLE_STEPS = 2, 10  # in each part of a cycle: at least, and at most where the network has faster rates
+_LEAST_STEPS, _MOST_STEPS = 2, 10
+"""In each part of a cycle: at least, and for maps at most, where the network has faster rates."""
 _HOT = 2000.0  # degC; what runs away is held here instead of overflowing
 
 
@@ -205,24 +206,22 @@ def check_design(option: Option, design: DesignSolution) -> tuple[float, float]:
 
     A task that repeats for ever starts from the periodic state that was found, and runs one cycle.
     """
-    simulator = Simulator(option, design.sink)
+    simulator, task = Simulator(option, design.sink), option.study.task
     hottest, most = float(simulator.winding(design.states[:, :1])[0]), 0.0
-    for x, drive in _course(
-        simulator, design.states[:, :1], np.array([design.torque]), design.duration, hold_steps=400
-    ):
+    fastest = simulator.substeps(design.duration / len(task.shape), design.torque)
+    steps = max(fastest, 400 if task.is_hold else _LEAST_STEPS)
+    for x, drive in _course(simulator, design.states[:, :1], np.array([design.torque]), design.duration, steps):
         hottest = max(hottest, float(simulator.winding(x)[0]))
         most = max(most, abs(float(simulator.electric(x, drive)[0][0])))
     return hottest, most
 
 
 def _course(
-    simulator: Simulator, x: FloatArray, torque: FloatArray, duration: float, hold_steps: int
+    simulator: Simulator, x: FloatArray, torque: FloatArray, duration: float, steps: int
 ) -> Iterator[tuple[FloatArray, FloatArray]]:
-    """States and drives after each fine step through a study's task from states x, at peak torques, (cases,)."""
+    """States and drives after each of so many steps in a part of a study's task, from states x, at peak torques."""
     task = simulator.option.study.task
     part = duration / len(task.shape)
-    least, most = _CYCLE_STEPS
-    steps = hold_steps if task.is_hold else min(max(simulator.substeps(part, float(torque.max())), least), most)
     for share, *motion in np.tile(task.operation, (task.repeats or 1, 1)):
         drive = np.vstack([torque * share, *(np.full(torque.size, value) for value in motion)])
         for _ in range(steps):
@@ -246,7 +245,9 @@ def peak_temperatures(
         return simulator.winding(simulator.steady(_equivalent(option, torque)))
     start = np.full((len(simulator.plant.states), capacity.size), task.start)
     hottest = simulator.winding(start)
-    for x, _ in _course(simulator, start, torque, duration, hold_steps=200):
+    fastest = simulator.substeps(duration / len(task.shape), float(torque.max()))
+    steps = 200 if task.is_hold else min(max(fastest, _LEAST_STEPS), _MOST_STEPS)
+    for x, _ in _course(simulator, start, torque, duration, steps):
         hottest = np.maximum(hottest, simulator.winding(x))
     return np.asarray(hottest)
 
