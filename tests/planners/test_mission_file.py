@@ -118,9 +118,10 @@ def test_a_gait_may_come_from_a_log_beside_the_task(tmp_path: Path) -> None:
     mission = plan_kind.read(tomllib.loads(FROM_LOGS), str(path), truth.model())
     inputs = mission.activities[0].gait.at(0.6, 2.0)
     assert inputs[mission.model.inputs.index("torque.FR_calf")] == pytest.approx(rms(2, 0.6, 2.0), rel=5e-3)
-    path.write_text(FROM_LOGS.replace("loaded.parquet", "lost.parquet"), encoding="utf-8")
-    with pytest.raises(InputError, match=r"lost\.parquet"):
-        plan_kind.read(tomllib.loads(path.read_text(encoding="utf-8")), str(path), truth.model())
+    for name, said in (('"lost.parquet"', r"lost\.parquet"), ("5", "found 5; expected a text in quotes")):
+        wrong = FROM_LOGS.replace('"loaded.parquet"', name)
+        with pytest.raises(InputError, match=said):
+            plan_kind.read(tomllib.loads(wrong), str(path), truth.model())
 
 
 @pytest.mark.long

@@ -102,6 +102,7 @@ _KINDS = {
     "finite_number": "a finite number",
     "int_type": "a whole number",
     "string_type": "a text in quotes",
+    "path_type": "a text in quotes",
     "bool_type": "true or false",
     "list_type": "a list, […]",
     "dict_type": "a table, {…}",
