@@ -124,7 +124,7 @@ def _walked(kind: str, seconds: int, draw: random.Random) -> Bout:
 
 def segments(experiment: Experiment, at: str) -> tuple[Bout, ...]:
     """The proposed run in the virtual robot's words; where it moves all joints at once, those at `at` are as asked."""
-    table = zip(experiment.program.phases, experiment.moves, strict=True)
+    table = zip(experiment.program.phases, experiment.stage.as_json(experiment.program), strict=True)
     return tuple(_segment(move, round(seconds), entry["inputs"], at) for (move, seconds), entry in table)
 
 

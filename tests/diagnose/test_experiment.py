@@ -233,7 +233,7 @@ def test_joints_that_log_torque_and_joints_that_log_current_have_both_in_one_pro
     rivals = _refits((replace(log, columns=columns),), (FRICTION.name, FRICTION.rival), by_current)
     experiment = propose(rivals, allowed=[Move("*", JOINTS, 0.5, speed) for speed in (0.2, 0.8)])
     assert experiment is not None
-    assert "N*m and A" in [phase["load_unit"] for phase in experiment.moves]
+    assert "N*m and A" in [phase["load_unit"] for phase in experiment.stage.as_json(experiment.program)]
     assert re.search(r"all joints at [14] rad/s on average with 3\.\d N\*m and 2\.\d A for", experiment.text())
 
 

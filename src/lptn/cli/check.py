@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -76,7 +76,7 @@ def check(
     if runs and (details or json is not None):
         excited = excitation(runs, loaded.model.nodes)
         effects = identifiability(loaded.model, runs, excited)
-        result |= {"excitation": excited.as_json(), "effects": [assessment.as_json() for assessment in effects]}
+        result |= {"excitation": excited.as_json(), "effects": [asdict(assessment) for assessment in effects]}
         if details:
             bound_runs = [bind(loaded.model, run) for run in runs]
             _show_logs(contents, _notes, whole=True)

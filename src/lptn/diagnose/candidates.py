@@ -354,27 +354,27 @@ def _differences(network: Network, effect: type[Effect], columns: Collection[str
         for instance in network.effect_instances
         if instance.effect.key == effect.key and instance.declaration.difference
     }
-    common = [
-        instance
+    common = {
+        instance.place: instance
         for instance in network.in_common(effect.key)
         if instance.place not in differing
         and instance.declaration.driven_by in ("", EVERYWHERE)
         and _logs(columns, instance.effect, instance.driven_by)
-    ]
+    }
     shape = effect.shape()
     values = [parameter.value for parameter in network.parameters]
     return [
         Candidate(
             effect,
-            instance.place,
-            (instance.place,),
+            place,
+            (place,),
             words=tuple(instance.effect.chosen.items()),
             difference=True,
             common_shape=values[instance.parameters[shape.name]] if shape else 0.0,
             common_size=values[instance.parameters[amplitude.name]],
             windings=() if instance.driven_by == instance.ends[0] else (instance.driven_by,),
         )
-        for instance in {instance.place: instance for instance in common}.values()
+        for place, instance in common.items()
     ]
 
 

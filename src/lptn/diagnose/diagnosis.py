@@ -117,15 +117,10 @@ class Diagnosis(Tabular):
 
     def to_pandas(self) -> pd.DataFrame:
         """A row for each answer: effect, place, size, probability, and its other names."""
+        sizes = [step.amplitude.value if step.amplitude else 1.0 for step in self.steps]
         rows = [
-            {
-                "effect": step.effect,
-                "place": step.at,
-                "size": step.amplitude.value if step.amplitude else 1.0,
-                "probability": step.probability,
-                "indistinguishable from": ", ".join(map(named, step.indistinguishable)),
-            }
-            for step in self.steps
+            (step.effect, step.at, size, step.probability, ", ".join(map(named, step.indistinguishable)))
+            for step, size in zip(self.steps, sizes, strict=True)
         ]
         return pd.DataFrame(rows, columns=["effect", "place", "size", "probability", "indistinguishable from"])
 
@@ -241,14 +236,9 @@ def examine(
     return Diagnosis(verdict, remaining, base, given, lack, steps, rivals, refused)
 
 
-def weighed(fit: Fit, errors: ErrorsOfRuns | None = None) -> list[FirstOrder]:
-    """All that a fitted model may lack, to first order, the most probable first.
-
-    Args:
-        fit: the fitted model.
-        errors: how far a log may be off.
-    """
+def weighed(fit: Fit) -> list[FirstOrder]:
+    """All that a fitted model may lack, to first order, the most probable first."""
     columns = set.intersection(*(set(bound.run.columns) for bound in fit.problem.bound_runs))
     possible = possible_effects(fit, columns)
-    evidence = Evidence(fit, allowances(fit, possible, errors or ErrorsOfRuns()), possible)
+    evidence = Evidence(fit, allowances(fit, possible, ErrorsOfRuns()), possible)
     return evidence.first_order(log_priors(possible))

@@ -158,10 +158,6 @@ class Identifiability:
     why: str
     places: int
 
-    def as_json(self) -> dict[str, object]:
-        """For other programs."""
-        return dict(self.__dict__)
-
 
 def identifiability(model: Model, runs: Sequence[Run], measured: Excitation) -> list[Identifiability]:
     """Every effect of the catalogue that the model does not have everywhere, with what the runs could say of it.

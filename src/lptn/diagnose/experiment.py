@@ -179,9 +179,9 @@ class Stage:
         columns |= {f"temperature.{node}": np.full(n, program.ambient) for node in self.nodes}
         return Run("experiment", STEP, np.arange(n, dtype=float) * STEP, columns, True, "proposed experiment", "")
 
-    def as_json(self, program: Program) -> tuple[dict[str, object], ...]:
+    def as_json(self, program: Program) -> list[dict[str, object]]:
         """Each move with the values of every input that it sets."""
-        return tuple(
+        return [
             {
                 "at": move.at,
                 "joints": list(move.joints),
@@ -191,7 +191,7 @@ class Stage:
                 "inputs": {name: self.value(name, move) for name in self.columns},
             }
             for move, seconds in program.phases
-        )
+        ]
 
     def text(self, program: Program) -> str:
         """What to do, a sentence or two that a technician can follow."""
@@ -260,10 +260,6 @@ class Difference(NamedTuple):
     def clear(self) -> bool:
         """Whether the run decides between the two in four cases of five."""
         return bool(_power(self.deviations) >= POWER)
-
-    def as_json(self) -> dict[str, object]:
-        """The difference as other tools read it."""
-        return self._asdict() | {"clear": self.clear}
 
 
 class Rivals:
@@ -348,8 +344,7 @@ class Experiment:
         differences: of each pair of rivals, the clearest first.
         predictions: of each rival [degC], shape (nodes, n) as in the models; mean over each step.
         limit: the temperature that no prediction passes [degC].
-        moves: the moves as other tools read them.
-        words: what to do, a sentence or two.
+        stage: what the logs show of each input.
         tried: how many runs were compared.
     """
 
@@ -359,8 +354,7 @@ class Experiment:
     differences: tuple[Difference, ...]
     predictions: Mapping[Key, FloatArray]
     limit: float
-    moves: tuple[dict[str, object], ...]
-    words: str
+    stage: Stage
     tried: int = 1
 
     @property
@@ -378,8 +372,8 @@ class Experiment:
         least = self.weakest
         warmer, colder = (named(key) for key in least.pair)
         shown = (
-            f"{self.words} At {least.minute:.0f} min {least.node} is then {least.kelvin:.2g} K warmer if it is "
-            f"{warmer} than if it is {colder}, whatever the other parameters are"
+            f"{self.stage.text(self.program)} At {least.minute:.0f} min {least.node} is then {least.kelvin:.2g} K "
+            f"warmer if it is {warmer} than if it is {colder}, whatever the other parameters are"
         )
         if self.separates:
             undecided = (contrast.pair for contrast in self.differences if not contrast.clear)
@@ -406,8 +400,8 @@ class Experiment:
             "text": self.text(),
             "minutes": len(self.run) * STEP / 60,
             "ambient": self.program.ambient,
-            "moves": list(self.moves),
-            "differences": [contrast.as_json() for contrast in self.differences],
+            "moves": self.stage.as_json(self.program),
+            "differences": [contrast._asdict() | {"clear": contrast.clear} for contrast in self.differences],
             "hottest": float(max(readings.max() for readings in self.predictions.values())),
             "limit": self.limit,
             "tried": self.tried,
@@ -511,8 +505,7 @@ def _experiment(stage: Stage, rivals: Rivals, program: Program, limit: float) ->
     if max(float(own.max()) for own in readings.values()) > limit:
         return None
     differences = sorted(rivals.apart(predictions, run), key=lambda contrast: -contrast.deviations)
-    told = stage.as_json(program), stage.text(program)
-    return Experiment(tuple(rivals.keys), program, run, tuple(differences), readings, limit, *told)
+    return Experiment(tuple(rivals.keys), program, run, tuple(differences), readings, limit, stage)
 
 
 def _power(deviations: float) -> float:
