@@ -71,7 +71,7 @@ class Table:
     notes: list[str] = field(default_factory=list)
     digest: Callable[[], str] = str
     units: Mapping[str, str] = field(default_factory=dict)
-    whole: str = ""
+    whole: str = "a table that can be read"
 
     def numbers(self, names: Iterable[str], worded: Collection[str] = ()) -> dict[str, FloatArray]:
         """The columns `names` as floats, (n,) each, NaN where empty; dates in s since 1970, durations in s.
