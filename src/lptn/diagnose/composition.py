@@ -474,12 +474,12 @@ def _judged(steps: Sequence[Step], none: float) -> list[Step]:
         none: logarithm of the odds that none of them is.
     """
     shares = softmax([*(step.log_odds for step in steps), none])[:-1]
-    window = {steps[number].key for number in in_occams_window(shares)}
+    window = [steps[number].key for number in in_occams_window(shares)]
     judged = []
     for step, share in zip(steps, shares.tolist(), strict=True):
         at = step.declaration.at if step.declaration else ""
         same = [other for other, one in zip(shares, steps, strict=True) if one.declaration and one.declaration.at == at]
-        others = tuple(window - {step.key}) if step.key in window else ()
+        others = tuple(key for key in window if key != step.key) if step.key in window else ()
         judged.append(replace(step, probability=share, at_its_place=float(sum(same)), indistinguishable=others))
     return judged
 
