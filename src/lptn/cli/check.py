@@ -86,7 +86,7 @@ def check(
     for content in contents:
         if content.error is not None:
             raise content.error
-    options.write_text(drawing, lambda: report.draw_network(loaded.model))
+    options.write_page(drawing, lambda: report.draw_network(loaded.model))
     write_json(json, result)
 
 

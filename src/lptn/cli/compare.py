@@ -55,11 +55,11 @@ def compare(
     if isinstance(result, Versus):
         write_json(json, result.model.as_json() | {"against": result.as_json()})
         options.write_figure(plot, lambda: drawn.versus_figure(result))
-        options.write_text(report, lambda: drawn.versus_html(result, " against ".join(result.names)))
+        options.write_page(report, lambda: drawn.versus_html(result, " against ".join(result.names)))
     else:
         write_json(json, result.as_json())
         options.write_figure(plot, lambda: drawn.comparison_figure(result))
-        options.write_text(report, lambda: drawn.comparison_html(result, studies[0].model.network.name))
+        options.write_page(report, lambda: drawn.comparison_html(result, studies[0].model.network.name))
 
 
 def _tables(result: Comparison | Versus, details: bool) -> list[tuple[str, ReportTable]]:

@@ -292,7 +292,7 @@ def write_figure(path: Path | None, made: Callable[[], Figure]) -> None:
         write_whole(path, picture.getvalue())
 
 
-def write_text(path: Path | None, made: Callable[[], str]) -> None:
+def write_page(path: Path | None, made: Callable[[], str]) -> None:
     """Write a page or a drawing; as `write_figure`."""
     if path is not None:
         write_whole(path, made())

@@ -54,7 +54,7 @@ def plan(
     if output is not None:
         write_table(output, answer.table())
     options.write_figure(plot, answer.figure)
-    options.write_text(report, lambda: drawn.plan_html(answer, f"{model.stem}: {task.stem}"))
+    options.write_page(report, lambda: drawn.plan_html(answer, f"{model.stem}: {task.stem}"))
     write_json(json, answer.as_json())
     if emit_c is not None and kind.emit_c is not None:
         kind.emit_c(asked, emit_c)

@@ -54,7 +54,7 @@ def trade(
     for remark in remarks(result) if details else summary(result):
         print(for_people(remark))
     options.write_figure(plot, lambda: figures.study_figure(result))
-    options.write_text(report, lambda: drawn.trade_html(result))
+    options.write_page(report, lambda: drawn.trade_html(result))
     if json is not None:  # its maps and curves take as long as the study
         write_json(json, as_json(result))
     show_written({"open it in a browser": report})
