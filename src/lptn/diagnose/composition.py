@@ -152,8 +152,8 @@ class _Search:
         self.needed: dict[Key, float] = {}  # log odds, by exact fits, of what was tried to be left out
         self.exchanged = frozenset[frozenset[Key]]()
         """Names of which one gave way to the other; once, for each model has its own count of independent errors."""
-        self._left: dict[tuple[tuple[EffectDeclaration, ...], float], tuple[Fit, Fit | None]] = {}
-        """Of effects that were once left alone, to a precision, the fit without the others, and where it started."""
+        self._refits: dict[tuple[tuple[EffectDeclaration, ...], float], tuple[Fit, Fit | None]] = {}
+        """By the added effects and the precision: the fit that a refit last started from, and the refit."""
         self._known: Evidence | None = None
         self.fit = self._tolerant(given)
         self.before = self.evidence(self.fit)
@@ -338,12 +338,12 @@ class _Search:
             if one not in gone:
                 common = next((own for own in gone if one.difference and one.effect.key == own.effect.key), None)
                 rest.append(one if common is None else _as_its_own(one, self.fit, common))
-        left = tuple(rest)
-        base, fit = self._left.get((left, precision), (None, None))
+        key = tuple(rest), precision
+        base, fit = self._refits.get(key, (None, None))
         if base is not self.fit:
             fit = self._continued(self.given.model.network.with_effects(rest), precision=precision)
-            self._left = self._left | {(left, precision): (self.fit, fit)}
-        return None if fit is None else (fit, left)
+            self._refits = self._refits | {key: (self.fit, fit)}
+        return None if fit is None else (fit, tuple(rest))
 
     def _take(self, fit: Fit, rest: tuple[EffectDeclaration, ...]) -> None:
         self.fit, self.added = fit, rest

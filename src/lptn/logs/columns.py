@@ -145,8 +145,8 @@ class ColumnSource:
 
     @property
     def counted(self) -> str:
-        """A note on a time that is counted from the rows."""
-        return f"time: counted from its rows, {self.rate:g} a second, as given."
+        """A note on a time that is counted from the rows; empty for others."""
+        return f"time: counted from its rows, {self.rate:g} a second, as given." if self.rate else ""
 
     def parts(self) -> tuple[ColumnSource, ...]:
         """What a mean is taken of, each as a source of its own; this one itself of all else."""

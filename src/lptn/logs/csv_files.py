@@ -321,7 +321,8 @@ def _table_of_text(path: Path, opened: Callable[[], BinaryIO], row: str, kind: s
         del kept[:]
         rows = _rows_below(lines, first, names, layout.units, separator, kept, words)
         frame = _parsed(path, rows, positions, len(names), separator, decimal)
-        table.note(f"log: {len(words)} lines below its names hold words and no number; left out." * bool(words))
+        if words:
+            table.note(f"log: {len(words)} lines below its names hold words and no number; left out.")
         return frame.set_axis(list(wanted), axis="columns")
 
     units, (known, said) = dict(zip(names, layout.units, strict=False)), _vesc_columns(names)

@@ -85,7 +85,7 @@ def _in_time(table: Table, source: ColumnSource | None, key: str) -> tuple[Float
         raise InputError(table.path, f"column {key}", problem, f"a line in [columns] / --map {key}=YOURNAME")
     numbers = table.numbers(source.columns or table.names[:1])
     time = source.values("time", numbers)
-    table.note(source.counted * bool(source.rate))
+    table.note(source.counted)
     for issue in suspect_unit(Channels({"time": time}, {"time": source}, numbers, table.units), "time"):
         if issue.certain:
             remedy = issue.remedy.replace('"time=', f'"{key}=').replace("write time =", f'write "{key}" =')

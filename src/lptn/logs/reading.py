@@ -416,7 +416,7 @@ def _channels(table: Table, sources: Mapping[str, ColumnSource]) -> Channels:
     """The file's columns as they stand there, and the quantities in SI and degC, in order of time."""
     sensors = {name for key, source in sources.items() if key.startswith("temperature.") for name in source.columns}
     numbers = table.numbers((name for source in sources.values() for name in source.columns), sensors)
-    table.note(sources["time"].counted * bool(sources["time"].rate))
+    table.note(sources["time"].counted)
     raw = dict[str, FloatArray]()
     for key, source in sources.items():
         raw[key] = source.values(key, numbers)

@@ -136,11 +136,8 @@ def zero_order_hold(a: FloatArray, step: float) -> tuple[FloatArray, FloatArray]
     return transition, step * phi
 
 
-_OF_STEP = (1 / 6, 1 / 3, 1 / 3, 1 / 6)
-
-
 def runge_kutta_derivative(
-    slopes: Sequence[FloatArray], step: float, weights: Sequence[float] = _OF_STEP
+    slopes: Sequence[FloatArray], step: float, weights: Sequence[float] = (1 / 6, 1 / 3, 1 / 3, 1 / 6)
 ) -> FloatArray:
     """Exact derivative of one RK4 step by state and parameters, shape (..., n, n + m).
 
@@ -195,7 +192,28 @@ class Stepper:
         compiled = kernel(self.model, self.core, self.chosen)
         if compiled is not None:
             return compiled.run(start, inputs, p, step, substeps, averaged, derivative)
-        return self._interpreted(start, derivative, inputs, p, step, substeps, averaged)
+        core, chosen, n, h = self.core, len(self.chosen), inputs.shape[1], step / substeps
+        fine = np.repeat(inputs, substeps, axis=1)
+        states = _path(self.model, start, fine, p, h)
+        derivatives = np.zeros((n, *derivative.shape))
+
+        def moved(of_step: FloatArray) -> FloatArray:
+            following = of_step[:, :core] @ derivative
+            following[:, :chosen] += of_step[:, core:]
+            return np.asarray(following)
+
+        for first in range(0, n * substeps, _CHUNK):
+            window = slice(first, min(first + _CHUNK, n * substeps))
+            slopes = self._slopes(states[:, window], fine[:, window], p, h)
+            of_steps, of_means = runge_kutta_derivative(slopes, h), runge_kutta_derivative(slopes, h, MEAN_OF_A_STEP)
+            for k, (of_step, of_mean) in enumerate(zip(of_steps, of_means, strict=True), start=first):
+                if averaged:
+                    derivatives[k // substeps] += moved(of_mean) / substeps
+                elif k % substeps == 0:
+                    derivatives[k // substeps] = derivative
+                derivative = moved(of_step)
+        held = _means(self.model, states[:, :-1], fine, p, h, substeps) if averaged else states[:, :-1:substeps]
+        return Steps(states[:, ::substeps], held, derivatives, derivative)
 
     def of_readings(
         self, states: FloatArray, p: FloatArray, derivatives: FloatArray, asked: slice | IntArray
@@ -242,39 +260,6 @@ class Stepper:
         """The numbers among the chosen parameters of those in common."""
         parameters = differentiated_with(self.model, self.chosen)
         return {parameters.index(index): number for number, index in enumerate(self.chosen)}
-
-    def _interpreted(
-        self,
-        start: FloatArray,
-        derivative: FloatArray,
-        inputs: FloatArray,
-        p: FloatArray,
-        step: float,
-        substeps: int,
-        averaged: bool,
-    ) -> Steps:
-        core, chosen, n, h = self.core, len(self.chosen), inputs.shape[1], step / substeps
-        fine = np.repeat(inputs, substeps, axis=1)
-        states = _path(self.model, start, fine, p, h)
-        derivatives = np.zeros((n, *derivative.shape))
-
-        def moved(of_step: FloatArray) -> FloatArray:
-            following = of_step[:, :core] @ derivative
-            following[:, :chosen] += of_step[:, core:]
-            return np.asarray(following)
-
-        for first in range(0, n * substeps, _CHUNK):
-            window = slice(first, min(first + _CHUNK, n * substeps))
-            slopes = self._slopes(states[:, window], fine[:, window], p, h)
-            of_steps, of_means = (runge_kutta_derivative(slopes, h, own) for own in (_OF_STEP, MEAN_OF_A_STEP))
-            for k, (of_step, of_mean) in enumerate(zip(of_steps, of_means, strict=True), start=first):
-                if averaged:
-                    derivatives[k // substeps] += moved(of_mean) / substeps
-                elif k % substeps == 0:
-                    derivatives[k // substeps] = derivative
-                derivative = moved(of_step)
-        held = _means(self.model, states[:, :-1], fine, p, h, substeps) if averaged else states[:, :-1:substeps]
-        return Steps(states[:, ::substeps], held, derivatives, derivative)
 
     def _slopes(self, x: FloatArray, u: FloatArray, p: FloatArray, h: float) -> list[FloatArray]:
         """[A B] at the four stages of n RK4 steps, shape (n, core, core + chosen) each."""
