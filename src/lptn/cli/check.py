@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lptn import report
-from lptn.basics.errors import InputError
 from lptn.basics.words import FEW, count_of, few
 from lptn.cli import options
 from lptn.cli.terminal import progress, show_table, write_json
@@ -17,12 +16,11 @@ from lptn.cli.terminal import progress, show_table, write_json
 if TYPE_CHECKING:
     from lptn.basics.arrays import FloatArray
     from lptn.diagnose.excitation import Identifiability
-    from lptn.identify.data import LoadedModel
-    from lptn.logs.guess import Guess
     from lptn.logs.issue import Issue
     from lptn.logs.run import Run
     from lptn.model.model import Model
     from lptn.simulate.bound_run import BoundRun
+    from lptn.workbench.log_content import LogContent
 
 
 def check(
@@ -55,10 +53,11 @@ def check(
     from lptn.report.narrative import logs_narrative
     from lptn.report.sentences import Sentence
     from lptn.simulate.bound_run import bind
+    from lptn.workbench.log_content import LogContent
 
     loaded = load_model(model, [*columns.texts, *([GUESS] if guess else [])])
     with progress("reading"):
-        contents = [_content(loaded, log) for log in logs]
+        contents = [LogContent.of(loaded, log) for log in logs]
     result: dict[str, object] = {"model": str(model), "nodes": loaded.model.nodes, "inputs": loaded.model.inputs}
     result["logs"] = [content.as_json() for content in contents]
     runs = [run for content in contents for run in content.runs]
@@ -88,136 +87,6 @@ def check(
             raise content.error
     options.write_page(drawing, lambda: report.draw_network(loaded.model))
     write_json(json, result)
-
-
-# --- one log as a model sees it ---------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class LogContent:
-    """What one log holds.
-
-    Args:
-        path: as the user wrote it.
-        kind: its format.
-        used: the columns of each quantity that is used.
-        unused: the other columns.
-        guesses: columns that may hold what is missing; taken only where the user asked for it.
-        runs: what was read; empty if the log can't be used.
-        refused: why it can't.
-        missing: quantities that the model needs and the log lacks.
-        currents: columns that may hold the currents of joints whose torques are missing.
-    """
-
-    path: Path
-    kind: str
-    used: dict[str, tuple[str, ...]]
-    unused: tuple[str, ...]
-    guesses: tuple[Guess, ...]
-    runs: tuple[Run, ...]
-    refused: InputError | None = None
-    missing: tuple[str, ...] = ()
-    currents: tuple[str, ...] = ()
-
-    @property
-    def issues(self) -> list[Issue]:
-        """What seems wrong, run by run."""
-        return [issue for run in self.runs for issue in run.issues]
-
-    @property
-    def error(self) -> InputError | None:
-        """Why other commands refuse it; `None` where they take it."""
-        certain = (InputError(self.path, *issue.error) for issue in self.issues if issue.certain)
-        return self.refused or next(certain, None)
-
-    @property
-    def wrong(self) -> list[str]:
-        """What seems wrong, each with the line that would correct it."""
-        return list(dict.fromkeys(issue.sentence for issue in self.issues))
-
-    @property
-    def notes(self) -> list[str]:
-        """What else was noticed, and how it was treated."""
-        notes = dict.fromkeys(note for run in self.runs for note in run.notes)
-        return [note for note in notes if note not in self.wrong]
-
-    def as_json(self) -> dict[str, object]:
-        """For other programs."""
-        issues = self.runs[0].issues if self.runs else ()
-        return {
-            "log": str(self.path),
-            "format": self.kind,
-            "used": {key: list(columns) for key, columns in self.used.items()},
-            "unused": list(self.unused),
-            "wrong": [
-                {
-                    "quantity": issue.key,
-                    "column": issue.column,
-                    "found": issue.problem,
-                    "mend": issue.remedy,
-                    "sure": issue.certain,
-                    "kind": issue.kind,
-                    "from": issue.stretch[0] if issue.stretch else None,
-                    "to": issue.stretch[1] if issue.stretch else None,
-                }
-                for issue in issues
-            ],
-            "notes": self.notes,
-            "guesses": [
-                {"quantity": guess.key, "line": guess.line, "map": guess.option, "why": guess.why}
-                for guess in self.guesses
-            ],
-            "wanting": list(self.missing),
-            "runs": [
-                {
-                    "name": run.name,
-                    "step": run.step,
-                    "steps": len(run),
-                    "averaged": run.averaged,
-                    "sha256": run.fingerprint,
-                }
-                for run in self.runs
-            ],
-            "refused": str(self.refused) if self.refused else None,
-        }
-
-
-def _content(loaded: LoadedModel, log: Path) -> LogContent:
-    """Look at one log.
-
-    Raises:
-        InputError: it can't be opened at all.
-    """
-    from lptn.identify.data import optional_columns
-    from lptn.logs.guess import guess, missing_keys
-    from lptn.logs.reading import choose_columns, open_log
-    from lptn.simulate.bound_run import needed_columns
-
-    inputs, outputs = needed_columns(loaded.model)
-    sources, given = loaded.sources_of(log)
-    inputs = [key for key in inputs if key not in given]
-    table, columns = open_log(log, sources)
-    optional = [key for key in optional_columns(loaded.model) if key not in given]
-    guesses = tuple(guess(table, columns, inputs, outputs, optional))
-    if loaded.guessing:
-        columns |= {proposal.key: proposal.source for proposal in guesses}
-    missing = tuple(missing_keys(table, columns, inputs, outputs))
-    currents = [key.replace("torque.", "current.") for key in missing if key.startswith("torque.")]
-    logged_currents = [key for key in currents if key in table.names]
-    of_currents = guess(table, columns, currents, outputs) if currents else []
-    logged_currents += [proposal.source.columns[0] for proposal in of_currents if proposal.key in currents]
-    used: dict[str, tuple[str, ...]] = {}
-    runs: Sequence[Run] = ()
-    refused = None
-    try:
-        chosen = choose_columns(table, columns, inputs, outputs, optional)
-        used = {key: source.columns for key, source in chosen.sources.items()}
-        runs = loaded.runs([log], strict=False)
-    except InputError as error:
-        refused = error
-    taken = {name for names in used.values() for name in names}
-    unused = tuple(name for name in dict.fromkeys(table.names) if name not in taken)
-    return LogContent(log, table.kind, used, unused, guesses, tuple(runs), refused, missing, tuple(logged_currents))
 
 
 # --- what is printed: the model, the logs, and what they could reveal ---------------------------------------

@@ -18,6 +18,7 @@ def new(
     *,
     model: str | None = None,
     urdf: Path | None = None,
+    log: Path | None = None,
     current: bool = False,
     resistance_of: Resistance | None = None,
     amperes: Amperes | None = None,
@@ -25,17 +26,21 @@ def new(
 ) -> None:
     """Write a model file to begin with.
 
-    A preset, or one made from a URDF; without either, the presets are listed. A file that exists is not replaced.
+    A preset, or one made from a URDF or from a log's columns; without any, the presets are listed. A file that exists
+    is not replaced.
 
     Example: lptn new quadruped --model single-node -o baseline.toml
 
     Example: lptn new --urdf my_robot.urdf -o my_robot.toml
+
+    Example: lptn new --log monday.csv -o my_robot.toml
 
     Example: lptn new --urdf my_robot.urdf --current --resistance-of line_to_line --amperes rms -o my_robot.toml
 
     Args:
         model: Variant of the preset, such as single-node.
         urdf: URDF of the robot to make a model for.
+        log: Log whose columns name the joints: one node for each, its columns mapped.
         current: With --urdf: the log has currents in place of torques.
         resistance_of: With --urdf: what winding resistances are of.
         amperes: With --urdf: what amperes are.
@@ -48,7 +53,15 @@ def new(
     if copper and urdf is None:
         option = "--current" if current else f"--{next(iter(copper)).replace('_', '-')}"
         raise InputError("command line", option, "no --urdf beside it", "--urdf: a preset says it in its copper_loss")
-    if urdf is not None:
+    if log is not None:
+        from lptn.robots.urdf import log_model_text
+
+        if beside := preset or model or (urdf and "--urdf"):
+            raise InputError("command line", "--log", f"'{beside}' beside it", "a log, a URDF, or a preset")
+        path, what = output or Path(f"{log.stem}.toml"), f"a model of the joints that {log.name} names"
+        options.check_outputs(path, inputs=(log,))
+        text, values = log_model_text(log), "Its values and columns are guesses"
+    elif urdf is not None:
         from lptn.effects.copper_loss import CopperLoss
         from lptn.robots.urdf import urdf_model_text
 

@@ -457,9 +457,14 @@ def is_unit(cell: str) -> bool:
     return words in _OTHER_UNITS or any(words in endings for endings in UNITS.values())
 
 
+def spelled_words(name: str) -> list[str]:
+    """The words of a name, letters and digits apart: `FR_calfTemp2` is FR, calf, Temp, 2."""
+    return _WORD.findall(name)
+
+
 def words_of(name: str) -> tuple[str, ...]:
-    """The words of a name, in lower case, letters and digits apart: `FR_calfTemp2` is fr, calf, temp, 2."""
-    return tuple(word.lower() for word in _WORD.findall(name))
+    """The words of a name in lower case."""
+    return tuple(word.lower() for word in spelled_words(name))
 
 
 ELSEWHERE = frozenset(

@@ -12,23 +12,24 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.logs.channels import Channels
 from lptn.logs.columns import (
+    AMBIENT,
     ELSEWHERE,
     HEATS,
+    UNITS,
     ColumnName,
     ColumnSource,
     map_option,
     place_of,
     quantity_of,
+    spelled_words,
     toml_line,
     words_of,
 )
@@ -115,14 +116,7 @@ def guess(
     there = _logged(table, sources)
     sensors = {key: source for key, source in there.items() if key.startswith("temperature.")}
     asked = [*(column for column, _ in choice.values()), *(name for x in sensors.values() for name in x.columns)]
-    asked = asked if choice else []
-    numbers = dict[str, FloatArray]()
-    try:
-        numbers = table.numbers(asked, asked)
-    except InputError:  # where one of them holds text, those that hold numbers
-        for column in asked:
-            with suppress(InputError):
-                numbers |= table.numbers([column], [column])
+    numbers = table.some_numbers(asked if choice else ())
     known = {key: x.values(key, numbers) for key, x in sensors.items() if set(x.columns) <= numbers.keys()}
     guesses, of_opensourceleg = list[Guess](), _of_opensourceleg(table)
     for key in (key for key in missing if key in choice):
@@ -156,6 +150,65 @@ def format_note(table: Table) -> str:
 def _of_opensourceleg(table: Table) -> bool:
     words = [set(words_of(name)) for name in table.names]
     return all(any(both <= own for own in words) for both in ({"case", "temperature"}, {"motor", "current"}))
+
+
+def joints_in(table: Table) -> tuple[str, list[str], list[Guess]]:
+    """The joints that a log's columns name, each by what is left of its temperature's name, and where all is of them.
+
+    A joint has a temperature and a load: torques or currents, whichever more of them have.
+
+    Returns:
+        the load's quantity, the joints in the order of their columns, and what `guess` finds of their temperatures,
+        loads and speeds, the time and the air; what stands under its own name is not guessed.
+
+    Raises:
+        InputError: no joint.
+    """
+    sources = column_sources(table, {})
+
+    def named(quantity: str) -> dict[str, None]:
+        own = [place_of(key) for key in sources if quantity_of(key) == quantity]
+        own += [_place_named(name, table.units.get(name, ""), quantity) for name in table.names if name not in sources]
+        return dict.fromkeys(place for place in own if place not in ("", "ambient"))
+
+    found: list[tuple[str, list[str], list[Guess]]] = []
+    for load in HEATS:
+        warm, loaded = named("temperature"), named(load)
+        joints = [place for place in warm if place in loaded] or list(warm)
+        inputs = [AMBIENT, *(f"{load}.{joint}" for joint in joints)]
+        sensors = [f"temperature.{joint}" for joint in joints]
+        moves = ["speed.base", *(f"velocity.{joint}" for joint in joints)]
+        guesses = guess(table, {}, inputs, sensors, moves) if joints else []
+        there = sources.keys() | {one.key for one in guesses}
+        joints = [joint for joint in joints if {f"{load}.{joint}", f"temperature.{joint}"} <= there]
+        known = {*joints, "base", "ambient", ""}
+        found.append((load, joints, [one for one in guesses if place_of(one.key) in known]))
+    best = max(found, key=lambda one: len(one[1]))
+    if not best[1]:
+        expected = "a temperature and a torque or current of each joint, such as knee_temp and knee_current"
+        raise InputError(table.path, "columns", f"no joint in: {table.listing}", expected)
+    return best
+
+
+_ALONE = "motor"  # what a joint is called whose column says nothing but its quantity
+
+
+def _place_named(name: str, unit: str, quantity: str) -> str:
+    """Where a column of a quantity is measured, as its name spells it: all other words; '' of another quantity."""
+    words = ColumnName.of(name, unit).words
+    strange = ELSEWHERE.union(_PLACES["ambient"])
+    if (
+        len(words) > _MOST_WORDS
+        or not _measures(quantity, words)
+        or not strange.isdisjoint(words)
+        or name_of_time([name])
+    ):
+        return ""
+    idle = {*_QUANTITIES[quantity], *_NEUTRAL, *_DEVICES, *_PARTS, *UNITS.get(quantity, ())}
+    rest = [word for word in spelled_words(name) if word.lower() not in idle and word.isalnum()]
+    if rest and all(word.isdigit() for word in rest):
+        rest = ["joint", *rest]
+    return "".join(word if word.isdigit() else f"_{word}" for word in rest).strip("_") or _ALONE
 
 
 # --- What words in a column's name say -------------------------------------------------------------

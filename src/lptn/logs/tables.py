@@ -8,7 +8,7 @@ import re
 import warnings
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from importlib.util import find_spec
 from pathlib import Path
@@ -90,6 +90,18 @@ class Table:
         with one_line_if_broken(self.path, self.whole):
             frame = self.read(wanted)
         return {name: self._floats(name, frame[name], worded=name in worded) for name in wanted}
+
+    def some_numbers(self, names: Iterable[str]) -> dict[str, FloatArray]:
+        """As `numbers`, of those columns that hold numbers at all: words are no reading, and text is left out."""
+        times = Counter(self.names)
+        wanted = [name for name in dict.fromkeys(names) if times[name] == 1]
+        with one_line_if_broken(self.path, self.whole):
+            frame = self.read(wanted) if wanted else pd.DataFrame()
+        numbers = dict[str, FloatArray]()
+        for name in wanted:
+            with suppress(InputError):
+                numbers[name] = self._floats(name, frame[name], worded=True)
+        return numbers
 
     def refuse(self, row: int, name: str, found: str, expected: str) -> NoReturn:
         """Raise the InputError for a cell; `row` counts from 0."""

@@ -1,8 +1,8 @@
-"""A model file to begin with from a robot's URDF: a node for each driven joint, links along the chains.
+"""A model file to begin with from a robot's URDF, or a log's columns: a node for each driven joint, links along chains.
 
 A URDF says which joints there are, what each is bolted to, how far apart they sit and what torque each may give. It
 says nothing of motors: heat capacitances, resistances and losses are guessed from the torque limit, as starts for a
-fit to logs.
+fit to logs. A log's columns say less: which joints there are.
 """
 
 from __future__ import annotations
@@ -20,6 +20,10 @@ from lptn.basics.errors import InputError, one_line
 from lptn.basics.files import bytes_of
 from lptn.basics.places import EVERYWHERE, class_of, matching
 from lptn.effects.copper_loss import CopperLoss
+from lptn.logs.columns import AMBIENT
+from lptn.logs.guess import joints_in
+from lptn.logs.reading import GUESSED, open_log, run_name
+from lptn.logs.tables import column_sources
 from lptn.model.file import parse_model
 
 # --- What a torque limit says of a joint's motor and gear, as a start ------------------------------
@@ -44,6 +48,7 @@ _MOTORS = 1e-3, 1e5  # N·m behind the gear: small servos give 0.01, the axes of
 _FARTHEST = 1000.0  # m between two joints; what is farther was drawn in millimetres
 _URDF = "a URDF: XML with <robot> outermost (expand a .xacro first)"
 _BY_TORQUE = CopperLoss()
+_AIR = 'ambient = "temperature.ambient"'
 _log = logging.getLogger("lptn.robots")
 
 
@@ -86,8 +91,34 @@ def urdf_model_text(path: str | Path, copper: CopperLoss = _BY_TORQUE) -> str:
         InputError: not a URDF, or a robot without driven joints.
     """
     robot, joints = read_joints(path)
-    text = "\n".join(_lines(Path(path).name, robot, joints, copper))
+    text = "\n".join(_lines(f"{one_line(Path(path).name)} by `lptn new --urdf`", robot, joints, copper))
     parse_model(text, Path(path))
+    return text
+
+
+def log_model_text(path: Path) -> str:
+    """The text of a model file for the joints that a log's columns name: a node a joint, each in air by itself.
+
+    Its `[columns]` are what `--map guess` proposes of them, with what speaks for each.
+
+    Args:
+        path: the log.
+
+    Raises:
+        InputError: it can't be opened, or names no joint with a temperature and a torque or current.
+    """
+    table, _ = open_log(path, {})
+    load, names, guesses = joints_in(table)
+    joints = [Joint(name, _NO_LIMIT, slides=False, before=None, distance=0.0, body=name) for name in names]
+    NODES.check(len(joints), path, "joints")
+    made_of, copper = f"the columns of {one_line(path.name)} by `lptn new --log`", CopperLoss(input=load)
+    lines = [*_lines(made_of, run_name(path), joints, copper)]
+    lines.insert(lines.index("[model]") - 1, f"# The log states no limits; taken for each joint: {_NO_LIMIT:g} N·m.")
+    if AMBIENT not in {*column_sources(table, {}), *(guess.key for guess in guesses)}:
+        lines[lines.index(_AIR)] = 'ambient = "start"   # no column of the air: the log is taken to begin at rest in it'
+    lines += ["[columns]", *(f"{guess.line}   # {GUESSED}{one_line(guess.why)}" for guess in guesses), ""]
+    text = "\n".join(lines)
+    parse_model(text, path)
     return text
 
 
@@ -199,10 +230,10 @@ def _number(path: str | Path, joint: ElementTree.Element, word: str) -> float:
 # --- Writing ----------------------------------------------------------------------------------------
 
 
-def _lines(file: str, robot: str, joints: list[Joint], copper: CopperLoss) -> Iterator[str]:
+def _lines(made_of: str, robot: str, joints: list[Joint], copper: CopperLoss) -> Iterator[str]:
     names = [joint.name for joint in joints]
     by_current = copper.chosen["input"] == "current"
-    yield f"# {robot}: its {len(joints)} driven joints, each a node; made of {one_line(file)} by `lptn new --urdf`."
+    yield f"# {robot}: its {len(joints)} driven joints, each a node; made of {made_of}."
     heats = "current.<joint>" if by_current else "torque.<joint> (a sliding joint's force)"
     yield f"# Log columns: time, temperature.<joint>, {heats}, temperature.ambient."
     yield "# Capacities, resistances and losses are guesses from each joint's torque limit, starts for `lptn fit`. Put"
@@ -214,7 +245,7 @@ def _lines(file: str, robot: str, joints: list[Joint], copper: CopperLoss) -> It
         yield f"# The URDF states no limit of {named}; taken for it: {_NO_LIMIT:g} N·m (of a sliding joint N)."
     yield from ("", "[model]", f"name = {_quoted(robot)}", "joints = [")
     yield from (f"    {_quoted(name)}," for name in names)
-    yield from ("]", 'ambient = "temperature.ambient"')
+    yield from ("]", _AIR)
     groups = _groups(joints)
     scale = groups[0][1].torque
     for pattern, joint in groups:
