@@ -30,6 +30,7 @@ from lptn.basics.files import bytes_of, text_of
 
 from .library import fault
 from .trust import is_own
+from .variables import BASES, UnitDefinition
 
 ARCHIVE = Bound(1 << 30, "bytes")
 """Of an archive, packed and unpacked: FMUs with libraries of several machines have 100 MB."""
@@ -118,6 +119,22 @@ class Unpacked:
         """The real variables of a causality, in order."""
         every = self.variables.values()
         return [variable.name for variable in every if variable.causality == causality and variable.type in REALS]
+
+    @cached_property
+    def units(self) -> dict[str, UnitDefinition]:
+        """The units that the FMU defines, by name; kelvin is known without."""
+        definitions = {"K": UnitDefinition("K", {"K": 1})}
+        for unit in self.description.unitDefinitions:
+            if (base := unit.baseUnit) is not None:
+                powers = {name: int(getattr(base, name) or 0) for name in BASES}
+                exponents = {name: power for name, power in powers.items() if power}
+                factor, offset = float(base.factor or 1), float(base.offset or 0)
+                definitions[unit.name] = UnitDefinition(unit.name, exponents, factor, offset)
+        return definitions
+
+    def unit(self, name: str) -> UnitDefinition | None:
+        """The unit of a variable; `None` where it is not defined."""
+        return self.units.get(unit_of(self.variables[name]) or "")
 
     def _check_sizes(self) -> None:
         """Refuse more variables than a table of them can hold, counted before any array is taken apart."""

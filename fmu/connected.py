@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import AbstractContextManager, ExitStack, closing
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -15,14 +15,25 @@ from lptn.basics.errors import InputError
 
 from .archive import Unpacked
 from .session import Exchange, Session
-from .ssp import in_units_of, opened_system
-from .variables import to_column
+from .ssp import Connection, dotted, in_units_of, opened_system
+from .variables import UnitDefinition, to_column
+
+
+@dataclass(frozen=True)
+class _Place:
+    """A component's variable, which is `factor` times an input or output of the system plus `offset`."""
+
+    component: str
+    variable: str
+    factor: float = 1.0
+    offset: float = 0.0
 
 
 class Connected(AbstractContextManager["Connected"]):
     """A system of FMUs for Co-Simulation, initialised and ready to step: what `Session` is to one FMU.
 
-    Inputs and outputs are called `component.variable`. Inputs that nothing drives are the system's.
+    Inputs and outputs are called `component.variable`, or as the system's own connector for them. Inputs that nothing
+    drives are the system's.
 
     FMUs that are all for Model Exchange are one system of equations: a solver outside asks each for its rates, and
     every connection holds at every instant, so together they are what one model would be. FMUs for Co-Simulation
@@ -55,67 +66,131 @@ class Connected(AbstractContextManager["Connected"]):
             self._sessions: dict[str, Session] = {}
             for name, file in files.items():
                 self._sessions[name] = stack.enter_context(kind(file, start=start, trust=trust))
-            self._parameters = {
-                name: in_units_of(self.structure.values.get(name, {}), session.unpacked, self.path)
-                for name, session in self._sessions.items()
-            }
             self._wire()
+            self._bind()
             self._closing = stack.pop_all()
         self.reset(start=start)
 
     def _wire(self) -> None:
-        """Places of all inputs and outputs in the sessions' arrays, and the connections between them."""
-        driven = {connection.end for connection in self.structure.connections if connection.start[0]}
-        self.variables: dict[str, Any] = {}
-        self._inputs: list[tuple[Session, int]] = []
-        self._outputs: list[tuple[Session, int]] = []
-        self.input_names: list[str] = []
-        self.output_names: list[str] = []
-        for component, session in self._sessions.items():
-            for row, name in enumerate(session.input_names):
-                if (component, name) not in driven:
-                    self.input_names.append(f"{component}.{name}")
-                    self._inputs.append((session, row))
-            for row, name in enumerate(session.output_names):
-                self.output_names.append(f"{component}.{name}")
-                self._outputs.append((session, row))
-            self.variables |= {f"{component}.{name}": variable for name, variable in session.variables.items()}
-        self._wires = []
+        """What the system's inputs and outputs are in its components, and the connections between these."""
+        sessions = self._sessions
+        self._into: dict[tuple[str, str], Connection] = {}
         for connection in self.structure.connections:
-            (source, output), (target, entrance) = connection.start, connection.end
-            if not (source and target):
-                continue  # a connector of the system itself, which `inputs` and `outputs` already show
-            start, end = self._sessions[source], self._sessions[target]
-            for session, names, name, kind in (
-                (start, start.output_names, output, "an output"),
-                (end, end.input_names, entrance, "an input"),
-            ):
-                if name not in names:
-                    raise InputError(self.path, "Connections", f'"{name}"', f"{kind} of {session.path.name}")
-            places = start.output_names.index(output), end.input_names.index(entrance)
-            self._wires.append((start, places[0], end, places[1], connection.factor, connection.offset))
-        self.inputs, self.outputs = np.zeros(len(self._inputs)), np.zeros(len(self._outputs))
+            if connection.end in self._into:
+                raise self._refusal(connection.end, "one connection to an input")
+            self._into[connection.end] = connection
+        driven: dict[str, list[_Place]] = {}
+        shown: dict[str, list[_Place]] = {}
+        self._wires: list[tuple[Session, int, Session, int, float, float]] = []
+        for component, session in sessions.items():
+            for row, name in enumerate(session.input_names):
+                origin, factor, offset = self._origin((component, name))
+                if origin[0] in sessions and origin != (component, name):
+                    start = sessions[origin[0]]
+                    self._wires.append((start, start.output_names.index(origin[1]), session, row, factor, offset))
+                else:
+                    driven.setdefault(dotted(*origin), []).append(_Place(component, name, factor, offset))
+        for system, name in self._into:
+            origin, factor, offset = self._origin((system, name))
+            if not system and origin[0] in sessions:
+                shown[name] = [_Place(*origin, 1 / factor, -offset / factor)]
+        seen = {(place.component, place.variable) for places in shown.values() for place in places}
+        every = {
+            f"{name}.{own}": [_Place(name, own)] for name, session in sessions.items() for own in session.variables
+        }
+        for name, session in sessions.items():
+            shown |= {f"{name}.{own}": [_Place(name, own)] for own in session.output_names if (name, own) not in seen}
+        self._places = every | driven | shown
+        self.input_names, self.output_names = list(driven), list(shown)
+        self.variables = {
+            name: sessions[places[0].component].variables[places[0].variable] for name, places in self._places.items()
+        }
+        self._inputs = [(row, *self._row(place)) for row, name in enumerate(driven) for place in driven[name]]
+        self._outputs = [self._row(place) for (place,) in shown.values()]
+        self.inputs, self.outputs = np.zeros(len(driven)), np.zeros(len(shown))
+
+    def _bind(self) -> None:
+        """Parameters and start values of the components: bound to them, or to connectors of systems around them."""
+        given, sessions = self.structure.values, self._sessions
+        self._parameters = {
+            name: in_units_of(given.get(name, {}), session.unpacked, self.path) for name, session in sessions.items()
+        }
+        for end in self._into:
+            session, (origin, factor, offset) = sessions.get(end[0]), self._origin(end)
+            if session is None:
+                continue
+            variable = session.variables.get(end[1])
+            causalities = ("input",) if origin[0] in sessions else ("input", "parameter")
+            if variable is None or variable.causality not in causalities:
+                raise self._refusal(end, f"an input of {session.path.name}")
+            if (value := given.get(origin[0], {}).get(origin[1])) and origin[0] not in sessions:
+                unit = self._unit(origin)
+                number = value.to(None if unit is None else unit.name, self.path, dotted(*origin))
+                self._parameters[end[0]][end[1]] = factor * number + offset
+
+    def _row(self, place: _Place) -> tuple[Session, int, float, float]:
+        """Session and row of an input or output, with the place's factor and offset."""
+        session = self._sessions[place.component]
+        names = session.input_names if place.variable in session.input_names else session.output_names
+        return session, names.index(place.variable), place.factor, place.offset
+
+    def _origin(self, end: tuple[str, str]) -> tuple[tuple[str, str], float, float]:
+        """Where connections to an end begin, through all systems, and factor and offset on the way."""
+        path = []
+        while (connection := self._into.get(end)) is not None:
+            path.append(connection)
+            end = connection.start
+            if len(path) > len(self._into):
+                raise self._refusal(end, "a beginning, not a circle")
+        source = self._sessions.get(end[0])
+        if path and source is not None and end[1] not in source.output_names:
+            raise self._refusal(end, f"an output of {source.path.name}")
+        factor, offset, unit = 1.0, 0.0, self._unit(end)
+        for connection in reversed(path):
+            target = self._unit(connection.end)
+            if unit is not None and target is not None and connection.converts:
+                try:
+                    scale, shift = unit.conversion(target)
+                except ValueError as error:
+                    raise InputError(self.path, "Connections", str(error), "the same quantity") from error
+                factor, offset = scale * factor, scale * offset + shift
+            factor, offset = connection.factor * factor, connection.factor * offset + connection.offset
+            unit = target or unit
+        return end, factor, offset
+
+    def _unit(self, end: tuple[str, str]) -> UnitDefinition | None:
+        session = self._sessions.get(end[0])
+        if session is None:
+            return self.structure.connectors.get(end)
+        return session.unit(end[1]) if end[1] in session.variables else None
+
+    def _refusal(self, end: tuple[str, str], expected: str) -> InputError:
+        return InputError(self.path, "Connections", f'"{dotted(*end)}"', expected)
+
+    def unit(self, name: str) -> UnitDefinition | None:
+        """The unit of an input or output: that of the system's connector, or of the variable; `None`: not defined."""
+        place = self._places[name][0]
+        return self.structure.connectors.get(("", name)) or self._unit((place.component, place.variable))
 
     def column(self, name: str) -> str:
-        """The log column of an input or output: that of the variable without its component."""
-        component = next(prefix for prefix in self._sessions if name.startswith(f"{prefix}."))
-        return to_column(name[len(component) + 1 :])
+        """The log column of an input or output: that of the system's connector, or of the component's variable."""
+        variable = self._places[name][0]
+        return to_column(name if ("", name) in self.structure.connectors else variable.variable)
 
     def reset(self, values: Mapping[str, float] | None = None, start: float = 0.0) -> None:
         """Begin anew at the start values and those of the system's file, changed by `values`."""
-        given = values or {}
-        for component, session in self._sessions.items():
-            own = {
-                name.removeprefix(f"{component}."): value
-                for name, value in given.items()
-                if name.startswith(f"{component}.")
-            }
-            session.reset(self._parameters[component] | own, start=start)
+        own = {name: dict(given) for name, given in self._parameters.items()}
+        for name, value in (values or {}).items():
+            for place in self._places[name]:
+                own[place.component][place.variable] = place.factor * value + place.offset
+        for name, session in self._sessions.items():
+            session.reset(own[name], start=start)
         self.time = start
         self._exchange()
         if self.together:
             self._settle(self._exchanges)
-        self.inputs[:] = [session.inputs[row] for session, row in self._inputs]
+        for entrance, session, row, factor, offset in self._inputs:
+            self.inputs[entrance] = (session.inputs[row] - offset) / factor
         self._collect()
 
     def step(self, step: float, ramp_to: FloatArray | None = None) -> FloatArray:
@@ -132,8 +207,8 @@ class Connected(AbstractContextManager["Connected"]):
             FmuError: an FMU refuses an input or the step.
             InputError: inputs and outputs depend on each other in a loop without a state.
         """
-        for (session, row), value in zip(self._inputs, self.inputs, strict=True):
-            session.inputs[row] = value
+        for place, session, row, factor, offset in self._inputs:
+            session.inputs[row] = factor * self.inputs[place] + offset
         if self.together:
             self._integrate(step)
         else:
@@ -185,8 +260,8 @@ class Connected(AbstractContextManager["Connected"]):
             end.inputs[entrance] = factor * start.outputs[output] + offset
 
     def _collect(self) -> None:
-        for place, (session, row) in enumerate(self._outputs):
-            self.outputs[place] = session.outputs[row]
+        for place, (session, row, factor, offset) in enumerate(self._outputs):
+            self.outputs[place] = (session.outputs[row] - offset) / factor
 
     def close(self) -> None:
         """Free all instances and remove what was unpacked."""

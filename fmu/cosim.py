@@ -7,6 +7,7 @@ import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.identify.comparison import Errors, predict
 from lptn.identify.data import LoadedModel, split_data
-from lptn.logs.columns import parse_map_option
+from lptn.logs.columns import column_unit, parse_map_option
 from lptn.logs.reading import read_log
 from lptn.logs.resampling import raw_keys
 from lptn.logs.run import Run
@@ -23,7 +24,6 @@ from lptn.model.file import parse_model, read_model_file
 from lptn.model.model import Model
 from lptn.simulate.readings import readings_of
 
-from .archive import unit_of
 from .component import Component
 from .connected import Connected
 from .session import Session
@@ -46,6 +46,7 @@ class CosimulatedRun:
         predicted: what the model predicts [degC], shape (nodes, n); `None` without a model.
         table: all outputs by log column at the n ends of steps, temperatures in degC, with these ends as `time`.
         seconds: time that the steps took.
+        kept: inputs that the log has no column for; they kept their start values.
     """
 
     run: Run
@@ -55,6 +56,7 @@ class CosimulatedRun:
     predicted: FloatArray | None
     table: Mapping[str, FloatArray]
     seconds: float
+    kept: tuple[str, ...] = ()
 
     @property
     def error(self) -> FloatArray:
@@ -106,7 +108,7 @@ class Cosimulation:
             for row, node in enumerate(done.nodes):
                 errors, from_model = done.errors(row), done.from_model(row)
                 nodes[node] = {"rmse": errors.rmse, "max": errors.max, "mean": errors.mean, "from_model": from_model}
-            runs[name] = {"nodes": nodes, "steps": len(done.run), "seconds": done.seconds}
+            runs[name] = {"nodes": nodes, "steps": len(done.run), "seconds": done.seconds, "kept": list(done.kept)}
         over_all = {"rmse": self.all.rmse, "max": self.all.max, "from_model": self.from_model}
         return {"fmu": str(self.fmu), "fmi": self.fmi, "runs": runs, "all": over_all}
 
@@ -185,11 +187,13 @@ class _Plan:
         """The log column of a variable."""
         return self.columns.get(name) or driven.column(name)
 
-    def offset(self, driven: Driven, name: str) -> float:
-        """What turns degC into a variable's unit by adding."""
-        variable = driven.variables.get(name)
-        kelvin = variable is not None and unit_of(variable) == "K" and is_temperature(self.column(driven, name))
-        return ZERO_CELSIUS if kelvin else 0.0
+    def scale(self, driven: Driven, name: str) -> tuple[float, float]:
+        """Factor and offset that turn a variable's values into its column's, in SI with temperatures in degC."""
+        unit = driven.unit(name)
+        if unit is None or unit.exponents is None:
+            return 1.0, 0.0
+        kelvin = "K" in unit.exponents and is_temperature(self.column(driven, name))
+        return unit.factor, unit.offset - ZERO_CELSIUS * kelvin
 
 
 def _plans_by_model(model: Model, runs: Sequence[Run]) -> list[_Plan]:
@@ -218,10 +222,17 @@ def _plans_by_names(driven: Driven, logs: Sequence[str | Path], mapped: Mapping[
     others = {key: text for key, text in mapped.items() if key not in columns}
     sources = dict(parse_map_option(f"{key}={text}") for key, text in others.items())
     temperatures = {name: columns[name] for name in driven.output_names if columns[name].startswith("temperature.")}
-    inputs = [columns[name] for name in driven.input_names]
+    # An input that nobody maps, and whose name is no quantity of logs, may keep its start value.
+    spare = [
+        columns[name]
+        for name in driven.input_names
+        if name not in mapped and not column_unit(columns[name]) and driven.variables[name].start is not None
+    ]
+    inputs = [columns[name] for name in driven.input_names if columns[name] not in spare]
     plans = []
     outputs = list(dict.fromkeys(temperatures.values()))
-    for run in (run for log in logs for run in read_log(log, sources, inputs=inputs, outputs=outputs)):
+    read = partial(read_log, columns=sources, inputs=inputs, outputs=outputs, optional=spare)
+    for run in (run for log in logs for run in read(log)):
         # Two components may show one place; each is compared with what was measured there.
         seen = {name: column.partition(".")[2] for name, column in temperatures.items() if run.has(column)}
         measured = np.array([run.temperature(place) for place in seen.values()]).reshape(len(seen), len(run))
@@ -232,16 +243,17 @@ def _plans_by_names(driven: Driven, logs: Sequence[str | Path], mapped: Mapping[
             if value.size and driven.variables[name].start is not None  # a state, which is what can be set
         }
         counted = np.where(np.isfinite(measured), measured, np.nan)
-        given = {name: run.columns[columns[name]] for name in driven.input_names}
+        given = {name: run.columns[columns[name]] for name in driven.input_names if run.has(columns[name])}
         plans.append(_Plan(run, tuple(seen), given, counted, None, start, columns))
     return plans
 
 
 def _cosimulated(session: Driven, plan: _Plan, ramps: bool, given: Mapping[str, float]) -> CosimulatedRun:
     run, inputs = plan.run, _inputs(session, plan)
-    start = {
-        name: value + plan.offset(session, name) for name, value in plan.start.items() if name in session.variables
-    }
+    start = {}
+    for name in plan.start.keys() & session.variables.keys():
+        factor, offset = plan.scale(session, name)
+        start[name] = (plan.start[name] - offset) / factor
     entrances = dict(zip(session.input_names, inputs[0].tolist(), strict=True))
     session.reset({**given, **start, **entrances}, start=float(run.time[0]))
     rows = np.empty((len(run) + 1, len(session.output_names)))
@@ -259,13 +271,16 @@ def _cosimulated(session: Driven, plan: _Plan, ramps: bool, given: Mapping[str, 
     # In the units of logs; by log column, or by their own name where two have the same column.
     columns = {name: plan.column(session, name) for name in session.output_names}
     many = Counter(columns.values())
-    outputs = {name: values - plan.offset(session, name) for name, values in zip(columns, rows.T, strict=True)}
+    scales = [plan.scale(session, name) for name in columns]
+    units = zip(columns, rows.T, scales, strict=True)
+    outputs = {name: factor * values + offset for name, values, (factor, offset) in units}
     ends = {column if many[column] == 1 else name: outputs[name][1:] for name, column in columns.items()}
     sensed = [_reading(session, node, outputs) for node in plan.nodes]
     readings = _of_rows(np.array(sensed).reshape(len(sensed), len(run) + 1), run.averaged)
     nodes = tuple(node.removesuffix(".temperature") for node in plan.nodes)
     table = {"time": run.time + run.step} | ends
-    return CosimulatedRun(run, nodes, readings, plan.measured, plan.predicted, table, seconds)
+    kept = tuple(name for name in session.input_names if name not in plan.inputs and plan.predicted is None)
+    return CosimulatedRun(run, nodes, readings, plan.measured, plan.predicted, table, seconds, kept)
 
 
 def _of_rows(ends: FloatArray, averaged: bool) -> FloatArray:
@@ -279,9 +294,12 @@ def _inputs(session: Driven, plan: _Plan) -> FloatArray:
     rows = []
     for name in session.input_names:
         if name in plan.inputs:
-            rows.append(plan.inputs[name] + plan.offset(session, name))
+            factor, offset = plan.scale(session, name)
+            rows.append((plan.inputs[name] - offset) / factor)
         elif session.column(name) in means:  # the model wants its mean alone, which the log gives
             rows.append(np.zeros(len(plan.run)))
+        elif plan.predicted is None:
+            rows.append(np.full(len(plan.run), session.inputs[len(rows)]))
         else:
             expected = "an FMU of the same inputs as the model that it is compared with"
             raise InputError(session.path, "inputs", f"{name}, which the model lacks", expected)

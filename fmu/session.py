@@ -14,7 +14,7 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 
 from .archive import Access, Unpacked, import_fmpy
-from .variables import to_column
+from .variables import UnitDefinition, to_column
 
 
 class FmuError(RuntimeError):
@@ -239,6 +239,10 @@ class Session(AbstractContextManager["Session"]):
         self._call(self._get, *block.arguments)
         block.gather()
         return block.values
+
+    def unit(self, name: str) -> UnitDefinition | None:
+        """The unit of a variable; `None` where the FMU does not define it."""
+        return self.unpacked.unit(name)
 
     def column(self, name: str) -> str:
         """The log column of a variable."""

@@ -24,7 +24,7 @@ from lptn.model.network import Network
 from .archive import ARCHIVE, Unpacked, unit_of, unpack_files, unpacked_size
 from .component import Component
 from .exporter import archived, model_and_text, rendered
-from .variables import unit_definitions
+from .variables import BASES, UnitDefinition, unit_definitions
 
 _NAMESPACES = {
     part: f"http://ssp-standard.org/SSP1/SystemStructure{name}"
@@ -39,6 +39,7 @@ _ROOT = "SystemStructure.ssd"  # of an SSP archive
 _COMPONENTS = Bound(100, "FMUs")
 """Of a system: each is unpacked and loaded, and a process holds some hundred libraries."""
 _NUMBERS = ("Real", "Integer")
+_SCALES = {"factor": 1.0, "offset": 0.0}  # of a unit and of a transformation, where they are not given
 _EXPECTED = "a file of SSP 1.0"
 
 
@@ -56,6 +57,17 @@ class Value:
 
     value: float
     unit: str = ""
+
+    def to(self, unit: str | None, source: str | Path, name: str) -> float:
+        """The number in a unit, as it is where one of the two units is not known.
+
+        Raises:
+            InputError: a unit of something else, said of `name` in `source`.
+        """
+        try:
+            return convert(self.value, self.unit, unit) if self.unit and unit else self.value
+        except ValueError as error:
+            raise InputError(Path(source), name, str(error), f"a value in {unit}") from error
 
 
 def write_values(
@@ -81,11 +93,8 @@ def write_values(
     loaded, _ = model_and_text(model)
     parameters = Component(loaded, limits).of("parameter")
     # SSP can't define a unit whose exponents are parameters: it has no dimension.
-    units = {
-        unit.name: _base(unit.exponents, unit.factor)
-        for unit in unit_definitions(parameter.unit for parameter in parameters)
-        if unit.exponents is not None
-    }
+    used = unit_definitions(parameter.unit for parameter in parameters)
+    units = {unit.name: unit for unit in used if unit.exponents is not None}
     values = {"name": loaded.network.name, "parameters": parameters, "units": units, "namespaces": _NAMESPACES}
     write_whole(Path(path), rendered("values.ssv.xml.j2", values))
     return len(parameters)
@@ -136,7 +145,10 @@ def _transformation(entry: Any, path: Path, place: str) -> tuple[float, float]:
     for child in entry:
         kind = child.tag.rpartition("}")[2]
         if kind == "LinearTransformation":
-            return _number(child.get("factor", "1"), path, place), _number(child.get("offset", "0"), path, place)
+            factor, offset = (_number(child.get(part, str(usual)), path, place) for part, usual in _SCALES.items())
+            if factor == 0:
+                raise InputError(path, place, "a factor of 0", "a LinearTransformation that can be turned round")
+            return factor, offset
         if kind.endswith("Transformation"):
             raise InputError(path, place, kind, "a LinearTransformation, or none")
     return 1.0, 0.0
@@ -158,11 +170,7 @@ def in_units_of(values: Mapping[str, Value], unpacked: Unpacked, source: str | P
         variable = unpacked.variables.get(name)
         if variable is None or variable.start is None:
             raise InputError(Path(source), name, "no such parameter", f"a parameter of {unpacked.path.name}")
-        unit = unit_of(variable) or ""
-        try:
-            converted[name] = convert(value.value, value.unit, unit) if value.unit and unit else value.value
-        except ValueError as error:
-            raise InputError(Path(source), name, str(error), f"a value in {unit}") from error
+        converted[name] = value.to(unit_of(variable), source, name)
     return converted
 
 
@@ -173,30 +181,48 @@ def in_units_of(values: Mapping[str, Value], unpacked: Unpacked, source: str | P
 class Connection:
     """An output of one component to an input of another: `factor` times it plus `offset`.
 
-    An empty component is the system itself: its inputs are driven from outside, its outputs seen there.
+    In place of a component may stand a system within, and an empty text for the system itself: its connectors are
+    driven from outside or seen there.
+
+    Args:
+        start: component and variable, or system and connector.
+        end: likewise.
+        factor: of the transformation, which follows on the conversion of units.
+        offset: likewise.
+        converts: whether units are converted.
     """
 
     start: tuple[str, str]
     end: tuple[str, str]
     factor: float = 1.0
     offset: float = 0.0
+    converts: bool = True
+
+
+def dotted(element: str, name: str) -> str:
+    """What a variable or an element is called outside; the name alone where the element is the system itself."""
+    return f"{element}.{name}" if element else name
 
 
 @dataclass(frozen=True)
 class SystemStructure:
     """A system of FMUs.
 
+    A component of a system within is called `system.component`.
+
     Args:
         name: of the system.
         components: FMU files by the component's name.
         connections: what is connected.
-        values: start values by component and variable.
+        values: start values by component and variable, or by system and connector.
+        connectors: of the systems, by system and name, with their units where these are defined.
     """
 
     name: str
     components: Mapping[str, Path]
     connections: Sequence[Connection]
     values: Mapping[str, Mapping[str, Value]] = field(default_factory=dict)
+    connectors: Mapping[tuple[str, str], UnitDefinition | None] = field(default_factory=dict)
 
 
 def write_system(
@@ -238,11 +264,13 @@ def write_system(
     return SystemStructure(name, files, pairs)
 
 
-def _end(text: str, opened: Iterable[str], path: Path) -> tuple[str, str]:
-    for component in opened:
-        if text.startswith(f"{component}."):
-            return component, text[len(component) + 1 :]
-    raise InputError(path, "connection", f'"{text}"', f"component.variable, with one of {', '.join(opened)}")
+def _end(text: str, elements: Iterable[str], path: Path) -> tuple[str, str]:
+    """An element and a name of its own of `element.name`."""
+    owners = [element for element in elements if text.startswith(f"{element}.")]
+    if not owners:
+        raise InputError(path, "connection", f'"{text}"', f"component.variable, with one of {', '.join(elements)}")
+    owner = max(owners, key=len)  # a name may have dots, too
+    return owner, text[len(owner) + 1 :]
 
 
 def _check_connections(pairs: Iterable[Connection], opened: Mapping[str, Unpacked], path: Path) -> None:
@@ -251,8 +279,6 @@ def _check_connections(pairs: Iterable[Connection], opened: Mapping[str, Unpacke
     for pair in pairs:
         units = []
         for (component, name), causalities in ((pair.start, ("output",)), (pair.end, ("input",))):
-            if not component:
-                continue
             variable = opened[component].variables.get(name)
             if variable is None or variable.causality not in causalities:
                 raise InputError(path, "connection", f"{component}.{name}", f"an {causalities[0]} of {component}")
@@ -269,10 +295,10 @@ def _system_text(
     name: str, sources: Mapping[str, str], opened: Mapping[str, Unpacked], pairs: Sequence[Connection]
 ) -> str:
     connectors: dict[str, list[tuple[Any, str | None]]] = {}
-    units: dict[str, dict[str, str]] = {}
+    units: dict[str, UnitDefinition] = {}
     for component, unpacked in opened.items():
         shown = [variable for variable in unpacked.variables.values() if variable.causality in ("input", "output")]
-        definitions = _units_of(unpacked)
+        definitions = unpacked.units
         own = [unit if (unit := unit_of(variable)) in definitions else None for variable in shown]
         connectors[component] = list(zip(shown, own, strict=True))
         units |= {unit: definitions[unit] for unit in own if unit}
@@ -290,8 +316,7 @@ def opened_system(path: str | Path) -> Iterator[SystemStructure]:
         path: an `.ssd` or `.ssp` file.
 
     Raises:
-        InputError: it can't be read, or holds what is not supported here: systems within systems, signal dictionaries;
-            or as it was raised within.
+        InputError: it can't be read, or holds signal dictionaries, which are not supported; or as it was raised within.
     """
     file = archive = Path(path)
     with tempfile.TemporaryDirectory(prefix="lptn-ssp-", ignore_cleanup_errors=True) as folder:
@@ -311,46 +336,83 @@ def _structure(root: Any, file: Path, shown: Path) -> SystemStructure:
     system = root.find("ssd:System", _NAMESPACES)
     if system is None:
         raise InputError(shown, "System", "none", "an SSD file with a System")
-    components, values = _components(system, file, shown)
-    for name, value in _bound(system, file, shown).items():
-        component, variable = _end(name, components, shown)
-        values[component].setdefault(variable, value)
-    connections = []
-    for entry in system.iterfind("ssd:Connections/ssd:Connection", _NAMESPACES):
-        start = (entry.get("startElement") or "", entry.get("startConnector") or "")
-        end = (entry.get("endElement") or "", entry.get("endConnector") or "")
-        for component, _ in (start, end):
-            if component and component not in components:
-                raise InputError(shown, "Connections", f'"{component}"', f"one of {', '.join(components)}")
-        factor, offset = _transformation(entry, shown, ".".join(end))
-        if not (start[0] and end[0]) and (factor, offset) != (1.0, 0.0):
-            outside = "a transformation of the system's own connector"
-            raise InputError(shown, "Connections", outside, "transformations between components alone")
-        connections.append(Connection(start, end, factor, offset))
-    return SystemStructure(system.get("name") or root.get("name") or "system", components, connections, values)
-
-
-def _components(system: Any, file: Path, shown: Path) -> tuple[dict[str, Path], dict[str, dict[str, Value]]]:
-    """The files of a system's components, and the values that their parameters are bound to, by name."""
+    units = _units(root, shown)
+    systems: dict[str, Any] = {"": system}
     components: dict[str, Path] = {}
-    values: dict[str, dict[str, Value]] = {}
-    for element in system.iterfind("ssd:Elements/*", _NAMESPACES):
-        kind, name = element.tag.rpartition("}")[2], element.get("name") or ""
-        if kind != "Component":
-            raise InputError(shown, f"Elements/{name}", kind, "components alone: no systems within systems")
-        if name in components:
-            raise InputError(shown, f"Elements/{name}", "a name twice", "components with names of their own")
-        components[name] = _file(element.get("source") or "", file, shown)
-        values[name] = _bound(element, file, shown)
+    connectors: dict[tuple[str, str], UnitDefinition | None] = {}
+    connections: list[Connection] = []
+    bound: list[tuple[str, str, Value]] = []
+    waiting = [""]
+    while waiting:  # from outside in, whatever the depth
+        within = waiting.pop(0)
+        bound += _bound(systems[within], within, file, shown)
+        for connector in systems[within].iterfind("ssd:Connectors/ssd:Connector", _NAMESPACES):
+            real = connector.find("ssc:Real", _NAMESPACES)
+            connectors[within, connector.get("name") or ""] = None if real is None else units.get(real.get("unit", ""))
+        own = {within}
+        for element in systems[within].iterfind("ssd:Elements/*", _NAMESPACES):
+            kind, name = element.tag.rpartition("}")[2], dotted(within, element.get("name") or "")
+            if name in components or name in systems:
+                raise InputError(shown, f"Elements/{name}", "a name twice", "elements with names of their own")
+            if kind == "System":
+                systems[name] = element
+                waiting.append(name)
+            elif kind == "Component":
+                components[name] = _file(element.get("source") or "", file, shown)
+                bound += _bound(element, name, file, shown)
+            else:
+                raise InputError(shown, f"Elements/{name}", kind, "components and systems")
+            own.add(name)
+        connections += _connections(systems[within], within, own, shown)
+    _check_components(components, shown)
+    values: dict[str, dict[str, Value]] = {element: {} for element in (*components, *systems)}
+    for within, parameter, value in reversed(bound):  # what a system says comes before what is said within it
+        end = (within, parameter)
+        if within in systems and end not in connectors:
+            end = _end(dotted(*end), [*filter(None, values)], shown)
+        values[end[0]][end[1]] = value
+    name = system.get("name") or root.get("name") or "system"
+    return SystemStructure(name, components, connections, values, connectors)
+
+
+def _check_components(components: Mapping[str, Path], shown: Path) -> None:
     if not components:
         raise InputError(shown, "Elements", "no component", "one FMU or more")
     _COMPONENTS.check(len(components), shown, "Elements")
     ARCHIVE.check(sum(map(unpacked_size, components.values())), shown, "Elements, unpacked")
-    return components, values
 
 
-def _bound(element: Any, file: Path, shown: Path) -> dict[str, Value]:
-    """The values that an element's parameter bindings give; the last one wins."""
+def _connections(system: Any, within: str, elements: set[str], shown: Path) -> Iterator[Connection]:
+    """The connections of a system among its elements and its own connectors."""
+    for entry in system.iterfind("ssd:Connections/ssd:Connection", _NAMESPACES):
+        ends: list[tuple[str, str]] = []
+        for side in ("start", "end"):
+            element = entry.get(f"{side}Element")
+            name = dotted(within, element) if element else within
+            if name not in elements:
+                known = ", ".join(sorted(elements - {within}))
+                raise InputError(shown, "Connections", f'"{name}"', f"one of {known}")
+            ends.append((name, entry.get(f"{side}Connector") or ""))
+        converts = entry.get("suppressUnitConversion") not in ("true", "1")
+        factor, offset = _transformation(entry, shown, dotted(*ends[1]))
+        yield Connection(ends[0], ends[1], factor, offset, converts)
+
+
+def _units(root: Any, path: Path) -> dict[str, UnitDefinition]:
+    """The units that a system's file defines."""
+    units = {}
+    for entry in root.iterfind("ssd:Units/ssc:Unit", _NAMESPACES):
+        name, base = entry.get("name") or "", entry.find("ssc:BaseUnit", _NAMESPACES)
+        if base is not None:
+            numbers = {part: _number(text, path, name) for part, text in base.items()}
+            factor, offset = (numbers.get(part, usual) for part, usual in _SCALES.items())
+            powers = {part: round(numbers[part]) for part in BASES if part in numbers}
+            units[name] = UnitDefinition(name, powers, factor or 1.0, offset)
+    return units
+
+
+def _bound(element: Any, name: str, file: Path, shown: Path) -> Iterator[tuple[str, str, Value]]:
+    """Element, parameter and value of what an element's parameter bindings give; the last one wins."""
     parameters: dict[str, Value] = {}
     for binding in element.iterfind("ssd:ParameterBindings/ssd:ParameterBinding", _NAMESPACES):
         source, inside = binding.get("source"), binding.find("ssd:ParameterValues/ssv:ParameterSet", _NAMESPACES)
@@ -365,8 +427,8 @@ def _bound(element: Any, file: Path, shown: Path) -> dict[str, Value]:
                 inner = _read(own, "ssm:ParameterMapping")
             values = _mapped(values, inner, own)
         prefix = binding.get("prefix", "")
-        parameters |= {prefix + name: value for name, value in values.items()}
-    return parameters
+        parameters |= {prefix + parameter: value for parameter, value in values.items()}
+    return ((name, parameter, value) for parameter, value in parameters.items())
 
 
 def _file(source: str, file: Path, shown: Path) -> Path:
@@ -381,24 +443,6 @@ def _file(source: str, file: Path, shown: Path) -> Path:
 
 
 # --- XML ------------------------------------------------------------------------------------------
-
-
-def _units_of(unpacked: Unpacked) -> dict[str, dict[str, str]]:
-    """The base units of an FMU's own units, as SSP gives them, by unit."""
-    names = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
-    units = {}
-    for unit in unpacked.description.unitDefinitions:
-        base = unit.baseUnit
-        if base is not None:
-            exponents = {name: int(getattr(base, name) or 0) for name in names}
-            units[unit.name] = _base(exponents, float(base.factor or 1), float(base.offset or 0))
-    return units
-
-
-def _base(exponents: Mapping[str, int] | None, factor: float = 1.0, offset: float = 0.0) -> dict[str, str]:
-    bases = {base: str(power) for base, power in (exponents or {}).items() if power}
-    numbers = {"factor": (factor, 1.0), "offset": (offset, 0.0)}
-    return bases | {name: repr(value) for name, (value, usual) in numbers.items() if value != usual}
 
 
 def _read(path: Path, tag: str) -> Any:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -236,6 +236,9 @@ def pattern_as_word(pattern: str) -> str:
 
 # --- units ------------------------------------------------------------------------------------------
 
+BASES = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
+"""Base units of FMI and SSP."""
+
 
 @dataclass(frozen=True)
 class UnitDefinition:
@@ -245,11 +248,26 @@ class UnitDefinition:
         name: as the variables give it.
         exponents: of FMI's base units; `None` where the unit has no fixed ones (`W*(s/rad)^n`).
         factor: from this unit to the base units.
+        offset: to be added then, as 273.15 K to degC.
     """
 
     name: str
-    exponents: dict[str, int] | None
+    exponents: Mapping[str, int] | None
     factor: float = 1.0
+    offset: float = 0.0
+
+    def conversion(self, target: UnitDefinition) -> tuple[float, float]:
+        """Factor and offset of a value in this unit to one in `target`; to FMI, too, an angle is a pure number.
+
+        Raises:
+            ValueError: a unit of something else.
+        """
+        if self.name == target.name or self.exponents is None or target.exponents is None:
+            return 1.0, 0.0
+        one, other = ({**unit.exponents, "rad": 0} for unit in (self, target) if unit.exponents is not None)
+        if {base for base in one | other if one.get(base, 0) != other.get(base, 0)}:
+            raise ValueError(f"{self.name!r} can't be turned into {target.name!r}")
+        return self.factor / target.factor, (self.offset - target.offset) / target.factor
 
 
 def fmi_unit(unit: str) -> str:

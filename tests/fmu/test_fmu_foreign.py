@@ -120,6 +120,39 @@ def test_any_fmu_is_driven_by_a_log_and_compared(foreign: Path, log: Path) -> No
     assert run.errors(1).mean == pytest.approx(-1.0, abs=0.01)
 
 
+def test_units_are_those_that_the_fmu_defines(foreign: Path, log: Path, tmp_path: Path) -> None:
+    """The same numbers in the FMU, which now says of them that they are mW, and mK above 299.7 K: a log of a thousandth
+    of the power, warmer by a thousandth."""
+    path, units = tmp_path / "small.fmu", '<Unit name="mW"><BaseUnit kg="1" m="2" s="-3" factor="0.001"/></Unit>'
+    units += '<Unit name="above"><BaseUnit K="1" factor="0.001" offset="299.7"/></Unit></UnitDefinitions>'
+    text = DESCRIPTION.replace("</UnitDefinitions>", units).replace('causality="input"', 'causality="input" unit="mW"')
+    with ZipFile(foreign) as old, ZipFile(path, "w") as new:
+        for name in old.namelist():
+            new.writestr(name, text.replace('unit="K"', 'unit="above"') if name.endswith("xml") else old.read(name))
+    table = pd.read_csv(log)
+    table[["power.left", "power.right"]] /= 1000.0
+    for side, more in (("left", 0.0), ("right", 1.0)):
+        table[f"temperature.{side}"] = 26.85 + (table[f"temperature.{side}"] - more - 26.85) / 1000.0 + more
+    table.to_csv(log, index=False)
+    (run,) = cosimulate(path, [log], mapped=MAPPED, trust=True).runs
+    assert run.errors(0).max == pytest.approx(0.0, abs=1e-5)
+    assert run.errors(1).mean == pytest.approx(-1.0, abs=1e-5)
+
+
+def test_an_input_that_the_log_lacks_keeps_its_start_and_is_told(
+    foreign: Path, log: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    mapped = {name: column for name, column in MAPPED.items() if name != "q[2]"}
+    words = [word for pair in mapped.items() for word in ("--map", "=".join(pair))]
+    with pytest.raises(SystemExit) as stop:
+        main(["cosim", str(foreign), str(log), "--trust", *words])
+    assert stop.value.code == 0
+    assert "kept at their start values: q[2]." in capsys.readouterr().out
+    (run,) = cosimulate(foreign, [log], mapped=mapped, trust=True).runs
+    assert run.errors(0).max == pytest.approx(0.0, abs=0.01)
+    assert run.readings[1] == pytest.approx(26.85)  # the room's, for nothing heats it
+
+
 def test_the_command_draws_what_it_compared(foreign: Path, log: Path, tmp_path: Path) -> None:
     plot = tmp_path / "log.png"
     words = ["cosim", foreign, log, "--trust", "--plot", plot]

@@ -267,6 +267,137 @@ def test_parameters_of_a_system_come_from_its_bindings(fmus: dict[str, Path], tm
         assert session.read(["winding.capacity"])[0] == pytest.approx(80.0)
 
 
+NESTED = """<?xml version="1.0" encoding="UTF-8"?>
+<ssd:SystemStructureDescription xmlns:ssc="http://ssp-standard.org/SSP1/SystemStructureCommon"
+ xmlns:ssd="http://ssp-standard.org/SSP1/SystemStructureDescription"
+ xmlns:ssv="http://ssp-standard.org/SSP1/SystemStructureParameterValues" version="1.0" name="nested">
+<ssd:System name="nested">
+ <ssd:Connectors>
+  <ssd:Connector name="winding.torque" kind="input"><ssc:Real unit="kN*m"/></ssd:Connector>
+  <ssd:Connector name="air.temperature" kind="input"><ssc:Real unit="degC"/></ssd:Connector>
+  <ssd:Connector name="winding.temperature" kind="output"><ssc:Real unit="degC"/></ssd:Connector>
+  <ssd:Connector name="C" kind="parameter"><ssc:Real unit="kJ/K"/></ssd:Connector>
+ </ssd:Connectors>
+ <ssd:ParameterBindings><ssd:ParameterBinding><ssd:ParameterValues>
+  <ssv:ParameterSet version="1.0" name="v"><ssv:Parameters>
+   <ssv:Parameter name="C"><ssv:Real value="20000" unit="mJ/K"/></ssv:Parameter>
+   <ssv:Parameter name="drive.body.housing.capacity"><ssv:Real value="160"/></ssv:Parameter>
+  </ssv:Parameters></ssv:ParameterSet>
+ </ssd:ParameterValues></ssd:ParameterBinding></ssd:ParameterBindings>
+ <ssd:Elements>
+  <ssd:System name="drive">
+   <ssd:Connectors>
+    <ssd:Connector name="load" kind="input"><ssc:Real unit="N*m"/></ssd:Connector>
+    <ssd:Connector name="room" kind="input"><ssc:Real/></ssd:Connector>
+    <ssd:Connector name="coil" kind="output"><ssc:Real unit="K"/></ssd:Connector>
+    <ssd:Connector name="C" kind="parameter"><ssc:Real unit="J/K"/></ssd:Connector>
+   </ssd:Connectors>
+   <ssd:Elements>
+    <ssd:Component name="motor" source="motor.fmu"/>
+    <ssd:Component name="body" source="body.fmu">
+     <ssd:ParameterBindings><ssd:ParameterBinding><ssd:ParameterValues>
+      <ssv:ParameterSet version="1.0" name="v"><ssv:Parameters>
+       <ssv:Parameter name="housing.capacity"><ssv:Real value="1"/></ssv:Parameter>
+      </ssv:Parameters></ssv:ParameterSet>
+     </ssd:ParameterValues></ssd:ParameterBinding></ssd:ParameterBindings>
+    </ssd:Component>
+   </ssd:Elements>
+   <ssd:Connections>
+    <ssd:Connection startElement="motor" startConnector="winding.temperature"
+     endElement="body" endConnector="coil.temperature"/>
+    <ssd:Connection startElement="body" startConnector="housing.temperature"
+     endElement="motor" endConnector="case.temperature"/>
+    <ssd:Connection startConnector="load" endElement="motor" endConnector="winding.torque"/>
+    <ssd:Connection startConnector="room" endElement="body" endConnector="air.temperature"/>
+    <ssd:Connection startElement="motor" startConnector="winding.temperature" endConnector="coil"/>
+    <ssd:Connection startConnector="C" endElement="motor" endConnector="winding.capacity">
+     <ssc:LinearTransformation factor="2"/></ssd:Connection>
+   </ssd:Connections>
+  </ssd:System>
+ </ssd:Elements>
+ <ssd:Connections>
+  <ssd:Connection startConnector="winding.torque" endElement="drive" endConnector="load"/>
+  <ssd:Connection startConnector="air.temperature" endElement="drive" endConnector="room"/>
+  <ssd:Connection startElement="drive" startConnector="coil" endConnector="winding.temperature"/>
+  <ssd:Connection startConnector="C" endElement="drive" endConnector="C"/>
+ </ssd:Connections>
+</ssd:System>
+<ssd:Units>
+ <ssc:Unit name="degC"><ssc:BaseUnit K="1" offset="273.15"/></ssc:Unit>
+ <ssc:Unit name="K"><ssc:BaseUnit K="1"/></ssc:Unit>
+ <ssc:Unit name="N*m"><ssc:BaseUnit kg="1" m="2" s="-2"/></ssc:Unit>
+ <ssc:Unit name="kN*m"><ssc:BaseUnit kg="1" m="2" s="-2" factor="1000"/></ssc:Unit>
+ <ssc:Unit name="J/K"><ssc:BaseUnit kg="1" m="2" s="-2" K="-1"/></ssc:Unit>
+ <ssc:Unit name="kJ/K"><ssc:BaseUnit kg="1" m="2" s="-2" K="-1" factor="1000"/></ssc:Unit>
+</ssd:Units>
+</ssd:SystemStructureDescription>
+"""
+
+
+@pytest.fixture
+def nested(fmus: dict[str, Path], tmp_path: Path) -> Path:
+    """Winding and housing as a system within a system, whose connectors have units of their own."""
+    path = tmp_path / "nested.ssd"
+    for name, file in fmus.items():
+        shutil.copy(file, tmp_path / f"{name}.fmu")
+    path.write_text(NESTED)
+    return path
+
+
+@pytest.mark.long
+def test_a_system_within_a_system_is_driven_by_the_outer_ones_connectors(nested: Path, tmp_path: Path) -> None:
+    """Units go with connectors: a log's N·m and degC; outer values come first, here C = 2 · 20 J/K, and 160 for 1."""
+    _valid(NESTED.encode(), "Description")
+    n = 40
+    table = pd.DataFrame({"time": np.arange(n), "temperature.air": 25.0, "torque.winding": 6.0})
+    truth = np.array([_both(6.0, float(k)) if k else np.full(2, 25.0) for k in range(n + 1)])
+    table["temperature.winding"] = truth[:n, 0]
+    table.to_csv(tmp_path / "log.csv", index=False)
+    outputs, target = tmp_path / "out.csv", tmp_path / "found.json"
+    _run("cosim", nested, tmp_path / "log.csv", "-o", outputs, "--json", target)
+    (run,) = cosimulate(nested, [tmp_path / "log.csv"]).runs
+    assert run.nodes == ("winding",)
+    assert run.errors(0).max == pytest.approx(0.0, abs=1e-6)
+    seen = pd.read_csv(outputs)
+    assert np.abs(seen["temperature.winding"] - truth[1:, 0]).max() < 1e-6
+    assert np.abs(seen["temperature.housing"] - truth[1:, 1]).max() < 1e-6
+    with Connected(nested) as system:
+        assert system.input_names == ["winding.torque", "air.temperature"]
+        system.reset({"winding.temperature": 30.0})
+        assert system._sessions["drive.motor"].read(["winding.temperature"])[0] == pytest.approx(30.0 + ZERO)
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({'endElement="drive" endConnector="load"': 'endElement="motor" endConnector="load"'}, "one of drive"),
+        ({'endConnector="room"': 'endConnector="load"'}, "one connection"),
+        (
+            {'<ssc:Unit name="N*m"><ssc:BaseUnit kg="1" m="2"': '<ssc:Unit name="N*m"><ssc:BaseUnit kg="1" m="1"'},
+            "turned",
+        ),
+        ({'factor="2"/>': 'factor="0"/>'}, "factor of 0"),
+        (
+            {
+                'startElement="motor" startConnector="winding.temperature" endConnector="coil"': (
+                    'startConnector="load" endConnector="coil"'
+                ),
+                'startConnector="winding.torque"': 'startElement="drive" startConnector="coil"',
+            },
+            "not a circle",
+        ),
+    ],
+)
+def test_connectors_that_lead_nowhere_are_refused(changes: dict[str, str], said: str, nested: Path) -> None:
+    text = NESTED
+    for old, new in changes.items():
+        assert old in text
+        text = text.replace(old, new)
+    nested.write_text(text)
+    with pytest.raises(InputError, match=said):
+        Connected(nested)
+
+
 @pytest.mark.parametrize(
     ("connection", "said"),
     [

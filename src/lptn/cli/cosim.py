@@ -90,6 +90,8 @@ def _show_cosimulation(done: Cosimulation, details: bool) -> None:
     heads = ("run", "node", ">RMSE", ">max |error|", ">mean error", ">max |FMU − model|")
     title, most = "error = predicted by the FMU − measured", None if details else options.ROWS
     show_table(heads, [cells for _, cells in rows], title, most)
+    if kept := dict.fromkeys(name for run in done.runs for name in run.kept):
+        print(f"Not in the log, so kept at their start values: {', '.join(kept)}.")
     steps, seconds = sum(len(run.run) for run in done.runs), sum(run.seconds for run in done.runs)
     simulated = sum(len(run.run) * run.run.step for run in done.runs)
     speed = simulated / max(seconds, 1e-9)
