@@ -2,58 +2,22 @@
 
 from __future__ import annotations
 
-import os
 import re
-import shutil
-import subprocess
-import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, Page, Response, expect, sync_playwright
+from playwright.sync_api import Browser, Page, Response, expect
 from playwright.sync_api import TimeoutError as NeverSeen
 
-from tests.workbench.conftest import EXAMPLE, unpacked
+from tests.workbench.conftest import CHROMIUM, PATIENCE, Server, unpacked
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 pytestmark = [
     pytest.mark.long,
     pytest.mark.skipif(CHROMIUM is None, reason="no chromium: the workbench is not looked at in a browser"),
 ]
-PATIENCE = 60_000  # ms, for a fit on a busy machine
 BEGINS = 10_000  # ms, within which work is shown that takes longer than a look of the page at the server
-FILES = [str(EXAMPLE / "two_heaters.toml"), str(EXAMPLE / "log.csv"), "--holdout-after", "300"]
-
-
-class Server:
-    """`lptn open`, as a person starts it."""
-
-    def __init__(self, state: Path, port: int = 0, files: Sequence[str] = FILES) -> None:
-        surroundings = os.environ | {"XDG_STATE_HOME": str(state), "PYTHONUNBUFFERED": "1"}
-        words = [sys.executable, "-m", "lptn", "open", *files, "--no-browser", "--port", str(port)]
-        self.process = subprocess.Popen(words, env=surroundings, stdout=subprocess.PIPE, text=True)
-        assert self.process.stdout is not None
-        lines = [self.process.stdout.readline().strip() for _ in range(2)]
-        match = re.fullmatch(r"(http://127\.0\.0\.1:(\d+))/\?token=\S+", lines[1])
-        assert match, lines
-        self.address, self.home, self.port = match[0], match[1], int(match[2])
-
-    def kill(self) -> None:
-        """As a crash does."""
-        with self.process:
-            self.process.kill()
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    """Debian's browser, without a screen."""
-    expect.set_options(timeout=PATIENCE)
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        yield browser
-        browser.close()
 
 
 def _order(page: Page, button: str) -> None:

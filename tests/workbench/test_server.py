@@ -119,7 +119,7 @@ def test_the_page_and_all_that_it_names_is_there(browser: TestClient) -> None:
     for name in ("/uplot/uPlot.css", "/style.css", "/page.js"):
         assert name in page
         assert browser.get(name).status_code == 200
-    for name in ("/sections.js", "/plots.js", "/uplot/uPlot.esm.js"):
+    for name in ("/sections.js", "/begin.js", "/plots.js", "/uplot/uPlot.esm.js"):
         assert browser.get(name).headers["content-type"].startswith("text/javascript")
     assert browser.get("/../pyproject.toml").status_code == 404
 
@@ -434,6 +434,7 @@ def test_nothing_is_read_or_written_through_a_link_in_a_study(name: str, tmp_pat
 
 def test_the_example_in_the_package_is_the_example(tmp_path: Path) -> None:
     opening = EXAMPLES["tclab"].opening(tmp_path)
+    assert opening.model is not None
     for path, name in ((opening.model, "two_heaters.toml"), (opening.fit[0], "log.csv")):
         assert path.read_bytes() == (EXAMPLE / name).read_bytes()
     assert opening.study().data.holdout

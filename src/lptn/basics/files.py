@@ -11,7 +11,7 @@ import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from lptn.basics.bounds import TEXT, Bound
 from lptn.basics.errors import InputError
@@ -115,15 +115,27 @@ def write_whole(path: Path, content: str | bytes) -> None:
             with open(target, "wb", opener=_without_waiting) as stream:
                 stream.write(data)
             return
-        part = _part(target, data)
-        try:
-            part.replace(target)
-        except BaseException:
-            part.unlink(missing_ok=True)
-            raise
-        _force_to_disk(target.parent)
+        with whole_file(target) as stream:
+            stream.write(data)
     except OSError as error:
         raise _cannot_write(path, error) from error
+
+
+@contextmanager
+def whole_file(target: Path) -> Iterator[BinaryIO]:
+    """A file that is written piece by piece, and has its name once the block ends; where that raises there is none.
+
+    Raises:
+        OSError: it can't be written, or the disk is full.
+    """
+    with _part(target) as (part, stream):
+        yield stream
+    try:
+        part.replace(target)
+    except BaseException:
+        part.unlink(missing_ok=True)
+        raise
+    _force_to_disk(target.parent)
     _remove_abandoned(target)
 
 
@@ -176,7 +188,8 @@ def _fill(folder: Path, contents: Mapping[str, bytes]) -> None:
     parts: dict[str, Path] = {}
     try:
         for name, data in contents.items():
-            parts[name] = _part(folder / name, data)
+            with _part(folder / name) as (parts[name], stream):
+                stream.write(data)
         with _locked(folder):
             for name, part in parts.items():
                 part.replace(folder / name)
@@ -234,13 +247,14 @@ def _real(path: Path) -> Path:
     return real_path(path) if path.is_symlink() else path
 
 
-def _part(target: Path, data: bytes) -> Path:
-    """The content on the disk under another name, with the permissions that it will have."""
+@contextmanager
+def _part(target: Path) -> Iterator[tuple[Path, BinaryIO]]:
+    """A file under another name, and a stream into it; once the block ends, it is on the disk with its permissions."""
     part = target.parent / _temporary_name(target.name)
     handle = os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o666)
     try:
         with os.fdopen(handle, "wb") as stream:
-            stream.write(data)
+            yield part, stream
             stream.flush()
             os.fsync(stream.fileno())
         with suppress(FileNotFoundError):
@@ -248,7 +262,6 @@ def _part(target: Path, data: bytes) -> Path:
     except BaseException:
         part.unlink(missing_ok=True)
         raise
-    return part
 
 
 def _temporary_name(name: str) -> str:

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from lptn.basics.arrays import FloatArray
     from lptn.diagnose.excitation import Identifiability
     from lptn.logs.issue import Issue
-    from lptn.logs.run import Run
     from lptn.model.model import Model
     from lptn.simulate.bound_run import BoundRun
     from lptn.workbench.log_content import LogContent
@@ -121,7 +120,7 @@ def _show_logs(contents: Sequence[LogContent], lines_of: Callable[[LogContent], 
         own = [line for line in own if line not in common]
         quiet += not own
         if own or whole or quiet <= FEW:
-            print(f"{content.path.name} ({content.kind}): {_lengths(content.runs)}")
+            print(f"{content.path.name} ({content.kind}): {content.lengths}")
         for line in own:
             print(line)
     if quiet > FEW and not whole:
@@ -196,18 +195,6 @@ def _missing_lines(content: LogContent, proposed: Sequence[str]) -> Iterator[str
             '    Then drive the model by them: input = "current" in place of torque_constant, in each [[effects]] of '
             "kind copper_loss."
         )
-
-
-def _lengths(runs: Sequence[Run]) -> str:
-    if not runs:
-        return "it can't be used yet"
-    from lptn.report.text import time_span
-
-    steps = sum(len(run) for run in runs)
-    first = runs[0]
-    kind = "means" if first.averaged else "samples"
-    pieces = f" in {len(runs)} pieces between gaps" if len(runs) > 1 else ""
-    return f"{steps} {kind} of {first.step:g} s, {time_span(steps * first.step)}{pieces}"
 
 
 def _show_nodes(model: Model, bound_runs: Sequence[BoundRun]) -> None:

@@ -30,29 +30,35 @@ def open(  # noqa: A001 - the command's name
     It shows where the model fails and what is missing, and adds it. The page is served on this machine only. Your work
     is saved: the same command continues it. Ctrl-C ends it.
 
-    Without a model it offers a tour of two examples, five minutes each.
+    It begins with files: without any, drop them on the page, or take a tour of two examples, five minutes each. Where
+    there is no model, or columns have other names, the page asks what they mean.
 
     Example: lptn open leg.toml monday.parquet --holdout friday.parquet
+
+    Example: lptn open monday.csv tuesday.csv
 
     Args:
         browser: Open the browser; otherwise only print the address.
         port: Port of the server; by default a free one.
     """
-    if model is None:
-        if given := [word for word, value in (("--holdout", data.holdout), ("--test", test)) if value]:
-            raise InputError("command line", "MODEL", f"{given[0]} without a model", "a model file with its logs")
-    else:
+    held_out = [*(data.holdout or ()), *(test or ())]
+    if model is not None and _is_log(model):
+        logs, model = (model, *logs), None
+    if model is not None:
         options.needs_logs(logs)
-        options.check_inputs(model, *logs, *(data.holdout or ()), *(test or ()))
+        options.check_inputs(model, *logs, *held_out)
+    elif not logs and (given := [word for word, value in (("--holdout", data.holdout), ("--test", test)) if value]):
+        raise InputError("command line", "MODEL", f"{given[0]} without a model", "a model file with its logs")
+    options.check_logs(*logs, *held_out)
     from lptn.workbench.server import serve
     from lptn.workbench.session import WorkbenchSession
 
-    session = WorkbenchSession(None if model is None else data.opening(model, logs, test))
+    session = WorkbenchSession(data.opening(model, logs, test) if logs else None)
     with progress("reading"):
         session.open()
 
     def ready(address: str, page: Path) -> None:
-        where = f"; kept in {session.folder}" if session.folder else " (examples; give a model and logs for your own)"
+        where = f"; kept in {session.folder}" if session.folder else ""
         print(f"The workbench, until Ctrl-C{where}", flush=True)
         print(address, flush=True)
         if browser:
@@ -62,6 +68,12 @@ def open(  # noqa: A001 - the command's name
     with suppress(KeyboardInterrupt):
         serve(session, port, ready)
     print("Ended; the same command continues from here.")
+
+
+def _is_log(path: Path) -> bool:
+    from lptn.logs.reading import ENDINGS, pair_of
+
+    return path.is_dir() or path.name.endswith(ENDINGS) or pair_of(path) is not None
 
 
 def _show(page: Path) -> None:

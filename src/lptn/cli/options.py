@@ -122,7 +122,7 @@ class Data(HeldOut):
     torque_error: Annotated[float | None, Option(validator=validators.Number(gte=0))] = None
     surface_error: Annotated[float | None, Option(validator=validators.Number(gte=0))] = None
 
-    def opening(self, model: Path, logs: Sequence[Path], test: Sequence[Path] | None = None) -> Opening:
+    def opening(self, model: Path | None, logs: Sequence[Path], test: Sequence[Path] | None = None) -> Opening:
         """A model file with its logs and all this."""
         from lptn.workbench.opening import Opening
 
@@ -183,6 +183,11 @@ def check_inputs(model: Path, *logs: Path) -> None:
         InputError: the model file can't be read, or there is no such log.
     """
     text_of(model, MODEL_FILE)
+    check_logs(*logs)
+
+
+def check_logs(*logs: Path) -> None:
+    """Refuse missing logs; as `check_inputs`."""
     for log in logs:
         if "+" not in str(log) and not log.exists():
             raise InputError(log, "log", "no such file", "the path of a log")

@@ -24,7 +24,7 @@ START = "start"
 HEATS = ("torque", "current")
 INPUTS = (*HEATS, "velocity")
 """Quantities that drive a joint's heat."""
-_SI = {
+SI_UNITS = {
     "time": "s",
     "temperature": "degC",
     "torque": "N*m",
@@ -38,11 +38,12 @@ _SI = {
     "irradiance": "W/m^2",
     **dict.fromkeys(("powered", "fan"), "1"),
 }
+"""What each quantity is in; degC for temperatures."""
 
 
 def column_unit(column: str) -> str:
     """The unit that a log column of lptn's has by its quantity, empty where the quantity has none."""
-    return _SI.get(quantity_of(column), "")
+    return SI_UNITS.get(quantity_of(column), "")
 
 
 # pint reads Nm as "number metre" and does not know rev; 1/s is rad/s to it, while of a shaft it means turns.
@@ -58,10 +59,10 @@ def to_si(values: FloatArray, quantity: str, unit: str | None) -> FloatArray:
     if unit is None:
         return values
     name = (_SPELLINGS | (_TURNS if quantity.startswith("velocity") else {})).get(unit, unit)
-    if quantity in _SI and name == _SI[quantity]:  # the usual case, and pint takes half a second to begin
+    if quantity in SI_UNITS and name == SI_UNITS[quantity]:  # the usual case, and pint takes half a second to begin
         return np.asarray(values, dtype=np.float64)
     measured = registry().Quantity(values, registry().parse_units(name))
-    converted = measured.to(_SI[quantity]) if quantity in _SI else measured.to_base_units()
+    converted = measured.to(SI_UNITS[quantity]) if quantity in SI_UNITS else measured.to_base_units()
     return np.asarray(converted.magnitude, dtype=np.float64)
 
 
@@ -334,8 +335,8 @@ def _source(key: str, entry: object, file: str | Path, place: str) -> ColumnSour
     quantity, wanted = quantity_of(key), "its quantity, such as V"
     if settings.get("value") == START and quantity != "temperature":
         raise InputError(file, f"{place} value", f'"{START}"', "a number; the start tells temperatures alone")
-    if quantity in _SI:
-        wanted = f"{quantity.partition('_')[0]}, such as {_SI[quantity]}"
+    if quantity in SI_UNITS:
+        wanted = f"{quantity.partition('_')[0]}, such as {SI_UNITS[quantity]}"
     try:
         to_si(np.zeros(1), quantity, settings.get("unit"))
     except Exception as error:  # pint raises a dozen kinds of its own and Python's for a text that is no unit

@@ -9,14 +9,14 @@ from typing import Any
 
 import tomlkit
 
-from lptn.basics.errors import MODEL_FILE, InputError
+from lptn.basics.errors import MODEL_FILE, InputError, one_line, shown
 from lptn.basics.files import text_of, write_whole
 from lptn.basics.parameters import Parameter, Setting, Share
 from lptn.basics.places import is_glob, run_label
 from lptn.basics.toml import mistakes_by_line, toml_of
 from lptn.basics.units import convert
 from lptn.effects import effect_named
-from lptn.logs.columns import ColumnSource, parse_columns
+from lptn.logs.columns import ColumnSource, parse_columns, toml_line
 from lptn.model.network import EffectDeclaration, Key, Network
 from lptn.model.tables import AMBIENT, File, FitTable, FittedTable, Reader, flat_columns
 
@@ -152,6 +152,44 @@ def parse_model(text: str, path: Path) -> ModelFile:
     entries = {name: FittedTable(value=values[name], error=error) for name, error in errors.items()}
     fit = tables.fit.model_copy(update={"parameters": entries | tables.fit.parameters})
     return ModelFile(path, text, network, columns, tables.model.step, fit)
+
+
+def with_column(text: str, path: Path, key: str, source: ColumnSource | None, why: str = "") -> str:
+    """The text of a model file with an entry of `[columns]`, all else as it stands.
+
+    Args:
+        text: of the file, which need not be a whole model yet.
+        path: for messages.
+        key: `time` or `<quantity>.<place>`, perhaps with `@` and a run's name.
+        source: where it stands; `None` takes the entry away.
+        why: a comment behind the entry.
+
+    Raises:
+        InputError: the text is not TOML.
+    """
+    with mistakes_by_line(path, text):
+        toml_of(path, text)
+    document = tomlkit.parse(text)
+    if "columns" not in document:
+        document["columns"] = tomlkit.table()
+    table: Any = document["columns"]
+    if not isinstance(table, Mapping):
+        raise InputError(path, "columns", shown(table), "a table [columns]")
+    quantity, _, place = key.partition(".")
+    if isinstance(table.get(quantity), Mapping) and place in table[quantity]:  # without quotes: a table in the table
+        table, key = table[quantity], place
+    if source is None:
+        table.pop(key, None)
+        return tomlkit.dumps(document)
+    item: Any = next(iter(tomlkit.parse(toml_line(key, source)).values()))
+    item.trivia.trail = "\n"
+    if key in table:
+        table[key] = item
+    else:
+        _append(table, key, item)
+    trivia = table[key].trivia  # of an entry that is replaced tomlkit keeps the comment
+    trivia.comment_ws, trivia.comment = ("   ", f"# {one_line(why)}") if why else ("", "")
+    return tomlkit.dumps(document)
 
 
 def _effect_table(effect: EffectDeclaration) -> tomlkit.items.Table:

@@ -11,8 +11,11 @@ import logging
 import pickle
 import sys
 import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from multiprocessing.connection import Connection
 from pathlib import Path
+from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
@@ -24,9 +27,11 @@ from lptn.basics.parameters import Setting
 from lptn.basics.processes import begin_as_worker
 from lptn.diagnose.answers import Step
 from lptn.identify.data import Stretch
+from lptn.logs.reading import ENDINGS
 from lptn.study import Study
-from lptn.workbench.bench import Bench
+from lptn.workbench.bench import Bench, News
 from lptn.workbench.content import content_of, step_content
+from lptn.workbench.desk import MODEL, Desk, is_desk
 from lptn.workbench.opening import EXAMPLES, Opening
 from lptn.workbench.orders import Keep, Order
 
@@ -34,18 +39,22 @@ logger = logging.getLogger("lptn")
 
 STUDY, STEPS = "study.pickle", "steps.json"
 """Files of a session: the study as this version of lptn holds it, and what was done, for any other version."""
+_MOST_RECENT = 12  # studies on the page that a workbench begins with
 _LONGEST_STEM = 50  # characters of a model file's name in the session's: four bytes each at most, and 255 are allowed
 
 
-def work(pipe: Connection, opening: Opening | str, sessions: Path, parent: int, after_a_stop: bool = False) -> None:
+def work(
+    pipe: Connection, opening: Opening | str | Path, sessions: Path, parent: int, after_a_stop: bool = False
+) -> None:
     """Read the study, go on from where its session ended, and do orders until the other side closes.
 
-    Says `("opened", folder)`, `("said", text)`, `("warned", text)`, `("found", rows)`, `("shown", content, news)`,
+    Files that are no study yet stand on a desk, until the page opens them. Says `("opening", what)`,
+    `("opened", folder)`, `("said", text)`, `("warned", text)`, `("found", rows)`, `("shown", content, news)`,
     `("done",)`, `("failed", text)`, or `("refused", error)` where it can't begin.
 
     Args:
         pipe: where orders come from and answers go.
-        opening: the model file, logs and options; or the name of an example.
+        opening: the model file, logs and options; the name of an example; or a desk's folder.
         sessions: the folder of all sessions.
         parent: the server's process.
         after_a_stop: somebody ended the work before: it does not begin by itself.
@@ -57,7 +66,10 @@ def work(pipe: Connection, opening: Opening | str, sessions: Path, parent: int, 
         if isinstance(opening, str):
             # Its files are written beside the sessions: nothing lands in the user's own folders.
             opening = EXAMPLES[opening].opening(own_folder(sessions / f"example-{opening}"))
-        bench = _opened(pipe, opening, sessions, after_a_stop)
+        begun = _begun(pipe, opening, sessions, after_a_stop)
+        if begun is None:
+            return
+        bench, opening = begun
     except InputError as error:
         pipe.send(("refused", error))
         return
@@ -75,11 +87,58 @@ def work(pipe: Connection, opening: Opening | str, sessions: Path, parent: int, 
         _done(pipe, bench, opening, order)
 
 
+def _begun(
+    pipe: Connection, opening: Opening | Path, sessions: Path, after_a_stop: bool
+) -> tuple[Bench, Opening] | None:
+    """The study of some files; by way of a desk where they are on one, or where columns of a log have to be named.
+
+    Raises:
+        InputError: a file can't be used.
+        OSError: a folder can't be made, or others can write to it.
+    """
+    desk = Desk(opening) if isinstance(opening, Path) else None
+    if isinstance(opening, Opening) and opening.model is None:
+        desk = Desk.of(sessions, opening)
+    while True:
+        if desk is not None:
+            ordered = _at_desk(pipe, desk, reading=not after_a_stop)
+            if ordered is None:
+                return None
+            opening, after_a_stop = ordered, False
+        assert isinstance(opening, Opening)
+        try:
+            return _opened(pipe, opening, sessions, after_a_stop), opening
+        except InputError as error:
+            if desk is None:
+                if not error.place.startswith("column") or error.file == str(opening.model):
+                    raise
+                desk = Desk.of(sessions, opening)
+            pipe.send(("failed", one_line(error)))
+
+
+def _at_desk(pipe: Connection, desk: Desk, *, reading: bool) -> Opening | None:
+    """Do what the page orders of the files, until it opens them; `None` where the other side closes."""
+    pipe.send(("opening", desk.folder))
+    pipe.send(("opened", desk.folder))
+    while True:
+        pipe.send(("shown", {"desk": desk.content(reading=reading), "file": desk.text}, News()))
+        pipe.send(("done",))
+        try:
+            order = pipe.recv()
+        except EOFError:
+            return None
+        reading = True
+        with _told(pipe):
+            if (opening := desk.do(order)) is not None:
+                pipe.send(("opening", opening))
+                return opening
+
+
 def _done(pipe: Connection, bench: Bench, opening: Opening, order: Order | Keep) -> None:
     def found(steps: tuple[Step, ...]) -> None:
         pipe.send(("found", [step_content(step) for step in steps[1:]]))
 
-    try:
+    with _told(pipe):
         bench.do(order, found)
         if order.what == "diagnose":
             _show(pipe, bench, opening)  # the answers, before the rest of them is worked out
@@ -87,6 +146,13 @@ def _done(pipe: Connection, bench: Bench, opening: Opening, order: Order | Keep)
         if order.what in ("diagnose", "improve"):
             bench.look_closer()
         _save(bench, opening)
+
+
+@contextmanager
+def _told(pipe: Connection) -> Iterator[None]:
+    """What goes wrong within is said."""
+    try:
+        yield
     except InputError as error:
         pipe.send(("failed", one_line(error)))
     except Exception as error:  # a bug of ours: the page says it, the terminal has the rest, and the study stays
@@ -115,8 +181,10 @@ class _Telling(logging.Handler):
 class _Done(BaseModel):
     """What was done in a session, as its folder says it."""
 
+    name: str = ""
     model: str
     logs: list[str]
+    opening: Opening | None = None
     stretches: list[Stretch] = []
     steps: list[tuple[str, str]] = []
     settings: list[Setting] = []
@@ -131,6 +199,7 @@ def _opened(pipe: Connection, opening: Opening, sessions: Path, after_a_stop: bo
     """
     study = opening.study()
     fingerprint = opening.fingerprint(study)
+    assert opening.model is not None
     folder = own_folder(sessions / f"{opening.model.stem[:_LONGEST_STEM]}-{fingerprint[:10]}")
     pipe.send(("opened", folder))
     bench = Bench(study, folder, fingerprint)
@@ -176,7 +245,13 @@ def _save(bench: Bench, opening: Opening) -> None:
     logs = [str(log) for log in (*opening.fit, *opening.holdout, *opening.test)]
     steps = [step.key for step in study.steps[1:]]
     done = _Done(
-        model=str(opening.model), logs=logs, stretches=list(study.stretches), steps=steps, settings=list(study.settings)
+        name=study.model.network.name,
+        model=str(opening.model),
+        logs=logs,
+        opening=opening,
+        stretches=list(study.stretches),
+        steps=steps,
+        settings=list(study.settings),
     )
     write_whole(bench.folder / STEPS, done.model_dump_json(indent=2) + "\n")
     stored = pickle.dumps(_written_by(bench.fingerprint)) + pickle.dumps((study, bench.heat))
@@ -185,3 +260,43 @@ def _save(bench: Bench, opening: Opening) -> None:
 
 def _written_by(fingerprint: str) -> tuple[str, ...]:
     return lptn.__version__, sys.version, fingerprint
+
+
+def recent(sessions: Path) -> list[dict[str, Any]]:
+    """The studies that can be opened again and the desks without one, the last that was changed first."""
+    found, of_studies = list[dict[str, Any]](), set[str]()
+    folders = [folder for folder in sessions.iterdir() if folder.is_dir()] if sessions.is_dir() else []
+    for folder in folders:
+        with suppress(OSError, ValidationError):
+            done = _Done.model_validate_json((folder / STEPS).read_bytes())
+            if done.opening is not None and done.opening.model is not None:
+                desk = done.opening.model.parent.name
+                of_studies.add(desk)
+                desk = desk if is_desk(sessions / desk) else ""
+                logs = [Path(log).name for log in done.logs]
+                about = {"study": folder.name, "desk": desk, "name": done.name, "logs": logs, "steps": len(done.steps)}
+                found.append(about | {"changed": (folder / STEPS).stat().st_mtime})
+    for folder in folders:
+        if is_desk(folder) and folder.name not in of_studies:
+            with suppress(OSError):
+                logs = sorted(path.name for path in folder.iterdir() if path.name.endswith(ENDINGS))
+                about = {"study": "", "desk": folder.name, "name": "", "logs": logs, "steps": 0}
+                if logs or (folder / MODEL).is_file():
+                    found.append(about | {"changed": folder.stat().st_mtime})
+    return sorted(found, key=lambda one: -one["changed"])[:_MOST_RECENT]
+
+
+def reopened(sessions: Path, name: str) -> Opening | Path:
+    """What one of these is opened with.
+
+    Raises:
+        InputError: there is none of that name.
+    """
+    if any(one["desk"] == name for one in recent(sessions)):
+        return sessions / name
+    with suppress(OSError, ValidationError):
+        if any(one["study"] == name for one in recent(sessions)):
+            done = _Done.model_validate_json((sessions / name / STEPS).read_bytes())
+            if done.opening is not None:
+                return done.opening
+    raise InputError(one_line(name), "study", "none of that name", "one that the page lists")

@@ -14,6 +14,7 @@ from lptn.logs.issue import Issue
 from lptn.logs.reading import choose_columns, open_log
 from lptn.logs.run import Run
 from lptn.logs.tables import Table, column_sources
+from lptn.report.text import time_span
 from lptn.simulate.bound_run import needed_columns
 
 
@@ -85,6 +86,16 @@ class LogContent:
         """The columns that are not used."""
         taken = {name for names in self.used.values() for name in names}
         return tuple(name for name in dict.fromkeys(self.table.names) if name not in taken)
+
+    @property
+    def lengths(self) -> str:
+        """How long it is, in words."""
+        if not self.runs:
+            return "it can't be used yet"
+        steps, first = sum(len(run) for run in self.runs), self.runs[0]
+        kind = "means" if first.averaged else "samples"
+        pieces = f" in {len(self.runs)} pieces between gaps" if len(self.runs) > 1 else ""
+        return f"{steps} {kind} of {first.step:g} s, {time_span(steps * first.step)}{pieces}"
 
     @property
     def issues(self) -> list[Issue]:

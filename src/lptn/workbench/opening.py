@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 
+from lptn.basics.errors import InputError
 from lptn.basics.files import write_whole
 from lptn.identify.fitting import fingerprint_of
 from lptn.robots.presets import preset_text
@@ -16,10 +17,10 @@ from lptn.study import Study
 
 @dataclass(frozen=True)
 class Opening:
-    """A model file with its logs: the arguments of `lptn.Study`, by their names."""
+    """A model file with its logs: the arguments of `lptn.Study`, by their names; without a model it is no study yet."""
 
-    model: Path
-    fit: tuple[Path, ...]
+    model: Path | None
+    fit: tuple[Path, ...] = ()
     holdout: tuple[Path, ...] = ()
     test: tuple[Path, ...] = ()
     holdout_after: float | str | None = None
@@ -35,9 +36,11 @@ class Opening:
             executor: where refits run; here by default.
 
         Raises:
-            InputError: a file can't be used.
+            InputError: a file can't be used, or there is no model.
         """
-        return Study(**vars(self), executor=executor)
+        if self.model is None:
+            raise InputError("the study", "model", "none", "a model file")
+        return Study(**vars(self) | {"model": self.model}, executor=executor)
 
     def fingerprint(self, study: Study) -> str:
         """What tells one session from another: the model's text, the logs' contents and jobs, the options."""
@@ -77,7 +80,7 @@ class Example:
 def _heaters(folder: Path) -> Opening:
     for name in ("two_heaters.toml", "log.csv"):
         write_whole(folder / name, files("lptn.workbench").joinpath("examples", name).read_text(encoding="utf-8"))
-    return Opening(folder / "two_heaters.toml", (folder / "log.csv",), holdout_after=300)
+    return Opening(folder / "two_heaters.toml", (folder / "log.csv",), holdout_after=300.0)
 
 
 def _leg(folder: Path) -> Opening:

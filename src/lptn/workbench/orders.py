@@ -18,10 +18,78 @@ class Plain(_Said):
 
 
 class Open(_Said):
-    """Open an example, where no files were given."""
+    """Open an example."""
 
     what: Literal["example"]
     name: Literal["tclab", "leg"]
+
+
+class Recent(_Said):
+    """Open what was open before, by the name of its folder."""
+
+    what: Literal["recent"]
+    name: str = Field(min_length=1, max_length=300)
+
+
+class Leave(_Said):
+    """Leave what is open, for the page that a workbench begins with."""
+
+    what: Literal["leave"]
+
+
+class Name(_Said):
+    """At the desk: look at the files, take all guesses, remove a file, open the study."""
+
+    what: Literal["look", "guesses", "remove", "begin"]
+    name: str = Field(default="", max_length=5000)
+
+
+class _OfLog(_Said):
+    log: str = Field(max_length=5000)  # a path may be as long
+
+
+class Job(_OfLog):
+    """Say what a log is for."""
+
+    what: Literal["job"]
+    job: Literal["fit", "holdout", "test", "unused"]
+
+
+class HoldOutAfter(_Said):
+    """Hold out the end of each fitted log, from so many seconds after its start; `None` for none."""
+
+    what: Literal["holdout_after"]
+    seconds: FiniteFloat | None = Field(gt=0)
+
+
+class Model(_Said):
+    """Make the model file of the logs' columns, of a ready model, or of a URDF on the desk."""
+
+    what: Literal["model"]
+    source: str = Field(min_length=1, max_length=300)
+
+
+class Map(_OfLog):
+    """Say what a column means, in which unit; nothing, where `key` is empty."""
+
+    what: Literal["map"]
+    column: str = Field(min_length=1, max_length=5000)
+    key: str = Field(max_length=300)
+    unit: str = Field(default="", max_length=50)
+
+
+class Air(_OfLog):
+    """Say how warm the air was throughout a run."""
+
+    what: Literal["air"]
+    value: FiniteFloat | Literal["start"]
+
+
+class Remedy(_OfLog):
+    """Write the line that `check` proposes."""
+
+    what: Literal["remedy"]
+    line: str = Field(min_length=1, max_length=5000)
 
 
 class _Effect(_Said):
@@ -80,7 +148,9 @@ class Keep(_Said):
     steps: tuple[tuple[str, str], ...]
 
 
-Order = Plain | Open | Add | Try | Cut | Set | Back
+AtDesk = Name | Job | HoldOutAfter | Model | Map | Air | Remedy
+"""What is done with the files that a study is made of."""
+Order = Plain | Open | Recent | Leave | Add | Try | Cut | Set | Back | AtDesk
 order: TypeAdapter[Order] = TypeAdapter(Annotated[Order, Field(discriminator="what")])
 """Checks what the page sent."""
 

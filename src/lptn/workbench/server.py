@@ -32,7 +32,8 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 from lptn.basics.arrays import FloatArray
 from lptn.basics.bounds import Bound
 from lptn.basics.errors import InputError
-from lptn.basics.files import finite, write_whole
+from lptn.basics.files import finite, whole_file, write_whole
+from lptn.workbench.desk import FILE
 from lptn.workbench.gate import MOVES_ON, Gate
 from lptn.workbench.lines import packed
 from lptn.workbench.orders import LinesAsked, NetworkAsked, ResidualsAsked, SpecialAsked, order
@@ -67,6 +68,7 @@ def application(session: WorkbenchSession, port: int, *tokens: str) -> Starlette
         Route("/residuals", _answering(ResidualsAsked, session.residuals, _as_json)),
         Route("/network", _answering(NetworkAsked, session.network, JSONResponse)),
         Route("/order", site.order, methods=["POST"]),
+        Route("/file", site.file, methods=["POST"]),
         Route("/stop", site.stop, methods=["POST"]),
         Route("/result/{name}", site.result),
         Route("/model", site.model),
@@ -110,6 +112,22 @@ class _Site:
             return _wrong(_in_words(error))
         except BusyError as error:
             return JSONResponse({"error": str(error)}, 409)
+        return JSONResponse({}, 202)
+
+    async def file(self, request: Request) -> Response:
+        words = request.query_params
+        try:
+            path = await run_in_threadpool(self._session.place_for, words.get("name", ""), words.get("based"))
+            await _received(request, path)
+            await run_in_threadpool(self._session.arrived, path)
+        except ClientDisconnect:  # it was cancelled, and nothing is left of it
+            return _wrong("a file that broke off", 400)
+        except BusyError as error:
+            return _wrong(str(error), 409)
+        except InputError as error:
+            return _wrong(str(error), 413)
+        except OSError as error:
+            return _wrong(f"{words.get('name', '')}: {error.strerror or error}", 507)
         return JSONResponse({}, 202)
 
     async def stop(self, _: Request) -> Response:
@@ -170,8 +188,33 @@ async def _short_text(request: Request) -> str:
     return body.decode()
 
 
+async def _received(request: Request, path: Path) -> None:
+    """Write the body of a request to a file piece by piece, whole or not at all.
+
+    Raises:
+        InputError: it is too large, or does not come.
+        OSError: it can't be written.
+    """
+    stated, size = request.headers.get("content-length", "0"), 0
+    FILE.check(int(stated) if stated.isdecimal() else 0, path.name, "file")
+    body = aiter(request.stream())
+    with whole_file(path) as stream:
+        while True:
+            try:
+                async with asyncio.timeout(_PATIENCE):
+                    chunk = await anext(body, b"")
+            except TimeoutError:
+                raise InputError(path.name, "file", "nothing more of it", f"a piece in {_PATIENCE:g} s") from None
+            if not chunk:
+                break
+            size += len(chunk)
+            FILE.check(size, path.name, "file")
+            await run_in_threadpool(stream.write, chunk)
+        await run_in_threadpool(stream.flush)
+
+
 def _wrong(what: str, status: int = 422) -> Response:
-    unread = {"connection": "close"} if status in (408, 413) else None  # of the body, which is not waited for
+    unread = {"connection": "close"} if status in (408, 409, 413, 507) else None  # of the body, which is not waited for
     return JSONResponse({"error": what}, status, unread)
 
 

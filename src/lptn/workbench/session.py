@@ -20,10 +20,24 @@ from lptn.basics.files import finite, held
 from lptn.report.network_drawing import NetworkCourse
 from lptn.report.text import for_people
 from lptn.workbench.bench import News
-from lptn.workbench.calculation import work
+from lptn.workbench.calculation import recent, reopened, work
+from lptn.workbench.desk import FILE, checked_name, new_desk, place_for
 from lptn.workbench.lines import RunLines
 from lptn.workbench.opening import EXAMPLES, Opening
-from lptn.workbench.orders import Keep, LinesAsked, NetworkAsked, Open, Order, ResidualsAsked, SpecialAsked
+from lptn.workbench.orders import (
+    AtDesk,
+    Keep,
+    Leave,
+    LinesAsked,
+    Model,
+    Name,
+    NetworkAsked,
+    Open,
+    Order,
+    Recent,
+    ResidualsAsked,
+    SpecialAsked,
+)
 from lptn.workbench.residuals import Residuals, residuals
 from lptn.workbench.special import Special, special
 
@@ -50,6 +64,8 @@ _WORDS = {
     "redo": "adding again",
     "back": "going back",
     "set": "fitting with the changed parameter",
+    "begin": "reading the logs",
+    **dict.fromkeys(("look", "job", "holdout_after", "model", "map", "air", "remedy", "guesses", "remove"), "reading"),
 }
 
 
@@ -61,12 +77,14 @@ class WorkbenchSession:
     """A study that is shown in several tabs.
 
     Args:
-        opening: model file, logs and options; `None` for the examples, of which the page chooses one.
+        opening: model file, logs and options; `None` for the page that a workbench begins with.
         sessions: the folder of all sessions; by default in the user's state folder.
     """
 
     def __init__(self, opening: Opening | None, sessions: Path | None = None) -> None:
-        self.opening: Opening | str | None = opening
+        self.opening: Opening | Path | str | None = opening
+        """A study's files, a desk's folder, the name of an example; `None` where nothing is open."""
+        self._begins = opening is None  # with a page on which to choose
         self._sessions = platformdirs.user_state_path("lptn") / "sessions" if sessions is None else sessions
         self.folder: Path | None = None
         """Where the session is kept; known once the logs are read."""
@@ -83,7 +101,7 @@ class WorkbenchSession:
         self._refused: InputError | None = None
         self._process: multiprocessing.process.BaseProcess | None = None
         self._pipe: Connection | None = None
-        self._next: Keep | None = None
+        self._next: list[Order | Keep] = []  # to be done when what is being done is done
         self._held: int | None = None  # the lock on the folder
         self._worked = False  # whether the process did what it began with
 
@@ -110,6 +128,7 @@ class WorkbenchSession:
         context = multiprocessing.get_context("spawn")
         here, there = context.Pipe()
         assert self.opening is not None
+        self._refused = None
         arguments = (there, self.opening, self._sessions, os.getpid(), after_a_stop)
         process = context.Process(target=work, args=arguments, daemon=True)
         self._busy = {"what": "open", "words": _BEGINNING, "said": [], "since": time.time()}
@@ -138,11 +157,13 @@ class WorkbenchSession:
         """The process ended by itself, as where memory is short; what can't even begin is not begun again."""
         problem = f"the calculation ended by itself (status {status})"
         if not self._worked:
-            self._refused = InputError("workbench", "process", problem, "one that reads the logs")
-            self._failed, self._busy = str(self._refused), None
+            self._heard_refused(InputError("workbench", "process", problem, "one that reads the logs"))
             return
         self._begin(after_a_stop=True)
         self._failed = f"{problem}; the study is as it was before"
+
+    def _heard_opening(self, opening: Opening | Path) -> None:
+        self.opening, self._begins = opening, True
 
     def _heard_opened(self, folder: Path) -> None:
         if folder != self.folder:  # else it is held since before a stop
@@ -151,12 +172,12 @@ class WorkbenchSession:
         if self._held is None:
             problem = "open already in another `lptn open`, whose changes would be lost"
             expected = "its page in the browser, or that one ended with Ctrl-C"
-            self._heard_refused(InputError(folder, "session", problem, expected))
             if self._process is not None:
                 self._process.kill()
+            self._heard_refused(InputError(folder, "session", problem, expected))
             return
         self.folder = folder
-        if self._busy is not None and not self._content:
+        if self._busy is not None and "tiles" not in self._content and not isinstance(self.opening, Path):
             self._busy["words"] = _WORDS["fit"]
 
     def _let_go(self) -> None:
@@ -180,8 +201,9 @@ class WorkbenchSession:
         self._failed = for_people(text)
 
     def _heard_refused(self, error: InputError) -> None:
-        self._refused = error
-        self._failed = str(error)
+        if self._begins:
+            self._leave()
+        self._refused, self._failed, self._busy = error, str(error), None
 
     def _heard_shown(self, content: dict[str, Any], news: News) -> None:
         self.model_file = str(content.pop("file"))
@@ -195,9 +217,8 @@ class WorkbenchSession:
 
     def _heard_done(self) -> None:
         self._busy, self._worked = None, True
-        order, self._next = self._next, None
-        if order is not None:
-            self._send(order)
+        if self._next:
+            self._send(self._next.pop(0))
 
     def _changed(self) -> None:
         self._version += 1
@@ -222,7 +243,10 @@ class WorkbenchSession:
                 "notes": list(self._notes),
                 "folder": str(self.folder or ""),
                 "files": files,
-                "examples": {} if isinstance(self.opening, Opening) else _examples(),
+                "begins": self._begins,
+                "recent": recent(self._sessions) if self._begins and self.opening is None else [],
+                "largest": FILE.most,
+                "examples": _examples() if self._begins and not isinstance(self.opening, Opening) else {},
                 "example": self.opening if isinstance(self.opening, str) else "",
             }
             return {**self._content, **state}
@@ -291,12 +315,14 @@ class WorkbenchSession:
         Raises:
             BusyError: another one is being done.
         """
-        if isinstance(order, Open):
-            self._show_example(order.name)
+        if isinstance(order, Open | Recent | Leave):
+            self._go(order)
             return
         with self._lock:
             if self._busy is not None or self._pipe is None:
                 raise BusyError(f"{(self._busy or {}).get('words', 'nothing is open')}: stop that first")
+            if isinstance(order, AtDesk) != isinstance(self.opening, Path):
+                raise BusyError("that is no longer open: another tab has gone on")
             self._send(order)
             self._changed()
 
@@ -306,16 +332,69 @@ class WorkbenchSession:
         self._busy, self._failed = {"what": order.what, "words": words, "said": [], "since": time.time()}, ""
         self._pipe.send(order)
 
-    def _show_example(self, name: str) -> None:
-        """Begin with an example, in place of another."""
+    def _go(self, order: Open | Recent | Leave) -> None:
+        """Begin with something else, in place of what is open: that stays in its folder.
+
+        Raises:
+            InputError: there is nothing of that name.
+            BusyError: files were given: they are what this workbench is for.
+        """
+        opening: Opening | Path | str | None = order.name if isinstance(order, Open) else None
+        if isinstance(order, Recent):
+            opening = reopened(self._sessions, order.name)
         with self._lock:
-            if isinstance(self.opening, Opening):
-                raise BusyError("files are open: examples come with `lptn open` alone")
-            process, self.opening, self.folder, self._refused = self._process, name, None, None
-            self._content, self._lines, self._networks, self._notes, self._failed = {}, {}, {}, [], ""
-            self._begin()
+            if not self._begins:
+                raise BusyError("files are open: others come with `lptn open` alone")
+            process = self._leave()
+            if opening is not None:
+                self.opening = opening
+                self._begin()
+            self._failed = ""
             self._changed()
         _end(process)
+
+    def _leave(self) -> multiprocessing.process.BaseProcess | None:
+        """Nothing is open; the process that is to be ended."""
+        process, self._process, self._pipe, self.opening, self.folder = self._process, None, None, None, None
+        self._content, self._lines, self._networks, self._notes, self._next = {}, {}, {}, [], []
+        self._busy, self._refused = None, None
+        self._let_go()
+        return process
+
+    def place_for(self, name: str, based: str | None) -> Path:
+        """Where a file goes that the page sends; it is then on the desk, which is made for the first one.
+
+        Args:
+            name: of the file.
+            based: of a model that was edited, the fingerprint of the text that it was made of.
+
+        Raises:
+            BusyError: a study is open.
+            InputError: it can't be taken under this name.
+            OSError: there is no place for it.
+        """
+        checked_name(name)
+        with self._lock:
+            if not self._begins or isinstance(self.opening, Opening | str):
+                raise BusyError("a study is open: files are for the page that a workbench begins with")
+            if self.opening is None:
+                self.opening = new_desk(self._sessions)
+                self._begin()
+                self._changed()
+            return place_for(self.opening, name, based)
+
+    def arrived(self, path: Path) -> None:
+        """A file has come whole: the desk looks at it, once it has done what it does."""
+        with self._lock:
+            if self.opening != path.parent:
+                return
+            is_urdf = path.name.lower().endswith(".urdf")
+            order = Model(what="model", source=path.name) if is_urdf else Name(what="look")
+            if self._busy is None:
+                self._send(order)
+            elif order not in self._next:
+                self._next.append(order)
+            self._changed()
 
     def stop(self) -> None:
         """End what is being done; the study stays as it was before, but for the steps that a search had found."""
@@ -325,7 +404,7 @@ class WorkbenchSession:
             process = self._process
             steps = tuple((row["effect"], row["at"]) for row in self._busy.get("found", ()))
             self._begin(after_a_stop=True)
-            self._failed, self._next = "", Keep(steps=steps) if steps else None
+            self._failed, self._next = "", [Keep(steps=steps)] if steps else []
             self._changed()
         _end(process)
 

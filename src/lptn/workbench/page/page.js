@@ -6,6 +6,7 @@ import { Plots } from "/plots.js";
 import { Network } from "/network.js";
 import { Residuals } from "/residuals.js";
 import { tour } from "/tour.js";
+import * as begin from "/begin.js";
 
 const BUSY = 400, IDLE = 1500, HIDDEN = 6000;  // ms between two questions
 const place = id => document.getElementById(id);
@@ -28,6 +29,10 @@ export const page = {
   partOf(part) { page.part = part; draw(); },
   group(by) { page.by = by; draw(); },
   tell: () => draw(),
+  sending: null, log: "",
+  look(log) { page.log = log; draw(); },
+  say(failed) { page.failed = failed; draw(); },
+  ask: () => ask(),
   at(segment, time) { network.at(segment, time); },
 };
 const plots = new Plots(place("plots"), page), residuals = new Residuals(place("residuals"), page), network = new Network(place("network"), page);
@@ -103,7 +108,13 @@ export function draw() {
   document.title = state.name ? `${state.name} – lptn` : "lptn";
   place("name").textContent = state.name ?? "lptn";
   redraw("work", [state.busy, state.failed, failed, away], () => sections.work(page));
-  redraw("head", [state.head], () => sections.head(state));
+  redraw("home", [state.begins, state.desk, state.name, state.example, page.sending], () => begin.home(page));
+  redraw("start", [state.begins, state.recent, state.desk, state.name, state.example, busy, page.sending], () => begin.start(page));
+  place("desk").hidden = !state.desk;
+  redraw("logs", [state.desk, busy, page.sending], () => begin.logs(page));
+  redraw("columns", [state.desk, page.log, busy], () => begin.columns(page));
+  redraw("model", [state.desk, busy], () => begin.model(page));
+  redraw("head", [state.head, state.desk], () => sections.head(state));
   redraw("steps", [state.steps, state.undone, state.branches, state.head, attempt, busy, state.busy?.found, state.answers], () => sections.steps(page));
   redraw("where", [state.tiles, picked, shown, page.by], () => sections.where(page));
   revealed();
@@ -117,6 +128,7 @@ export function draw() {
   redraw("tour", [state.examples, state.example, state.head, busy, attempt, !!state.answers, page.clicked, plots.windows, page.step], () => tour(page, plots));
 }
 
+begin.takeDropped(page);
 setInterval(() => page.state.busy && redraw("work", [page.state.busy, Date.now() / 1000 | 0], () => sections.work(page)), 1000);
 ask();
 export { h };

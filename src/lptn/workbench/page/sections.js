@@ -38,7 +38,7 @@ export function work(page) {
 
 export function head(state) {
   const it = state.head;
-  if (!it) return [h("p", { className: "lead soft" }, state.version ? "The model as given is being fitted." : "")];
+  if (!it) return [h("p", { className: "lead soft" }, state.version && !state.desk && (state.name || !state.begins) ? "The model as given is being fitted." : "")];
   const which = it.which.replace(" ", "-");
   const figure = (name, value, label, count) => h("div", { className: name }, h("b", null, `${digits(value, count)} K`), h("small", null, label));
   const added = state.steps.length > 1;

@@ -15,14 +15,12 @@ const STEPS = [
   { at: "#improve", words: "The error fell. Undo it, and press “Find and add automatically”: all answers are added, one after the other, and the errors fall.", done: page => page.state.head.now <= FALLEN * page.state.head.given },
 ];
 
+export const open = (page, name, label) => h("button", { id: `example ${name}`, onclick: () => { page.clicked = false; page.step = 0; page.order({ what: "example", name }); } }, label);
+
 export function tour(page, plots) {
   const { examples, example, head, busy } = page.state;
   if (!examples || !Object.keys(examples).length) return [];
-  const open = (name, label, first) => h("button", { id: `example ${name}`, className: first ? "first" : "", onclick: () => { page.clicked = false; page.step = 0; page.order({ what: "example", name }); } }, label);
-  if (!example) return [h("h2", null, "Nothing was opened, so here are two examples: five minutes each"),
-    h("div", { className: "two" }, Object.entries(examples).map(([name, each]) => h("div", null,
-      h("h3", null, each.title), h("p", null, each.about), open(name, "Begin", true)))),
-    h("p", null, h("small", null, "With files of your own: ", h("code", null, "lptn open MODEL.toml LOG… --holdout LOG")))];
+  if (!example) return [];
   const it = examples[example], other = Object.keys(examples).find(name => name !== example);
   if (!head) return [h("p", null, h("b", null, it.title), `. ${it.about}`)];
   const ahead = STEPS.findLastIndex((step, k) => k >= SKIPPABLE && step.done(page, plots));
@@ -34,5 +32,5 @@ export function tour(page, plots) {
   if (step) return [h("p", null, h("b", null, `${page.step + 1} of ${STEPS.length}  `), page.step ? "" : `${it.about} `, step.words)];
   return [h("p", null, h("b", null, "Done. "), `${kelvin(head.given)} has become ${kelvin(head.now)}. ${it.solved} `,
     "Model file, report and FMU stand at the foot of the page, with the commands that do the same."),
-    h("div", { className: "row" }, open(other, examples[other].title), h("small", null, "or your own: ", h("code", null, "lptn open MODEL.toml LOG… --holdout LOG")))];
+    h("div", { className: "row" }, open(page, other, examples[other].title), h("button", { onclick: () => page.order({ what: "leave" }) }, "Begin with files of your own"))];
 }

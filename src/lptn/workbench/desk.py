@@ -1,0 +1,513 @@
+"""Where a study begins: logs, what each is for, what their columns mean, and the model file that says so.
+
+A desk is a folder. `model.toml` there is the model, columns and all, as any command reads it; `opening.json` says which
+log is fitted and which held out. All that the page shows is worked out of these files: nothing else is kept.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+import secrets
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path, PurePosixPath, PureWindowsPath
+from typing import Any
+
+import numpy as np
+from pydantic import BaseModel, ValidationError
+
+from lptn.basics.bounds import Bound
+from lptn.basics.errors import InputError, one_line
+from lptn.basics.files import fingerprint, text_of, write_whole
+from lptn.basics.own_folder import own_folder
+from lptn.effects.copper_loss import CopperLoss
+from lptn.identify.data import GUESS, LoadedModel, load_model
+from lptn.logs.columns import (
+    AMBIENT,
+    SI_UNITS,
+    UNITS,
+    ColumnSource,
+    column_unit,
+    parse_columns,
+    parse_map_option,
+    toml_line,
+)
+from lptn.logs.guess import Guess
+from lptn.logs.issue import Issue
+from lptn.logs.reading import ENDINGS, GUESSED, LOG_FILE, open_log, run_name
+from lptn.logs.tables import Table
+from lptn.model.file import with_column
+from lptn.report.text import for_people, short
+from lptn.robots.presets import PRESETS, preset_text
+from lptn.robots.urdf import log_model_text, urdf_model_text
+from lptn.workbench.log_content import LogContent
+from lptn.workbench.opening import Opening
+from lptn.workbench.orders import Air, AtDesk, HoldOutAfter, Job, Map, Model, Name, Remedy
+
+logger = logging.getLogger("lptn")
+
+MODEL, KEPT = "model.toml", "opening.json"
+"""Files of a desk."""
+FILE = Bound(8_000_000_000, "bytes")
+"""Of a file that the page sends: the 500 million numbers that a log may have are 5 GB of text."""
+LONGEST_NAME = Bound(150, "bytes in a file's name")
+"""A file's name may have 255, and one that is written has another beside it for a while."""
+_COLUMNS_SHOWN = 400  # of a log: a page of more is not read; those that mean something come first
+_POINTS = 40  # of a picture of a column, each with its least and its greatest reading
+_HEIGHT = 100  # of that picture, in parts
+_NO_NAME = "a file's own name, with no folder in it"
+_OTHER_PLACES = ("ambient", "base", "battery", "pc")
+_BEGINS = "begin-"  # a desk's folder
+
+
+def checked_name(name: str) -> str:
+    """The name of a file that a page sends, refused where it is a path, can't be shown, or is of no kind that is read.
+
+    Raises:
+        InputError: it can't be used.
+    """
+    LONGEST_NAME.check(len(name.encode("utf-8", "replace")), one_line(name)[:50], "file")
+    plain = name == PurePosixPath(name).name == PureWindowsPath(name).name and name.isprintable()
+    if not plain or name.startswith(".") or name != name.strip():
+        raise InputError(one_line(name), "file", "a name that is a path, hidden, or not printable", _NO_NAME)
+    if not name.endswith(ENDINGS) and not name.lower().endswith((".toml", ".urdf")):
+        expected = f"{LOG_FILE}; a model file (.toml), or a robot's .urdf"
+        raise InputError(name, "file", f"the ending '{Path(name).suffix}'", expected)
+    return name
+
+
+def place_for(folder: Path, name: str, based: str | None) -> Path:
+    """Where in a desk's folder a file goes: model files become its model, others keep their names.
+
+    Args:
+        folder: the desk's.
+        name: of the file.
+        based: of a model that was edited in the page, the fingerprint of the text that it was made of.
+
+    Raises:
+        InputError: the name can't be used, is taken, or the model has changed since.
+    """
+    if not checked_name(name).lower().endswith(".toml"):
+        if (folder / name).exists():
+            raise InputError(name, "file", "a file that is there already", "another name, or the other file removed")
+        return folder / name
+    if based is not None and based != _version(folder / MODEL):
+        raise InputError(MODEL, "file", "a text that was changed meanwhile, in another tab", "a change of that text")
+    return folder / MODEL
+
+
+def _version(model: Path) -> str:
+    return fingerprint(model) if model.is_file() else ""
+
+
+class _Kept(BaseModel):
+    """`opening.json`."""
+
+    opening: Opening
+    unused: list[Path] = []
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """What was worked out of a log, and of which text of the model."""
+
+    of: tuple[object, ...]
+    shown: dict[str, Any]
+    names: frozenset[str] = frozenset()
+    guesses: tuple[Guess, ...] = ()
+    remedies: Mapping[str, Issue] = field(default_factory=dict)
+
+
+class Desk:
+    """The files that a study is made of.
+
+    Args:
+        folder: where they are.
+
+    Raises:
+        OSError: it can't be made, or others can write to it.
+        InputError: its `opening.json` can't be read.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder, self.model = own_folder(folder), folder / MODEL
+        self._seen: dict[Path, _Seen] = {}
+        self._pictures: dict[tuple[object, ...], dict[str, dict[str, Any]]] = {}
+        self._origin = ""
+        kept = _Kept(opening=Opening(self.model))
+        if (folder / KEPT).is_file():
+            try:
+                kept = _Kept.model_validate_json((folder / KEPT).read_bytes())
+            except ValidationError as error:
+                raise InputError(folder / KEPT, "file", one_line(error), "what a workbench wrote") from error
+        self.opening, self._unused = kept.opening, kept.unused
+
+    @classmethod
+    def of(cls, sessions: Path, opening: Opening) -> Desk:
+        """The desk for files of a command line; the same files have the same one, with what was done there.
+
+        Args:
+            sessions: the folder of all sessions.
+            opening: the files, which stay where they are; a model file is copied.
+
+        Raises:
+            OSError: its folder can't be made.
+            InputError: the model file can't be read.
+        """
+        text = text_of(opening.model, "a model file") if opening.model else ""
+        files = [*opening.fit, *opening.holdout, *opening.test]
+        words = "\n".join([text, *(str(path.absolute()) for path in files), *opening.columns])
+        desk = cls(sessions / f"{_BEGINS}{hashlib.sha256(words.encode(errors='replace')).hexdigest()[:10]}")
+        if not (desk.folder / KEPT).is_file():
+            for option in opening.columns:
+                if option.strip() != GUESS and text:
+                    text = with_column(text, desk.model, *parse_map_option(option))
+            if text:
+                write_whole(desk.model, text)
+            fit, holdout, test = (
+                tuple(path.absolute() for path in group) for group in (opening.fit, opening.holdout, opening.test)
+            )
+            desk._keep(replace(opening, model=desk.model, fit=fit, holdout=holdout, test=test, columns=()))
+        return desk
+
+    @property
+    def text(self) -> str:
+        """The model file's."""
+        return text_of(self.model, "a model file") if self.model.is_file() else ""
+
+    def _keep(self, opening: Opening, unused: Iterable[Path] = ()) -> None:
+        write_whole(self.folder / KEPT, _Kept(opening=opening, unused=list(unused)).model_dump_json(indent=2) + "\n")
+        self.opening, self._unused = opening, list(unused)
+
+    def _logs(self) -> dict[Path, str]:
+        """Each log with its job; one that nobody sorted is fitted."""
+        groups = {job: getattr(self.opening, job) for job in ("fit", "holdout", "test")} | {"unused": self._unused}
+        known = {path: job for job, group in groups.items() for path in group}
+        new = sorted(path for path in self.folder.iterdir() if path.name.endswith(ENDINGS))
+        new = [path for path in new if not path.name.startswith(".")]
+        there = {path: job for path, job in known.items() if path.parent != self.folder or path.exists()}
+        return there | {path: "fit" for path in new if path not in there}
+
+    def _used(self) -> list[Path]:
+        return [path for path, job in self._logs().items() if job != "unused"]
+
+    def _named(self, name: str) -> Path:
+        """The log that the page calls so.
+
+        Raises:
+            InputError: there is none.
+        """
+        found = next((path for path in self._logs() if self._name(path) == name), None)
+        if found is None:
+            raise InputError(one_line(name), "log", "no such log here", "one that the page lists")
+        return found
+
+    def _name(self, path: Path) -> str:
+        return path.name if path.parent == self.folder else str(path)
+
+    # --- what the page orders -------------------------------------------------------------------
+
+    def do(self, order: AtDesk) -> Opening | None:
+        """Do what the page ordered.
+
+        Returns:
+            what a study is to be opened with, where that was ordered.
+
+        Raises:
+            InputError: it can't be done.
+        """
+        result: Opening | None = getattr(self, f"_do_{order.what}")(order)
+        return result
+
+    def _do_look(self, _: Name) -> None:
+        """Only look at what is there."""
+
+    def _do_begin(self, _: Name) -> Opening:
+        self._sort(self._logs())
+        if not self.opening.fit:
+            raise InputError("the study", "logs", "none to fit", "one log or more to fit")
+        return self.opening
+
+    def _do_remove(self, order: Name) -> None:
+        path = self._named(order.name)
+        self._sort({log: job for log, job in self._logs().items() if log != path})
+        if path.parent == self.folder:
+            path.unlink()
+
+    def _do_job(self, order: Job) -> None:
+        self._sort(self._logs() | {self._named(order.log): order.job})
+
+    def _sort(self, jobs: Mapping[Path, str]) -> None:
+        fit, holdout, test, unused = (
+            tuple(path for path, job in jobs.items() if job == one) for one in ("fit", "holdout", "test", "unused")
+        )
+        self._keep(replace(self.opening, fit=fit, holdout=holdout, test=test), unused)
+
+    def _do_holdout_after(self, order: HoldOutAfter) -> None:
+        after = None if order.seconds is None else f"+{order.seconds:g}"
+        self._keep(replace(self.opening, holdout_after=after), self._unused)
+
+    def _do_guesses(self, _: Name) -> None:
+        for path in self._used():
+            for guess in self._of(path).guesses:
+                self._write(path, guess.key, guess.source, f"{GUESSED}{guess.why}")
+
+    def _do_air(self, order: Air) -> None:
+        self._write(self._named(order.log), AMBIENT, ColumnSource(value=order.value))
+
+    def _do_model(self, order: Model) -> None:
+        """A model from the logs' columns, from a URDF on the desk, or a ready one.
+
+        Raises:
+            InputError: it can't be made.
+        """
+        source = order.source
+        if source == "columns":
+            text = self._model_of_columns()
+        elif source in PRESETS:
+            preset, _, variant = source.partition(".")
+            text = preset_text(preset, variant or None)
+        else:
+            urdf = self.folder / checked_name(source)
+            text = urdf_model_text(urdf)
+            write_whole(self.model, text)
+            if any(self._of(path).shown.get("currents") for path in self._used()):
+                text = urdf_model_text(urdf, CopperLoss(input="current"))
+        write_whole(self.model, text)
+
+    def _model_of_columns(self) -> str:
+        """A model of the first log that has the air, or else of the first.
+
+        Raises:
+            InputError: no log names a joint.
+        """
+        texts: list[str] = []
+        refused = InputError("the study", "logs", "none", "a log, whose columns name the joints")
+        for path in self._used():
+            try:
+                texts.append(log_model_text(path))
+            except InputError as error:
+                refused = error
+        if not texts:
+            raise refused
+        return next((text for text in texts if f'"{AMBIENT}" =' in text), texts[0])
+
+    def _do_map(self, order: Map) -> None:
+        """Say what a column means, in place of what it meant, or that it means nothing."""
+        path, names = self._named(order.log), (order.column,)
+        old = {key: source for key, source in self._entries(path).items() if source.columns == names}
+        for key in old:
+            if key.partition("@")[0] != order.key:
+                self._edit(key, None)
+        if order.key:
+            entry = {"column": order.column} | ({"unit": order.unit} if order.unit else {})
+            source = parse_columns({order.key: entry}, self.model, "columns")[order.key]
+            known = next((own for key, own in old.items() if key.partition("@")[0] == order.key), source)
+            self._write(path, order.key, replace(known, unit=source.unit))
+
+    def _do_remedy(self, order: Remedy) -> None:
+        path = self._named(order.log)
+        issue = self._of(path).remedies.get(order.line)
+        if issue is None or issue.corrected is None:
+            raise InputError(one_line(order.line), "remedy", "none of this log now", "one that the page lists")
+        of_all = all(order.line in self._of(other).remedies for other in self._used())
+        self._write(path, issue.key, issue.corrected, alone=not of_all)
+
+    def _entries(self, path: Path) -> dict[str, ColumnSource]:
+        """The entries of `[columns]` that are for a log, by their keys in the file."""
+        try:
+            columns = load_model(self.model).columns
+        except InputError:
+            return {}
+        name, file = run_name(path), path.name
+        return {key: source for key, source in columns.items() if key.partition("@")[2] in ("", name, file)}
+
+    def _write(self, path: Path, key: str, source: ColumnSource, why: str = "", *, alone: bool = False) -> None:
+        """Write where a quantity stands: for all logs, or for this one where another needs the entry that there is."""
+        entries, own = self._entries(path), f"{key}@{run_name(path)}"
+        there = entries[key].columns if key in entries else source.columns
+        others = [self._of(other).names for other in self._used() if other != path]
+        needed = any(names.issuperset(there) and not names.issuperset(source.columns) for names in others)
+        self._edit(own if alone or needed or not source.columns or own in entries else key, source, why)
+
+    def _edit(self, key: str, source: ColumnSource | None, why: str = "") -> None:
+        write_whole(self.model, with_column(self.text, self.model, key, source, why))
+
+    # --- what the page shows --------------------------------------------------------------------
+
+    def content(self, *, reading: bool = True) -> dict[str, Any]:
+        """All that the page shows of the desk, as JSON holds it.
+
+        Args:
+            reading: look into logs that were not looked at yet.
+        """
+        if reading and not self.model.is_file() and self._used():
+            try:
+                write_whole(self.model, self._model_of_columns())
+            except InputError as error:
+                self._origin = self._told(error)
+        text, wrong, loaded = "", "", None
+        try:
+            text = self.text
+            loaded = load_model(self.model) if text else None
+        except InputError as error:
+            wrong = self._told(error)
+        logs = self._logs()
+        shown = [
+            {"name": self._name(path), "run": run_name(path), "job": job, "size": _size(path)}
+            | (self._of(path, loaded).shown if reading else {"refused": "Reading was stopped.", "columns": []})
+            for path, job in logs.items()
+        ]
+        used = [each for each in shown if each["job"] != "unused"]
+        nodes = list(loaded.model.nodes) if loaded else []
+        return {
+            "text": text,
+            "based": _version(self.model),
+            "wrong": wrong or ("" if text else self._origin),
+            "about": f"{len(nodes)} nodes, {len(loaded.model.parameters)} parameters" if loaded else "",
+            "places": [*nodes, *(place for place in _OTHER_PLACES if place not in nodes)],
+            "units": {name: [unit, *dict.fromkeys(UNITS.get(name, {}).values())] for name, unit in SI_UNITS.items()},
+            "presets": {name: about for name, (_, _, about) in PRESETS.items()},
+            "urdfs": sorted(path.name for path in self.folder.glob("*.urdf")),
+            "air": loaded is not None and AMBIENT in loaded.model.inputs,
+            "logs": shown,
+            "holdout_after": self.opening.holdout_after,
+            "ready": bool(loaded and not wrong and used and not any(each["refused"] for each in used)),
+        }
+
+    def _told(self, error: InputError) -> str:
+        """In lptn's own line, files of the desk by their names alone."""
+        return str(error).replace(f"{self.folder}/", "")
+
+    def _of(self, path: Path, loaded: LoadedModel | None = None) -> _Seen:
+        """What is in a log, looked for once for each text of the model."""
+        of: tuple[object, ...] = (_version(self.model), *_stamp(path))
+        if path in self._seen and self._seen[path].of == of:
+            return self._seen[path]
+        logger.info("reading %s", path.name)
+        try:
+            loaded = loaded or (load_model(self.model) if self.model.is_file() else None)
+        except InputError:
+            loaded = None
+        try:
+            content = LogContent.of(loaded, path) if loaded else None
+            table = content.table if content else open_log(path, {})[0]
+            seen = self._shown(of, path, table, content, loaded)
+        except InputError as error:
+            seen = _Seen(of, {"refused": self._told(error), "columns": [], "opened": False})
+        self._seen[path] = seen
+        return seen
+
+    def _shown(
+        self, of: tuple[object, ...], path: Path, table: Table, content: LogContent | None, loaded: LoadedModel | None
+    ) -> _Seen:
+        issues = {issue.sentence: issue for issue in content.issues} if content else {}
+        remedies = {toml_line(i.key, i.corrected): i for i in issues.values() if i.corrected is not None}
+        rows = self._rows(path, table, content, [*issues.values()])
+        error = content.error if content else None
+        values = loaded.sources_of(path)[1] if loaded else {}
+        air = values[AMBIENT].value if AMBIENT in values else None
+        found = content.used.get(AMBIENT, ()) if content else ()
+        shown = {
+            "opened": True,
+            "refused": self._told(error) if error else "",
+            "said": content.lengths if content else table.kind,
+            "missing": list(content.missing) if content else [],
+            "currents": list(content.currents) if content else [],
+            "guesses": len(content.guesses) if content else 0,
+            "notes": [for_people(note) for note in content.notes] if content else [],
+            "air": {"value": air, "column": found[0] if found else ""},
+            "columns": rows[:_COLUMNS_SHOWN],
+            "more": max(0, len(rows) - _COLUMNS_SHOWN),
+        }
+        guesses = content.guesses if content else ()
+        return _Seen(of, shown, frozenset(table.names), guesses, remedies)
+
+    def _rows(self, path: Path, table: Table, content: LogContent | None, issues: list[Issue]) -> list[dict[str, Any]]:
+        """A row for each column, those that mean something first."""
+        pictures, entries = self._pictured(path, table), self._entries(path)
+        meant = {name: (key, x) for key, x in (content.sources.items() if content else ()) for name in x.columns}
+        guessed = {name: one for one in (content.guesses if content else ()) for name in one.source.columns}
+        rows = []
+        for name in dict.fromkeys(table.names):
+            key, source = meant.get(name, ("", None))
+            row: dict[str, Any] = {
+                "name": name,
+                "key": key,
+                "unit": (source and source.unit) or "",
+                "how": "own" if key else "",
+            }
+            if key in entries or f"{key}@{run_name(path)}" in entries or f"{key}@{path.name}" in entries:
+                row["how"] = "mapped"
+            if not key and name in guessed:
+                guess = guessed[name]
+                row |= {"key": guess.key, "unit": guess.source.unit or "", "how": "guessed", "why": guess.why}
+            row["used"] = bool(content and name not in content.unused)
+            row["usual"] = column_unit(row["key"]) or table.units.get(name, "")
+            row["picture"] = pictures.get(name)
+            row["issues"] = [
+                {
+                    "problem": for_people(issue.problem),
+                    "remedy": for_people(issue.remedy),
+                    "sure": issue.certain,
+                    "line": toml_line(issue.key, issue.corrected) if issue.corrected is not None else "",
+                }
+                for issue in issues
+                if issue.column == name
+            ]
+            rows.append(row)
+        comments = self._comments()
+        for row in rows:
+            row.setdefault("why", comments.get(row["key"], comments.get(f"{row['key']}@{run_name(path)}", "")))
+        return sorted(rows, key=lambda row: row["key"] == "")
+
+    def _comments(self) -> dict[str, str]:
+        """What stands behind the entries of `[columns]`, by their keys."""
+        lines = (line.partition("#") for line in self.text.splitlines() if GUESSED in line)
+        found = ((before.partition("=")[0].strip().strip('"'), comment.strip()) for before, _, comment in lines)
+        return {key: comment.removeprefix(GUESSED) for key, comment in found}
+
+    def _pictured(self, path: Path, table: Table) -> dict[str, dict[str, Any]]:
+        """A small picture of each column, made once: its least and greatest reading in each of some pieces."""
+        stamp = _stamp(path)
+        if stamp not in self._pictures:
+            numbers = table.some_numbers(list(dict.fromkeys(table.names))[:_COLUMNS_SHOWN])
+            pictures = {name: picture for name, x in numbers.items() if (picture := _picture(x)) is not None}
+            self._pictures[stamp] = pictures
+        return self._pictures[stamp]
+
+
+def _picture(values: Any) -> dict[str, Any] | None:
+    finite = values[np.isfinite(values)]
+    if not finite.size:
+        return None
+    least, most = float(finite.min()), float(finite.max())
+    edges = np.unique(np.linspace(0, values.size, min(_POINTS, values.size) + 1).astype(int)[:-1])
+    scale = _HEIGHT / (most - least) if most > least else 0.0
+    both = np.stack([np.fmin.reduceat(values, edges), np.fmax.reduceat(values, edges)], axis=1)
+    line = [None if not np.isfinite(x) else round(_HEIGHT - (x - least) * scale) for x in both.ravel()]
+    return {"line": line, "least": short(least), "most": short(most)}
+
+
+def _stamp(path: Path) -> tuple[object, ...]:
+    status = path.stat() if path.exists() else None
+    return (str(path), status.st_mtime_ns, status.st_size) if status else (str(path),)
+
+
+def _size(path: Path) -> int:
+    return path.stat().st_size if path.is_file() else 0
+
+
+def new_desk(sessions: Path) -> Path:
+    """A folder for a desk that a page begins.
+
+    Raises:
+        OSError: it can't be made.
+    """
+    return own_folder(sessions / f"{_BEGINS}{secrets.token_hex(5)}")
+
+
+def is_desk(folder: Path) -> bool:
+    """Whether a folder of the sessions is a desk."""
+    return folder.name.startswith(_BEGINS) and folder.is_dir()

@@ -1,0 +1,467 @@
+"""Where a study begins: files that come, and what may not; what columns mean; one file that says all of it."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+import socket
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx2 as httpx
+import numpy as np
+import pandas as pd
+import pytest
+from starlette.testclient import TestClient
+
+import lptn
+from lptn.basics.bounds import Bound
+from lptn.basics.errors import InputError
+from lptn.robots.presets import preset_text
+from lptn.robots.urdf import log_model_text
+from lptn.workbench.calculation import recent, reopened
+from lptn.workbench.desk import Desk, new_desk
+from lptn.workbench.opening import Opening
+from lptn.workbench.orders import AtDesk, order
+from lptn.workbench.server import application
+from lptn.workbench.session import WorkbenchSession
+from tests.workbench.conftest import EXAMPLE, OPENING, Server
+
+ADDRESS = "http://127.0.0.1:8000"
+ORIGIN = {"origin": ADDRESS}
+_MS = 1.7e12
+
+
+def log_of(path: Path, *, air: str = "room", temp: str = "{}_temp", seed: int = 0, offset: float = 0.0) -> Path:
+    """Ten minutes of two bodies of 200 J/K that warm by currents through 0.3 ohm; times in ms since 1970."""
+    rng = np.random.default_rng(seed)
+    table: dict[str, Any] = {"stamp_ms": _MS + 1e8 * seed + 1000.0 * np.arange(600)}
+    for joint in ("hip", "knee"):
+        load, above, warm = np.repeat(rng.uniform(1, 8, 20), 30), 0.0, []
+        for heat in 0.3 * load**2:
+            warm.append(22 + above)
+            above += (heat - above / 5) / 200
+        table |= {temp.format(joint): np.round(warm, 2) + offset, f"{joint}_current": load}
+    if air:
+        table[air] = 22.0
+    pd.DataFrame(table).to_csv(path, index=False)
+    return path
+
+
+@pytest.fixture
+def desk(tmp_path: Path) -> Desk:
+    """Two logs, of which one lacks the air."""
+    folder = new_desk(tmp_path / "sessions")
+    log_of(folder / "monday.csv", air="room_temp")
+    log_of(folder / "friday.csv", air="", seed=1)
+    return Desk(folder)
+
+
+def do(desk: Desk, **words: object) -> Opening | None:
+    asked = order.validate_python(words)
+    assert isinstance(asked, AtDesk)
+    return desk.do(asked)
+
+
+def _log(desk: Desk, name: str) -> dict[str, Any]:
+    return next(log for log in desk.content()["logs"] if log["name"] == name)
+
+
+def _row(desk: Desk, name: str, column: str) -> dict[str, Any]:
+    return next(row for row in _log(desk, name)["columns"] if row["name"] == column)
+
+
+# --- what columns mean, and the one file that says so ----------------------------------------------------------------
+
+
+def test_the_first_model_is_that_of_the_command(desk: Desk) -> None:
+    content = desk.content()
+    assert content["text"] == log_model_text(desk.folder / "monday.csv")  # not of friday, which has no air
+    assert (desk.folder / "model.toml").read_text() == content["text"]
+    row = _row(desk, "monday.csv", "hip_temp")
+    assert (row["key"], row["how"], row["why"]) == ("temperature.hip", "mapped", "its name")
+    assert row["picture"]["line"][0] == 100  # the lowest reading stands at the foot
+    assert _row(desk, "monday.csv", "stamp_ms")["unit"] == "ms"
+    assert not content["ready"]
+
+
+@pytest.mark.parametrize("value", ["start", 21.5])
+def test_a_run_without_air_gets_one_of_its_own(desk: Desk, value: object) -> None:
+    assert "room_temp" in _log(desk, "friday.csv")["refused"]
+    do(desk, what="air", log="friday.csv", value=value)
+    do(desk, what="job", log="friday.csv", job="holdout")
+    content = desk.content()
+    assert content["ready"]
+    opening = do(desk, what="begin")
+    assert opening is not None
+    study = opening.study()
+    friday = study.data.holdout[0].run.columns["temperature.ambient"]
+    assert friday == pytest.approx(22.0 if value == "start" else 21.5, abs=0.3)
+    again = lptn.Study(desk.model, [desk.folder / "monday.csv"], [desk.folder / "friday.csv"])  # as a command reads it
+    np.testing.assert_array_equal(again.data.holdout[0].run.columns["temperature.ambient"], friday)
+
+
+def test_a_column_is_given_another_meaning_and_none(desk: Desk) -> None:
+    desk.content()
+    do(desk, what="map", log="monday.csv", column="hip_temp", key="temperature.knee", unit="degF")
+    text = desk.text
+    assert '"temperature.knee" = { column = "hip_temp", unit = "degF" }' in text
+    assert '"temperature.hip"' not in text
+    assert "guessed" not in text.partition('"temperature.knee"')[2].partition("\n")[0]
+    do(desk, what="map", log="monday.csv", column="hip_temp", key="")
+    assert "hip_temp" not in desk.text.partition("[columns]")[2]
+    with pytest.raises(InputError, match="unit"):
+        do(desk, what="map", log="monday.csv", column="hip_temp", key="temperature.hip", unit="furlong per")
+    with pytest.raises(InputError, match="key"):
+        do(desk, what="map", log="monday.csv", column="hip_temp", key="temperature.*")
+
+
+def test_a_column_that_other_logs_lack_is_that_of_one_run(desk: Desk) -> None:
+    log_of(desk.folder / "sunday.csv", air="T_luft", seed=2)
+    desk.content()
+    do(desk, what="map", log="sunday.csv", column="T_luft", key="temperature.ambient")
+    assert '"temperature.ambient@sunday" = "T_luft"' in desk.text
+    assert not _log(desk, "sunday.csv")["refused"]
+    assert not _log(desk, "monday.csv")["refused"]
+
+
+def test_a_remedy_of_the_check_is_one_click(desk: Desk) -> None:
+    log_of(desk.folder / "tuesday.csv", air="room_temp", seed=3, offset=273.15)
+    issue = next(issue for issue in _row(desk, "tuesday.csv", "hip_temp")["issues"] if issue["line"])
+    assert "K" in issue["line"]
+    do(desk, what="remedy", log="tuesday.csv", line=issue["line"])
+    assert '"temperature.hip@tuesday"' in desk.text  # the other logs are in degC
+    assert not [one for one in _row(desk, "tuesday.csv", "hip_temp")["issues"] if one["sure"]]
+    assert _row(desk, "monday.csv", "hip_temp")["issues"] == []
+    with pytest.raises(InputError, match="none of this log"):
+        do(desk, what="remedy", log="tuesday.csv", line='"temperature.hip" = "x"')
+
+
+def test_guesses_for_another_model_are_those_of_the_option(desk: Desk) -> None:
+    text, _, _ = log_model_text(desk.folder / "monday.csv").partition("[columns]")
+    (desk.folder / "model.toml").write_text(text)
+    log = _log(desk, "monday.csv")
+    (run,) = lptn.load_model(desk.model, ["guess"]).runs([desk.folder / "monday.csv"])
+    said = [note for note in run.notes if note.startswith("guessed: ")]
+    assert log["guesses"] == len(said) == sum(row["how"] == "guessed" for row in log["columns"]) == 6
+    do(desk, what="guesses")
+    for note in said:  # line and reason
+        line, _, why = note.removeprefix("guessed: ").rstrip(".").partition(" (")
+        assert f"{line}   # guessed: {why.rstrip(')')}" in desk.text
+    assert _log(desk, "monday.csv")["guesses"] == 0
+
+
+def test_the_text_is_free_and_its_mistake_is_said(desk: Desk) -> None:
+    text = desk.content()["text"]
+    (desk.folder / "model.toml").write_text(text.replace("[[links]]", "[[likns]]"))
+    wrong = desk.content()["wrong"]
+    assert "likns" in wrong
+    assert wrong.startswith("model.toml: ")
+    (desk.folder / "model.toml").write_text("[model\n")
+    assert "TOML" in desk.content()["wrong"]
+    with pytest.raises(InputError, match="TOML"):
+        do(desk, what="map", log="monday.csv", column="hip_temp", key="temperature.hip")
+    do(desk, what="model", source="columns")
+    assert desk.text == text
+
+
+def test_models_of_presets_and_urdfs(desk: Desk) -> None:
+    do(desk, what="model", source="leg.single-node")
+    assert desk.text == preset_text("leg", "single-node")
+    ends = '<parent link="{}"/><child link="{}"/><limit effort="20" velocity="9"/>'
+    joints = [("hip", "base", "thigh"), ("knee", "thigh", "shank")]
+    parts = [f'<joint name="{n}" type="revolute">{ends.format(a, b)}</joint>' for n, a, b in joints]
+    (desk.folder / "two.urdf").write_text(f'<robot name="two">{"".join(parts)}</robot>')
+    assert desk.content()["urdfs"] == ["two.urdf"]
+    do(desk, what="model", source="two.urdf")
+    assert 'input = "current"' in desk.text  # the logs have no torques
+    do(desk, what="guesses")
+    assert not _log(desk, "monday.csv")["refused"]
+    with pytest.raises(InputError):
+        do(desk, what="model", source="../two.urdf")
+
+
+def test_a_log_is_removed_and_files_of_the_command_line_stay(desk: Desk, tmp_path: Path) -> None:
+    desk.content()
+    do(desk, what="remove", name="friday.csv")
+    assert not (desk.folder / "friday.csv").exists()
+    own = log_of(tmp_path / "own.csv", air="room_temp")
+    other = Desk.of(tmp_path / "sessions", Opening(None, (own,)))
+    (log,) = other.content()["logs"]
+    assert log["name"] == str(own)
+    assert not log["refused"]
+    do(other, what="remove", name=str(own))
+    assert own.exists()
+    assert Desk.of(tmp_path / "sessions", Opening(None, (own,))).folder == other.folder
+
+
+# --- files that come ------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def session(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> WorkbenchSession:
+    """A workbench that begins without files; its process does nothing."""
+    session = WorkbenchSession(None, tmp_path / "sessions")
+    monkeypatch.setattr(session, "_begin", lambda: None)
+    monkeypatch.setattr(session, "_send", lambda order: None)
+    return session
+
+
+@pytest.fixture
+def site(session: WorkbenchSession) -> Iterator[TestClient]:
+    with TestClient(application(session, 8000, "secret"), base_url=ADDRESS) as client:
+        client.get("/?token=secret")
+        yield client
+
+
+def _files(session: WorkbenchSession) -> list[str]:
+    folder = session.opening
+    return sorted(path.name for path in folder.iterdir()) if isinstance(folder, Path) else []
+
+
+def _sent(site: TestClient, name: str, content: Any = b"time,a\n", **words: str) -> httpx.Response:
+    answer: httpx.Response = site.post("/file", params={"name": name, **words}, content=content, headers=ORIGIN)
+    return answer
+
+
+HOSTILE = {
+    "a path": "../../x.csv",
+    "a path from the root": "/etc/x.csv",
+    "a path of Windows": "..\\x.csv",
+    "a drive": "c:x.csv",
+    "a zero byte": "a\0b.csv",
+    "a line": "a\nb.csv",
+    "a terminal's colours": "a\x1b[31m.csv",
+    "hidden": ".x.csv",
+    "nothing": "",
+    "300 characters": "x" * 296 + ".csv",
+    "300 bytes of other letters": "ж" * 148 + ".csv",
+    "the other way round": "a\u202ecsv.exe.csv",
+    "another kind": "x.pdf",
+    "a program": "x.py",
+    "a kind in disguise": "x.csv.exe",
+    "the study's own": "study.pickle",
+}
+
+
+@pytest.mark.parametrize("kind", HOSTILE)
+def test_a_hostile_name_is_refused_in_a_line_and_nothing_is_kept(
+    kind: str, site: TestClient, session: WorkbenchSession, tmp_path: Path
+) -> None:
+    name = HOSTILE[kind].encode()
+    answer = site.post(f"/file?name={''.join(f'%{byte:02x}' for byte in name)}", content=b"x", headers=ORIGIN)
+    assert answer.status_code == 413
+    assert answer.json()["error"].isprintable()
+    assert "\n" not in answer.json()["error"]
+    assert not list(tmp_path.rglob("*.csv*")) + list(tmp_path.rglob("*.exe"))
+    assert session.opening is None
+
+
+def test_a_name_may_have_signs_of_html_and_other_scripts(site: TestClient, session: WorkbenchSession) -> None:
+    names = ["<img src=x onerror=alert(1)>.csv", 'лог & "b".csv', "2026-11-30T12:00.csv", "a+b@12.csv"]
+    assert [_sent(site, name).status_code for name in names] == [202] * 4
+    assert set(_files(session)) >= set(names)
+
+
+def test_a_file_comes_whole_or_not_at_all(
+    site: TestClient, session: WorkbenchSession, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    content = os.urandom(3_000_000)
+    assert _sent(site, "a.csv", content).status_code == 202
+    assert isinstance(session.opening, Path)
+    assert (session.opening / "a.csv").read_bytes() == content
+    assert _sent(site, "a.csv", b"other").status_code == 413  # it would take the place of the first
+    assert (session.opening / "a.csv").read_bytes() == content
+    monkeypatch.setattr("lptn.workbench.server.FILE", Bound(1_000_000, "bytes"))
+
+    def pieces() -> Iterator[bytes]:
+        yield from (b"x" * 300_000 for _ in range(5))
+
+    assert _sent(site, "b.csv", content).status_code == 413
+    assert _sent(site, "c.csv", pieces()).status_code == 413  # no length was stated
+    assert _files(session) == ["a.csv"]
+
+
+def test_who_has_no_token_or_another_page_sends_nothing(session: WorkbenchSession) -> None:
+    with TestClient(application(session, 8000, "secret"), base_url=ADDRESS) as client:
+        assert _sent(client, "a.csv").status_code == 401
+        client.get("/?token=secret")
+        assert client.post("/file?name=a.csv", content=b"x").status_code == 403
+        evil = {"origin": "http://evil.example"}
+        assert client.post("/file?name=a.csv", content=b"x", headers=evil).status_code == 403
+    assert session.opening is None
+
+
+def test_a_full_disk_is_said(site: TestClient, session: WorkbenchSession, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    _sent(site, "a.csv")
+    monkeypatch.setattr("lptn.basics.files.os.fsync", full)
+    answer = _sent(site, "b.csv")
+    assert answer.status_code == 507
+    assert "No space left" in answer.json()["error"]
+    assert _files(session) == ["a.csv"]
+
+
+def test_a_text_that_another_tab_changed_is_not_lost(site: TestClient, session: WorkbenchSession) -> None:
+    assert _sent(site, "model.toml", b"[model]\n", based="").status_code == 202
+    assert isinstance(session.opening, Path)
+    first = Desk(session.opening).content()["based"]
+    assert _sent(site, "model.toml", b"# one\n", based=first).status_code == 202
+    assert _sent(site, "model.toml", b"# two\n", based=first).status_code == 413
+    assert (session.opening / "model.toml").read_text() == "# one\n"
+    assert _sent(site, "other.TOML", b"# a file that is dropped is the model\n").status_code == 202
+    assert "dropped" in (session.opening / "model.toml").read_text()
+
+
+def test_files_are_for_the_page_that_a_workbench_begins_with(tmp_path: Path) -> None:
+    session = WorkbenchSession(OPENING, tmp_path)
+    with TestClient(application(session, 8000, "secret"), base_url=ADDRESS) as client:
+        client.get("/?token=secret")
+        assert _sent(client, "a.csv").status_code == 409
+        assert client.post("/order", json={"what": "leave"}, headers=ORIGIN).status_code == 409
+
+
+@pytest.mark.parametrize(
+    "sent",
+    [
+        {"what": "job", "log": "a.csv", "job": "win"},
+        {"what": "map", "log": "a.csv", "column": "", "key": "time"},
+        {"what": "air", "log": "a.csv", "value": "warm"},
+        {"what": "holdout_after", "seconds": -3},
+        {"what": "model", "source": ""},
+        {"what": "recent", "name": ""},
+    ],
+)
+def test_nonsense_orders_of_files_are_refused(sent: dict[str, object], site: TestClient) -> None:
+    assert site.post("/order", json=sent, headers=ORIGIN).status_code == 422
+
+
+def test_only_what_the_page_lists_is_opened_again(site: TestClient, tmp_path: Path) -> None:
+    (tmp_path / "sessions").mkdir(exist_ok=True)
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "elsewhere" / "opening.json").write_text("{}")
+    for name in ("../elsewhere", "begin-../../elsewhere", str(tmp_path / "elsewhere"), "nothing"):
+        answer = site.post("/order", json={"what": "recent", "name": name}, headers=ORIGIN)
+        assert answer.status_code == 413
+        assert "none of that name" in answer.json()["error"]
+
+
+# --- with the process that works -----------------------------------------------------------------------------------
+
+
+def _wait(until: Callable[[], Any]) -> Any:
+    deadline = time.monotonic() + 60
+    while not (found := until()):
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    return found
+
+
+@pytest.mark.long
+def test_a_killed_server_loses_nothing_and_lets_nothing_half_in(tmp_path: Path) -> None:
+    whole = log_of(tmp_path / "monday.csv", air="room_temp").read_bytes()
+    server = Server(tmp_path / "state", files=[])
+    sessions = tmp_path / "state" / "lptn" / "sessions"
+    try:
+        with httpx.Client(base_url=server.home, headers={"origin": server.home}) as client:
+            client.get(server.address)
+            assert client.post("/file?name=monday.csv", content=whole).status_code == 202
+            cookie = "; ".join(f"{name}={value}" for name, value in client.cookies.items())
+            _wait(lambda: client.get("/state").json().get("desk", {}).get("text"))
+            with socket.create_connection(("127.0.0.1", server.port)) as half:
+                head = (
+                    f"POST /file?name=half.csv HTTP/1.1\r\nhost: 127.0.0.1:{server.port}\r\norigin: {server.home}\r\n"
+                )
+                half.sendall(f"{head}cookie: {cookie}\r\ncontent-length: 9000000\r\n\r\n".encode() + b"x" * 4_000_000)
+                _wait(lambda: [p for p in sessions.rglob("*.part") if p.stat().st_size > 1_000_000])
+                server.kill()
+    finally:
+        server.kill()
+    assert not list(sessions.rglob("half.csv"))
+    (one,) = recent(sessions)
+    assert one["logs"] == ["monday.csv"]
+    desk = reopened(sessions, one["desk"])
+    assert isinstance(desk, Path)
+    assert (desk / "monday.csv").read_bytes() == whole
+    assert Desk(desk).content()["ready"]
+
+
+@pytest.mark.long
+def test_an_upload_that_breaks_off_leaves_nothing(tmp_path: Path) -> None:
+    server = Server(tmp_path / "state", files=[])
+    sessions = tmp_path / "state" / "lptn" / "sessions"
+    try:
+        with httpx.Client(base_url=server.home) as client:
+            client.get(server.address)
+            cookie = "; ".join(f"{name}={value}" for name, value in client.cookies.items())
+        with socket.create_connection(("127.0.0.1", server.port)) as half:
+            head = f"POST /file?name=half.csv HTTP/1.1\r\nhost: 127.0.0.1:{server.port}\r\norigin: {server.home}\r\n"
+            half.sendall(f"{head}cookie: {cookie}\r\ncontent-length: 9000000\r\n\r\n".encode() + b"x" * 4_000_000)
+            _wait(lambda: list(sessions.rglob("*.part")))
+        _wait(lambda: not list(sessions.rglob("*.part")))
+        assert not list(sessions.rglob("half.csv"))
+    finally:
+        server.kill()
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("with_model", [True, False])
+def test_files_of_the_command_line_that_lack_columns_lead_to_the_page(with_model: bool, tmp_path: Path) -> None:
+    log = log_of(tmp_path / "monday.csv", air="room_temp")
+    files = [str(log)]
+    if with_model:
+        (tmp_path / "leg.toml").write_text(log_model_text(log).partition("[columns]")[0])
+        files = [str(tmp_path / "leg.toml"), *files]
+    server = Server(tmp_path / "state", files=files)
+    try:
+        with httpx.Client(base_url=server.home, headers={"origin": server.home}) as client:
+            client.get(server.address)
+            state = _wait(lambda: (now := client.get("/state").json()).get("desk") and now)
+            (shown,) = state["desk"]["logs"]
+            assert shown["name"] == str(log)
+            if with_model:
+                assert "no such column" in state["failed"]
+                assert not state["desk"]["ready"]
+                assert shown["guesses"] == 6
+                _wait(lambda: not client.get("/state").json()["busy"])
+                assert client.post("/order", json={"what": "guesses"}).status_code == 202
+                _wait(lambda: client.get("/state").json()["desk"]["ready"])
+            _wait(lambda: not client.get("/state").json()["busy"])
+            assert client.post("/order", json={"what": "begin"}).status_code == 202
+            state = _wait(lambda: (now := client.get("/state").json()).get("steps") and now)
+            assert state["head"]["given"] < 1
+    finally:
+        server.kill()
+
+
+@pytest.mark.long
+def test_a_study_of_before_is_listed_and_opened_again(tmp_path: Path) -> None:
+    sessions = tmp_path / "sessions"
+    for name in ("two_heaters.toml", "log.csv"):
+        shutil.copy(EXAMPLE / name, tmp_path)
+    opening = Opening(tmp_path / "two_heaters.toml", (tmp_path / "log.csv",), holdout_after=300.0)
+    first = WorkbenchSession(opening, sessions).open()
+    _wait(lambda: (first.state() or {}).get("steps"))
+    _wait(lambda: not (first.state() or {})["busy"])
+    first.close()
+    second = WorkbenchSession(None, sessions)
+    with contextlib.closing(second):
+        (one,) = (second.state() or {})["recent"]
+        assert (one["name"], one["logs"], one["desk"]) == ("two heaters", ["log.csv"], "")
+        second.do(order.validate_python({"what": "recent", "name": one["study"]}))
+        state = _wait(lambda: (now := second.state()) and now.get("steps") and now)
+        assert state["head"]["which"] == "held out"
+        assert second.folder == sessions / one["study"]
+        second.do(order.validate_python({"what": "leave"}))
+        assert (second.state() or {})["recent"]
+        (tmp_path / "log.csv").unlink()  # then it can't be read, and the page it began with says so
+        second.do(order.validate_python({"what": "recent", "name": one["study"]}))
+        state = _wait(lambda: (now := second.state()) and now["failed"] and now)
+        assert "no such file" in state["failed"]
+        assert state["recent"]
+        assert not state["busy"]
