@@ -1,4 +1,4 @@
-"""Topics of ROS 2 and of Unitree's robots by DDS on loopback, published by types written anew."""
+"""Topics of ROS 2 and of Unitree's robots by DDS and Zenoh on loopback, published by types written anew."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ import pytest
 
 from lptn.basics.errors import InputError
 from lptn.identify.data import load_model
-from lptn.live.dds import Dds, message_types
-from lptn.live.status import Status
+from lptn.live.dds import Dds, DdsSink
+from lptn.live.ros import message_types
+from lptn.live.status import NodeStatus, Status
 from lptn.live.watch import Watch
 from tests.live.robot import log, model_file
 
@@ -109,3 +110,57 @@ def test_a_domain_that_is_none_is_one_line() -> None:
         Dds("", 999)
     with pytest.raises(InputError, match="an interface of this machine"):
         Dds("203.0.113.7", DOMAIN + 2)
+
+
+def test_a_status_goes_out_as_ros_messages_and_is_not_read_back() -> None:
+    from cyclonedds.domain import DomainParticipant
+    from cyclonedds.pub import DataWriter
+    from cyclonedds.sub import DataReader
+    from cyclonedds.topic import Topic
+
+    from tests.live.ros_types import Header, JointState, Temperature, Time
+
+    knee = NodeStatus("left knee", 55.0, 54.0, 56.0, 55.1, 60.0, 300.0, 200.0, 400.0, "trusted")
+    hip = NodeStatus("hip", 61.0, 60.5, 61.5, 20.0, 60.0, 0.0, 0.0, 0.0, "stands")
+    source, sink = Dds("127.0.0.1", DOMAIN + 3), DdsSink("127.0.0.1", DOMAIN + 3)
+    participant, types = DomainParticipant(DOMAIN + 3), message_types()
+    diagnostics = types["diagnostic_msgs::msg::dds_::DiagnosticArray_"]
+    said = DataReader(participant, Topic(participant, "rt/diagnostics", diagnostics))
+    warm = DataReader(participant, Topic(participant, "rt/lptn/left_knee/temperature", Temperature))
+    states = DataWriter(participant, Topic(participant, "rt/joint_states", JointState))
+
+    def say() -> None:
+        sink.show(Status(1000.5, (knee, hip)))
+        states.write(JointState(Header(Time(1000, 0), ""), ["hip"], [0.0], [0.0], [2.0]))
+
+    heard = taken(source, say, 30)
+    assert {name for message in heard for name in message} == {
+        "time", "/joint_states.position[hip]", "/joint_states.velocity[hip]", "/joint_states.effort[hip]",
+    }  # fmt: skip
+    (array, *_), (temperature, *_) = said.take(1), warm.take(1)
+    assert temperature.temperature == 55.0
+    assert (temperature.header.stamp.sec, temperature.header.stamp.nanosec) == (1000, 500_000_000)
+    assert [(one.name, one.level, one.message) for one in array.status] == [
+        ("lptn: left knee", 1, "near its limit"), ("lptn: hip", 2, "at its limit"),
+    ]  # fmt: skip
+    assert {pair.key: pair.value for pair in array.status[0].values}["torque scale"] == "0.4"
+
+
+def test_topics_of_zenoh_are_read_as_those_of_dds() -> None:
+    zenoh = pytest.importorskip("zenoh", reason="the extra zenoh is not installed")
+    from lptn.live.zenoh import Zenoh
+    from tests.live.ros_types import Header, JointState, Time
+
+    config = zenoh.Config()
+    config.insert_json5("mode", '"router"')
+    config.insert_json5("scouting/multicast/enabled", "false")
+    config.insert_json5("listen/endpoints", '["tcp/127.0.0.1:7447"]')
+    state = JointState(Header(Time(5, 500_000_000), ""), ["hip", "knee"], [0.0, 0.0], [1.0, 2.0], [3.0, 4.0])
+    with zenoh.open(config) as router:
+        source = Zenoh("", 3)
+        key = "3/left/joint_states/sensor_msgs::msg::dds_::JointState_/RIHS01_00"
+        (heard, *_) = taken(source, lambda: router.put(key, state.serialize()), 1)
+    assert heard["/left/joint_states.effort[knee]"] == 4.0
+    assert heard["time"] == 5.5
+    with pytest.raises(InputError, match=r"zenoh://:3: source: found Unable to connect .* expected a router there"):
+        Zenoh("", 3)

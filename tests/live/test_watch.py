@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import socket
 import threading
 import time
@@ -17,13 +18,13 @@ import pytest
 from lptn.basics.errors import InputError
 from lptn.identify.data import LoadedModel, load_model
 from lptn.live.addresses import source_of
-from lptn.live.sinks import Foxglove, Prometheus, metrics
+from lptn.live.sinks import Foxglove, Mcap, Prometheus, metrics
 from lptn.live.sources import GrowingFile, Lines, Push, Replay, Source, Udp
 from lptn.live.status import Status
 from lptn.live.watch import Watch
 from lptn.online.monitoring import monitor
 from lptn.study import Study
-from tests.live.robot import AIR, CAPACITY, PER_TORQUE, RESISTANCE, log, model_file
+from tests.live.robot import AIR, CAPACITY, FIT, PER_TORQUE, RESISTANCE, STEP, log, model_file, worn
 
 LIMIT = 60.0
 
@@ -328,6 +329,49 @@ def test_another_unit_is_refused_as_in_logs(loaded: LoadedModel) -> None:
         Watch(loaded, pushed(rows_of(frame)), limits=LIMIT).run()
 
 
+# --- a robot that is not its model any more ----------------------------------------------------------
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("resistance", [RESISTANCE, 1.4 * RESISTANCE])
+def test_a_joint_that_has_changed_is_told_and_learnt(tmp_path: Path, resistance: float) -> None:
+    own, kept, path = load_model(model_file(tmp_path, FIT, STEP)), Kept(), tmp_path / "learnt.toml"
+    source = pushed(rows_of(worn(7200, 3000.0, resistance)))
+    last = Watch(own, source, [kept], every=1200.0, learn=path).run()
+    told = [event for event in kept.events if "not as its model" in event or event.startswith("since then")]
+    values = load_model(path).model.named
+    assert values["resistance.ambient~hip"].value == pytest.approx(RESISTANCE, rel=0.02)
+    assert values["resistance.ambient~knee"].value == pytest.approx(resistance, rel=0.02)
+    if resistance == RESISTANCE:
+        assert told == []
+        assert all(one.changed is None for one in last.nodes)
+        return
+    since = next(one.changed for one in last.nodes if one.node == "knee")
+    assert since is not None
+    assert 3000.0 < since < 4500.0
+    assert re.match(r"the robot is not as its model any more, since \d+ s: .*knee", told[0])
+    assert re.match(r"since then by its readings: surface_scale at knee, (9\d|> 99) % probable", told[-1])
+
+
+def test_readings_of_a_false_sensor_teach_nothing(tmp_path: Path) -> None:
+    own, path = load_model(model_file(tmp_path, FIT, STEP)), tmp_path / "learnt.toml"
+    frame = worn(1800, np.inf, RESISTANCE)
+    frame["temperature.knee"] = 25.0 + 0.05 * np.random.default_rng(1).standard_normal(len(frame))
+    Watch(own, pushed(rows_of(frame)), every=1200.0, learn=path).run()
+    assert load_model(path).model.named["resistance.ambient~knee"].value == pytest.approx(RESISTANCE, rel=1e-3)
+
+
+@pytest.mark.long
+def test_noise_that_decides_otherwise_on_the_fit_ends_no_watch(tmp_path: Path) -> None:
+    own = load_model(model_file(tmp_path, FIT, STEP))  # an error of 0.1 K, of which 0.05 K of noise leave little
+    frame = worn(3600, np.inf, RESISTANCE)
+    frame.loc[frame["time"] < 900, "temperature.knee"] += 0.3 * np.random.default_rng(1).standard_normal(180)
+    kept = Kept()
+    last = Watch(own, pushed(rows_of(frame)), [kept], every=300.0).run()
+    assert last.counts is not None
+    assert last.counts["rows"] == len(frame)
+
+
 # --- sinks -----------------------------------------------------------------------------------------
 
 
@@ -382,6 +426,22 @@ def test_foxglove_reads_each_node(loaded: LoadedModel) -> None:
                     sink.show(statuses)
     sink.close()
     assert said[0]["reading"] == pytest.approx(statuses.nodes[0].reading)
+
+
+@pytest.mark.long
+def test_statuses_are_recorded_in_an_mcap_file(loaded: LoadedModel, tmp_path: Path) -> None:
+    pytest.importorskip("foxglove", reason="the extra foxglove is not installed")
+    from mcap.reader import make_reader
+
+    path = tmp_path / "watch.mcap"
+    last = Watch(loaded, pushed(rows_of(log(120))), [Mcap(path)], limits=LIMIT).run()
+    with path.open("rb") as stream:
+        of_knee = list(make_reader(stream).iter_messages(topics=["/lptn/knee"]))
+    *_, message = of_knee[-1]
+    assert message.log_time == round(last.time * 1e9)
+    assert json.loads(message.data)["temperature"] == pytest.approx(last.nodes[0].temperature)
+    with pytest.raises(InputError, match=r"watch\.mcap: sink: found .*; expected a file that is not there yet"):
+        Mcap(path)
 
 
 @pytest.mark.long

@@ -30,6 +30,7 @@ def watch(
     limit: list[str] | None = None,
     replay: Annotated[float | None, Option(validator=validators.Number(gte=0))] = None,
     state: Path | None = None,
+    learn: Path | None = None,
     every: Annotated[float, Option(validator=validators.Number(gt=0))] = 30.0,
     coverage: options.Coverage = 0.9,
     calibration: Path | None = None,
@@ -51,11 +52,12 @@ def watch(
         limit: Limit in degC for all joints, or NODE=degC, also for a pattern of nodes; may be repeated.
         replay: Replay the log at so many times its speed; 0: as fast as possible.
         state: File to save the state in each minute, and to go on from.
+        learn: Model file to write at the end: parameters follow the last two hours, held by the fit's standard errors.
         every: Least time between forecasts [s]; live, they take 5 % of a core at most.
         calibration: Calibration file of lptn monitor, learnt from healthy logs.
     """
     lines = [Path(text.removeprefix("json:")) for text in to or () if text.startswith("json:")]
-    options.check_outputs(json, state, *lines, inputs=(model, Path(source), *filter(None, [calibration])))
+    options.check_outputs(json, state, learn, *lines, inputs=(model, Path(source), *filter(None, [calibration])))
     limits = options.limits_of(limit, "")
     options.check_inputs(model)
     from lptn.identify.data import load_model
@@ -68,7 +70,8 @@ def watch(
     said = source_of(source, loaded, replay)
     names = to or (["terminal"] if not is_quiet() else [])
     sinks = [sink_of(name, Terminal, sys.stdout) for name in names]
-    watching = Watch(loaded, said, sinks, limits=limits, coverage=coverage, calibration=known, every=every, state=state)
+    watching = Watch(loaded, said, sinks, limits=limits, coverage=coverage, calibration=known, every=every, state=state,
+                     learn=learn)  # fmt: skip
     write_json(json, watching.run().as_json())
 
 

@@ -9,14 +9,15 @@ from urllib.parse import urlsplit
 
 from lptn.basics.errors import InputError
 from lptn.identify.data import LoadedModel
-from lptn.live.dds import Dds
-from lptn.live.sinks import PORT_OF_FOXGLOVE, PORT_OF_METRICS, Foxglove, JsonLines, Prometheus
+from lptn.live.dds import Dds, DdsSink
+from lptn.live.sinks import PORT_OF_FOXGLOVE, PORT_OF_METRICS, Foxglove, JsonLines, Mcap, Prometheus
 from lptn.live.sources import LOOPBACK, GrowingFile, Lines, Replay, Source, Udp
 from lptn.live.watch import Sink
+from lptn.live.zenoh import Zenoh
 
 
 def source_of(text: str, loaded: LoadedModel, replay: float | None = None) -> Source:
-    """The source that a text names: `-`, `udp://…`, `dds://…`, or a file that grows or, with a speed, is replayed.
+    """The source that a text names: `-`, `udp://…`, `dds://…`, `zenoh://…`, a file that grows or, with a speed, a log.
 
     Raises:
         InputError: there is no such source.
@@ -28,10 +29,11 @@ def source_of(text: str, loaded: LoadedModel, replay: float | None = None) -> So
     scheme, host, port = address_of(text, "source")
     if scheme == "udp":
         return Udp(host, port)
-    if scheme == "dds":
-        return Dds(urlsplit(text).hostname or "", port)
+    if scheme in ("dds", "zenoh"):
+        return (Dds if scheme == "dds" else Zenoh)(urlsplit(text).hostname or "", port)
     if scheme:
-        raise InputError(text, "source", f"the scheme {scheme}", "-, a file, udp://HOST:PORT or dds://:DOMAIN")
+        expected = "-, a file, udp://HOST:PORT, dds://:DOMAIN or zenoh://:DOMAIN"
+        raise InputError(text, "source", f"the scheme {scheme}", expected)
     return GrowingFile(Path(text))
 
 
@@ -55,7 +57,8 @@ def address_of(text: str, place: str, port: int | None = None) -> tuple[str, str
 
 
 def sink_of(text: str, terminal: Callable[[], Sink], stream: TextIO) -> Sink:
-    """The sink that a text names: `terminal`, `json`, `json:FILE`, `prometheus://HOST:PORT`, `foxglove://HOST:PORT`.
+    """The sink that a text names: `terminal`, `json`, `json:FILE`, `mcap:FILE`, `prometheus://HOST:PORT`,
+    `foxglove://HOST:PORT`, `dds://ADDRESS:DOMAIN`.
 
     Args:
         text: what was given.
@@ -70,8 +73,16 @@ def sink_of(text: str, terminal: Callable[[], Sink], stream: TextIO) -> Sink:
         return terminal()
     if kind == "json":
         return JsonLines(Path(rest) if rest else stream)
+    if kind == "mcap" and rest:
+        return Mcap(Path(rest))
+    if kind == "dds":
+        domain = address_of(text if rest else "dds://:0", "sink", 0)[2]
+        return DdsSink(urlsplit(text).hostname or "", domain)
     for name, port, served in (("prometheus", PORT_OF_METRICS, Prometheus), ("foxglove", PORT_OF_FOXGLOVE, Foxglove)):
         if kind == name:
             return served(*address_of(text if rest else f"{kind}://{LOOPBACK}", "sink", port)[1:])
-    expected = "terminal, json, json:FILE, prometheus, foxglove, or one of these two with ://HOST:PORT behind it"
+    expected = (
+        "terminal, json, json:FILE, mcap:FILE, prometheus, foxglove, dds, the last three also with ://HOST:PORT, "
+        "of dds ://ADDRESS:DOMAIN"
+    )
     raise InputError(text, "sink", "no such sink", expected)

@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from math import inf, isfinite
 from typing import IO
 
 import numpy as np
@@ -19,8 +20,10 @@ import pandas as pd
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.identify.noise import estimate_noise
+from lptn.live.change import what_changed
 from lptn.logs.columns import SAMPLES, ColumnSource
 from lptn.logs.reading import read_log
+from lptn.logs.run import Run
 from lptn.logs.scatter import Scatter
 from lptn.model.model import Model
 from lptn.model.tables import FitTable
@@ -52,6 +55,7 @@ class Question:
         averaged: whether rows are means over a step, else samples.
         speeds: of the joints in the last seconds at their own rate, (n,) each; none where rows are samples themselves.
         period: s between those.
+        why_since: s from which on the robot is not as its model, so that it is asked what is likely; infinite: it is.
     """
 
     model: Model
@@ -66,6 +70,19 @@ class Question:
     averaged: bool = False
     speeds: Sequence[FloatArray] = ()
     period: float = 0.0
+    why_since: float = inf
+
+    def runs(self, since: float = -inf) -> list[Run]:
+        """The rows from a time on [s], as a log is read.
+
+        Raises:
+            InputError: they are none.
+        """
+        inputs, outputs = needed_columns(self.model)
+        columns = {"time": ColumnSource(("time",), rows=_MEANS if self.averaged else SAMPLES)}
+        frame = pd.DataFrame({key: values for key, values in self.rows.items() if np.isfinite(values).any()})
+        frame = frame[frame["time"] >= since]
+        return read_log(frame, columns, name=self.source, step=self.step, inputs=inputs, outputs=outputs, strict=False)
 
 
 @dataclass(frozen=True)
@@ -79,6 +96,7 @@ class Assessment:
         uncertainty: of the model; `None` where there is no run.
         resolution: of the sensors [K], by column.
         scatter: of the sensors.
+        changed: what is likely where the robot is not as its model any more, in words; `None` where nobody asked.
         why_not: in words.
         refused: what can't be: a unit, a counter, exchanged columns.
         seconds: of a processor that it took.
@@ -90,6 +108,7 @@ class Assessment:
     uncertainty: ModelUncertainty | None = None
     resolution: Mapping[str, float] = field(default_factory=dict)
     scatter: Mapping[str, Scatter] = field(default_factory=dict)
+    changed: tuple[str, ...] | None = None
     why_not: str = ""
     refused: InputError | None = None
     seconds: float = 0.0
@@ -106,13 +125,8 @@ def assess(question: Question) -> Assessment:
 
 
 def _assessed(question: Question, end: float) -> Assessment:
-    model, (inputs, outputs) = question.model, needed_columns(question.model)
+    model, runs = question.model, question.runs()
     gait = find_gait(question.speeds, question.period) if question.speeds else None
-    columns = {"time": ColumnSource(("time",), rows=_MEANS if question.averaged else SAMPLES)}
-    frame = pd.DataFrame({key: values for key, values in question.rows.items() if np.isfinite(values).any()})
-    runs = read_log(
-        frame, columns, name=question.source, step=question.step, inputs=inputs, outputs=outputs, strict=False
-    )
     run = runs[-1]
     for issue in run.issues:
         if issue.certain:
@@ -128,6 +142,9 @@ def _assessed(question: Question, end: float) -> Assessment:
         if question.limits:
             ahead = forecast(model, run, question.limits, coverage=question.coverage, fit=uncertainty, gait=gait)
             found = replace(found, forecast=ahead)
+        if isfinite(question.why_since):
+            changed = what_changed(model, question.fit, question.runs(question.why_since))
+            found = replace(found, changed=tuple(changed))
     except InputError as error:
         found = replace(found, why_not=str(error))
     return found

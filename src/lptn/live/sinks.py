@@ -134,27 +134,19 @@ PORT_OF_FOXGLOVE = 8765
 """The port at which Foxglove looks."""
 
 
-class Foxglove:
-    """Serves each status to Foxglove, on this machine alone unless a host is given.
-
-    A topic `/lptn/NODE` has the numbers of each node, to plot; `/lptn/status` has the rest.
+class _Channels:
+    """A topic `/lptn/NODE` with the numbers of each node, to plot; `/lptn/status` with the rest.
 
     Raises:
-        InputError: the package is not installed, or the address can't be had.
+        InputError: the package is not installed.
     """
 
-    def __init__(self, host: str = LOOPBACK, port: int = PORT_OF_FOXGLOVE) -> None:
-        place = f"foxglove://{host}:{port}"
+    def __init__(self, place: str) -> None:
         try:
             import foxglove
         except ImportError as error:
             raise InputError(place, "sink", str(error), "pip install 'lptn[foxglove]'") from error
-        self._context, self._channels = foxglove.Context(), dict[str, Any]()
-        try:
-            self._server = foxglove.start_server(name="lptn watch", host=host, port=port, context=self._context)
-        except (OSError, RuntimeError) as error:
-            raise InputError(place, "sink", str(error), "a free port of this machine") from error
-        self.port = self._server.port
+        self._package, self._context, self._channels = foxglove, foxglove.Context(), dict[str, Any]()
 
     def show(self, status: Status) -> None:
         content = status.as_json()
@@ -162,12 +154,45 @@ class Foxglove:
         assert isinstance(nodes, dict)
         for topic, said in {**nodes, "status": content}.items():
             if topic not in self._channels:
-                import foxglove
-
-                self._channels[topic] = foxglove.Channel(
+                self._channels[topic] = self._package.Channel(
                     f"/lptn/{topic}", schema={"type": "object"}, message_encoding="json", context=self._context
                 )
-            self._channels[topic].log(said)
+            self._channels[topic].log(said, log_time=round(max(status.time, 0.0) * 1e9))
+
+
+class Foxglove(_Channels):
+    """Serves each status to Foxglove, on this machine alone unless a host is given.
+
+    Raises:
+        InputError: the package is not installed, or the address can't be had.
+    """
+
+    def __init__(self, host: str = LOOPBACK, port: int = PORT_OF_FOXGLOVE) -> None:
+        place = f"foxglove://{host}:{port}"
+        super().__init__(place)
+        try:
+            self._server = self._package.start_server(name="lptn watch", host=host, port=port, context=self._context)
+        except (OSError, RuntimeError) as error:
+            raise InputError(place, "sink", str(error), "a free port of this machine") from error
+        self.port = self._server.port
 
     def close(self) -> None:
         self._server.stop()
+
+
+class Mcap(_Channels):
+    """Records each status in an MCAP file, by its own time.
+
+    Raises:
+        InputError: the package is not installed, or the file is there already or can't be written.
+    """
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(f"mcap:{path}")
+        try:
+            self._writer = self._package.open_mcap(path, context=self._context)
+        except (OSError, RuntimeError) as error:
+            raise InputError(path, "sink", str(error), "a file that is not there yet, and can be written") from error
+
+    def close(self) -> None:
+        self._writer.close()

@@ -28,6 +28,8 @@ class NodeStatus:
         earliest: end of its interval on the early side [s].
         latest: on the late side [s].
         trust: of its sensor: "trusted", "not yet", "none", or why it is not used.
+        missing_heat: W that the model lacks there, by the readings; `None` while nothing is known.
+        changed: s since the robot is not as its model there; `None` where it is.
     """
 
     node: str
@@ -40,6 +42,8 @@ class NodeStatus:
     earliest: float | None
     latest: float | None
     trust: str
+    missing_heat: float | None = None
+    changed: float | None = None
 
     @property
     def torque_scale(self) -> float | None:

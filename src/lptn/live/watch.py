@@ -27,6 +27,7 @@ from lptn.basics.files import bytes_of, fingerprint, write_whole
 from lptn.basics.processes import one_blas_thread
 from lptn.identify.data import LoadedModel
 from lptn.live.assessment import Assessment, Question, Worker, assess
+from lptn.live.change import learnt
 from lptn.live.messages import Decoder, Numbers
 from lptn.live.sampling import GAP, Clock, Columns, Rows, Sampler
 from lptn.live.sources import Message, Source
@@ -46,8 +47,11 @@ _FIRST = 60.0  # s of rows from which a forecast can be made
 _SHARE = 0.05  # of a processor that assessments may take; the loop takes as much at 1 kHz
 _TICK = 0.1  # s that the loop waits for a message
 _SAVED = 60.0  # s between two savings of the state
-_VERSION, _STATE = 2, "a state that lptn watch saved"  # of the state's file; what it should be
+_VERSION, _STATE = 3, "a state that lptn watch saved"  # of the state's file; what it should be
 _SIZE = Bound(500_000_000, "bytes")  # of it, ten times what thirty joints fill
+_CHANGED, _LASTS = 4.0, 600.0
+"""Times the heat by which a model errs where it was fitted, and s for which a node has lacked more before it is said to
+have changed. Heat wanders in half an hour: of thirty nodes one is that far off by chance once in three weeks."""
 _RAW = "raw:"  # how what samples say of themselves is called among the kept rows, beside what the model makes of it
 
 
@@ -79,6 +83,9 @@ class Watch:
         calibration: of `lptn.monitor`.
         every: s between assessments, at least.
         state: file in which the state is saved each minute and at the end, and taken up again.
+        learn: model file that is written at the end: the model with parameters that follow the last two hours, or what
+            came since the robot changed, held by twice the standard errors of its fit. Readings of faulty sensors teach
+            nothing, nor do any where an input is faulty.
 
     Raises:
         InputError: the state is of another model, or broken; a limit of what is no place of the model.
@@ -108,6 +115,7 @@ class Watch:
         threshold: float = THRESHOLD,
         every: float = 30.0,
         state: Path | None = None,
+        learn: Path | None = None,
     ) -> None:
         if not 0 < coverage < 1:
             raise ValueError(f"coverage: found {coverage:g}; expected a share between 0 and 1")
@@ -118,7 +126,7 @@ class Watch:
         check_limits(given, loaded.model)
         self._question = Question(self.model, loaded.file.fit, given, coverage, threshold, calibration, source.name)
         self._width = float(ndtri(0.5 + coverage / 2))
-        self._every, self._state = every, state
+        self._every, self._state, self._learn = every, state, learn
         self._stop = threading.Event()
         self._decoder = Decoder(source.name)
         self._columns = Columns(loaded, source.name, source.defaults)
@@ -136,6 +144,9 @@ class Watch:
         self._assessment = Assessment(-math.inf)
         self._ahead: Forecast | None = None
         self._earlier = dict[str, Alarm]()
+        self._strange = dict[str, float]()  # nodes that lack much heat, by s since when
+        self._lasted, self._why_since = 0.0, math.inf
+        """s for which they had when it was last asked what is likely; s from which on it is to be asked next."""
         self._worker = Worker() if source.live else None  # a source that waits is not kept waiting by another process
         self._asked: Future[Assessment] | None = None
         self._since, self._due, self._assessed = math.inf, math.inf, 0
@@ -175,6 +186,8 @@ class Watch:
                 self._finish()
             if self._state is not None:
                 self._save(self._state)
+            if self._learn is not None and self.status is not None:
+                self._write_learnt(self._learn)
         if self.source.inbox.error is not None:
             raise self.source.inbox.error
         if self.status is None:
@@ -291,6 +304,7 @@ class Watch:
                 gone.clear()
                 self._events.append(f"{silence}: the estimate begins anew")
             self._estimator, self._last, self._ahead = None, None, None
+            self._strange.clear()
             self._since = float(rows.time[0])
             self._due = self._since + _FIRST
         for row in np.column_stack([rows.time, *rows.columns.values(), *rows.raw.values()]):
@@ -301,6 +315,7 @@ class Watch:
             self._counts["rows"] += 1
             if self._estimator is not None:
                 self._advance(self._estimator, now, dict(zip(names, values, strict=True)))
+                self._look_for_change(self._estimator, now)
             if now >= self._due and self._asked is None:
                 if self._worker is None:  # nobody waits
                     self._take_assessment(assess(self._question_now()))
@@ -319,6 +334,26 @@ class Watch:
         estimator.update(last, readings, since)
         self._last, self._taken = inputs, now
 
+    def _look_for_change(self, estimator: Estimator, now: float) -> None:
+        """Where the readings ask for much more heat, or less, than a fitted model errs by; not where a sensor is to
+        blame, or an input."""
+        blamed, untrusted = {alarm.node for alarm in self._alarms.values()}, estimator.estimate.untrusted
+        for node, heat, usual, sensor in zip(self.model.nodes, *estimator.missing_heat, estimator.sensors, strict=True):
+            if abs(heat) <= _CHANGED * usual or not sensor.once_trusted or node in untrusted or node in blamed:
+                self._strange.pop(node, None)
+            else:
+                self._strange.setdefault(node, now)
+        since = min(self._strange.values(), default=math.inf)
+        if since == math.inf:
+            self._lasted = 0.0
+        elif now - since >= max(_LASTS, 2 * self._lasted):  # twice the data may say something else
+            if not self._lasted:
+                beside = dict(zip(self.model.nodes, estimator.missing_heat[0].tolist(), strict=True))
+                listed = ", ".join(f"{node} {beside[node]:+.3g} W" for node in self._strange)
+                changed = f"the robot is not as its model any more, since {since - self._clock.shift:.0f} s"
+                self._events.append(f"{changed}: {listed} of heat beside what the model has")
+            self._lasted, self._why_since = now - since, since
+
     # --- Forecast and monitor -------------------------------------------------------------------------
 
     @property
@@ -335,8 +370,9 @@ class Watch:
         raw = {key.removeprefix(_RAW): values for key, values in kept.items() if key.startswith(_RAW)}
         speeds, period = (self._sampler.speeds, self._period or 0.0) if self._sampler is not None else ([], 0.0)
         rows = {"time": kept["time"]} | (raw or kept)
+        why_since, self._why_since = self._why_since, math.inf
         return replace(self._question, rows=rows, step=self._step, averaged=self._averaged, speeds=speeds,
-                       period=period)  # fmt: skip
+                       period=period, why_since=why_since)  # fmt: skip
 
     def _take_assessment(self, found: Assessment) -> None:
         """Use an assessment; the filter goes on with what it says of noise and of the model."""
@@ -354,6 +390,9 @@ class Watch:
         for name, alarm in self._alarms.items():
             if name not in known:
                 self._events.append(f"{name}: {alarm.words}, since {alarm.onset - self._clock.shift:.0f} s")
+        if found.changed is not None:
+            likely = "; ".join(found.changed) or "nothing in the catalogue explains it"
+            self._events.append(f"since then by its readings: {likely}")
         if found.uncertainty is not None and found.time >= self._since:  # not from before a gap
             self._ahead = found.forecast or self._ahead
             self._judge_anew(found, found.uncertainty)
@@ -372,17 +411,33 @@ class Watch:
         run = Run("live", self._step, time, columns, self._averaged, self.source.name, "",
                   resolution=found.resolution, scatter=found.scatter)  # fmt: skip
         judge = judge_of_sensors(self.model, bind(self.model, run), uncertainty)
-        if self._resumed:
-            judge.restore(self._resumed)
-            self._resumed = {}
-        elif self._estimator is not None:
-            judge.restore(self._estimator.state())
+        before = self._resumed or (self._estimator.state() if self._estimator is not None else {})
+        self._resumed = {}
+        # Noise that is estimated anew may decide otherwise whether parameters are states, which the log moves.
+        if before and before["mean"].size == judge.size:
+            judge.restore(before)
         else:
             self._last = None
             rows = zip(*columns.values(), strict=True)
             for now, values in zip(time.tolist(), rows, strict=True):
                 self._advance(judge, now, dict(zip(columns, map(float, values), strict=True)))
         self._estimator = judge
+
+    def _write_learnt(self, path: Path) -> None:
+        """The model as the last hours have it, into its file."""
+        question, alarms = self._question_now(), self._alarms.values()
+        blamed = {alarm.node for alarm in alarms}
+        if self._estimator is not None:
+            blamed |= set(self._estimator.estimate.untrusted)
+        rows = {key: values for key, values in question.rows.items() if key.removeprefix("temperature.") not in blamed}
+        try:
+            if any(alarm.channel for alarm in alarms):
+                raise InputError(self.source.name, "--learn", "an input that is at fault", "inputs that can be trusted")
+            runs = replace(question, rows=rows).runs(min(self._strange.values(), default=-math.inf))
+            self.loaded.file.with_fit(learnt(self.model, question.fit, runs).table()).write(path)
+        except InputError as error:
+            self._events.append(f"nothing is learnt: {error}")
+            self._show()
 
     # --- What is shown ----------------------------------------------------------------------------------
 
@@ -419,6 +474,7 @@ class Watch:
                 yield NodeStatus(node, own, math.nan, math.nan, own, None, None, None, None, "not yet")
             return
         now, sensors = estimator.estimate, dict(zip(self.model.nodes, estimator.sensors, strict=True))
+        missing = dict(zip(self.model.nodes, estimator.missing_heat[0].tolist(), strict=True))
         doubts = {doubt.node: doubt.why for doubt in self._ahead.doubts} if self._ahead else {}
         for place in self.model.places:
             temperature, deviation = now.temperature(place)
@@ -432,7 +488,9 @@ class Watch:
                 early, left, late = (max(x - ago, 0.0) for x in (ahead.low, ahead.time_to_limit, ahead.high))
                 left = 0.0 if temperature >= limit else left
             low, high = temperature - self._width * deviation, temperature + self._width * deviation
-            yield NodeStatus(place, temperature, low, high, readings[place], limit, left, early, late, trust)
+            since = self._strange[place] - self._clock.shift if self._lasted and place in self._strange else None
+            yield NodeStatus(place, temperature, low, high, readings[place], limit, left, early, late, trust,
+                             missing.get(place), since)  # fmt: skip
 
     # --- The state ------------------------------------------------------------------------------------
 
@@ -449,6 +507,7 @@ class Watch:
             "names": self._names,
             "rows": [self._averaged, self._step, self._since, self._period],
             "last": [self._last, self._taken],
+            "changed": [self._strange, self._lasted],
             "counts": self._counts,
             "alarms": [asdict(alarm) for alarm in self._alarms.values()],
         }
@@ -484,6 +543,7 @@ class Watch:
         clock.last, clock.received, clock.shift, clock.jumps, clock.late = about["clock"]
         self._averaged, self._step, self._since, self._period = about["rows"]
         self._last, self._taken = about["last"]
+        self._strange, self._lasted = about["changed"]
         self._counts |= about["counts"]
         self._earlier = {alarm.channel or alarm.node: alarm for alarm in (Alarm(**one) for one in about["alarms"])}
         self._names, self._rows = about["names"], deque(arrays["rows"], maxlen=_MOST_ROWS)

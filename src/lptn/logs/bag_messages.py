@@ -39,11 +39,16 @@ def numbers_of(store: Any, message: Any) -> dict[str, float]:
     Diagnostics give theirs as text, by a key of what they are about: `motor FR_calf.Temperature [C]`.
     """
     if message.__msgtype__ == _DIAGNOSTICS:
-        pairs = [(f"{status.name}.{pair.key}", pair.value) for status in message.status for pair in status.values]
-        said = [(name, match) for name, value in pairs if (match := _QUANTITY.fullmatch(value))]
-        return {f"{name} [{match[2]}]" if match[2] else name: float(match[1]) for name, match in said}
+        return numbers_of_diagnostics(message)
     entries = _entries(store.fielddefs, (_NAME, None), message, "")
     return {name: float(x) for name, kind, x in entries if kind in _NUMPY_TYPES and name and name[:7] != "header."}
+
+
+def numbers_of_diagnostics(message: Any) -> dict[str, float]:
+    """The numbers that the texts of a DiagnosticArray hold."""
+    pairs = [(f"{status.name}.{pair.key}", pair.value) for status in message.status for pair in status.values]
+    said = [(name, match) for name, value in pairs if (match := _QUANTITY.fullmatch(value))]
+    return {f"{name} [{match[2]}]" if match[2] else name: float(match[1]) for name, match in said}
 
 
 def _entries(

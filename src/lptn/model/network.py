@@ -205,6 +205,7 @@ class Network:
             all arrays of joints that are made of the model; names that are not listed come behind, as declared.
         origin: the file it came from, for messages.
         values: parameter values that replace the declared ones, by the parameters' names.
+        priors: means and standard deviations that replace theirs, likewise.
 
     Attributes:
         capacities: for each dynamic node the index of its capacitance.
@@ -247,6 +248,7 @@ class Network:
     joints: tuple[str, ...] = ()
     origin: str = "model"
     values: Mapping[str, float] = field(default_factory=dict)
+    priors: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     capacities: dict[str, int] = field(init=False, repr=False, compare=False)
     prescribed: dict[str, str | int] = field(init=False, repr=False, compare=False)
     resistors: list[Link] = field(init=False, repr=False, compare=False)
@@ -260,7 +262,7 @@ class Network:
 
     def __post_init__(self) -> None:
         """Nodes first, then links, then what conducts inside elements, then effects: so parameters are numbered."""
-        own, parameters = vars(self), _Parameters(self.origin, self.values)
+        own, parameters = vars(self), _Parameters(self.origin, self.values, self.priors)
         capacities, prescribed, elements = _nodes(self.origin, self.nodes, self.joints, parameters)
         capacities = {name: capacities[name] for name in in_listed_order(capacities, self.joints)}
         bodies = Bodies(self.origin)
@@ -471,8 +473,8 @@ ROUNDING = 1e-9  # of a value: it may lie so far outside its bounds, as numbers 
 class _Parameters:
     """The parameters of a network, numbered in the order in which its declarations name them."""
 
-    def __init__(self, origin: str, values: Mapping[str, float]) -> None:
-        self.origin, self.values = origin, values
+    def __init__(self, origin: str, values: Mapping[str, float], priors: Mapping[str, tuple[float, float]]) -> None:
+        self.origin, self.values, self.priors = origin, values, priors
         self.instances: list[ParameterInstance] = []
         self.declared_at: dict[Key, dict[str, str]] = {}
         self._index: dict[str, int] = {}
@@ -490,7 +492,10 @@ class _Parameters:
         self.declared_at.setdefault(key, {})[name] = owner
         if name not in self._index:
             if name in self.values:
-                instance = replace(instance, declared=_revalued(self.origin, name, declared, self.values[name]))
+                declared = _revalued(self.origin, name, declared, self.values[name])
+            if name in self.priors:
+                declared = replace(declared, prior=self.priors[name])
+            instance = replace(instance, declared=declared)
             self._index[name] = len(self.instances)
             self.instances.append(instance)
         return self._index[name]

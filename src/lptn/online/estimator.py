@@ -284,6 +284,12 @@ class Estimator:
         self._advance(u, dt)
 
     @property
+    def missing_heat(self) -> tuple[FloatArray, FloatArray]:
+        """Heat that the model lacks at each node by what was read so far, and by what `error` lets it wander [W]."""
+        heat = self._mean[self.augmented.layout.heat]
+        return heat if heat.size else np.zeros(len(self.model.nodes)), by_node(self.error.heat, self.model.nodes)
+
+    @property
     def running(self) -> bool:
         """Whether a first update was made, or a state restored."""
         return bool(np.isfinite(self._mean).all())
