@@ -1,4 +1,4 @@
-"""What `lptn.live.Watch` says while virtual legs walk: limits ahead, faults of sensors, false alarms, a leg that changed.
+"""What `lptn.live.Watch` says while virtual legs walk: limits ahead, faults of sensors, false alarms, changes.
 
     python -m tests.benchmarks.watch_trial --robots 20
 
@@ -164,9 +164,8 @@ def main() -> None:
     print(f"healthy: {len(false)} false in {chosen.robots * 0.75:g} h: {'; '.join(false) or 'none'}")
     for kind, times in found.items():
         after = ", ".join(f"{time:.0f}" for time in times)
-        print(
-            f"{kind}: {sum(time < inf for time in times)} of {len(times)}, after {after} s; {blamed[kind] or 'nobody'} blamed"
-        )
+        count = sum(time < inf for time in times)
+        print(f"{kind}: {count} of {len(times)}, after {after} s; {blamed[kind] or 'nobody'} blamed")
 
 
 if __name__ == "__main__":

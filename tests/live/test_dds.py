@@ -12,7 +12,7 @@ import pytest
 from lptn.basics.errors import InputError
 from lptn.identify.data import load_model
 from lptn.live.dds import Dds, DdsSink
-from lptn.live.ros import message_types
+from lptn.live.ros import RosSource, message_types
 from lptn.live.status import NodeStatus, Status
 from lptn.live.watch import Watch
 from tests.live.robot import log, model_file
@@ -21,7 +21,7 @@ pytest.importorskip("cyclonedds", reason="the extra dds is not installed")
 DOMAIN = 77
 
 
-def taken(source: Dds, say: Any, until: int) -> list[Any]:
+def taken(source: RosSource, say: Any, until: int) -> list[Any]:
     """What a source hears while something is said."""
     stop, heard = threading.Event(), list[Any]()
     thread = threading.Thread(target=source.run, args=(stop,))

@@ -41,14 +41,14 @@ def watch(
 
     The source is - (lines of JSON or CSV on standard input), a file of such lines that grows, udp://HOST:PORT (a
     datagram a message; without a host this machine alone), dds://ADDRESS:DOMAIN (topics of ROS 2 and of Unitree's
-    robots at this machine's interface), or with --replay a log of any format. Ends with the source, or at Ctrl-C, and
-    saves its state.
+    robots at this machine's interface), zenoh://ROUTER:DOMAIN (topics of ROS 2), or with --replay a log of any
+    format. Ends with the source, or at Ctrl-C, and saves its state.
 
     Example: lptn watch fitted.toml udp://:9870 --limit 60 --to terminal prometheus
 
     Args:
-        to: Where results go: terminal (default), json, json:FILE, prometheus, foxglove,
-            the last two also with ://HOST:PORT; may be repeated.
+        to: Where results go: terminal (default), json, json:FILE, mcap:FILE, rerun, rerun:FILE, prometheus, foxglove,
+            the last two also with ://HOST:PORT, dds (ROS 2 topics), dds://ADDRESS:DOMAIN; may be repeated.
         limit: Limit in degC for all joints, or NODE=degC, also for a pattern of nodes; may be repeated.
         replay: Replay the log at so many times its speed; 0: as fast as possible.
         state: File to save the state in each minute, and to go on from.
@@ -56,8 +56,8 @@ def watch(
         every: Least time between forecasts [s]; live, they take 5 % of a core at most.
         calibration: Calibration file of lptn monitor, learnt from healthy logs.
     """
-    lines = [Path(text.removeprefix("json:")) for text in to or () if text.startswith("json:")]
-    options.check_outputs(json, state, learn, *lines, inputs=(model, Path(source), *filter(None, [calibration])))
+    files = [Path(text.partition(":")[2]) for text in to or () if text.startswith(("json:", "mcap:", "rerun:"))]
+    options.check_outputs(json, state, learn, *files, inputs=(model, Path(source), *filter(None, [calibration])))
     limits = options.limits_of(limit, "")
     options.check_inputs(model)
     from lptn.identify.data import load_model

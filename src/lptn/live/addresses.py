@@ -10,7 +10,7 @@ from urllib.parse import urlsplit
 from lptn.basics.errors import InputError
 from lptn.identify.data import LoadedModel
 from lptn.live.dds import Dds, DdsSink
-from lptn.live.sinks import PORT_OF_FOXGLOVE, PORT_OF_METRICS, Foxglove, JsonLines, Mcap, Prometheus
+from lptn.live.sinks import PORT_OF_FOXGLOVE, PORT_OF_METRICS, Foxglove, JsonLines, Mcap, Prometheus, Rerun
 from lptn.live.sources import LOOPBACK, GrowingFile, Lines, Replay, Source, Udp
 from lptn.live.watch import Sink
 from lptn.live.zenoh import Zenoh
@@ -57,8 +57,8 @@ def address_of(text: str, place: str, port: int | None = None) -> tuple[str, str
 
 
 def sink_of(text: str, terminal: Callable[[], Sink], stream: TextIO) -> Sink:
-    """The sink that a text names: `terminal`, `json`, `json:FILE`, `mcap:FILE`, `prometheus://HOST:PORT`,
-    `foxglove://HOST:PORT`, `dds://ADDRESS:DOMAIN`.
+    """The sink that a text names: `terminal`, `json`, `json:FILE`, `mcap:FILE`, `rerun`, `rerun:FILE`,
+    `prometheus://HOST:PORT`, `foxglove://HOST:PORT`, `dds://ADDRESS:DOMAIN`.
 
     Args:
         text: what was given.
@@ -75,6 +75,8 @@ def sink_of(text: str, terminal: Callable[[], Sink], stream: TextIO) -> Sink:
         return JsonLines(Path(rest) if rest else stream)
     if kind == "mcap" and rest:
         return Mcap(Path(rest))
+    if kind == "rerun":
+        return Rerun(Path(rest) if rest else None)
     if kind == "dds":
         domain = address_of(text if rest else "dds://:0", "sink", 0)[2]
         return DdsSink(urlsplit(text).hostname or "", domain)
@@ -82,7 +84,7 @@ def sink_of(text: str, terminal: Callable[[], Sink], stream: TextIO) -> Sink:
         if kind == name:
             return served(*address_of(text if rest else f"{kind}://{LOOPBACK}", "sink", port)[1:])
     expected = (
-        "terminal, json, json:FILE, mcap:FILE, prometheus, foxglove, dds, the last three also with ://HOST:PORT, "
-        "of dds ://ADDRESS:DOMAIN"
+        "terminal, json, json:FILE, mcap:FILE, rerun, rerun:FILE, prometheus, foxglove, dds, these two also with "
+        "://HOST:PORT, dds with ://ADDRESS:DOMAIN"
     )
     raise InputError(text, "sink", "no such sink", expected)

@@ -56,8 +56,11 @@ def what_changed(model: Model, table: FitTable, runs: Sequence[Run]) -> list[str
     """What the last hours' runs say is likely: effects that the model lacks, then parameters that have moved."""
     found = diagnose(held_by_fit(model, table, runs), split_data(runs))
     fit = found.steps[-1].fit if found.steps else found.fit
-    shares = ((step, f"{100 * step.probability:.0f} %" if step.probability < _SURE else "> 99 %") for step in found.steps)
-    return [*(f"{named(step.key)}, {share} probable" for step, share in shares), *moved(fit)]
+    words = []
+    for step in found.steps:
+        share = f"{100 * step.probability:.0f} %" if step.probability < _SURE else "> 99 %"
+        words.append(f"{named(step.key)}, {share} probable")
+    return [*words, *moved(fit)]
 
 
 def learnt(model: Model, table: FitTable, runs: Sequence[Run]) -> Fit:

@@ -1,10 +1,11 @@
-"""Where a status goes: lines of JSON, Prometheus' text at `/metrics`, Foxglove."""
+"""Where a status goes: lines of JSON, Prometheus' text at `/metrics`, Foxglove, MCAP, Rerun."""
 
 from __future__ import annotations
 
 import json
 import math
 from collections.abc import Callable
+from dataclasses import asdict
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from threading import Thread
@@ -196,3 +197,42 @@ class Mcap(_Channels):
 
     def close(self) -> None:
         self._writer.close()
+
+
+# --- Rerun ------------------------------------------------------------------------------------------
+
+
+class Rerun:
+    """Shows each status in a Rerun viewer on this machine, or keeps it in a file: a line for each number of a node.
+
+    Raises:
+        InputError: the package is not installed, or the file can't be written.
+    """
+
+    def __init__(self, path: Path | None = None) -> None:
+        try:
+            import rerun
+        except ImportError as error:
+            raise InputError("rerun", "sink", str(error), "pip install 'lptn[rerun]'") from error
+        self._package, self._stream = rerun, rerun.RecordingStream("lptn watch")
+        if path is None:
+            self._stream.connect_grpc()
+            return
+        try:
+            self._stream.save(path)
+        except (OSError, RuntimeError) as error:
+            raise InputError(path, "sink", str(error), "a file that can be written") from error
+
+    def show(self, status: Status) -> None:
+        self._stream.set_time("time", timestamp=status.time)
+        for one in status.nodes:
+            numbers = {**asdict(one), "torque_scale": one.torque_scale}
+            for name, value in numbers.items():
+                if isinstance(value, float) and math.isfinite(value):
+                    self._stream.log(f"{one.node}/{name}", self._package.Scalars(value))
+        for event in status.events:
+            self._stream.log("events", self._package.TextLog(event))
+
+    def close(self) -> None:
+        self._stream.flush()
+        self._stream.disconnect()
