@@ -94,7 +94,7 @@ def rounded(log: pd.DataFrame, path: Path) -> Path:
 def limit_ahead(loaded: LoadedModel, seed: int, folder: Path) -> tuple[float, list[bool]]:
     """How long before its limit the hottest joint is first told to reach it [s]; whether each judged interval holds."""
     rng = np.random.default_rng([seed, 9])
-    trot = Bout("trot", 4200, float(rng.uniform(0.5, 1.1)), float(rng.uniform(0, 4)))
+    trot = Bout("trot", 4200, float(rng.uniform(0.4, 0.8)), float(rng.uniform(0, 2)))
     job = Job((trot,), float(rng.uniform(10, 25)), cutout=None)
     true = leg_logs(seed=seed, quantisation=0.0, rate=1.0, runs={"trot": job})["trot"]
     columns = {joint: true[f"temperature.{joint}"] for joint in LEG_JOINTS}
@@ -155,7 +155,7 @@ def main() -> None:
             own = [time for channel, (time, _) in told.called.items() if channel.endswith(asked.joint)]
             begin = 0 if KINDS[faulty].right == ("swapped",) else BEGIN
             found[faulty].append(min(own) - begin if right else inf)
-            blamed[faulty] += [str(told.called)] * (others > 0)
+            blamed[faulty] += [str(told.called)] * (others > 0) + [f"{seed}: changed"] * (told.changed < inf)
             change = another_day(loaded, seed, folder)
             print(f"{seed}: {warned / 60:.0f} min before, {holds}; {faulty}: {right or 'nothing'} after "
                   f"{found[faulty][-1]:.0f} s, {others} others; {change}", flush=True)  # fmt: skip

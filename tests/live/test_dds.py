@@ -141,7 +141,7 @@ def test_a_status_goes_out_as_ros_messages_and_is_not_read_back() -> None:
     assert temperature.temperature == 55.0
     assert (temperature.header.stamp.sec, temperature.header.stamp.nanosec) == (1000, 500_000_000)
     assert [(one.name, one.level, one.message) for one in array.status] == [
-        ("lptn: left knee", 1, "near its limit"), ("lptn: hip", 2, "at its limit"),
+        ("lptn: left knee", 1, "near its limit"), ("lptn: hip", 2, "at its limit"), ("lptn: model", 0, ""),
     ]  # fmt: skip
     assert {pair.key: pair.value for pair in array.status[0].values}["torque scale"] == "0.4"
 

@@ -132,7 +132,8 @@ def as_messages(status: Status) -> Iterator[tuple[str, Any]]:
     """A status as ROS 2 messages, each with its topic.
 
     `/lptn/NODE/temperature` (sensor_msgs/Temperature) of each node, whether a sensor reads it or not,
-    `/lptn/NODE/torque_scale` (std_msgs/Float64) where it has a limit, and `/diagnostics`, a status `lptn: NODE` each.
+    `/lptn/NODE/torque_scale` (std_msgs/Float64) where it has a limit, and `/diagnostics`, a status `lptn: NODE` each and
+    `lptn: model`, whether the robot is as its model.
     """
     types = {name.rpartition("::")[2]: kind for name, kind in message_types().items()}
     seconds = max(status.time, 0.0)
@@ -148,10 +149,12 @@ def as_messages(status: Status) -> Iterator[tuple[str, Any]]:
         if status.missing:
             level, words = _STALE, f"silent: {', '.join(status.missing)}"
         told = {"temperature [C]": one.temperature, "limit [C]": one.limit, "time to limit [s]": one.time_to_limit,
-                "earliest [s]": one.earliest, "latest [s]": one.latest, "torque scale": scale,
-                "missing heat [W]": one.missing_heat}  # fmt: skip
+                "earliest [s]": one.earliest, "latest [s]": one.latest, "torque scale": scale}  # fmt: skip
         values = [types["KeyValue_"](key, f"{value:.6g}") for key, value in told.items() if value is not None]
         statuses.append(types["DiagnosticStatus_"](level, f"{OWN}: {one.node}", words, "", values))
+    changed = _OK if status.changed is None else _WARN
+    words = "" if status.changed is None else f"the robot is not as its model since {status.changed:.0f} s"
+    statuses.append(types["DiagnosticStatus_"](changed, f"{OWN}: model", words, "", []))
     yield "/diagnostics", types["DiagnosticArray_"](head, statuses)
 
 
@@ -161,8 +164,6 @@ def _level_of(one: NodeStatus, alarm: str) -> tuple[int, str]:
         return _ERROR, "at its limit"
     if alarm or one.trust not in ("trusted", "not yet", "none"):
         return _WARN, f"sensor: {alarm or one.trust}"
-    if one.changed is not None:
-        return _WARN, f"not as its model since {one.changed:.0f} s"
     if one.torque_scale is not None and one.torque_scale < 1.0:
         return _WARN, "near its limit"
     return _OK, ""

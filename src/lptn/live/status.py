@@ -28,8 +28,6 @@ class NodeStatus:
         earliest: end of its interval on the early side [s].
         latest: on the late side [s].
         trust: of its sensor: "trusted", "not yet", "none", or why it is not used.
-        missing_heat: W that the model lacks there, by the readings; `None` while nothing is known.
-        changed: s since the robot is not as its model there; `None` where it is.
     """
 
     node: str
@@ -42,8 +40,6 @@ class NodeStatus:
     earliest: float | None
     latest: float | None
     trust: str
-    missing_heat: float | None = None
-    changed: float | None = None
 
     @property
     def torque_scale(self) -> float | None:
@@ -62,6 +58,7 @@ class Status:
         assessed: s since forecast and alarms were made; infinite before the first.
         missing: inputs that are silent, so that the rest stands still.
         counts: of messages, dropped ones, bad ones, late ones, jumps of the clock, gaps, rows.
+        changed: s of that clock, since when the robot is not as its model; `None` while it is.
         events: what happened since the last status, a sentence each.
     """
 
@@ -71,6 +68,7 @@ class Status:
     assessed: float = inf
     missing: tuple[str, ...] = ()
     counts: Mapping[str, int] | None = None
+    changed: float | None = None
     events: tuple[str, ...] = ()
 
     @property
@@ -94,6 +92,7 @@ class Status:
                 "seconds_since_assessment": self.assessed,
                 "missing": list(self.missing),
                 "counts": dict(self.counts or {}),
+                "changed": self.changed,
                 "events": list(self.events),
             }
         )

@@ -49,9 +49,9 @@ _TICK = 0.1  # s that the loop waits for a message
 _SAVED = 60.0  # s between two savings of the state
 _VERSION, _STATE = 3, "a state that lptn watch saved"  # of the state's file; what it should be
 _SIZE = Bound(500_000_000, "bytes")  # of it, ten times what thirty joints fill
-_CHANGED, _LASTS = 4.0, 600.0
-"""Times the heat by which a model errs where it was fitted, and s for which a node has lacked more before it is said to
-have changed. Heat wanders in half an hour: of thirty nodes one is that far off by chance once in three weeks."""
+_CHANGED, _LASTS = 3.0, 600.0
+"""Standard deviations by which something of the model is off, s for which it has been, before the robot is said to have
+changed. Of twenty virtual legs nothing was for so long off by more than 0.7; by parts that had changed, by 2 to 5."""
 _RAW = "raw:"  # how what samples say of themselves is called among the kept rows, beside what the model makes of it
 
 
@@ -144,7 +144,7 @@ class Watch:
         self._assessment = Assessment(-math.inf)
         self._ahead: Forecast | None = None
         self._earlier = dict[str, Alarm]()
-        self._strange = dict[str, float]()  # nodes that lack much heat, by s since when
+        self._strange = dict[str, float]()  # what is off in the model, by s since when
         self._lasted, self._why_since = 0.0, math.inf
         """s for which they had when it was last asked what is likely; s from which on it is to be asked next."""
         self._worker = Worker() if source.live else None  # a source that waits is not kept waiting by another process
@@ -335,23 +335,18 @@ class Watch:
         self._last, self._taken = inputs, now
 
     def _look_for_change(self, estimator: Estimator, now: float) -> None:
-        """Where the readings ask for much more heat, or less, than a fitted model errs by; not where a sensor is to
-        blame, or an input."""
-        blamed, untrusted = {alarm.node for alarm in self._alarms.values()}, estimator.estimate.untrusted
-        for node, heat, usual, sensor in zip(self.model.nodes, *estimator.missing_heat, estimator.sensors, strict=True):
-            if abs(heat) <= _CHANGED * usual or not sensor.once_trusted or node in untrusted or node in blamed:
-                self._strange.pop(node, None)
-            else:
-                self._strange.setdefault(node, now)
+        """Whether the readings move the model's parameters, or ask for heat, by far more than its fit leaves open; not
+        while a sensor or an input is to blame."""
+        blamed = any(alarm.kind != "undecided" for alarm in self._alarms.values())
+        off = {name for name, away in estimator.model_errors.items() if abs(away) > _CHANGED and not blamed}
+        self._strange = {name: self._strange.get(name, now) for name in off}
         since = min(self._strange.values(), default=math.inf)
         if since == math.inf:
             self._lasted = 0.0
         elif now - since >= max(_LASTS, 2 * self._lasted):  # twice the data may say something else
             if not self._lasted:
-                beside = dict(zip(self.model.nodes, estimator.missing_heat[0].tolist(), strict=True))
-                listed = ", ".join(f"{node} {beside[node]:+.3g} W" for node in self._strange)
-                changed = f"the robot is not as its model any more, since {since - self._clock.shift:.0f} s"
-                self._events.append(f"{changed}: {listed} of heat beside what the model has")
+                when = f"since {since - self._clock.shift:.0f} s"
+                self._events.append(f"the robot is not as its model any more, {when}: {', '.join(sorted(off))}")
             self._lasted, self._why_since = now - since, since
 
     # --- Forecast and monitor -------------------------------------------------------------------------
@@ -452,6 +447,7 @@ class Watch:
         missing = self._sampler.missing if self._sampler is not None else ()
         ago = self._newest - self._assessment.time
         nodes = tuple(self._nodes(ago))
+        changed = min(self._strange.values()) - self._clock.shift if self._lasted and self._strange else None
         self.status = Status(
             self._newest - self._clock.shift,
             nodes,
@@ -459,6 +455,7 @@ class Watch:
             ago,
             missing,
             counts,
+            changed,
             tuple(self._events),
         )
         self._events.clear()
@@ -474,7 +471,6 @@ class Watch:
                 yield NodeStatus(node, own, math.nan, math.nan, own, None, None, None, None, "not yet")
             return
         now, sensors = estimator.estimate, dict(zip(self.model.nodes, estimator.sensors, strict=True))
-        missing = dict(zip(self.model.nodes, estimator.missing_heat[0].tolist(), strict=True))
         doubts = {doubt.node: doubt.why for doubt in self._ahead.doubts} if self._ahead else {}
         for place in self.model.places:
             temperature, deviation = now.temperature(place)
@@ -488,9 +484,7 @@ class Watch:
                 early, left, late = (max(x - ago, 0.0) for x in (ahead.low, ahead.time_to_limit, ahead.high))
                 left = 0.0 if temperature >= limit else left
             low, high = temperature - self._width * deviation, temperature + self._width * deviation
-            since = self._strange[place] - self._clock.shift if self._lasted and place in self._strange else None
-            yield NodeStatus(place, temperature, low, high, readings[place], limit, left, early, late, trust,
-                             missing.get(place), since)  # fmt: skip
+            yield NodeStatus(place, temperature, low, high, readings[place], limit, left, early, late, trust)
 
     # --- The state ------------------------------------------------------------------------------------
 

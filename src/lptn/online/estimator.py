@@ -284,10 +284,19 @@ class Estimator:
         self._advance(u, dt)
 
     @property
-    def missing_heat(self) -> tuple[FloatArray, FloatArray]:
-        """Heat that the model lacks at each node by what was read so far, and by what `error` lets it wander [W]."""
-        heat = self._mean[self.augmented.layout.heat]
-        return heat if heat.size else np.zeros(len(self.model.nodes)), by_node(self.error.heat, self.model.nodes)
+    def model_errors(self) -> dict[str, float]:
+        """What is wrong with the model by what was read so far, in standard deviations of what may be: missing heat by
+        node, `heat.knee`; `air`, inputs and doubtful parameters by their names."""
+        layout, names = self.augmented.layout, dict[str, int]()
+        for what, rows in (("heat", layout.heat), ("bias", layout.bias)):
+            names |= {f"{what}.{self.model.nodes[row - rows.start]}": row for row in range(rows.start, rows.stop)}
+        names |= dict.fromkeys(["air"] if self.error.air else [], layout.air.start)
+        names |= dict(zip(self.error.inputs, range(layout.inputs.start, layout.inputs.stop), strict=True))
+        of_parameters = range(layout.parameters.start, layout.parameters.stop)
+        names |= {self.model.parameters[n].name: row for n, row in zip(self.doubtful, of_parameters, strict=True)}
+        off, deviations = self._mean.copy(), np.sqrt(self._doubt)
+        off[layout.parameters] -= self._given
+        return {name: float(off[row] / deviations[row]) for name, row in names.items() if deviations[row] > 0}
 
     @property
     def running(self) -> bool:
