@@ -132,8 +132,8 @@ def as_messages(status: Status) -> Iterator[tuple[str, Any]]:
     """A status as ROS 2 messages, each with its topic.
 
     `/lptn/NODE/temperature` (sensor_msgs/Temperature) of each node, whether a sensor reads it or not,
-    `/lptn/NODE/torque_scale` (std_msgs/Float64) where it has a limit, and `/diagnostics`, a status `lptn: NODE` each and
-    `lptn: model`, whether the robot is as its model.
+    `/lptn/NODE/torque_scale` (std_msgs/Float64) where it has a limit, and `/diagnostics`, a status `lptn: NODE` each
+    and `lptn: model`, whether the robot is as its model.
     """
     types = {name.rpartition("::")[2]: kind for name, kind in message_types().items()}
     seconds = max(status.time, 0.0)
