@@ -113,3 +113,61 @@ def test_from_logs_to_an_fmu_with_the_mouse_alone(kind: str, browser: Browser, t
         assert not complaints
     finally:
         server.kill()
+
+
+_HTML = "<img src=x onerror=document.title='let-in'>.csv"
+_DROP = """files => {
+  const carried = new DataTransfer();
+  for (const [name, text] of files) carried.items.add(new File([text], name));
+  window.dispatchEvent(new DragEvent("drop", { dataTransfer: carried, bubbles: true, cancelable: true }));
+}"""
+
+
+def test_what_is_dropped_in_two_tabs(browser: Browser, tmp_path: Path) -> None:
+    """A file of another kind, a name with HTML in it, a table that is none; an edit that another tab has overtaken."""
+    names = [f"joint{k}_{{}}" for k in range(1, 7)]
+    text = robot(tmp_path, names, 3)[0].read_text()
+    server, complaints = Server(tmp_path / "state", files=[]), list[str]()
+    try:
+        context = browser.new_context(viewport={"width": 1280, "height": 900})
+        page = context.new_page()
+        page.on("pageerror", lambda error: complaints.append(str(error)))
+        page.goto(server.address)
+        page.wait_for_url(f"{server.home}/")
+        expect(page.locator(".drop")).to_be_visible()
+        page.evaluate(_DROP, [[_HTML, text], ["paper.pdf", "x"]])
+        expect(page.locator("#work .failed")).to_contain_text("paper.pdf: file: found the ending '.pdf'")
+        expect(page.locator("li.log b")).to_have_text([_HTML])
+        expect(page.locator("#open")).to_be_enabled()
+        page.evaluate(_DROP, [["poem.csv", "Shall I compare thee\nto a summer's day?\n"]])
+        expect(page.locator("#work .failed")).to_contain_text("poem.csv: ")
+        expect(page.locator("li.log b")).to_have_text([_HTML])
+        assert not list((tmp_path / "state").rglob("p*.*"))
+
+        other = context.new_page()
+        other.goto(f"{server.home}/")
+        area = other.locator("#text")
+        expect(area).to_have_value(page.locator("#text").input_value())
+        page.locator("#text").fill(page.locator("#text").input_value() + "# mine\n")
+        page.locator("#save").click()
+        expect(area).to_have_value(page.locator("#text").input_value())  # nobody edits there
+        area.fill(area.input_value() + "# theirs\n")
+        page.locator("#text").fill(page.locator("#text").input_value() + "[[links]]\nbetween = 3\n")
+        page.locator("#save").click()
+        expect(page.locator("#wrong")).to_contain_text("model.toml: line")
+        expect(page.locator("#open")).to_be_disabled()
+        expect(other.locator("#wrong")).to_be_visible()
+        other.locator("#save").click()
+        expect(other.locator("#work .failed")).to_contain_text("changed meanwhile, in another tab")
+        assert "# theirs" in area.input_value()  # it can still be taken from there
+        page.locator("#source").select_option("columns")
+        expect(page.locator("#open")).to_be_enabled()
+        page.locator(f'[id="job {_HTML}"]').select_option("holdout")  # with the keyboard
+        expect(other.locator("[id='list holdout'] li.log")).to_have_count(1)
+
+        page.locator("#leave").click()
+        expect(other.locator(".recent li")).to_contain_text(_HTML)
+        assert page.title() == "lptn"
+        assert not complaints
+    finally:
+        server.kill()

@@ -117,6 +117,7 @@ class _Seen:
     names: frozenset[str] = frozenset()
     guesses: tuple[Guess, ...] = ()
     remedies: Mapping[str, Issue] = field(default_factory=dict)
+    error: InputError | None = None  # where it can't be opened
 
 
 class Desk:
@@ -221,7 +222,16 @@ class Desk:
         return result
 
     def _do_look(self, _: Name) -> None:
-        """Only look at what is there."""
+        """Take in what has come; what is no log that can be opened is refused, and nothing is left of it."""
+        known = {*self.opening.fit, *self.opening.holdout, *self.opening.test, *self._unused}
+        strange = [path for path in self._logs() if path not in known and not self._of(path).shown["opened"]]
+        refused = [error for path in strange if (error := self._of(path).error) is not None]
+        for path in strange:
+            path.unlink()
+        self._sort(self._logs())
+        if refused:
+            names = ", ".join(path.name for path in strange)
+            raise InputError(names, refused[0].place, refused[0].found, refused[0].expected)
 
     def _do_begin(self, _: Name) -> Opening:
         self._sort(self._logs())
@@ -395,7 +405,7 @@ class Desk:
             table = content.table if content else open_log(path, {})[0]
             seen = self._shown(of, path, table, content, loaded)
         except InputError as error:
-            seen = _Seen(of, {"refused": self._told(error), "columns": [], "opened": False})
+            seen = _Seen(of, {"refused": self._told(error), "columns": [], "opened": False}, error=error)
         self._seen[path] = seen
         return seen
 

@@ -113,8 +113,8 @@ export function logs(page) {
       h("select", { id: `job ${log.name}`, ariaLabel: `what ${log.name} is for`, disabled: busy, onchange: event => order(log, event.target.value) },
         Object.entries(JOBS).map(([job, label]) => h("option", { value: job, selected: job === log.job }, label))),
       h("button", { id: `remove ${log.name}`, ariaLabel: `Remove ${log.name}`, title: "Remove it from here", disabled: busy, onclick: () => page.order({ what: "remove", name: log.name }) }, "✕")),
-    h("div", { className: "soft" }, [log.said, log.size && size(log.size), log.air?.column && `air: ${log.air.column}`].filter(Boolean).join(", ")),
-    log.refused && (asked ? h("details", { id: `why ${log.name}` }, h("summary", null, "why"), log.refused) : h("div", { className: "problem" }, log.refused)),
+    h("div", { className: "soft" }, [!log.refused && log.said, log.size && size(log.size), log.air?.column && `air: ${log.air.column}`].filter(Boolean).join(", ")),
+    log.refused && (log.opened ? h("details", { id: `why ${log.name}` }, h("summary", { className: "problem" }, "It can’t be used yet"), log.refused) : h("div", { className: "problem" }, log.refused)),
     asked);
   const list = job => {
     const own = desk.logs.filter(log => (JOBS[log.job] ? log.job : "holdout") === job);
