@@ -171,23 +171,20 @@ def joints_in(table: Table) -> tuple[str, list[str], list[Guess]]:
         own += [_place_named(name, table.units.get(name, ""), quantity) for name in table.names if name not in sources]
         return dict.fromkeys(place for place in own if place not in ("", "ambient"))
 
-    found: list[tuple[str, list[str], list[Guess]]] = []
-    for load in HEATS:
-        warm, loaded = named("temperature"), named(load)
-        joints = [place for place in warm if place in loaded] or list(warm)
-        inputs = [AMBIENT, *(f"{load}.{joint}" for joint in joints)]
-        sensors = [f"temperature.{joint}" for joint in joints]
-        moves = ["speed.base", *(f"velocity.{joint}" for joint in joints)]
-        guesses = guess(table, {}, inputs, sensors, moves) if joints else []
-        there = sources.keys() | {one.key for one in guesses}
-        joints = [joint for joint in joints if {f"{load}.{joint}", f"temperature.{joint}"} <= there]
-        known = {*joints, "base", "ambient", ""}
-        found.append((load, joints, [one for one in guesses if place_of(one.key) in known]))
-    best = max(found, key=lambda one: len(one[1]))
-    if not best[1]:
+    warm, loads = named("temperature"), {load: named(load) for load in HEATS}
+    both = {load: [place for place in warm if place in loads[load]] for load in HEATS}
+    load = max(HEATS, key=lambda load: (len(both[load]), len(loads[load])))
+    joints = both[load] or list(warm)
+    inputs = [AMBIENT, *(f"{load}.{joint}" for joint in joints)]
+    moves = ["speed.base", *(f"velocity.{joint}" for joint in joints)]
+    guesses = guess(table, {}, inputs, [f"temperature.{joint}" for joint in joints], moves) if joints else []
+    there = sources.keys() | {one.key for one in guesses}
+    joints = [joint for joint in joints if {f"{load}.{joint}", f"temperature.{joint}"} <= there]
+    if not joints:
         expected = "a temperature and a torque or current of each joint, such as knee_temp and knee_current"
         raise InputError(table.path, "columns", f"no joint in: {table.listing}", expected)
-    return best
+    known = {*joints, "base", "ambient", ""}
+    return load, joints, [one for one in guesses if place_of(one.key) in known]
 
 
 _ALONE = "motor"  # what a joint is called whose column says nothing but its quantity

@@ -121,7 +121,8 @@ def _at_desk(pipe: Connection, desk: Desk, *, reading: bool) -> Opening | None:
     pipe.send(("opening", desk.folder))
     pipe.send(("opened", desk.folder))
     while True:
-        pipe.send(("shown", {"desk": desk.content(reading=reading), "file": desk.text}, News()))
+        for whole in (False, True) if reading else (False,):  # what takes no time at once
+            pipe.send(("shown", {"desk": desk.content(reading=whole), "file": desk.text}, News()))
         pipe.send(("done",))
         try:
             order = pipe.recv()

@@ -59,6 +59,7 @@ _HEIGHT = 100  # of that picture, in parts
 _NO_NAME = "a file's own name, with no folder in it"
 _OTHER_PLACES = ("ambient", "base", "battery", "pc")
 _BEGINS = "begin-"  # a desk's folder
+_NOT_READ = {"said": "not read yet", "refused": "", "columns": [], "opened": False}
 
 
 def checked_name(name: str) -> str:
@@ -350,7 +351,7 @@ class Desk:
         """All that the page shows of the desk, as JSON holds it.
 
         Args:
-            reading: look into logs that were not looked at yet.
+            reading: look into logs that were not looked at yet, which takes a minute a gigabyte.
         """
         if reading and not self.model.is_file() and self._used():
             try:
@@ -366,7 +367,7 @@ class Desk:
         logs = self._logs()
         shown = [
             {"name": self._name(path), "run": run_name(path), "job": job, "size": _size(path)}
-            | (self._of(path, loaded).shown if reading else {"refused": "Reading was stopped.", "columns": []})
+            | (self._of(path, loaded).shown if reading else self._seen[path].shown if path in self._seen else _NOT_READ)
             for path, job in logs.items()
         ]
         used = [each for each in shown if each["job"] != "unused"]
@@ -383,7 +384,9 @@ class Desk:
             "air": loaded is not None and AMBIENT in loaded.model.inputs,
             "logs": shown,
             "holdout_after": self.opening.holdout_after,
-            "ready": bool(loaded and not wrong and used and not any(each["refused"] for each in used)),
+            "ready": bool(
+                loaded and not wrong and used and all(each["opened"] and not each["refused"] for each in used)
+            ),
         }
 
     def _told(self, error: InputError) -> str:

@@ -28,7 +28,7 @@ export function work(page) {
   if (busy) {
     const said = busy.said.at(-1), seconds = Date.now() / 1000 - busy.since;
     const line = `${capital(busy.words)}${said ? ` – ${said}` : ""}${seconds > 2 ? ` (${duration(seconds)})` : ""}`;
-    return [h("i"), h("span", { title: busy.said.join("\n") }, line), busy.what !== "open" || page.state.segments || busy.words !== "reading"
+    return [h("i"), h("span", { title: busy.said.join("\n") }, line), busy.what !== "open" || page.state.folder
       ? h("button", { id: "stop", onclick: page.stop }, "Stop") : null];
   }
   return page.failed || failed ? [h("span", { className: "failed" }, page.failed || failed)] : [];
