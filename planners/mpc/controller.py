@@ -281,14 +281,14 @@ class TorqueMPC:
                 the plan says what stood in for them.
         """
         self._measured[:] = in_order(measured, self.model.nodes, "measured", np.nan)
-        _fill(self._request, request, self.joints, "request")
+        fill(self._request, request, self.joints, "request")
         if isinstance(conditions, Mapping):
             # Only a mechanical power among them means another speed in each stage.
             stages = self._request[: 1 if conditions.keys().isdisjoint(self.heating.decided) else None]
             rows = [self.heating.conditions_from(conditions, asked) for asked in stages]
             self._conditions[:] = rows
         else:
-            _fill(self._conditions, conditions, self.conditions, "conditions")
+            fill(self._conditions, conditions, self.conditions, "conditions")
         given = None
         if applied is not None:
             self._applied[:] = in_order(applied, self.joints, "applied", np.nan)
@@ -378,7 +378,7 @@ class TorqueMPC:
         return Plan(
             self.joints,
             self.heating.unit,
-            self._request[0].copy(),
+            np.array(self._state.asked),
             np.array(result.admitted),
             np.array(result.plan),
             np.array(result.x).T,
@@ -436,7 +436,7 @@ class TorqueMPC:
                 setattr(self._settings, name, values[name])
 
 
-def _fill(to: FloatArray, values: Values | FloatArray, names: Sequence[str], what: str) -> None:
+def fill(to: FloatArray, values: Values | FloatArray, names: Sequence[str], what: str) -> None:
     """Write values into each stage: the same ones by name or in order, or a row for each stage."""
     array = np.asarray(values, dtype=float) if not isinstance(values, Mapping) else None
     if array is not None and array.ndim == 2:

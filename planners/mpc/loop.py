@@ -12,7 +12,7 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 
 from ..values import Values, in_order
-from .controller import Plan, TorqueMPC
+from .controller import Plan, TorqueMPC, fill
 
 _WAITING, _LATE, _OVER, _BLIND = 1, 2, 4, 8
 _MEANING = {
@@ -54,6 +54,7 @@ class ControlLoop:
         self._temperatures, self._conditions = np.empty(len(mpc.model.nodes)), np.empty(max(1, len(mpc.conditions)))
         arrays = (self._asked, self._applied, self._temperatures, self._conditions, self._scale)
         self._pointers = [ctypes.c_void_p(array.ctypes.data) for array in arrays]
+        self._ahead: list[FloatArray | None] = [None, None]
         self._pool = ThreadPoolExecutor(1, "thermal controller") if background else None
         self._solving: Future[None] | None = None
         self.plan: Plan | None = None
@@ -107,13 +108,38 @@ class ControlLoop:
                 self._solving = self._pool.submit(self._think)
         return self._scale
 
+    def foresee(
+        self, request: Values | FloatArray | None = None, conditions: Values | FloatArray | None = None
+    ) -> None:
+        """Say what is known of the coming stages, `mpc.settings.stages` long from the next control period on.
+
+        It counts in each period until it is said anew: say it once a period where it changes with time.
+
+        Args:
+            request: RMS torque or current of each stage, shape (stages, joints), or by name or in order for all stages;
+                `None`: as over the last period.
+            conditions: means of the model's other inputs over each stage, shape (stages, conditions), or by column or
+                in order; `None`: as over the last period.
+
+        Raises:
+            InputError: an unknown name, or a wrong number of values.
+        """
+        ahead: list[FloatArray | None] = [None, None]
+        known = (request, self.mpc.joints, "request"), (conditions, self.mpc.conditions, "conditions")
+        for number, (values, names, what) in enumerate(known):
+            if values is not None:
+                ahead[number] = rows = np.empty((len(self.mpc.settings.stages), len(names)))
+                fill(rows, values, names, what)
+        self._ahead = ahead  # at once, for the solver may run in its thread
+
     def close(self) -> None:
         """End the thread, if there is one."""
         if self._pool is not None:
             self._pool.shutdown()
 
     def _think(self) -> None:
-        mpc, none = self.mpc, ctypes.c_void_p(None)
+        mpc, ahead = self.mpc, self._ahead
+        known = [ctypes.c_void_p(None if rows is None else rows.ctypes.data) for rows in ahead]
         settings, state, result = (ctypes.byref(structure) for structure in (mpc._settings, mpc._state, mpc._result))
-        if self._c_think(settings, self._loop, state, mpc._work, none, result):
+        if self._c_think(settings, self._loop, state, mpc._work, *known, result):
             self.plan = mpc._answer()

@@ -92,7 +92,7 @@ static int once(int calls, int pass) {
         blind += (status & LPTN_LOOP_BLIND) > 0;
         if (status & LPTN_LOOP_WAITING) {
             const double begun = now(CLOCK_THREAD_CPUTIME_ID);
-            lptn_loop_think(&lptn_mpc_default, &loop, &state, &work, NULL, &result);
+            lptn_loop_think(&lptn_mpc_default, &loop, &state, &work, NULL, NULL, &result);
             solved[solves++] = (float)(now(CLOCK_THREAD_CPUTIME_ID) - begun);
             best += (result.status & LPTN_NOT_BEST) > 0;
         }

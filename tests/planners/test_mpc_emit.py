@@ -112,7 +112,7 @@ int main() {
     lptn_loop_begin(&lptn_mpc_default, &loop, 5.0);
     for (int tick = 0; tick < 3; tick++) {
         lptn_loop_update(&loop, asked, asked, hot, air, scale);
-        lptn_loop_think(&lptn_mpc_default, &loop, &state, &work, 0, &result);
+        lptn_loop_think(&lptn_mpc_default, &loop, &state, &work, 0, 0, &result);
     }
     lptn_admissible(&memory, hot, asked, air, admissible);
     return scale[0] > 0 && scale[0] < 1 && admissible[0] > 0 ? 0 : 1;

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
@@ -137,6 +138,39 @@ def test_the_emitted_loop_is_pythons(tmp_path: Path) -> None:
     for row, torque, reading in zip(answers, asked, readings, strict=True):
         np.testing.assert_allclose(row[:3], loop.update(torque, reading, AROUND, 0.9 * torque), rtol=0, atol=1e-9)
         assert row[3] == loop.status
+
+
+def test_what_is_foreseen_is_planned_for() -> None:
+    """Three minutes in 25 degC, two in a hall of 80 degC: the leg written again, and integrated by SciPy."""
+    hottest = {}
+
+    def air(time: float) -> float:
+        return 80.0 if 180.0 <= time < 300.0 else 25.0
+
+    def slope(time: float, T: FloatArray, torque: FloatArray) -> FloatArray:
+        heat = 0.15 * (1 + 0.0039 * (T - 25)) * (torque / 0.84) ** 2 - (T - air(time)) / 10
+        heat[:2] += np.array([1, -1]) * (T[1] - T[0]) / 3
+        heat[1:] += np.array([1, -1]) * (T[2] - T[1]) / 2
+        return np.asarray(heat / 300)
+
+    for foreseen in (False, True):
+        model = Model(leg([effect("copper_loss"), effect("resistance_rise")]))
+        mpc = TorqueMPC(model, LIMIT, request="torque", stages=60, level=0.5, margin=0.1, model_error=0.0)
+        loop, T = ControlLoop(mpc, 5.0), np.full(3, 59.8)
+        hottest[foreseen] = 59.8
+        edges = np.concatenate([[0.0], np.cumsum(mpc.settings.stages)])
+        for k in range(60):
+            time = 5.0 * k
+            if foreseen:
+                loop.foresee(conditions=np.array([[air(time + 1e-6 + edge)] for edge in edges[:-1]]))
+            loop.update(REQUEST, T, [air(time)])
+            assert loop.plan is not None
+            np.testing.assert_allclose(loop.plan.asked, REQUEST)
+            torque = loop.plan.admitted  # which the loop applies from the next tick on
+            T = solve_ivp(slope, (time, time + 5.0), T, args=(torque,), rtol=1e-8, max_step=1.0).y[:, -1]
+            hottest[foreseen] = max(hottest[foreseen], float(T.max()))
+    assert hottest[True] <= LIMIT
+    assert hottest[False] > LIMIT + 0.5
 
 
 def test_mistakes_are_said_in_one_line() -> None:

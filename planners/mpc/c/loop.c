@@ -35,7 +35,7 @@ int main(int count, char **words) {
         const int status = lptn_loop_update(&loop, asked, applied, temperatures, conditions, scale);
         for (int j = 0; j < LPTN_NU; j++) printf("%.17g ", scale[j]);
         printf("%d\n", status);
-        lptn_loop_think(&lptn_mpc_default, &loop, &state, &work, NULL, &result);
+        lptn_loop_think(&lptn_mpc_default, &loop, &state, &work, NULL, NULL, &result);
     }
     return 0;
 }

@@ -124,20 +124,21 @@ static double weight(const lptn_mpc_settings *o, int j, double request) {
 }
 
 int lptn_loop_think(const lptn_mpc_settings *o, lptn_loop *m, lptn_mpc_state *state, lptn_mpc_work *work,
-                    const double *preview, lptn_mpc_result *out) {
-    double request[LPTN_N * LPTN_NU], conditions[LPTN_N * LPTN_ND + 1];
+                    const double *requests, const double *conditions, lptn_mpc_result *out) {
+    double asked[LPTN_N * LPTN_NU], around[LPTN_N * LPTN_ND + 1];
     if (TURN(m) != 1) return 0;
     for (int k = 0; k < LPTN_N; k++) {
-        for (int j = 0; j < LPTN_NU; j++) request[k * LPTN_NU + j] = m->mean_asked[j];
-        for (int i = 0; i < LPTN_ND; i++) conditions[k * LPTN_ND + i] = m->mean_around[i];
+        for (int j = 0; j < LPTN_NU; j++) asked[k * LPTN_NU + j] = m->mean_asked[j];
+        for (int i = 0; i < LPTN_ND; i++) around[k * LPTN_ND + i] = m->mean_around[i];
     }
-    if (!preview) preview = request;
-    lptn_mpc_step(o, state, work, m->reading, preview, conditions, m->mean_done, out);
+    if (!requests) requests = asked;
+    if (!conditions) conditions = around;
+    lptn_mpc_step(o, state, work, m->reading, requests, conditions, m->mean_done, out);
     for (int k = 0; k < LPTN_N; k++) {
         double all = 0;
-        for (int j = 0; j < LPTN_NU; j++) all += weight(o, j, preview[k * LPTN_NU + j]);
+        for (int j = 0; j < LPTN_NU; j++) all += weight(o, j, requests[k * LPTN_NU + j]);
         for (int j = 0; j < LPTN_NU; j++) {
-            const int asked = weight(o, j, preview[k * LPTN_NU + j]) > TRIFLE * all;
+            const int asked = weight(o, j, requests[k * LPTN_NU + j]) > TRIFLE * all;
             m->next[k][j] = asked ? sqrt(state->scale[k][j]) : 1;
         }
     }

@@ -45,10 +45,10 @@ void lptn_loop_begin(const lptn_mpc_settings *settings, lptn_loop *loop, double 
 int lptn_loop_update(lptn_loop *loop, const double *asked, const double *applied, const double *temperatures,
                      const double *conditions, double *scale);
 
-/* Solve for the next control period if its numbers wait; returns whether they did. preview: RMS requests of each stage,
- * LPTN_N x LPTN_NU, where they are known; NULL: as over the last period. */
+/* Solve for the next control period if its numbers wait; returns whether they did. Where they are known, of each stage from
+ * now on: requests, RMS, LPTN_N x LPTN_NU; conditions, means, LPTN_N x LPTN_ND. NULL: as over the last period. */
 int lptn_loop_think(const lptn_mpc_settings *settings, lptn_loop *loop, lptn_mpc_state *state, lptn_mpc_work *work,
-                    const double *preview, lptn_mpc_result *result);
+                    const double *requests, const double *conditions, lptn_mpc_result *result);
 #ifdef __cplusplus
 }
 #endif
