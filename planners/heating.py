@@ -111,7 +111,7 @@ class Heating:
             results = ca.cse(ca.substitute(expressions, [self.amount], [root]))
             return ca.Function("lptn_heat", [self.x, heat, self.d, self.p], results)
 
-        return self.model.made_once(("heat and slopes", self.request), make)
+        return self.model.made_once(("heat and slopes", self.request, self.conditions), make)
 
     @property
     def in_squares(self) -> bool:
@@ -124,11 +124,30 @@ class Heating:
         )
         return bool(np.allclose(small, large, rtol=1e-7, atol=0.0))
 
+    def power_function(self) -> ca.Function:
+        """(x, heat, d, p) -> what each joint takes from the supply [W], and its slope in the squares of the amounts.
+
+        That is all that its amount heats, and its mechanical power, as much as if the load never drove it.
+        """
+
+        def make() -> ca.Function:
+            heat, network, joints = ca.SX.sym("heat", len(self.joints)), self.model.network, range(len(self.joints))
+            capacities = ca.vertcat(*(self.p[index] for index in network.capacities.values()))
+            _, added = _added(self.rates, self.amount)
+            electric = ca.mtimes(capacities.T, added[: capacities.numel(), :]).T
+            speeds = ca.vertcat(*(self.d[self.conditions.index(f"velocity.{joint}")] for joint in self.joints))
+            power = electric + ca.fabs(self.torque * speeds) * self.amount
+            slope = ca.vertcat(*(ca.jacobian(power[j], self.amount[j]) for j in joints)) / (2 * self.amount)
+            found = ca.substitute([ca.densify(power), ca.densify(slope)], [self.amount], [_root_of(heat)])
+            return ca.Function("lptn_power", [self.x, heat, self.d, self.p], ca.cse(found))
+
+        return self.model.made_once(("power", self.request, self.conditions), make)
+
     def rate_function(self) -> ca.Function:
         """(x, heat, d, p) -> rates [K/s]; `heat` are the squares of the amounts."""
         heat = ca.SX.sym("heat", len(self.joints))
         return self.model.made_once(
-            ("heated rates", self.request),
+            ("heated rates", self.request, self.conditions),
             lambda: ca.Function("heated", [self.x, heat, self.d, self.p], [self.rates_at(heat)]),
         )
 
@@ -143,8 +162,8 @@ def requested_by(model: Model) -> Request:
     return "current" if "current" in quantities or not {"torque", "torque_abs"} & quantities else "torque"
 
 
-def heating(model: Model, request: Request) -> Heating:
-    """A model seen from its requested torques or currents.
+def heating(model: Model, request: Request, speeds: bool = False) -> Heating:
+    """A model seen from its requested torques or currents; with `speeds` all joints' are among the conditions.
 
     Where the model's input is the other of the two, the torque constant of the joint's copper loss converts, falling
     with temperature where the model says so ([Chen2017, eq. 2.6]).
@@ -152,11 +171,11 @@ def heating(model: Model, request: Request) -> Heating:
     Raises:
         InputError: the model has no such input, or the heat of one joint depends on what another gives.
     """
-    made = model.made_once(("heating", request), lambda: _make(model, request))
+    made = model.made_once(("heating", request, speeds), lambda: _make(model, request, speeds))
     return replace(made, model=model)  # its expressions are shared with copies at other values, its values are not
 
 
-def _make(model: Model, request: Request) -> Heating:
+def _make(model: Model, request: Request, all_speeds: bool) -> Heating:
     x, u, p, rates, _ = model.symbols
     parts = {column: column.partition(".")[::2] for column in model.inputs}
     driven = dict.fromkeys(place for what, place in parts.values() if what in _SAME)
@@ -188,6 +207,11 @@ def _make(model: Model, request: Request) -> Heating:
             inputs[own[column]] *= ca.fabs(speeds[speed])
         decided.append(column)
     others = {column: u[number] for column, number in own.items() if column not in decided}
+    if all_speeds:
+        speeds |= {name: ca.SX.sym(name) for joint in joints if (name := f"velocity.{joint}") not in others | speeds}
+        if unknown := [joint for joint, k in zip(joints, per_unit["torque"], strict=True) if k is nan]:
+            problem = f"no copper_loss at {unknown[0]}, so no torque of its current"
+            raise InputError(model.network.origin, "power_limit", problem, 'request = "torque"')
     conditions = tuple(model.network.columns_in_order(others | speeds))
     d = ca.vertcat(ca.SX(0, 1), *((others | speeds)[column] for column in conditions))
     driven_by = ca.vertcat(*inputs)

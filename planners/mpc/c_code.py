@@ -46,8 +46,8 @@ def surroundings(heating: Heating) -> list[int]:
     return [row for row, column in enumerate(heating.conditions) if column.startswith("temperature.")]
 
 
-def _functions(heating: Heating) -> tuple[ca.Function, ca.Function]:
-    """`Heating.function`, and the slopes of its rates at the heat in what is unsure, transposed.
+def _functions(heating: Heating, power: bool) -> tuple[ca.Function, ...]:
+    """`Heating.function`, the slopes of its rates at the heat in what is unsure, transposed, and `power_function`.
 
     Their parameters end with what says by how much each of the surroundings is warmer than told [K].
     """
@@ -58,21 +58,23 @@ def _functions(heating: Heating) -> tuple[ca.Function, ca.Function]:
     rates = heating.rate_function()(heating.x, heat, d, heating.p)
     by = ca.jacobian(rates, p)[:, [*unsure(heating), *range(count, count + len(around))]]
     given = [heating.x, heat, heating.d, p]
-    return (
-        ca.Function("lptn_heat", given, heating.function().call([heating.x, heat, d, heating.p])),
-        ca.Function("lptn_slopes", given, [ca.cse(by.T)]),
-    )
+    point = [heating.x, heat, d, heating.p]
+    parts = {"lptn_heat": heating.function().call(point), "lptn_slopes": [ca.cse(by.T)]}
+    if power:
+        parts["lptn_power"] = heating.power_function().call(point)
+    return tuple(ca.Function(name, given, found) for name, found in parts.items())
 
 
-def sources(heating: Heating, limits: int, stages: int) -> dict[str, str]:
+def sources(heating: Heating, limits: int, stages: int, power: bool) -> dict[str, str]:
     """Contents by file name of everything that a controller step is made of.
 
     Args:
         heating: the model.
         limits: number of limited nodes.
         stages: of the horizon.
+        power: whether that of all joints together is limited.
     """
-    functions = function, slopes = _functions(heating)
+    functions = function, slopes, *_ = _functions(heating, power)
     slope, heated = function.sparsity_out(1), function.sparsity_out(2)  # transposed: CasADi lists them row by row
     states, joints = heating.x.numel(), len(heating.joints)
     sizes = {
@@ -84,9 +86,10 @@ def sources(heating: Heating, limits: int, stages: int) -> dict[str, str]:
         "NK": len(unsure(heating)) + len(surroundings(heating)),
         "NT": len(surroundings(heating)),
         "NL": limits,
+        "NR": limits + power,  # of a stage: temperatures, and the power
         "N": stages,
         # Iterations between linearisations: more where only the temperatures make the problem not linear.
-        "REPEAT": 4 if heating.in_squares else 1,
+        "REPEAT": 4 if heating.in_squares and not power else 1,
         "W": -(-(states + joints) // 4) * 4,  # a row's width in whole vectors of four
         "NXP": -(-states // 4) * 4,
         "NA": slope.nnz(),

@@ -29,6 +29,7 @@ _MEANING = {
     4: "a request is no number; taken as zero",
     64: "a condition is no number; the last good one, else zero, stands in for it",
     8: "a request lies above the current limit and is cut to it",
+    256: "the joints' power is above its limit: floors, or a fall that rates forbid",
     32: "the solver did not converge; this is the best plan that it met, not proven to be the best there is",
 }
 _INSTEAD = {
@@ -65,6 +66,7 @@ class Plan(Tabular):
         doubted: nodes that are planned hotter than their sensor says, by how much [K]; from 1 K on.
         lost_sensor: what a joint gets whose node has lost its sensor.
         error: change of the last linearisation [K].
+        power: of all joints together at the supply [W], shape (stages,); NaN without a limit.
     """
 
     joints: tuple[str, ...]
@@ -84,6 +86,7 @@ class Plan(Tabular):
     doubted: Mapping[str, float]
     lost_sensor: LostSensor
     error: float
+    power: FloatArray
 
     @property
     def full(self) -> bool:
@@ -197,6 +200,9 @@ class TorqueMPC:
         lost_sensor: what a joint gets whose node has lost its sensor: `"model"`, what the model allows, with the
             margin that it needs without the sensor; `"derate"`, what would hold the node if it were at its limit;
             `"stop"`, its floor.
+        power_limit: of all joints together at the supply [W]: what they heat, and |torque x speed| at the
+            `velocity.<joint>` among the conditions; of a bus current its voltage times as much. It bounds the mean
+            over a stage, and braking joints give nothing back.
 
     Raises:
         InputError: an unknown place, a number that can't be used, or a model without currents or torques.
@@ -228,19 +234,20 @@ class TorqueMPC:
         model_error: float = 0.2,
         standard_errors: Mapping[str, float] | None = None,
         lost_sensor: LostSensor = "model",
+        power_limit: float = math.inf,
     ) -> None:
-        self.model = model
-        self.heating = heating(model, requested_by(model) if request is None else request)
+        self.model, limited_power = model, math.isfinite(power_limit)
+        self.heating = heating(model, requested_by(model) if request is None else request, limited_power)
         self.settings = settle(
             self.heating, limits, period=period, horizon=horizon, stages=stages, margin=margin, weights=weights,
             current_limits=current_limits, rates=rates, floors=floors, priorities=priorities, recovery=recovery,
             smoothing=smoothing, noise=noise, resolution=resolution, level=level, model_error=model_error,
             standard_errors=model.standard_errors if standard_errors is None else standard_errors,
-            lost_sensor=lost_sensor,
+            lost_sensor=lost_sensor, power_limit=power_limit,
         )  # fmt: skip
         self.joints, self.conditions = self.heating.joints, self.heating.conditions
         count, limited = len(self.settings.stages), len(self.settings.limits)
-        self.sources = sources(self.heating, limited, count)
+        self.sources = sources(self.heating, limited, count, limited_power)
         self._library: Any = python_library(self.sources)
         self._library.lptn_mpc_step.restype = None
         self._library.lptn_mpc_sizes.restype = ctypes.c_longlong
@@ -397,6 +404,7 @@ class TorqueMPC:
             },
             self.settings.lost_sensor,
             result.error,
+            np.array(result.power),
         )
 
     def _untrusted(self) -> dict[str, str]:
@@ -427,7 +435,7 @@ class TorqueMPC:
             "error": own.errors, "learns": own.model_error > 0, "settles": own.settles,
             "tolerance": 1e-6,  # on the duality gap; the cost of admitting nothing is 1
             "iterations": 100, "warm": 50,  # at most; so many from the last plan, the others for a cold start
-            "lost_sensor": get_args(LostSensor).index(own.lost_sensor),
+            "lost_sensor": get_args(LostSensor).index(own.lost_sensor), "power": own.power,
         }  # fmt: skip
         for name, _ in self._settings._fields_:
             if np.ndim(values[name]):

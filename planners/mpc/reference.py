@@ -75,13 +75,14 @@ class ReferenceProgram:
         nodes = [self.heating.model.places.index(node) for node in settings.limits]
         asked, floor = np.maximum(np.abs(request), 1e-12), 1e-3  # of the heat scale, as in `c/linear.inc`
         least = np.maximum(floor * most, np.minimum((settings.floors / asked) ** 2, most))
-        lower = np.concatenate([np.ravel(least), np.full(n * len(start), -ca.inf), np.zeros(n * len(nodes))])
-        upper = np.concatenate([np.ravel(most), np.full(n * (len(start) + len(nodes)), ca.inf)])
-        guess = np.concatenate([np.ravel(0.5 * most), np.tile(start, n), np.full(n * len(nodes), 0.1)])
+        rows = len(nodes) + bool(np.isfinite(settings.power))  # limits of a stage
+        lower = np.concatenate([np.ravel(least), np.full(n * len(start), -ca.inf), np.zeros(n * rows)])
+        upper = np.concatenate([np.ravel(most), np.full(n * (len(start) + rows), ca.inf)])
+        guess = np.concatenate([np.ravel(0.5 * most), np.tile(start, n), np.full(n * rows, 0.1)])
         parameters = [start, np.ravel(request**2), np.ravel(conditions), np.ravel(weight),
                  np.zeros(len(start)) if bias is None else bias, p]  # fmt: skip
         parameters.append(settings.limits_from(start[nodes]).T.ravel())
-        bounds = np.zeros(n * (len(start) + len(nodes)))
+        bounds = np.zeros(n * (len(start) + rows))
         low = bounds.copy()
         low[n * len(start) :] = -ca.inf
         solution = self._solver(x0=guess, lbx=lower, ubx=upper, lbg=low, ubg=bounds, p=np.concatenate(parameters))
@@ -91,7 +92,7 @@ class ReferenceProgram:
         return ReferenceSolution(
             scale,
             np.vstack([start, states.reshape(n, len(start))]).T,
-            slack.reshape(n, len(nodes)),
+            slack.reshape(n, rows)[:, : len(nodes)],
             float((weight * (1 - np.sqrt(scale)) ** 2).sum()),
             bool(self._solver.stats()["success"]),
         )
@@ -109,18 +110,24 @@ class ReferenceProgram:
         heating, settings = self.heating, self.settings
         states, joints, others = heating.x.numel(), len(heating.joints), len(heating.conditions)
         nodes, n = [heating.model.places.index(node) for node in settings.limits], len(settings.stages)
-        s, x, e = ca.MX.sym("s", joints, n), ca.MX.sym("x", states, n), ca.MX.sym("e", len(nodes), n)
+        limited = bool(np.isfinite(settings.power))
+        s, x, e = ca.MX.sym("s", joints, n), ca.MX.sym("x", states, n), ca.MX.sym("e", len(nodes) + limited, n)
         start, square = ca.MX.sym("start", states), ca.MX.sym("square", joints, n)
         d, weight = ca.MX.sym("d", others, n), ca.MX.sym("weight", joints, n)
         bias, p = ca.MX.sym("bias", states), ca.MX.sym("p", heating.p.numel())
         following = []
+        powers = ca.MX(int(limited), 0 if limited else n)
         before = start
         for k in range(n):
+            if limited:  # at the middle of the stage, as in C
+                middle = (before + x[:, k]) / 2
+                power, _ = heating.power_function()(middle, s[:, k] * square[:, k], d[:, k], p)
+                powers = ca.horzcat(powers, ca.sum1(power) / settings.power - 1)
             step = self._step(float(settings.stages[k]))
             following.append(step(before, s[:, k] * square[:, k], d[:, k], bias, p) - x[:, k])
             before = x[:, k]
         limits = ca.MX.sym("limits", len(nodes), n)
-        over = x[nodes, :] - limits - e
+        over = ca.vertcat(x[nodes, :] - limits, powers) - e
         linear, quadratic = SLACK_PRICES
         cost = ca.sum1(ca.vec(weight * (1 - ca.sqrt(s)) ** 2))
         cost += linear * ca.sum1(ca.vec(e)) + quadratic / 2 * ca.sumsqr(e)

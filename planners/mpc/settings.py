@@ -46,6 +46,7 @@ class Settings:
             tested: heat that each node lacks, as a rate [K/s], and logarithms of these parameters over their
             units; shape (2, errors).
         settles: time in which each node forgets how warm the whole robot began [s].
+        power: limit of all joints together at the supply [W].
     """
 
     stages: FloatArray
@@ -65,6 +66,7 @@ class Settings:
     errors: FloatArray
     settles: FloatArray
     lost_sensor: LostSensor
+    power: float = math.inf
 
     @property
     def planned_limits(self) -> FloatArray:
@@ -110,6 +112,7 @@ def settle(
     resolution: float = 0.0,
     standard_errors: Mapping[str, float] | None = None,
     lost_sensor: LostSensor = "model",
+    power_limit: float = math.inf,
 ) -> Settings:
     """Check settings and spread them.
 
@@ -130,6 +133,8 @@ def settle(
     if lost_sensor not in get_args(LostSensor):
         expected = " or ".join(get_args(LostSensor))
         raise InputError(model.network.origin, "lost_sensor", f"{lost_sensor!r}", expected)
+    if not power_limit > 0:
+        raise InputError(model.network.origin, "power_limit", f"{power_limit:g} W", "a power above 0 W")
     if not 0.5 <= level < 1:
         raise InputError(model.network.origin, "level", f"{level:g}", "a probability from 0.5 up, less than 1")
     lengths = growing_stages(period, horizon, stages)
@@ -166,6 +171,7 @@ def settle(
         *_errors(heating, bounds, model_error, standard_errors or {}),
         np.where((forgets > 0) & (forgets < day), forgets, day),
         lost_sensor,
+        power_limit,
     )
 
 

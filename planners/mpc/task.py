@@ -32,6 +32,7 @@ class TrackTable(Strict):
     margin: NotNegative = 0.15
     recovery: NotNegative | None = None
     smoothing: NotNegative = 0.0
+    power_limit: Positive | None = None  # W
 
 
 class PhaseTable(Strict):
@@ -94,6 +95,8 @@ class TrackTask:
         """Arguments of `TorqueMPC` that the file gives, apart from model, limits, request and horizon."""
         table = self.file.task
         own = {"period": table.period, "margin": table.margin, "recovery": table.recovery, "smoothing": table.smoothing}
+        if table.power_limit is not None:
+            own["power_limit"] = table.power_limit
         return own | {name: values for name in _OF_JOINTS if (values := getattr(self.file, name))}
 
 
@@ -108,7 +111,7 @@ def read_task(table: Mapping[str, Any], origin: str, model: Model) -> TrackTask:
         named = [what for what in _REQUESTS if any(getattr(phase, what) for phase in file.phases)]
         if len(named) > 1:
             raise InputError(origin, "phases", "torque and current", "one of the two in all phases")
-        heat = heating(model, named[0] if named else requested_by(model))
+        heat = heating(model, named[0] if named else requested_by(model), file.task.power_limit is not None)
         period = file.task.period
         asked: list[FloatArray] = []
         around: list[FloatArray] = []

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
+from scipy.optimize import Bounds, NonlinearConstraint, minimize
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
@@ -411,6 +412,56 @@ def test_ten_times_the_current_limit_is_cut_to_it() -> None:
     assert plan.converged
     assert np.all(plan.admitted / 0.84 <= 20.0 + 1e-9)
     assert any("above the current limit" in said for said in plan.given_up)
+
+
+SPEEDS = {"velocity.FR_hip": 2.0, "velocity.FR_thigh": -3.0, "velocity.FR_calf": 4.0}  # rad/s
+
+
+def _supplied(torque: FloatArray, temperature: FloatArray) -> float:
+    """What the leg takes from its supply [W]: copper loss and |torque x speed|, written again."""
+    copper = 0.15 * (1 + 0.0039 * (temperature - 25)) * (torque / 0.84) ** 2
+    return float((copper + torque * np.abs(list(SPEEDS.values()))).sum())
+
+
+@pytest.mark.parametrize("limit", [2000.0, 60.0, 30.0, 5.0])
+def test_the_power_of_all_joints_is_limited_at_the_least_cost(limit: float) -> None:
+    """Of one cool stage, beside SciPy's SLSQP."""
+    start = np.array([30.0, 35.0, 40.0])
+    mpc = TorqueMPC(leg_model(), LIMIT, stages=1, horizon=5, model_error=0.0, power_limit=limit)
+    plan = mpc.step(start, REQUEST, AROUND | SPEEDS)
+    room = NonlinearConstraint(lambda torque: [_supplied(torque, start)], -np.inf, limit)
+    missing = lambda torque: ((torque - REQUEST) ** 2).sum() / (REQUEST**2).sum()  # noqa: E731
+    best = minimize(missing, 0.3 * REQUEST, method="SLSQP", bounds=Bounds(0, REQUEST), constraints=room, tol=1e-12)
+    assert plan.converged
+    assert plan.power[0] == pytest.approx(_supplied(plan.admitted, start), rel=1e-6)
+    assert plan.power[0] <= limit
+    assert plan.full == (limit > _supplied(REQUEST, start))
+    assert plan.cost == pytest.approx(best.fun, abs=5e-4)
+
+
+def test_power_and_temperatures_are_limited_together_as_by_ipopt() -> None:
+    mpc = TorqueMPC(leg_model(), LIMIT, stages=30, horizon=150, model_error=0.0, power_limit=40.0, **KNOWN)
+    reference, given = ReferenceProgram(mpc.heating, mpc.settings), AROUND | SPEEDS
+    around = np.tile([given[name] for name in mpc.conditions], (30, 1))
+    for start in (40.0, 55.0, 59.0):
+        mpc.reset()
+        plan = mpc.step(np.full(3, start), REQUEST, given)
+        optimum = reference.solve(np.full(3, start), np.tile(REQUEST, (30, 1)), around)
+        assert plan.converged
+        assert plan.cost == pytest.approx(optimum.cost, rel=2e-4)
+        np.testing.assert_allclose(plan.temperatures, optimum.temperatures, atol=0.05)
+        for torque, ends in zip(plan.currents, plan.temperatures.T, strict=False):
+            assert _supplied(torque, ends) <= 40.0 * 1.001
+
+
+def test_floors_that_need_more_than_the_power_limit_are_told() -> None:
+    mpc = TorqueMPC(leg_model(), LIMIT, floors={"FR_calf": 10.0}, power_limit=5.0)
+    plan = mpc.step(np.full(3, 40.0), REQUEST, AROUND | SPEEDS)
+    assert plan.admitted[2] == pytest.approx(10.0, rel=1e-3)
+    assert plan.power[0] > 5.0
+    assert any("power is above its limit" in said for said in plan.given_up)
+    with pytest.raises(InputError, match="a power above 0 W"):
+        TorqueMPC(leg_model(), LIMIT, power_limit=0.0)
 
 
 def test_requests_and_conditions_that_are_no_numbers() -> None:

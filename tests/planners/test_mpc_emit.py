@@ -69,11 +69,15 @@ def test_the_emitted_step_is_pythons(tmp_path: Path, options: tuple[str, ...]) -
 
 @pytest.mark.long
 @needs_a_compiler
-def test_the_emitted_step_takes_a_preview_of_each_stage(tmp_path: Path) -> None:
-    mpc = TorqueMPC(MODEL, 60.0, request="torque", stages=12)
+@pytest.mark.parametrize("power", [np.inf, 60.0])
+def test_the_emitted_step_takes_a_preview_of_each_stage(tmp_path: Path, power: float) -> None:
+    mpc = TorqueMPC(MODEL, 60.0, request="torque", stages=12, power_limit=power)
     random, steps = np.random.default_rng(1), 15
     measured = random.uniform(45, 62, (steps, 3))
     request, ambient = random.uniform(5, 20, (steps, 12, 3)), random.uniform(20, 30, (steps, 12, 1))
+    if np.isfinite(power):  # W; then conditions hold the joints' speeds, too
+        assert mpc.conditions[0] == "temperature.ambient"
+        ambient = np.concatenate([ambient, random.uniform(-3, 3, (steps, 12, 3))], axis=2)
     mpc.emit(tmp_path, np.full(3, 50.0), request[:, 0], ambient[:, 0])
     lines = np.hstack([measured, request.reshape(steps, -1), ambient.reshape(steps, -1)])
     answers = answered(built(tmp_path, "lptn_mpc.c", "-O2", "-ffp-contract=off"), lines, "preview")

@@ -16,7 +16,7 @@
 #include "interior.inc"
 
 #define ANOTHER 0.2 /* of all requests: where they change by so much, another thing is asked, and shares may jump */
-#define KEPT 1e-3 /* K; slack below it is the solver's own */
+#define KEPT 1e-3 /* K, or of the power limit; slack below it is the solver's own */
 
 /* Requests and conditions as finite numbers, and what a deviation from them costs. */
 static void take(const lptn_mpc_settings *o, lptn_mpc_state *m, lptn_mpc_work *w, const double *request,
@@ -67,8 +67,8 @@ static int all_stays_cool(const lptn_mpc_settings *o, lptn_mpc_work *w) {
     for (int k = 0; k < LPTN_N; k++) {
         linearise(o, w, k, w->x[k]);
         advance(&w->stage[k], w->x[k], w->s[k], w->x[k + 1]);
-        for (int l = 0; l < LPTN_NL; l++)
-            if (!(w->x[k + 1][o->node[l]] <= w->limit[k][l])) return 0;
+        for (int l = 0; l < LPTN_NR; l++)
+            if (!(bounded(o, w, k, l) <= w->limit[k][l])) return 0;
     }
     return 1;
 }
@@ -82,9 +82,12 @@ static void roll_out(const lptn_mpc_settings *o, lptn_mpc_work *w) {
     }
 }
 
-static void report(const lptn_mpc_settings *o, lptn_mpc_state *m, const lptn_mpc_work *w, lptn_mpc_result *out) {
+static void report(const lptn_mpc_settings *o, lptn_mpc_state *m, lptn_mpc_work *w, lptn_mpc_result *out) {
     out->cost = out->worst = 0;
     for (int k = 0; k < LPTN_N; k++) {
+        linearise_power(o, w, k, w->x[k]);
+        out->power[k] = LPTN_NR > LPTN_NL ? o->power * bounded(o, w, k, LPTN_NL) : NAN;
+        if (out->power[k] > (1 + KEPT) * o->power) out->status |= LPTN_OVER_POWER;
         for (int j = 0; j < LPTN_NU; j++) {
             const double scale = sqrt(w->s[k][j]);
             out->plan[k][j] = scale * w->c[k][j];

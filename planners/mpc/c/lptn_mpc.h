@@ -17,6 +17,7 @@ extern "C" {
 #define LPTN_TOO_HOT 16    /* a bound can't be met everywhere: see the slack */
 #define LPTN_NOT_BEST 32   /* the solver did not converge: the best plan that it met, which may not be the optimum */
 #define LPTN_NO_CONDITION 64 /* a condition was no number: the last good one stood in for it, else zero */
+#define LPTN_OVER_POWER 256 /* the power limit can't be met: floors, or rates */
 #define LPTN_NOT_ALIVE 128 /* a sensor is not alive: the prediction stood in for it; `sensor` says which */
 
 /* Of a sensor: is taken in, gave no reading, repeats itself, contradicts the model, has not yet moved as the model does. */
@@ -56,6 +57,7 @@ typedef struct {
     int iterations, warm;       /* at most; the first `warm` of them from the last plan, the others from a cold start */
     int learns;                 /* whether there is an estimate; else readings are taken as they are */
     int lost_sensor;            /* LPTN_MODEL, LPTN_DERATE or LPTN_STOP */
+    double power;               /* limit of all joints together at the supply [W]; of account where LPTN_NR is above LPTN_NL */
 } lptn_mpc_settings;
 
 /* What is remembered of each sensor. */
@@ -112,6 +114,7 @@ typedef struct {
     double plan[LPTN_N][LPTN_NU];    /* for each stage */
     double x[LPTN_N + 1][LPTN_NX];   /* expected at the stages' ends [degC] */
     double slack[LPTN_N][LPTN_NL];   /* by how much each limit less its margin is passed [K] */
+    double power[LPTN_N];            /* of all joints together at the supply [W], NaN without a limit */
     double margin[LPTN_NL];          /* of this step, for what is not known [K] */
     double cost, worst, error, gap;  /* cost, 1 for admitting nothing; largest slack [K]; by how much a stage's
                                         end misses the next one's start [K]; duality gap */
@@ -132,13 +135,14 @@ typedef struct {
     double a[LPTN_N][LPTN_NU], c[LPTN_N][LPTN_NU], d[LPTN_N][LPTN_ND + 1];
     double s[LPTN_N][LPTN_NU], lo[LPTN_N][LPTN_NU], hi[LPTN_N][LPTN_NU], zl[LPTN_N][LPTN_NU], zu[LPTN_N][LPTN_NU];
     double ds[LPTN_N][LPTN_NU], dl[LPTN_N][LPTN_NU], du[LPTN_N][LPTN_NU], cl[LPTN_N][LPTN_NU], cu[LPTN_N][LPTN_NU];
-    double t[LPTN_N][LPTN_NL], y[LPTN_N][LPTN_NL], e[LPTN_N][LPTN_NL], z[LPTN_N][LPTN_NL];
-    double dt[LPTN_N][LPTN_NL], dy[LPTN_N][LPTN_NL], de[LPTN_N][LPTN_NL], dz[LPTN_N][LPTN_NL];
-    double ct[LPTN_N][LPTN_NL], ce[LPTN_N][LPTN_NL], row[LPTN_N][LPTN_NL];
-    double R[LPTN_N][LPTN_NU], r[LPTN_N][LPTN_NU], Q[LPTN_N][LPTN_NL], q[LPTN_N][LPTN_NL];
+    double t[LPTN_N][LPTN_NR], y[LPTN_N][LPTN_NR], e[LPTN_N][LPTN_NR], z[LPTN_N][LPTN_NR];
+    double dt[LPTN_N][LPTN_NR], dy[LPTN_N][LPTN_NR], de[LPTN_N][LPTN_NR], dz[LPTN_N][LPTN_NR];
+    double ct[LPTN_N][LPTN_NR], ce[LPTN_N][LPTN_NR], row[LPTN_N][LPTN_NR];
+    double R[LPTN_N][LPTN_NU], r[LPTN_N][LPTN_NU], Q[LPTN_N][LPTN_NR], q[LPTN_N][LPTN_NR];
+    double power[LPTN_N], by_scale[LPTN_N][LPTN_NU]; /* of all joints at scales of 0, and its slopes, over the limit */
     double x[LPTN_N + 1][LPTN_NX], dx[LPTN_N + 1][LPTN_NX];
     double gap[LPTN_N][LPTN_NX], P[LPTN_N][LPTN_NX][LPTN_NXP]; /* x+ less the next stage's x; cost to go */
-    double bias[LPTN_NN], limit[LPTN_N][LPTN_NL]; /* missing heat of each node [K/s] */
+    double bias[LPTN_NN], limit[LPTN_N][LPTN_NR]; /* missing heat of each node [K/s] */
     double best[LPTN_N][LPTN_NU], least;  /* the best scales that were met, and their price */
     double heat[LPTN_HEAT_OUT], casadi[LPTN_HEAT_W + 1];
     double start[LPTN_NX];                               /* temperatures that are planned from [degC] */
