@@ -58,8 +58,19 @@ class TrackAnswer:
         with np.errstate(invalid="ignore"):
             return np.asarray(np.where(asked > 0, np.abs(self.admitted).sum(axis=0) / asked, np.nan))
 
+    @property
+    def power(self) -> FloatArray | None:
+        """Of all joints together at the supply [W], shape (steps,); `None` where it has no limit."""
+        task, heat = self.task, self.task.heating
+        if task.file.task.power_limit is None:
+            return None
+        middles = (self.temperatures[:, :-1] + self.temperatures[:, 1:]) / 2
+        points = zip(middles.T, self.admitted**2, task.conditions, strict=True)
+        power = heat.power_function()
+        return np.array([power(x, square, d, heat.model.values)[0].full().sum() for x, square, d in points])
+
     def table(self) -> pd.DataFrame:
-        """A row a step: what was asked, what is admitted, temperatures at its end, slack."""
+        """A row a step: what was asked, what is admitted, temperatures at its end, slack; a power that is limited."""
         task, heat, slack = self.task, self.task.heating, self.slack
         columns: dict[str, object] = {"time [s]": task.period * np.arange(len(task.asked))}
         for number, joint in enumerate(heat.joints):
@@ -69,6 +80,8 @@ class TrackAnswer:
             columns[f"temperature.{node} [degC]"] = self.temperatures[number, 1:]
         for number, node in enumerate(self.limits):
             columns[f"slack.{node} [K]"] = slack[:, number]
+        if (power := self.power) is not None:
+            columns["power [W]"] = power
         return pd.DataFrame(columns)
 
     def figure(self) -> Figure:
@@ -156,6 +169,8 @@ class TrackAnswer:
         """What was given up, what each joint gets, what limits it."""
         task, nodes, unit = self.task, self.task.heating.model.nodes, self.task.heating.unit
         lines = [f"Given up: {sentence}." for sentence in self.given_up]
+        if (power := self.power) is not None:
+            lines.append(f"Power at the supply: at most {power.max():.4g} W of {task.file.task.power_limit:g} W.")
         lines += [f"{'joint':16} {'share admitted':>14} {'least':>9} {'hottest':>10} {'limit':>7}"]
         hottest, least = self.temperatures.max(axis=1), np.abs(self.admitted).min(axis=0)
         for joint, part, smallest in zip(task.heating.joints, self.shares, least, strict=True):

@@ -90,6 +90,21 @@ def plan(leg: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Plan:
     return run
 
 
+def test_the_power_of_a_plan_is_limited_and_told(plan: Plan, tmp_path: Path) -> None:
+    csv, limit = tmp_path / "plan.csv", 25.0
+    status, out, err = plan(TRACK.replace('"track"', f'"track"\npower_limit = {limit}'), "-o", csv)
+    assert (status, err) == (0, "")
+    assert out.startswith("Power at the supply: at most 25 W of 25 W.")
+    table, taken = pd.read_csv(csv), []
+    for joint in ("FR_hip", "FR_thigh", "FR_calf"):  # copper loss and torque x speed, written again
+        torque, ends = table[f"torque.{joint} [N*m]"], table[f"temperature.{joint} [degC]"]
+        middle = (ends + ends.shift(1, fill_value=50.0)) / 2
+        taken.append(0.15 * (1 + 0.0039 * (middle - 25)) * (torque / 0.84357) ** 2 + torque * 1.0)
+    np.testing.assert_allclose(table["power [W]"], np.sum(taken, axis=0), rtol=1e-5)
+    assert table["power [W]"].max() < limit * 1.001
+    assert table["requested.FR_calf [N*m]"].max() == 12.0
+
+
 def test_a_torque_plan_as_table_json_and_picture(plan: Plan, tmp_path: Path) -> None:
     csv, target, picture = tmp_path / "plan.csv", tmp_path / "plan.json", tmp_path / "plan.png"
     status, out, err = plan(TRACK, "-o", csv, "--json", target, "--plot", picture)
