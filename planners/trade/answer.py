@@ -21,10 +21,11 @@ Report = Callable[[str], None]
 
 @dataclass(frozen=True)
 class FrontPoint(DesignNumbers):
-    """The best design at one amount of what was swept, and by which choice."""
+    """The best design at one amount of what was swept, or at one each of two quantities, and by which choice."""
 
     amount: float
     option: str
+    also: float | None = None
 
 
 @dataclass(frozen=True, repr=False)
@@ -144,41 +145,64 @@ def solve_study(study: TradeStudy, report: Report = lambda _: None) -> StudyResu
     by_option: dict[str, tuple[FrontPoint, ...]] = {}
     for problem, near in tried:
         report(f"sweeping {study.sweep.against} for {problem.option.name}")
-        by_option[problem.option.name] = _sweep_points(problem, near, study.sweep)
+        levels = [None] if study.sweep.also is None else study.sweep.also.values.tolist()
+        by_option[problem.option.name] = tuple(
+            point for level in levels for point in _sweep_points(problem, near, study.sweep, level)
+        )
     points = [point for points in by_option.values() for point in points]
-    return replace(result, front=_front_of(points, better, SWEPT[study.sweep.against].eases), by_option=by_option)
+    return replace(result, front=_front_of(points, better, study.sweep), by_option=by_option)
 
 
-def _front_of(points: list[FrontPoint], more_is_better: bool, cheap_first: int) -> tuple[FrontPoint, ...]:
-    """The points that no other beats in both the amount and the goal; the best of each amount that costs nothing.
+def _front_of(points: list[FrontPoint], more_is_better: bool, sweep: Sweep) -> tuple[FrontPoint, ...]:
+    """The points that no other beats in the amounts and in the goal; the best of each amount that costs nothing.
 
     A point that is better by less than 1e-4 adds nothing.
     """
-    sign = 1.0 if more_is_better else -1.0
-    if not cheap_first:
-        best = {point.amount: point for point in sorted(points, key=lambda point: sign * point.value)}
-        return tuple(best[amount] for amount in sorted(best))
+    sign, eases = 1.0 if more_is_better else -1.0, [SWEPT[axis.against].eases for axis in sweep.axes]
+
+    def dearness(point: FrontPoint) -> list[float]:
+        """Of each amount, the least first; what costs nothing is like itself alone."""
+        return [ease * amount if ease else amount for ease, amount in zip(eases, _amounts(point), strict=False)]
+
+    def adds(point: FrontPoint, to: FrontPoint) -> bool:
+        pairs = zip(eases, dearness(point), dearness(to), strict=True)
+        cheaper = any(own < other if ease else own != other for ease, own, other in pairs)
+        return cheaper or sign * (point.value - to.value) > 1e-4 * abs(to.value)
+
     front: list[FrontPoint] = []
-    for point in sorted(points, key=lambda point: (cheap_first * point.amount, -sign * point.value)):
-        if not front or sign * (point.value - front[-1].value) > 1e-4 * abs(front[-1].value):
+    for point in sorted(points, key=lambda point: (dearness(point), -sign * point.value)):
+        if all(adds(point, other) for other in front):
             front.append(point)
-    return tuple(sorted(front, key=lambda point: point.amount))
+    return tuple(sorted(front, key=_amounts))
 
 
-def _sweep_points(problem: DesignProblem, near: DesignSolution, sweep: Sweep) -> tuple[FrontPoint, ...]:
-    """One option's answers; where more is harder, or less is, up to the first amount that is too hard."""
-    against, study = sweep.against, problem.option.study
-    parameter = {"torque": "torque", "duration": "duration", "ratio": "gear.ratio"}.get(against, f"limit.{against}")
-    if parameter not in problem.parameters.symbols:
-        if against == "ratio":
-            return ()  # a choice without a gear, or whose ratio is sought
-        expected = f"limits.{against} = …, to be swept"
-        raise InputError(study.origin, "pareto.against", f'"{against}" without a limit', expected)
+def _amounts(point: FrontPoint) -> list[float]:
+    return [point.amount] if point.also is None else [point.amount, point.also]
+
+
+def _parameter(problem: DesignProblem, against: str) -> str:
+    """What a swept quantity is in the problem; empty of a choice without a gear, or whose ratio is sought."""
+    name = {"torque": "torque", "duration": "duration", "ratio": "gear.ratio"}.get(against, f"limit.{against}")
+    if name in problem.parameters.symbols or against == "ratio":
+        return name if name in problem.parameters.symbols else ""
+    expected = f"limits.{against} = …, to be swept"
+    raise InputError(problem.option.study.origin, "pareto.against", f'"{against}" without a limit', expected)
+
+
+def _sweep_points(
+    problem: DesignProblem, near: DesignSolution, sweep: Sweep, level: float | None
+) -> tuple[FrontPoint, ...]:
+    """One option's answers at a level of the second quantity; where more is harder, or less is, up to the first amount
+    that is too hard."""
+    against, parameters = sweep.against, [_parameter(problem, axis.against) for axis in sweep.axes]
+    if not all(parameters):
+        return ()
     points, eases = [], SWEPT[against].eases
     for amount in (sweep.values[::-1] if eases > 0 else sweep.values).tolist():
-        if against in BUDGETS and amount < problem.option.least(against):
+        given = {axis.against: value for axis, value in zip(sweep.axes, (amount, level), strict=False)}
+        if any(value < problem.option.least(name) for name, value in given.items() if name in BUDGETS):
             break
-        solution = problem.solve({parameter: amount}, near=near)
+        solution = problem.solve(dict(zip(parameters, given.values(), strict=True)), near=near)
         if not solution.success:
             if eases:
                 break
@@ -186,7 +210,7 @@ def _sweep_points(problem: DesignProblem, near: DesignSolution, sweep: Sweep) ->
         near = solution
         if against in BUDGETS:
             amount = getattr(solution, against)  # a design need not use up its budget
-        points.append(FrontPoint(**solution.numbers, amount=amount, option=problem.option.name))
+        points.append(FrontPoint(**solution.numbers, amount=amount, option=problem.option.name, also=level))
     by_amount = {round(point.amount, 6 if against == "mass" else 9): point for point in points}
     return tuple(sorted(by_amount.values(), key=lambda point: point.amount))
 
@@ -214,6 +238,7 @@ def as_json(result: StudyResult) -> dict[str, object]:
         ],
         "pareto": {
             "against": result.study.sweep.against if result.study.sweep else None,
+            "also": result.study.sweep.also.against if result.study.sweep and result.study.sweep.also else None,
             "front": [asdict(point) for point in result.front],
             "options": {name: [asdict(point) for point in points] for name, points in result.by_option.items()},
         },
@@ -326,7 +351,7 @@ def _front_ends(result: StudyResult) -> Iterator[str]:
     unit = result.study.goal[1]
     if result.front:
         first, last = result.front[0], result.front[-1]
-        against = result.study.sweep.against if result.study.sweep else ""
+        against = " and ".join(axis.against for axis in result.study.sweep.axes) if result.study.sweep else ""
         ends = " to ".join(f"{point.value:.4g} {unit} ({point.option})" for point in (first, last))
         yield f"Pareto front over {against}: {len(result.front)} points, {ends}"
 

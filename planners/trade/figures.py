@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from lptn.basics.errors import InputError
 from lptn.basics.style import BAD, FAINT, INK, LIMIT, PALETTE, PAPER, SMALL, TEXT, dress, new_figure, plain
 
-from .answer import StudyResult, strongest
+from .answer import FrontPoint, StudyResult, strongest
 from .designs import Design
 from .study import TradeStudy
 
@@ -32,6 +32,20 @@ def axis_of(quantity: str, study: TradeStudy) -> tuple[float, str]:
     """Of a goal, or of what a front is swept over: its factor from SI, and its label."""
     factor, label = _AXES[quantity]
     return factor, label.format(currency=plain(study.question.currency))
+
+
+def front_lines(result: StudyResult) -> dict[str, tuple[FrontPoint, ...]]:
+    """Lines of a front's picture by name: each choice drawn; of two quantities the front at levels of the second."""
+    sweep = result.study.sweep
+    if sweep is None or sweep.also is None:
+        return {name: result.by_option[name] for name in result.drawn if result.by_option.get(name)}
+    factor, label = axis_of(sweep.also.against, result.study)
+    words, _, unit = label.rstrip("]").partition(" [")
+    levels = sorted({point.also for point in result.front if point.also is not None})
+    return {
+        f"{words} {factor * level:.4g} {unit}".rstrip(): tuple(point for point in result.front if point.also == level)
+        for level in levels[:: -(-len(levels) // len(_DASHES))]
+    }
 
 
 def study_figure(result: StudyResult) -> Figure:
@@ -101,9 +115,14 @@ def duration_words(seconds: float) -> str:
     return f"{seconds:.3g} s"
 
 
+def number_of(result: StudyResult, name: str) -> int:
+    """The number of a choice, the same in all charts; or of a line of a front over two quantities."""
+    return list(result.drawn if name in result.drawn else front_lines(result)).index(name)
+
+
 def _look(result: StudyResult, name: str) -> dict[str, Any]:
     """Colour and dashes of a choice, which has the same colour in the page's charts; six at most are drawn."""
-    number = result.drawn.index(name)
+    number = number_of(result, name)
     return {"color": PALETTE[number], "linestyle": _DASHES[number]}
 
 
@@ -111,11 +130,10 @@ def _front(ax: Axes, result: StudyResult) -> None:
     assert result.study.sweep is not None
     factor, label = axis_of(result.study.sweep.against, result.study)
     scale, goal = axis_of(result.study.question.goal, result.study)
-    for name, points in result.by_option.items():
-        if points and name in result.drawn:
-            amounts, values = ([getattr(point, key) for point in points] for key in ("amount", "value"))
-            look = _look(result, name) | {"marker": ".", "ms": 3, "lw": 1.2}
-            ax.plot(factor * np.array(amounts), scale * np.array(values), label=plain(name), **look)
+    for name, points in front_lines(result).items():
+        amounts, values = ([getattr(point, key) for point in points] for key in ("amount", "value"))
+        look = _look(result, name) | {"marker": ".", "ms": 3, "lw": 1.2}
+        ax.plot(factor * np.array(amounts), scale * np.array(values), label=plain(name), **look)
     amounts, values = ([getattr(point, key) for point in result.front] for key in ("amount", "value"))
     ax.plot(factor * np.array(amounts), scale * np.array(values), "o", ms=4, color=INK, label="Pareto front", zorder=5)
     ax.set(xlabel=label, ylabel=goal, title="Pareto front: the best choice at each amount")

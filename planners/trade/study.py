@@ -298,12 +298,13 @@ class SinkFan(Strict):
 
 
 class Sweep(Strict):
-    """Table `[pareto]`: values of one given quantity over which the study is solved again."""
+    """Table `[pareto]`: values of one given quantity, or of two, over which the study is solved again."""
 
     against: Literal["mass", "volume", "price", "voltage", "torque", "duration", "ratio"] = "mass"
     least: float
     most: float
     points: Annotated[int, Field(ge=2, le=200, strict=True)] = 12
+    also: Sweep | None = None  # the second one
 
     @field_validator("least", "most", mode="plain")
     @classmethod
@@ -316,6 +317,11 @@ class Sweep(Strict):
             return float(TypeAdapter(swept.kind).validate_python(given))
         except ValidationError as error:
             raise ValueError(f"a number above 0 in {swept.unit or 'the currency'}") from error
+
+    @property
+    def axes(self) -> list[Sweep]:
+        """This one, and the second."""
+        return [self] if self.also is None else [self, self.also]
 
     @property
     def values(self) -> FloatArray:
@@ -416,8 +422,8 @@ class TradeStudy(StudyTables):
     @property
     def asks_for_prices(self) -> bool:
         """Whether the price is sought, limited or swept."""
-        is_swept = self.sweep is not None and self.sweep.against == "price"
-        return self.question.goal == "price" or self.limits.price is not None or is_swept
+        swept = [] if self.sweep is None else [axis.against for axis in self.sweep.axes]
+        return self.question.goal == "price" or self.limits.price is not None or "price" in swept
 
 
 @dataclass(frozen=True)

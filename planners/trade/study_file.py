@@ -214,7 +214,10 @@ def _mistakes(study: TradeStudy) -> Iterator[Mistake]:
         if name not in study.materials:
             yield "sink.material", f'"{name}"', f"one of {', '.join(study.materials)}, or a table [materials.{name}]"
     if study.sweep is not None:
-        yield from _mistakes_of_sweep(study.sweep, study)
+        for axis in study.sweep.axes:
+            yield from _mistakes_of_sweep(axis, study)
+        if study.sweep.also is not None and study.sweep.also.against == study.sweep.against:
+            yield "pareto.also.against", f'"{study.sweep.against}" again', "another quantity"
     for name in ("voltage", "speed"):
         if name in study.limits.given and not task.has_speeds:
             expected = 'speeds = […] in [task], with kind = "cycle": nobody knows how fast this cycle turns'

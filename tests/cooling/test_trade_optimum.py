@@ -217,6 +217,30 @@ def test_discrete_choices_are_each_solved_and_the_best_comes_first() -> None:
             )
 
 
+@pytest.mark.long
+def test_a_front_over_mass_and_volume_agrees_with_brute_force() -> None:
+    """Beside every design of a grid in plain NumPy: at each point of the front the best that its two budgets allow."""
+    second = "[pareto.also]\nagainst = 'volume'\nleast = 3.2e-4\nmost = 5e-4\npoints = 3"
+    sweep = f"[pareto]\nagainst = 'mass'\nleast = 0.45\nmost = 0.6\npoints = 4\n{second}"
+    result = solve_study(study("held_torque", "duration = 120", HELD, more=sweep, cooling='"none", "passive"'))
+    c, r = _grid()
+    fins, package = plain.fins_and_volume(c, r)
+    inside = (fins <= 1) & (plain.mass(c) <= 0.6) & (package <= 5e-4)
+    c, r, package = c[inside], r[inside], package[inside]
+    torque = plain.held_torque(c, r, 120.0, 105.0, step=1.0)
+    assert {point.option for point in result.front} == {"U8, no sink", "U8, passive"}
+    assert len({point.also for point in result.front}) == 3
+    for point in result.front:
+        if point.option == "U8, passive":
+            allowed = (plain.mass(c) <= point.mass + 1e-9) & (package <= (point.also or 0.0) + 1e-12)
+            assert torque[allowed].max() <= point.value + 1e-5
+            assert torque[allowed].max() == pytest.approx(point.value, rel=3e-3)  # two cells of the grid
+    for one in result.front:  # and none is beaten by another
+        for other in result.front:
+            no_dearer = other.amount <= one.amount and (other.also or 0.0) <= (one.also or 0.0)
+            assert one is other or not no_dearer or other.value <= one.value
+
+
 def test_heat_pipes_are_limited() -> None:
     # At 35 A the thesis's pipes have more to carry than they can, once the winding is hot.
     hold = study(

@@ -14,7 +14,7 @@ from lptn.planners.mission.answer import MissionPlan
 from lptn.planners.mpc.answer import TrackAnswer
 from lptn.planners.tasks import Answer
 from lptn.planners.trade.answer import FrontPoint, StudyResult, headline, remarks, table
-from lptn.planners.trade.figures import RPM, axis_of, duration_words, study_figure
+from lptn.planners.trade.figures import RPM, axis_of, duration_words, front_lines, number_of, study_figure
 from lptn.report.charts import POINTS, ChartPanel, Charts, Line, View
 from lptn.report.document import Picture, render
 from lptn.report.tables import ReportTable
@@ -159,7 +159,7 @@ def _front(result: StudyResult) -> Charts:
     assert result.study.sweep is not None  # a front comes from a sweep
     factor, label = axis_of(result.study.sweep.against, result.study)
     scale, goal = axis_of(result.study.question.goal, result.study)
-    every = {name: points for name, points in result.by_option.items() if points and name in result.drawn}
+    every = front_lines(result)
     amounts = np.unique([point.amount for points in [*every.values(), result.front] for point in points])
     shown: dict[str, FloatArray] = {}
     panels: list[ChartPanel] = []
@@ -173,14 +173,14 @@ def _front(result: StudyResult) -> Charts:
         drawn.append(("R_h [K/W]", "K/W", 120, lambda point: np.nan if point.resistance is None else point.resistance))
     for label_up, unit, height, value in drawn:
         lines = []
-        for name, points in [*every.items(), ("", result.front)]:
+        for name, points in [*every.items(), *([("", result.front)] if result.study.sweep.also is None else [])]:
             key = f"{label_up}, {name}"
             shown[key] = np.full(amounts.size, np.nan)
             shown[key][np.searchsorted(amounts, [point.amount for point in points])] = [
                 value(point) for point in points
             ]
             if name:
-                lines.append(Line(key, name, colour=_colour(result, name), dots=True))
+                lines.append(Line(key, name, colour=number_of(result, name), dots=True))
             elif not panels:  # the design of the front is that of its choice
                 lines.append(Line(key, "Pareto front", "points"))
         panels.append(ChartPanel(label_up, unit, tuple(lines), height))
@@ -208,11 +208,6 @@ def _curves(result: StudyResult) -> Charts:
         for curve in result.curves
         if curve.name in result.drawn
     }
-    drawn = tuple(Line(name, name, colour=_colour(result, name)) for name in shown)
+    drawn = tuple(Line(name, name, colour=number_of(result, name)) for name in shown)
     panel = ChartPanel(f"time to {result.curves[0].limit:.0f} °C [s]", "s", drawn, 320, log=True)
     return Charts("constant current [A]", (panel,), [View(("",), "", "current", shown)], {"current": currents})
-
-
-def _colour(result: StudyResult, name: str) -> int:
-    """The number of a choice, the same in all charts."""
-    return list(result.drawn).index(name)
