@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 from lptn.basics.errors import InputError
 from lptn.effects import catalogue
 from lptn.identify.fitting import Fit, fit
-from lptn.model.file import ModelFile, added, parse_model, read_model_file
+from lptn.logs.columns import ColumnSource
+from lptn.model.file import ModelFile, added, parse_model, read_model_file, with_column
 from lptn.model.model import Model
 from lptn.model.tables import FitTable, FittedTable
 from lptn.robots.presets import preset_text, presets, variants
@@ -608,3 +609,28 @@ def test_each_housing_is_driven_by_the_winding_that_it_is_linked_to() -> None:
 def test_a_housing_beside_no_winding_or_two_is_refused(old: str, new: str, message: str) -> None:
     with pytest.raises(InputError, match=message):
         _parse(WHEELS.replace(old, new))
+
+
+# --- an entry of [columns], written and taken away --------------------------------------------------
+
+
+def test_rows_at_a_rate_are_the_time_of_the_file() -> None:
+    text = LEG.replace("[columns]\n", "[columns]\ntime = { rate = 50 }\n")
+    assert parse_model(text, FILE).columns["time"].rate == 50
+
+
+def test_an_entry_of_columns_is_written_where_it_stands() -> None:
+    path = FILE
+    text = '[columns]\ntime = "t" # as logged\ntemperature.a = "T1" # guessed\n\n# nodes\n[nodes.a]\ncapacity = 3\n'
+    text = with_column(text, path, "temperature.a", ColumnSource(("T2",), unit="degF"))
+    assert 'temperature.a = { column = "T2", unit = "degF" }\n' in text  # without the old reason
+    text = with_column(text, path, "current.a@mon[1]*", ColumnSource(value=2.0), "held\nthere")
+    assert text.splitlines()[3] == '"current.a@mon[1]*" = { value = 2 }   # held there'
+    for key in ("temperature.a", "current.a@mon[1]*", "not.there"):
+        text = with_column(text, path, key, None)
+    assert text == '[columns]\ntime = "t" # as logged\n\n# nodes\n[nodes.a]\ncapacity = 3\n'
+    assert with_column("", path, "time", ColumnSource(("t",))) == '[columns]\ntime = "t"\n'
+    with pytest.raises(InputError, match="a table"):
+        with_column("columns = 3\n", path, "time", ColumnSource(("t",)))
+    with pytest.raises(InputError, match="TOML"):
+        with_column("[columns\n", path, "time", ColumnSource(("t",)))

@@ -198,6 +198,28 @@ def test_a_log_is_removed_and_files_of_the_command_line_stay(desk: Desk, tmp_pat
     assert Desk.of(tmp_path / "sessions", Opening(None, (own,))).folder == other.folder
 
 
+def test_what_a_command_line_says_of_columns_stands_in_the_file(tmp_path: Path) -> None:
+    log = log_of(tmp_path / "own.csv", air="T9")
+    pd.read_csv(log).drop(columns="stamp_ms").to_csv(log, index=False)
+    given = Opening(None, (log,), columns=("temperature.ambient=T9", "time=[rate=1]", "guess"))
+    desk = Desk.of(tmp_path / "sessions", given)
+    content = desk.content()
+    assert "time = { rate = 1 }" in content["text"]
+    assert '"temperature.ambient" = "T9"' in content["text"]
+    assert 'ambient = "start"' in content["text"]  # which the columns alone said
+    opening = do(desk, what="begin")
+    assert opening is not None
+    assert opening.columns == ()
+    assert opening.study().data.fit
+
+
+def test_a_model_that_is_no_text_is_said(desk: Desk) -> None:
+    (desk.folder / "model.toml").write_bytes(b"\xff\xfe\x00")
+    content = desk.content()
+    assert "UTF-8" in content["wrong"]
+    assert not content["ready"]
+
+
 # --- files that come ------------------------------------------------------------------------------------------------
 
 
@@ -275,13 +297,14 @@ def test_a_file_comes_whole_or_not_at_all(
     assert (session.opening / "a.csv").read_bytes() == content
     assert _sent(site, "a.csv", b"other").status_code == 413  # it would take the place of the first
     assert (session.opening / "a.csv").read_bytes() == content
-    monkeypatch.setattr("lptn.workbench.server.FILE", Bound(1_000_000, "bytes"))
+    monkeypatch.setattr("lptn.workbench.desk.FILE", Bound(1_000_000, "bytes"))
 
     def pieces() -> Iterator[bytes]:
         yield from (b"x" * 300_000 for _ in range(5))
 
     assert _sent(site, "b.csv", content).status_code == 413
     assert _sent(site, "c.csv", pieces()).status_code == 413  # no length was stated
+    assert _sent(site, "model.toml", b"#" * 600_000).status_code == 413  # of a text a person edits less may come
     assert _files(session) == ["a.csv"]
 
 

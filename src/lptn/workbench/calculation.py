@@ -122,7 +122,8 @@ def _at_desk(pipe: Connection, desk: Desk, *, reading: bool) -> Opening | None:
     pipe.send(("opened", desk.folder))
     while True:
         for whole in (False, True) if reading else (False,):  # what takes no time at once
-            pipe.send(("shown", {"desk": desk.content(reading=whole), "file": desk.text}, News()))
+            content = desk.content(reading=whole)
+            pipe.send(("shown", {"desk": content, "file": content["text"]}, News()))
         pipe.send(("done",))
         try:
             order = pipe.recv()

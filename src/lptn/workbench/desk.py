@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel, ValidationError
 
-from lptn.basics.bounds import Bound
+from lptn.basics.bounds import DESCRIPTION, TEXT, Bound
 from lptn.basics.errors import InputError, one_line
 from lptn.basics.files import fingerprint, text_of, write_whole
 from lptn.basics.own_folder import own_folder
@@ -98,6 +98,11 @@ def place_for(folder: Path, name: str, based: str | None) -> Path:
     return folder / MODEL
 
 
+def bound_of(path: Path) -> Bound:
+    """How much a file may hold that the page sends."""
+    return {".toml": TEXT, ".urdf": DESCRIPTION}.get(path.suffix.lower(), FILE)
+
+
 def _version(model: Path) -> str:
     return fingerprint(model) if model.is_file() else ""
 
@@ -162,15 +167,12 @@ class Desk:
         words = "\n".join([text, *(str(path.absolute()) for path in files), *opening.columns])
         desk = cls(sessions / f"{_BEGINS}{hashlib.sha256(words.encode(errors='replace')).hexdigest()[:10]}")
         if not (desk.folder / KEPT).is_file():
-            for option in opening.columns:
-                if option.strip() != GUESS and text:
-                    text = with_column(text, desk.model, *parse_map_option(option))
-            if text:
-                write_whole(desk.model, text)
             fit, holdout, test = (
                 tuple(path.absolute() for path in group) for group in (opening.fit, opening.holdout, opening.test)
             )
-            desk._keep(replace(opening, model=desk.model, fit=fit, holdout=holdout, test=test, columns=()))
+            desk._keep(replace(opening, model=desk.model, fit=fit, holdout=holdout, test=test))
+            if text:
+                desk._set_model(text)
         return desk
 
     @property
@@ -238,7 +240,7 @@ class Desk:
         self._sort(self._logs())
         if not self.opening.fit:
             raise InputError("the study", "logs", "none to fit", "one log or more to fit")
-        return self.opening
+        return replace(self.opening, columns=())  # which stand in the model file
 
     def _do_remove(self, order: Name) -> None:
         path = self._named(order.name)
@@ -282,9 +284,16 @@ class Desk:
         else:
             urdf = self.folder / checked_name(source)
             text = urdf_model_text(urdf)
-            write_whole(self.model, text)
+            self._set_model(text)
             if any(self._of(path).shown.get("currents") for path in self._used()):
                 text = urdf_model_text(urdf, CopperLoss(input="current"))
+        self._set_model(text)
+
+    def _set_model(self, text: str) -> None:
+        """Write a model file, with what a command line said of columns."""
+        for option in self.opening.columns:
+            if option.strip() != GUESS:
+                text = with_column(text, self.model, *parse_map_option(option))
         write_whole(self.model, text)
 
     def _model_of_columns(self) -> str:
@@ -355,7 +364,7 @@ class Desk:
         """
         if reading and not self.model.is_file() and self._used():
             try:
-                write_whole(self.model, self._model_of_columns())
+                self._set_model(self._model_of_columns())
             except InputError as error:
                 self._origin = self._told(error)
         text, wrong, loaded = "", "", None

@@ -33,7 +33,7 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.bounds import Bound
 from lptn.basics.errors import InputError
 from lptn.basics.files import finite, whole_file, write_whole
-from lptn.workbench.desk import FILE
+from lptn.workbench.desk import bound_of
 from lptn.workbench.gate import MOVES_ON, Gate
 from lptn.workbench.lines import packed
 from lptn.workbench.orders import LinesAsked, NetworkAsked, ResidualsAsked, SpecialAsked, order
@@ -195,8 +195,8 @@ async def _received(request: Request, path: Path) -> None:
         InputError: it is too large, or does not come.
         OSError: it can't be written.
     """
-    stated, size = request.headers.get("content-length", "0"), 0
-    FILE.check(int(stated) if stated.isdecimal() else 0, path.name, "file")
+    stated, size, bound = request.headers.get("content-length", "0"), 0, bound_of(path)
+    bound.check(int(stated) if stated.isdecimal() else 0, path.name, "file")
     body = aiter(request.stream())
     with whole_file(path) as stream:
         while True:
@@ -208,7 +208,7 @@ async def _received(request: Request, path: Path) -> None:
             if not chunk:
                 break
             size += len(chunk)
-            FILE.check(size, path.name, "file")
+            bound.check(size, path.name, "file")
             await run_in_threadpool(stream.write, chunk)
         await run_in_threadpool(stream.flush)
 
