@@ -29,7 +29,7 @@ _MEANING = {
     4: "a request is no number; taken as zero",
     64: "a condition is no number; the last good one, else zero, stands in for it",
     8: "a request lies above the current limit and is cut to it",
-    256: "the joints' power is above its limit: floors, or a fall that rates forbid",
+    256: "the joints' power is above its limit: floors, slow rates, or 3 % of each request, the least that is planned",
     32: "the solver did not converge; this is the best plan that it met, not proven to be the best there is",
 }
 _INSTEAD = {

@@ -17,7 +17,7 @@ extern "C" {
 #define LPTN_TOO_HOT 16    /* a bound can't be met everywhere: see the slack */
 #define LPTN_NOT_BEST 32   /* the solver did not converge: the best plan that it met, which may not be the optimum */
 #define LPTN_NO_CONDITION 64 /* a condition was no number: the last good one stood in for it, else zero */
-#define LPTN_OVER_POWER 256 /* the power limit can't be met: floors, or rates */
+#define LPTN_OVER_POWER 256 /* the power limit can't be met: floors, rates, or the least heat scale */
 #define LPTN_NOT_ALIVE 128 /* a sensor is not alive: the prediction stood in for it; `sensor` says which */
 
 /* Of a sensor: is taken in, gave no reading, repeats itself, contradicts the model, has not yet moved as the model does. */
