@@ -18,7 +18,7 @@ import numpy as np
 from pydantic import BaseModel, ValidationError
 
 from lptn.basics.bounds import DESCRIPTION, TEXT, Bound
-from lptn.basics.errors import InputError, one_line
+from lptn.basics.errors import MODEL_FILE, InputError, one_line
 from lptn.basics.files import fingerprint, text_of, write_whole
 from lptn.basics.own_folder import own_folder
 from lptn.effects.copper_loss import CopperLoss
@@ -162,7 +162,7 @@ class Desk:
             OSError: its folder can't be made.
             InputError: the model file can't be read.
         """
-        text = text_of(opening.model, "a model file") if opening.model else ""
+        text = text_of(opening.model, MODEL_FILE) if opening.model else ""
         files = [*opening.fit, *opening.holdout, *opening.test]
         words = "\n".join([text, *(str(path.absolute()) for path in files), *opening.columns])
         desk = cls(sessions / f"{_BEGINS}{hashlib.sha256(words.encode(errors='replace')).hexdigest()[:10]}")
@@ -178,7 +178,7 @@ class Desk:
     @property
     def text(self) -> str:
         """The model file's."""
-        return text_of(self.model, "a model file") if self.model.is_file() else ""
+        return text_of(self.model, MODEL_FILE) if self.model.is_file() else ""
 
     def _keep(self, opening: Opening, unused: Iterable[Path] = ()) -> None:
         write_whole(self.folder / KEPT, _Kept(opening=opening, unused=list(unused)).model_dump_json(indent=2) + "\n")
@@ -262,9 +262,8 @@ class Desk:
         self._keep(replace(self.opening, holdout_after=after), self._unused)
 
     def _do_guesses(self, _: Name) -> None:
-        for path in self._used():
-            for guess in self._of(path).guesses:
-                self._write(path, guess.key, guess.source, f"{GUESSED}{guess.why}")
+        for path, guess in [(log, guess) for log in self._used() for guess in self._of(log).guesses]:
+            self._write(path, guess.key, guess.source, f"{GUESSED}{guess.why}")
 
     def _do_air(self, order: Air) -> None:
         self._write(self._named(order.log), AMBIENT, ColumnSource(value=order.value))
@@ -347,9 +346,13 @@ class Desk:
         """Write where a quantity stands: for all logs, or for this one where another needs the entry that there is."""
         entries, own = self._entries(path), f"{key}@{run_name(path)}"
         there = entries[key].columns if key in entries else source.columns
-        others = [self._of(other).names for other in self._used() if other != path]
+        others = [self._names(other) for other in self._used() if other != path]
         needed = any(names.issuperset(there) and not names.issuperset(source.columns) for names in others)
         self._edit(own if alone or needed or not source.columns or own in entries else key, source, why)
+
+    def _names(self, path: Path) -> frozenset[str]:
+        """A log's columns, whatever the model file says of them."""
+        return (self._seen[path] if path in self._seen else self._of(path)).names
 
     def _edit(self, key: str, source: ColumnSource | None, why: str = "") -> None:
         write_whole(self.model, with_column(self.text, self.model, key, source, why))
@@ -375,7 +378,7 @@ class Desk:
             wrong = self._told(error)
         logs = self._logs()
         shown = [
-            {"name": self._name(path), "run": run_name(path), "job": job, "size": _size(path)}
+            {"name": self._name(path), "job": job, "size": _size(path)}
             | (self._of(path, loaded).shown if reading else self._seen[path].shown if path in self._seen else _NOT_READ)
             for path, job in logs.items()
         ]
@@ -413,76 +416,59 @@ class Desk:
         except InputError:
             loaded = None
         try:
-            content = LogContent.of(loaded, path) if loaded else None
-            table = content.table if content else open_log(path, {})[0]
-            seen = self._shown(of, path, table, content, loaded)
+            seen = self._judged(of, path, loaded) if loaded else self._plain(of, path)
         except InputError as error:
             seen = _Seen(of, {"refused": self._told(error), "columns": [], "opened": False}, error=error)
         self._seen[path] = seen
         return seen
 
-    def _shown(
-        self, of: tuple[object, ...], path: Path, table: Table, content: LogContent | None, loaded: LoadedModel | None
-    ) -> _Seen:
-        issues = {issue.sentence: issue for issue in content.issues} if content else {}
-        remedies = {toml_line(i.key, i.corrected): i for i in issues.values() if i.corrected is not None}
-        rows = self._rows(path, table, content, [*issues.values()])
-        error = content.error if content else None
-        values = loaded.sources_of(path)[1] if loaded else {}
-        air = values[AMBIENT].value if AMBIENT in values else None
-        found = content.used.get(AMBIENT, ()) if content else ()
-        shown = {
-            "opened": True,
-            "refused": self._told(error) if error else "",
-            "said": content.lengths if content else table.kind,
-            "missing": list(content.missing) if content else [],
-            "currents": list(content.currents) if content else [],
-            "guesses": len(content.guesses) if content else 0,
-            "notes": [for_people(note) for note in content.notes] if content else [],
-            "air": {"value": air, "column": found[0] if found else ""},
-            "columns": rows[:_COLUMNS_SHOWN],
-            "more": max(0, len(rows) - _COLUMNS_SHOWN),
-        }
-        guesses = content.guesses if content else ()
-        return _Seen(of, shown, frozenset(table.names), guesses, remedies)
-
-    def _rows(self, path: Path, table: Table, content: LogContent | None, issues: list[Issue]) -> list[dict[str, Any]]:
-        """A row for each column, those that mean something first."""
-        pictures, entries = self._pictured(path, table), self._entries(path)
-        meant = {name: (key, x) for key, x in (content.sources.items() if content else ()) for name in x.columns}
-        guessed = {name: one for one in (content.guesses if content else ()) for name in one.source.columns}
-        rows = []
+    def _plain(self, of: tuple[object, ...], path: Path, table: Table | None = None) -> _Seen:
+        """A log as it is without a model."""
+        table = table or open_log(path, {})[0]
+        rows, pictures = list[dict[str, Any]](), self._pictured(path, table)
         for name in dict.fromkeys(table.names):
-            key, source = meant.get(name, ("", None))
-            row: dict[str, Any] = {
-                "name": name,
-                "key": key,
-                "unit": (source and source.unit) or "",
-                "how": "own" if key else "",
-            }
-            if key in entries or f"{key}@{run_name(path)}" in entries or f"{key}@{path.name}" in entries:
-                row["how"] = "mapped"
-            if not key and name in guessed:
-                guess = guessed[name]
-                row |= {"key": guess.key, "unit": guess.source.unit or "", "how": "guessed", "why": guess.why}
-            row["used"] = bool(content and name not in content.unused)
-            row["usual"] = column_unit(row["key"]) or table.units.get(name, "")
-            row["picture"] = pictures.get(name)
-            row["issues"] = [
-                {
-                    "problem": for_people(issue.problem),
-                    "remedy": for_people(issue.remedy),
-                    "sure": issue.certain,
-                    "line": toml_line(issue.key, issue.corrected) if issue.corrected is not None else "",
-                }
-                for issue in issues
-                if issue.column == name
-            ]
-            rows.append(row)
+            own = {"name": name, "usual": table.units.get(name, ""), "picture": pictures.get(name)}
+            rows.append({"key": "", "unit": "", "how": "", "why": "", "issues": [], **own})
+        return _Seen(of, {"opened": True, "refused": "", "said": table.kind, "columns": rows}, frozenset(table.names))
+
+    def _judged(self, of: tuple[object, ...], path: Path, loaded: LoadedModel) -> _Seen:
+        """A log as the model sees it: what its columns mean or may mean, and what is wrong with them."""
+        content = LogContent.of(loaded, path)
+        plain = self._plain(of, path, content.table)
+        rows = {row["name"]: row for row in plain.shown["columns"]}
+        mapped = {key.partition("@")[0]: key for key in self._entries(path)}
         comments = self._comments()
-        for row in rows:
-            row.setdefault("why", comments.get(row["key"], comments.get(f"{row['key']}@{run_name(path)}", "")))
-        return sorted(rows, key=lambda row: row["key"] == "")
+        for guess in content.guesses:
+            said = {"key": guess.key, "unit": guess.source.unit or "", "how": "guessed", "why": guess.why}
+            for name in guess.source.columns:
+                rows[name] |= said
+        for key, source in content.sources.items():
+            how = {"how": "mapped", "why": comments.get(mapped[key], "")} if key in mapped else {"how": "own"}
+            for name in rows.keys() & set(source.columns):
+                rows[name] |= {"key": key, "unit": source.unit or "", **how}
+        issues = {issue.sentence: issue for issue in content.issues}.values()
+        remedies = {toml_line(issue.key, issue.corrected): issue for issue in issues if issue.corrected is not None}
+        for issue in issues:
+            found = {"problem": for_people(issue.problem), "remedy": for_people(issue.remedy), "sure": issue.certain}
+            line = toml_line(issue.key, issue.corrected) if issue.corrected is not None else ""
+            if issue.column in rows:
+                rows[issue.column]["issues"].append({**found, "line": line})
+        for row in rows.values():
+            row["usual"] = column_unit(row["key"]) or row["usual"]
+        columns = sorted(rows.values(), key=lambda row: row["key"] == "")
+        given = loaded.sources_of(path)[1].get(AMBIENT)
+        shown = {
+            "refused": self._told(content.error) if content.error else "",
+            "said": content.lengths,
+            "missing": list(content.missing),
+            "currents": list(content.currents),
+            "guesses": len(content.guesses),
+            "notes": [for_people(note) for note in content.notes],
+            "air": {"value": given and given.value, "column": next(iter(content.used.get(AMBIENT, ())), "")},
+            "columns": columns[:_COLUMNS_SHOWN],
+            "more": max(0, len(columns) - _COLUMNS_SHOWN),
+        }
+        return replace(plain, shown=plain.shown | shown, guesses=content.guesses, remedies=remedies)
 
     def _comments(self) -> dict[str, str]:
         """What stands behind the entries of `[columns]`, by their keys."""

@@ -3,7 +3,7 @@
 import { h } from "/sections.js";
 import { open } from "/tour.js";
 
-const JOBS = { fit: "Fitted", holdout: "Held out", unused: "Not used" };
+const JOBS = { fit: "Fitted", holdout: "Held out", test: "Test", unused: "Not used" };
 const EXPLAINED = { fit: "The parameters are found on these.", holdout: "The model is judged on these, which no fit sees.", unused: "" };
 const size = bytes => bytes < 1e6 ? `${Math.ceil(bytes / 1e3)} kB` : bytes < 1e9 ? `${(bytes / 1e6).toFixed(1)} MB` : `${(bytes / 1e9).toFixed(2)} GB`;
 const takes = state => state.begins && (state.desk || !state.name && !state.example && !state.segments);
@@ -117,7 +117,7 @@ export function logs(page) {
     log.refused && (log.opened ? h("details", { id: `why ${log.name}` }, h("summary", { className: "problem" }, "It can’t be used yet"), log.refused) : h("div", { className: "problem" }, log.refused)),
     asked);
   const list = job => {
-    const own = desk.logs.filter(log => (JOBS[log.job] ? log.job : "holdout") === job);
+    const own = desk.logs.filter(log => (log.job === "test" ? "holdout" : log.job) === job);
     return h("div", {
       className: "jobs", id: `list ${job}`,
       ondragover: event => { if (event.dataTransfer.types.includes("text/x-log")) event.preventDefault(); },
@@ -128,7 +128,7 @@ export function logs(page) {
   return [h("div", { className: "row" }, h("h2", { style: "margin: 0" }, "Logs"), picker(page, "Add files"), progress(page), h("span", { className: "grow" }),
     h("small", null, desk.ready ? "" : unready(desk)),
     h("button", { id: "open", className: "first", disabled: busy || !desk.ready || !!page.sending || !desk.logs.some(log => log.job === "fit"), onclick: () => page.order({ what: "begin" }) }, "Open the study")),
-    h("div", { className: "three" }, Object.keys(JOBS).map(list)),
+    h("div", { className: "three" }, ["fit", "holdout", "unused"].map(list)),
     h("label", null, h("small", null, "Or hold out the end of each fitted log, from "),
       h("input", { id: "after", type: "number", min: 1, step: "any", size: 8, value: after, disabled: busy, onchange: event => page.order({ what: "holdout_after", seconds: event.target.value ? event.target.valueAsNumber : null }) }), h("small", null, " s after its start"))];
 }

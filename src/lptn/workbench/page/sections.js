@@ -31,7 +31,8 @@ export function work(page) {
     return [h("i"), h("span", { title: busy.said.join("\n") }, line), busy.what !== "open" || page.state.folder
       ? h("button", { id: "stop", onclick: page.stop }, "Stop") : null];
   }
-  return page.failed || failed ? [h("span", { className: "failed" }, page.failed || failed)] : [];
+  const problems = [page.failed, failed].filter(Boolean).join(" · ");
+  return problems ? [h("span", { className: "failed" }, problems)] : [];
 }
 
 // --- head and steps --------------------------------------------------------------------------------------
