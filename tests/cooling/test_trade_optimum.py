@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 from lptn.basics.arrays import FloatArray
-from lptn.planners.trade import Design, DesignProblem, iso_map, limit_curves, solve_study
+from lptn.planners.trade import Design, DesignProblem, iso_map, limit_curves, parse_study, solve_study
+from lptn.robots.presets import presets
 from tests.cooling import plain_sink as plain
 from tests.cooling.studies import HELD, study
 
@@ -239,6 +242,58 @@ def test_a_front_over_mass_and_volume_agrees_with_brute_force() -> None:
         for other in result.front:
             no_dearer = other.amount <= one.amount and (other.also or 0.0) <= (one.also or 0.0)
             assert one is other or not no_dearer or other.value <= one.value
+
+
+def test_effects_of_the_motors_own_model_count(tmp_path: Path) -> None:
+    """A film that depends on the temperature, radiation, a drive's drop and a gear's loss; the hold again by SciPy."""
+    beta, area, drop, share, speed = 0.008, 0.02, 0.5, 0.05, 50.0  # 1/K, m², V, of the mechanical power, rad/s
+    effects = "".join(
+        f'\n[[effects]]\nkind = "{kind}"\nat = "{place}"\n{size}\n'
+        for kind, place, size in (
+            ("natural_convection", "sink", f"beta = {beta}"),
+            ("radiation", "sink", f"area = {area}"),
+            ("driver_loss", "winding", f'input = "current_abs"\nvoltage = {drop}'),
+            ("gear_loss", "housing", f"fraction = {share}"),
+        )
+    )
+    (tmp_path / "motor.toml").write_text(presets()["u8-heat-sink"] + effects)
+    text = f"""
+[study]
+goal = "held_torque"
+cooling = ["passive"]
+[task]
+duration = 3600
+speed = {speed}
+ambient = 21.5
+[limits]
+winding = 105
+mass = 0.7
+volume = 9e-4
+[[motors]]
+name = "mine"
+model = "motor.toml"
+mass = 0.24
+volume = 1.59e-4
+torque_constant = 0.0955
+"""
+    (design,) = solve_study(parse_study(text, tmp_path / "study.toml")).designs
+    capacity, resistance = design.capacity or 0.0, design.resistance or 0.0
+
+    def rates(_: float, x: FloatArray) -> list[float]:
+        w, s, h, k = x
+        current = design.value / (0.0955 * (1 - 0.0012 * (h - 25)))
+        loss, rise = current**2 * plain.RESISTANCE * (1 + plain.ALPHA * (w - 21.5)) + drop * current, k - 21.5
+        lost = rise / resistance * np.exp(beta * rise) + 5.670374419e-8 * area * ((k + 273.15) ** 4 - 294.65**4)
+        to_stator, to_housing, to_sink = (w - s) / plain.R_WS, (s - h) / plain.R_SH, (s - k) / plain.R_SK
+        return [
+            (loss - to_stator) / plain.C_W,
+            (to_stator - to_housing - to_sink) / plain.C_S,
+            (to_housing - (h - 21.5) / plain.R_HA + share * design.value * speed) / plain.C_H,
+            (to_sink - lost) / capacity,
+        ]
+
+    end = solve_ivp(rates, (0, 3600), [21.5] * 4, method="LSODA", rtol=1e-9, atol=1e-9).y[:, -1]
+    assert end[0] == pytest.approx(105.0, abs=1e-3)
 
 
 def test_heat_pipes_are_limited() -> None:
