@@ -183,8 +183,10 @@ def _amounts(point: FrontPoint) -> list[float]:
 def _parameter(problem: DesignProblem, against: str) -> str:
     """What a swept quantity is in the problem; empty of a choice without a gear, or whose ratio is sought."""
     name = {"torque": "torque", "duration": "duration", "ratio": "gear.ratio"}.get(against, f"limit.{against}")
-    if name in problem.parameters.symbols or against == "ratio":
-        return name if name in problem.parameters.symbols else ""
+    if name in problem.parameters.symbols:
+        return name
+    if against == "ratio":
+        return ""
     expected = f"limits.{against} = …, to be swept"
     raise InputError(problem.option.study.origin, "pareto.against", f'"{against}" without a limit', expected)
 

@@ -297,14 +297,13 @@ class SinkFan(Strict):
         return self.mass + self.power * self.runtime / self.battery
 
 
-class Sweep(Strict):
-    """Table `[pareto]`: values of one given quantity, or of two, over which the study is solved again."""
+class Axis(Strict):
+    """Values of a given quantity over which the study is solved again."""
 
     against: Literal["mass", "volume", "price", "voltage", "torque", "duration", "ratio"] = "mass"
     least: float
     most: float
     points: Annotated[int, Field(ge=2, le=200, strict=True)] = 12
-    also: Sweep | None = None  # the second one
 
     @field_validator("least", "most", mode="plain")
     @classmethod
@@ -319,14 +318,20 @@ class Sweep(Strict):
             raise ValueError(f"a number above 0 in {swept.unit or 'the currency'}") from error
 
     @property
-    def axes(self) -> list[Sweep]:
-        """This one, and the second."""
-        return [self] if self.also is None else [self, self.also]
-
-    @property
     def values(self) -> FloatArray:
         """In the unit of what is swept, ascending, shape (points,)."""
         return np.linspace(self.least, self.most, self.points)
+
+
+class Sweep(Axis):
+    """Table `[pareto]`: one quantity, or two."""
+
+    also: Axis | None = None
+
+    @property
+    def axes(self) -> list[Axis]:
+        """One or two."""
+        return [self] if self.also is None else [self, self.also]
 
 
 class StudyUncertainty(Strict):

@@ -14,7 +14,7 @@ from lptn.model.network import Network
 from lptn.robots.presets import presets
 
 from .motors import MOTORS, CatalogueMotor, data_sheet_network, read_catalogue
-from .study import SWEPT, DutyTask, MotorChoice, StudyTables, Sweep, TradeStudy, attachable, pipe_places
+from .study import SWEPT, Axis, DutyTask, MotorChoice, StudyTables, TradeStudy, attachable, pipe_places
 
 _COPPER = "copper_loss.resistance"
 """How the names of parameters begin that are a winding's electrical resistance."""
@@ -214,8 +214,8 @@ def _mistakes(study: TradeStudy) -> Iterator[Mistake]:
         if name not in study.materials:
             yield "sink.material", f'"{name}"', f"one of {', '.join(study.materials)}, or a table [materials.{name}]"
     if study.sweep is not None:
-        for axis in study.sweep.axes:
-            yield from _mistakes_of_sweep(axis, study)
+        for place, axis in zip(("pareto", "pareto.also"), study.sweep.axes, strict=False):
+            yield from _mistakes_of_axis(axis, study, place)
         if study.sweep.also is not None and study.sweep.also.against == study.sweep.against:
             yield "pareto.also.against", f'"{study.sweep.against}" again', "another quantity"
     for name in ("voltage", "speed"):
@@ -284,13 +284,13 @@ def _mistakes_of_cycle(task: DutyTask, goal: str) -> Iterator[Mistake]:
         yield "task.profile", "no torque at all", "one part of the cycle at least above 0 N*m"
 
 
-def _mistakes_of_sweep(sweep: Sweep, study: TradeStudy) -> Iterator[Mistake]:
-    against, goal = sweep.against, study.question.goal
-    if not sweep.least < sweep.most:
+def _mistakes_of_axis(axis: Axis, study: TradeStudy, place: str) -> Iterator[Mistake]:
+    against, goal = axis.against, study.question.goal
+    if not axis.least < axis.most:
         unit = SWEPT[against].unit or study.question.currency
-        yield "pareto.least", f"{sweep.least:g} to {sweep.most:g} {unit}", "a least below the most"
+        yield f"{place}.least", f"{axis.least:g} to {axis.most:g} {unit}", "a least below the most"
     if against == "ratio" and not any(gear.name and not gear.is_sought for gear in study.gears):
-        yield "pareto.against", '"ratio"', "a [[gears]] with one ratio, which the sweep replaces"
+        yield f"{place}.against", '"ratio"', "a [[gears]] with one ratio, which the sweep replaces"
     is_sought = {"torque": study.torque is None, "duration": study.task.time is None or not study.task.is_hold}
     if is_sought.get(against, against == goal):
-        yield "pareto.against", f'"{against}"', f"what a study of {goal} is given, not seeks"
+        yield f"{place}.against", f'"{against}"', f"what a study of {goal} is given, not seeks"

@@ -32,6 +32,17 @@ capacity = [20, 1500]
 
 MOTOR, SINK = 'name = "U8"\n\n[sink]', "capacity = [20, 1500]"
 BACKWARDS = '[pareto]\nagainst = "volume"\nleast = 9e-4\nmost = 3e-4\n\n[sink]'
+TWICE = """[pareto]
+against = "volume"
+least = 3e-4
+most = 9e-4
+
+[pareto.also]
+against = 'volume'
+least = 2
+most = 3
+
+[sink]"""
 SOUGHT = '[pareto]\nagainst = "mass"\nleast = 0.3\nmost = 0.9\n\n[sink]'
 OWN = "mass = 0.2\nvolume = 1e-4\ntorque_constant = 0.1"
 CYCLE = 'kind = "cycle"\nprofile = [1.0, 0.5]'
@@ -67,6 +78,12 @@ BAD: dict[str, tuple[str, str, tuple[str, ...]]] = {
     "text for a number": ("duration = 120", 'duration = "long"', ("line 8", "task.duration", "long", "number")),
     "not TOML": ("[task]", "[task", ("line 6", "TOML")),
     "sweep of what is sought": ("[sink]", SOUGHT, ("pareto.against", "mass")),
+    "the same sweep twice": ("[sink]", TWICE, ("pareto.also.against", "another quantity")),
+    "a second sweep backwards": (
+        "[sink]",
+        TWICE.replace("'volume'", "'torque'").replace("3\n\n", "1\n\n"),
+        ("pareto.also.least", "below"),
+    ),
     "sweep backwards": ("[sink]", BACKWARDS, ("pareto.least", "below")),
 }
 
