@@ -15,7 +15,7 @@ from lptn.basics.errors import InputError
 
 from .archive import Unpacked
 from .session import Exchange, Session
-from .ssp import Connection, dotted, in_units_of, opened_system
+from .ssp import Wiring, dotted, in_units_of, opened_system
 from .variables import UnitDefinition, to_column
 
 
@@ -74,24 +74,25 @@ class Connected(AbstractContextManager["Connected"]):
     def _wire(self) -> None:
         """What the system's inputs and outputs are in its components, and the connections between these."""
         sessions = self._sessions
-        self._into: dict[tuple[str, str], Connection] = {}
-        for connection in self.structure.connections:
-            if connection.end in self._into:
-                raise self._refusal(connection.end, "one connection to an input")
-            self._into[connection.end] = connection
+        opened = {name: session.unpacked for name, session in sessions.items()}
+        self._wiring = Wiring(self.structure, opened, self.path)
+        origins = self._wiring.origins
+        for (component, name), *_ in origins.values():
+            if component in sessions and name not in sessions[component].output_names:
+                raise InputError(self.path, "Connections", dotted(component, name), "a number, and no forecast")
         driven: dict[str, list[_Place]] = {}
         shown: dict[str, list[_Place]] = {}
         self._wires: list[tuple[Session, int, Session, int, float, float]] = []
         for component, session in sessions.items():
             for row, name in enumerate(session.input_names):
-                origin, factor, offset = self._origin((component, name))
-                if origin[0] in sessions and origin != (component, name):
+                end = component, name
+                origin, factor, offset = origins.get(end, (end, 1.0, 0.0))
+                if origin[0] in sessions and origin != end:
                     start = sessions[origin[0]]
                     self._wires.append((start, start.output_names.index(origin[1]), session, row, factor, offset))
                 else:
                     driven.setdefault(dotted(*origin), []).append(_Place(component, name, factor, offset))
-        for system, name in self._into:
-            origin, factor, offset = self._origin((system, name))
+        for (system, name), (origin, factor, offset) in origins.items():
             if not system and origin[0] in sessions:
                 shown[name] = [_Place(*origin, 1 / factor, -offset / factor)]
         seen = {(place.component, place.variable) for places in shown.values() for place in places}
@@ -115,18 +116,12 @@ class Connected(AbstractContextManager["Connected"]):
         self._parameters = {
             name: in_units_of(given.get(name, {}), session.unpacked, self.path) for name, session in sessions.items()
         }
-        for end in self._into:
-            session, (origin, factor, offset) = sessions.get(end[0]), self._origin(end)
-            if session is None:
-                continue
-            variable = session.variables.get(end[1])
-            causalities = ("input",) if origin[0] in sessions else ("input", "parameter")
-            if variable is None or variable.causality not in causalities:
-                raise self._refusal(end, f"an input of {session.path.name}")
-            if (value := given.get(origin[0], {}).get(origin[1])) and origin[0] not in sessions:
-                unit = self._unit(origin)
+        for (element, name), (origin, factor, offset) in self._wiring.origins.items():
+            value = given.get(origin[0], {}).get(origin[1])
+            if element in sessions and origin[0] not in sessions and value is not None:
+                unit = self._wiring.unit(origin)
                 number = value.to(None if unit is None else unit.name, self.path, dotted(*origin))
-                self._parameters[end[0]][end[1]] = factor * number + offset
+                self._parameters[element][name] = factor * number + offset
 
     def _row(self, place: _Place) -> tuple[Session, int, float, float]:
         """Session and row of an input or output, with the place's factor and offset."""
@@ -134,43 +129,10 @@ class Connected(AbstractContextManager["Connected"]):
         names = session.input_names if place.variable in session.input_names else session.output_names
         return session, names.index(place.variable), place.factor, place.offset
 
-    def _origin(self, end: tuple[str, str]) -> tuple[tuple[str, str], float, float]:
-        """Where connections to an end begin, through all systems, and factor and offset on the way."""
-        path = []
-        while (connection := self._into.get(end)) is not None:
-            path.append(connection)
-            end = connection.start
-            if len(path) > len(self._into):
-                raise self._refusal(end, "a beginning, not a circle")
-        source = self._sessions.get(end[0])
-        if path and source is not None and end[1] not in source.output_names:
-            raise self._refusal(end, f"an output of {source.path.name}")
-        factor, offset, unit = 1.0, 0.0, self._unit(end)
-        for connection in reversed(path):
-            target = self._unit(connection.end)
-            if unit is not None and target is not None and connection.converts:
-                try:
-                    scale, shift = unit.conversion(target)
-                except ValueError as error:
-                    raise InputError(self.path, "Connections", str(error), "the same quantity") from error
-                factor, offset = scale * factor, scale * offset + shift
-            factor, offset = connection.factor * factor, connection.factor * offset + connection.offset
-            unit = target or unit
-        return end, factor, offset
-
-    def _unit(self, end: tuple[str, str]) -> UnitDefinition | None:
-        session = self._sessions.get(end[0])
-        if session is None:
-            return self.structure.connectors.get(end)
-        return session.unit(end[1]) if end[1] in session.variables else None
-
-    def _refusal(self, end: tuple[str, str], expected: str) -> InputError:
-        return InputError(self.path, "Connections", f'"{dotted(*end)}"', expected)
-
     def unit(self, name: str) -> UnitDefinition | None:
         """The unit of an input or output: that of the system's connector, or of the variable; `None`: not defined."""
         place = self._places[name][0]
-        return self.structure.connectors.get(("", name)) or self._unit((place.component, place.variable))
+        return self.structure.connectors.get(("", name)) or self._wiring.unit((place.component, place.variable))
 
     def column(self, name: str) -> str:
         """The log column of an input or output: that of the system's connector, or of the component's variable."""

@@ -225,6 +225,74 @@ class SystemStructure:
     connectors: Mapping[tuple[str, str], UnitDefinition | None] = field(default_factory=dict)
 
 
+End = tuple[str, str]
+"""Component and variable, or system and connector."""
+
+
+class Wiring:
+    """The connections of a system, each followed back through all systems to where it begins.
+
+    Args:
+        structure: the system.
+        opened: the FMUs, by component.
+        path: of the system's file, for messages.
+
+    Raises:
+        InputError: an end that is not there or of another kind, that is driven twice or in a circle, or a unit of
+            something else.
+    """
+
+    def __init__(self, structure: SystemStructure, opened: Mapping[str, Unpacked], path: Path) -> None:
+        self._structure, self._opened, self._path = structure, opened, path
+        self._into: dict[End, Connection] = {}
+        for connection in structure.connections:
+            if connection.end in self._into:
+                raise self._refusal(f"{dotted(*connection.end)} twice", "one connection to an input")
+            self._into[connection.end] = connection
+        self.origins = {end: self._origin(end) for end in self._into}
+        """By end: where it begins, and factor and offset on the way."""
+
+    def unit(self, end: End) -> UnitDefinition | None:
+        """The unit of a variable or of a connector, where it is defined."""
+        if end[0] not in self._opened:
+            return self._structure.connectors.get(end)
+        return self._opened[end[0]].unit(end[1])
+
+    def _origin(self, end: End) -> tuple[End, float, float]:
+        path, begin = [], end
+        while (connection := self._into.get(begin)) is not None:
+            path.append(connection)
+            begin = connection.start
+            if len(path) > len(self._into):
+                raise self._refusal(dotted(*begin), "a beginning, not a circle")
+        inner = begin[0] in self._opened
+        self._check(begin, "output")
+        self._check(end, *(("input",) if inner else ("input", "parameter")))
+        factor, offset, unit = 1.0, 0.0, self.unit(begin)
+        for connection in reversed(path):
+            own, target = (connection.factor, connection.offset), self.unit(connection.end)
+            if unit is not None and target is not None and connection.converts:
+                try:
+                    scale, shift = unit.conversion(target)
+                    factor, offset = scale * factor, scale * offset + shift
+                except ValueError as error:
+                    if own == (1.0, 0.0):
+                        raise self._refusal(str(error), "the same unit, or a transformation") from error
+            factor, offset = own[0] * factor, own[0] * offset + own[1]
+            unit = target or unit
+        return begin, factor, offset
+
+    def _check(self, end: End, *causalities: str) -> None:
+        component, name = end
+        if component in self._opened:
+            variable = self._opened[component].variables.get(name)
+            if variable is None or variable.causality not in causalities:
+                raise self._refusal(dotted(*end), f"an {causalities[0]} of {component}")
+
+    def _refusal(self, found: str, expected: str) -> InputError:
+        return InputError(self._path, "connection", found, expected)
+
+
 def write_system(
     path: str | Path, fmus: Mapping[str, str | Path], connections: Sequence[tuple[str, str]], name: str = "system"
 ) -> SystemStructure:
@@ -250,7 +318,8 @@ def write_system(
             if any(variable.shape for variable in unpacked.description.modelVariables):
                 raise InputError(target, component, "an FMU with arrays, which SSP 1.0 has none of", "one of scalars")
         pairs = [Connection(_end(start, opened, target), _end(end, opened, target)) for start, end in connections]
-        _check_connections(pairs, opened, target)
+        structure = SystemStructure(name, files, pairs)
+        Wiring(structure, opened, target)
         inside, beside = target.suffix == ".ssp", real_path(target).parent
         sources = {component: f"resources/{component}.fmu" for component in files}
         if not inside:  # addresses as seen from the file
@@ -261,7 +330,7 @@ def write_system(
     if inside:
         content = archived({_ROOT: text.encode(), **{sources[part]: file.read_bytes() for part, file in files.items()}})
     write_whole(target, content)
-    return SystemStructure(name, files, pairs)
+    return structure
 
 
 def _end(text: str, elements: Iterable[str], path: Path) -> tuple[str, str]:
@@ -271,24 +340,6 @@ def _end(text: str, elements: Iterable[str], path: Path) -> tuple[str, str]:
         raise InputError(path, "connection", f'"{text}"', f"component.variable, with one of {', '.join(elements)}")
     owner = max(owners, key=len)  # a name may have dots, too
     return owner, text[len(owner) + 1 :]
-
-
-def _check_connections(pairs: Iterable[Connection], opened: Mapping[str, Unpacked], path: Path) -> None:
-    """Refuse what can't be connected: each end there and of its kind, the same unit, an input once."""
-    driven: set[tuple[str, str]] = set()
-    for pair in pairs:
-        units = []
-        for (component, name), causalities in ((pair.start, ("output",)), (pair.end, ("input",))):
-            variable = opened[component].variables.get(name)
-            if variable is None or variable.causality not in causalities:
-                raise InputError(path, "connection", f"{component}.{name}", f"an {causalities[0]} of {component}")
-            units.append(unit_of(variable))
-        if len(set(units)) == 2 and None not in units and (pair.factor, pair.offset) == (1.0, 0.0):
-            both = f"{'.'.join(pair.start)} in {units[0]} to {'.'.join(pair.end)} in {units[1]}"
-            raise InputError(path, "connection", both, "the same unit, or a transformation")
-        if pair.end in driven:
-            raise InputError(path, "connection", f"{'.'.join(pair.end)} twice", "one connection to an input")
-        driven.add(pair.end)
 
 
 def _system_text(

@@ -417,6 +417,18 @@ def test_what_cannot_be_connected_is_said(connection: tuple[str, str], said: str
     assert not (tmp_path / "x.ssd").exists()
 
 
+def test_a_forecast_cannot_be_connected(tmp_path: Path, built: Build) -> None:
+    path = tmp_path / "x.ssd"
+    fmu = built("leg", forecast=True).path
+    write_system(path, {"leg": fmu}, [])
+    start = '<ssd:Connection startElement="leg" startConnector="FR_calf.time_to_limit" endConnector="when"/>'
+    path.write_text(
+        path.read_text().replace("</ssd:System>", f"<ssd:Connections>{start}</ssd:Connections></ssd:System>")
+    )
+    with pytest.raises(InputError, match="no forecast"):
+        Connected(path)
+
+
 def test_a_system_of_foreign_fmus_is_not_run_without_trust(fmus: dict[str, Path], tmp_path: Path) -> None:
     foreign = tmp_path / "foreign.fmu"
     shutil.copy(fmus["body"], foreign)
