@@ -86,3 +86,11 @@ def test_what_would_have_shown_does_and_half_of_it_does_not(times: float, least:
         (own,) = (one for one in candidates if one.candidate.key == heat)
         shown += own.log_odds > 0
     assert least <= shown <= most
+
+
+def test_what_is_weighed_allows_for_the_errors_of_logs_that_are_stated() -> None:
+    """Where the air of each run may be off by kelvins, a heat at one place is less sure."""
+    data, heat = split_data([make_run(robot(), 1, "one"), make_run(robot(), 2, "two")]), ("constant_heat", NODES[0])
+    both = [diagnose(robot(), data, ambient_error=error).weighed for error in (0.01, 5.0)]
+    sure, unsure = (next(one.standard_error for one in listed if one.candidate.key == heat) for listed in both)
+    assert unsure > 1.1 * sure

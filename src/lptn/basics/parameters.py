@@ -93,6 +93,11 @@ class Parameter:
         return "" if self.unit == "1" else f" {self.unit}"
 
     @property
+    def one_sided(self) -> bool:
+        """Whether it can't be below where its effect is off."""
+        return self.off == self.bounds[0]
+
+    @property
     def ends_by_nature(self) -> tuple[float, ...]:
         """Of its bounds those that nobody chose: where its effect vanishes, where a share is all or gone."""
         is_share = self.unit == "1" and self.off == 0.0

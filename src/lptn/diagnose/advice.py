@@ -54,7 +54,7 @@ def smallest(candidates: Sequence[FirstOrder]) -> list[Detectable]:
     """
     sizes, priors = [], log_priors([one.candidate for one in candidates]).tolist()
     for one, prior in zip(candidates, priors, strict=True):
-        typical, sides = one.candidate.typical, 2.0 if one.candidate.one_sided else 1.0
+        typical, sides = one.candidate.typical, 2.0 if one.candidate.amplitude.one_sided else 1.0
         against = 0.5 * log1p((USUAL * typical / one.standard_error) ** 2) - log(sides) - prior
         size = (sqrt(2.0 * max(against, 0.0)) + float(ndtri(POWER))) * one.standard_error
         effect, at = one.candidate.key

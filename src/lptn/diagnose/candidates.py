@@ -97,11 +97,6 @@ class Candidate:
         return replace(either_sign(stated) if self.difference else stated, typical=self.typical)
 
     @property
-    def one_sided(self) -> bool:
-        """Whether its amplitude can't be negative."""
-        return self.amplitude.off == self.amplitude.bounds[0]
-
-    @property
     def pattern(self) -> str:
         """The place without the run."""
         return self.at.removesuffix(f"@{run_label(self.run)}") if self.run else self.at

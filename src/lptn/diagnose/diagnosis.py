@@ -52,6 +52,7 @@ class Diagnosis(Tabular):
             what sets one apart.
         rivals: for what the data can't tell from another of these, the exact fits of both; empty where all are told.
         refused: what was fitted exactly beside all that, and not added.
+        errors: how far a log may be off.
     """
 
     verdict: Verdict
@@ -62,6 +63,7 @@ class Diagnosis(Tabular):
     steps: tuple[Step, ...] = ()
     rivals: tuple[Step, ...] = ()
     refused: tuple[Step, ...] = ()
+    errors: ErrorsOfRuns = ErrorsOfRuns()
 
     @property
     def best(self) -> Step | None:
@@ -94,7 +96,7 @@ class Diagnosis(Tabular):
     @cached_property
     def weighed(self) -> list[FirstOrder]:
         """All candidates that the fitted model may lack, to first order, most probable first; computed on first use."""
-        return weighed(self.fit)
+        return weighed(self.fit, self.errors)
 
     @property
     def learned(self) -> list[EffectDeclaration]:
@@ -215,7 +217,7 @@ def examine(
     report: Report = lambda _: None,
 ) -> Diagnosis:
     """`diagnose` for a model that is fitted already, on data of the step it was fitted with."""
-    lack, given = lack_of_fit(base), holdout_errors(base, data.holdout)
+    lack, given, errors = lack_of_fit(base), holdout_errors(base, data.holdout), errors or ErrorsOfRuns()
     made = composition(base, data, most=most, errors=errors, executor=executor, report=report)
     if not made.steps and made.fit.cost < (1.0 - RANKING) * base.cost:  # the given fit stood in a local minimum
         return examine(made.fit, data, most=most, errors=errors, executor=executor, report=report)
@@ -233,12 +235,12 @@ def examine(
             steps = tuple(replace(step, probability=share * step.probability) for step in steps)
             if given and last and last.rmse > given.rmse:  # as logged
                 steps, refused, rivals, remaining = (), (*steps, *refused), (), verdict
-    return Diagnosis(verdict, remaining, base, given, lack, steps, rivals, refused)
+    return Diagnosis(verdict, remaining, base, given, lack, steps, rivals, refused, errors)
 
 
-def weighed(fit: Fit) -> list[FirstOrder]:
-    """All that a fitted model may lack, to first order, the most probable first."""
+def weighed(fit: Fit, errors: ErrorsOfRuns | None = None) -> list[FirstOrder]:
+    """All that a fitted model may lack beside errors of the log, to first order, the most probable first."""
     columns = set.intersection(*(set(bound.run.columns) for bound in fit.problem.bound_runs))
     possible = possible_effects(fit, columns)
-    evidence = Evidence(fit, allowances(fit, possible, ErrorsOfRuns()), possible)
+    evidence = Evidence(fit, allowances(fit, possible, errors or ErrorsOfRuns()), possible)
     return evidence.first_order(log_priors(possible))

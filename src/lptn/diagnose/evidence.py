@@ -313,7 +313,7 @@ class Evidence:
             if self._free[row]:
                 instance = self.fit.model.parameters[problem.free[row]]
                 total += _log_density(instance.declared, instance.value) + log(abs(slope[row])) + 0.5 * log(2 * pi)
-                if _is_one_sided(instance.declared):
+                if instance.declared.one_sided:
                     off = instance.value - (instance.declared.off or 0.0)
                     total += float(log_ndtr(off / sqrt(self._variance(row))))
         return total + log_prior_of_starts(self.fitted) + 0.5 * (self._log_prior_volume - self._log_volume)
@@ -332,7 +332,7 @@ class Evidence:
         none = declared.off or 0.0
         off = (parameters[problem.free[row]].value - none) / sqrt(variance)
         density = -0.5 * (off**2 + log(2 * pi * variance))
-        if _is_one_sided(declared):
+        if declared.one_sided:
             density -= float(log_ndtr(off))
         return density - _log_density(declared, none)
 
@@ -549,18 +549,18 @@ def _gained(
     scales, weights = (np.array(numbers) for numbers in _MIXTURE)
     variances = (scales * one.typical) ** 2
     explained = pull**2 * variances / (1.0 + variances * information)
-    if one.one_sided and pull < 0:
+    if one.amplitude.one_sided and pull < 0:
         explained = np.zeros_like(explained)
     if np.isfinite(independent):
         explained = -independent * np.log(np.maximum(1.0 - explained / misfit, np.finfo(float).eps))
-    sides = log(2.0) if one.one_sided and pull > 0 else 0.0
+    sides = log(2.0) if one.amplitude.one_sided and pull > 0 else 0.0
     return sides + float(logsumexp(0.5 * explained - 0.5 * np.log1p(variances * information), b=weights))
 
 
 def _log_density(amplitude: Parameter, value: float) -> float:
     """Logarithm of the prior density of an effect's size, per unit: Cauchy's about none."""
     scale = USUAL * abs(amplitude.typical)
-    sides = 2.0 if _is_one_sided(amplitude) else 1.0
+    sides = 2.0 if amplitude.one_sided else 1.0
     return log(sides / (pi * scale * (1.0 + ((value - (amplitude.off or 0.0)) / scale) ** 2)))
 
 
@@ -569,10 +569,6 @@ def _curvature(amplitude: Parameter, value: float) -> float:
     the prior then holds the size."""
     scale = USUAL * abs(amplitude.typical)
     return 2.0 / (scale**2 + (value - (amplitude.off or 0.0)) ** 2)
-
-
-def _is_one_sided(amplitude: Parameter) -> bool:
-    return amplitude.off == amplitude.bounds[0]
 
 
 # --- How robots begin --------------------------------------------------------------------------------
