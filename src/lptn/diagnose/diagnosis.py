@@ -10,7 +10,7 @@ found is told beside that unless it predicts held-out runs worse.
 from __future__ import annotations
 
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal
 
@@ -63,7 +63,7 @@ class Diagnosis(Tabular):
     steps: tuple[Step, ...] = ()
     rivals: tuple[Step, ...] = ()
     refused: tuple[Step, ...] = ()
-    errors: ErrorsOfRuns = ErrorsOfRuns()
+    errors: ErrorsOfRuns = field(default_factory=ErrorsOfRuns)
 
     @property
     def best(self) -> Step | None:
