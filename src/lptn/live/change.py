@@ -53,14 +53,17 @@ def moved(fit: Fit) -> list[str]:
 
 
 def what_changed(model: Model, table: FitTable, runs: Sequence[Run]) -> list[str]:
-    """What the last hours' runs say is likely: effects that the model lacks, then parameters that have moved."""
+    """What runs say is likely: what sets a place or a sensor apart, or, where nothing does, parameters that have moved.
+
+    What all parts have is none of it: they had it before, and the model's fit made up for it.
+    """
     found = diagnose(held_by_fit(model, table, runs), split_data(runs))
-    fit = found.steps[-1].fit if found.steps else found.fit
     words = []
     for step in found.steps:
-        share = f"{100 * step.probability:.0f} %" if step.probability < _SURE else "> 99 %"
-        words.append(f"{named(step.key)}, {share} probable")
-    return [*words, *moved(fit)]
+        if not step.is_structure:
+            share = f"{100 * step.probability:.0f} %" if step.probability < _SURE else "> 99 %"
+            words.append(f"{named(step.key)}, {share} probable")
+    return words or moved(found.fit)
 
 
 def learnt(model: Model, table: FitTable, runs: Sequence[Run]) -> Fit:
