@@ -186,6 +186,9 @@ def test_models_of_presets_and_urdfs(desk: Desk) -> None:
 
 def test_a_log_is_removed_and_files_of_the_command_line_stay(desk: Desk, tmp_path: Path) -> None:
     desk.content()
+    do(desk, what="job", log="friday.csv", job="unused")
+    assert Desk(desk.folder).content()["ready"]
+    assert _log(Desk(desk.folder), "friday.csv")["said"] == "not read yet"  # what is not used need not be
     do(desk, what="remove", name="friday.csv")
     assert not (desk.folder / "friday.csv").exists()
     own = log_of(tmp_path / "own.csv", air="room_temp")

@@ -301,16 +301,20 @@ class Desk:
         Raises:
             InputError: no log names a joint.
         """
-        texts: list[str] = []
-        refused = InputError("the study", "logs", "none", "a log, whose columns name the joints")
+        first, refused = "", InputError("the study", "logs", "none", "a log, whose columns name the joints")
         for path in self._used():
+            logger.info("a model of the columns of %s", path.name)
             try:
-                texts.append(log_model_text(path))
+                text = log_model_text(path)
             except InputError as error:
                 refused = error
-        if not texts:
+                continue
+            if f'"{AMBIENT}" =' in text:
+                return text
+            first = first or text
+        if not first:
             raise refused
-        return next((text for text in texts if f'"{AMBIENT}" =' in text), texts[0])
+        return first
 
     def _do_map(self, order: Map) -> None:
         """Say what a column means, in place of what it meant, or that it means nothing."""
@@ -363,7 +367,7 @@ class Desk:
         """All that the page shows of the desk, as JSON holds it.
 
         Args:
-            reading: look into logs that were not looked at yet, which takes a minute a gigabyte.
+            reading: look into logs that are used and were not looked at yet, which takes a minute a gigabyte.
         """
         if reading and not self.model.is_file() and self._used():
             try:
@@ -379,7 +383,7 @@ class Desk:
         logs = self._logs()
         shown = [
             {"name": self._name(path), "job": job, "size": _size(path)}
-            | (self._of(path, loaded).shown if reading else self._seen[path].shown if path in self._seen else _NOT_READ)
+            | (self._of(path, loaded).shown if reading and job != "unused" else self._glimpse(path))
             for path, job in logs.items()
         ]
         used = [each for each in shown if each["job"] != "unused"]
@@ -400,6 +404,10 @@ class Desk:
                 loaded and not wrong and used and all(each["opened"] and not each["refused"] for each in used)
             ),
         }
+
+    def _glimpse(self, path: Path) -> dict[str, Any]:
+        """What is known of a log without reading it."""
+        return self._seen[path].shown if path in self._seen else _NOT_READ
 
     def _told(self, error: InputError) -> str:
         """In lptn's own line, files of the desk by their names alone."""

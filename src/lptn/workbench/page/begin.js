@@ -1,6 +1,6 @@
 // Where a study begins: files by picker or dropped, what their columns mean, the model file, which runs are fitted.
 
-import { h } from "/sections.js";
+import { h, name as broken } from "/sections.js";
 import { open } from "/tour.js";
 
 const JOBS = { fit: "Fitted", holdout: "Held out", test: "Test", unused: "Not used" };
@@ -109,7 +109,7 @@ export function logs(page) {
   if (!desk) return [];
   const order = (log, job) => log.job !== job && page.order({ what: "job", log: log.name, job });
   const entry = (log, asked = air(page, log)) => h("li", { draggable: !busy, className: log.refused ? "log wrong" : "log", ondragstart: event => event.dataTransfer.setData("text/x-log", log.name) },
-    h("div", { className: "row" }, h("b", { className: "names" }, log.name),
+    h("div", { className: "row" }, h("b", { className: "names" }, broken(log.name)),
       h("select", { id: `job ${log.name}`, ariaLabel: `what ${log.name} is for`, disabled: busy, onchange: event => order(log, event.target.value) },
         Object.entries(JOBS).map(([job, label]) => h("option", { value: job, selected: job === log.job }, label))),
       h("button", { id: `remove ${log.name}`, ariaLabel: `Remove ${log.name}`, title: "Remove it from here", disabled: busy, onclick: () => page.order({ what: "remove", name: log.name }) }, "✕")),
@@ -176,7 +176,7 @@ function row(page, log, each) {
   const option = (chosen, label) => value => h("option", { value, selected: value === chosen }, label?.(value) ?? value);
   return h("tr", { className: each.key ? "" : "idle" },
     h("td", null, picture(each)),
-    h("th", { scope: "row", className: "names" }, each.name),
+    h("th", { scope: "row", className: "names" }, broken(each.name)),
     h("td", null, h("select", { className: guessed, id: `is ${log.name} ${each.name}`, ariaLabel: `${each.name} is`, disabled, onchange: event => to(event.target.value, place) },
       ["", ...Object.keys(desk.units)].map(option(quantity, value => value || "–")))),
     h("td", null, quantity && quantity !== "time" ? h("select", { className: guessed, id: `of ${log.name} ${each.name}`, ariaLabel: `${each.name} is of`, disabled, onchange: event => to(quantity, event.target.value) },

@@ -129,6 +129,13 @@ export function draw() {
 }
 
 begin.takeDropped(page);
+document.addEventListener("keydown", event => {
+  const { steps, undone, busy } = page.state, redo = event.shiftKey || event.key === "y";
+  if (!(event.ctrlKey || event.metaKey) || !["z", "Z", "y"].includes(event.key) || busy || event.target.closest("input, textarea, select")) return;
+  if (redo ? !undone?.length : !(steps?.length > 1)) return;
+  event.preventDefault();
+  page.order({ what: redo ? "redo" : "undo" });
+});
 setInterval(() => page.state.busy && redraw("work", [page.state.busy, Date.now() / 1000 | 0], () => sections.work(page)), 1000);
 ask();
 export { h };

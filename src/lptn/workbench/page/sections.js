@@ -11,6 +11,9 @@ export function h(tag, properties, ...children) {
   return element;
 }
 
+// A name that may be broken behind its signs, and within a word only where nothing else helps.
+export const name = text => text.split(/(?<=[_./\\-])/).flatMap((part, k) => k ? [document.createElement("wbr"), part] : [part]);
+
 export const digits = (value, count = 3) => value == null ? "–" : Number(value).toPrecision(count).replace("-", "−");
 export const kelvin = value => value == null ? "–" : `${digits(value)} K`;
 const unit = each => each.unit.replaceAll("*", "·");
