@@ -173,6 +173,22 @@ def test_what_is_foreseen_is_planned_for() -> None:
     assert hottest[False] > LIMIT + 0.5
 
 
+def test_requests_that_are_foreseen_are_a_steps_rows() -> None:
+    """A load that comes in a minute: the joints give less before it, so that they have room for it."""
+    loop, mpc, plain = ControlLoop(controller(), 5.0), controller(), ControlLoop(controller(), 5.0)
+    ahead = np.where(np.cumsum(mpc.settings.stages)[:, None] > 60.0, 2.0 * REQUEST, 0.6 * REQUEST)
+    loop.foresee(ahead)
+    for each in (loop, plain):
+        each.update(0.6 * REQUEST, START, AROUND)
+    assert loop.plan is not None
+    assert plain.plan is not None
+    np.testing.assert_allclose(loop.plan.currents, mpc.step(START, ahead, AROUND).currents, rtol=1e-12)
+    assert loop.plan.admitted[2] < 0.9 * plain.plan.admitted[2]
+    loop.foresee()
+    with pytest.raises(InputError, match="shape"):
+        loop.foresee(ahead[:2])
+
+
 def test_mistakes_are_said_in_one_line() -> None:
     mpc = controller()
     for tick in (0.0, 6.0, float("nan")):
