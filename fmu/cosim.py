@@ -220,6 +220,11 @@ def _plans_by_names(driven: Driven, logs: Sequence[str | Path], mapped: Mapping[
     """Runs for what has no model: its names say which columns it needs, and each run starts as first measured."""
     columns = {name: mapped.get(name) or driven.column(name) for name in (*driven.input_names, *driven.output_names)}
     others = {key: text for key, text in mapped.items() if key not in columns}
+    for name in others.keys() & driven.variables.keys():
+        variable = driven.variables[name]
+        if variable.causality in ("input", "output"):
+            found = f"an {variable.causality} of {variable.type}"
+            raise InputError(driven.path, f"--map {name}", found, "one of reals, no forecast")
     sources = dict(parse_map_option(f"{key}={text}") for key, text in others.items())
     temperatures = {name: columns[name] for name in driven.output_names if columns[name].startswith("temperature.")}
     # An input that nobody maps, and whose name is no quantity of logs, may keep its start value.

@@ -15,6 +15,7 @@ import pytest
 from matplotlib.image import imread
 
 from lptn.basics.c_library import compiler as c_compiler
+from lptn.basics.errors import InputError
 from lptn.cli.main import main
 from lptn.fmu import Session
 from lptn.fmu.cosim import cosimulate
@@ -59,6 +60,7 @@ DESCRIPTION = """<?xml version="1.0" encoding="UTF-8"?>
 <ModelVariables>
 <Float64 name="time" valueReference="0" causality="independent" variability="continuous"/>
 <Float64 name="q" valueReference="1" causality="input" start="0 0"><Dimension start="2"/></Float64>
+<Boolean name="enable" valueReference="3" causality="input" start="true"/>
 <Float64 name="T_case" valueReference="2" causality="output" unit="K"><Dimension start="2"/></Float64>
 </ModelVariables>
 <ModelStructure><Output valueReference="2"/></ModelStructure>
@@ -151,6 +153,11 @@ def test_an_input_that_the_log_lacks_keeps_its_start_and_is_told(
     (run,) = cosimulate(foreign, [log], mapped=mapped, trust=True).runs
     assert run.errors(0).max == pytest.approx(0.0, abs=0.01)
     assert run.readings[1] == pytest.approx(26.85)  # the room's, for nothing heats it
+
+
+def test_an_input_that_is_no_real_number_is_told(foreign: Path, log: Path) -> None:
+    with pytest.raises(InputError, match="--map enable: found an input of Boolean; expected one of reals"):
+        cosimulate(foreign, [log], mapped=MAPPED | {"enable": "powered.left"}, trust=True)
 
 
 def test_the_command_draws_what_it_compared(foreign: Path, log: Path, tmp_path: Path) -> None:
