@@ -18,6 +18,7 @@ import pytest
 from lptn.basics.errors import InputError
 from lptn.identify.data import LoadedModel, load_model
 from lptn.live.addresses import source_of
+from lptn.live.assessment import Assessment, Question, assess
 from lptn.live.sinks import Foxglove, Mcap, Prometheus, metrics
 from lptn.live.sources import GrowingFile, Lines, Push, Replay, Source, Udp
 from lptn.live.status import Status
@@ -456,3 +457,24 @@ def test_what_is_never_reached_is_null_in_json(loaded: LoadedModel) -> None:
     content = json.loads(json.dumps(last.as_json(), allow_nan=False))
     assert content["nodes"]["knee"]["time_to_limit"] is None
     assert content["nodes"]["knee"]["trust"] == "trusted"
+
+
+@pytest.mark.long
+def test_steps_of_a_sensor_are_known_from_its_readings_not_from_means(
+    loaded: LoadedModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Readings of 1 K steps that stand for a second, said ten times in it; the rows begin between two readings."""
+    frame, asked = log(600, rate=10.0), list[Question]()
+    for node in ("knee", "hip"):
+        held = frame[f"temperature.{node}"].to_numpy()[::10] + 0.3 * np.random.default_rng(3).standard_normal(600)
+        frame[f"temperature.{node}"] = np.repeat(np.round(held), 10)
+
+    def keeping(question: Question) -> Assessment:
+        asked.append(question)
+        return assess(question)
+
+    monkeypatch.setattr("lptn.live.watch.assess", keeping)
+    Watch(loaded, pushed(rows_of(frame[5:])), every=60.0).run()
+    (run,) = asked[-1].runs()
+    assert run.resolution == {"temperature.knee": 1.0, "temperature.hip": 1.0}
+    assert run.scatter["temperature.knee"].noise == pytest.approx(0.3, abs=0.05)

@@ -21,10 +21,11 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.identify.noise import estimate_noise
 from lptn.live.change import what_changed
+from lptn.logs.channels import quantisation_step
 from lptn.logs.columns import SAMPLES, ColumnSource
 from lptn.logs.reading import read_log
 from lptn.logs.run import Run
-from lptn.logs.scatter import Scatter
+from lptn.logs.scatter import Scatter, scatter_of
 from lptn.model.model import Model
 from lptn.model.tables import FitTable
 from lptn.online.calibration import Calibration
@@ -51,6 +52,7 @@ class Question:
         calibration: of the statistical one.
         source: for messages.
         rows: `time` [s] and quantities, (n,) each.
+        readings: of the sensors one in each row of means, (n,) each: they show steps and noise, which means don't.
         step: s, of the model.
         averaged: whether rows are means over a step, else samples.
         speeds: of the joints in the last seconds at their own rate, (n,) each; none where rows are samples themselves.
@@ -66,6 +68,7 @@ class Question:
     calibration: Calibration | None
     source: str
     rows: Mapping[str, FloatArray] = field(default_factory=dict)
+    readings: Mapping[str, FloatArray] = field(default_factory=dict)
     step: float = 1.0
     averaged: bool = False
     speeds: Sequence[FloatArray] = ()
@@ -82,7 +85,13 @@ class Question:
         columns = {"time": ColumnSource(("time",), rows=_MEANS if self.averaged else SAMPLES)}
         frame = pd.DataFrame({key: values for key, values in self.rows.items() if np.isfinite(values).any()})
         frame = frame[frame["time"] >= since]
-        return read_log(frame, columns, name=self.source, step=self.step, inputs=inputs, outputs=outputs, strict=False)
+        runs = read_log(frame, columns, name=self.source, step=self.step, inputs=inputs, outputs=outputs, strict=False)
+        if not self.readings:
+            return runs
+        steps = {key: quantisation_step(values) for key, values in self.readings.items()}
+        scatter = {key: scatter_of(self.rows["time"], values, steps[key]) for key, values in self.readings.items()}
+        resolution = {key: step for key, step in steps.items() if step > 0}
+        return [replace(run, resolution=resolution, scatter=scatter) for run in runs]
 
 
 @dataclass(frozen=True)

@@ -223,7 +223,8 @@ class Rows:
     Attributes:
         time: (n,) s, where each begins.
         columns: the model's inputs and temperatures, (n,) each; temperatures are NaN where nothing was read.
-        raw: raw quantities, (n,) each, of rows that are samples; of means there are none.
+        raw: raw quantities, (n,) each, of rows that are samples; of means the newest reading of each sensor in a row,
+            which shows its steps.
         first: nothing is known of what lies before them: the log's beginning, or a gap.
     """
 
@@ -366,10 +367,20 @@ class Sampler:
                 rule = feature(column)
                 columns[column] = rule.after(held(rule.before(sample_values(column, raw))))
             columns |= {key: on.averages(time, raw[key], self._gap) for key in self._outputs}
-            found = [Rows(on.starts, columns, {}, first)]
+            readings = {key: _newest(time, raw[key], on.starts, self._step) for key in self._outputs}
+            found = [Rows(on.starts, columns, readings, first)]
             self._start = start + count * self._step
         elif first:
             self._start = start
         keep = size if end else max(int(np.searchsorted(time, self._start - self._step)) - 1, 0)
         self._time, self._pending = self._time[keep:], self._pending[keep:]
         return found
+
+
+def _newest(time: FloatArray, values: FloatArray, starts: FloatArray, step: float) -> FloatArray:
+    """The newest of values (n,) at times (n,) in each step from its start on, (m,), NaN where it has none."""
+    there = np.flatnonzero(np.isfinite(values))
+    if not there.size:
+        return np.full(starts.size, np.nan)
+    last = there[np.maximum(np.searchsorted(time[there], starts + step) - 1, 0)]
+    return np.where((time[last] >= starts) & (time[last] < starts + step), values[last], np.nan)

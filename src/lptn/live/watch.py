@@ -362,12 +362,12 @@ class Watch:
     def _question_now(self) -> Question:
         """With samples as they came, or means."""
         kept = self._kept()
-        raw = {key.removeprefix(_RAW): values for key, values in kept.items() if key.startswith(_RAW)}
+        raw = {key.removeprefix(_RAW): kept.pop(key) for key in list(kept) if key.startswith(_RAW)}
         speeds, period = (self._sampler.speeds, self._period or 0.0) if self._sampler is not None else ([], 0.0)
-        rows = {"time": kept["time"]} | (raw or kept)
+        rows, readings = (kept, raw) if self._averaged else ({"time": kept["time"]} | (raw or kept), {})
         why_since, self._why_since = self._why_since, math.inf
-        return replace(self._question, rows=rows, step=self._step, averaged=self._averaged, speeds=speeds,
-                       period=period, why_since=why_since)  # fmt: skip
+        return replace(self._question, rows=rows, readings=readings, step=self._step, averaged=self._averaged,
+                       speeds=speeds, period=period, why_since=why_since)  # fmt: skip
 
     def _take_assessment(self, found: Assessment) -> None:
         """Use an assessment; the filter goes on with what it says of noise and of the model."""
