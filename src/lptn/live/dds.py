@@ -77,13 +77,8 @@ class Dds(RosSource):
         publications = BuiltinDataReader(self._participant, BuiltinTopicDcpsPublication)
         while not stop.wait(_PAUSE):
             for one in publications.take(100):
-                kind, topic = getattr(one, "type_name", None), getattr(one, "topic_name", None)  # None of one that ends
-                if (
-                    kind in known
-                    and kind.endswith(READ)
-                    and topic not in readers
-                    and not topic.startswith(f"rt/{OWN}/")
-                ):
+                kind, topic = getattr(one, "type_name", None) or "", getattr(one, "topic_name", None) or ""  # it may end
+                if kind in known and kind.endswith(READ) and topic not in readers and not topic.startswith(f"rt/{OWN}/"):
                     kept = _WAITING if kind.endswith("DiagnosticArray_") else 1
                     newest = Qos(Policy.Reliability.BestEffort, Policy.History.KeepLast(kept))
                     own_topic = Topic(self._participant, topic, known[kind])
