@@ -21,12 +21,12 @@ pytest.importorskip("cyclonedds", reason="the extra dds is not installed")
 DOMAIN = 77
 
 
-def taken(source: RosSource, say: Any, until: int) -> list[Any]:
-    """What a source hears while something is said."""
+def taken(source: RosSource, say: Any, until: int, seconds: float = 30.0) -> list[Any]:
+    """What a source hears while something is said; an error of its thread fails the test."""
     stop, heard = threading.Event(), list[Any]()
     thread = threading.Thread(target=source.run, args=(stop,))
     thread.start()
-    deadline = time.monotonic() + 30
+    deadline = time.monotonic() + seconds
     while len(heard) < until and time.monotonic() < deadline:
         say()
         heard += [payload for _, payload in source.inbox.take(0.05)]
@@ -137,6 +137,9 @@ def test_a_status_goes_out_as_ros_messages_and_is_not_read_back() -> None:
     assert {name for message in heard for name in message} == {
         "time", "/joint_states.position[hip]", "/joint_states.velocity[hip]", "/joint_states.effort[hip]",
     }  # fmt: skip
+    del states  # a publisher that ends is nothing that was published
+    assert taken(source, lambda: None, 1, seconds=0.5) == []
+    assert not source.inbox.closed
     (array, *_), (temperature, *_) = said.take(1), warm.take(1)
     assert temperature.temperature == 55.0
     assert (temperature.header.stamp.sec, temperature.header.stamp.nanosec) == (1000, 500_000_000)

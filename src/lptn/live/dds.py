@@ -77,12 +77,13 @@ class Dds(RosSource):
         publications = BuiltinDataReader(self._participant, BuiltinTopicDcpsPublication)
         while not stop.wait(_PAUSE):
             for one in publications.take(100):
-                kind, topic = getattr(one, "type_name", None) or "", getattr(one, "topic_name", None) or ""  # it may end
-                if kind in known and kind.endswith(READ) and topic not in readers and not topic.startswith(f"rt/{OWN}/"):
+                kind, topic = (getattr(one, name, None) or "" for name in ("type_name", "topic_name"))  # None of an end
+                written_here = topic.startswith(f"rt/{OWN}/")
+                if kind in known and kind.endswith(READ) and topic not in readers and not written_here:
                     kept = _WAITING if kind.endswith("DiagnosticArray_") else 1
                     newest = Qos(Policy.Reliability.BestEffort, Policy.History.KeepLast(kept))
-                    own_topic = Topic(self._participant, topic, known[kind])
-                    readers[topic] = DataReader(self._participant, own_topic, newest), kept
+                    found = Topic(self._participant, topic, known[kind])
+                    readers[topic] = DataReader(self._participant, found, newest), kept
             for topic, (reader, kept) in readers.items():
                 for message in reader.take(kept):
                     self.say(f"/{topic.removeprefix('rt/')}", message)
