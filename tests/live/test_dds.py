@@ -127,17 +127,17 @@ def test_a_status_goes_out_as_ros_messages_and_is_not_read_back() -> None:
     diagnostics = types["diagnostic_msgs::msg::dds_::DiagnosticArray_"]
     said = DataReader(participant, Topic(participant, "rt/diagnostics", diagnostics))
     warm = DataReader(participant, Topic(participant, "rt/lptn/left_knee/temperature", Temperature))
-    states = DataWriter(participant, Topic(participant, "rt/joint_states", JointState))
+    states = [DataWriter(participant, Topic(participant, "rt/joint_states", JointState))]
 
     def say() -> None:
         sink.show(Status(1000.5, (knee, hip)))
-        states.write(JointState(Header(Time(1000, 0), ""), ["hip"], [0.0], [0.0], [2.0]))
+        states[0].write(JointState(Header(Time(1000, 0), ""), ["hip"], [0.0], [0.0], [2.0]))
 
     heard = taken(source, say, 30)
     assert {name for message in heard for name in message} == {
         "time", "/joint_states.position[hip]", "/joint_states.velocity[hip]", "/joint_states.effort[hip]",
     }  # fmt: skip
-    del states  # a publisher that ends is nothing that was published
+    states.clear()  # a publisher that ends is nothing that was published
     assert taken(source, lambda: None, 1, seconds=0.5) == []
     assert not source.inbox.closed
     (array, *_), (temperature, *_) = said.take(1), warm.take(1)
