@@ -358,6 +358,100 @@ def _bytes(offset: float, key: str = "temperature.{joint}") -> Callable[[Log, st
     return change
 
 
+# --- Siblings of these: what firmware, buses, spreadsheets and people do to one column -------------------------------
+
+
+def _lines(key: str, length: float) -> Callable[[Log, str, Rng], None]:
+    """A gap that somebody filled in, of one column or of all."""
+
+    def change(log: Log, joint: str, rng: Rng) -> None:
+        names = [name for name in map(str, log) if name != "time" and key in ("*", name.replace(joint, "{joint}"))]
+        rows = np.flatnonzero(_stretch(log, rng, length))
+        for name in names:
+            log.loc[rows, name] = np.interp(rows, rows[[0, -1]], log.loc[rows[[0, -1]], name])
+
+    return change
+
+
+def _bits(flip: float, always: int = 0) -> Callable[[Log, str, Rng], None]:
+    """Sixteenths of a degree, of which some rows have a bit turned, or all have one set."""
+
+    def change(log: Log, joint: str, rng: Rng) -> None:
+        counts = np.array(np.round(log[f"temperature.{joint}"] * 16), dtype=np.int64) | always
+        rows = np.flatnonzero(rng.random(counts.size) < flip)
+        counts[rows] ^= 1 << rng.integers(5, 13, rows.size)
+        log[f"temperature.{joint}"] = counts / 16
+
+    return change
+
+
+def _each(rows: int, more: float) -> Callable[[Log, str, Rng], None]:
+    def change(log: Log, joint: str, _rng: Rng) -> None:
+        log.loc[np.arange(len(log)) % rows == 7, f"temperature.{joint}"] += more
+
+    return change
+
+
+def _resets(log: Log, joint: str, rng: Rng) -> None:
+    for row in rng.integers(200, len(log) - 200, 4):
+        log.loc[row : row + int(rng.integers(1, 4)), f"temperature.{joint}"] = 85.0
+
+
+def _with_torque(size: float) -> Callable[[Log, str, Rng], None]:
+    """A voltage along a wire that the sensor shares with the motor."""
+
+    def change(log: Log, joint: str, _rng: Rng) -> None:
+        torque = log[f"torque.{joint}"].abs()
+        log[f"temperature.{joint}"] = np.round(log[f"temperature.{joint}"] + size * torque / torque.quantile(0.95), 1)
+
+    return change
+
+
+def _pasted(length: float) -> Callable[[Log, str, Rng], None]:
+    """A block of rows, but for their times, over the one behind it."""
+
+    def change(log: Log, _joint: str, rng: Rng) -> None:
+        rows = round(length / float(log["time"].iloc[1] - log["time"].iloc[0]))
+        first, names = int(rng.integers(rows, len(log) - 3 * rows)), [name for name in map(str, log) if name != "time"]
+        log.loc[first + rows : first + 2 * rows - 1, names] = log.loc[first : first + rows - 1, names].to_numpy()
+
+    return change
+
+
+def _sampled(every: float) -> Callable[[Log, str, Rng], None]:
+    def change(log: Log, joint: str, _rng: Rng) -> None:
+        log[f"torque.{joint}"] = log.groupby(np.floor(_seconds(log) / every))[f"torque.{joint}"].transform("first")
+
+    return change
+
+
+def _rolled(log: Log, joint: str, _rng: Rng) -> None:
+    log[f"temperature.{joint}"] = np.roll(log[f"temperature.{joint}"].to_numpy(), len(log) // 3)
+
+
+def _unsigned(key: str, scale: float, turn: float, plus: float = 0.0) -> Callable[[Log, str, Rng], None]:
+    """Counts below 0 read as if they had no sign; `plus` makes them so."""
+
+    def change(log: Log, joint: str, _rng: Rng) -> None:
+        for name in [name for name in map(str, log) if name.startswith(key.format(joint=joint))]:
+            log[name] = np.round((log[name] + plus) * scale) % turn / scale
+
+    return change
+
+
+def _air_of_a_motor(log: Log, joint: str, rng: Rng) -> None:
+    log[_AIR] = np.round(log[f"temperature.{joint}"] - 2 + rng.normal(0, 0.2, len(log)), 1)
+
+
+def _milliamperes(log: Log, joint: str, rng: Rng) -> None:
+    _current(1.0)(log, joint, rng)
+    log.loc[_seconds(log) > rng.uniform(0.4, 0.7) * _seconds(log)[-1], f"current.{joint}"] *= 1000
+
+
+def _summer_ends(log: Log, _joint: str, rng: Rng) -> None:
+    log.loc[_seconds(log) > rng.uniform(0.4, 0.7) * _seconds(log)[-1], "time"] -= 3600
+
+
 _SENSOR, _TORQUE, _SPEED = "temperature.{joint}", "torque.{joint}", "velocity.{joint}"
 _AIR = "temperature.ambient"
 _STILL = ("frozen", "clamped")  # at an end of the range the one is the other
@@ -463,6 +557,29 @@ CORRUPTIONS: dict[str, Corruption] = {
     "a torque turns into amperes": Corruption(
         _from_the_middle(0.4, 0.0, 0.0, (_TORQUE,)), _TORQUE, _UNIT, coarse=False
     ),
+    "a straight line in a sensor": Corruption(_lines(_SENSOR, 600), _SENSOR, ("interpolated",), coarse=False),
+    "a straight line in a torque": Corruption(_lines(_TORQUE, 600), _TORQUE, ("interpolated",)),
+    "straight lines in all columns": Corruption(_lines("*", 300), "*", ("interpolated",), coarse=False),
+    "85 for some rows, after resets": Corruption(_resets, _SENSOR, ("code", "spike")),
+    "a failed checksum: 4095.94": Corruption(_now_and_then(4095.9375), _SENSOR, ("code",)),
+    "each 60th reading 4 K high": Corruption(_each(60, 4.0), _SENSOR, ("spike",)),
+    "bits that turn": Corruption(_bits(0.003), _SENSOR, ("code", "spike")),
+    "a bit that is always set": Corruption(_bits(0.0, 128), _SENSOR, _OFF),
+    "a voltage of 6 K with the torque": Corruption(_with_torque(6.0), _SENSOR, _OFF),
+    "a block of 300 s pasted twice": Corruption(_pasted(300), "*", _OFF, coarse=False),
+    "a torque each 10 s": Corruption(_sampled(10), _TORQUE, ("held",)),
+    "a column that begins a third later": Corruption(_rolled, _SENSOR, _OFF),
+    "a torque whose sign is lost in 16 bit": Corruption(_unsigned(_TORQUE, 100, 65536), _TORQUE, ("wrap",)),
+    "a torque with its gear from the middle on": Corruption(
+        _from_the_middle(9.0, 0.0, 0.0, (_TORQUE,)), _TORQUE, _UNIT, coarse=False
+    ),
+    "a current in mA from the middle on": Corruption(_milliamperes, "current.{joint}", _UNIT),
+    "frost in a byte without a sign": Corruption(_unsigned("temperature.", 1, 256, -32), "*", ("wrap", *_UNIT)),
+    "the air is a motor's, less 2 K": Corruption(_air_of_a_motor, _AIR, ("follows",)),
+    "the air jumps by 11 K": Corruption(_from_the_middle(1.0, 11.0, 11.0, (_AIR,)), _AIR, ("jump", *_OFF)),
+    "time in hours": Corruption(_time(1 / 3600), "time", _UNIT),
+    "time in days, as of a spreadsheet": Corruption(_time(1 / 86400, 46_000 * 86400.0), "time", _UNIT),
+    "summer time ends": Corruption(_summer_ends, "time", ("refused",)),
 }
 
 

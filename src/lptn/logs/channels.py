@@ -23,7 +23,7 @@ GAP = 10.0  # times the usual distance of readings, or of their means: nothing w
 SHORTEST, STILL = 60.0, 180.0
 """s, of a number at an end of the range, and of one among others: filters in drives let a steady motor's reading stand
 for two minutes."""
-Kind = Literal["frozen", "clamped", "dead", "disconnected", "wrap", "spike", "code"]
+Kind = Literal["frozen", "clamped", "dead", "disconnected", "wrap", "spike", "code", "interpolated"]
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class Silence:
     Args:
         kind: "spike" for single readings, "code" for a number that stands again and again, "wrap" where all leaps are
             alike, "dead" for one far number that stands for a minute, "frozen" for one that it had, "clamped" for the
-            end of its range, "disconnected" for all else.
+            end of its range, "interpolated" for a straight line, "disconnected" for all else.
         value: what the channel gives, or the middle of it, in SI or degC; of spikes and counters that wrap how far they
             leap.
         start: s, of the first of these readings.

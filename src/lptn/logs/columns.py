@@ -423,6 +423,7 @@ UNITS: Mapping[str, Mapping[str, str]] = {
         "s": "s", "sec": "s", "secs": "s", "seconds": "s", "ms": "ms", "msec": "ms", "millis": "ms",
         "milliseconds": "ms", "us": "us", "usec": "us", "micros": "us", "microseconds": "us", "µ s": "us", "ns": "ns",
         "nsec": "ns", "nanos": "ns", "nanoseconds": "ns", "min": "min", "minutes": "min",
+        "h": "h", "hours": "h", "d": "d", "days": "d",
     },
     "temperature": {
         "c": "degC", "degc": "degC", "deg c": "degC", "° c": "degC", "celsius": "degC", "f": "degF", "degf": "degF",

@@ -58,8 +58,8 @@ def _width_of(cells: Sequence[str]) -> int:
 
 
 def _names_of(cells: Sequence[str]) -> tuple[str, ...]:
-    """The names in a row, without blanks around them; `column 3` where the third has none."""
-    return tuple(cell.strip() or f"column {number}" for number, cell in enumerate(cells, start=1))
+    """The names in a row, without blanks and byte order marks (of a file that was joined); `column 3` of no third."""
+    return tuple(cell.strip("\ufeff \t") or f"column {number}" for number, cell in enumerate(cells, start=1))
 
 
 def _units_of(cells: Sequence[str]) -> tuple[str, ...]:

@@ -19,7 +19,7 @@ class Issue:
         certain: it can't be right as it is read.
         corrected: the entry of [columns] that the remedy proposes, if it proposes one.
         kind: of what is odd: "unit", "counts", "wrap", "code", "spike", "frozen", "clamped", "dead", "disconnected",
-            "held", "few", "duplicate", "exchanged", "offset", "follows", "size", "sign".
+            "interpolated", "held", "few", "duplicate", "exchanged", "offset", "follows", "size", "sign".
         stretch: s, the first and last time of what is odd; all of the log by default.
     """
 

@@ -84,6 +84,7 @@ _MANY = 4  # stretches of one kind that are said one by one
 _SAID = {
     "spike": "{count} spike{s} of up to {number} K in single readings {when}",
     "disconnected": "no reading of a heated part, around {number} {unit}, in {count} rows {when}",
+    "interpolated": "a straight line through {count} rows {when}, which was filled in",
     "wrap": "leaps by {number} K, up and down, {when}: a counter that wraps, or a reference that changes",
 }
 """What a channel does in a silence of a kind; of all others it stands at a number."""
@@ -269,13 +270,14 @@ def issues_of(
     another unit look like fault codes. `silent` is of `silent_channels`, `twice` of `duplicates`.
     """
     issues: list[Issue] = []
-    for key in log.sources:
-        of_column, said = suspect_wrap(log, key) or suspect_unit(log, key), silent.get(key, [])
+    of_columns = {key: suspect_wrap(log, key) or suspect_unit(log, key) for key in log.sources}
+    for key, of_column in of_columns.items():
+        said = silent.get(key, [])
         if of_column:
             # Readings in another unit look like those of no part; a converter rests at another number than 0, and what
             # turns has other ends.
             said = [one for one in said if one.kind in _STILL and of_column[0].kind not in ("counts", "wrap")]
-        elif key.startswith(("torque.", "velocity.")):
+        elif key.startswith(("torque.", "velocity.")) and not of_columns.get(f"torque.{place_of(key)}"):
             of_column = _suspect_power(log, key)
         issues += [*of_column, *_suspect_silence(log, key, said, predicted)]
     issues += [

@@ -15,7 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from lptn.basics.arrays import FloatArray
+from lptn.basics.arrays import FloatArray, IntArray
 from lptn.logs.channels import (
     FEWEST,
     GAP,
@@ -25,6 +25,7 @@ from lptn.logs.channels import (
     Kind,
     Silence,
     few_of,
+    spans,
     standing,
     usual_length,
     without_silent,
@@ -45,6 +46,8 @@ _SURELY = 1.64  # standard deviations of a count: so few moves by two steps may 
 _LAST_MOVES, _RESTS = 5, 0.125
 """Moves before a stretch, and the share of the usual move below which they are at rest; of white noise 3 in 1000."""
 _CLEAR = 20  # readings without a touch: what is cut off of the noise then shifts the mean by a hundredth of it
+_BENT, _OFTEN, _TIMES_USUAL = 1e-9, 0.9, 3.0
+"""Of a channel's largest slope, by which a line may bend; share of lines that are as long as usual, and times that."""
 _FAR = 10.0  # K from what was read before and after: a number that is dead, or a code
 
 
@@ -89,6 +92,7 @@ def silences(
         one = _no_reading(time, values, int(there[first[k]]), int(there[last[k]]))
         if one.kind != "dead" or lengths[k] >= SHORTEST:
             found.append(one if temperature else replace(one, kind="frozen"))
+    found += _lines(time, values, there)
     limits = {one.value for one in found if one.kind == "clamped"}
     found = [one for one in found if one.kind != "clamped"]
     for limit in limits:
@@ -99,6 +103,23 @@ def silences(
             begin, end = there[np.clip([some[0] - beside, some[-1] + beside], 0, there.size - 1)]
             found.append(Silence.at(time, "clamped", limit, np.arange(begin, end + 1)))
     return sorted(found, key=lambda one: one.start)
+
+
+def _lines(time: FloatArray, values: FloatArray, there: IntArray) -> list[Silence]:
+    """Stretches of straight lines, of readings in rows `there`, (m,): what was filled in between two of them.
+
+    Where somebody put the whole channel on another clock so, lines between readings are as long as usual.
+    """
+    slopes = np.diff(values[there]) / np.diff(time[there])
+    straight = np.abs(np.diff(slopes)) <= _BENT * np.abs(slopes).max(initial=0.0)
+    lines = np.array(spans(straight & (slopes[1:] != 0)), np.int64).reshape(-1, 2)
+    rows = lines[:, 1] - lines[:, 0]
+    usual = np.quantile(np.append(rows, np.ones(np.count_nonzero(~straight))), _OFTEN) if rows.size else 0.0
+    long = (rows >= max(FEWEST, _TIMES_USUAL * usual)) & (
+        time[there[lines[:, 1] + 1]] - time[there[lines[:, 0]]] >= SHORTEST
+    )
+    found = [there[first : last + 2] for first, last in lines[long].tolist()]
+    return [Silence.at(time, "interpolated", float(np.median(values[one])), one) for one in found]
 
 
 def _no_reading(time: FloatArray, values: FloatArray, first: int, last: int) -> Silence:

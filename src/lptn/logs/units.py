@@ -24,6 +24,7 @@ from lptn.logs.columns import (
     column_unit,
     place_of,
     quantity_of,
+    to_si,
     words_of,
 )
 from lptn.logs.issue import Issue
@@ -81,6 +82,9 @@ def suspect_unit(log: Channels, key: str) -> list[Issue]:
 
 _SINCE_1970 = (("ms", 3e11, 1e13), ("us", 3e14, 1e16), ("ns", 3e17, 1e19))  # first times from 1979 to 2286
 _LONG_PERIOD = 20.0  # s: a log of whole numbers this far apart, over half a day, is rather one in a smaller unit
+_SHORTEST_LOG, _NEAREST = 10.0, 5e-4
+"""s, of a whole log and between rows: as short and close none of temperatures is; rows a second apart are in hours, or
+in the days of spreadsheets."""
 
 
 def _suspect_time(log: Channels) -> list[Issue]:
@@ -92,6 +96,10 @@ def _suspect_time(log: Channels) -> list[Issue]:
     for unit, low, high in _SINCE_1970:
         if low < first < high:
             return [log.in_unit("time", unit, f"times around {first:.4g}, which look like {unit} since 1970")]
+    if span < _SHORTEST_LOG and 0 < period < _NEAREST and log.sources["time"].unit is None:
+        unit = min(("h", "d"), key=lambda one: abs(np.log(to_si(np.array(period), "time", one))))
+        problem = f"{time.size} rows within {span:.3g} s, {period:.2g} s apart, which look like {unit}"
+        return [log.in_unit("time", unit, problem)]
     of_minutes = period % 60 == 0  # buildings are logged so; nobody logs every 60 ms
     if period >= _LONG_PERIOD and not of_minutes and span > DAY / 2 and _are_whole(time):
         unit = unit_of_rows(period)
@@ -317,6 +325,11 @@ _JUMP, _SHORT = 0.75, 0.1  # of the range: a jump from end to end; the usual ste
 _USUALLY, _ONE_MORE = 0.95, 3.0  # share of a counter's steps; counts more than these that a step over the end has
 
 
+def _decimal(raw: FloatArray) -> float:
+    """The decimal place to which all numbers (n,) are written, a thousandth at the least; 0 where there is none."""
+    return next((unit for unit in (0.1, 0.01, 0.001) if np.abs(np.round(raw / unit) * unit - raw).max() < 1e-9), 0.0)
+
+
 def suspect_wrap(log: Channels, key: str) -> list[Issue]:
     """A counter of 8, 16 or 32 bit that wraps."""
     source, temperature = log.sources[key], key.startswith("temperature.")
@@ -324,10 +337,10 @@ def suspect_wrap(log: Channels, key: str) -> list[Issue]:
         return []
     raw = log.numbers[source.columns[0]]
     raw = raw[np.isfinite(raw)]
-    unit = 1.0 if _are_whole(raw) else quantisation_step(raw) if temperature else 0.0
+    unit = 1.0 if _are_whole(raw) else quantisation_step(raw) if temperature else _decimal(raw)
     if raw.size < 2 or unit == 0:
         return []
-    counts = raw / unit
+    counts = np.round(raw / unit) if unit < 1 and not temperature else raw / unit
     steps = np.abs(np.diff(counts))
     jumps = -np.diff(counts) if key == "time" else steps  # time that leaps ahead is a gap
     low, high = counts.min(), counts.max()
@@ -335,6 +348,8 @@ def suspect_wrap(log: Channels, key: str) -> list[Issue]:
         turn = float(2**bits)
         unsigned = low >= 0 and high < turn
         in_range = unsigned or (low >= -turn / 2 and high < turn / 2)
+        if unit < 1 and not temperature:  # loads swing so far that only what never is in the middle tells a counter
+            in_range = unsigned and not (np.abs(counts - turn / 2) < turn / 4).any()
         wraps = int((jumps > _JUMP * turn).sum())
         # A signal about 0 jumps at every change of sign: short are its steps the other way round.
         other_way, over = np.minimum(steps, turn - steps), jumps > _JUMP * turn
@@ -347,6 +362,7 @@ def suspect_wrap(log: Channels, key: str) -> list[Issue]:
         problem = f"{wraps} jumps of some {turn:.6g}: a counter of {bits} bit that wraps"
         meant = replace(source, wrap=turn)
         if not temperature:
+            meant = _below_zero(source, turn) if raw[0] > turn / 2 and unit < 1 else meant
             return [log.issue(key, problem, "write {}", "wrap", certain=True, corrected=meant)]
         ways = {"a counter from 0 up": meant, "a counter that began below 0": _below_zero(source, turn)}
         return [_proposed(log, key, problem, ways, _in_parts_of_a_degree(ways), certain=True, kind="wrap")]
