@@ -59,6 +59,8 @@ def open(  # noqa: A001 - the command's name
 
     def ready(address: str, page: Path) -> None:
         where = f"; kept in {session.folder}" if session.folder else ""
+        if isinstance(session.opening, Path):
+            where += "; the page asks what is missing for a study"
         print(f"The workbench, until Ctrl-C{where}", flush=True)
         print(address, flush=True)
         if browser:

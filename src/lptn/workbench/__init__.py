@@ -1,7 +1,7 @@
 """The workbench: a study as a page in the browser of this machine.
 
-The room has 3,000 lines, not 2,500: it begins with logs now (`desk.py`), and has what `lptn check` says of one log
-(`log_content.py`), which stood above it, for command and page alike.
+The room has some 3,000 lines, not 2,500: it begins with logs (`desk.py`), and holds what `lptn check` says of one
+(`log_content.py`), for command and page alike.
 """
 
 import lazy_loader

@@ -155,7 +155,7 @@ export function where(page) {
       h("thead", null,
         h("tr", null, h("td"), ["held out", "test", "fitted"].map(job => [job, order.filter(each => each.job === job).length]).filter(([, count]) => count)
           .map(([job, count]) => h("th", { scope: "colgroup", colSpan: count, className: "job" }, job))),
-        h("tr", null, h("td"), order.map(each => h("th", { scope: "col" }, h("span", null, each.run))))),
+        h("tr", null, h("td"), order.map(each => h("th", { scope: "col" }, h("span", null, name(each.run)))))),
       h("tbody", null, rows((node, k) => order.map(each => tile(state.tiles[each.key][shown][k], each.key, `${each.run} (${each.job})`, each.key, node, picked.some(p => p.segment === each.key && p.node === node))))))),
     unmeasured,
   ];
