@@ -615,8 +615,9 @@ def test_a_housing_beside_no_winding_or_two_is_refused(old: str, new: str, messa
 
 
 def test_rows_at_a_rate_are_the_time_of_the_file() -> None:
-    text = LEG.replace("[columns]\n", "[columns]\ntime = { rate = 50 }\n")
-    assert parse_model(text, FILE).columns["time"].rate == 50
+    text = LEG.replace("[columns]\n", '[columns]\ntime = { rate = 50 }\n"time@friday" = { rate = 20 }\n')
+    columns = parse_model(text, FILE).columns
+    assert (columns["time"].rate, columns["time@friday"].rate) == (50, 20)
 
 
 def test_an_entry_of_columns_is_written_where_it_stands() -> None:

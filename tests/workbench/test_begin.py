@@ -104,6 +104,17 @@ def test_a_run_without_air_gets_one_of_its_own(desk: Desk, value: object) -> Non
     np.testing.assert_array_equal(again.data.holdout[0].run.columns["temperature.ambient"], friday)
 
 
+def test_rows_without_times_get_a_rate(tmp_path: Path) -> None:
+    folder = new_desk(tmp_path / "sessions")
+    log = log_of(folder / "monday.csv", air="T_room")
+    pd.read_csv(log).drop(columns="stamp_ms").to_csv(log, index=False)
+    desk = Desk(folder)
+    assert "time" in _log(desk, "monday.csv")["missing"]  # a T is no time
+    do(desk, what="rate", log="monday.csv", rate=2.0)
+    assert desk.content()["ready"]
+    assert _log(desk, "monday.csv")["said"].endswith("5 min")
+
+
 def test_a_column_is_given_another_meaning_and_none(desk: Desk) -> None:
     desk.content()
     do(desk, what="map", log="monday.csv", column="hip_temp", key="temperature.knee", unit="degF")

@@ -322,7 +322,7 @@ def _source(key: str, entry: object, file: str | Path, place: str) -> ColumnSour
     said: Any = {"column": entry} if isinstance(entry, str) else entry
     if not isinstance(said, Mapping):
         raise InputError(file, place, shown(entry), 'a column\'s name or a table such as { column = "T1" }')
-    how = _check(key, said, file, place)
+    how = _check(key.partition("@")[0], said, file, place)
     settings = {name: _ENTRIES[name][2](value) for name, value in said.items()}
     if winding := settings.pop("thermometer", None):  # R = R_0 (1 + α (T - T_0)), solved for T
         winding = {**_COPPER, **winding}

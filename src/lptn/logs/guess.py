@@ -319,7 +319,8 @@ def _time(names: Names) -> Choice:
         words = [word for word in name.words if word not in _NOT_MEASURED]
         if (count := _besides_time(words, name)) is not None:
             only_t = {word for word in words if word in _QUANTITIES["time"]} == {"t"}
-            ranked.append((count + only_t, len(ranked), column))
+            if not only_t or "t" in spelled_words(column):  # a T is a temperature's
+                ranked.append((count + only_t, len(ranked), column))
     return {"time": (min(ranked)[2], "its name")} if ranked else {}
 
 

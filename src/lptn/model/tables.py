@@ -446,7 +446,12 @@ def flat_columns(columns: Mapping[str, Any]) -> dict[str, object]:
     """`temperature.a = …` without quotes is a nested table in TOML; people write it all the same. Time has no place."""
     flat: dict[str, object] = {}
     for key, entry in columns.items():
-        if isinstance(entry, Mapping) and not {"column", "norm"} & set(entry) and "." not in key and key != "time":
+        if (
+            isinstance(entry, Mapping)
+            and not {"column", "norm"} & set(entry)
+            and "." not in key
+            and key.partition("@")[0] != "time"
+        ):
             flat.update({f"{key}.{place}": inner for place, inner in entry.items()})
         else:
             flat[key] = entry

@@ -43,7 +43,7 @@ from lptn.robots.presets import PRESETS, preset_text
 from lptn.robots.urdf import log_model_text, urdf_model_text
 from lptn.workbench.log_content import LogContent
 from lptn.workbench.opening import Opening
-from lptn.workbench.orders import Air, AtDesk, HoldOutAfter, Job, Map, Model, Name, Remedy
+from lptn.workbench.orders import Air, AtDesk, HoldOutAfter, Job, Map, Model, Name, Rate, Remedy
 
 logger = logging.getLogger("lptn")
 
@@ -267,6 +267,9 @@ class Desk:
 
     def _do_air(self, order: Air) -> None:
         self._write(self._named(order.log), AMBIENT, ColumnSource(value=order.value))
+
+    def _do_rate(self, order: Rate) -> None:
+        self._write(self._named(order.log), "time", ColumnSource(rate=order.rate))
 
     def _do_model(self, order: Model) -> None:
         """A model from the logs' columns, from a URDF on the desk, or a ready one.

@@ -85,6 +85,13 @@ class Air(_OfLog):
     value: FiniteFloat | Literal["start"]
 
 
+class Rate(_OfLog):
+    """Say how many rows a second a log has that has no times."""
+
+    what: Literal["rate"]
+    rate: FiniteFloat = Field(gt=0)
+
+
 class Remedy(_OfLog):
     """Write the line that `check` proposes."""
 
@@ -148,7 +155,7 @@ class Keep(_Said):
     steps: tuple[tuple[str, str], ...]
 
 
-AtDesk = Name | Job | HoldOutAfter | Model | Map | Air | Remedy
+AtDesk = Name | Job | HoldOutAfter | Model | Map | Air | Rate | Remedy
 """What is done with the files that a study is made of."""
 Order = Plain | Open | Recent | Leave | Add | Try | Cut | Set | Back | AtDesk
 order: TypeAdapter[Order] = TypeAdapter(Annotated[Order, Field(discriminator="what")])

@@ -65,7 +65,9 @@ _WORDS = {
     "back": "going back",
     "set": "fitting with the changed parameter",
     "begin": "reading the logs",
-    **dict.fromkeys(("look", "job", "holdout_after", "model", "map", "air", "remedy", "guesses", "remove"), "reading"),
+    **dict.fromkeys(
+        ("look", "job", "holdout_after", "model", "map", "air", "rate", "remedy", "guesses", "remove"), "reading"
+    ),
 }
 
 

@@ -158,6 +158,8 @@ export function columns(page) {
     guesses ? h("button", { id: "guesses", className: "first", disabled: busy, onclick: () => page.order({ what: "guesses" }) }, `Use all ${guesses} guesses`) : null),
     desk.logs.length > 1 && h("div", { className: "row tabs" }, desk.logs.map(each => h("button", { id: `columns ${each.name}`, className: "names", ariaPressed: each === log, onclick: () => page.look(each.name) }, each.name))),
     log.missing?.length ? h("p", { className: "problem" }, `Not found so far: ${log.missing.join(", ")}. Say below which column it is.`) : null,
+    log.missing?.includes("time") ? h("p", { className: "row problem" }, "Or its rows have no times:",
+      h("input", { id: "rate", type: "number", min: 0, step: "any", size: 6, ariaLabel: "rows a second", disabled: busy, onchange: event => event.target.valueAsNumber > 0 && page.order({ what: "rate", log: log.name, rate: event.target.valueAsNumber }) }), "rows a second") : null,
     log.columns.length ? h("div", { className: "scroll" }, h("table", { className: "columns" },
       h("thead", null, h("tr", null, ["", "column", "is", "of", "unit", "what speaks for it"].map(name => h("th", null, name)))),
       h("tbody", null, log.columns.map(each => row(page, log, each))))) : null,
