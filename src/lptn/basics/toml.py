@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import tomllib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import Annotated, Any
 
 import tomlkit
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
-from tomlkit.exceptions import ParseError, TOMLKitError
+from tomlkit.exceptions import TOMLKitError
 
 from lptn.basics.errors import InputError, shown
 from lptn.basics.places import is_glob
@@ -119,17 +120,31 @@ def toml_of(path: Path, text: str) -> dict[str, Any]:
         InputError: it is no TOML, or holds a number that no program can use; with its line.
     """
     try:
-        content = tomlkit.parse(text).unwrap()
+        content = tomllib.loads(text)
         _check_integers(path, content)
-    except ParseError as error:
-        raise InputError(path, f"line {error.line}", sentence(str(error)), "TOML") from error
+    except tomllib.TOMLDecodeError as error:
+        problem, _, place = str(error).rpartition(" (at ")
+        line = place.partition(",")[0] if place.startswith("line") else f"line {text.count(chr(10)) + 1}"  # its end
+        raise InputError(path, line, sentence(problem), "TOML") from error
     except RecursionError as error:
         raise InputError(path, "file", "tables or lists in each other without end", "TOML of a few levels") from error
     except InputError as error:
         raise with_line(error, path, text) from error
-    except (TOMLKitError, ValueError, OverflowError) as error:  # such as a number of 5000 digits
+    except (ValueError, OverflowError) as error:  # such as a number of 5000 digits
         raise InputError(path, "file", sentence(str(error)), "TOML") from error
     return content
+
+
+def editable(path: Path, text: str) -> tomlkit.TOMLDocument:
+    """A TOML text as a document that keeps its comments and order, forty times as slowly as `toml_of`.
+
+    Raises:
+        InputError: it is no TOML that can be edited.
+    """
+    try:
+        return tomlkit.parse(text)
+    except (TOMLKitError, ValueError) as error:
+        raise InputError(path, "file", sentence(str(error)), "TOML that can be edited") from error
 
 
 def _check_integers(path: Path, content: object, place: str = "") -> None:

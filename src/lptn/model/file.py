@@ -13,7 +13,7 @@ from lptn.basics.errors import MODEL_FILE, InputError, one_line, shown
 from lptn.basics.files import text_of, write_whole
 from lptn.basics.parameters import Parameter, Setting, Share
 from lptn.basics.places import is_glob, run_label
-from lptn.basics.toml import mistakes_by_line, toml_of
+from lptn.basics.toml import editable, mistakes_by_line, toml_of
 from lptn.basics.units import convert
 from lptn.effects import effect_named
 from lptn.logs.columns import ColumnSource, parse_columns, toml_line
@@ -46,7 +46,7 @@ class ModelFile:
 
     def with_effects(self, effects: Iterable[EffectDeclaration]) -> ModelFile:
         """The file with more `[[effects]]` at its end, everything else as it stands."""
-        document = tomlkit.parse(self.text)
+        document = editable(self.path, self.text)
         tables = document.get("effects")
         if not isinstance(tables, tomlkit.items.AoT):
             written = [] if tables is None else tables.unwrap()
@@ -73,7 +73,7 @@ class ModelFile:
         if setting.name not in declared:
             raise InputError(self.path, setting.name, "no such parameter", f"one of {', '.join(declared)}")
         parameter = setting.of(declared[setting.name])
-        document = tomlkit.parse(self.text)
+        document = editable(self.path, self.text)
         key, owners = next((key, own) for key, own in self.network.declared_at.items() if setting.name in own)
         table, name = _declaring(document, key)
         if name == "capacity" and name not in table and "element" in table:
@@ -103,7 +103,7 @@ class ModelFile:
         A parameter that places have for themselves gets a table of values, `value = { FR_hip = 301.2, … }`. `[fit]` has
         the error, warnings, the data's fingerprints and the values' standard errors.
         """
-        document = tomlkit.parse(self.text)
+        document = editable(self.path, self.text)
         document.pop("fit", None)
         declared = {parameter.name: parameter.declared for parameter in self.network.parameters}
         values = {name: parameter.value for name, parameter in declared.items()}
@@ -169,7 +169,7 @@ def with_column(text: str, path: Path, key: str, source: ColumnSource | None, wh
     """
     with mistakes_by_line(path, text):
         toml_of(path, text)
-    document = tomlkit.parse(text)
+    document = editable(path, text)
     if "columns" not in document:
         document["columns"] = tomlkit.table()
     table: Any = document["columns"]
