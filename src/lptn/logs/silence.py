@@ -110,7 +110,10 @@ def _lines(time: FloatArray, values: FloatArray, there: IntArray) -> list[Silenc
 
     Where somebody put the whole channel on another clock so, lines between readings are as long as usual.
     """
-    slopes = np.diff(values[there]) / np.diff(time[there])
+    apart = np.diff(time[there])
+    if not (apart > 0).all():  # a log that is refused for its times
+        return []
+    slopes = np.diff(values[there]) / apart
     straight = np.abs(np.diff(slopes)) <= _BENT * np.abs(slopes).max(initial=0.0)
     lines = np.array(spans(straight & (slopes[1:] != 0)), np.int64).reshape(-1, 2)
     rows = lines[:, 1] - lines[:, 0]
