@@ -24,7 +24,6 @@ from lptn.logs.columns import (
     column_unit,
     place_of,
     quantity_of,
-    to_si,
     words_of,
 )
 from lptn.logs.issue import Issue
@@ -82,9 +81,9 @@ def suspect_unit(log: Channels, key: str) -> list[Issue]:
 
 _SINCE_1970 = (("ms", 3e11, 1e13), ("us", 3e14, 1e16), ("ns", 3e17, 1e19))  # first times from 1979 to 2286
 _LONG_PERIOD = 20.0  # s: a log of whole numbers this far apart, over half a day, is rather one in a smaller unit
-_SHORTEST_LOG, _NEAREST = 10.0, 5e-4
+_SHORTEST_LOG, _NEAREST, _DAYS = 10.0, 5e-4, 20_000
 """s, of a whole log and between rows: as short and close none of temperatures is; rows a second apart are in hours, or
-in the days of spreadsheets."""
+days; a spreadsheet's days, from 1954 on."""
 
 
 def _suspect_time(log: Channels) -> list[Issue]:
@@ -97,8 +96,8 @@ def _suspect_time(log: Channels) -> list[Issue]:
         if low < first < high:
             return [log.in_unit("time", unit, f"times around {first:.4g}, which look like {unit} since 1970")]
     if span < _SHORTEST_LOG and 0 < period < _NEAREST and log.sources["time"].unit is None:
-        unit = min(("h", "d"), key=lambda one: abs(np.log(to_si(np.array(period), "time", one))))
-        problem = f"{time.size} rows within {span:.3g} s, {period:.2g} s apart, which look like {unit}"
+        unit, like = ("d", "d") if first > _DAYS else ("h", "h, or d")
+        problem = f"{time.size} rows within {span:.3g} s, {period:.2g} s apart, which look like {like}"
         return [log.in_unit("time", unit, problem)]
     of_minutes = period % 60 == 0  # buildings are logged so; nobody logs every 60 ms
     if period >= _LONG_PERIOD and not of_minutes and span > DAY / 2 and _are_whole(time):
