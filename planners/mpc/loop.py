@@ -116,10 +116,11 @@ class ControlLoop:
         It counts in each period until it is said anew: say it once a period where it changes with time.
 
         Args:
-            request: RMS torque or current of each stage, shape (stages, joints), or by name or in order for all stages;
-                `None`: as over the last period.
+            request: RMS torque or current of each stage, shape (stages, joints), or by name or in order for all stages.
             conditions: means of the model's other inputs over each stage, shape (stages, conditions), or by column or
-                in order; `None`: as over the last period.
+                in order.
+
+        What is `None`, left out by name or NaN is as over the last period, measured anew each time.
 
         Raises:
             InputError: an unknown name, or a wrong number of values.

@@ -417,7 +417,7 @@ def test_ten_times_the_current_limit_is_cut_to_it() -> None:
 SPEEDS = {"velocity.FR_hip": 2.0, "velocity.FR_thigh": -3.0, "velocity.FR_calf": 4.0}  # rad/s
 
 
-def _supplied(torque: FloatArray, temperature: FloatArray) -> float:
+def supplied(torque: FloatArray, temperature: FloatArray) -> float:
     """What the leg takes from its supply [W]: copper loss and |torque x speed|, written again."""
     copper = 0.15 * (1 + 0.0039 * (temperature - 25)) * (torque / 0.84) ** 2
     return float((copper + torque * np.abs(list(SPEEDS.values()))).sum())
@@ -429,13 +429,13 @@ def test_the_power_of_all_joints_is_limited_at_the_least_cost(limit: float) -> N
     start = np.array([30.0, 35.0, 40.0])
     mpc = TorqueMPC(leg_model(), LIMIT, stages=1, horizon=5, model_error=0.0, power_limit=limit)
     plan = mpc.step(start, REQUEST, AROUND | SPEEDS)
-    room = NonlinearConstraint(lambda torque: [_supplied(torque, start)], -np.inf, limit)
+    room = NonlinearConstraint(lambda torque: [supplied(torque, start)], -np.inf, limit)
     missing = lambda torque: ((torque - REQUEST) ** 2).sum() / (REQUEST**2).sum()  # noqa: E731
     best = minimize(missing, 0.3 * REQUEST, method="SLSQP", bounds=Bounds(0, REQUEST), constraints=room, tol=1e-12)
     assert plan.converged
-    assert plan.power[0] == pytest.approx(_supplied(plan.admitted, start), rel=1e-6)
+    assert plan.power[0] == pytest.approx(supplied(plan.admitted, start), rel=1e-6)
     assert plan.power[0] <= limit
-    assert plan.full == (limit > _supplied(REQUEST, start))
+    assert plan.full == (limit > supplied(REQUEST, start))
     assert plan.cost == pytest.approx(best.fun, abs=5e-4)
 
 
@@ -451,7 +451,7 @@ def test_power_and_temperatures_are_limited_together_as_by_ipopt() -> None:
         assert plan.cost == pytest.approx(optimum.cost, rel=2e-4)
         np.testing.assert_allclose(plan.temperatures, optimum.temperatures, atol=0.05)
         for torque, ends in zip(plan.currents, plan.temperatures.T, strict=False):
-            assert _supplied(torque, ends) <= 40.0 * 1.001
+            assert supplied(torque, ends) <= 40.0 * 1.001
 
 
 def test_floors_that_need_more_than_the_power_limit_are_told() -> None:

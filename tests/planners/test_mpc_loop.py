@@ -15,6 +15,8 @@ from lptn.model.model import Model
 from lptn.planners import ControlLoop, TorqueMPC
 from lptn.planners.mpc.c_code import structs
 from tests.builders import effect, leg
+from tests.planners.test_mpc import AROUND as AIR
+from tests.planners.test_mpc import SPEEDS, leg_model, supplied
 from tests.planners.test_mpc_emit import answered, built, needs_a_compiler
 
 LIMIT, TICK, AROUND = 60.0, 0.05, [25.0]
@@ -187,6 +189,29 @@ def test_requests_that_are_foreseen_are_a_steps_rows() -> None:
     loop.foresee()
     with pytest.raises(InputError, match="shape"):
         loop.foresee(ahead[:2])
+
+
+def test_what_is_not_foreseen_is_as_measured() -> None:
+    """Of a column or joint that is left out; speeds among them bound the power."""
+    measured, powers, torques = AIR | SPEEDS, [], []
+    known: tuple[dict[str, dict[str, float]], ...] = (
+        {},
+        {"conditions": AIR},
+        {"request": {"FR_hip": REQUEST[0]}, "conditions": {"velocity.FR_calf": SPEEDS["velocity.FR_calf"]}},
+    )
+    for ahead in known:
+        mpc = TorqueMPC(leg_model(), LIMIT, request="torque", power_limit=30.0, model_error=0.0)
+        loop = ControlLoop(mpc, 5.0)
+        loop.foresee(**ahead)
+        for _ in range(3):
+            loop.update(REQUEST, np.full(3, 40.0), measured)
+        assert loop.plan is not None
+        assert loop.given_up == ()
+        powers.append(supplied(loop.plan.admitted, np.full(3, 40.0)))
+        torques.append(loop.plan.currents)
+    assert 25.0 < powers[0] <= 30.0 * 1.01
+    for torque in torques[1:]:
+        np.testing.assert_allclose(torque, torques[0], rtol=1e-12)
 
 
 def test_mistakes_are_said_in_one_line() -> None:

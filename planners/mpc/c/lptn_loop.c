@@ -123,23 +123,26 @@ static double weight(const lptn_mpc_settings *o, int j, double request) {
     return number(request) ? o->weight[j] * request * request : 0;
 }
 
+/* What is known of a coming stage, else what the last period measured. */
+static double foreseen(const double *ahead, int entry, double measured) {
+    return ahead && !isnan(ahead[entry]) ? ahead[entry] : measured;
+}
+
 int lptn_loop_think(const lptn_mpc_settings *o, lptn_loop *m, lptn_mpc_state *state, lptn_mpc_work *work,
                     const double *requests, const double *conditions, lptn_mpc_result *out) {
     double asked[LPTN_N * LPTN_NU], around[LPTN_N * LPTN_ND + 1];
     if (TURN(m) != 1) return 0;
     for (int k = 0; k < LPTN_N; k++) {
-        for (int j = 0; j < LPTN_NU; j++) asked[k * LPTN_NU + j] = m->mean_asked[j];
-        for (int i = 0; i < LPTN_ND; i++) around[k * LPTN_ND + i] = m->mean_around[i];
+        for (int j = 0; j < LPTN_NU; j++) asked[k * LPTN_NU + j] = foreseen(requests, k * LPTN_NU + j, m->mean_asked[j]);
+        for (int i = 0; i < LPTN_ND; i++) around[k * LPTN_ND + i] = foreseen(conditions, k * LPTN_ND + i, m->mean_around[i]);
     }
-    if (!requests) requests = asked;
-    if (!conditions) conditions = around;
-    lptn_mpc_step(o, state, work, m->reading, requests, conditions, m->mean_done, out);
+    lptn_mpc_step(o, state, work, m->reading, asked, around, m->mean_done, out);
     for (int k = 0; k < LPTN_N; k++) {
         double all = 0;
-        for (int j = 0; j < LPTN_NU; j++) all += weight(o, j, requests[k * LPTN_NU + j]);
+        for (int j = 0; j < LPTN_NU; j++) all += weight(o, j, asked[k * LPTN_NU + j]);
         for (int j = 0; j < LPTN_NU; j++) {
-            const int asked = weight(o, j, requests[k * LPTN_NU + j]) > TRIFLE * all;
-            m->next[k][j] = asked ? sqrt(state->scale[k][j]) : 1;
+            const int counts = weight(o, j, asked[k * LPTN_NU + j]) > TRIFLE * all;
+            m->next[k][j] = counts ? sqrt(state->scale[k][j]) : 1;
         }
     }
     PASS(m, 2);

@@ -46,7 +46,8 @@ int lptn_loop_update(lptn_loop *loop, const double *asked, const double *applied
                      const double *conditions, double *scale);
 
 /* Solve for the next control period if its numbers wait; returns whether they did. Where they are known, of each stage from
- * now on: requests, RMS, LPTN_N x LPTN_NU; conditions, means, LPTN_N x LPTN_ND. NULL: as over the last period. */
+ * now on: requests, RMS, LPTN_N x LPTN_NU; conditions, means, LPTN_N x LPTN_ND. NULL, or NaN in an
+ * entry: as over the last period. */
 int lptn_loop_think(const lptn_mpc_settings *settings, lptn_loop *loop, lptn_mpc_state *state, lptn_mpc_work *work,
                     const double *requests, const double *conditions, lptn_mpc_result *result);
 #ifdef __cplusplus
