@@ -62,7 +62,7 @@ def test_a_place_may_have_less_of_a_mass_than_the_others_have() -> None:
     network = parse_model(MODEL, Path("model.toml")).network
     columns = {f"{quantity}.{name}" for quantity in ("torque", "temperature") for name in MASSES}
     own = next(one for one in candidates(network, columns) if one.key == ("second_mass", "FR_thigh"))
-    assert not own.one_sided
+    assert not own.amplitude.one_sided
     declared = own.declaration(-40.0, 60.0)
     assert not declared.difference
     assert declared.resolved["capacity"].value == pytest.approx(60.0)

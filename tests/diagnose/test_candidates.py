@@ -370,7 +370,7 @@ def test_where_an_effect_is_shared_each_place_may_differ() -> None:
         if candidate.effect.key == "forced_convection"
     ]
     (calf,) = (candidate for candidate in proposed if candidate.key == ("constant_heat", "FR_calf"))
-    assert not calf.one_sided
+    assert not calf.amplitude.one_sided
     ((name, site),) = calf.sites(None).items()
     larger = network.with_effects([site])
     assert name == larger.parameters[-1].name == "constant_heat_difference.power.FR_calf"
@@ -407,7 +407,7 @@ def test_of_what_is_all_or_nothing_a_place_may_have_its_own_instead_of_what_the_
     proposed = [candidate for candidate in candidates(lagging, columns) if candidate.difference]
     assert [candidate.key for candidate in proposed] == [("sensor_lag", name) for name in JOINTS]
     calf = next(candidate for candidate in proposed if candidate.at == "FR_calf")
-    assert not calf.one_sided  # it may be earlier, too
+    assert not calf.amplitude.one_sided  # it may be earlier, too
     for amplitude, expected in ((1.2, 15.0 + 1.2 * 45.0), (-0.2, 15.0 - 0.2 * 45.0), (-1.0, 4.5)):
         added = lagging.with_effects([calf.declaration(amplitude, 45.0)])
         assert not added.effects[-1].difference

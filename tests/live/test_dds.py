@@ -12,7 +12,7 @@ import pytest
 from lptn.basics.errors import InputError
 from lptn.identify.data import load_model
 from lptn.live.dds import Dds, DdsSink
-from lptn.live.ros import RosSource, message_types
+from lptn.live.ros import RosSource, as_messages, message_types
 from lptn.live.status import NodeStatus, Status
 from lptn.live.watch import Watch
 from tests.live.robot import log, model_file
@@ -149,6 +149,15 @@ def test_a_status_goes_out_as_ros_messages_and_is_not_read_back() -> None:
     assert {pair.key: pair.value for pair in array.status[0].values}["torque scale"] == "0.4"
 
 
+def test_nodes_have_topics_of_their_own_and_times_that_ros_can_say() -> None:
+    names = "hip.l", "hip_l", "1"
+    nodes = tuple(NodeStatus(name, 50.0, 49.0, 51.0, 50.0, None, None, None, None, "trusted") for name in names)
+    for time_of, seconds in ((5.5, 5), (4e9, 0)):
+        topics = dict(as_messages(Status(time_of, nodes)))
+        assert list(topics) == [*(f"/lptn/{word}/temperature" for word in ("hip_l", "hip_l_1", "n1")), "/diagnostics"]
+        assert topics["/diagnostics"].header.stamp.sec == seconds
+
+
 def test_topics_of_zenoh_are_read_as_those_of_dds() -> None:
     zenoh = pytest.importorskip("zenoh", reason="the extra zenoh is not installed")
     from lptn.live.zenoh import Zenoh
@@ -162,7 +171,15 @@ def test_topics_of_zenoh_are_read_as_those_of_dds() -> None:
     with zenoh.open(config) as router:
         source = Zenoh("", 3)
         key = "3/left/joint_states/sensor_msgs::msg::dds_::JointState_/RIHS01_00"
-        (heard, *_) = taken(source, lambda: router.put(key, state.serialize()), 1)
+        nonsense = key.replace("left", "right")
+
+        def say() -> None:
+            router.put("3/x", b"?")
+            router.put(nonsense, b"?")
+            router.put(key, state.serialize())
+
+        (heard, *_) = taken(source, say, 1)
+    assert source.inbox.dropped > 0
     assert heard["/left/joint_states.effort[knee]"] == 4.0
     assert heard["time"] == 5.5
     with pytest.raises(InputError, match=r"zenoh://:3: source: found Unable to connect .* expected a router there"):

@@ -19,7 +19,7 @@ from lptn.basics.errors import InputError
 from lptn.identify.data import LoadedModel, load_model
 from lptn.live.addresses import source_of
 from lptn.live.assessment import Assessment, Question, assess
-from lptn.live.sinks import Foxglove, Mcap, Prometheus, metrics
+from lptn.live.sinks import Foxglove, Mcap, Prometheus, Rerun, metrics
 from lptn.live.sources import GrowingFile, Lines, Push, Replay, Source, Udp
 from lptn.live.status import Status
 from lptn.live.watch import Watch
@@ -359,6 +359,29 @@ def test_readings_of_a_false_sensor_teach_nothing(tmp_path: Path) -> None:
     frame["temperature.knee"] = 25.0 + 0.05 * np.random.default_rng(1).standard_normal(len(frame))
     Watch(own, pushed(rows_of(frame)), every=1200.0, learn=path).run()
     assert load_model(path).model.named["resistance.ambient~knee"].value == pytest.approx(RESISTANCE, rel=1e-3)
+
+
+@pytest.mark.long
+def test_a_short_suspicion_cuts_nothing_off_what_is_learnt(tmp_path: Path) -> None:
+    own, path = load_model(model_file(tmp_path, FIT, STEP)), tmp_path / "learnt.toml"
+    last = Watch(own, pushed(rows_of(worn(3500, 3000.0, 2.0 * RESISTANCE))), every=600.0, learn=path).run()
+    assert last.changed is None  # not yet: it has not lasted
+    assert load_model(path).file.fit.data  # of an hour, not of its last minutes
+    assert load_model(path).model.named["capacity.hip"].value == pytest.approx(CAPACITY, rel=0.03)
+
+
+def test_what_can_not_be_learnt_ends_with_a_line(tmp_path: Path) -> None:
+    own, path = load_model(model_file(tmp_path, FIT, STEP)), tmp_path / "learnt.toml"
+    frame = worn(1800, np.inf, RESISTANCE).drop(columns=["temperature.knee", "temperature.hip"])
+    with pytest.raises(InputError):
+        Watch(own, pushed(rows_of(frame)), every=600.0, learn=path).run()
+    assert not path.exists()
+
+
+def test_without_a_viewer_rerun_is_one_line() -> None:
+    pytest.importorskip("rerun", reason="the extra rerun is not installed")
+    with pytest.raises(InputError, match=r"rerun: sink: found .*; expected a Rerun viewer on this machine"):
+        Rerun()
 
 
 @pytest.mark.long

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import field, make_dataclass
 from functools import cache
 from math import isfinite
@@ -126,6 +126,7 @@ def _plain(value: Any) -> Any:
 # --- A status as messages ---------------------------------------------------------------------------
 
 _OK, _WARN, _ERROR, _STALE = range(4)  # levels of diagnostic_msgs/DiagnosticStatus
+_END_OF_TIME = 2.0**31  # s, of builtin_interfaces/Time
 
 
 def as_messages(status: Status) -> Iterator[tuple[str, Any]]:
@@ -136,11 +137,11 @@ def as_messages(status: Status) -> Iterator[tuple[str, Any]]:
     and `lptn: model`, whether the robot is as its model.
     """
     types = {name.rpartition("::")[2]: kind for name, kind in message_types().items()}
-    seconds = max(status.time, 0.0)
+    seconds = status.time if 0 <= status.time < _END_OF_TIME else 0.0  # of a clock of its own nobody knows the time
     head = types["Header_"](types["Time_"](int(seconds), int(seconds % 1 * 1e9)), "")
     alarms, statuses = {alarm.node: alarm.words for alarm in status.alarms}, []
-    for one in status.nodes:
-        topic, scale = f"/{OWN}/{re.sub(r'[^0-9A-Za-z_]', '_', one.node)}", one.torque_scale
+    for one, word in zip(status.nodes, _topic_words([one.node for one in status.nodes]), strict=True):
+        topic, scale = f"/{OWN}/{word}", one.torque_scale
         if isfinite(one.temperature):
             yield f"{topic}/temperature", types["Temperature_"](head, one.temperature, 0.0)  # 0: variance not told
         if scale is not None and isfinite(scale):
@@ -156,6 +157,15 @@ def as_messages(status: Status) -> Iterator[tuple[str, Any]]:
     words = "" if status.changed is None else f"the robot is not as its model since {status.changed:.0f} s"
     statuses.append(types["DiagnosticStatus_"](changed, f"{OWN}: model", words, "", []))
     yield "/diagnostics", types["DiagnosticArray_"](head, statuses)
+
+
+def _topic_words(nodes: Sequence[str]) -> list[str]:
+    """A word of ROS 2 for each node, which holds letters, digits and `_` and begins with none of the digits."""
+    words = list[str]()
+    for node in nodes:
+        word = re.sub(r"^(?=\d)", "n", re.sub(r"[^0-9A-Za-z_]", "_", node))
+        words.append(f"{word}_{len(words)}" if word in words else word)
+    return words
 
 
 def _level_of(one: NodeStatus, alarm: str) -> tuple[int, str]:

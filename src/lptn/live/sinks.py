@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import socket
 from collections.abc import Callable
 from dataclasses import asdict
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -202,6 +203,11 @@ class Mcap(_Channels):
 # --- Rerun ------------------------------------------------------------------------------------------
 
 
+PORT_OF_RERUN = 9876
+"""The port at which a Rerun viewer listens."""
+_PATIENCE = 5.0  # s; on one machine it answers in milliseconds
+
+
 class Rerun:
     """Shows each status in a Rerun viewer on this machine, or keeps it in a file: a line for each number of a node.
 
@@ -216,6 +222,11 @@ class Rerun:
             raise InputError("rerun", "sink", str(error), "pip install 'lptn[rerun]'") from error
         self._package, self._stream = rerun, rerun.RecordingStream("lptn watch")
         if path is None:
+            try:  # a viewer that is not there is waited for without end
+                socket.create_connection((LOOPBACK, PORT_OF_RERUN), timeout=_PATIENCE).close()
+            except OSError as error:
+                found = error.strerror or str(error)
+                raise InputError("rerun", "sink", found, "a Rerun viewer on this machine: start rerun") from error
             self._stream.connect_grpc()
             return
         try:
@@ -234,5 +245,5 @@ class Rerun:
             self._stream.log("events", self._package.TextLog(event))
 
     def close(self) -> None:
-        self._stream.flush()
+        self._stream.flush(timeout_sec=_PATIENCE)
         self._stream.disconnect()

@@ -170,7 +170,8 @@ class Watch:
         """Watch until the source ends, `stop` is called, or SIGINT or SIGTERM comes; the last status.
 
         Raises:
-            InputError: the source's messages lack a quantity, or no row was made of any of them.
+            InputError: the source's messages lack a quantity, no row was made of any of them, or nothing can be learnt
+                of what there is.
         """
         reader = threading.Thread(target=self._read, daemon=True)
         with ExitStack() as stack:
@@ -181,18 +182,18 @@ class Watch:
                 stack.callback(self._worker.close)
             stack.callback(self._stop.set)
             reader.start()
+            if self._state is not None:
+                stack.callback(self._save, self._state)  # whatever happens
             self._loop()
             if not self._stop.is_set():
                 self._finish()
-            if self._state is not None:
-                self._save(self._state)
-            if self._learn is not None and self.status is not None:
-                self._write_learnt(self._learn)
         if self.source.inbox.error is not None:
             raise self.source.inbox.error
         if self.status is None:
             found = f"{self._counts['messages']} messages, no row of the model's step"
             raise InputError(self.source.name, "source", self._columns.last_bad or found, "messages for a few steps")
+        if self._learn is not None:
+            self._write_learnt(self._learn)
         return self.status
 
     def _loop(self) -> None:
@@ -337,8 +338,7 @@ class Watch:
     def _look_for_change(self, estimator: Estimator, now: float) -> None:
         """Whether the readings move the model's parameters, or ask for heat, by far more than its fit leaves open; not
         while a sensor or an input is to blame."""
-        blamed = any(alarm.kind != "undecided" for alarm in self._alarms.values())
-        off = {name for name, away in estimator.model_errors.items() if abs(away) > _CHANGED and not blamed}
+        off = {name for name, away in estimator.model_errors.items() if abs(away) > _CHANGED and not self._to_blame}
         self._strange = {name: self._strange.get(name, now) for name in off}
         since = min(self._strange.values(), default=math.inf)
         if since == math.inf:
@@ -397,6 +397,11 @@ class Watch:
         """By channel: the newest, and those whose beginning is forgotten."""
         return self._earlier | {alarm.channel or alarm.node: alarm for alarm in self._assessment.alarms}
 
+    @property
+    def _to_blame(self) -> list[Alarm]:
+        """Those that leave no doubt whether it is the sensor, the input or the model."""
+        return [alarm for alarm in self._alarms.values() if alarm.kind != "undecided"]
+
     def _judge_anew(self, found: Assessment, uncertainty: ModelUncertainty) -> None:
         """The estimator with the newest noise and errors of the model; at first it takes in all rows since a gap."""
         columns, since = self._kept(), max(self._since, self._newest - MEMORY)
@@ -420,19 +425,16 @@ class Watch:
 
     def _write_learnt(self, path: Path) -> None:
         """The model as the last hours have it, into its file."""
-        question, alarms = self._question_now(), self._alarms.values()
+        question, alarms = self._question_now(), self._to_blame
         blamed = {alarm.node for alarm in alarms}
         if self._estimator is not None:
             blamed |= set(self._estimator.estimate.untrusted)
         rows = {key: values for key, values in question.rows.items() if key.removeprefix("temperature.") not in blamed}
-        try:
-            if any(alarm.channel for alarm in alarms):
-                raise InputError(self.source.name, "--learn", "an input that is at fault", "inputs that can be trusted")
-            runs = replace(question, rows=rows).runs(min(self._strange.values(), default=-math.inf))
-            self.loaded.file.with_fit(learnt(self.model, question.fit, runs).table()).write(path)
-        except InputError as error:
-            self._events.append(f"nothing is learnt: {error}")
-            self._show()
+        if any(alarm.channel for alarm in alarms):
+            raise InputError(self.source.name, "--learn", "an input that is at fault", "inputs that can be trusted")
+        since = min(self._strange.values()) if self._lasted and self._strange else -math.inf
+        runs = replace(question, rows=rows).runs(since)
+        self.loaded.file.with_fit(learnt(self.model, question.fit, runs).table()).write(path)
 
     # --- What is shown ----------------------------------------------------------------------------------
 

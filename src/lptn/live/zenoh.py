@@ -54,9 +54,14 @@ class Zenoh(RosSource):
 
         def hear(sample: Any) -> None:
             _, *topic, kind, _ = str(sample.key_expr).split("/")
-            if kind in known and kind.endswith(READ) and topic[:1] != [OWN]:
-                self.say(f"/{'/'.join(topic)}", known[kind].deserialize(sample.payload.to_bytes()))
+            if kind in known and kind.endswith(READ) and topic[0] != OWN:
+                try:
+                    message = known[kind].deserialize(sample.payload.to_bytes())
+                except Exception:  # of any kind, by what is wrong with the bytes
+                    self.inbox.dropped += 1
+                    return
+                self.say(f"/{'/'.join(topic)}", message)
 
         with self._session:
-            self._session.declare_subscriber(f"{self._domain}/**", hear)
+            self._session.declare_subscriber(f"{self._domain}/*/*/*/**", hear)
             stop.wait()
