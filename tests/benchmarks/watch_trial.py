@@ -123,7 +123,7 @@ def another_day(loaded: LoadedModel, seed: int, folder: Path) -> tuple[str, floa
     job = Job(tuple(bouts), float(rng.uniform(12, 28)), cutout=None)
     log = leg_logs([hidden], seed=seed, quantisation=0.0, rate=1.0, runs={"day": job})["day"]
     told = watched(loaded, rounded(log, folder / "day.parquet"))
-    words = [event for _, event in told.events if event.startswith("since then")]
+    words = [event for _, event in told.events if event.startswith("likely cause")]
     return f"{hidden.effect} at {hidden.at}", told.changed, words[-1] if words else ""
 
 

@@ -339,7 +339,7 @@ def test_a_joint_that_has_changed_is_told_and_learnt(tmp_path: Path, resistance:
     own, kept, path = load_model(model_file(tmp_path, FIT, STEP)), Kept(), tmp_path / "learnt.toml"
     source = pushed(rows_of(worn(7200, 3000.0, resistance)))
     last = Watch(own, source, [kept], every=1200.0, learn=path).run()
-    told = [event for event in kept.events if "not as its model" in event or event.startswith("since then")]
+    told = [event for event in kept.events if "not as its model" in event or event.startswith("likely cause")]
     values = load_model(path).model.named
     assert values["resistance.ambient~hip"].value == pytest.approx(RESISTANCE, rel=0.02)
     assert values["resistance.ambient~knee"].value == pytest.approx(resistance, rel=0.02)
@@ -350,7 +350,7 @@ def test_a_joint_that_has_changed_is_told_and_learnt(tmp_path: Path, resistance:
     assert last.changed is not None
     assert 3000.0 < last.changed < 4500.0
     assert re.match(r"the robot is not as its model any more, since \d+ s: .*knee", told[0])
-    assert re.match(r"since then by its readings: surface_scale at knee, (9\d|> 99) % probable", told[-1])
+    assert re.match(r"likely cause: surface_scale at knee, (9\d|> 99) % probable", told[-1])
 
 
 def test_readings_of_a_false_sensor_teach_nothing(tmp_path: Path) -> None:

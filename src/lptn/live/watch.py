@@ -387,7 +387,7 @@ class Watch:
                 self._events.append(f"{name}: {alarm.words}, since {alarm.onset - self._clock.shift:.0f} s")
         if found.changed is not None:
             likely = "; ".join(found.changed) or "nothing in the catalogue explains it"
-            self._events.append(f"since then by its readings: {likely}")
+            self._events.append(f"likely cause: {likely}")
         if found.uncertainty is not None and found.time >= self._since:  # not from before a gap
             self._ahead = found.forecast or self._ahead
             self._judge_anew(found, found.uncertainty)
