@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import multiprocessing
 import os
 import shutil
 import socket
@@ -25,7 +26,7 @@ from lptn.robots.urdf import log_model_text
 from lptn.workbench.calculation import recent, reopened
 from lptn.workbench.desk import Desk, new_desk
 from lptn.workbench.opening import Opening
-from lptn.workbench.orders import AtDesk, order
+from lptn.workbench.orders import AtDesk, Name, order
 from lptn.workbench.server import application
 from lptn.workbench.session import WorkbenchSession
 from tests.workbench.conftest import EXAMPLE, OPENING, Server
@@ -363,6 +364,33 @@ def test_files_are_for_the_page_that_a_workbench_begins_with(tmp_path: Path) -> 
         assert client.post("/order", json={"what": "leave"}, headers=ORIGIN).status_code == 409
 
 
+def test_what_was_refused_is_said_until_a_person_orders(site: TestClient, session: WorkbenchSession) -> None:
+    session._pipe = multiprocessing.Pipe()[0]
+    for name in ("bad.mcap", "good.csv", "worse.mcap"):  # dropped together
+        _sent(site, name)
+        WorkbenchSession._send(session, Name(what="look"))
+        if name.endswith(".mcap"):
+            session._heard_failed(f"{name}: no log")
+        session._heard_done()
+    assert (session.state() or {})["failed"] == "bad.mcap: no log · worse.mcap: no log"
+    session.do(order.validate_python({"what": "guesses"}))
+    assert (session.state() or {})["failed"] == ""
+
+
+def test_what_waits_for_the_desk_is_no_order_for_a_study(
+    site: TestClient, session: WorkbenchSession, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sent: list[object] = []
+    monkeypatch.setattr(session, "_send", sent.append)
+    _sent(site, "a.csv")
+    session._busy = {"what": "begin"}
+    _sent(site, "b.csv")
+    assert len(sent) == 1
+    session._heard_opening(OPENING)
+    session._heard_done()
+    assert len(sent) == 1
+
+
 @pytest.mark.parametrize(
     "sent",
     [
@@ -477,15 +505,17 @@ def test_files_of_the_command_line_that_lack_columns_lead_to_the_page(with_model
 
 
 @pytest.mark.long
-def test_a_study_of_before_is_listed_and_opened_again(tmp_path: Path) -> None:
+def test_a_study_of_before_is_listed_and_opened_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     sessions = tmp_path / "sessions"
     for name in ("two_heaters.toml", "log.csv"):
         shutil.copy(EXAMPLE / name, tmp_path)
-    opening = Opening(tmp_path / "two_heaters.toml", (tmp_path / "log.csv",), holdout_after=300.0)
+    monkeypatch.chdir(tmp_path)
+    opening = Opening(Path("two_heaters.toml"), (Path("log.csv"),), holdout_after=300.0)
     first = WorkbenchSession(opening, sessions).open()
     _wait(lambda: (first.state() or {}).get("steps"))
     _wait(lambda: not (first.state() or {})["busy"])
     first.close()
+    monkeypatch.chdir(sessions)  # from any folder
     second = WorkbenchSession(None, sessions)
     with contextlib.closing(second):
         (one,) = (second.state() or {})["recent"]

@@ -243,7 +243,7 @@ def _do_again(study: Study, folder: Path) -> None:
 
 
 def _save(bench: Bench, opening: Opening) -> None:
-    study = bench.study
+    study, opening = bench.study, opening.absolute()
     logs = [str(log) for log in (*opening.fit, *opening.holdout, *opening.test)]
     steps = [step.key for step in study.steps[1:]]
     done = _Done(

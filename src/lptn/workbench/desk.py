@@ -162,15 +162,11 @@ class Desk:
             OSError: its folder can't be made.
             InputError: the model file can't be read.
         """
-        text = text_of(opening.model, MODEL_FILE) if opening.model else ""
-        files = [*opening.fit, *opening.holdout, *opening.test]
-        words = "\n".join([text, *(str(path.absolute()) for path in files), *opening.columns])
+        text, opening = text_of(opening.model, MODEL_FILE) if opening.model else "", opening.absolute()
+        words = "\n".join([text, *map(str, (*opening.fit, *opening.holdout, *opening.test)), *opening.columns])
         desk = cls(sessions / f"{_BEGINS}{hashlib.sha256(words.encode(errors='replace')).hexdigest()[:10]}")
         if not (desk.folder / KEPT).is_file():
-            fit, holdout, test = (
-                tuple(path.absolute() for path in group) for group in (opening.fit, opening.holdout, opening.test)
-            )
-            desk._keep(replace(opening, model=desk.model, fit=fit, holdout=holdout, test=test))
+            desk._keep(replace(opening, model=desk.model))
             if text:
                 desk._set_model(text)
         return desk

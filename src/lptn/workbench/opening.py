@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
 
@@ -28,6 +28,11 @@ class Opening:
     ambient_error: float | None = None
     torque_error: float | None = None
     surface_error: float | None = None
+
+    def absolute(self) -> Opening:
+        """The same files from any folder."""
+        jobs = {job: tuple(path.absolute() for path in getattr(self, job)) for job in ("fit", "holdout", "test")}
+        return replace(self, model=self.model and self.model.absolute(), **jobs)
 
     def study(self, executor: Executor | None = None) -> Study:
         """Read it all.

@@ -166,6 +166,8 @@ class WorkbenchSession:
 
     def _heard_opening(self, opening: Opening | Path) -> None:
         self.opening, self._begins = opening, True
+        if isinstance(opening, Opening):
+            self._next = []  # what waits for the desk is no order for a study
 
     def _heard_opened(self, folder: Path) -> None:
         if folder != self.folder:  # else it is held since before a stop
@@ -200,7 +202,9 @@ class WorkbenchSession:
             self._notes.append(text)
 
     def _heard_failed(self, text: str) -> None:
-        self._failed = for_people(text)
+        """Files that come together are looked at one after another: what was refused is said until a person orders."""
+        if (said := for_people(text)) not in self._failed.split(" · "):
+            self._failed = " · ".join(filter(None, (self._failed, said)))
 
     def _heard_refused(self, error: InputError) -> None:
         if self._begins:
@@ -325,13 +329,13 @@ class WorkbenchSession:
                 raise BusyError(f"{(self._busy or {}).get('words', 'nothing is open')}: stop that first")
             if isinstance(order, AtDesk) != isinstance(self.opening, Path):
                 raise BusyError("that is no longer open: another tab has gone on")
+            self._failed = ""
             self._send(order)
             self._changed()
 
     def _send(self, order: Order | Keep) -> None:
         assert self._pipe is not None
-        words = _WORDS[order.what]
-        self._busy, self._failed = {"what": order.what, "words": words, "said": [], "since": time.time()}, ""
+        self._busy = {"what": order.what, "words": _WORDS[order.what], "said": [], "since": time.time()}
         self._pipe.send(order)
 
     def _go(self, order: Open | Recent | Leave) -> None:
@@ -380,7 +384,7 @@ class WorkbenchSession:
             if not self._begins or isinstance(self.opening, Opening | str):
                 raise BusyError("a study is open: files are for the page that a workbench begins with")
             if self.opening is None:
-                self.opening = new_desk(self._sessions)
+                self.opening, self._failed = new_desk(self._sessions), ""
                 self._begin()
                 self._changed()
             return place_for(self.opening, name, based)
