@@ -77,6 +77,7 @@ def sources(heating: Heating, limits: int, stages: int, power: bool) -> dict[str
     functions = function, slopes, *_ = _functions(heating, power)
     slope, heated = function.sparsity_out(1), function.sparsity_out(2)  # transposed: CasADi lists them row by row
     states, joints = heating.x.numel(), len(heating.joints)
+    powered = heating.power_function().jac_sparsity(0, 2).T if power else ca.Sparsity(len(heating.conditions), joints)
     sizes = {
         "NX": states,
         "NN": len(heating.model.nodes),
@@ -95,6 +96,7 @@ def sources(heating: Heating, limits: int, stages: int, power: bool) -> dict[str
         "NA": slope.nnz(),
         "NB": heated.nnz(),
         "NQ": slopes.nnz_out(0),
+        "NV": powered.nnz(),
         "HEAT_OUT": states + slope.nnz() + 2 * heated.nnz() + joints,
         "HEAT_ARG": max(each.sz_arg() for each in functions),
         "HEAT_RES": max(each.sz_res() for each in functions),
@@ -107,7 +109,7 @@ def sources(heating: Heating, limits: int, stages: int, power: bool) -> dict[str
     hidden = "#define CASADI_SYMBOL_EXPORT static __attribute__((unused))"
     return {
         "sizes.h": "\n".join(["/* Sizes of one model's controller. */", *defined, ""]),
-        "pattern.h": _pattern(slope, heated, slopes.sparsity_out(0)),
+        "pattern.h": _pattern(slope, heated, slopes.sparsity_out(0), powered),
         "living.h": "\n".join(
             ["/* When a sensor is alive: the constants of lptn.online.living_sensors. */", *living, ""]
         ),
@@ -127,9 +129,11 @@ def python_library(made: Mapping[str, str]) -> ctypes.CDLL:
     return compiled({**made, "glue.c": _GLUE}, "glue.c")
 
 
-def _pattern(slope: ca.Sparsity, heated: ca.Sparsity, unsure: ca.Sparsity) -> str:
-    lines = ["/* Which state, joint and unsure parameter a state's rate depends on. */"]
-    for name, transposed in (("slope", slope), ("heated", heated), ("unsure", unsure)):
+def _pattern(slope: ca.Sparsity, heated: ca.Sparsity, unsure: ca.Sparsity, powered: ca.Sparsity) -> str:
+    lines = [
+        "/* Which state, joint and unsure parameter a state's rate depends on, and which condition a joint's power. */"
+    ]
+    for name, transposed in (("slope", slope), ("heated", heated), ("unsure", unsure), ("powered", powered)):
         columns, rows = transposed.get_triplet()
         lines += [f"static const int {name}_row[] = {_list([*rows, 0])};",
                   f"static const int {name}_column[] = {_list([*columns, 0])};"]  # fmt: skip

@@ -27,7 +27,8 @@ from .settings import SLACK_PRICES, LostSensor, settle
 
 _MEANING = {
     4: "a request is no number; taken as zero",
-    64: "a condition is no number; the last good one, else zero, stands in for it",
+    64: "a condition is no number; the last good one, else zero, stands in for it; under a power limit a joint whose "
+    "speed is not known yet gets no more than its floor",
     8: "a request lies above the current limit and is cut to it",
     256: "the joints' power is above its limit: floors, slow rates, or 3 % of each request, the least that is planned",
     32: "the solver did not converge; this is the best plan that it met, not proven to be the best there is",
@@ -65,7 +66,8 @@ class Plan(Tabular):
         unread: nodes of which there is no reading, or an absurd one; the prediction stands in.
         doubted: nodes that are planned hotter than their sensor says, by how much [K]; from 1 K on.
         lost_sensor: what a joint gets whose node has lost its sensor.
-        error: change of the last linearisation [K].
+        error: largest change at the last linearisation: of a stage's end [K], or of its power as a share of
+            `power_limit`; the solver wants both below the same number.
         power: of all joints together at the supply [W], shape (stages,); NaN without a limit.
     """
 

@@ -464,6 +464,24 @@ def test_floors_that_need_more_than_the_power_limit_are_told() -> None:
         TorqueMPC(leg_model(), LIMIT, power_limit=0.0)
 
 
+def test_a_power_whose_speed_was_never_known_is_floors() -> None:
+    """No speed is assumed, for any would be a guess; one that was known once stands in."""
+    mpc = TorqueMPC(leg_model(), LIMIT, request="torque", floors={"FR_calf": 2.0}, power_limit=30.0, model_error=0.0)
+    told = mpc.step(np.full(3, 40.0), REQUEST, AROUND | SPEEDS)
+    mpc.reset()
+    blind = AROUND | SPEEDS | {"velocity.FR_thigh": np.nan, "velocity.FR_calf": np.nan}
+    first = mpc.step(np.full(3, 40.0), REQUEST, blind)
+    assert first.admitted[0] == pytest.approx(REQUEST[0], rel=1e-3)
+    assert first.admitted[1] < 0.002 * REQUEST[1]
+    assert first.admitted[2] == pytest.approx(2.0, rel=1e-3)
+    assert supplied(first.admitted, np.full(3, 40.0)) <= 30.0
+    assert any("under a power limit" in said for said in first.given_up)
+    for given_now in (AROUND | SPEEDS, blind):
+        plan = mpc.step(np.full(3, 40.0), REQUEST, given_now)
+        assert plan.cost == pytest.approx(told.cost, abs=1e-4)
+        assert 25.0 < supplied(plan.admitted, np.full(3, 40.0)) <= 30.0 * 1.001
+
+
 def test_requests_and_conditions_that_are_no_numbers() -> None:
     mpc = TorqueMPC(leg_model(), LIMIT)
     plan = mpc.step(np.full(3, 50.0), [np.nan, 10.0, np.inf], {"temperature.ambient": 25.0})

@@ -25,8 +25,10 @@ static void take(const lptn_mpc_settings *o, lptn_mpc_state *m, lptn_mpc_work *w
     for (int k = 0; k < LPTN_N; k++) {
         for (int i = 0; i < LPTN_ND; i++) {
             const double given = conditions[k * LPTN_ND + i];
-            if (lptn_condition_kind[i] == LPTN_TEMPERATURE ? believed(given) : isfinite(given)) m->conditions[i] = given;
+            const int good = lptn_condition_kind[i] == LPTN_TEMPERATURE ? believed(given) : isfinite(given);
+            if (good) m->conditions[i] = given;
             else out->status |= LPTN_NO_CONDITION;
+            m->known[i] |= good && k == 0;
             w->d[k][i] = m->conditions[i];
         }
         for (int j = 0; j < LPTN_NU; j++) {

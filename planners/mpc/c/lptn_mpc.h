@@ -16,9 +16,10 @@ extern "C" {
 #define LPTN_CURRENT_CUT 8 /* a request lies above the current limit */
 #define LPTN_TOO_HOT 16    /* a bound can't be met everywhere: see the slack */
 #define LPTN_NOT_BEST 32   /* the solver did not converge: the best plan that it met, which may not be the optimum */
-#define LPTN_NO_CONDITION 64 /* a condition was no number: the last good one stood in for it, else zero */
-#define LPTN_OVER_POWER 256 /* the power limit can't be met: floors, rates, or the least heat scale */
+#define LPTN_NO_CONDITION 64 /* a condition was no number: the last good one stood in for it, else zero; with a power limit, no
+                                more than its floor for a joint whose power depends on one that never was good */
 #define LPTN_NOT_ALIVE 128 /* a sensor is not alive: the prediction stood in for it; `sensor` says which */
+#define LPTN_OVER_POWER 256 /* the power limit can't be met: floors, rates, or the least heat scale */
 
 /* Of a sensor: is taken in, gave no reading, repeats itself, contradicts the model, has not yet moved as the model does. */
 enum { LPTN_ALIVE, LPTN_MISSING, LPTN_STANDS, LPTN_CONTRADICTS, LPTN_UNPROVEN };
@@ -103,6 +104,7 @@ typedef struct {
     int read[LPTN_NN], guessed[LPTN_NN]; /* how often its sensor began, 0 for never read; no sensor tells its node */
     int once_trusted[LPTN_NN], used[LPTN_NN]; /* its sensor was trusted once; was used since its reference was set */
     double applied[LPTN_NU], conditions[LPTN_ND + 1];
+    int known[LPTN_ND + 1];           /* conditions that have been good once */
     double scale[LPTN_N][LPTN_NU];    /* of the heat, as solved last */
     double asked[LPTN_NU], share[LPTN_NU]; /* request of the last period, and the share of it that was admitted */
     int started;
@@ -117,7 +119,8 @@ typedef struct {
     double power[LPTN_N];            /* of all joints together at the supply [W], NaN without a limit */
     double margin[LPTN_NL];          /* of this step, for what is not known [K] */
     double cost, worst, error, gap;  /* cost, 1 for admitting nothing; largest slack [K]; by how much a stage's
-                                        end misses the next one's start [K]; duality gap */
+                                        end misses the next one's start [K], or its power changes, as a share of its limit,
+                                        at the last linearisation, whichever number is larger; duality gap */
     int iterations, linearisations, status;
     double doubt[LPTN_NN]; /* by how much a node is planned hotter than its sensor says, since the model expects it [K] */
     int sensor[LPTN_NN];   /* LPTN_ALIVE, or why the prediction stood in for the reading */
