@@ -365,7 +365,7 @@ def test_files_are_for_the_page_that_a_workbench_begins_with(tmp_path: Path) -> 
 
 
 def test_what_was_refused_is_said_until_a_person_orders(site: TestClient, session: WorkbenchSession) -> None:
-    session._pipe = multiprocessing.Pipe()[0]
+    session._pipe, there = multiprocessing.Pipe()
     for name in ("bad.mcap", "good.csv", "worse.mcap"):  # dropped together
         _sent(site, name)
         WorkbenchSession._send(session, Name(what="look"))
@@ -375,6 +375,7 @@ def test_what_was_refused_is_said_until_a_person_orders(site: TestClient, sessio
     assert (session.state() or {})["failed"] == "bad.mcap: no log · worse.mcap: no log"
     session.do(order.validate_python({"what": "guesses"}))
     assert (session.state() or {})["failed"] == ""
+    there.close()
 
 
 def test_what_waits_for_the_desk_is_no_order_for_a_study(

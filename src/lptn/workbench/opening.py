@@ -31,8 +31,8 @@ class Opening:
 
     def absolute(self) -> Opening:
         """The same files from any folder."""
-        jobs = {job: tuple(path.absolute() for path in getattr(self, job)) for job in ("fit", "holdout", "test")}
-        return replace(self, model=self.model and self.model.absolute(), **jobs)
+        fit, holdout, test = (tuple(path.absolute() for path in job) for job in (self.fit, self.holdout, self.test))
+        return replace(self, model=self.model and self.model.absolute(), fit=fit, holdout=holdout, test=test)
 
     def study(self, executor: Executor | None = None) -> Study:
         """Read it all.
