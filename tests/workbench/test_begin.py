@@ -23,8 +23,8 @@ from lptn.basics.bounds import Bound
 from lptn.basics.errors import InputError
 from lptn.robots.presets import preset_text
 from lptn.robots.urdf import log_model_text
-from lptn.workbench.calculation import recent, reopened
-from lptn.workbench.desk import Desk, new_desk
+from lptn.workbench.calculation import _at_desk, recent, reopened
+from lptn.workbench.desk import Desk, new_desk, place_for
 from lptn.workbench.opening import Opening
 from lptn.workbench.orders import AtDesk, Name, order
 from lptn.workbench.server import application
@@ -196,6 +196,58 @@ def test_models_of_presets_and_urdfs(desk: Desk) -> None:
         do(desk, what="model", source="../two.urdf")
 
 
+def test_logs_of_one_name_but_for_its_ending_have_airs_of_their_own(desk: Desk) -> None:
+    desk.content()
+    do(desk, what="air", log="monday.csv", value=20)
+    shutil.copy(desk.folder / "monday.csv", desk.folder / "monday.txt")
+    do(desk, what="air", log="monday.txt", value=10)
+    do(desk, what="air", log="friday.csv", value=15)
+    airs = {log["name"]: log["air"]["value"] for log in desk.content()["logs"]}
+    assert airs == {"monday.csv": 20, "monday.txt": 10, "friday.csv": 15}
+    do(desk, what="map", log="monday.txt", column="room_temp", key="temperature.ambient")
+    assert _log(desk, "monday.txt")["air"] == {"value": None, "column": "room_temp"}
+    assert _log(desk, "monday.csv")["air"]["value"] == 20
+    (desk.folder / "monday.txt").unlink()
+    do(desk, what="air", log="monday.csv", value=21)
+    assert _log(desk, "monday.csv")["air"]["value"] == 21
+
+
+def test_a_urdf_that_is_refused_is_gone_and_its_like_are_taken(desk: Desk) -> None:
+    (desk.folder / "two.urdf").write_text('<robot name="two"><link name="base"/></robot>')
+    with pytest.raises(InputError, match=r"two\.urdf"):
+        do(desk, what="model", source="two.urdf")
+    assert desk.content()["urdfs"] == []
+    with pytest.raises(InputError, match="no such URDF"):
+        do(desk, what="model", source="monday.csv")
+    assert (desk.folder / "monday.csv").exists()
+    (desk.folder / "two.urdf").touch()
+    assert place_for(desk.folder, "two.URDF", None) == desk.folder / "two.urdf"
+
+
+def test_what_an_order_is_refused_for_has_names_without_folders(desk: Desk) -> None:
+    (desk.folder / "two.urdf").touch()
+    ours, theirs = multiprocessing.Pipe()
+    for words in ({"what": "model", "source": "two.urdf"}, {"what": "begin"}):
+        ours.send(order.validate_python(words))
+    assert _at_desk(theirs, desk, reading=False) is not None
+    theirs.close()
+    failed = list[str]()
+    with contextlib.suppress(EOFError):
+        while True:
+            kind, *rest = ours.recv()
+            failed += rest if kind == "failed" else []
+    (said,) = failed
+    assert said.startswith("two.urdf: ")
+
+
+def test_why_there_is_no_model_is_said_while_it_holds(tmp_path: Path) -> None:
+    desk = Desk(new_desk(tmp_path / "sessions"))
+    (desk.folder / "zz.csv").write_text("u,v\n1,2\n2,3\n3,4\n")
+    assert desk.content()["wrong"].startswith("zz.csv: ")
+    do(desk, what="remove", name="zz.csv")
+    assert desk.content()["wrong"] == ""
+
+
 def test_a_log_is_removed_and_files_of_the_command_line_stay(desk: Desk, tmp_path: Path) -> None:
     desk.content()
     do(desk, what="job", log="friday.csv", job="unused")
@@ -321,6 +373,28 @@ def test_a_file_comes_whole_or_not_at_all(
     assert _sent(site, "c.csv", pieces()).status_code == 413  # no length was stated
     assert _sent(site, "model.toml", b"#" * 600_000).status_code == 413  # of a text a person edits less may come
     assert _files(session) == ["a.csv"]
+
+
+@pytest.mark.parametrize(("name", "first"), [("a.csv", 413), ("model.toml", 413), ("a.urdf", 202)])
+def test_what_came_meanwhile_is_not_replaced(
+    name: str, first: int, site: TestClient, session: WorkbenchSession
+) -> None:
+    def slow() -> Iterator[bytes]:
+        yield b"# slow"
+        assert isinstance(session.opening, Path)
+        (session.opening / name).write_text("# quick")
+
+    assert _sent(site, name, slow(), based="").status_code == first
+    assert isinstance(session.opening, Path)
+    assert (session.opening / name).read_text() == ("# quick" if first == 413 else "# slow")
+    assert _files(session) == [name]
+
+
+def test_an_ending_may_have_large_letters(site: TestClient, session: WorkbenchSession) -> None:
+    for name in ("LOG.CSV", "Log.csv.GZ", "Two.URDF", "My.TOML"):
+        assert _sent(site, name).status_code == 202
+    assert _files(session) == ["LOG.csv", "Log.csv.gz", "Two.urdf", "model.toml"]
+    assert _sent(site, "LOG.Csv").status_code == 413
 
 
 def test_who_has_no_token_or_another_page_sends_nothing(session: WorkbenchSession) -> None:

@@ -11,7 +11,7 @@ import logging
 import pickle
 import sys
 import traceback
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -27,11 +27,10 @@ from lptn.basics.parameters import Setting
 from lptn.basics.processes import begin_as_worker
 from lptn.diagnose.answers import Step
 from lptn.identify.data import Stretch
-from lptn.logs.reading import ENDINGS
 from lptn.study import Study
 from lptn.workbench.bench import Bench, News
 from lptn.workbench.content import content_of, step_content
-from lptn.workbench.desk import MODEL, Desk, is_desk
+from lptn.workbench.desk import MODEL, Desk, is_desk, logs_in
 from lptn.workbench.opening import EXAMPLES, Opening
 from lptn.workbench.orders import Keep, Order
 
@@ -113,7 +112,7 @@ def _begun(
                 if not error.place.startswith("column") or error.file == str(opening.model):
                     raise
                 desk = Desk.of(sessions, opening)
-            pipe.send(("failed", one_line(error)))
+            pipe.send(("failed", desk.told(error)))
 
 
 def _at_desk(pipe: Connection, desk: Desk, *, reading: bool) -> Opening | None:
@@ -130,7 +129,7 @@ def _at_desk(pipe: Connection, desk: Desk, *, reading: bool) -> Opening | None:
         except EOFError:
             return None
         reading = True
-        with _told(pipe):
+        with _told(pipe, desk.told):
             if (opening := desk.do(order)) is not None:
                 pipe.send(("opening", opening))
                 return opening
@@ -151,15 +150,15 @@ def _done(pipe: Connection, bench: Bench, opening: Opening, order: Order | Keep)
 
 
 @contextmanager
-def _told(pipe: Connection) -> Iterator[None]:
+def _told(pipe: Connection, told: Callable[[Exception], str] = one_line) -> Iterator[None]:
     """What goes wrong within is said."""
     try:
         yield
     except InputError as error:
-        pipe.send(("failed", one_line(error)))
+        pipe.send(("failed", told(error)))
     except Exception as error:  # a bug of ours: the page says it, the terminal has the rest, and the study stays
         traceback.print_exc(file=sys.stderr)
-        pipe.send(("failed", f"{type(error).__name__}: {one_line(error)}"))
+        pipe.send(("failed", f"{type(error).__name__}: {told(error)}"))
 
 
 def _show(pipe: Connection, bench: Bench, opening: Opening) -> None:
@@ -281,7 +280,7 @@ def recent(sessions: Path) -> list[dict[str, Any]]:
     for folder in folders:
         if is_desk(folder) and folder.name not in of_studies:
             with suppress(OSError):
-                logs = sorted(path.name for path in folder.iterdir() if path.name.endswith(ENDINGS))
+                logs = [path.name for path in logs_in(folder)]
                 about = {"study": "", "desk": folder.name, "name": "", "logs": logs, "steps": 0}
                 if logs or (folder / MODEL).is_file():
                     found.append(about | {"changed": folder.stat().st_mtime})

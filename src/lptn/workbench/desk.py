@@ -63,23 +63,24 @@ _NOT_READ = {"said": "not read yet", "refused": "", "columns": [], "opened": Fal
 
 
 def checked_name(name: str) -> str:
-    """The name of a file that a page sends, refused where it is a path, can't be shown, or is of no kind that is read.
+    """The name of a file that a page sends, its ending in small letters, which are all that other code knows.
 
     Raises:
-        InputError: it can't be used.
+        InputError: it is a path, can't be shown, or is of no kind that is read.
     """
     LONGEST_NAME.check(len(name.encode("utf-8", "replace")), one_line(name)[:50], "file")
     plain = name == PurePosixPath(name).name == PureWindowsPath(name).name and name.isprintable()
     if not plain or name.startswith(".") or name != name.strip():
         raise InputError(one_line(name), "file", "a name that is a path, hidden, or not printable", _NO_NAME)
-    if not name.endswith(ENDINGS) and not name.lower().endswith((".toml", ".urdf")):
+    ending = next((one for one in (*ENDINGS, ".toml", ".urdf") if name.lower().endswith(one)), None)
+    if ending is None:
         expected = f"{LOG_FILE}; a model file (.toml), or a robot's .urdf"
         raise InputError(name, "file", f"the ending '{Path(name).suffix}'", expected)
-    return name
+    return name[: -len(ending)] + ending
 
 
 def place_for(folder: Path, name: str, based: str | None) -> Path:
-    """Where in a desk's folder a file goes: model files become its model, others keep their names.
+    """Where in a desk's folder a file goes: model files become its model, a URDF takes an older one's place.
 
     Args:
         folder: the desk's.
@@ -89,8 +90,8 @@ def place_for(folder: Path, name: str, based: str | None) -> Path:
     Raises:
         InputError: the name can't be used, is taken, or the model has changed since.
     """
-    if not checked_name(name).lower().endswith(".toml"):
-        if (folder / name).exists():
+    if not (name := checked_name(name)).endswith(".toml"):
+        if not name.endswith(".urdf") and (folder / name).exists():
             raise InputError(name, "file", "a file that is there already", "another name, or the other file removed")
         return folder / name
     if based is not None and based != _version(folder / MODEL):
@@ -100,7 +101,7 @@ def place_for(folder: Path, name: str, based: str | None) -> Path:
 
 def bound_of(path: Path) -> Bound:
     """How much a file may hold that the page sends."""
-    return {".toml": TEXT, ".urdf": DESCRIPTION}.get(path.suffix.lower(), FILE)
+    return {".toml": TEXT, ".urdf": DESCRIPTION}.get(path.suffix, FILE)
 
 
 def _version(model: Path) -> str:
@@ -141,7 +142,6 @@ class Desk:
         self.folder, self.model = own_folder(folder), folder / MODEL
         self._seen: dict[Path, _Seen] = {}
         self._pictures: dict[tuple[object, ...], dict[str, dict[str, Any]]] = {}
-        self._origin = ""
         kept = _Kept(opening=Opening(self.model))
         if (folder / KEPT).is_file():
             try:
@@ -184,13 +184,14 @@ class Desk:
         """Each log with its job; one that nobody sorted is fitted."""
         groups = {job: getattr(self.opening, job) for job in ("fit", "holdout", "test")} | {"unused": self._unused}
         known = {path: job for job, group in groups.items() for path in group}
-        new = sorted(path for path in self.folder.iterdir() if path.name.endswith(ENDINGS))
-        new = [path for path in new if not path.name.startswith(".")]
         there = {path: job for path, job in known.items() if path.parent != self.folder or path.exists()}
-        return there | {path: "fit" for path in new if path not in there}
+        return there | {path: "fit" for path in logs_in(self.folder) if path not in there}
 
     def _used(self) -> list[Path]:
         return [path for path, job in self._logs().items() if job != "unused"]
+
+    def _urdfs(self) -> list[Path]:
+        return sorted(self.folder.glob("*.urdf"))
 
     def _named(self, name: str) -> Path:
         """The log that the page calls so.
@@ -280,8 +281,14 @@ class Desk:
             preset, _, variant = source.partition(".")
             text = preset_text(preset, variant or None)
         else:
-            urdf = self.folder / checked_name(source)
-            text = urdf_model_text(urdf)
+            urdf = self.folder / source
+            if urdf not in self._urdfs():
+                raise InputError(one_line(source), "model", "no such URDF here", "one that the page lists")
+            try:
+                text = urdf_model_text(urdf)
+            except InputError:
+                urdf.unlink()  # as a log that can't be opened
+                raise
             self._set_model(text)
             if any(self._of(path).shown.get("currents") for path in self._used()):
                 text = urdf_model_text(urdf, CopperLoss(input="current"))
@@ -347,11 +354,15 @@ class Desk:
 
     def _write(self, path: Path, key: str, source: ColumnSource, why: str = "", *, alone: bool = False) -> None:
         """Write where a quantity stands: for all logs, or for this one where another needs the entry that there is."""
-        entries, own = self._entries(path), f"{key}@{run_name(path)}"
+        entries, run = self._entries(path), run_name(path)
+        of_run, of_file = f"{key}@{run}", f"{key}@{path.name}"
+        shared = of_file in entries or any(run_name(other) == run for other in self._logs() if other != path)
+        alone = alone or of_run in entries or of_file in entries
         there = entries[key].columns if key in entries else source.columns
         others = [self._names(other) for other in self._used() if other != path]
         needed = any(names.issuperset(there) and not names.issuperset(source.columns) for names in others)
-        self._edit(own if alone or needed or not source.columns or own in entries else key, source, why)
+        own = of_file if shared else of_run  # the names of two logs may differ in their endings alone
+        self._edit(own if alone or needed or not source.columns else key, source, why)
 
     def _names(self, path: Path) -> frozenset[str]:
         """A log's columns, whatever the model file says of them."""
@@ -368,17 +379,14 @@ class Desk:
         Args:
             reading: look into logs that are used and were not looked at yet, which takes a minute a gigabyte.
         """
-        if reading and not self.model.is_file() and self._used():
-            try:
-                self._set_model(self._model_of_columns())
-            except InputError as error:
-                self._origin = self._told(error)
         text, wrong, loaded = "", "", None
         try:
+            if reading and not self.model.is_file() and self._used():
+                self._set_model(self._model_of_columns())
             text = self.text
             loaded = load_model(self.model) if text else None
         except InputError as error:
-            wrong = self._told(error)
+            wrong = self.told(error)
         logs = self._logs()
         shown = [
             {"name": self._name(path), "job": job, "size": _size(path)}
@@ -390,12 +398,12 @@ class Desk:
         return {
             "text": text,
             "based": _version(self.model),
-            "wrong": wrong or ("" if text else self._origin),
+            "wrong": wrong,
             "about": f"{len(nodes)} nodes, {len(loaded.model.parameters)} parameters" if loaded else "",
             "places": [*nodes, *(place for place in _OTHER_PLACES if place not in nodes)],
             "units": {name: [unit, *dict.fromkeys(UNITS.get(name, {}).values())] for name, unit in SI_UNITS.items()},
             "presets": {name: about for name, (_, _, about) in PRESETS.items()},
-            "urdfs": sorted(path.name for path in self.folder.glob("*.urdf")),
+            "urdfs": [path.name for path in self._urdfs()],
             "air": loaded is not None and AMBIENT in loaded.model.inputs,
             "logs": shown,
             "holdout_after": self.opening.holdout_after,
@@ -408,9 +416,9 @@ class Desk:
         """What is known of a log without reading it."""
         return self._seen[path].shown if path in self._seen else _NOT_READ
 
-    def _told(self, error: InputError) -> str:
+    def told(self, error: Exception) -> str:
         """In lptn's own line, files of the desk by their names alone."""
-        return str(error).replace(f"{self.folder}/", "")
+        return one_line(error).replace(f"{self.folder}/", "")
 
     def _of(self, path: Path, loaded: LoadedModel | None = None) -> _Seen:
         """What is in a log, looked for once for each text of the model."""
@@ -425,7 +433,7 @@ class Desk:
         try:
             seen = self._judged(of, path, loaded) if loaded else self._plain(of, path)
         except InputError as error:
-            seen = _Seen(of, {"refused": self._told(error), "columns": [], "opened": False}, error=error)
+            seen = _Seen(of, {"refused": self.told(error), "columns": [], "opened": False}, error=error)
         self._seen[path] = seen
         return seen
 
@@ -465,7 +473,7 @@ class Desk:
         columns = sorted(rows.values(), key=lambda row: row["key"] == "")
         given = loaded.sources_of(path)[1].get(AMBIENT)
         shown = {
-            "refused": self._told(content.error) if content.error else "",
+            "refused": self.told(content.error) if content.error else "",
             "said": content.lengths,
             "missing": list(content.missing),
             "currents": list(content.currents),
@@ -521,6 +529,11 @@ def new_desk(sessions: Path) -> Path:
         OSError: it can't be made.
     """
     return own_folder(sessions / f"{_BEGINS}{secrets.token_hex(5)}")
+
+
+def logs_in(folder: Path) -> list[Path]:
+    """The logs that came to a desk's folder."""
+    return sorted(one for one in folder.iterdir() if one.name.endswith(ENDINGS) and not one.name.startswith("."))
 
 
 def is_desk(folder: Path) -> bool:

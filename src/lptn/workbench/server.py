@@ -33,7 +33,7 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.bounds import Bound
 from lptn.basics.errors import InputError
 from lptn.basics.files import finite, whole_file, write_whole
-from lptn.workbench.desk import bound_of
+from lptn.workbench.desk import bound_of, place_for
 from lptn.workbench.gate import MOVES_ON, Gate
 from lptn.workbench.lines import packed
 from lptn.workbench.orders import LinesAsked, NetworkAsked, ResidualsAsked, SpecialAsked, order
@@ -117,8 +117,9 @@ class _Site:
     async def file(self, request: Request) -> Response:
         words = request.query_params
         try:
-            path = await run_in_threadpool(self._session.place_for, words.get("name", ""), words.get("based"))
-            await _received(request, path)
+            name, based = words.get("name", ""), words.get("based")
+            path = await run_in_threadpool(self._session.place_for, name, based)
+            await _received(request, path, lambda: place_for(path.parent, name, based))
             await run_in_threadpool(self._session.arrived, path)
         except ClientDisconnect:  # it was cancelled, and nothing is left of it
             return _wrong("a file that broke off", 400)
@@ -188,11 +189,16 @@ async def _short_text(request: Request) -> str:
     return body.decode()
 
 
-async def _received(request: Request, path: Path) -> None:
+async def _received(request: Request, path: Path, check: Callable[[], object]) -> None:
     """Write the body of a request to a file piece by piece, whole or not at all.
 
+    Args:
+        request: of the page.
+        path: the file.
+        check: raises where it can't have its place any more.
+
     Raises:
-        InputError: it is too large, or does not come.
+        InputError: it is too large, does not come, or has lost its place meanwhile.
         OSError: it can't be written.
     """
     stated, size, bound = request.headers.get("content-length", "0"), 0, bound_of(path)
@@ -211,6 +217,7 @@ async def _received(request: Request, path: Path) -> None:
             bound.check(size, path.name, "file")
             await run_in_threadpool(stream.write, chunk)
         await run_in_threadpool(stream.flush)
+        check()  # nothing is awaited from here until the file has its name: no other comes between
 
 
 def _wrong(what: str, status: int = 422) -> Response:

@@ -394,8 +394,7 @@ class WorkbenchSession:
         with self._lock:
             if self.opening != path.parent:
                 return
-            is_urdf = path.name.lower().endswith(".urdf")
-            order = Model(what="model", source=path.name) if is_urdf else Name(what="look")
+            order = Model(what="model", source=path.name) if path.suffix == ".urdf" else Name(what="look")
             if self._busy is None:
                 self._send(order)
             elif order not in self._next:
