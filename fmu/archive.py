@@ -122,13 +122,20 @@ class Unpacked:
 
     @cached_property
     def units(self) -> dict[str, UnitDefinition]:
-        """The units that the FMU defines, by name; kelvin is known without."""
+        """The units that the FMU defines, by name; kelvin is known without.
+
+        Raises:
+            InputError: a unit with a factor of 0, or of no number.
+        """
         definitions = {"K": UnitDefinition("K", {"K": 1})}
         for unit in self.description.unitDefinitions:
             if (base := unit.baseUnit) is not None:
                 powers = {name: int(getattr(base, name) or 0) for name in BASES}
                 exponents = {name: power for name, power in powers.items() if power}
-                factor, offset = float(base.factor or 1), float(base.offset or 0)
+                factor, offset = float(base.factor), float(base.offset)
+                if not 0 < abs(factor) < math.inf:
+                    place, found = f"modelDescription.xml, unit {unit.name}", f"a factor of {factor:g}"
+                    raise InputError(self.path, place, found, "a unit that can be turned into others")
                 definitions[unit.name] = UnitDefinition(unit.name, exponents, factor, offset)
         return definitions
 

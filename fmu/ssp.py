@@ -40,6 +40,8 @@ _COMPONENTS = Bound(100, "FMUs")
 """Of a system: each is unpacked and loaded, and a process holds some hundred libraries."""
 _NUMBERS = ("Real", "Integer")
 _SCALES = {"factor": 1.0, "offset": 0.0}  # of a unit and of a transformation, where they are not given
+_INWARD, _OUTWARD = ("input", "parameter", "inout"), ("output", "calculatedParameter", "inout")
+"""Kinds of a system's connectors by which numbers come in and go out."""
 _EXPECTED = "a file of SSP 1.0"
 
 
@@ -248,6 +250,7 @@ class Wiring:
         for connection in structure.connections:
             if connection.end in self._into:
                 raise self._refusal(f"{dotted(*connection.end)} twice", "one connection to an input")
+            self._check(connection.start, "output")
             self._into[connection.end] = connection
         self.origins = {end: self._origin(end) for end in self._into}
         """By end: where it begins, and factor and offset on the way."""
@@ -266,7 +269,6 @@ class Wiring:
             if len(path) > len(self._into):
                 raise self._refusal(dotted(*begin), "a beginning, not a circle")
         inner = begin[0] in self._opened
-        self._check(begin, "output")
         self._check(end, *(("input",) if inner else ("input", "parameter")))
         factor, offset, unit = 1.0, 0.0, self.unit(begin)
         for connection in reversed(path):
@@ -390,17 +392,20 @@ def _structure(root: Any, file: Path, shown: Path) -> SystemStructure:
     units = _units(root, shown)
     systems: dict[str, Any] = {"": system}
     components: dict[str, Path] = {}
-    connectors: dict[tuple[str, str], UnitDefinition | None] = {}
-    connections: list[Connection] = []
+    connectors: dict[End, UnitDefinition | None] = {}
+    kinds: dict[str, dict[str, str]] = {}  # of the connectors, by system
+    elements: dict[str, set[str]] = {}
     bound: list[tuple[str, str, Value]] = []
     waiting = [""]
     while waiting:  # from outside in, whatever the depth
         within = waiting.pop(0)
         bound += _bound(systems[within], within, file, shown)
+        kinds[within] = {}
         for connector in systems[within].iterfind("ssd:Connectors/ssd:Connector", _NAMESPACES):
-            real = connector.find("ssc:Real", _NAMESPACES)
-            connectors[within, connector.get("name") or ""] = None if real is None else units.get(real.get("unit", ""))
-        own = {within}
+            real, name = connector.find("ssc:Real", _NAMESPACES), connector.get("name") or ""
+            connectors[within, name] = None if real is None else units.get(real.get("unit", ""))
+            kinds[within][name] = connector.get("kind") or ""
+        elements[within] = own = {within}
         for element in systems[within].iterfind("ssd:Elements/*", _NAMESPACES):
             kind, name = element.tag.rpartition("}")[2], dotted(within, element.get("name") or "")
             if name in components or name in systems:
@@ -414,16 +419,39 @@ def _structure(root: Any, file: Path, shown: Path) -> SystemStructure:
             else:
                 raise InputError(shown, f"Elements/{name}", kind, "components and systems")
             own.add(name)
-        connections += _connections(systems[within], within, own, shown)
     _check_components(components, shown)
-    values: dict[str, dict[str, Value]] = {element: {} for element in (*components, *systems)}
-    for within, parameter, value in reversed(bound):  # what a system says comes before what is said within it
-        end = (within, parameter)
-        if within in systems and end not in connectors:
-            end = _end(dotted(*end), [*filter(None, values)], shown)
-        values[end[0]][end[1]] = value
+    connections = [
+        connection
+        for within, own in elements.items()
+        for connection in _connections(systems[within], within, own, kinds, shown)
+    ]
+    _check_driven(connections, kinds, shown)
+    values = _by_element(bound, [*components, *systems], kinds, shown)
     name = system.get("name") or root.get("name") or "system"
     return SystemStructure(name, components, connections, values, connectors)
+
+
+def _by_element(
+    bound: Sequence[tuple[str, str, Value]],
+    elements: Sequence[str],
+    kinds: Mapping[str, Mapping[str, str]],
+    shown: Path,
+) -> dict[str, dict[str, Value]]:
+    """Bound values by the component or system whose they are; outermost first in `bound`, and first in rank."""
+    values: dict[str, dict[str, Value]] = {element: {} for element in elements}
+    for within, parameter, value in reversed(bound):  # what a system says comes before what is said within it
+        end = (within, parameter)
+        if within in kinds and parameter not in kinds[within]:
+            end = _end(dotted(*end), [*filter(None, values)], shown)
+            if end[0] in kinds and end[1] not in kinds[end[0]]:
+                raise InputError(
+                    shown,
+                    "ParameterBinding",
+                    f'"{dotted(*end)}"',
+                    f"a connector of {end[0]}, or a parameter of a component",
+                )
+        values[end[0]][end[1]] = value
+    return values
 
 
 def _check_components(components: Mapping[str, Path], shown: Path) -> None:
@@ -433,8 +461,19 @@ def _check_components(components: Mapping[str, Path], shown: Path) -> None:
     ARCHIVE.check(sum(map(unpacked_size, components.values())), shown, "Elements, unpacked")
 
 
-def _connections(system: Any, within: str, elements: set[str], shown: Path) -> Iterator[Connection]:
-    """The connections of a system among its elements and its own connectors."""
+def _check_driven(connections: Sequence[Connection], kinds: Mapping[str, Mapping[str, str]], shown: Path) -> None:
+    """Refuse an output of a system that nothing within drives: it would count as an input."""
+    driven = {connection.end for connection in connections}
+    for system, name in (connection.start for connection in connections if connection.start not in driven):
+        if system in kinds and kinds[system][name] not in _INWARD:
+            found = f"{dotted(system, name)}, which nothing drives"
+            raise InputError(shown, "Connections", found, "a connection to it")
+
+
+def _connections(
+    system: Any, within: str, elements: set[str], kinds: Mapping[str, Mapping[str, str]], shown: Path
+) -> Iterator[Connection]:
+    """The connections of a system among its elements and its own connectors; `kinds` are those of all systems."""
     for entry in system.iterfind("ssd:Connections/ssd:Connection", _NAMESPACES):
         ends: list[tuple[str, str]] = []
         for side in ("start", "end"):
@@ -443,7 +482,12 @@ def _connections(system: Any, within: str, elements: set[str], shown: Path) -> I
             if name not in elements:
                 known = ", ".join(sorted(elements - {within}))
                 raise InputError(shown, "Connections", f'"{name}"', f"one of {known}")
-            ends.append((name, entry.get(f"{side}Connector") or ""))
+            connector = entry.get(f"{side}Connector") or ""
+            leads = _INWARD if (name == within) == (side == "start") else _OUTWARD
+            if name in kinds and kinds[name].get(connector) not in leads:
+                found = f'the {side} "{dotted(name, connector)}"'
+                raise InputError(shown, "Connections", found, f"a declared connector of kind {', '.join(leads)}")
+            ends.append((name, connector))
         converts = entry.get("suppressUnitConversion") not in ("true", "1")
         factor, offset = _transformation(entry, shown, dotted(*ends[1]))
         yield Connection(ends[0], ends[1], factor, offset, converts)
@@ -458,7 +502,9 @@ def _units(root: Any, path: Path) -> dict[str, UnitDefinition]:
             numbers = {part: _number(text, path, name) for part, text in base.items()}
             factor, offset = (numbers.get(part, usual) for part, usual in _SCALES.items())
             powers = {part: round(numbers[part]) for part in BASES if part in numbers}
-            units[name] = UnitDefinition(name, powers, factor or 1.0, offset)
+            if factor == 0:
+                raise InputError(path, f"Units/{name}", "a factor of 0", "a unit that can be turned into others")
+            units[name] = UnitDefinition(name, powers, factor, offset)
     return units
 
 

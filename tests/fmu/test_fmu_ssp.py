@@ -377,6 +377,29 @@ def test_a_system_within_a_system_is_driven_by_the_outer_ones_connectors(nested:
             "turned",
         ),
         ({'factor="2"/>': 'factor="0"/>'}, "factor of 0"),
+        ({'s="-2" factor="1000"/>': 's="-2" factor="0"/>'}, "Units/.*a factor of 0"),
+        ({'startConnector="load"': 'startConnector="laod"'}, 'start "drive.laod"'),
+        ({'endConnector="load"': 'endConnector="lod"'}, 'end "drive.lod"'),
+        ({'startConnector="C" endElement="drive"': 'startConnector="CC" endElement="drive"'}, 'start "CC"'),
+        ({'name="load" kind="input"': 'name="load" kind="output"'}, 'end "drive.load"'),
+        ({'name="coil" kind="output"': 'name="coil" kind="input"'}, 'start "drive.coil"'),
+        ({'name="winding.torque" kind="input"': 'name="winding.torque" kind="output"'}, 'start "winding.torque"'),
+        (
+            {
+                'startElement="motor" startConnector="winding.temperature" endConnector="coil"': 'startElement="body" '
+                'startConnector="housing.temperature" endElement="body" endConnector="roof.temperature"'
+            },
+            "drive.coil, which nothing drives",
+        ),
+        (
+            {
+                'startElement="motor" startConnector="winding.temperature"\n': (
+                    'startElement="motor" startConnector="case.temperature"\n'
+                )
+            },
+            "an output of drive.motor",
+        ),
+        ({"drive.body.housing.capacity": "drive.bdy.housing.capacity"}, "drive.bdy.housing.capacity"),
         (
             {
                 'startElement="motor" startConnector="winding.temperature" endConnector="coil"': (
@@ -422,11 +445,24 @@ def test_a_forecast_cannot_be_connected(tmp_path: Path, built: Build) -> None:
     fmu = built("leg", forecast=True).path
     write_system(path, {"leg": fmu}, [])
     start = '<ssd:Connection startElement="leg" startConnector="FR_calf.time_to_limit" endConnector="when"/>'
-    path.write_text(
-        path.read_text().replace("</ssd:System>", f"<ssd:Connections>{start}</ssd:Connections></ssd:System>")
-    )
+    shown = '<ssd:Connectors><ssd:Connector name="when" kind="output"/></ssd:Connectors><ssd:Elements>'
+    text = path.read_text().replace("<ssd:Elements>", shown, 1)
+    path.write_text(text.replace("</ssd:System>", f"<ssd:Connections>{start}</ssd:Connections></ssd:System>"))
     with pytest.raises(InputError, match="no forecast"):
         Connected(path)
+
+
+def test_a_unit_of_nothing_is_refused(fmus: dict[str, Path], tmp_path: Path) -> None:
+    """Which would have counted as the base unit."""
+    with ZipFile(fmus["motor"]) as archive, ZipFile(tmp_path / "motor.fmu", "w") as target:
+        for name in archive.namelist():
+            content = archive.read(name)
+            if name == "modelDescription.xml":
+                assert b'<BaseUnit kg="1" m="2" s="-2"' in content
+                content = content.replace(b'<BaseUnit kg="1" m="2" s="-2"', b'<BaseUnit factor="0" kg="1" m="2" s="-2"')
+            target.writestr(name, content)
+    with pytest.raises(InputError, match="a factor of 0"):
+        write_system(tmp_path / "x.ssd", fmus | {"motor": tmp_path / "motor.fmu"}, CONNECTIONS)
 
 
 def test_a_system_of_foreign_fmus_is_not_run_without_trust(fmus: dict[str, Path], tmp_path: Path) -> None:
