@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import socket
 import threading
 import time
 from pathlib import Path
@@ -158,15 +160,19 @@ def test_nodes_have_topics_of_their_own_and_times_that_ros_can_say() -> None:
         assert topics["/diagnostics"].header.stamp.sec == seconds
 
 
-def test_topics_of_zenoh_are_read_as_those_of_dds() -> None:
+def test_topics_of_zenoh_are_read_as_those_of_dds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     zenoh = pytest.importorskip("zenoh", reason="the extra zenoh is not installed")
     from lptn.live.zenoh import Zenoh
     from tests.live.ros_types import Header, JointState, Time
 
-    config = zenoh.Config()
-    config.insert_json5("mode", '"router"')
-    config.insert_json5("scouting/multicast/enabled", "false")
-    config.insert_json5("listen/endpoints", '["tcp/127.0.0.1:7447"]')
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        place = [f"tcp/127.0.0.1:{free.getsockname()[1]}"]
+    alone = {"scouting": {"multicast": {"enabled": False}}}
+    client = tmp_path / "zenoh.json5"
+    client.write_text(json.dumps(alone | {"mode": "client", "connect": {"endpoints": place}}))
+    monkeypatch.setenv("ZENOH_CONFIG", str(client))
+    config = zenoh.Config.from_json5(json.dumps(alone | {"mode": "router", "listen": {"endpoints": place}}))
     state = JointState(Header(Time(5, 500_000_000), ""), ["hip", "knee"], [0.0, 0.0], [1.0, 2.0], [3.0, 4.0])
     with zenoh.open(config) as router:
         source = Zenoh("", 3)
