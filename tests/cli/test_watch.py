@@ -39,6 +39,15 @@ def test_a_replayed_log_gives_lines_and_json(lptn: Lptn, motors: Path, tmp_path:
     assert set(content["nodes"]) == {"knee", "hip"}
 
 
+def test_what_is_learnt_is_written_and_said(lptn: Lptn, motors: Path, tmp_path: Path) -> None:
+    path, learnt = tmp_path / "log.csv", tmp_path / "learnt.toml"
+    log(200).to_csv(path, index=False)
+    status, seen, _ = lptn("watch", motors, path, "--replay", 0, "--every", 1000, "--learn", learnt)
+    assert status == 0
+    assert re.search(r"Written: .*learnt\.toml \(the model as the last hours have it\)", seen.replace("\n", " "))
+    assert "[fit.standard_errors]" in learnt.read_text()
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [

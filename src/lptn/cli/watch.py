@@ -12,7 +12,7 @@ from cyclopts import Parameter as Option
 from cyclopts import validators
 
 from lptn.cli import options
-from lptn.cli.terminal import is_quiet, out, write_json
+from lptn.cli.terminal import is_quiet, out, show_written, write_json
 
 if TYPE_CHECKING:
     from rich.live import Live
@@ -72,7 +72,9 @@ def watch(
     sinks = [sink_of(name, Terminal, sys.stdout) for name in names]
     watching = Watch(loaded, said, sinks, limits=limits, coverage=coverage, calibration=known, every=every, state=state,
                      learn=learn)  # fmt: skip
-    write_json(json, watching.run().as_json())
+    last = watching.run()
+    show_written({"the model as the last hours have it": learn})
+    write_json(json, last.as_json())
 
 
 # --- The table ------------------------------------------------------------------------------------------
