@@ -114,6 +114,15 @@ def test_a_domain_that_is_none_is_one_line() -> None:
         Dds("203.0.113.7", DOMAIN + 2)
 
 
+def test_a_domain_has_one_address_in_a_process() -> None:
+    source = Dds("127.0.0.1", DOMAIN + 4)
+    with pytest.raises(
+        InputError, match=r"dds://127\.0\.0\.2:81: sink: found domain 81 at 127\.0\.0\.2, .* at 127\.0\.0\.1"
+    ):
+        DdsSink("127.0.0.2", DOMAIN + 4)
+    assert source.name == "dds://127.0.0.1:81"
+
+
 def test_a_status_goes_out_as_ros_messages_and_is_not_read_back() -> None:
     from cyclonedds.domain import DomainParticipant
     from cyclonedds.pub import DataWriter

@@ -40,14 +40,20 @@ class _Participant:
         except ImportError as error:
             raise InputError(name, place, str(error), "pip install 'lptn[dds]'") from error
         try:
-            if (address or "CYCLONEDDS_URI" not in os.environ) and domain not in _CONFIGURED:
-                _CONFIGURED[domain] = Domain(domain, _CONFIGURATION.format(address=address or LOOPBACK))
+            if address or "CYCLONEDDS_URI" not in os.environ:
+                at = address or LOOPBACK
+                if domain not in _CONFIGURED:
+                    _CONFIGURED[domain] = at, Domain(domain, _CONFIGURATION.format(address=at))
+                if (other := _CONFIGURED[domain][0]) != at:
+                    found = f"domain {domain} at {at}, which this process has at {other}"
+                    raise InputError(name, place, found, "one address for a domain, or another domain")
             self.own = DomainParticipant(domain)
         except DDSException as error:
             raise InputError(name, place, str(error), "an interface of this machine, a free domain") from error
 
 
-_CONFIGURED = dict[int, Any]()  # domains of this process, each of which is configured once
+_CONFIGURED = dict[int, tuple[str, Any]]()
+"""Address and domain by its number: a process can configure each once."""
 
 
 class Dds(RosSource):
