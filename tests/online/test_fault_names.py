@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import get_args
 
 import numpy as np
 import pytest
 
+from lptn.logs.channels import Kind as Silence
 from lptn.logs.issue import Issue
 from lptn.model.model import Model
 from lptn.online.monitoring import MonitoredRun, known_faults, monitor, noisy, silent_rows
@@ -64,6 +66,14 @@ def test_noise_that_grows_is_called_and_rounding_is_not() -> None:
         alarms = noisy(watched)
         assert len(alarms) == count
         assert all(alarm.kind == "noise" and abs(alarm.onset - BEGIN) < 90 for alarm in alarms)
+
+
+@pytest.mark.parametrize("kind", get_args(Silence))
+def test_whatever_a_reader_leaves_out_of_a_sensor_is_an_alarm(kind: str) -> None:
+    issue = Issue("temperature.a", "T1", "is no reading", "left out", False, kind=kind, stretch=(400.0, 900.0))
+    ((alarm,),) = known_faults([replace(RUN, issues=(issue,))], ["a", "b"])
+    assert alarm.node == "a"
+    assert silent_rows(replace(RUN, issues=(issue,)), ["a", "b"])[0, 500]
 
 
 def test_what_the_log_says_of_its_channels_is_an_alarm_of_the_piece_in_which_it_begins() -> None:
