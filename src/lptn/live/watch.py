@@ -338,7 +338,8 @@ class Watch:
     def _look_for_change(self, estimator: Estimator, now: float) -> None:
         """Whether the readings move the model's parameters, or ask for heat, by far more than its fit leaves open; not
         while a sensor or an input is to blame."""
-        off = {name for name, away in estimator.model_errors.items() if abs(away) > _CHANGED and not self._to_blame}
+        errors = {} if self._to_blame else estimator.model_errors
+        off = {name for name, away in errors.items() if abs(away) > _CHANGED}
         self._strange = {name: self._strange.get(name, now) for name in off}
         since = min(self._strange.values(), default=math.inf)
         if since == math.inf:

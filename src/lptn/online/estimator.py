@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -287,16 +288,22 @@ class Estimator:
     def model_errors(self) -> dict[str, float]:
         """What is wrong with the model by what was read so far, in standard deviations of what may be: missing heat by
         node, `heat.knee`; `air`, inputs and doubtful parameters by their names."""
-        layout, names = self.augmented.layout, dict[str, int]()
-        for what, rows in (("heat", layout.heat), ("bias", layout.bias)):
-            names |= {f"{what}.{self.model.nodes[row - rows.start]}": row for row in range(rows.start, rows.stop)}
-        names |= dict.fromkeys(["air"] if self.error.air else [], layout.air.start)
-        names |= dict(zip(self.error.inputs, range(layout.inputs.start, layout.inputs.stop), strict=True))
-        of_parameters = range(layout.parameters.start, layout.parameters.stop)
-        names |= {self.model.parameters[n].name: row for n, row in zip(self.doubtful, of_parameters, strict=True)}
-        off, deviations = self._mean.copy(), np.sqrt(self._doubt)
-        off[layout.parameters] -= self._given
-        return {name: float(off[row] / deviations[row]) for name, row in names.items() if deviations[row] > 0}
+        rows, off = list(self._error_rows.values()), self._mean.copy()
+        off[self.augmented.layout.parameters] -= self._given
+        return dict(zip(self._error_rows, (off[rows] / np.sqrt(self._doubt[rows])).tolist(), strict=True))
+
+    @cached_property
+    def _error_rows(self) -> dict[str, int]:
+        """By the name of what may be wrong its row in the state."""
+        layout, rows = self.augmented.layout, dict[str, int]()
+        for what, own in (("heat", layout.heat), ("bias", layout.bias)):
+            nodes = self.model.nodes[: own.stop - own.start]
+            rows |= {f"{what}.{node}": row for row, node in enumerate(nodes, own.start)}
+        rows |= dict.fromkeys(["air"] if self.error.air else [], layout.air.start)
+        rows |= {name: row for row, name in enumerate(self.error.inputs, layout.inputs.start)}
+        doubtful = (self.model.parameters[index].name for index in self.doubtful)
+        rows |= {name: row for row, name in enumerate(doubtful, layout.parameters.start)}
+        return {name: row for name, row in rows.items() if self._doubt[row] > 0}
 
     @property
     def running(self) -> bool:
