@@ -139,8 +139,9 @@ def editable(path: Path, text: str) -> tomlkit.TOMLDocument:
     """A TOML text as a document that keeps its comments and order, forty times as slowly as `toml_of`.
 
     Raises:
-        InputError: it is no TOML that can be edited.
+        InputError: it is no TOML, or none that can be edited.
     """
+    toml_of(path, text)  # which says the line
     try:
         return tomlkit.parse(text)
     except (TOMLKitError, ValueError) as error:

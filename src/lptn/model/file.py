@@ -167,8 +167,6 @@ def with_column(text: str, path: Path, key: str, source: ColumnSource | None, wh
     Raises:
         InputError: the text is not TOML.
     """
-    with mistakes_by_line(path, text):
-        toml_of(path, text)
     document = editable(path, text)
     if "columns" not in document:
         document["columns"] = tomlkit.table()
