@@ -21,6 +21,7 @@ from starlette.testclient import TestClient
 import lptn
 from lptn.basics.bounds import Bound
 from lptn.basics.errors import InputError
+from lptn.logs import reading
 from lptn.robots.presets import preset_text
 from lptn.robots.urdf import log_model_text
 from lptn.workbench.calculation import _at_desk, recent, reopened
@@ -178,6 +179,43 @@ def test_the_text_is_free_and_its_mistake_is_said(desk: Desk) -> None:
         do(desk, what="map", log="monday.csv", column="hip_temp", key="temperature.hip")
     do(desk, what="model", source="columns")
     assert desk.text == text
+
+
+def test_a_log_is_read_again_only_where_a_change_of_the_model_takes_other_things_from_it(
+    desk: Desk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    desk.content()
+    read = list[str]()
+    opened = reading.open_table
+
+    def seen(path: Path) -> reading.Table:
+        read.append(path.name)
+        return opened(path)
+
+    monkeypatch.setattr(reading, "open_table", seen)
+    text, before = desk.text, desk.content()["logs"]
+    edits = {
+        "a parameter": text.replace("value = 7.21", "value = 9.5"),
+        "a comment": text.replace("its name\n", "a person\n"),
+        "a link": text + '\n[[links]]\nbetween = ["hip", "knee"]\nresistance = 3\n',
+        "a mistake": text + "\n[[links]\n",
+        "as before": text,
+    }
+    assert len({*edits.values()}) == len(edits)
+    for edit in edits.values():
+        desk.model.write_text(edit)
+        shown = desk.content()["logs"]
+        assert [log["said"] for log in shown] == [log["said"] for log in before]
+    assert not read
+    assert shown == before
+    desk.model.write_text(edits["a comment"])
+    assert _row(desk, "monday.csv", "hip_temp")["why"] == "a person"
+    do(desk, what="air", log="friday.csv", value=20)
+    desk.content()
+    assert set(read) == {"friday.csv"}
+    desk.model.write_text(text.replace('"stamp_ms"', '"hip_current"'))
+    desk.content()
+    assert set(read) == {"friday.csv", "monday.csv"}
 
 
 def test_models_of_presets_and_urdfs(desk: Desk) -> None:

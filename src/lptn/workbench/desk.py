@@ -10,6 +10,7 @@ import hashlib
 import logging
 import secrets
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any
@@ -22,7 +23,7 @@ from lptn.basics.errors import MODEL_FILE, InputError, one_line
 from lptn.basics.files import fingerprint, text_of, write_whole
 from lptn.basics.own_folder import own_folder
 from lptn.effects.copper_loss import CopperLoss
-from lptn.identify.data import GUESS, LoadedModel, load_model
+from lptn.identify.data import GUESS, LoadedModel, load_model, optional_columns
 from lptn.logs.columns import (
     AMBIENT,
     SI_UNITS,
@@ -41,6 +42,7 @@ from lptn.model.file import with_column
 from lptn.report.text import for_people, short
 from lptn.robots.presets import PRESETS, preset_text
 from lptn.robots.urdf import log_model_text, urdf_model_text
+from lptn.simulate.bound_run import needed_columns
 from lptn.workbench.log_content import LogContent
 from lptn.workbench.opening import Opening
 from lptn.workbench.orders import Air, AtDesk, HoldOutAfter, Job, Map, Model, Name, Rate, Remedy
@@ -117,7 +119,7 @@ class _Kept(BaseModel):
 
 @dataclass(frozen=True)
 class _Seen:
-    """What was worked out of a log, and of which text of the model."""
+    """What was worked out of a log: of which file, and of what in the model."""
 
     of: tuple[object, ...]
     shown: dict[str, Any]
@@ -387,12 +389,12 @@ class Desk:
             loaded = load_model(self.model) if text else None
         except InputError as error:
             wrong = self.told(error)
-        logs = self._logs()
-        shown = [
-            {"name": self._name(path), "job": job, "size": _size(path)}
-            | (self._of(path, loaded).shown if reading and job != "unused" else self._glimpse(path))
-            for path, job in logs.items()
-        ]
+        shown = list[dict[str, Any]]()
+        comments = self._comments(text)
+        for path, job in self._logs().items():
+            log = self._of(path, loaded).shown if reading and job != "unused" else self._glimpse(path)
+            rows = [row | {"why": comments.get(row.get("entry"), row["why"])} for row in log["columns"]]
+            shown.append(log | {"name": self._name(path), "job": job, "size": _size(path), "columns": rows})
         used = [each for each in shown if each["job"] != "unused"]
         nodes = list(loaded.model.nodes) if loaded else []
         return {
@@ -421,15 +423,14 @@ class Desk:
         return one_line(error).replace(f"{self.folder}/", "")
 
     def _of(self, path: Path, loaded: LoadedModel | None = None) -> _Seen:
-        """What is in a log, looked for once for each text of the model."""
-        of: tuple[object, ...] = (_version(self.model), *_stamp(path))
-        if path in self._seen and self._seen[path].of == of:
-            return self._seen[path]
-        logger.info("reading %s", path.name)
-        try:
+        """What is in a log, looked for once for each mapping: of the model only what it takes from the log counts."""
+        with suppress(InputError):
             loaded = loaded or (load_model(self.model) if self.model.is_file() else None)
-        except InputError:
-            loaded = None
+        stamp, last = _stamp(path), self._seen.get(path)
+        of = (stamp, loaded and _taken(loaded, path))
+        if last is not None and (last.of == of or (loaded is None and last.of[0] == stamp)):
+            return last
+        logger.info("reading %s", path.name)
         try:
             seen = self._judged(of, path, loaded) if loaded else self._plain(of, path)
         except InputError as error:
@@ -452,13 +453,12 @@ class Desk:
         plain = self._plain(of, path, content.table)
         rows = {row["name"]: row for row in plain.shown["columns"]}
         mapped = {key.partition("@")[0]: key for key in self._entries(path)}
-        comments = self._comments()
         for guess in content.guesses:
             said = {"key": guess.key, "unit": guess.source.unit or "", "how": "guessed", "why": guess.why}
             for name in guess.source.columns:
                 rows[name] |= said
         for key, source in content.sources.items():
-            how = {"how": "mapped", "why": comments.get(mapped[key], "")} if key in mapped else {"how": "own"}
+            how = {"how": "mapped", "entry": mapped[key]} if key in mapped else {"how": "own"}
             for name in rows.keys() & set(source.columns):
                 rows[name] |= {"key": key, "unit": source.unit or "", **how}
         issues = {issue.sentence: issue for issue in content.issues}.values()
@@ -485,9 +485,10 @@ class Desk:
         }
         return replace(plain, shown=plain.shown | shown, guesses=content.guesses, remedies=remedies)
 
-    def _comments(self) -> dict[str, str]:
+    @staticmethod
+    def _comments(text: str) -> dict[str, str]:
         """What stands behind the entries of `[columns]`, by their keys."""
-        lines = (line.partition("#") for line in self.text.splitlines() if GUESSED in line)
+        lines = (line.partition("#") for line in text.splitlines() if GUESSED in line)
         found = ((before.partition("=")[0].strip().strip('"'), comment.strip()) for before, _, comment in lines)
         return {key: comment.removeprefix(GUESSED) for key, comment in found}
 
@@ -511,6 +512,12 @@ def _picture(values: Any) -> dict[str, Any] | None:
     both = np.stack([np.fmin.reduceat(values, edges), np.fmax.reduceat(values, edges)], axis=1)
     line = [None if not np.isfinite(x) else round(_HEIGHT - (x - least) * scale) for x in both.ravel()]
     return {"line": line, "least": short(least), "most": short(most)}
+
+
+def _taken(loaded: LoadedModel, path: Path) -> tuple[object, ...]:
+    """All of a model that decides what is read of a log, and how."""
+    wanted = needed_columns(loaded.model), optional_columns(loaded.model)
+    return loaded.sources_of(path), wanted, loaded.file.step
 
 
 def _stamp(path: Path) -> tuple[object, ...]:
