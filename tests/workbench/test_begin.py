@@ -22,6 +22,7 @@ import lptn
 from lptn.basics.bounds import Bound
 from lptn.basics.errors import InputError
 from lptn.logs import reading
+from lptn.logs.tables import Table
 from lptn.robots.presets import preset_text
 from lptn.robots.urdf import log_model_text
 from lptn.workbench.calculation import _at_desk, recent, reopened
@@ -30,6 +31,7 @@ from lptn.workbench.opening import Opening
 from lptn.workbench.orders import AtDesk, Name, order
 from lptn.workbench.server import application
 from lptn.workbench.session import WorkbenchSession
+from tests.logs.test_bags import Recorder
 from tests.workbench.conftest import EXAMPLE, OPENING, Server
 
 ADDRESS = "http://127.0.0.1:8000"
@@ -188,7 +190,7 @@ def test_a_log_is_read_again_only_where_a_change_of_the_model_takes_other_things
     read = list[str]()
     opened = reading.open_table
 
-    def seen(path: Path) -> reading.Table:
+    def seen(path: Path) -> Table:
         read.append(path.name)
         return opened(path)
 
@@ -371,6 +373,12 @@ HOSTILE = {
     "a program": "x.py",
     "a kind in disguise": "x.csv.exe",
     "the study's own": "study.pickle",
+    "a folder in a folder": "a/b/metadata.yaml",
+    "a folder above": "../metadata.yaml",
+    "a hidden folder": ".git/metadata.yaml",
+    "a folder without a name": "/metadata.yaml",
+    "another kind in a bag": "bag/x.csv",
+    "a path of Windows in a bag": "bag\\..\\../x.mcap",
 }
 
 
@@ -385,6 +393,40 @@ def test_a_hostile_name_is_refused_in_a_line_and_nothing_is_kept(
     assert "\n" not in answer.json()["error"]
     assert not list(tmp_path.rglob("*.csv*")) + list(tmp_path.rglob("*.exe"))
     assert session.opening is None
+
+
+def test_a_bag_comes_file_by_file_and_is_a_log_with_its_metadata(
+    site: TestClient, session: WorkbenchSession, tmp_path: Path
+) -> None:
+    recorder = Recorder(tmp_path / "walk", "sqlite3")
+    with recorder.writer:
+        for k in range(600):
+            recorder.send("/joint_states", 1.0 * k, recorder.joints(k, ["knee"], [1.0], [1.0]))
+            recorder.send(
+                "/dynamic_joint_states", k + 0.1, recorder.dynamic(k, {"knee": {"temperature": 20.0 + k / 60}})
+            )
+    files = sorted((tmp_path / "walk").iterdir(), key=lambda path: path.name == "metadata.yaml")
+    for number, file in enumerate(files):
+        for _ in range(2 if number == 0 else 1):  # one that broke off may come again
+            assert _sent(site, f"walk/{file.name}", file.read_bytes()).status_code == 202
+    assert isinstance(session.opening, Path)
+    desk = Desk(session.opening)
+    (log,) = desk.content()["logs"]
+    assert (log["name"], log["opened"], log["size"]) == ("walk", True, sum(file.stat().st_size for file in files))
+    assert _sent(site, "walk/more.db3").status_code == 413
+    do(desk, what="remove", name="walk")
+    assert not (desk.folder / "walk").exists()
+
+
+def test_a_desk_on_which_nothing_stayed_is_gone_when_it_is_left(site: TestClient, session: WorkbenchSession) -> None:
+    for stays, folders in (("", 0), ("model.toml", 1)):
+        _sent(site, "a.csv")
+        assert isinstance(session.opening, Path)
+        (session.opening / "a.csv").unlink()
+        if stays:
+            (session.opening / stays).touch()
+        session.do(order.validate_python({"what": "leave"}))
+        assert len(list(session._sessions.glob("begin-*"))) == folders
 
 
 def test_a_name_may_have_signs_of_html_and_other_scripts(site: TestClient, session: WorkbenchSession) -> None:

@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 from playwright.sync_api import Browser, Page, Response, expect
@@ -124,6 +125,65 @@ def test_from_opening_to_a_fallen_error(browser: Browser, tmp_path: Path) -> Non
             for complaint in complaints
             if "401" not in complaint and "ERR_CONNECTION_REFUSED" not in complaint
         ]
+    finally:
+        server.kill()
+
+
+def test_a_plot_is_turned_limited_recoloured_and_taken_away(browser: Browser, tmp_path: Path) -> None:
+    server = Server(tmp_path)
+    complaints: list[str] = []
+    try:
+        page = browser.new_context(viewport={"width": 1280, "height": 900}).new_page()
+        page.on("pageerror", lambda error: complaints.append(str(error)))
+        page.on("console", lambda message: complaints.append(message.text))
+        page.goto(server.address)
+        page.wait_for_url(f"{server.home}/")
+        plot = page.locator(".u-over").first
+        expect(plot).to_be_visible()
+        expect(page.locator("#stop")).to_be_hidden()
+        paper = "getComputedStyle(document.documentElement).backgroundColor"
+        assert page.evaluate(paper) == "rgb(255, 255, 255)"  # of a light system
+        page.locator("#look").click()
+        assert page.evaluate(paper) == "rgb(255, 255, 255)"
+        page.locator("#look").click()
+        assert page.evaluate(paper) == "rgb(22, 23, 25)"
+        page.reload()
+        expect(plot).to_be_visible()
+        assert page.evaluate(paper) == "rgb(22, 23, 25)"
+
+        page.locator("#limit").fill("70")
+        page.locator("#limit").press("Enter")
+        expect(page.locator("#limit")).to_have_value("70")
+        wheel = (
+            "([over, how]) => over.dispatchEvent(new WheelEvent('wheel', {bubbles: true, cancelable: true, ...how}))"
+        )
+        box = plot.bounding_box()
+        assert box is not None
+        at = {"clientX": box["x"] + box["width"] / 2, "clientY": box["y"] + 40, "deltaY": -350}  # zooms to a half
+        assert page.evaluate(wheel, [plot.element_handle(), at])  # alone it moves the page
+        assert not page.evaluate(wheel, [plot.element_handle(), {**at, "shiftKey": True}])
+        expect(page.locator("#whole")).to_be_enabled()  # the values are zoomed
+        with page.expect_response(_window(150), timeout=PATIENCE):
+            assert not page.evaluate(wheel, [plot.element_handle(), {**at, "ctrlKey": True}])
+        for kind, begins in (
+            ("PNG", b"\x89PNG"),
+            ("SVG", b"<svg xmlns"),
+            ("CSV", b"time since start [s],measured,now"),
+        ):
+            with page.expect_download() as download:
+                page.get_by_role("button", name=f"heater2 as {kind}").click()
+            assert download.value.suggested_filename == f"heater2 log.{kind.lower()}"
+            content = Path(download.value.path()).read_bytes()
+            assert content.startswith(begins)
+            if kind == "SVG":
+                assert ElementTree.fromstring(content).findall("{http://www.w3.org/2000/svg}path")
+            if kind == "CSV":  # with the neighbours of the window's ends, that lines run to the edge
+                times = [float(line.partition(b",")[0]) for line in content.splitlines()[1:]]
+                assert [times[0], times[-1]] == pytest.approx([150, 450], abs=3)
+                assert len(times) == pytest.approx(300, abs=4)
+        page.locator("#whole").click()
+        expect(page.locator("#whole")).to_be_disabled()
+        assert not complaints
     finally:
         server.kill()
 

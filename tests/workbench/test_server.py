@@ -24,7 +24,7 @@ from starlette.testclient import TestClient
 from lptn.basics.errors import InputError
 from lptn.basics.files import held
 from lptn.workbench.bench import Bench
-from lptn.workbench.calculation import _opened
+from lptn.workbench.calculation import _opened, written
 from lptn.workbench.content import content_of
 from lptn.workbench.opening import EXAMPLES
 from lptn.workbench.orders import Keep, order
@@ -201,6 +201,21 @@ def test_a_nonsense_order_is_refused(browser: TestClient, sent: bytes) -> None:
     answer = browser.post("/order", content=sent, headers=ORIGIN)
     assert answer.status_code == 422
     assert answer.json()["error"]
+
+
+def test_notes_stay_with_the_study_and_only_what_is_said_is_changed(
+    browser: TestClient, session: WorkbenchSession
+) -> None:
+    mark = {"run": "log", "time": 120.0, "text": "the door stood open"}
+    for sent in ({"tags": ["left leg", "<b>"]}, {"text": "a note"}, {"limits": {"heater1": 70.0}}, {"marks": [mark]}):
+        assert browser.post("/order", json={"what": "note", **sent}, headers=ORIGIN).status_code == 202
+    kept = {"text": "a note", "tags": ["left leg", "<b>"], "limits": {"heater1": 70.0}, "marks": [mark]}
+    assert browser.get("/state").json()["written"] == kept
+    assert session.folder is not None
+    assert written(session.folder).model_dump(exclude={"what"}, mode="json") == kept
+    long, half = {"tags": ["x" * 41]}, {"marks": [{"run": "log"}]}
+    for wrong in ({"limits": {"heater1": "hot"}}, {"text": "x" * 2001}, long, half):
+        assert browser.post("/order", json={"what": "note", **wrong}, headers=ORIGIN).status_code == 422
 
 
 @pytest.mark.parametrize(

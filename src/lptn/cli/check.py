@@ -58,7 +58,7 @@ def check(
     with progress("reading"):
         contents = [LogContent.of(loaded, log) for log in logs]
     result: dict[str, object] = {"model": str(model), "nodes": loaded.model.nodes, "inputs": loaded.model.inputs}
-    result["logs"] = [content.as_json() for content in contents]
+    result["logs"] = [_as_json(content) for content in contents]
     runs = [run for content in contents for run in content.runs]
     unusable = sum(content.error is not None for content in contents)
     said = logs_narrative(loaded.model, runs, len(contents), unusable)
@@ -109,6 +109,47 @@ def _next(model: Path, contents: Sequence[LogContent]) -> str:
     if len(logs) == 1:
         held_out = ["--holdout-after", f"+{short(_FITTED * sum(len(run) * run.step for run in contents[0].runs))}"]
     return shlex.join(["lptn", "improve", str(model), *(logs[:-1] or logs), *held_out, "-o", "better.toml"])
+
+
+def _as_json(content: LogContent) -> dict[str, object]:
+    """What one log holds, for other programs."""
+    issues = content.runs[0].issues if content.runs else ()
+    return {
+        "log": str(content.path),
+        "format": content.kind,
+        "used": {key: list(columns) for key, columns in content.used.items()},
+        "unused": list(content.unused),
+        "wrong": [
+            {
+                "quantity": issue.key,
+                "column": issue.column,
+                "found": issue.problem,
+                "mend": issue.remedy,
+                "sure": issue.certain,
+                "kind": issue.kind,
+                "from": issue.stretch[0] if issue.stretch else None,
+                "to": issue.stretch[1] if issue.stretch else None,
+            }
+            for issue in issues
+        ],
+        "notes": content.notes,
+        "guesses": [
+            {"quantity": guess.key, "line": guess.line, "map": guess.option, "why": guess.why}
+            for guess in content.guesses
+        ],
+        "wanting": list(content.missing),
+        "runs": [
+            {
+                "name": run.name,
+                "step": run.step,
+                "steps": len(run),
+                "averaged": run.averaged,
+                "sha256": run.fingerprint,
+            }
+            for run in content.runs
+        ],
+        "refused": str(content.refused) if content.refused else None,
+    }
 
 
 def _show_logs(contents: Sequence[LogContent], lines_of: Callable[[LogContent], Iterator[str]], *, whole: bool) -> None:

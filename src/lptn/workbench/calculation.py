@@ -32,12 +32,12 @@ from lptn.workbench.bench import Bench, News
 from lptn.workbench.content import content_of, step_content
 from lptn.workbench.desk import MODEL, Desk, is_desk, logs_in
 from lptn.workbench.opening import EXAMPLES, Opening
-from lptn.workbench.orders import Keep, Order
+from lptn.workbench.orders import Keep, Note, Order
 
 logger = logging.getLogger("lptn")
 
-STUDY, STEPS = "study.pickle", "steps.json"
-"""Files of a session: the study as this version of lptn holds it, and what was done, for any other version."""
+STUDY, STEPS, WRITTEN = "study.pickle", "steps.json", "notes.json"
+"""Files of a session: the study as this version of lptn holds it; what was done, for any other version; and notes."""
 _MOST_RECENT = 12  # studies on the page that a workbench begins with
 _LONGEST_STEM = 50  # characters of a model file's name in the session's: four bytes each at most, and 255 are allowed
 
@@ -263,6 +263,13 @@ def _written_by(fingerprint: str) -> tuple[str, ...]:
     return lptn.__version__, sys.version, fingerprint
 
 
+def written(folder: Path) -> Note:
+    """What a person wrote on the study of a folder."""
+    with suppress(OSError, ValidationError):
+        return Note.model_validate_json((folder / WRITTEN).read_bytes())
+    return Note()
+
+
 def recent(sessions: Path) -> list[dict[str, Any]]:
     """The studies that can be opened again and the desks without one, the last that was changed first."""
     found, of_studies = list[dict[str, Any]](), set[str]()
@@ -276,6 +283,7 @@ def recent(sessions: Path) -> list[dict[str, Any]]:
                 desk = desk if is_desk(sessions / desk) else ""
                 logs = [Path(log).name for log in done.logs]
                 about = {"study": folder.name, "desk": desk, "name": done.name, "logs": logs, "steps": len(done.steps)}
+                about |= written(folder).model_dump(include={"text", "tags"})
                 found.append(about | {"changed": (folder / STEPS).stat().st_mtime})
     for folder in folders:
         if is_desk(folder) and folder.name not in of_studies:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import logging
 import secrets
+import shutil
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -61,22 +62,30 @@ _HEIGHT = 100  # of that picture, in parts
 _NO_NAME = "a file's own name, with no folder in it"
 _OTHER_PLACES = ("ambient", "base", "battery", "pc")
 _BEGINS = "begin-"  # a desk's folder
+_METADATA = "metadata.yaml"
+_OF_BAG = (_METADATA, ".mcap", ".db3", ".zstd")
 _NOT_READ = {"said": "not read yet", "refused": "", "columns": [], "opened": False}
 
 
 def checked_name(name: str) -> str:
     """The name of a file that a page sends, its ending in small letters, which are all that other code knows.
 
+    A file of a ROS 2 bag's folder has that folder's name before it.
+
     Raises:
         InputError: it is a path, can't be shown, or is of no kind that is read.
     """
-    LONGEST_NAME.check(len(name.encode("utf-8", "replace")), one_line(name)[:50], "file")
-    plain = name == PurePosixPath(name).name == PureWindowsPath(name).name and name.isprintable()
-    if not plain or name.startswith(".") or name != name.strip():
-        raise InputError(one_line(name), "file", "a name that is a path, hidden, or not printable", _NO_NAME)
-    ending = next((one for one in (*ENDINGS, ".toml", ".urdf") if name.lower().endswith(one)), None)
+    *folder, file = parts = name.split("/")
+    for part in parts:
+        LONGEST_NAME.check(len(part.encode("utf-8", "replace")), one_line(name)[:50], "file")
+        plain = part == PurePosixPath(part).name == PureWindowsPath(part).name and part.isprintable()
+        if len(folder) > 1 or not part or not plain or part.startswith(".") or part != part.strip():
+            raise InputError(one_line(name), "file", "a name that is a path, hidden, or not printable", _NO_NAME)
+    endings, expected = (*ENDINGS, ".toml", ".urdf"), f"{LOG_FILE}; a model file (.toml), or a robot's .urdf"
+    if folder:
+        endings, expected = _OF_BAG, "files of a ROS 2 bag: its metadata.yaml, .mcap, .db3"
+    ending = next((one for one in endings if file.lower().endswith(one)), None)
     if ending is None:
-        expected = f"{LOG_FILE}; a model file (.toml), or a robot's .urdf"
         raise InputError(name, "file", f"the ending '{Path(name).suffix}'", expected)
     return name[: -len(ending)] + ending
 
@@ -93,9 +102,13 @@ def place_for(folder: Path, name: str, based: str | None) -> Path:
         InputError: the name can't be used, is taken, or the model has changed since.
     """
     if not (name := checked_name(name)).endswith(".toml"):
-        if not name.endswith(".urdf") and (folder / name).exists():
+        path = folder / name
+        # Of a bag that is not whole any file may come again; with its metadata, the last, it is a log.
+        there = path if path.parent == folder else path.parent / _METADATA
+        if not name.endswith(".urdf") and there.exists():
             raise InputError(name, "file", "a file that is there already", "another name, or the other file removed")
-        return folder / name
+        path.parent.mkdir(exist_ok=True)
+        return path
     if based is not None and based != _version(folder / MODEL):
         raise InputError(MODEL, "file", "a text that was changed meanwhile, in another tab", "a change of that text")
     return folder / MODEL
@@ -103,7 +116,7 @@ def place_for(folder: Path, name: str, based: str | None) -> Path:
 
 def bound_of(path: Path) -> Bound:
     """How much a file may hold that the page sends."""
-    return {".toml": TEXT, ".urdf": DESCRIPTION}.get(path.suffix, FILE)
+    return {".toml": TEXT, ".yaml": TEXT, ".urdf": DESCRIPTION}.get(path.suffix, FILE)
 
 
 def _version(model: Path) -> str:
@@ -229,7 +242,7 @@ class Desk:
         strange = [path for path in self._logs() if path not in known and not self._of(path).shown["opened"]]
         refused = [error for path in strange if (error := self._of(path).error) is not None]
         for path in strange:
-            path.unlink()
+            _delete(path)
         self._sort(self._logs())
         if refused:
             names = ", ".join(path.name for path in strange)
@@ -245,7 +258,7 @@ class Desk:
         path = self._named(order.name)
         self._sort({log: job for log, job in self._logs().items() if log != path})
         if path.parent == self.folder:
-            path.unlink()
+            _delete(path)
 
     def _do_job(self, order: Job) -> None:
         self._sort(self._logs() | {self._named(order.log): order.job})
@@ -526,7 +539,11 @@ def _stamp(path: Path) -> tuple[object, ...]:
 
 
 def _size(path: Path) -> int:
-    return path.stat().st_size if path.is_file() else 0
+    return sum(file.stat().st_size for file in (path, *path.rglob("*")) if file.is_file())
+
+
+def _delete(log: Path) -> None:
+    shutil.rmtree(log) if log.is_dir() else log.unlink()
 
 
 def new_desk(sessions: Path) -> Path:
@@ -538,9 +555,19 @@ def new_desk(sessions: Path) -> Path:
     return own_folder(sessions / f"{_BEGINS}{secrets.token_hex(5)}")
 
 
+def delete_if_empty(folder: Path) -> None:
+    """Delete a desk on which there is no file of a person's, nor one that is on its way."""
+    if folder.is_dir() and {path.name for path in folder.iterdir()} <= {KEPT, "lock"}:
+        shutil.rmtree(folder)
+
+
 def logs_in(folder: Path) -> list[Path]:
-    """The logs that came to a desk's folder."""
-    return sorted(one for one in folder.iterdir() if one.name.endswith(ENDINGS) and not one.name.startswith("."))
+    """The logs that came to a desk's folder: files, and folders of bags."""
+
+    def is_log(path: Path) -> bool:
+        return (path / _METADATA).is_file() or (path.is_file() and path.name.endswith(ENDINGS))
+
+    return sorted(one for one in folder.iterdir() if not one.name.startswith(".") and is_log(one))
 
 
 def is_desk(folder: Path) -> bool:

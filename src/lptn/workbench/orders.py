@@ -148,6 +148,24 @@ class Back(_Said):
     number: int = Field(ge=0)
 
 
+class Mark(_Said):
+    """What a person noted at a moment of a run."""
+
+    run: str = Field(max_length=300)
+    time: FiniteFloat  # s, in the log's clock
+    text: str = Field(min_length=1, max_length=200)
+
+
+class Note(_Said):
+    """Write something on the study, in place of what stood there; what is not said stays."""
+
+    what: Literal["note"] = "note"
+    text: str = Field(default="", max_length=2000)
+    tags: tuple[Annotated[str, Field(min_length=1, max_length=40)], ...] = Field(default=(), max_length=20)
+    limits: dict[str, FiniteFloat] = Field(default={}, max_length=1000)  # degC, by node
+    marks: tuple[Mark, ...] = Field(default=(), max_length=50)
+
+
 class Keep(_Said):
     """Add the steps that a search had found when it was stopped; the session orders it, no page does."""
 
@@ -157,7 +175,7 @@ class Keep(_Said):
 
 AtDesk = Name | Job | HoldOutAfter | Model | Map | Air | Rate | Remedy
 """What is done with the files that a study is made of."""
-Order = Plain | Open | Recent | Leave | Add | Try | Cut | Set | Back | AtDesk
+Order = Plain | Open | Recent | Leave | Note | Add | Try | Cut | Set | Back | AtDesk
 order: TypeAdapter[Order] = TypeAdapter(Annotated[Order, Field(discriminator="what")])
 """Checks what the page sent."""
 

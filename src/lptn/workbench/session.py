@@ -16,12 +16,12 @@ import platformdirs
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
-from lptn.basics.files import finite, held
+from lptn.basics.files import finite, held, write_whole
 from lptn.report.network_drawing import NetworkCourse
 from lptn.report.text import for_people
 from lptn.workbench.bench import News
-from lptn.workbench.calculation import recent, reopened, work
-from lptn.workbench.desk import FILE, checked_name, new_desk, place_for
+from lptn.workbench.calculation import WRITTEN, recent, reopened, work, written
+from lptn.workbench.desk import FILE, checked_name, delete_if_empty, new_desk, place_for
 from lptn.workbench.lines import RunLines
 from lptn.workbench.opening import EXAMPLES, Opening
 from lptn.workbench.orders import (
@@ -32,6 +32,7 @@ from lptn.workbench.orders import (
     Model,
     Name,
     NetworkAsked,
+    Note,
     Open,
     Order,
     Recent,
@@ -90,6 +91,7 @@ class WorkbenchSession:
         self._sessions = platformdirs.user_state_path("lptn") / "sessions" if sessions is None else sessions
         self.folder: Path | None = None
         """Where the session is kept; known once the logs are read."""
+        self._written = Note()
         self._lock = threading.Condition()
         self._version = 0
         self._content: dict[str, Any] = {}
@@ -180,7 +182,7 @@ class WorkbenchSession:
                 self._process.kill()
             self._heard_refused(InputError(folder, "session", problem, expected))
             return
-        self.folder = folder
+        self.folder, self._written = folder, written(folder)
         if self._busy is not None and "tiles" not in self._content and not isinstance(self.opening, Path):
             self._busy["words"] = _WORDS["fit"]
 
@@ -249,6 +251,7 @@ class WorkbenchSession:
                 "notes": list(self._notes),
                 "folder": str(self.folder or ""),
                 "files": files,
+                "written": self._written.model_dump(exclude={"what"}),
                 "begins": self._begins,
                 "recent": recent(self._sessions) if self._begins and self.opening is None else [],
                 "largest": FILE.most,
@@ -324,6 +327,9 @@ class WorkbenchSession:
         if isinstance(order, Open | Recent | Leave):
             self._go(order)
             return
+        if isinstance(order, Note):
+            self._note(order)
+            return
         with self._lock:
             if self._busy is not None or self._pipe is None:
                 raise BusyError(f"{(self._busy or {}).get('words', 'nothing is open')}: stop that first")
@@ -338,6 +344,19 @@ class WorkbenchSession:
         self._busy = {"what": order.what, "words": _WORDS[order.what], "said": [], "since": time.time()}
         self._pipe.send(order)
 
+    def _note(self, order: Note) -> None:
+        """Write a note, whatever is being done.
+
+        Raises:
+            BusyError: no study is open that it could be on.
+        """
+        with self._lock:
+            if self.folder is None or isinstance(self.opening, Path):
+                raise BusyError("nothing is open that a note could be on")
+            self._written = Note.model_validate(self._written.model_dump() | order.model_dump(exclude_unset=True))
+            write_whole(self.folder / WRITTEN, self._written.model_dump_json(indent=2) + "\n")
+            self._changed()
+
     def _go(self, order: Open | Recent | Leave) -> None:
         """Begin with something else, in place of what is open: that stays in its folder.
 
@@ -351,13 +370,13 @@ class WorkbenchSession:
         with self._lock:
             if not self._begins:
                 raise BusyError("files are open: others come with `lptn open` alone")
-            process = self._leave()
+            left, process = self.opening, self._leave()
             if opening is not None:
                 self.opening = opening
                 self._begin()
             self._failed = ""
             self._changed()
-        _end(process)
+        _end(process, left)
 
     def _leave(self) -> multiprocessing.process.BaseProcess | None:
         """Nothing is open; the process that is to be ended."""
@@ -392,7 +411,7 @@ class WorkbenchSession:
     def arrived(self, path: Path) -> None:
         """A file has come whole: the desk looks at it, once it has done what it does."""
         with self._lock:
-            if self.opening != path.parent:
+            if self.opening not in path.parents:
                 return
             order = Model(what="model", source=path.name) if path.suffix == ".urdf" else Name(what="look")
             if self._busy is None:
@@ -419,7 +438,7 @@ class WorkbenchSession:
             process, self._process = self._process, None
             if self._pipe is not None:
                 self._pipe.close()
-        _end(process)
+        _end(process, self.opening)
         self._let_go()
 
 
@@ -427,7 +446,10 @@ def _examples() -> dict[str, dict[str, str]]:
     return {name: {key: getattr(one, key) for key in ("title", "about", "solved")} for name, one in EXAMPLES.items()}
 
 
-def _end(process: multiprocessing.process.BaseProcess | None) -> None:
+def _end(process: multiprocessing.process.BaseProcess | None, left: object = None) -> None:
+    """End a process; of a desk that is left, and on which there is nothing, nothing stays."""
     if process is not None:
         process.kill()
         process.join(_GRACE)
+    if isinstance(left, Path):
+        delete_if_empty(left)

@@ -12,14 +12,15 @@ const takes = state => state.begins && (state.desk || !state.name && !state.exam
 
 let request = null;
 
+// Files, each with the name under which it comes.
 export async function send(page, files, based) {
   if (!takes(page.state)) return page.say("A study is open: leave it for the start page to begin with other files.");
   if (page.sending) return page.say("Files are on their way: wait, or cancel that.");
   const problems = [];
-  for (const [number, file] of [...files].entries()) {
-    page.sending = { name: file.name, part: 0, left: files.length - number - 1 };
+  for (const [number, [file, name]] of files.entries()) {
+    page.sending = { name, part: 0, left: files.length - number - 1 };
     page.say("");
-    const failed = await post(page, file, based);
+    const failed = await post(page, file, name, based);
     if (failed) problems.push(failed);
     if (failed === CANCELLED) break;
   }
@@ -32,16 +33,16 @@ export async function send(page, files, based) {
 const CANCELLED = "Cancelled: nothing of that file was kept.";
 
 // A request of the old kind says how far a body has come; a `fetch` does not.
-function post(page, file, based) {
+function post(page, file, name, based) {
   return new Promise(done => {
     request = new XMLHttpRequest();
-    const words = new URLSearchParams({ name: file.name, ...(based == null ? {} : { based }) });
+    const words = new URLSearchParams({ name, ...(based == null ? {} : { based }) });
     request.open("POST", `/file?${words}`);
     request.upload.onprogress = ({ loaded, total }) => { page.sending = { ...page.sending, part: total ? loaded / total : 1, loaded }; page.tell(); };
     request.onload = () => { let said = ""; try { said = JSON.parse(request.responseText).error; } catch { said = `${request.status}`; } done(request.status < 300 ? "" : said); };
-    request.onerror = () => done(file.size > page.state.largest ? `${file.name}: ${size(file.size)}; at most ${size(page.state.largest)}` : `${file.name}: the server does not answer, or refused it.`);
+    request.onerror = () => done(file.size > page.state.largest ? `${name}: ${size(file.size)}; at most ${size(page.state.largest)}` : `${name}: the server does not answer, or refused it.`);
     request.onabort = () => done(CANCELLED);
-    if (file.size > page.state.largest) return done(`${file.name}: ${size(file.size)}; at most ${size(page.state.largest)}`);
+    if (file.size > page.state.largest) return done(`${name}: ${size(file.size)}; at most ${size(page.state.largest)}`);
     request.send(file);
   });
 }
@@ -51,9 +52,29 @@ const progress = page => page.sending && h("div", { className: "row sending" },
   h("span", null, `${page.sending.name}: ${Math.floor(100 * page.sending.part)} %${page.sending.left ? `, ${page.sending.left} more` : ""}`),
   h("button", { id: "cancel", onclick: () => request.abort() }, "Cancel"));
 
+// A bag's folder keeps its name, and its metadata come last, which make it a log; of another folder each file is one.
+function named(files) {
+  const bags = new Set(files.filter(([, path]) => path.endsWith("/metadata.yaml")).map(([, path]) => path.split("/")[0]));
+  return files.filter(([, path]) => path.split("/").length < 3 && !path.split("/").at(-1).startsWith("."))
+    .map(([file, path]) => [file, bags.has(path.split("/")[0]) ? path : path.split("/").at(-1)])
+    .sort(([, one], [, other]) => one.endsWith("/metadata.yaml") - other.endsWith("/metadata.yaml"));
+}
+
 function picker(page, label, first) {
-  const input = h("input", { type: "file", multiple: true, hidden: true, onchange: () => send(page, [...input.files]) });
-  return [h("button", { id: "pick", className: first ? "first" : "", disabled: !!page.sending, onclick: () => input.click() }, label), input];
+  const input = (id, label, more) => {
+    const chosen = h("input", { type: "file", multiple: true, hidden: true, ...more, onchange: () => send(page, named([...chosen.files].map(file => [file, file.webkitRelativePath || file.name]))) });
+    return [h("button", { id, className: first && id === "pick" ? "first" : "", disabled: !!page.sending, onclick: () => chosen.click() }, label), chosen];
+  };
+  return [input("pick", label), input("pick folder", "Choose a folder", { webkitdirectory: true })];
+}
+
+const taken = (call, ...given) => new Promise((done, failed) => call(...given, done, failed));
+
+// All that is in a folder, which is told a hundred at a time.
+async function listed(folder) {
+  const reader = folder.createReader(), found = [];
+  for (let more; (more = await taken(reader.readEntries.bind(reader))).length;) found.push(...more);
+  return Promise.all(found.filter(each => each.isFile).map(async each => [await taken(each.file.bind(each)), `${folder.name}/${each.name}`]));
 }
 
 export function takeDropped(page) {
@@ -61,13 +82,12 @@ export function takeDropped(page) {
   const files = event => event.dataTransfer?.types.includes("Files");
   window.addEventListener("dragover", event => { if (files(event)) { event.preventDefault(); over(true); } });
   window.addEventListener("dragleave", event => { if (!event.relatedTarget) over(false); });
-  window.addEventListener("drop", event => {
+  window.addEventListener("drop", async event => {
     if (!files(event)) return;
     event.preventDefault();
     over(false);
-    const folders = [...event.dataTransfer.items].some(item => item.webkitGetAsEntry?.()?.isDirectory);
-    if (folders) page.say("A folder can't be dropped: give a bag's folder to the command, lptn open FOLDER.");
-    else send(page, [...event.dataTransfer.files]);
+    const dropped = [...event.dataTransfer.items].map(item => [item.webkitGetAsEntry?.(), item.getAsFile()]);  // they are gone with the event
+    send(page, named((await Promise.all(dropped.map(([entry, file]) => entry?.isDirectory ? listed(entry) : [[file, file.name]]))).flat()));
   });
 }
 
@@ -93,7 +113,7 @@ export function start(page) {
       each.desk && h("button", { id: `recent ${each.desk}`, onclick: () => page.order({ what: "recent", name: each.desk }) }, each.study ? "Its files and columns" : "Continue")));
   return [
     h("div", { className: "drop" }, h("h2", null, "Drop a robot’s log here"),
-      h("p", null, "CSV, Parquet, .xlsx, ROS 2 bags (.mcap, .db3), ULog, MDF4, TDMS, HDF5, MATLAB; a model file or a URDF, too. Nothing leaves this machine."),
+      h("p", null, "CSV, Parquet, .xlsx, ROS 2 bags (.mcap, .db3, or their folder), ULog, MDF4, TDMS, HDF5, MATLAB; a model file or a URDF, too. Nothing leaves this machine."),
       h("div", { className: "row" }, picker(page, "Choose files", true), h("small", null, `${size(page.state.largest)} at most`)), progress(page)),
     h("div", { className: "two" },
       h("div", null, h("h2", null, "Recent studies"), recent.length ? h("ul", { className: "plain recent" }, recent.map(study)) : h("p", { className: "soft" }, "None yet.")),
@@ -217,7 +237,7 @@ export function model(page) {
   }
   const save = h("button", { id: "save", disabled: true, onclick: async () => {
     const text = area.value;
-    if (await send(page, [new File([text], "model.toml")], from.based)) from = { ...from, text };
+    if (await send(page, [[new File([text], "model.toml"), "model.toml"]], from.based)) from = { ...from, text };
   } }, "Save");
   const back = h("button", { id: "revert", disabled: true, onclick: () => { from = { based: desk.based, text: desk.text }; area.value = desk.text; area.oninput(); } }, "Discard changes");
   area.oninput = () => { save.disabled = back.disabled = area.value === from.text || busy; };

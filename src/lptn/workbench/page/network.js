@@ -1,5 +1,6 @@
 // The network at the moment under the mouse: boxes coloured by temperature, lines as wide as the heat that flows.
 
+import { follow } from "/look.js";
 import { h } from "/sections.js";
 
 const LEAST_SCALE = 0.6;  // of the drawing's own size: smaller, its words can't be read, and it is moved sideways
@@ -47,6 +48,7 @@ export class Network {
       this.styled = new CSSStyleSheet();
       this.styled.replaceSync(style);
       document.adoptedStyleSheets.push(this.styled);
+      follow(this.styled);
     }
     const svg = this.drawing.querySelector("svg");
     svg.setAttribute("role", "group");  // its parts are buttons

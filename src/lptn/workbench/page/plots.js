@@ -1,6 +1,8 @@
 // Time plots: drag to zoom, hover to read. Lines come from the server for the window that is shown, thinned to its width.
 
 import uPlot from "/uplot/uPlot.esm.js";
+import { csv, png, save, svg } from "/export.js";
+import { color, onLook } from "/look.js";
 import { h, kelvin, placed, triable } from "/sections.js";
 
 const GRID = [1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1200, 1800, 3600, 7200, 14400, 28800, 86400];  // s between ticks
@@ -10,18 +12,19 @@ const STRIDE = 0.01;  // of the width, by which a key moves the cursor
 const MOST_INPUTS = 4, MOST_COMPANIONS = 8;
 const UNITS = { torque: "N·m", current: "A", velocity: "rad/s", power: "W", speed: "m/s", temperature: "°C" };
 const NEAR = "200px";  // above and below the screen: plots that come into sight are drawn by then
-const dark = matchMedia("(prefers-color-scheme: dark)"), colors = new Map();
-dark.addEventListener("change", () => colors.clear());
-const color = name => colors.get(name) ?? colors.set(name, getComputedStyle(document.documentElement).getPropertyValue(name).trim()).get(name);
+const WHEEL = 0.002;  // e-fold of the range to a pixel that the wheel turns
+const MOST_ROWS = 20_000;  // of a CSV file: longer windows keep their extremes
+const DAY = 86_400;  // s
 const sync = uPlot.sync("time");
 
 export class Plots {
   constructor(section, page) {
-    this.section = section, this.page = page, this.windows = {}, this.views = new Map();
+    this.section = section, this.page = page, this.windows = {}, this.views = new Map(), this.clock = false;
     this.bar = h("div", { className: "row" });
     this.list = h("div");
     section.append(this.bar, this.told = h("div", { id: "told", ariaLive: "polite" }), this.list);
-    for (const [source, event] of [[dark, "change"], [window, "resize"]]) source.addEventListener(event, () => this.load());
+    window.addEventListener("resize", () => this.load());
+    onLook(() => this.load());
     this.sight = new IntersectionObserver(seen => {
       for (const { target, isIntersecting } of seen) target.view.seen = isIntersecting;
       this.load();
@@ -35,7 +38,7 @@ export class Plots {
     this.drawBar();
     const wanted = picked.map(each => ({ ...each, id: `${each.segment} ${each.node}` }));
     for (const [id, view] of this.views) if (!wanted.some(each => each.id === id)) { view.remove(); this.views.delete(id); }
-    this.what = JSON.stringify([state.now, state.given, state.head.now, state.stretches, state.advice.length, wanted.length > 1, this.tried?.tried]);
+    this.what = JSON.stringify([state.now, state.given, state.head.now, state.stretches, state.advice.length, wanted.length > 1, this.tried?.tried, this.clock, state.written.limits]);
     wanted.forEach((each, k) => {
       if (!this.views.has(each.id)) this.views.set(each.id, new View(this, each));
       const { element } = this.views.get(each.id);
@@ -58,16 +61,21 @@ export class Plots {
   }
 
   async ask(segment, views) {
-    const attempt = this.tried?.tried ?? "", wanted = views.map(view => view.wanted), zoomed = this.windows[segment];
-    const points = Math.ceil(POINTS * devicePixelRatio * Math.max(...views.map(view => view.stack.clientWidth)));
-    const asked = new URLSearchParams({ segment, points, attempt });
-    if (zoomed) { asked.set("start", zoomed[0]); asked.set("stop", zoomed[1]); }
-    for (const view of views) asked.append("node", view.node);
-    const answer = await fetch(`/lines?${asked}`).catch(() => null);
-    if (!answer?.ok) return;
-    const lines = unpacked(await answer.arrayBuffer());
-    views.forEach((view, k) => view.wanted === wanted[k] && view.show(lines[view.node]));  // else another window is wanted meanwhile
+    const wanted = views.map(view => view.wanted), points = Math.ceil(POINTS * devicePixelRatio * Math.max(...views.map(view => view.stack.clientWidth)));
+    const lines = await this.lines(segment, views.map(view => view.node), points);
+    if (lines) views.forEach((view, k) => view.wanted === wanted[k] && view.show(lines[view.node]));  // else another window is wanted meanwhile
   }
+
+  async lines(segment, nodes, points) {
+    const asked = new URLSearchParams({ segment, points, attempt: this.tried?.tried ?? "" }), zoomed = this.windows[segment];
+    if (zoomed) { asked.set("start", zoomed[0]); asked.set("stop", zoomed[1]); }
+    for (const node of nodes) asked.append("node", node);
+    const answer = await fetch(`/lines?${asked}`).catch(() => null);
+    return answer?.ok ? unpacked(await answer.arrayBuffer()) : null;
+  }
+
+  // Whether the values of a plot are zoomed.
+  get stretched() { return [...this.views.values()].some(view => Object.keys(view.values).length); }
 
   clear() {
     for (const view of this.views.values()) view.remove();
@@ -79,7 +87,7 @@ export class Plots {
   }
 
   drawBar() {
-    const { state, picked } = this.page, at = picked[0], key = JSON.stringify([at, state.segments, state.nodes, !!state.busy, this.windows]);
+    const { state, picked } = this.page, at = picked[0], { limits } = state.written, key = JSON.stringify([at, state.segments, state.nodes, !!state.busy, this.windows, this.clock, limits, this.stretched]);
     if (this.shown === key) return;
     this.shown = key;
     const segment = state.segments.find(each => each.key === at.segment), window = this.windows[segment.key];
@@ -93,10 +101,13 @@ export class Plots {
     this.bar.replaceChildren(...[h("h2", { style: "margin: 0 10px 0 0" }, "Over time"),
       choose("node", "node", state.nodes.map(node => [node, node]), at.node, node => this.page.pick(at.segment, node)),
       choose("run", "run", state.segments.map(each => [each.key, `${each.run} (${each.job})`]), at.segment, key => this.page.pick(key, at.node)),
-      h("button", { id: "whole", disabled: !window, onclick: () => this.zoom(segment.key, null) }, "Whole run"),
+      h("button", { id: "whole", disabled: !window && !this.stretched, onclick: () => this.zoom(segment.key, null) }, "Whole run"),
       h("button", { id: "special", disabled: !window, onclick: () => this.special(at, window) }, "What is special here?"),
       segment.job === "fitted" && cut("fit_on", "Fit on this"), segment.job === "fitted" && cut("hold_out", "Hold this out"), cut("leave_out", "Leave this out"),
-      h("small", null, window ? span(window, segment.origin) : "Drag to zoom; keys: + − ← →, with Shift the cursor.")].filter(Boolean));
+      segment.clock && h("button", { id: "clock", ariaPressed: this.clock, title: "The time of day in UTC, or the time since the run’s start", onclick: () => { this.clock = !this.clock; this.page.tell(); } }, "Time of day"),
+      h("label", null, h("small", null, "Limit "), h("input", { id: "limit", type: "number", step: "any", size: 5, ariaLabel: `limit of ${at.node} in °C`, value: limits[at.node] ?? "",
+        onchange: event => { const { [at.node]: _, ...rest } = limits, value = event.target.valueAsNumber; this.page.order({ what: "note", limits: Number.isFinite(value) ? { ...rest, [at.node]: value } : rest }); } }), h("small", null, " °C")),
+      h("small", null, window ? span(window, segment.origin) : "Drag to zoom, or Ctrl and the wheel; Shift and the wheel for the values; keys: + − ← →, with Shift the cursor.")].filter(Boolean));
     if (focused) document.getElementById(focused)?.focus();
   }
 
@@ -115,7 +126,11 @@ export class Plots {
   }
 
   zoom(segment, window) {
-    if (window) this.windows[segment] = window; else delete this.windows[segment];
+    if (window) this.windows[segment] = window;
+    else {
+      delete this.windows[segment];
+      for (const view of this.views.values()) if (view.segment === segment && Object.keys(view.values).length) Object.assign(view, { values: {}, wanted: "" });
+    }
     this.told.replaceChildren();
     this.drawBar();
     this.page.tell();
@@ -138,9 +153,11 @@ function unpacked(bytes) {
 
 class View {
   constructor(plots, { segment, node }) {
-    Object.assign(this, { plots, segment, node, charts: [] });
+    Object.assign(this, { plots, segment, node, charts: [], values: {}, turned: null });
     this.stack = h("div", { className: "stack", tabIndex: 0, role: "group", ariaLabel: `${node} over time; + and − zoom, arrows move, 0 shows the whole run, arrows with Shift move the cursor`, onkeydown: event => this.key(event) });
-    this.element = h("div", { className: "view" }, this.title = h("h3"), this.stack, this.still = h("small"));
+    const file = (ending, make) => h("button", { ariaLabel: `${node} as ${ending.toUpperCase()}`, onclick: async () => save(await make(), `${node} ${this.run.run}.${ending}`) }, ending.toUpperCase());
+    const all = async () => csv((await plots.lines(segment, [node], MOST_ROWS))[node], this.run);
+    this.element = h("div", { className: "view" }, h("div", { className: "row" }, this.title = h("h3"), h("span", { className: "grow" }), h("span", { className: "files" }, file("png", () => png(this)), file("svg", () => svg(this)), file("csv", all))), this.stack, this.still = h("small"));
     this.element.view = this;
     plots.sight.observe(this.element);
   }
@@ -148,6 +165,7 @@ class View {
   remove() { this.plots.sight.unobserve(this.element); this.charts.forEach(each => each.destroy()); this.element.remove(); }
 
   get run() { return this.plots.page.state.segments.find(each => each.key === this.segment); }
+  get limit() { return this.plots.page.state.written.limits[this.node]; }
   get window() { return this.plots.windows[this.segment] ?? [this.run.start, this.run.stop]; }
 
   // Charts are made anew where there are other lines than before, or another look.
@@ -158,7 +176,7 @@ class View {
     const tried = "attempt" in lines && plots.tried;
     if (tried) this.title.append(h("small", null, ` – dotted: with ${placed(tried)}`));
     if (triable(state).length && !tried) lines.attempt = lines["error attempt"] = Array(lines.time.length).fill(null);
-    const made = JSON.stringify([Object.keys(lines).sort(), picked.length > 1, this.look]);
+    const made = JSON.stringify([Object.keys(lines).sort(), picked.length > 1, this.look, plots.clock, this.limit ?? null]);
     if (made !== this.made) {
       this.made = made;
       this.build(lines, !!tried);
@@ -178,7 +196,7 @@ class View {
       color(each === "now" && state.given === state.now ? "--given" : `--${each}`), { dash: each === "given" ? [7, 4] : each === "attempt" ? [2, 3] : undefined, width: each === "now" ? 2 : 1.6 }));
     const errors = models.map(each => ({ ...each, name: `error ${each.name}` }));
     const panels = [
-      { unit: "°C", label: "temperature [°C]", height: 250, series: [line("measured", "measured", color("--ink"), { width: 1.1 }), ...models] },
+      { unit: "°C", label: "temperature [°C]", height: 250, limit: this.limit, series: [line("measured", "measured", color("--ink"), { width: 1.1 }), ...models] },
       { unit: "K", label: "error [K]", height: 150, series: errors, floor: state.head.floor },
     ];
     if ("heat" in lines && one) panels.push({
@@ -196,8 +214,10 @@ class View {
     this.charts = panels.map((panel, k) => this.chart(panel, lines, k === panels.length - 1));
   }
 
-  chart({ unit, label, height, series, floor, zero, band }, lines, last) {
-    const { run } = this, origin = run.origin, minutes = run.stop - run.start > LONG;
+  chart({ unit, label, height, series, floor, zero, band, limit }, lines, last) {
+    const { run, plots } = this, clock = plots.clock && run.clock, origin = clock ? 0 : run.origin, minutes = run.stop - run.start > LONG;
+    const since = value => minutes ? Number(((value - origin) / 60).toFixed(2)) : Number((value - origin).toFixed(2));
+    const ofDay = value => new Date(1000 * value).toISOString().slice(run.stop - run.start > DAY ? 5 : 11, minutes ? 16 : 19).replace("T", " ");
     const ink = color("--soft"), grid = { stroke: color("--shade"), width: 1 }, ticks = { stroke: color("--line"), width: 1, size: 4 };
     const number = value => value == null ? "–" : `${Number(value.toPrecision(4))} ${unit}`;
     const options = {
@@ -208,27 +228,28 @@ class View {
         bind: { dblclick: () => () => this.plots.zoom(this.segment, null) },
       },
       legend: { live: true },
-      scales: { x: { time: false, auto: false, min: this.window[0], max: this.window[1] }, y: { range: (_, low, high) => limits(low, high, floor, zero) } },
+      scales: { x: { time: false, auto: false, min: this.window[0], max: this.window[1] }, y: { range: (_, low, high) => this.values[label] ?? limits(low, high, floor, zero, limit) } },
       axes: [
-        { show: last, stroke: ink, grid, ticks, incrs: GRID, size: 42, label: minutes ? "time [min]" : "time [s]", labelSize: 16, font: "12px system-ui, sans-serif", labelFont: "12px system-ui, sans-serif",
+        { show: last, stroke: ink, grid, ticks, incrs: GRID, size: 42, label: clock ? "time of day [UTC]" : minutes ? "time [min]" : "time [s]", labelSize: 16, font: "12px system-ui, sans-serif", labelFont: "12px system-ui, sans-serif",
           splits: (_, axis, low, high, step) => { const from = origin + step * Math.ceil((low - origin) / step); return Array.from({ length: Math.floor((high - from) / step) + 1 }, (_, k) => from + k * step); },
-          values: (_, splits) => splits.map(each => minutes ? Number(((each - origin) / 60).toFixed(2)) : Number((each - origin).toFixed(2))) },
+          values: (_, splits) => splits.map(clock ? ofDay : since) },
         { stroke: ink, grid, ticks, label, labelSize: 18, size: 46, space: 26, font: "12px system-ui, sans-serif", labelFont: "12px system-ui, sans-serif" },
       ],
-      series: [{ label: "time", value: (_, value) => value == null ? "–" : `${minutes ? `${((value - origin) / 60).toFixed(2)} min` : `${(value - origin).toFixed(1)} s`}${run.clock ? `, ${new Date(1000 * value).toISOString().slice(0, 19).replace("T", " ")} UTC` : ""}` },
+      series: [{ label: "time", value: (_, value) => value == null ? "–" : `${minutes ? `${((value - run.origin) / 60).toFixed(2)} min` : `${(value - run.origin).toFixed(1)} s`}${run.clock ? `, ${new Date(1000 * value).toISOString().slice(0, 19).replace("T", " ")} UTC` : ""}` },
         ...series.map(({ name, ...rest }) => ({ ...rest, points: { show: false }, value: (_, value) => number(value) }))],
       bands: band ? [{ series: [2, 1], fill: color("--shade") }] : undefined,
-      hooks: { drawClear: [chart => this.shade(chart, floor, zero)], setSelect: [chart => this.selected(chart)],
+      hooks: { drawClear: [chart => this.shade(chart, floor, zero, limit)], setSelect: [chart => this.selected(chart)],
         setCursor: [chart => chart.cursor.event && chart.cursor.left >= 0 && this.plots.page.at(this.segment, chart.posToVal(chart.cursor.left, "x"))] },
     };
     const names = ["time", ...series.map(each => each.name)];
     const chart = new uPlot(options, names.map(name => lines[name]), this.stack);
-    chart.names = names;
+    Object.assign(chart, { names, limit });
+    chart.root.addEventListener("wheel", event => this.wheel(event, chart, label), { passive: false });
     return chart;
   }
 
   // Time that was fitted or only sets the start, stretches in which a channel is odd, the band of the sensors' noise.
-  shade(chart, floor, zero) {
+  shade(chart, floor, zero, limit) {
     const { ctx, bbox } = chart, { from, start, to, stop } = this.run;
     const x = value => Math.min(Math.max(chart.valToPos(value, "x", true), bbox.left), bbox.left + bbox.width);
     const fill = (low, high, style) => { if (high > low) { ctx.fillStyle = style; ctx.fillRect(x(low), bbox.top, x(high) - x(low), bbox.height); } };
@@ -238,8 +259,9 @@ class View {
     for (const issue of this.plots.page.state.issues)
       if (issue.stretch && this.run.run.startsWith(issue.run) && (issue.place === this.node || !this.plots.page.state.nodes.includes(issue.place)))
         fill(issue.stretch[0], issue.stretch[1], color("--mark"));
+    const y = value => chart.valToPos(value, "y", true);
+    if (limit != null) { ctx.fillStyle = color("--limit"); ctx.fillRect(bbox.left, y(limit), bbox.width, 2); }
     if (floor != null || zero) {
-      const y = value => chart.valToPos(value, "y", true);
       if (floor) { ctx.fillStyle = color("--mark"); ctx.fillRect(bbox.left, y(2 * floor), bbox.width, Math.max(y(-2 * floor) - y(2 * floor), 1)); }
       ctx.fillStyle = color("--soft");
       ctx.fillRect(bbox.left, y(0), bbox.width, 1);
@@ -253,6 +275,27 @@ class View {
     const window = [chart.posToVal(left, "x"), chart.posToVal(left + width, "x")];
     chart.setSelect({ left: 0, width: 0, top: 0, height: 0 }, false);
     this.plots.zoom(this.segment, window);
+  }
+
+  // The wheel zooms the time with Ctrl and the values with Shift; alone it moves the page, as everywhere.
+  wheel(event, chart, label) {
+    if (!event.ctrlKey && !event.metaKey && !event.shiftKey) return;
+    event.preventDefault();
+    const factor = Math.exp(WHEEL * (event.deltaY || event.deltaX)), box = chart.over.getBoundingClientRect();
+    const about = (at, low, high) => [at - (at - low) * factor, at + (high - at) * factor];
+    if (event.shiftKey) {
+      const { min, max } = chart.scales.y;
+      this.values[label] = about(chart.posToVal(event.clientY - box.top, "y"), min, max);
+      chart.setScale("x", { min: chart.scales.x.min, max: chart.scales.x.max });
+      return this.plots.drawBar();
+    }
+    const { start, stop } = this.run, [low, high] = about(chart.posToVal(event.clientX - box.left, "x"), ...this.turned ?? this.window);
+    if (!this.turned) requestAnimationFrame(() => {  // a wheel turns faster than plots are drawn
+      const [from, to] = this.turned;
+      this.turned = null;
+      this.plots.zoom(this.segment, from <= start && to >= stop ? null : [from, to]);
+    });
+    this.turned = [Math.max(low, start), Math.min(high, stop)];
   }
 
   // The cursor by the keyboard: values are read where it stands.
@@ -280,8 +323,9 @@ class View {
   }
 }
 
-function limits(low, high, floor, zero) {
+function limits(low, high, floor, zero, limit) {
   if (low == null) return [0, 1];
+  if (limit != null) { low = Math.min(low, limit); high = Math.max(high, limit); }
   if (floor != null || zero) { low = Math.min(low, -2 * (floor ?? 0)); high = Math.max(high, 2 * (floor ?? 0)); }
   const margin = 0.06 * (high - low) || 0.5;
   return [low - margin, high + margin];

@@ -1,5 +1,6 @@
 // Residuals of the node and run that are shown, for those who ask: their memory, their distribution, correlated parameters.
 
+import { color, onLook } from "/look.js";
 import { chartOf } from "/plots.js";
 import { digits, h } from "/sections.js";
 
@@ -8,13 +9,14 @@ export class Residuals {
     Object.assign(this, { page, key: "", charts: h("div", { className: "two" }), words: h("p"), pairs: h("div") });
     this.details = h("details", { id: "residual details", ontoggle: () => this.draw() }, h("summary", null, "Residuals, and correlated parameters"), this.words, this.charts, this.pairs);
     section.append(this.details);
+    onLook(() => this.page.state.tiles && this.draw());
   }
 
   async draw() {
     const { state, picked } = this.page, at = picked[0];
     this.details.hidden = !state.tiles;
     if (!this.details.open || !state.tiles) return;
-    const key = JSON.stringify([at, state.now, state.head.now, state.correlations]);
+    const key = JSON.stringify([at, state.now, state.head.now, state.correlations, color("--paper")]);
     if (this.key === key) return;
     this.key = key;
     const answer = await fetch(`/residuals?${new URLSearchParams(at)}`), found = await answer.json();
