@@ -160,6 +160,20 @@ def test_a_good_and_a_bad_log(lptn: Lptn, model: Path, tmp_path: Path) -> None:
     assert (status, out) == (2, "")
 
 
+def test_every_command_says_what_may_be_meant_otherwise(lptn: Lptn, model: Path, tmp_path: Path) -> None:
+    data = table()
+    data.iloc[[1, 0, *range(2, len(data))]].to_csv(tmp_path / "sorted.csv", index=False)
+    said = "time: 1 row out of order, by a few steps; sorted."
+    status, out, _ = lptn("check", model, tmp_path / "sorted.csv")
+    assert status == 0
+    assert f"  {said}" in out.splitlines()
+    _, _, err = lptn("fit", model, tmp_path / "sorted.csv", "-o", tmp_path / "fitted.toml")
+    assert said in err
+    data.to_csv(tmp_path / "other.csv", index=False)  # the clock of the second is nobody's word
+    _, out, _ = lptn("check", model, f"{tmp_path / 'sorted.csv'}+other.csv")
+    assert "its clock is taken for that of sorted.csv" in out
+
+
 def test_two_logs_joined(lptn: Lptn, model: Path, tmp_path: Path) -> None:
     data = table()
     warm = [name for name in data if name == "time" or str(name).startswith("temperature.")]

@@ -199,10 +199,13 @@ def _notes(content: LogContent) -> Iterator[str]:
 
 def _urgent(content: LogContent, guessing: bool, mapped: Sequence[str], *, whole: bool) -> Iterator[str]:
     """What is wrong with a log, what became of `--map`, and the lines that would map what is missing."""
+    from lptn.logs.reading import doubtful
+
     most = None if whole else FEW
     if content.unused and not content.used:
         yield f"  columns: {few(content.unused, _MANY)}"
-    yield from (f"  {note}" for note in content.notes if note.partition(":")[0] in mapped and not whole)
+    said = {*doubtful(content.notes), *(note for note in content.notes if note.partition(":")[0] in mapped)}
+    yield from (f"  {note}" for note in content.notes if note in said and not whole)
     if content.guesses and not guessing and (whole or content.missing):
         use = "what is missing" if content.missing else "speeds, by which `lptn diagnose` can test more effects"
         yield f"  Some columns may be {use}. If so, put into the model file, under [columns]:"

@@ -19,12 +19,11 @@ from lptn.basics.places import is_of_run
 from lptn.effects import catalogue
 from lptn.logs.clock import stretch_in_words
 from lptn.logs.columns import START, ColumnSource, column_unit, parse_map_option, quantity_of, to_si
-from lptn.logs.joining import ONE_CLOCK, SECOND_TIME
-from lptn.logs.reading import GUESSED, ROWS_UNKNOWN, read_log, run_name
+from lptn.logs.joining import SECOND_TIME
+from lptn.logs.reading import GUESSED, doubtful, read_log, run_name
 from lptn.logs.repeated import repeated_stretch
 from lptn.logs.resampling import raw_keys, sample_values
 from lptn.logs.run import Run
-from lptn.logs.streams import ANOTHER_SOURCE
 from lptn.logs.units import PLAUSIBLE
 from lptn.model.file import ModelFile, read_model_file
 from lptn.model.heat_balance import input_column
@@ -456,9 +455,7 @@ class LoadedModel:
                 guessed = [f"{GUESSED}the same {len(guessed)} columns as in {all_runs[0].source}."]
             elif not said:
                 said = guessed
-            doubts = (ROWS_UNKNOWN, ANOTHER_SOURCE, ONE_CLOCK)
-            asked = [note for note in runs[0].notes if any(doubt in note for doubt in doubts)]
-            for note in [*guessed, *asked * strict, *issues]:
+            for note in [*guessed, *doubtful(runs[0].notes) * strict, *issues]:
                 notify(Path(runs[0].source), note)
             all_runs += [self._with_values(run, given, inputs, optional) for run in runs]
         return all_runs

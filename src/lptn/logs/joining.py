@@ -19,7 +19,7 @@ from lptn.logs.units import suspect_unit
 SECOND_TIME = "time.2"
 """What the second log's time column is mapped as."""
 ONE_CLOCK = "its clock is taken for that of "
-"""What a note says where nobody said how far the second clock is to be moved, and every command says."""
+"""What a note says where nobody said how far the second clock is to be moved."""
 
 
 def join(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 import re
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain
@@ -25,7 +25,7 @@ from lptn.logs.columns import AMBIENT, MEANS, SAMPLES, ColumnSource, as_line_or_
 from lptn.logs.csv_files import open_csv, open_spreadsheet
 from lptn.logs.guess import format_note, guess, refuse_exchanged
 from lptn.logs.issue import Issue
-from lptn.logs.joining import join
+from lptn.logs.joining import ONE_CLOCK, join
 from lptn.logs.quality import check_values, issues_of, silent_channels
 from lptn.logs.recorders import open_hdf5, open_mat, open_mdf, open_tdms
 from lptn.logs.resampling import (
@@ -277,6 +277,15 @@ ROWS_UNKNOWN = "time: a row every "
 """How a note begins that asks whether slow rows are means."""
 GUESSED = "guessed: "
 """How notes on guessed columns begin."""
+OUT_OF_ORDER = "out of order, by a few steps"
+"""What the note on rows says that were sorted."""
+
+
+def doubtful(notes: Sequence[str]) -> list[str]:
+    """Those notes by which a log may be read otherwise than it was meant: every command says them."""
+    return [
+        note for note in notes if any(part in note for part in (ROWS_UNKNOWN, ANOTHER_SOURCE, ONE_CLOCK, OUT_OF_ORDER))
+    ]
 
 
 def read_log(
@@ -428,7 +437,7 @@ def _channels(table: Table, sources: Mapping[str, ColumnSource]) -> Channels:
     if (order := in_order(raw["time"])) is not None:
         raw, numbers = ({key: values[order] for key, values in columns.items()} for columns in (raw, numbers))
         late, where = int((np.diff(order) < 0).sum()), None
-        table.note(f"time: {late} row{'s' * (late > 1)} out of order, by a few steps; sorted.")
+        table.note(f"time: {late} row{'s' * (late > 1)} {OUT_OF_ORDER}; sorted.")
     zeros, of_zeros = rows_of_zeros(Channels(raw, sources))
     if of_zeros:
         raw |= {key: np.where(zeros, np.nan, raw[key]) for key in of_zeros}

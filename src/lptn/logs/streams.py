@@ -18,7 +18,7 @@ from lptn.logs.channels import Channels, is_measured, spans, usual_length
 from lptn.logs.columns import INPUTS
 
 ANOTHER_SOURCE = "of another source"
-"""What notes on messages and rows say that are left out, and every command says."""
+"""What notes on messages and rows say that are left out."""
 
 # --- Sources that a topic's messages name -----------------------------------------------------------
 
