@@ -273,6 +273,8 @@ COMMANDS = [
     _bad("command line", "forecast {model} {log} --limit 60 --coverage 1", "--coverage"),
     _bad("command line", "forecast {model} {log} --limit 60 --window -3", "--window"),
     _bad("command line", "watch {model} udp://robot", "no port"),
+    _bad("log", "watch {model} {folder}/bag.mcap", "bag.mcap: source", "a broken file", bag_mcap="time,a\n0,1\n"),
+    _bad("log", "watch {model} {folder}/bag.db3", "bag.db3: source", "no such file"),
     _bad("command line", "watch {model} {log} --replay 0 --limit rotor=60", "rotor"),
     _bad("command line", "export {model} --to fortran -o {out}.py", "--to"),
     _bad("command line", "export {model} --to numpy -o {out}.py --limit rotor=60", "rotor"),

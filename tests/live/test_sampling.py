@@ -165,6 +165,14 @@ def test_quantities_may_come_in_messages_of_their_own(tmp_path: Path) -> None:
     np.testing.assert_allclose(values["torque.knee"], [np.nan, 1.0])
 
 
+def test_a_sensor_that_is_rare_in_a_file_is_waited_for(tmp_path: Path) -> None:
+    columns = columns_of(tmp_path)
+    motors = {key: value for key, value in MESSAGE.items() if not key.startswith("temp")} | {"temperature.ambient": 22}
+    assert columns.learn([(motors, 100.0)] * 4000) == []  # 4 s at 1 kHz, read at once
+    assert columns.learn([({"temperature.knee": 30.0, "temperature.hip": 31.0}, 100.0)])
+    assert columns.outputs == ["temperature.knee", "temperature.hip"]
+
+
 def test_what_no_message_holds_is_refused_after_a_while(tmp_path: Path) -> None:
     columns = columns_of(tmp_path)
     lacking = {key: value for key, value in MESSAGE.items() if key != "torque.hip"} | {"tau_hip": 1.0}

@@ -389,7 +389,7 @@ def test_a_definition_that_is_code_is_never_run(
 
     monkeypatch.chdir(tmp_path)
     connection = SimpleNamespace(msgtype=kind, msgdef=MessageDefinition(MessageDefinitionFormat.MSG, text))
-    bags._store([connection])
+    bags.store_of([connection])
     assert not (tmp_path / "EVIL").exists()
 
 

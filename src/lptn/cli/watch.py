@@ -39,10 +39,10 @@ def watch(
 ) -> None:
     """Watch a running robot: temperatures, time to each limit, faults of sensors.
 
-    The source is - (lines of JSON or CSV on standard input), a file of such lines that grows, udp://HOST:PORT (a
-    datagram a message; without a host this machine alone), dds://ADDRESS:DOMAIN (topics of ROS 2 and of Unitree's
-    robots at this machine's interface), zenoh://ROUTER:DOMAIN (topics of ROS 2), or with --replay a log of any
-    format. Ends with the source, or at Ctrl-C, and saves its state.
+    The source is - (lines of JSON or CSV on standard input), a file of such lines or a ROS 2 bag that grows,
+    udp://HOST:PORT (a datagram a message; without a host this machine alone), dds://ADDRESS:DOMAIN (topics of ROS 2
+    and of Unitree's robots at this machine's interface), zenoh://ROUTER:DOMAIN (topics of ROS 2), or with --replay a
+    log of any format. Ends with the source, or at Ctrl-C, and saves its state.
 
     Example: lptn watch fitted.toml udp://:9870 --limit 60 --to terminal prometheus
 

@@ -10,6 +10,7 @@ from urllib.parse import urlsplit
 from lptn.basics.errors import InputError
 from lptn.identify.data import LoadedModel
 from lptn.live.dds import Dds, DdsSink
+from lptn.live.recordings import ENDINGS, GrowingBag
 from lptn.live.sinks import PORT_OF_FOXGLOVE, PORT_OF_METRICS, Foxglove, JsonLines, Mcap, Prometheus, Rerun
 from lptn.live.sources import LOOPBACK, GrowingFile, Lines, Replay, Source, Udp
 from lptn.live.watch import Sink
@@ -17,7 +18,7 @@ from lptn.live.zenoh import Zenoh
 
 
 def source_of(text: str, loaded: LoadedModel, replay: float | None = None) -> Source:
-    """The source that a text names: `-`, `udp://…`, `dds://…`, `zenoh://…`, a file that grows or, with a speed, a log.
+    """The source that a text names: `-`, `udp://…`, `dds://…`, `zenoh://…`, a file or bag that grows, a log to replay.
 
     Raises:
         InputError: there is no such source.
@@ -26,13 +27,15 @@ def source_of(text: str, loaded: LoadedModel, replay: float | None = None) -> So
         return Replay(Path(text), replay, loaded)
     if text == "-":
         return Lines()
+    if text.endswith(ENDINGS) or Path(text).is_dir():
+        return GrowingBag(Path(text))
     scheme, host, port = address_of(text, "source")
     if scheme == "udp":
         return Udp(host, port)
     if scheme in ("dds", "zenoh"):
         return (Dds if scheme == "dds" else Zenoh)(urlsplit(text).hostname or "", port)
     if scheme:
-        expected = "-, a file, udp://HOST:PORT, dds://:DOMAIN or zenoh://:DOMAIN"
+        expected = "-, a file, a ROS 2 bag, udp://HOST:PORT, dds://:DOMAIN or zenoh://:DOMAIN"
         raise InputError(text, "source", f"the scheme {scheme}", expected)
     return GrowingFile(Path(text))
 

@@ -92,7 +92,7 @@ class Dds(RosSource):
                     readers[topic] = DataReader(self._participant, found, newest), kept
             for topic, (reader, kept) in readers.items():
                 for message in reader.take(kept):
-                    self.say(f"/{topic.removeprefix('rt/')}", message)
+                    self.hear(f"/{topic.removeprefix('rt/')}", message)
 
 
 class DdsSink:

@@ -82,22 +82,30 @@ def message_types() -> dict[str, Any]:
 class RosSource(Source):
     """A source of messages by topic: numbers are called as in bags, `/joint_states.effort[knee]`."""
 
-    def __init__(self, name: str) -> None:
-        super().__init__(name, live=True)
+    def __init__(self, name: str, *, live: bool = True) -> None:
+        super().__init__(name, live=live)
         self._known = set[tuple[str, ...]]()
 
-    def say(self, topic: str, message: Any) -> None:
-        """Put a message into the inbox; what is known of its type is where its quantities stand."""
+    def hear(self, topic: str, message: Any) -> None:
+        """Say the numbers of a message; a topic without stamps, as LowState, has the time of its reception."""
         kind = type(message).__name__.removesuffix("_")
         content: dict[str, Any] = _plain(message)
         stamp = content.pop("header", {}).get("stamp", {"sec": 0, "nanosec": 0})
-        numbers = _numbers(kind, message, content)
+        self.say(topic, f"/{kind}", _numbers(kind, message, content), stamp["sec"] + stamp["nanosec"] / 1e9)
+
+    def say(self, topic: str, kind: str, numbers: Numbers, seconds: float) -> None:
+        """Put a topic's numbers into the inbox; what is known of its type is where its quantities stand.
+
+        Args:
+            topic: its name.
+            kind: of its messages, as bags have it.
+            numbers: by their names in the message.
+            seconds: when it was, 0 for its reception.
+        """
         if (names := (topic, *numbers)) not in self._known:
             self._known.add(names)
-            self.defaults |= quantities({topic: (f"/{kind}", list(numbers))}) | self.defaults
+            self.defaults |= quantities({topic: (kind, list(numbers))}) | self.defaults
         said = {f"{topic}.{name}": value for name, value in numbers.items()}
-        # A topic without stamps, as LowState, has the time of its reception.
-        seconds = stamp["sec"] + stamp["nanosec"] / 1e9
         self.inbox.put(said | ({"time": seconds} if seconds else {}))
 
 

@@ -30,7 +30,7 @@ GAP = 10.0
 less than time passes has jumped."""
 _STEPS_BRIDGED = 5.0  # steps of the model, where that is longer
 _LEARNING = 5.0  # s from the first message, by which each quantity has been in one
-_ENOUGH = 1000  # messages, or as many, of a source that says them faster
+_ENOUGH = 5000  # messages, or as many, of a file that says them at once: those of 1 kHz
 _FEWEST = 10  # samples from which their rate is known
 
 

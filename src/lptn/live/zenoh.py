@@ -60,7 +60,7 @@ class Zenoh(RosSource):
                 except Exception:  # of any kind, by what is wrong with the bytes
                     self.inbox.dropped += 1
                     return
-                self.say(f"/{'/'.join(topic)}", message)
+                self.hear(f"/{'/'.join(topic)}", message)
 
         with self._session:
             self._session.declare_subscriber(f"{self._domain}/*/*/*/**", hear)

@@ -53,7 +53,7 @@ def open_bag(path: Path) -> Table:
         _CHANNELS.check(len(reader.connections), path, "log")
         of_types = {channel.msgtype: len(channel.msgdef.data) for channel in reader.connections}
         _DEFINITIONS.check(sum(of_types.values()), path, "log")
-        store = _store(reader.connections)
+        store = store_of(reader.connections)
         topics, of_opening = _topics(reader, store)
     if not topics:
         raise InputError(path, "log", "no topic whose messages hold numbers", "a bag with joint states or the like")
@@ -190,7 +190,7 @@ def _topics(reader: Any, store: Any) -> tuple[dict[str, _Topic], list[str]]:
     return topics, notes
 
 
-def _store(connections: Sequence[Any]) -> Any:
+def store_of(connections: Sequence[Any]) -> Any:
     """Types of ROS 2 itself, those of joint states, and those that the bag defines."""
     from rosbags.interfaces import MessageDefinitionFormat
     from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
