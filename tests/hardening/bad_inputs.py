@@ -276,6 +276,8 @@ COMMANDS = [
     _bad("log", "watch {model} {folder}/bag.mcap", "bag.mcap: source", "a broken file", bag_mcap="time,a\n0,1\n"),
     _bad("log", "watch {model} {folder}/bag.db3", "bag.db3: source", "no such file"),
     _bad("command line", "watch {model} {log} --replay 0 --limit rotor=60", "rotor"),
+    _bad("command line", "watch {model} {log} --to page://0.0.0.0:8000", "127.0.0.1 alone"),
+    _bad("command line", "watch {model} {log} --to page://:99999", "no port"),
     _bad("command line", "export {model} --to fortran -o {out}.py", "--to"),
     _bad("command line", "export {model} --to numpy -o {out}.py --limit rotor=60", "rotor"),
     _bad("command line", "fleet {model} {log}", "--output"),

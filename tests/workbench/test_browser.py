@@ -6,12 +6,15 @@ import re
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
+from queue import Queue
 from xml.etree import ElementTree
 
 import pytest
 from playwright.sync_api import Browser, Page, Response, expect
 from playwright.sync_api import TimeoutError as NeverSeen
 
+from lptn.live.status import NodeStatus, Status
+from lptn.workbench.live import LivePage
 from tests.workbench.conftest import CHROMIUM, PATIENCE, Server, unpacked
 
 pytestmark = [
@@ -319,3 +322,33 @@ def test_zoom_and_a_stretch_left_out(browser: Browser, tmp_path: Path) -> None:
         assert answer.status == 401
     finally:
         server.kill()
+
+
+def test_a_running_robot_is_drawn_as_it_is_told(browser: Browser, tmp_path: Path) -> None:
+    addresses = Queue[str]()
+    live = LivePage(ready=lambda address, _: addresses.put(address))
+    try:
+        page = browser.new_page()
+        page.on("pageerror", lambda error: pytest.fail(str(error)))
+        page.goto(addresses.get(timeout=30))
+        for time in range(60):
+            nodes = [
+                NodeStatus(name, 40.0 + time / 10, 39.0, 41.0, 40.0 + time / 10, 60.0, 300.0, 200.0, 400.0, "trusted")
+                for name in ("knee", "hip")
+            ]
+            live.show(
+                Status(
+                    float(time), tuple(nodes), assessed=5.0, counts={"messages": 60}, events=("begun",) * (time == 0)
+                )
+            )
+        expect(page.locator("#table tbody tr")).to_have_count(2)
+        expect(page.locator("#table tbody tr").first).to_contain_text("5 min (3 min to 7 min)")
+        expect(page.locator("#said")).to_contain_text("begun")
+        expect(page.locator(".u-legend tr")).to_have_count(3)  # time, and both nodes
+        page.get_by_role("button", name="knee").click()
+        expect(page.locator(".u-legend")).to_contain_text("limit")
+        live.close()
+        expect(page.locator("#work")).to_contain_text("The watch has ended.")
+        page.screenshot(path=tmp_path / "live.png")
+    finally:
+        live.close()

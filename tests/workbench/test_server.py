@@ -259,13 +259,13 @@ def _port(address: str) -> int:
 
 
 def test_no_command_line_has_a_token(served: tuple[str, Path], monkeypatch: pytest.MonkeyPatch) -> None:
-    from lptn.cli.open import _show
+    from lptn.cli.open import show_in_browser
 
     address, page = served
     opened: list[str] = []
     monkeypatch.setenv("DISPLAY", ":0")
     monkeypatch.setattr("webbrowser.open", opened.append)
-    _show(page)
+    show_in_browser(page)
     assert opened == [page.as_uri()]
     assert "token" not in opened[0]
     assert (page.stat().st_mode & 0o777, page.parent.stat().st_mode & 0o777) == (0o600, 0o700)

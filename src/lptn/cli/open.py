@@ -64,7 +64,7 @@ def open(  # noqa: A001 - the command's name
         print(f"The workbench, until Ctrl-C{where}", flush=True)
         print(address, flush=True)
         if browser:
-            _show(page)
+            show_in_browser(page)
 
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # and take away what lies about for the browser
     with suppress(KeyboardInterrupt):
@@ -78,7 +78,7 @@ def _is_log(path: Path) -> bool:
     return path.is_dir() or path.name.endswith(ENDINGS) or pair_of(path) is not None
 
 
-def _show(page: Path) -> None:
+def show_in_browser(page: Path) -> None:
     """Show a file in the browser, where there is a screen: a browser in the terminal would take its place."""
     import os
     import webbrowser

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from lptn.live.status import NodeStatus, Status
+    from lptn.live.watch import Sink
 
 
 def watch(
@@ -47,8 +48,9 @@ def watch(
     Example: lptn watch fitted.toml udp://:9870 --limit 60 --to terminal prometheus
 
     Args:
-        to: Where results go: terminal (default), json, json:FILE, mcap:FILE, rerun, rerun:FILE, prometheus, foxglove,
-            the last two also with ://HOST:PORT, dds (ROS 2 topics), dds://ADDRESS:DOMAIN; may be repeated.
+        to: Where results go: terminal (default), page (in the browser of this machine), page://:PORT, json, json:FILE,
+            mcap:FILE, rerun, rerun:FILE, prometheus, foxglove, the last two also with ://HOST:PORT, dds (ROS 2
+            topics), dds://ADDRESS:DOMAIN; may be repeated.
         limit: Limit in degC for all joints, or NODE=degC, also for a pattern of nodes; may be repeated.
         replay: Replay the log at so many times its speed; 0: as fast as possible.
         state: File to save the state in each minute, and to go on from.
@@ -69,12 +71,23 @@ def watch(
     known = None if calibration is None else read_calibration(calibration, loaded.model)
     said = source_of(source, loaded, replay)
     names = to or (["terminal"] if not is_quiet() else [])
-    sinks = [sink_of(name, Terminal, sys.stdout) for name in names]
+    sinks = [sink_of(name, Terminal, _page, sys.stdout) for name in names]
     watching = Watch(loaded, said, sinks, limits=limits, coverage=coverage, calibration=known, every=every, state=state,
                      learn=learn)  # fmt: skip
     last = watching.run()
     show_written({"the model as the last hours have it": learn})
     write_json(json, last.as_json())
+
+
+def _page(port: int) -> Sink:
+    from lptn.cli.open import show_in_browser
+    from lptn.workbench.live import LivePage
+
+    def ready(address: str, page: Path) -> None:
+        print(f"The robot's page: {address}", file=sys.stderr, flush=True)
+        show_in_browser(page)
+
+    return LivePage(port, ready)
 
 
 # --- The table ------------------------------------------------------------------------------------------

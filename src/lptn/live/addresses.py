@@ -59,13 +59,14 @@ def address_of(text: str, place: str, port: int | None = None) -> tuple[str, str
     return parts.scheme, parts.hostname or LOOPBACK, found
 
 
-def sink_of(text: str, terminal: Callable[[], Sink], stream: TextIO) -> Sink:
-    """The sink that a text names: `terminal`, `json`, `json:FILE`, `mcap:FILE`, `rerun`, `rerun:FILE`,
-    `prometheus://HOST:PORT`, `foxglove://HOST:PORT`, `dds://ADDRESS:DOMAIN`.
+def sink_of(text: str, terminal: Callable[[], Sink], page: Callable[[int], Sink], stream: TextIO) -> Sink:
+    """The sink that a text names: `terminal`, `page`, `page://:PORT`, `json`, `json:FILE`, `mcap:FILE`, `rerun`,
+    `rerun:FILE`, `prometheus://HOST:PORT`, `foxglove://HOST:PORT`, `dds://ADDRESS:DOMAIN`.
 
     Args:
         text: what was given.
         terminal: makes the table.
+        page: serves the page at a port of loopback, 0 for any.
         stream: where lines of JSON without a file go.
 
     Raises:
@@ -74,6 +75,11 @@ def sink_of(text: str, terminal: Callable[[], Sink], stream: TextIO) -> Sink:
     kind, _, rest = text.partition(":")
     if text == "terminal":
         return terminal()
+    if kind == "page":
+        _, host, port = address_of(text if rest else f"page://{LOOPBACK}", "sink", 0)
+        if host != LOOPBACK:
+            raise InputError(text, "sink", f"the host {host}", f"page://:PORT, for it is served on {LOOPBACK} alone")
+        return page(port)
     if kind == "json":
         return JsonLines(Path(rest) if rest else stream)
     if kind == "mcap" and rest:
@@ -87,7 +93,7 @@ def sink_of(text: str, terminal: Callable[[], Sink], stream: TextIO) -> Sink:
         if kind == name:
             return served(*address_of(text if rest else f"{kind}://{LOOPBACK}", "sink", port)[1:])
     expected = (
-        "terminal, json, json:FILE, mcap:FILE, rerun, rerun:FILE, prometheus, foxglove, dds, these two also with "
-        "://HOST:PORT, dds with ://ADDRESS:DOMAIN"
+        "terminal, page, json, json:FILE, mcap:FILE, rerun, rerun:FILE, prometheus, foxglove, dds, these two also with "
+        "://HOST:PORT, page with ://:PORT, dds with ://ADDRESS:DOMAIN"
     )
     raise InputError(text, "sink", "no such sink", expected)

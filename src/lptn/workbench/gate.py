@@ -61,7 +61,7 @@ class Gate(BaseHTTPMiddleware):
         """What is answered at the gate, `None` for what may pass."""
         host, origin = request.headers.get("host", ""), request.headers.get("origin")
         if host not in self._hosts:
-            return PlainTextResponse("This is not the address that `lptn open` printed.", 421)
+            return PlainTextResponse("This is not the address that was printed.", 421)
         if origin is not None and origin != f"http://{host}":
             return PlainTextResponse("Other pages may not use the workbench.", 403)
         if request.method == "POST" and origin is None:
@@ -84,5 +84,5 @@ def _same(given: str, secret: str) -> bool:
 
 
 def _refused() -> Response:
-    said = "Open the address that `lptn open` printed last. It lets in once; the same command begins anew with another."
+    said = "Open the address that was printed last. It lets in once; the same command begins anew with another."
     return PlainTextResponse(said, 401)

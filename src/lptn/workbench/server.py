@@ -13,8 +13,9 @@ import secrets
 import socket
 import tempfile
 import threading
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar, get_origin
 
@@ -61,7 +62,6 @@ def application(session: WorkbenchSession, port: int, *tokens: str) -> Starlette
     """
     site = _Site(session)
     routes: list[BaseRoute] = [
-        Route("/favicon.ico", lambda _: Response(status_code=204)),  # browsers ask for it unasked
         Route("/state", site.state),
         Route("/lines", _answering(LinesAsked, session.lines, _as_bytes)),
         Route("/special", _answering(SpecialAsked, session.special, _as_json)),
@@ -72,9 +72,15 @@ def application(session: WorkbenchSession, port: int, *tokens: str) -> Starlette
         Route("/stop", site.stop, methods=["POST"]),
         Route("/result/{name}", site.result),
         Route("/model", site.model),
-        Mount("/", StaticFiles(packages=_PAGE, html=True)),
     ]
-    return Starlette(routes=routes, middleware=[Middleware(Gate, port=port, tokens=tokens)])
+    return application_of(routes, port, *tokens)
+
+
+def application_of(routes: Sequence[BaseRoute], port: int, *tokens: str) -> Starlette:
+    """An application of some routes and the page's files, behind the gate; arguments as of `application`."""
+    icon = Route("/favicon.ico", lambda _: Response(status_code=204))  # browsers ask for it unasked
+    site = Mount("/", StaticFiles(packages=_PAGE, html=True))
+    return Starlette(routes=[icon, *routes, site], middleware=[Middleware(Gate, port=port, tokens=tokens)])
 
 
 Asked = TypeVar("Asked", bound=BaseModel)
@@ -281,17 +287,38 @@ def serve(session: WorkbenchSession, port: int = 0, ready: Callable[[str, Path],
     Args:
         session: an open session.
         port: of the server; by default any that is free.
-        ready: called once it answers with the address, whose token lets in once, and with a file that leads there by
-            a token of its own: a browser's command line, which everybody can read, has the file's name alone.
+        ready: as of `serve_site`.
 
     Raises:
         InputError: the port is taken.
     """
+    listener = listening(port)
+    try:
+        serve_site(partial(application, session), listener, ready)
+    finally:
+        session.close()
+
+
+def serve_site(
+    application: Callable[..., Starlette],
+    listener: socket.socket,
+    ready: Callable[[str, Path], None],
+    begins: Callable[[uvicorn.Server], None] = lambda _: None,
+) -> None:
+    """Serve an application until its server ends, or Ctrl-C.
+
+    Args:
+        application: makes it of its port and tokens.
+        listener: a socket of loopback, which is closed at the end.
+        ready: called once it answers with the address, whose token lets in once, and with a file that leads there by
+            a token of its own: a browser's command line, which everybody can read, has the file's name alone.
+        begins: called with the server before it runs.
+    """
     shown, in_file = secrets.token_urlsafe(32), secrets.token_urlsafe(32)
-    with listening(port) as listener, tempfile.TemporaryDirectory(prefix="lptn-open-") as private:
+    with listener, tempfile.TemporaryDirectory(prefix="lptn-open-") as private:
         number = listener.getsockname()[1]
         config = uvicorn.Config(
-            application(session, number, shown, in_file),
+            application(number, shown, in_file),
             http=_Patient,
             log_level="error",
             lifespan="off",
@@ -300,12 +327,10 @@ def serve(session: WorkbenchSession, port: int = 0, ready: Callable[[str, Path],
             timeout_graceful_shutdown=1,
         )
         server = uvicorn.Server(config)
+        begins(server)
         listener.listen(128)  # a request that comes before the server answers waits
         address, page = f"http://127.0.0.1:{number}/?token=", Path(private) / "workbench.html"
         page.touch(mode=0o600)  # in a folder that is this user's alone
         write_whole(page, MOVES_ON.format(address + in_file))
         threading.Timer(0.0, ready, [address + shown, page]).start()
-        try:
-            server.run(sockets=[listener])
-        finally:
-            session.close()
+        server.run(sockets=[listener])
