@@ -2,7 +2,7 @@
 
 import uPlot from "/uplot/uPlot.esm.js";
 import { h } from "/sections.js";
-import { color } from "/look.js";
+import { color, onLook } from "/look.js";
 
 const PAUSE = 1000, COLOURS = 8, KEPT = 7200, NEAR = 10;  // ms between two questions; colours; rows; K below a limit
 const SINCE_1970 = 3e8;  // s; a clock that says more counts from there
@@ -66,5 +66,6 @@ function draw(anew) {
       ...chosen ? [line("reading", "--points", { width: 0, points: { show: true, size: 3 } }), line("limit", "--limit", { dash: [6, 4] })] : []],
   }, lines, element);
 }
+onLook(() => newest && draw(true));
 addEventListener("resize", () => chart?.setSize({ width: place("lines").clientWidth, height: 420 }));
 ask();
