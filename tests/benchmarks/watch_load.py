@@ -3,7 +3,8 @@
     python -m tests.benchmarks.watch_load --seconds 60
     python -m tests.benchmarks.watch_load --hours 168
 
-Prints the share of a processor that the loop and its assessments take, memory, and messages that were lost.
+Prints the share of a processor that the loop and its assessments take, memory, messages that were lost, and the time
+from the message that completes a row of the model to the line of its status in another process.
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ from lptn.live.watch import Watch
 
 JOINTS = [f"joint{k}" for k in range(30)]
 PORT = 9871
+STEP = 1.0  # s, of the model
 MODEL = """
 [model]
 name = "thirty joints"
@@ -91,13 +93,23 @@ def memory(pid: int) -> float:
     return int(next(line for line in lines if line.startswith("VmRSS")).split()[1]) / 1000
 
 
+def listen(watch: subprocess.Popen[bytes], shown: dict[float, float]) -> None:
+    """When each row's status was read first, by the row's time."""
+    assert watch.stdout is not None
+    for line in watch.stdout:
+        shown.setdefault(json.loads(line)["time"], time.monotonic())
+
+
 def live(seconds: float, rate: float) -> None:
     """Send messages over UDP to a watch."""
     with tempfile.TemporaryDirectory() as folder:
         last = Path(folder) / "last.json"
         command = [sys.executable, "-m", "lptn", "watch", str(model_file(Path(folder))), f"udp://:{PORT}", "--limit",
-                   "80", "--to", "prometheus://127.0.0.1:9472", "--json", str(last)]  # fmt: skip
-        with subprocess.Popen(command) as watch, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as robot:
+                   "80", "--to", "prometheus://127.0.0.1:9472", "json", "--json", str(last)]  # fmt: skip
+        with (
+            subprocess.Popen(command, stdout=subprocess.PIPE) as watch,
+            socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as robot,
+        ):
             while True:  # until it serves
                 with suppress(OSError), urllib.request.urlopen("http://127.0.0.1:9472/metrics"):
                     break
@@ -106,6 +118,8 @@ def live(seconds: float, rate: float) -> None:
             texts = [
                 json.dumps(message(k / rate, settled(k / rate), rng)).encode() for k in range(round(seconds * rate))
             ]
+            shown = dict[float, float]()
+            Thread(target=listen, args=(watch, shown), daemon=True).start()
             began, worked = time.monotonic(), processor_time(watch.pid)
             for k, text in enumerate(texts):
                 ahead = began + k / rate - time.monotonic()
@@ -118,6 +132,10 @@ def live(seconds: float, rate: float) -> None:
             lasted = time.monotonic() - began
             share = (processor_time(watch.pid) - worked) / lasted
             print(f"{lasted:6.0f} s  {share:.3f} of a processor, {memory(watch.pid):.0f} MB")
+            # A row is complete with the message two steps behind its beginning.
+            late = [1000 * (when - began - row - 2 * STEP) for row, when in shown.items()]
+            middle, most = np.percentile(late, [50, 99])
+            print(f"{len(late)} rows shown {middle:.0f} ms after their last message, 99 % within {most:.0f} ms")
             watch.terminate()
         print(f"sent {len(texts)}; counts {json.loads(last.read_text())['counts']}")
 
