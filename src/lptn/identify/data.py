@@ -20,11 +20,11 @@ from lptn.effects import catalogue
 from lptn.logs.clock import stretch_in_words
 from lptn.logs.columns import START, ColumnSource, column_unit, parse_map_option, quantity_of, to_si
 from lptn.logs.joining import SECOND_TIME
+from lptn.logs.plausible import PLAUSIBLE
 from lptn.logs.reading import GUESSED, doubtful, read_log, run_name
 from lptn.logs.repeated import repeated_stretch
 from lptn.logs.resampling import raw_keys, sample_values
 from lptn.logs.run import Run
-from lptn.logs.units import PLAUSIBLE
 from lptn.model.file import ModelFile, read_model_file
 from lptn.model.heat_balance import input_column
 from lptn.model.model import Model

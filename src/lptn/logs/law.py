@@ -27,6 +27,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from lptn.basics.arrays import BoolArray, FloatArray, IntArray
 from lptn.logs.channels import GAP, SHORTEST, STILL, Channels, GainChange, spans, standing, usual_length
 from lptn.logs.columns import has_own_heat, place_of
+from lptn.logs.plausible import ALIKE
 from lptn.logs.scatter import MAD_TO_SIGMA
 
 _FEWEST = 30  # blocks that tell a law
@@ -143,9 +144,7 @@ def warming(log: Channels, key: str, load: str) -> Warming | None:
 
 _WINDOW = 10  # steps that are added up: in one, a part at rest would lose less than a coarse sensor rounds
 _ROUNDING = 0.41  # of a sensor's step: √(2/12), by which rounding scatters the difference of two readings
-_AT_REST, _WORKED = 1.5, 0.2
-"""K, by which sensors of a robot at rest differ, and share of their warmth, by which parts do that worked together:
-standard deviations."""
+_WORKED = 0.2  # of their warmth, by which parts differ that worked together: a standard deviation
 
 
 def rest_evidence(log: Channels, warm: Mapping[str, float], *, all_warm: bool) -> float:
@@ -171,8 +170,8 @@ def rest_evidence(log: Channels, warm: Mapping[str, float], *, all_warm: bool) -
             right, other = (np.where(x < _FAR, 0.5 * x**2, _FAR * (x - 0.5 * _FAR)).sum() / _WINDOW for x in sizes)
             evidence = float(np.nansum([evidence, right - other]))
     if all_warm:
-        worked, spread = _WORKED * above, float(np.var(list(warm.values())))
-        alike = np.log(worked / _AT_REST) + 0.5 * spread * (worked**-2 - _AT_REST**-2)
+        worked, at_rest, spread = _WORKED * above, 0.5 * ALIKE, float(np.var(list(warm.values())))
+        alike = np.log(worked / at_rest) + 0.5 * spread * (worked**-2 - at_rest**-2)
         evidence += (len(warm) - 1) * float(alike)
     return evidence
 
@@ -238,9 +237,9 @@ def exchanged(
 
 # --- Stretches in which a part would not have stayed where its sensor says that it was --------------
 
-_APART, _STEPS, _TIMES, _USUAL = 3.0, 3.0, 3.0, 0.95
-"""K, and steps of the sensor, and times what so many of the stretches as long are off by, at the most: what a part does
-by itself, as where a fan starts, is less than that in a stretch in which its sensor happens to stand."""
+_STEPS, _TIMES, _USUAL = 3.0, 3.0, 0.95
+"""Steps of the sensor, and times what so many of the stretches as long are off by, at the most, that a part is off in a
+stretch in which its sensor happens to stand."""
 _WORSE, _LIKELIER = 1.5, 9.0
 """Times the usual error of a step, by which such stretches make the law worse if they count, for each of their steps or
 of the others, whichever are fewer; and that, times how far beyond `most` they are: a law that has never seen how a part
@@ -250,7 +249,7 @@ _OF_MOVES, _OF_FALL = 0.1, 0.5
 that change with temperature are no part of it."""
 _ASKED = 10  # stretches, the longest: those of a whole day's coarse sensor at rest would take minutes
 _SPARE = 8  # steps more than the law has coefficients
-_WARM, _AT_AIR, _RISES = 6.0, 1.5, 0.2  # K above the air; K from it; K from block to block: it does not fall to the air
+_RISES = 0.2  # K from block to block: it does not fall to the air
 
 
 def against_heat(log: Channels, key: str, load: str, resolution: float) -> list[tuple[int, int]]:
@@ -289,7 +288,7 @@ def _at_the_air(log: Channels, key: str) -> list[tuple[int, int]]:
     if log.air not in log.values or key == log.air:
         return []
     warmth = log.means(key) - log.means(log.air)
-    cold = (np.abs(warmth) < _AT_AIR) & np.logical_or.accumulate(warmth > _WARM)
+    cold = (np.abs(warmth) < 0.5 * ALIKE) & np.logical_or.accumulate(warmth > 2 * ALIKE)
     return [(_last_rise(log, key, begin) * log.block, end * log.block - 1) for begin, end in spans(cold)]
 
 
@@ -335,7 +334,7 @@ def _is_contradicted(law: Warming, stretches: Sequence[tuple[int, ...]], known: 
     total, elsewhere = (np.concatenate(([0.0], np.cumsum(x))) for x in (off, np.where(told, off, 0.0)))
     for begin, end in stretches:
         as_long = np.abs(elsewhere[end - begin :] - elsewhere[: elsewhere.size - end + begin])
-        most = max(_APART, _STEPS * resolution, _TIMES * float(np.quantile(as_long, _USUAL)))
+        most = max(ALIKE, _STEPS * resolution, _TIMES * float(np.quantile(as_long, _USUAL)))
         most = max(most, _OF_FALL * abs(float(moved[begin:end].sum())))
         times = abs(total[end] - total[begin]) / most
         if end > begin and worse > _WORSE and times > 1 and worse * times > _LIKELIER:
@@ -471,7 +470,7 @@ def gain_change(log: Channels, key: str, load: str) -> GainChange | None:
     moved, otherwise = (np.ptp(np.cumsum(x[start:stop])) for x in (law.moved, other_way))
     first = (int(law.rows[start]) + 1) * log.block if start else 0
     last = log.time.size - 1 if to_the_end else (int(law.rows[stop - 1]) + 2) * log.block - 1
-    still = ratio < _NO_HEAT and bool(moved < min(_APART, _STILL * otherwise))
+    still = ratio < _NO_HEAT and bool(moved < min(ALIKE, _STILL * otherwise))
     if stands_still and not (still and otherwise > log.sensors[key].step):
         return None  # it is in equilibrium
     if not (still or to_the_end or ratio < _NO_HEAT):

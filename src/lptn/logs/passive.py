@@ -16,6 +16,7 @@ from lptn.basics.arrays import BoolArray, FloatArray, IntArray
 from lptn.logs.channels import FEWEST, SHORTEST, Channels, Silence, few_of, spans
 from lptn.logs.columns import place_of
 from lptn.logs.law import contradicted
+from lptn.logs.plausible import ALIKE, CODES, FAR, HOTTEST, OUTDOORS, RATE
 
 _MOST = 2000  # stretches; in more pieces a channel is noise, and nothing is known of it
 _FASTEST = 1e-6  # s between two readings; clocks of loggers tell no less
@@ -46,11 +47,8 @@ def off(log: Channels, key: str, values: FloatArray) -> list[Silence]:
 
 # --- Where a channel moves as no part does ----------------------------------------------------------
 
-_LEAP, _NOISE, _STEPS = 3.0, 8.0, 2.5
-"""K that any part may seem to move at once; times the usual move from reading to reading; steps of a coarse sensor."""
-_RATE = 1.0  # K/s: a winding at stall warms as fast, for some seconds
-_COLDER, _HOTTEST = 10.0, 300.0  # K, below all others; degC: insulation of the best class bears 240, magnets less
-_WINTER = -30.0  # degC, of the air, in which robots still work: of what surrounds all others nothing else is colder
+_NOISE, _STEPS = 8.0, 2.5
+"""Times the usual move from reading to reading, and steps of a coarse sensor, that a part may seem to move at once."""
 _ALONE = 0.5  # of a move from row to row, that the moves beside it have at the most: a part that goes fast goes on so
 _SAMPLED = 2.0  # s between readings: in more a small part goes on no longer
 _QUICK, _SLOW_LEAP = 10.0, 30.0  # s between readings: in more a winding may warm and cool again by any number; K, then
@@ -59,10 +57,9 @@ _TAIL = 3  # times ten seconds, in which the rest of its way is lost in what is 
 _BEFORE = 20.0, 5.0  # s, over which the heat before is meant, of slow parts and of quick ones
 _LAG = 2.0  # s, by which a sensor lags
 _AS_LARGE, _NEARLY, _GAIN = 0.5, 0.9, 3.0  # of a change of heat; share of such moves; times the largest of these
-_BEGINNING, _QUICKER, _NEARLY_ALL = 60.0, 12.0, 0.98  # s; times what it does elsewhere; share of a channel's moves
+_QUICKER, _MOST_MOVES = 12.0, 0.98  # times what it does elsewhere; share of a channel's moves
 _EDGE = 5  # readings at the ends of a stretch, whose middle value is taken
-_BEGINS, _LIKELY, _UNLIKELY = 6.0, 3.0, 0.1
-"""K from the others, and times that a stretch counts that begins so; that no part can have."""
+_LIKELY, _UNLIKELY = 3.0, 0.1  # times that a stretch counts that begins as the others; that no part can have
 _LEAPS = 4  # of a counter that turns
 
 
@@ -74,7 +71,7 @@ class _Part:
         self.log, self.key, self.rows = log, key, there
         others = [sensor for other, sensor in log.sensors.items() if other != key]
         self.start = float(np.median([sensor.first for sensor in others])) if others else np.nan
-        self.coldest = min((sensor.low for sensor in others), default=-np.inf) if key != log.air else _WINTER
+        self.coldest = min((sensor.low for sensor in others), default=-np.inf) if key != log.air else OUTDOORS[0]
         load, step = log.loads.get(place_of(key)), log.sensors[key].step
         self.heat = None if load is None else np.square(np.nan_to_num(load[there]))
         # All heat that is put in is logged, so that what moves otherwise is no part; into the air none is put.
@@ -82,7 +79,7 @@ class _Part:
         apart, moves = np.diff(self.stamps), np.abs(np.diff(readings))
         every = float(np.median(few_of(apart)))
         self.every = max(every, _FASTEST) if np.isfinite(every) else np.inf
-        self.least = max(_LEAP, _STEPS * step if step > 0 else _NOISE * float(np.median(few_of(moves))))
+        self.least = max(ALIKE, _STEPS * step if step > 0 else _NOISE * float(np.median(few_of(moves))))
 
     def cuts(self) -> IntArray:
         """For each step from reading to reading whether no part makes it: 1 alone, 2 as a part of a slow leap."""
@@ -97,7 +94,7 @@ class _Part:
             back = -beside.min(axis=0) > self.least
             alone = beside.max(axis=0) < _ALONE * size[suspects]
             known = (apart[suspects] <= _SAMPLED) | self.is_known | self._nowhere(self.readings[suspects + 1])
-            far = size[suspects] > self.least + _RATE * np.minimum(apart[suspects], _QUICK)
+            far = size[suspects] > self.least + RATE * np.minimum(apart[suspects], _QUICK)
             leap = (back & quick[suspects]) | (far & alone & known)
             cuts[suspects[leap & ~self._heated(suspects, 1)]] = 1
         for window in _WINDOWS:
@@ -105,7 +102,7 @@ class _Part:
             if 2 <= rows < self.readings.size:
                 self._cut_slow(cuts, window, rows)
         # A part may begin as cold, and warm up, but goes there at no rate; noise doesn't bring it back.
-        below = self.coldest - _COLDER - self.readings
+        below = self.coldest - FAR - self.readings
         cold, back = below > 0, below <= -self.least
         gone = cold[np.maximum.accumulate(np.where(cold | back, np.arange(cold.size), 0))]
         gone &= np.maximum.accumulate(~gone)
@@ -121,16 +118,16 @@ class _Part:
         """Mark the steps of windows in which the channel goes as far as no part does."""
         moves = self.readings[rows:] - self.readings[:-rows]
         passed = np.concatenate(([0], np.cumsum(cuts > 0)))
-        at = np.flatnonzero(np.abs(moves) > self.least + _RATE * window)
+        at = np.flatnonzero(np.abs(moves) > self.least + RATE * window)
         at = at[(passed[at + rows] == passed[at]) & (self.stamps[at + rows] - self.stamps[at] < 2 * window)]
         if not at.size:
             return
         impossible = self._nowhere(self.readings[at + rows]) | self._nowhere(self.readings[at])
         if self.is_known:
             # A log may begin where a small part is hot, and cools: then it is as quick later on.
-            later = moves[self.stamps[: moves.size] > self.stamps[0] + 2 * _BEGINNING]
-            usual = float(np.quantile(np.abs(later), _NEARLY_ALL)) if later.size else np.inf
-            cools = (self.stamps[at] < self.stamps[0] + _BEGINNING) & (moves[at] < 0)
+            later = moves[self.stamps[: moves.size] > self.stamps[0] + 2 * SHORTEST]
+            usual = float(np.quantile(np.abs(later), _MOST_MOVES)) if later.size else np.inf
+            cools = (self.stamps[at] < self.stamps[0] + SHORTEST) & (moves[at] < 0)
             impossible |= ~self._heated(at, rows) & ~(cools & (np.abs(moves[at]) <= _QUICKER * usual))
         edges = np.zeros(cuts.size + 1, dtype=np.int64)
         np.add.at(edges, at[impossible], 1)
@@ -139,7 +136,7 @@ class _Part:
 
     def _nowhere(self, readings: FloatArray) -> BoolArray:
         """Whether readings are where no part of this robot is."""
-        return np.asarray((readings < self.coldest - _COLDER) | (readings > _HOTTEST))
+        return np.asarray((readings < self.coldest - FAR) | (readings > HOTTEST))
 
     def _heated(self, at: IntArray, rows: int) -> BoolArray:
         """Whether a change of the heat put in explains moves over some rows: one as large moves it alike elsewhere."""
@@ -171,7 +168,7 @@ class _Part:
         still &= (self.stamps[ends] - self.stamps[begins] >= SHORTEST) & ~still.all()
         unlikely = still | (self._nowhere(first) & self._nowhere(last))
         weight = (ends - begins + 1.0) * np.where(unlikely, _UNLIKELY, 1.0)
-        if abs(first[0] - self.start) < _BEGINS and not still[0]:
+        if abs(first[0] - self.start) < 2 * ALIKE and not still[0]:
             weight[0] *= _LIKELY
         rows, rates = max(1, round(_WINDOWS[-1] / self.every)), [np.zeros(1)]  # K/s, in the longest stretches
         for k in np.argsort(begins - ends)[:_EDGE]:
@@ -215,9 +212,6 @@ class _Part:
 
 # --- What the readings are that are left out --------------------------------------------------------
 
-CODES = (0.0, -127.0, 85.0, -999.0, 999.0, 127.0, 255.0, 65535.0, 32767.0, -32768.0)
-"""degC that failing sensors are known to give: DS18B20 at power-up (85) and disconnected (-127), codes of drives and of
-converters of 8 and 16 bit."""
 _AGAIN, _OF_ALL = 3, 0.2  # times, and share of all that is left out, that one number comes back as a code
 _TOO_HOT = 150.0  # degC: a number beyond, or below its negative, may be a code though it occurs but once
 

@@ -19,14 +19,14 @@ from lptn.logs.clock import FEWEST_ROWS
 from lptn.logs.columns import HEATS, INPUTS, ColumnSource, as_line_or_option, column_unit, place_of, quantity_of
 from lptn.logs.issue import Issue
 from lptn.logs.law import AT_MOST, DOUBTED, exchanged, gain_change
+from lptn.logs.plausible import KELVIN, PLAUSIBLE
 from lptn.logs.silence import silences_of
 from lptn.logs.tables import Table
-from lptn.logs.units import PLAUSIBLE, suspect_starts, suspect_unit, suspect_wrap
+from lptn.logs.units import suspect_starts, suspect_unit, suspect_wrap
 
 # --- What can't be used at all, refused with the line that it stands on ---------------------------
 
 _LARGEST = 1e12  # of any quantity in SI, so that the sum of its squares is still a number
-_ABSOLUTE_ZERO = -273.15  # degC
 
 
 def check_values(table: Table, key: str, source: ColumnSource, values: FloatArray) -> None:
@@ -44,9 +44,9 @@ def check_values(table: Table, key: str, source: ColumnSource, values: FloatArra
     refuse(np.isinf(values), "an infinite value", "a number or an empty cell")
     refuse(np.abs(values) > _LARGEST, "{:.3g}", f"a number within ±{_LARGEST:.0e}, in SI")
     if key.startswith("temperature."):
-        expected = f"a temperature above {_ABSOLUTE_ZERO} degC"
+        expected = f"a temperature above {-KELVIN} degC"
         expected += "; a code for no reading is written as invalid = [NUMBER] in [columns]"
-        refuse(values < _ABSOLUTE_ZERO, "{:.6g} degC", expected)
+        refuse(values < -KELVIN, "{:.6g} degC", expected)
 
 
 # --- Channels that stand still, or say the same as another ---------------------------------------

@@ -32,7 +32,8 @@ from lptn.logs.channels import (
 )
 from lptn.logs.columns import HEATS, INPUTS, place_of, quantity_of
 from lptn.logs.law import against_heat
-from lptn.logs.passive import CODES, off
+from lptn.logs.passive import off
+from lptn.logs.plausible import ALIKE, AT_REST, CODES, FAR, MOVING
 from lptn.logs.scatter import off_their_neighbours, white_noise
 
 CHANCE = 1e-6  # that a live sensor would ever give the same number for so long
@@ -48,7 +49,6 @@ _LAST_MOVES, _RESTS = 5, 0.125
 _CLEAR = 20  # readings without a touch: what is cut off of the noise then shifts the mean by a hundredth of it
 _BENT, _OFTEN, _TIMES_USUAL = 1e-9, 0.9, 3.0
 """Of a channel's largest slope, by which a line may bend; share of lines that are as long as usual, and times that."""
-_FAR = 10.0  # K from what was read before and after: a number that is dead, or a code
 
 
 def silences(
@@ -131,7 +131,7 @@ def _no_reading(time: FloatArray, values: FloatArray, first: int, last: int) -> 
     begin, end = np.searchsorted(there, [first, last + 1])
     rows, beside = there[begin:end], values[[*there[:begin][-1:], *there[end:][:1]]]
     value, moves = float(np.median(values[rows])), np.ptp(values[rows]) > 0
-    if not moves and (np.abs(beside - value) > _FAR).all():
+    if not moves and (np.abs(beside - value) > FAR).all():
         return Silence.at(time, "dead", value, rows)
     at_end = value in (values[there].min(), values[there].max())
     return Silence.at(time, "disconnected" if moves else "clamped" if at_end else "frozen", value, rows)
@@ -146,12 +146,10 @@ def _logged(stamps: FloatArray) -> FloatArray:
 
 # --- A whole log ----------------------------------------------------------------------------------
 
-_MOVING = 0.05  # rad/s, mean of |speed|: a joint that moves
-_AT_REST = 0.01  # rad/s: an encoder's noise, and so little that friction of 10 N·m makes 0.1 W of it
 _STUCK = 600.0  # s
-_MOVED_APART, _MOVED_STEPS = 3.0, 5.0
-"""K, and steps of the coarsest of the others, by which another temperature moves while this one gives one number: a
-motor that idles beside one that works warms by a part of that."""
+_MOVED_STEPS = 5.0
+"""Of the coarsest of the others, by which another temperature moves while this one gives one number: a motor that idles
+beside one that works warms by a part of that."""
 
 
 _FEW_OR_MOST, _WORKS = (0.1, 0.9), 10.0
@@ -167,7 +165,7 @@ def silences_of(log: Channels) -> dict[str, list[Silence]]:
     held = {key for key, source in log.sources.items() if source.hold}  # logged on change: they stand by their entry
     inputs = {key: x for key, x in log.values.items() if quantity_of(key) in INPUTS and key not in held}
     silent = {
-        key: _of_input(time, inputs[key], speed, resting, _AT_REST) for key, speed in speeds.items() if key in inputs
+        key: _of_input(time, inputs[key], speed, resting, AT_REST) for key, speed in speeds.items() if key in inputs
     }
     for key, effort in ((key, x) for key, x in inputs.items() if quantity_of(key) in HEATS):
         speed = f"velocity.{place_of(key)}"
@@ -208,7 +206,7 @@ def _of_input(
 
     def is_said(one: Silence) -> bool:
         known = moving[one.rows][np.isfinite(moving[one.rows])]
-        moves = known.size > 0 and float(known.mean()) > _MOVING
+        moves = known.size > 0 and float(known.mean()) > MOVING
         return moves or (loaded == {one.value} and not _only_while_it_rests(time, channel, speed, one))
 
     return [one for one in stands if is_said(one)]
@@ -223,8 +221,8 @@ def _only_while_it_rests(time: FloatArray, values: FloatArray, speed: FloatArray
     before = np.flatnonzero((time >= silence.start - SHORTEST) & (time < silence.start))
     after = np.flatnonzero((time > silence.stop) & (time <= silence.stop + SHORTEST))
     beside = [(rows, rows[nearest]) for rows, nearest in ((before, -1), (after, 0)) if rows.size]
-    changes = [speed[nearest] >= _AT_REST or np.ptp(values[rows]) == 0 for rows, nearest in beside]
-    return bool(beside) and all(changes) and bool((speed[silence.rows] < _AT_REST).all())
+    changes = [speed[nearest] >= AT_REST or np.ptp(values[rows]) == 0 for rows, nearest in beside]
+    return bool(beside) and all(changes) and bool((speed[silence.rows] < AT_REST).all())
 
 
 def _still_throughout(log: Channels) -> dict[str, list[Silence]]:
@@ -234,7 +232,7 @@ def _still_throughout(log: Channels) -> dict[str, list[Silence]]:
     """
     stuck = {key: sensor.first for key, sensor in log.sensors.items() if sensor.least == sensor.most}
     moving = [sensor for key, sensor in log.sensors.items() if key not in stuck]
-    least = max(_MOVED_APART, *(_MOVED_STEPS * sensor.step for sensor in moving), 0.0)
+    least = max(ALIKE, *(_MOVED_STEPS * sensor.step for sensor in moving), 0.0)
     told, still = any(sensor.most - sensor.least > least for sensor in moving), dict[str, list[Silence]]()
     if not told and log.block and stuck.keys() | {log.air} == log.sensors.keys() | {log.air}:
         of_loads = [log.means(log.load_of(place)) for place in log.loads]
@@ -242,7 +240,7 @@ def _still_throughout(log: Channels) -> dict[str, list[Silence]]:
         told = any(most > _WORKS * few for few, most in few_most)
     for key, value in stuck.items() if told else ():
         rows = np.isfinite(log.values[key])
-        a_code = value in CODES and all(abs(sensor.first - value) > _FAR for sensor in moving)
+        a_code = value in CODES and all(abs(sensor.first - value) > FAR for sensor in moving)
         if rows.sum() > 2 and _logged(log.time[rows])[-1] >= _STUCK and (key != log.air or a_code):
             kind: Kind = "dead" if key == log.air else "frozen"
             still[key] = [Silence.at(log.time, kind, value, rows, whole=True)]

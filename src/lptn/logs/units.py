@@ -1,15 +1,15 @@
-"""What each quantity of a robot can be, and in which other unit a column is that leaves it.
+"""In which other unit a column is that leaves what its quantity can be.
 
-`PLAUSIBLE` is the table. A column is doubted where a row of units or its name says another unit, or where its values
-leave what its quantity can be. It is then read in each way in which such numbers are written, and those are proposed by
-which it is what it can be and begins as a robot does: as warm as the air, or warmer. The nearest stands first; where
-several fit all are named, and none is taken unseen.
+A column is doubted where a row of units or its name says another unit, or where its values leave what `plausible.py`
+says of its quantity. It is then read in each way in which such numbers are written, and those are proposed by which it
+is what it can be and begins as a robot does: as warm as the air, or warmer. The nearest stands first; where several fit
+all are named, and none is taken unseen.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -28,36 +28,19 @@ from lptn.logs.columns import (
 )
 from lptn.logs.issue import Issue
 from lptn.logs.law import rest_evidence
+from lptn.logs.plausible import (
+    ALIKE,
+    COLDER,
+    COLDEST,
+    FAR,
+    HOTTEST,
+    KELVIN,
+    OUTDOORS,
+    PLAUSIBLE,
+    USUAL,
+    WARMER,
+)
 
-
-@dataclass(frozen=True)
-class Plausible:
-    """What a quantity can be, in SI or degC; of all but temperatures the magnitude.
-
-    Attributes:
-        most: of a temperature the middle reading, of all else 99 of 100: no part of a robot has more.
-        most_whole: the same where all are whole numbers: nobody measures large ones so coarsely.
-        unit: in which such numbers rather are.
-        full_scale: of a converter whose counts they may be, in the line that is proposed: no number tells it.
-    """
-
-    most: float
-    most_whole: float
-    unit: str
-    full_scale: float = 0.0
-
-
-PLAUSIBLE = {
-    # Insulation of the best class bears 240 degC, magnets less, and none of them for half of a log.
-    "temperature": Plausible(200.0, 200.0, "K", 125.0),
-    "torque": Plausible(1000.0, 150.0, "mN*m", 50.0),
-    "current": Plausible(1000.0, 250.0, "mA", 40.0),
-    "velocity": Plausible(2000.0, 300.0, "rpm"),  # 19,000 rpm
-    # Of torque and speed, or of a supply: the strongest joints of legged robots reach some 3 kW for a moment.
-    "power": Plausible(5000.0, 5000.0, "mW"),
-}
-_COLDEST = -60.0  # degC, of a sensor on a robot, the middle reading
-_MELTS = 300.0  # degC, the middle reading: it is refused; 200 to 300 is asked for where a tenth of it is below 200
 _EXAMPLE_POLE_PAIRS = 14  # in the line that is proposed: a common number for robots' outrunners
 
 
@@ -194,10 +177,6 @@ _PARTS = {"tenths": 0.1, "hundredths": 0.01, "thousandths": 0.001}
 _UNITS = {"kelvin": "K", "degC": "degC", "degF": "degF"}
 _NOT_FROZEN = 5.0  # degC, that the middle of a column in parts of a degree has: of less any number would be one
 _TURNS = (256.0, 65536.0)  # of numbers of 8 and 16 bit
-_COLDER, _WARMER = 5.0, 70.0  # K: a robot's first reading beside the air's; sensors differ, and robots begin warm
-_OUTDOORS = (-30.0, 60.0)  # degC, where a robot begins of whose surroundings nothing is known
-_KELVIN = 273.15  # K, of 0 degC
-_USUAL = 22.0  # degC, of a room: which of two readings is named first if both are possible
 
 
 def _suspect_temperature(log: Channels, key: str, readings: FloatArray) -> list[Issue]:
@@ -208,8 +187,8 @@ def _suspect_temperature(log: Channels, key: str, readings: FloatArray) -> list[
     source, middle, can = log.sources[key], _middle(readings), PLAUSIBLE["temperature"]
     raw, air = log.numbers[source.columns[0]], log.sensors[log.air].first if log.air in log.sensors else np.nan
     above = float(readings[0]) - air
-    elsewhere = _OUTDOORS[0] < air < _OUTDOORS[1] and not -2 * _COLDER <= above <= _WARMER
-    inside = middle < can.most and (middle > _COLDEST or source.unit is None)  # who fails at -127 is no other unit's
+    elsewhere = OUTDOORS[0] < air < OUTDOORS[1] and not -2 * COLDER <= above <= WARMER
+    inside = middle < can.most and (middle > COLDEST or source.unit is None)  # who fails at -127 is no other unit's
     if inside and (source.unit is None or not elsewhere):
         return []
     raw = raw[np.isfinite(raw)]
@@ -217,11 +196,11 @@ def _suspect_temperature(log: Channels, key: str, readings: FloatArray) -> list[
     turns = [source.wrap] if source.wrap else [turn for turn in _TURNS if turn / 2 <= raw.min() <= raw.max() < turn]
     units = _UNITS if source.unit else {"kelvin": "K"}
     ways = {words: replace(source, unit=unit) for words, unit in units.items() if unit != source.unit}
-    if whole or counted > _MELTS + _KELVIN:
+    if whole or counted > HOTTEST + KELVIN:
         parts = {words: _in_parts(source, part) for words, part in _PARTS.items() if counted * part > _NOT_FROZEN}
         ways |= {f"{words} of a degree": replace(way, unit=None) for words, way in parts.items()}
         ways |= {f"{words} of a kelvin": replace(way, unit="K") for words, way in parts.items()}
-    if inside and not any(abs(_begins(log, key, way) - air) < _ALIKE for way in ways.values()):
+    if inside and not any(abs(_begins(log, key, way) - air) < ALIKE for way in ways.values()):
         return []
     below = {"a number that began below 0": _below_zero(source, turns[0])} if whole and turns and not inside else {}
     problem, stays = f"values around {middle:.4g}", "if it is degC all the same, say so as its unit"
@@ -231,8 +210,8 @@ def _suspect_temperature(log: Channels, key: str, readings: FloatArray) -> list[
         stays = f"if it is right, write {log.believed(key)}"
     low, high = np.percentile(readings, [10, 90])
     # What begins, or cools, where robots are may be an oven whose unit somebody stated.
-    certain = bool(low > can.most or high < _COLDEST or (source.unit is None and middle > _MELTS))
-    if middle > _MELTS + _KELVIN and (bits := _bits_of(readings)):
+    certain = bool(low > can.most or high < COLDEST or (source.unit is None and middle > HOTTEST))
+    if middle > HOTTEST + KELVIN and (bits := _bits_of(readings)):
         counts = replace(source, scale=float(f"{can.full_scale / (2**bits - 1):.6g}"))
         of_counts = f"for counts of a converter, with {can.full_scale:g} degC at full scale, say, write "
         stays = f"{of_counts}{as_line_or_option(key, counts)}; {stays}"
@@ -283,7 +262,7 @@ def _proposed(
     `stays` says what to do where the channel is right.
     """
     room, source = _room(log, key), log.sources[key]
-    usual = _USUAL if room is None else room
+    usual = USUAL if room is None else room
     near: list[tuple[bool, float, str, ColumnSource, float]] = []  # unlikely, by how much, words, entry, start
     for group in groups:
         if near and not near[0][0]:
@@ -291,7 +270,7 @@ def _proposed(
         for words, way in group.items():
             if np.isfinite(start := _begins(log, key, way)):
                 above = usual - start if key == log.air else start - usual
-                fits = _OUTDOORS[0] <= start <= _OUTDOORS[1] if room is None else -_COLDER <= above <= _WARMER
+                fits = OUTDOORS[0] <= start <= OUTDOORS[1] if room is None else -COLDER <= above <= WARMER
                 near.append((not fits, abs(start - usual), words, way, start))
         near.sort(key=lambda one: one[:2])
     fitting = [one for one in near if not one[0]] or near[:1]
@@ -307,7 +286,7 @@ def _proposed(
 
 
 def _can_be(reading: float) -> bool:
-    return _COLDEST < reading < PLAUSIBLE["temperature"].most
+    return COLDEST < reading < PLAUSIBLE["temperature"].most
 
 
 def _middle(values: FloatArray) -> float:
@@ -371,10 +350,8 @@ def suspect_wrap(log: Channels, key: str) -> list[Issue]:
 # --- Temperatures beside each other, and beside the heat that is put in -----------------------------
 
 _FAHRENHEIT = (48.0, 120.0)  # degF, 9 … 49 degC: surroundings, and the coldest reading of a log in a room
-_WARM_ROOM, _NO_ROOM = 55.0, 60.0  # degC: surroundings that are doubted; in which no robot works, or begins at rest
+_WARM_ROOM = 55.0  # degC: surroundings that are doubted
 _OVER_ROBOT = 20.0  # K over the robot at the first reading: robots begin as warm as the room, or warmer
-_ALIKE = 3.0  # K, by which sensors of a robot at rest are apart, and from the air
-_COOLS = 10.0  # K, by which a part that begins at rest never cools, and above the air, of which something is said
 _OFFSETS = (30.0, 40.0, 50.0)  # K, that drives add to a temperature so that a byte holds it below zero, too
 _SURE = float(np.log(100))
 """Of `rest_evidence`: if errors were independent, at most one healthy log in a hundred would have more; of 218 virtual
@@ -391,30 +368,30 @@ def suspect_starts(log: Channels) -> list[Issue]:
     warm_air = sensors[log.air].middle if log.air in free else -np.inf
     coldest, begun = min((x.least for x in free.values()), default=np.nan), [x.first for x in free.values()]
     # Sensors that begin apart are those of a robot that was warm.
-    if not in_kelvin and _FAHRENHEIT[0] < coldest < _FAHRENHEIT[1] and np.ptp(begun) < 2 * _ALIKE:
+    if not in_kelvin and _FAHRENHEIT[0] < coldest < _FAHRENHEIT[1] and np.ptp(begun) < 2 * ALIKE:
         problem = f"no temperature of the whole log is below {coldest:.4g} degC, which looks like degF"
-        certain = len(sensors) > 1 and coldest > max(_NO_ROOM, min(begun) - _ALIKE)
+        certain = len(sensors) > 1 and coldest > max(OUTDOORS[1], min(begun) - ALIKE)
         if certain:
             problem = "begins at {:.4g} degC, as all sensors do, and none of them ever cools: which looks like degF"
-        certain |= warm_air > _NO_ROOM
+        certain |= warm_air > OUTDOORS[1]
         return [log.in_unit(key, "degF", problem.format(starts[key]), certain=certain) for key in free]
     if log.air not in starts:
         return []
     room = starts.pop(log.air)
     robot = float(np.median(list(starts.values()))) if starts else np.nan
-    around = room - robot > _OVER_ROBOT and abs((room - 32) / 1.8 - robot) < _ALIKE and not in_kelvin
+    around = room - robot > _OVER_ROBOT and abs((room - 32) / 1.8 - robot) < ALIKE and not in_kelvin
     if log.air in free and _FAHRENHEIT[0] < room < _FAHRENHEIT[1] and (around or warm_air > _WARM_ROOM):
         problem = f"surroundings of {room:.4g} degC around a robot that begins at {robot:.4g} degC, "
         problem += "which look like degF"
-        return [log.in_unit(log.air, "degF", problem, certain=around or warm_air > _NO_ROOM)]
+        return [log.in_unit(log.air, "degF", problem, certain=around or warm_air > OUTDOORS[1])]
     # Sensors that begin warmer than the air and hardly cool: their parts were warm, or at rest as the air.
     above, evidence, issues = {key: start - room for key, start in starts.items()}, dict[object, float](), list[Issue]()
-    warm = {k: x for k, x in above.items() if x > _COOLS and sensors[k].least > sensors[k].first - _COOLS}
+    warm = {k: x for k, x in above.items() if x > FAR and sensors[k].least > sensors[k].first - FAR}
     doubted = [
         k for k in warm if sources[k].unit in (None, "degC") and not sources[k].offset and not log.is_believed(k)
     ]
     for key in doubted:
-        group = tuple(other for other in warm if abs(warm[other] - warm[key]) <= _ALIKE)
+        group = tuple(other for other in warm if abs(warm[other] - warm[key]) <= ALIKE)
         if group not in evidence:
             alike = {other: warm[other] for other in group}
             evidence[group] = rest_evidence(log, alike, all_warm=len(alike) == len(warm))
@@ -434,9 +411,9 @@ def _suspect_rest(
     """
     source, room, has_load = log.sources[key], log.sensors[log.air].first, bool(log.load_of(place_of(key)))
     offset = min(_OFFSETS, key=lambda one: abs(one - start))
-    byte = _are_whole(log.values[key][np.isfinite(log.values[key])]) and -1.0 <= start - offset <= _ALIKE
-    degf = start > _OVER_ROOM and abs(start - (0.8 * room + 32)) < 2 * _ALIKE
-    rested, issues = not others or float(np.median(others)) < 2 * _ALIKE, list[Issue]()
+    byte = _are_whole(log.values[key][np.isfinite(log.values[key])]) and -1.0 <= start - offset <= ALIKE
+    degf = start > _OVER_ROOM and abs(start - (0.8 * room + 32)) < 2 * ALIKE
+    rested, issues = not others or float(np.median(others)) < 2 * ALIKE, list[Issue]()
     usual = rested and source.unit is None and (byte or degf)
     told = evidence > (-_SURE if usual else _SURE) or (np.isnan(evidence) and usual and degf)
     if not told or not (byte or degf or (has_load and (others or alone))):
