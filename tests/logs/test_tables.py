@@ -38,6 +38,7 @@ MAGIC = {
     ".parquet": b"PAR1",
     ".mcap": b"\x89MCAP0\r\n\x01\x0f\x00\x00\x00\x00\x00\x00\x00\x04\x00\x00\x00ros2",
     ".db3": b"SQLite format 3\x00",
+    ".bag": b"#ROSBAG V2.0\n",
     ".ulg": header(),
     ".mf4": b"MDF     4.10    ",
     ".tdms": b"TDSm",
@@ -83,8 +84,14 @@ def whole(ending: str) -> bytes:
 
 def _bag(path: Path, ending: str, rows: int) -> None:
     from tests.logs.test_bags import Recorder
+    from tests.logs.test_ros1_bags import Recorder1
 
-    recorder = Recorder(path, {".db3": "sqlite3", ".mcap": "mcap"}[ending])
+    path.mkdir() if ending == ".bag" else None
+    recorder = (
+        Recorder1(path / "log.bag")
+        if ending == ".bag"
+        else Recorder(path, {".db3": "sqlite3", ".mcap": "mcap"}[ending])
+    )
     with recorder.writer:
         for k in range(rows):
             recorder.send("/joint_states", 1.0 * k, recorder.joints(k, ["a"], [1.0], [1.0]))

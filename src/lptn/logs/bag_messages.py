@@ -1,4 +1,4 @@
-"""Numbers in ROS 2 messages: their names, the quantities that they are, and a quick way to read many."""
+"""Numbers in ROS messages: their names, the quantities that they are, and a quick way to read many."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from lptn.basics.arrays import BoolArray, FloatArray, IntArray
 from lptn.logs.columns import ColumnSource, is_key, words_of
 
-# --- The numbers of a message: their names, and where they stand among its bytes (CDR, little-endian) ---
+# --- The numbers of a message: their names, and where they stand among its bytes (CDR, little-endian; or ROS 1) ---
 
 COMMON_TYPES = {  # that do not come with ROS 2 itself: ros-controls/control_msgs, Apache-2.0
     "control_msgs/msg/InterfaceValue": "string[] interface_names\nfloat64[] values\n",
@@ -91,6 +91,11 @@ def _joints(message: Any) -> Sequence[str]:
     return names if isinstance(names, list) else ()
 
 
+def deserialized(store: Any, raw: bytes, kind: str, ros_1: bool) -> Any:
+    """A message of its bytes."""
+    return store.deserialize_ros1(raw, kind) if ros_1 else store.deserialize_cdr(raw, kind)
+
+
 def label_of(message: Any) -> Hashable:
     """What a message says of who sent it: its frame, and the names of its joints in their order."""
     return getattr(getattr(message, "header", None), "frame_id", ""), tuple(_joints(message))
@@ -163,10 +168,11 @@ class Decoder:
         store: the types that rosbags knows.
         kind: of the messages.
         fields: names of the numbers, as `numbers_of` has them.
+        ros_1: messages are encoded as ROS 1 does.
     """
 
-    def __init__(self, store: Any, kind: str, fields: Sequence[str]) -> None:
-        self._store, self._kind, self._fields = store, kind, (*fields, *_STAMP)
+    def __init__(self, store: Any, kind: str, fields: Sequence[str], ros_1: bool = False) -> None:
+        self._store, self._kind, self._fields, self._ros_1 = store, kind, (*fields, *_STAMP), ros_1
         self.templates: list[_Template] = []
         self._learns = True
 
@@ -180,7 +186,8 @@ class Decoder:
         for number in range(_LAYOUTS):
             if number == len(self.templates) and self._learns and rest.size:
                 raw = raws[int(rest[0])]
-                template, (expected, _) = _Template(self._store, self._kind, raw, self._fields), self._one(raw)
+                message, (expected, _) = deserialized(self._store, raw, self._kind, self._ros_1), self._one(raw)
+                template = _Template(self._store, message, raw, self._fields, self._ros_1)
                 # It is laid out in another way than its type says, perhaps.
                 self._learns = template.usable and np.array_equal(template.read([raw])[0][0], expected, equal_nan=True)
                 self.templates += [template] * self._learns
@@ -199,7 +206,7 @@ class Decoder:
 
     def _one(self, raw: bytes) -> tuple[list[float], Hashable]:
         """The numbers of a message, and who sent it."""
-        message = self._store.deserialize_cdr(raw, self._kind)
+        message = deserialized(self._store, raw, self._kind, self._ros_1)
         numbers = numbers_of(self._store, message)
         if (stamp := getattr(getattr(message, "header", None), "stamp", None)) is not None:
             numbers |= zip(_STAMP, (stamp.sec, stamp.nanosec), strict=True)
@@ -212,23 +219,23 @@ class _Template:
     It is not `usable` where it is laid out in another way than its type says.
     """
 
-    def __init__(self, store: Any, kind: str, raw: bytes, fields: Sequence[str]) -> None:
-        message = store.deserialize_cdr(raw, kind)
+    def __init__(self, store: Any, message: Any, raw: bytes, fields: Sequence[str], ros_1: bool) -> None:
         self.label, self._fields, self.usable = label_of(message), fields, False
         places: dict[str, tuple[int, str]] = {}
-        fixed, end = [0, 1], _HEAD  # bytes that are the same in all messages of this layout
+        # Bytes that are the same in all messages of this layout.
+        fixed, end = ([], 0) if ros_1 else ([0, 1], _HEAD)
         for name, base, value in _entries(store.fielddefs, (_NAME, None), message, ""):
             if base not in _NUMPY_TYPES and base not in (_COUNT, _TEXT):
                 return
             size = int(_NUMPY_TYPES.get(base, "4")[-1])
-            begin = end + -(end - _HEAD) % size
+            begin = end if ros_1 else end + -(end - _HEAD) % size
             end = begin + size * np.size(value)
             if base in _NUMPY_TYPES:
                 places[name] = begin, _NUMPY_TYPES[base]
             else:
-                end += len(value.encode()) + 1 if base == _TEXT else 0
+                end += len(value.encode()) + (not ros_1) if base == _TEXT else 0
                 fixed += range(begin, end)
-        self.usable = raw[1] == _LITTLE_ENDIAN and 0 <= len(raw) - end < _PADDED
+        self.usable = end == len(raw) if ros_1 else raw[1] == _LITTLE_ENDIAN and 0 <= len(raw) - end < _PADDED
         self._places = [places.get(name) for name in fields]
         self._raw, self._fixed = np.frombuffer(raw, np.uint8), np.array(fixed, np.int64)
 

@@ -1,4 +1,4 @@
-"""ROS 2 bags (folders with sqlite3 or MCAP storage, single .mcap and .db3 files) opened as tables of number columns."""
+"""Bags of ROS 2 (folders with sqlite3 or MCAP storage, single .mcap and .db3 files) and ROS 1 (.bag) as tables."""
 
 from __future__ import annotations
 
@@ -20,12 +20,14 @@ import numpy as np
 from lptn.basics.arrays import FloatArray, IntArray
 from lptn.basics.bounds import Bound
 from lptn.basics.errors import InputError
-from lptn.logs.bag_messages import COMMON_TYPES, Decoder, label_of, numbers_of, quantities
+from lptn.logs.bag_messages import COMMON_TYPES, Decoder, deserialized, label_of, numbers_of, quantities
 from lptn.logs.streams import ANOTHER_SOURCE, conflicts
 from lptn.logs.tables import TIMES_PACKED, UNPACKED, Bounded, Source, Table, require_package, table_of_sources
 
 # --- A bag opened ----------------------------------------------------------------------------------
 
+ROS_1 = ".bag"
+"""The ending of a bag of ROS 1."""
 _FIRST = 20  # messages of a topic that are looked at for names: joints may come in several messages
 _WIDEST = 4000  # columns of one topic
 _CHANNELS = Bound(2_000, "channels")  # of a bag: a robot's has a hundred; to find so many takes 6 s, twice as many 25
@@ -46,14 +48,16 @@ def open_bag(path: Path) -> Table:
     Raises:
         InputError: the package rosbags is not installed, or the bag can't be read.
     """
-    require_package(path, "rosbags", "a ROS 2 bag", "pip install 'lptn[ros]'")
-    from rosbags.rosbag2 import Reader
+    words = "ROS 1 bag" if path.suffix == ROS_1 else "ROS 2 bag"
+    require_package(path, "rosbags", f"a {words}", "pip install 'lptn[ros]'")
+    from rosbags import rosbag1, rosbag2
 
-    with bounded(), Reader(path) as reader:
+    opened = partial((rosbag1 if path.suffix == ROS_1 else rosbag2).Reader, path)
+    with bounded(), opened() as reader:
         _CHANNELS.check(len(reader.connections), path, "log")
         of_types = {channel.msgtype: len(channel.msgdef.data) for channel in reader.connections}
         _DEFINITIONS.check(sum(of_types.values()), path, "log")
-        store = store_of(reader.connections)
+        store = store_of(reader.connections, path.suffix == ROS_1)
         topics, of_opening = _topics(reader, store)
     if not topics:
         raise InputError(path, "log", "no topic whose messages hold numbers", "a bag with joint states or the like")
@@ -66,7 +70,7 @@ def open_bag(path: Path) -> Table:
 
     def sources(wanted: Sequence[str]) -> list[Source]:
         of_all, streams, of_sources = set(wanted), list[Stream](), list[str]()
-        with bounded(), Reader(path) as again:
+        with bounded(), opened() as again:
             for part, (topic, source) in parts.items():
                 numbers = [name for name in topic.names if f"{part}.{name}" in of_all]
                 if not numbers and (of_all != {"time"} or streams):
@@ -87,7 +91,7 @@ def open_bag(path: Path) -> Table:
         ]
 
     defaults = quantities({name: (topic.kind, topic.names) for name, topic in topics.items()})
-    return table_of_sources(path, names, sources, "ROS 2 bag", defaults=defaults, notes=notes)
+    return table_of_sources(path, names, sources, words, defaults=defaults, notes=notes)
 
 
 @dataclass(frozen=True)
@@ -115,7 +119,7 @@ class Stream:
 
 def _stream(reader: Any, store: Any, topic: _Topic, wanted: list[str]) -> Stream:
     """All of a topic's messages of one type, the wanted numbers of each."""
-    decoder = Decoder(store, topic.kind, wanted)
+    decoder = Decoder(store, topic.kind, wanted, reader.path.suffix == ROS_1)
     messages = reader.messages(_connections(reader, topic.name, topic.kind))
     stamps, received, values = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)], [np.zeros((0, len(wanted)))]
     sources: list[Hashable] = []
@@ -176,7 +180,7 @@ def _topics(reader: Any, store: Any) -> tuple[dict[str, _Topic], list[str]]:
         try:
             for connection in _connections(reader, name, kind):
                 for _, _, raw in islice(reader.messages([connection]), _FIRST):
-                    message = store.deserialize_cdr(raw, kind)
+                    message = deserialized(store, raw, kind, reader.path.suffix == ROS_1)
                     source = (connection.id, label_of(message))
                     sources[source] = None
                     for number in islice(numbers_of(store, message), _WIDEST):
@@ -190,13 +194,13 @@ def _topics(reader: Any, store: Any) -> tuple[dict[str, _Topic], list[str]]:
     return topics, notes
 
 
-def store_of(connections: Sequence[Any]) -> Any:
-    """Types of ROS 2 itself, those of joint states, and those that the bag defines."""
+def store_of(connections: Sequence[Any], ros_1: bool = False) -> Any:
+    """Types of ROS 2 itself, those of joint states, and those that the bag defines; a bag of ROS 1 defines its own."""
     from rosbags.interfaces import MessageDefinitionFormat
     from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
-    store = get_typestore(Stores.ROS2_HUMBLE)
-    for name, text in COMMON_TYPES.items():
+    store = get_typestore(Stores.EMPTY if ros_1 else Stores.ROS2_HUMBLE)
+    for name, text in ({} if ros_1 else COMMON_TYPES).items():
         store.register(get_types_from_msg(text, name))
     for connection in connections:
         definition = connection.msgdef
@@ -271,7 +275,6 @@ _MOST = 1 << 30  # bytes of a chunk, or of a message; recorders make chunks of s
 _RECORD = 400  # bytes that a record of a chunk counts for besides its own: 10 million empty ones take 10 s
 _HEAD = 9  # bytes before a record's content: its kind, and its length
 _SHARE = 0.5  # of the disk's free space that a bag may take while it is read
-_METHODS = ("lz4", "zstd")
 
 
 @contextmanager
@@ -280,7 +283,10 @@ def bounded() -> Iterator[None]:
 
     The library has no such option; its own functions are put back afterwards.
     """
+    from bz2 import BZ2Decompressor
+
     from lz4.frame import LZ4FrameDecompressor  # type: ignore[import-untyped]
+    from rosbags.rosbag1 import reader as reader_1
     from rosbags.rosbag2 import reader, storage_mcap
 
     left = UNPACKED  # bytes that may still come
@@ -313,10 +319,12 @@ def bounded() -> Iterator[None]:
         found = "half of the disk's free space" if free < size else f"{size / 1e9:g} GB"
         return Bounded(zstd.open(stream, mode), min(free, size), ValueError(f"a compressed file of more than {found}"))
 
-    chunks: dict[str, Any] = storage_mcap.DECOMPRESSORS
-    usual = {method: chunks[method] for method in _METHODS}
+    chunks, chunks_1 = cast("list[dict[str, Any]]", [storage_mcap.DECOMPRESSORS, reader_1.decompressors])
+    usual, usual_1 = dict(chunks), dict(chunks_1)
     zstd: Any = getattr(reader, "zstd", None)  # older versions use another package: only their lz4 is bounded
     chunks["lz4"] = lambda data, size: within(LZ4FrameDecompressor(), data, size)
+    chunks_1["lz4"] = lambda data: within(LZ4FrameDecompressor(), data, _MOST, records=False)
+    chunks_1["bz2"] = lambda data: within(BZ2Decompressor(), data, _MOST, records=False)
     if zstd is not None:
         chunks["zstd"] = lambda data, size: within(zstd.ZstdDecompressor(), data, size)
         whole = partial(within, size=_MOST, records=False)
@@ -327,5 +335,6 @@ def bounded() -> Iterator[None]:
         yield
     finally:
         chunks.update(usual)
+        chunks_1.update(usual_1)
         if zstd is not None:
             vars(reader)["zstd"] = zstd

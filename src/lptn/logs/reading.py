@@ -54,6 +54,7 @@ OPENERS: Mapping[tuple[str, ...], tuple[Callable[[Path], Table], str]] = {
     (".parquet",): (open_parquet, "a whole Parquet file"),
     (".xlsx", ".xlsm"): (open_spreadsheet, "a whole .xlsx file"),
     (".mcap", ".db3"): _BAG,
+    (".bag",): (open_bag, "a whole ROS 1 bag; one that was not closed is mended by `rosbag reindex`"),
     (".ulg", ".ulog"): (open_ulog, "a whole PX4 ULog"),
     (".mf4", ".mdf"): (open_mdf, "a whole MDF4 file"),
     (".tdms",): (open_tdms, "a whole TDMS file"),

@@ -113,7 +113,7 @@ export function start(page) {
       each.desk && h("button", { id: `recent ${each.desk}`, onclick: () => page.order({ what: "recent", name: each.desk }) }, each.study ? "Its files and columns" : "Continue")));
   return [
     h("div", { className: "drop" }, h("h2", null, "Drop a robot’s log here"),
-      h("p", null, "CSV, Parquet, .xlsx, ROS 2 bags (.mcap, .db3, or their folder), ULog, MDF4, TDMS, HDF5, MATLAB; a model file or a URDF, too. Nothing leaves this machine."),
+      h("p", null, "CSV, Parquet, .xlsx, ROS bags (.bag, .mcap, .db3, or their folder), ULog, MDF4, TDMS, HDF5, MATLAB; a model file or a URDF, too. Nothing leaves this machine."),
       h("div", { className: "row" }, picker(page, "Choose files", true), h("small", null, `${size(page.state.largest)} at most`)), progress(page)),
     h("div", { className: "two" },
       h("div", null, h("h2", null, "Recent studies"), recent.length ? h("ul", { className: "plain recent" }, recent.map(study)) : h("p", { className: "soft" }, "None yet.")),
