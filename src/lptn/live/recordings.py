@@ -10,7 +10,7 @@ from io import BytesIO
 from math import isfinite
 from pathlib import Path
 from threading import Event
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, cast
 
 from lptn.basics.bounds import Bound
 from lptn.basics.errors import InputError
@@ -117,7 +117,7 @@ def _topic(number: int, name: str, kind: str, encoding: str, definition: str) ->
 
     forms = {"ros2msg": MessageDefinitionFormat.MSG, "ros2idl": MessageDefinitionFormat.IDL}
     form = forms.get(encoding, MessageDefinitionFormat.NONE)
-    kept = ConnectionExtRosbag2("cdr", [])
+    kept = ConnectionExtRosbag2("cdr", cast(Any, ()))  # a list can't be part of a key
     return Connection(number, name, kind, MessageDefinition(form, definition), "", 0, kept, None)
 
 
