@@ -181,7 +181,7 @@ export function columns(page) {
     log.missing?.includes("time") ? h("p", { className: "row problem" }, "Or its rows have no times:",
       h("input", { id: "rate", type: "number", min: 0, step: "any", size: 6, ariaLabel: "rows a second", disabled: busy, onchange: event => event.target.valueAsNumber > 0 && page.order({ what: "rate", log: log.name, rate: event.target.valueAsNumber }) }), "rows a second") : null,
     log.columns.length ? h("div", { className: "scroll" }, h("table", { className: "columns" },
-      h("thead", null, h("tr", null, ["", "column", "is", "of", "unit", "what speaks for it"].map(name => h("th", null, name)))),
+      h("thead", null, h("tr", null, ["readings", "column", "is", "of", "unit", "what speaks for it"].map(name => h("th", null, name)))),
       h("tbody", null, log.columns.map(each => row(page, log, each))))) : null,
     log.more ? h("p", null, h("small", null, `and ${log.more} columns more: name them in the model file, under [columns].`)) : null,
     log.notes?.length ? h("details", { id: "notes" }, h("summary", null, "What else was noticed"), log.notes.map(note => h("p", null, h("small", null, note)))) : null];

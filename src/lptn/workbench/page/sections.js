@@ -17,6 +17,8 @@ export const name = text => text.split(/(?<=[_./\\-])/).flatMap((part, k) => k ?
 export const digits = (value, count = 3) => value == null ? "–" : Number(value).toPrecision(count).replace("-", "−");
 export const kelvin = value => value == null ? "–" : `${digits(value)} K`;
 const unit = each => each.unit.replaceAll("*", "·");
+const MOST_COLOUR = 55;  // % of a tile: its number keeps a contrast of 4.5 in light and dark (WCAG 2.2, 1.4.3)
+const HEADS_ABREAST = 3;  // names of runs that stand beside each other; those of more stand upright
 const LARGEST = 1e12;  // what no bound of nature's bounds is declared to reach so far
 const signed = value => `${value < 0 ? "−" : "+"}${Math.abs(value) < 9.95 ? Math.abs(value).toPrecision(2) : Math.abs(value).toFixed(0)}`;
 const capital = text => text.charAt(0).toUpperCase() + text.slice(1);
@@ -128,7 +130,7 @@ export function where(page) {
       ariaPressed: pressed,
       onclick: event => page.pick(segment, node, event.shiftKey || event.ctrlKey || event.metaKey),
     }, signed(each.mean < 0 ? -each.rmse : each.rmse));
-    button.style.background = `color-mix(in srgb, var(${side}) ${70 * share}%, transparent)`;
+    button.style.background = `color-mix(in srgb, var(${side}) ${MOST_COLOUR * share}%, transparent)`;
     return h("td", null, button);
   };
   // Nodes that no run measures have no tiles, and would be half the rows of a model of windings and housings.
@@ -151,7 +153,7 @@ export function where(page) {
           columns.map(each => tile(each.tiles[k], `${each.group} ${each.name}`, `${each.group}: ${each.name}${each.tiles[k]?.limits ? ` (${each.tiles[k].limits})` : ""}`, each.tiles[k]?.segment, node, false)))))), unmeasured];
   }
   return [bar, h("p", null, h("small", null, said)),
-    h("div", { className: `tiles${order.length > 5 ? " narrow" : ""}` }, h("table", null,
+    h("div", { className: `tiles${order.length > HEADS_ABREAST ? " narrow" : ""}` }, h("table", null,
       h("thead", null,
         h("tr", null, h("td"), ["held out", "test", "fitted"].map(job => [job, order.filter(each => each.job === job).length]).filter(([, count]) => count)
           .map(([job, count]) => h("th", { scope: "colgroup", colSpan: count, className: "job" }, job))),
