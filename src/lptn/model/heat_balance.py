@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cache, cached_property
 from types import SimpleNamespace
 from typing import Any
 
@@ -75,6 +76,8 @@ class HeatBalance:
         self._faces = {name: ca.SX.sym(name) for name in network.massless}
         self._solved: dict[str, ca.SX] = {}  # the faces' temperatures as expressions of all else
         self._flows: dict[str, Any] = {}
+        self._heats: dict[int, list[Any]] = {}  # what `heat_into_ends` found with no effect left out
+        self.at_sensor = cache(self._at_sensor)
         felt = {name: self._felt(name) for name in self.given}
         self.temperature: dict[str, ca.SX] = self._nodes | felt | self._faces
         self.warming = self._balance()
@@ -141,13 +144,16 @@ class HeatBalance:
 
         Effects that scale the heat of another (`Effect.scales_heat`) are in it, perhaps with one of them left out.
         """
+        if left_out is None and id(instance) in self._heats:
+            return self._heats[id(instance)]
         factor = ca.SX(1)
         for other in self._at_ends[frozenset(instance.ends)]:
             if other is not left_out and other.effect.scales_heat and other.effect.heat_of == instance.effect.key:
                 changed = other.effect.heat_factor(self._here(other))
                 factor = factor * self._factor_in_its_run(other, changed)
         heats = instance.effect.heat_into_ends(self._here(instance))
-        return [self._in_its_run(instance, heat * factor) for heat in heats]
+        inward = [self._in_its_run(instance, heat * factor) for heat in heats]
+        return inward if left_out else self._heats.setdefault(id(instance), inward)
 
     def heat_of(self, key: str, ends: tuple[str, ...]) -> Any:
         """Heat that the effects of one key bring into a place [W]."""
@@ -215,7 +221,7 @@ class HeatBalance:
                 reading = reading + self._reading_error(instance)
         return reading
 
-    def at_sensor(self, node: str) -> Any:
+    def _at_sensor(self, node: str) -> Any:
         """The temperature where a node's sensor sits [degC]."""
         temperature = self.temperature[node]
         for instance in self._at_first_end.get(node, []):
@@ -279,12 +285,12 @@ class _Conditions:
     def state(self) -> Any:
         return self._balance.states.get(id(self._instance))
 
-    @property
+    @cached_property
     def inputs(self) -> SimpleNamespace:
         place, features = self._instance.driven_by, self._instance.effect.needed()
         return SimpleNamespace(**{name: self._balance.input(input_column(name, place)) for name in features})
 
-    @property
+    @cached_property
     def p(self) -> SimpleNamespace:
         return SimpleNamespace(**{name: self._balance.p[index] for name, index in self._instance.parameters.items()})
 
