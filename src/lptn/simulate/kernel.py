@@ -81,6 +81,10 @@ NUMBERS = {getattr(ca, f"OP_{name}"): name for name in OPERATIONS if hasattr(ca,
 PARAMETERS, INPUTS, STATES, DERIVATIVES = range(4)  # parts of the work: once a run, once a step, in each stage
 
 
+_DEEPEST = 1 << 32  # operations behind one another
+_GIVEN = (-1, 0, 0)  # how an argument or a constant is made
+
+
 class UnknownOperationError(ValueError):
     """A model has an operation that machine code here does not know."""
 
@@ -109,47 +113,50 @@ class Operations:
     def __init__(self, function: ca.Function, rates: int | None = None) -> None:
         self.sizes: list[int] = [function.numel_in(k) for k in range(3)]
         offsets = [0, *accumulate(self.sizes)]
-        # Of each value: its part of the work, its depth there, and how it is made; arguments and constants aren't.
-        part = np.repeat([STATES, INPUTS, PARAMETERS], self.sizes).tolist()
-        depth, made_by, left, right = ([empty] * len(part) for empty in (0, -1, 0, 0))
+        # Of each value: its part of the work and its depth there, in one number, and how it is made: the operation and
+        # its operands; arguments and constants by none.
+        level = (np.repeat([STATES, INPUTS, PARAMETERS], self.sizes) * _DEEPEST).tolist()
+        made_by: list[tuple[int, int, int]] = [_GIVEN] * len(level)
         constants: dict[int, float] = {}
         numbers: dict[object, int] = {}
         results = [0] * function.numel_out(0)
         held: dict[int, int] = {}  # which value each place of CasADi's working memory holds
-        for k in range(function.n_instructions()):
-            kind, used, made = function.instruction_id(k), function.instruction_input(k), function.instruction_output(k)
-            if kind == ca.OP_OUTPUT:
+        for k, kind in enumerate(map(function.instruction_id, range(function.n_instructions()))):
+            used, made = function.instruction_input(k), function.instruction_output(k)
+            if kind in NUMBERS:
+                a, b = held[used[0]], held[used[-1]]
+                key: object = (new := (kind, a, b))
+                deep = max(level[a], level[b]) + 1
+            elif kind == ca.OP_OUTPUT:
                 results[made[1]] = held[used[0]]
                 continue
-            if kind == ca.OP_INPUT:
+            elif kind == ca.OP_INPUT:
                 held[made[0]] = offsets[used[0]] + used[1]
                 continue
-            if kind == ca.OP_CONST:
+            elif kind == ca.OP_CONST:
                 constant = function.instruction_constant(k)
-                key: object = repr(constant)  # 0.0 and -0.0 are two
-                new = PARAMETERS, 0, -1, 0, 0
-            elif kind in NUMBERS:
-                a, b = held[used[0]], held[used[-1]]
-                key = kind, a, b
-                own = max(part[a], part[b])
-                new = own, 1 + max(depth[a] * (part[a] == own), depth[b] * (part[b] == own)), kind, a, b
+                key = repr(constant)  # 0.0 and -0.0 are two
+                new, deep = _GIVEN, PARAMETERS * _DEEPEST
+                constants[numbers.get(key, len(level))] = constant
             else:
                 raise UnknownOperationError(f"operation {kind} of {function.name()}")
             if key not in numbers:
-                numbers[key] = len(part)
-                if kind == ca.OP_CONST:
-                    constants[len(part)] = constant
-                for values, value in zip((part, depth, made_by, left, right), new, strict=True):
-                    values.append(value)
+                numbers[key] = len(level)
+                level.append(deep)
+                made_by.append(new)
             held[made[0]] = numbers[key]
 
         # Numbered anew: arguments and constants, then operations by part, depth and kind.
-        needed = np.zeros(len(part), dtype=bool)
-        needed[results[:rates]] = True
-        for value in range(len(part) - 1, sum(self.sizes) - 1, -1):
-            needed[[left[value], right[value]]] |= needed[value]
-        work = np.array([part, depth, made_by])
-        work[0, (work[0] == STATES) & ~needed] = DERIVATIVES
+        needed = [False] * len(level)
+        for result in results[:rates]:
+            needed[result] = True
+        for value in range(len(level) - 1, offsets[-1] - 1, -1):
+            if needed[value]:
+                _, a, b = made_by[value]
+                needed[a] = needed[b] = True
+        kinds, left, right = np.array(made_by).T
+        work = np.array([*np.divmod(level, _DEEPEST), kinds])
+        work[0, (work[0] == STATES) & ~np.array(needed)] = DERIVATIVES
         work[:, work[2] < 0] = -1
         order = np.lexsort(work[::-1])
         number = np.empty(len(order), dtype=np.int32)
@@ -376,6 +383,9 @@ class Kernel:
         return stack
 
 
+_LIKELY = "parameters that derivatives are made by"
+
+
 def kernel(model: Model, core: int | None = None, chosen: Sequence[int] = ()) -> Kernel | None:
     """Compiled steps of a model, made once for it and all its copies at other values.
 
@@ -405,10 +415,16 @@ def differentiated_with(model: Model, chosen: Sequence[int]) -> list[int]:
     """The parameters that derivatives are made by: all that a fit or a prediction may ask for.
 
     Making derivatives takes as long as some fits do; those of a fit are made once. Steps without them skip their
-    operations.
+    operations. Of a model that is asked once, see `asked_once`, those that are wanted.
     """
-    likely = [k for k, parameter in enumerate(model.parameters) if parameter.free]
+    likely = model.made_once(_LIKELY, lambda: [k for k, parameter in enumerate(model.parameters) if parameter.free])
     return likely if set(chosen).issubset(likely) else list(chosen)
+
+
+def asked_once(model: Model) -> Model:
+    """The model, of which no derivatives are made but those that are wanted."""
+    model.made_once(_LIKELY, list)
+    return model
 
 
 class AtPoints:

@@ -45,18 +45,19 @@ def substeps(model: Model, bound: BoundRun, values: FloatArray, start: FloatArra
     at_start = np.repeat(start[:, None], len(sample), axis=1)
     stacked = step * slopes_at_points(model, at_start, bound.inputs[:, sample], values)
     sizes = np.abs(stacked)
-    at_most = float(sizes.sum(axis=2).max())  # no eigenvalue is larger than the largest sum of a row
+    of_rows = sizes.sum(axis=2)
+    at_most = float(of_rows.max())  # no eigenvalue is larger than the largest sum of a row
     if not isfinite(at_most):
         raise SimulationError(bound.run.source, "run", "rates of temperature that are not finite", _SMALLER)
     if at_most <= RATE_OF_A_STEP:
         return 1
     # The largest eigenvalue is no smaller than that of the matrix with the largest row sum, and no larger than that of
-    # the largest sizes of all, entry by entry (Perron and Frobenius). Mostly both say the same.
-    fastest = _eigenvalue(stacked[sizes.sum(axis=2).max(axis=1).argmax()])
-    if _parts(fastest) != _parts(_eigenvalue(sizes.max(axis=0))):
+    # the largest sizes of all, entry by entry (Perron and Frobenius), nor than those sums. Mostly all say the same.
+    fastest = _eigenvalue(stacked[of_rows.max(axis=1).argmax()])
+    if (least := _parts(fastest)) != _parts(at_most) and least != _parts(_eigenvalue(sizes.max(axis=0))):
         fastest = _eigenvalue(stacked)
     if (parts := _parts(fastest)) > _MOST_SUBSTEPS:
-        place = model.states[int(sizes.sum(axis=2).max(axis=0).argmax())]
+        place = model.states[int(of_rows.max(axis=0).argmax())]
         found = f"a time constant of {step / fastest:.2g} s in a log of steps of {step:g} s"
         expected = f"{step / (_MOST_SUBSTEPS * RATE_OF_A_STEP):.2g} s or more: a larger capacity or resistance"
         raise SimulationError(model.network.origin, place, found, expected)
