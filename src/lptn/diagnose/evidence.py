@@ -13,7 +13,7 @@ The size of an effect has a prior with long tails (Cauchy's): an unusual size is
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import log, pi, sqrt
@@ -47,6 +47,7 @@ from lptn.identify.problem import AT_REST, Problem, rows_of_readings, tolerance_
 from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration
 from lptn.simulate.bound_run import BoundRun, bind, default_start, start_from
+from lptn.simulate.kernel import asked_once
 from lptn.simulate.simulation import sensitivity_windows
 
 SCATTER = 0.15
@@ -349,12 +350,9 @@ class Evidence:
         slope = float(self.fit.problem.slope(self.fit.point.values)[row])
         off = (instance.value - (instance.declared.off or 0.0)) / slope
         variance, place = float(self.covariance[row, row]), int(self._free[:row].sum())
-        none = self.log_odds_of_none(name)
-        return _best(
-            _first_order(one, shape, pull + along * off, information + along * float(beside[place]), none)
-            for one, shape, pull, information, beside in self._beside()
-            for along in [float(beside[place]) / variance]
-        )
+        entries, pull, information, beside = self._beside
+        along = beside[place] / variance
+        return _weighed(entries, pull + along * off, information + along * beside[place], self.log_odds_of_none(name))
 
     def _row_of(self, name: str) -> int | None:
         """The number of a parameter among those that move; `None` if it doesn't, or is pushed beyond a bound."""
@@ -389,30 +387,28 @@ class Evidence:
         independent = sum(group.independent for group in self._groups)
         misfit = sum(group.misfit for group in self._groups)
         priors = dict(zip((one for one, _ in self._among), log_priors.tolist(), strict=True))
-        return _best(
-            _first_order(one, shape, pull, information, priors[one], independent, misfit)
-            for one, shape, pull, information, _ in self._beside()
-        )
+        entries, pull, information, _ = self._beside
+        beforehand = np.array([priors[one] for one, _ in entries])
+        return _weighed(entries, pull, information, beforehand, independent, misfit)
 
-    def _beside(self) -> Iterator[tuple[Candidate, float | None, float, float, FloatArray]]:
-        """Of each candidate and shape what pulls its amplitude from none, the information on that beside all else, and
-        by how much all else then gives way, by a unit of it."""
-        shared_by_site = self._columns.T @ self._traces
-        pull_by_site = self._traces.T @ self._residuals
-        for one, columns in self._among:
-            for shape, sites in columns.items():
-                trace = self._traces[:, sites[0]] if len(sites) == 1 else self._traces[:, sites].sum(axis=1)
-                shared = shared_by_site[:, sites].sum(axis=1)
-                whole, beside = float(trace @ trace), self._solve(shared)
-                information = whole - float(shared @ beside)
-                if information > sqrt(np.finfo(float).eps) * whole and whole != 0.0:
-                    yield (
-                        one,
-                        shape,
-                        float(self._gradient @ beside) - float(pull_by_site[sites].sum()),
-                        information,
-                        beside,
-                    )
+    @cached_property
+    def _beside(self) -> tuple[list[tuple[Candidate, float | None]], FloatArray, FloatArray, FloatArray]:
+        """Candidates and their shapes; of each what pulls its amplitude from none, the information on that beside all
+        else, and by how much all else then gives way, by a unit of it, shape (all else, entries)."""
+        entries = [(one, shape, sites) for one, by in self._among for shape, sites in by.items()]
+        of_entries = np.zeros((self._traces.shape[1], len(entries)))
+        of_sites = np.einsum("ij,ij->j", self._traces, self._traces)
+        whole = np.array([of_sites[sites[0]] for _, _, sites in entries])
+        for number, (_, _, sites) in enumerate(entries):
+            of_entries[sites, number] = 1.0
+            if len(sites) > 1:
+                whole[number] = np.sum(self._traces[:, sites].sum(axis=1) ** 2)
+        shared = self._columns.T @ self._traces @ of_entries
+        beside = self._solve(shared)
+        information = whole - np.einsum("ij,ij->j", shared, beside)
+        pull = self._gradient @ beside - self._residuals @ self._traces @ of_entries
+        told = np.flatnonzero((information > sqrt(np.finfo(float).eps) * whole) & (whole != 0.0))
+        return [entries[number][:2] for number in told], pull[told], information[told], beside[:, told]
 
     def _factorise(self, information: FloatArray) -> None:
         from scipy.linalg import cho_factor  # heavy, and few commands need it
@@ -445,7 +441,7 @@ def derivatives(fit: Fit, sites: Sequence[EffectDeclaration]) -> FloatArray:
     distinct = dict(zip(names, in_any, strict=True))
     number_of = {name: number for number, name in enumerate(distinct)}
     full = fit.model.made_once(
-        ("sites", tuple(distinct)), lambda: Model(fit.model.network.with_effects(distinct.values()))
+        ("sites", tuple(distinct)), lambda: asked_once(Model(fit.model.network.with_effects(distinct.values())))
     )
     values, index = full.values, {parameter.name: number for number, parameter in enumerate(full.parameters)}
     values[[index[parameter.name] for parameter in fit.model.parameters]] = fit.model.values
@@ -510,51 +506,40 @@ def _by_run(bound_runs: Sequence[BoundRun], sigma: FloatArray, residuals: FloatA
     return runs
 
 
-def _first_order(
-    one: Candidate,
-    shape: float | None,
-    pull: float,
-    information: float,
-    log_odds: float,
+def _weighed(
+    entries: Sequence[tuple[Candidate, float | None]],
+    pull: FloatArray,
+    information: FloatArray,
+    log_odds: FloatArray | float,
     independent: float = np.inf,
     misfit: float = np.inf,
-) -> FirstOrder:
-    """A candidate of a shape; arguments as for `_gained`, and the log odds beforehand."""
-    least, most = (bound - (one.amplitude.off or 0.0) for bound in one.amplitude.bounds)
-    size = min(max(pull / information, least), most)
-    log_odds += _gained(one, pull, information, independent, misfit)
-    return FirstOrder(one, log_odds, size, shape, information**-0.5)
-
-
-def _best(entries: Iterable[FirstOrder]) -> list[FirstOrder]:
-    """Of each candidate the shape that explains most, the most probable candidate first."""
-    best = dict[Candidate, FirstOrder]()
-    for entry in entries:
-        if entry.candidate not in best or entry.log_odds > best[entry.candidate].log_odds:
-            best[entry.candidate] = entry
-    return sorted(best.values(), key=lambda entry: -entry.log_odds)
-
-
-def _gained(
-    one: Candidate, pull: float, information: float, independent: float = np.inf, misfit: float = np.inf
-) -> float:
-    """Logarithm of the likelihood ratio of a candidate, its amplitude integrated out.
+) -> list[FirstOrder]:
+    """Of each candidate the shape that explains most, the most probable candidate first, amplitudes integrated out.
 
     Args:
-        one: the candidate.
-        pull: derivative of the log likelihood by its amplitude, at none.
+        entries: candidates and their shapes.
+        pull: derivative of the log likelihood by each amplitude, at none.
         information: on it.
+        log_odds: beforehand.
         independent, misfit: of the errors, whose size is known as well as so many tell; infinite where it is known.
     """
-    scales, weights = (np.array(numbers) for numbers in _MIXTURE)
-    variances = (scales * one.typical) ** 2
-    explained = pull**2 * variances / (1.0 + variances * information)
-    if one.amplitude.one_sided and pull < 0:
-        explained = np.zeros_like(explained)
+    amplitudes = {one: one.amplitude for one, _ in entries}
+    own = [amplitudes[one] for one, _ in entries]
+    one_sided = np.array([amplitude.one_sided for amplitude in own], dtype=bool)
+    least, most = (np.array([one.bounds[end] - (one.off or 0.0) for one in own]) for end in (0, 1))
+    scales, weights = (np.array(numbers)[:, None] for numbers in _MIXTURE)
+    variances = (scales * [one.typical for one in own]) ** 2
+    explained = np.where(one_sided & (pull < 0), 0.0, pull**2 * variances / (1.0 + variances * information))
     if np.isfinite(independent):
         explained = -independent * np.log(np.maximum(1.0 - explained / misfit, np.finfo(float).eps))
-    sides = log(2.0) if one.amplitude.one_sided and pull > 0 else 0.0
-    return sides + float(logsumexp(0.5 * explained - 0.5 * np.log1p(variances * information), b=weights))
+    sides = np.where(one_sided & (pull > 0), log(2.0), 0.0)
+    gained = logsumexp(0.5 * explained - 0.5 * np.log1p(variances * information), axis=0, b=weights)
+    odds, sizes = log_odds + sides + gained, np.clip(pull / information, least, most)
+    best = dict[Candidate, FirstOrder]()
+    for (one, shape), log_odd, size, known in zip(entries, odds.tolist(), sizes.tolist(), information, strict=True):
+        if one not in best or log_odd > best[one].log_odds:
+            best[one] = FirstOrder(one, log_odd, size, shape, float(known**-0.5))
+    return sorted(best.values(), key=lambda entry: -entry.log_odds)
 
 
 def _log_density(amplitude: Parameter, value: float) -> float:
