@@ -124,6 +124,7 @@ def test_a_dead_sensor_is_not_trusted(loaded: LoadedModel) -> None:
     trust = {one.node: one.trust for one in last.nodes}
     assert trust["knee"] == "trusted"
     assert "bit for bit" in trust["hip"]
+    assert [(alarm.node, alarm.kind) for alarm in last.alarms] == [("hip", "stuck")]
     (hip,) = (one for one in last.nodes if one.node == "hip")
     settled = AIR + RESISTANCE * PER_TORQUE * 100.0
     truth = settled + (float(log(900, noise=0)["temperature.hip"][450]) - settled) * np.exp(-449 / 1500)

@@ -11,6 +11,7 @@ import pytest
 from lptn.logs.channels import Kind as Silence
 from lptn.logs.issue import Issue
 from lptn.model.model import Model
+from lptn.online.fault_bank import Alarm
 from lptn.online.monitoring import MonitoredRun, known_faults, monitor, noisy, silent_rows
 from tests.identify.truth import TRUTH, network, truth_run
 
@@ -55,6 +56,19 @@ def test_without_healthy_logs_a_lag_and_swapped_plugs_are_named_and_a_drift_is_n
     ):
         (watched,) = monitor(model, [replace(RUN, columns={**RUN.columns, **columns})], rmse=0.2).runs
         assert {alarm.node: alarm.kind for alarm in watched.statistical_alarms} == expected
+
+
+@pytest.mark.long
+def test_others_are_blamed_only_for_what_a_known_fault_leaves_unexplained() -> None:
+    """A sensor that stands, from half-way on, as something else has found; beside it nothing, or one that is off."""
+    model, behind = Model(network().with_values(TRUTH)), np.arange(len(RUN)) >= BEGIN
+    a, b = (RUN.columns[f"temperature.{place}"] for place in ("a", "b"))
+    stands = np.where(behind, a[BEGIN], a)
+    known = Alarm("a", "stuck", float(RUN.time[-1]), float(BEGIN))
+    for off, expected in ((0.0, {"a": "stuck"}), (6.0, {"a": "stuck", "b": "offset"})):
+        columns = {**RUN.columns, "temperature.a": stands, "temperature.b": b + off * behind}
+        (watched,) = monitor(model, [replace(RUN, columns=columns)], rmse=0.5, found=[known]).runs
+        assert {alarm.channel or alarm.node: alarm.kind for alarm in watched.statistical_alarms} == expected
 
 
 def test_noise_that_grows_is_called_and_rounding_is_not() -> None:

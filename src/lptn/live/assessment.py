@@ -57,6 +57,7 @@ class Question:
         averaged: whether rows are means over a step, else samples.
         speeds: of the joints in the last seconds at their own rate, (n,) each; none where rows are samples themselves.
         period: s between those.
+        stands: sensors that repeat themselves, by s since when: what the filter has found explains first.
         why_since: s from which on the robot is not as its model, so that it is asked what is likely; infinite: it is.
     """
 
@@ -73,6 +74,7 @@ class Question:
     averaged: bool = False
     speeds: Sequence[FloatArray] = ()
     period: float = 0.0
+    stands: Mapping[str, float] = field(default_factory=dict)
     why_since: float = inf
 
     def runs(self, since: float = -inf) -> list[Run]:
@@ -143,10 +145,10 @@ def _assessed(question: Question, end: float) -> Assessment:
     noise = estimate_noise([bind(model, run)], model.nodes)
     uncertainty = ModelUncertainty.of_table(model, question.fit, noise.floor)
     found = Assessment(end, uncertainty=uncertainty, resolution=run.resolution, scatter=run.scatter)
+    stuck = [Alarm(node, "stuck", end, since, detail="bit for bit") for node, since in question.stands.items()]
     try:
-        watched = monitor(
-            model, runs, threshold=question.threshold, calibration=question.calibration, rmse=question.fit.rmse
-        )
+        watched = monitor(model, runs, threshold=question.threshold, calibration=question.calibration,
+                          rmse=question.fit.rmse, found=stuck)  # fmt: skip
         found = replace(found, alarms=tuple(alarm for one in watched.runs for alarm in one.statistical_alarms))
         if question.limits:
             ahead = forecast(model, run, question.limits, coverage=question.coverage, fit=uncertainty, gait=gait)

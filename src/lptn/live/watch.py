@@ -367,8 +367,11 @@ class Watch:
         speeds, period = (self._sampler.speeds, self._period or 0.0) if self._sampler is not None else ([], 0.0)
         rows, readings = (kept, raw) if self._averaged else ({"time": kept["time"]} | (raw or kept), {})
         why_since, self._why_since = self._why_since, math.inf
+        sensors = self._estimator.sensors if self._estimator is not None else []
+        stands = {node: self._taken + one.since - one.clock
+                  for node, one in zip(self.model.nodes, sensors, strict=False) if one.stands}  # fmt: skip
         return replace(self._question, rows=rows, readings=readings, step=self._step, averaged=self._averaged,
-                       speeds=speeds, period=period, why_since=why_since)  # fmt: skip
+                       speeds=speeds, period=period, stands=stands, why_since=why_since)  # fmt: skip
 
     def _take_assessment(self, found: Assessment) -> None:
         """Use an assessment; the filter goes on with what it says of noise and of the model."""

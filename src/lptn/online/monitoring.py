@@ -247,6 +247,7 @@ def monitor(
     threshold: float = THRESHOLD,
     calibration: Calibration | None = None,
     rmse: float | None = None,
+    found: Sequence[Alarm] = (),
     report: Callable[[str], None] = lambda _: None,
 ) -> Monitoring:
     """Look for faults of temperature sensors: drift, offset, stuck, dropout ([QuadrupedLPTN, application 2]).
@@ -261,6 +262,8 @@ def monitor(
         threshold: of the plain detector [K].
         calibration: from `calibrate`; without it cautious guesses serve.
         rmse: of the model's fit [K], for those guesses.
+        found: faults of sensors that something else has found in the last run: others are blamed only for what these
+            leave unexplained.
         report: gets a line on what is being done.
 
     Raises:
@@ -282,7 +285,7 @@ def monitor(
     for number, (run, known) in enumerate(zip(runs, known_faults(runs, model.nodes), strict=True), start=1):
         report(f"watching log {number} of {len(runs)}")
         one = MonitoredRun.of(model, run)
-        by_statistics = alarms_by_statistics(model, one, calibration, known)
+        by_statistics = alarms_by_statistics(model, one, calibration, known, found if number == len(runs) else ())
         by_threshold = _explained(model, alarms_by_threshold(one, threshold), by_statistics)
         watched.append(replace(one, threshold_alarms=by_threshold, statistical_alarms=by_statistics))
     return Monitoring(threshold, calibration, tuple(watched))
@@ -329,13 +332,17 @@ def _explained(model: Model, alarms: tuple[Alarm, ...], found: tuple[Alarm, ...]
 
 
 def alarms_by_statistics(
-    model: Model, watched: MonitoredRun, calibration: Calibration, known: Sequence[Alarm]
+    model: Model,
+    watched: MonitoredRun,
+    calibration: Calibration,
+    known: Sequence[Alarm],
+    found: Sequence[Alarm] = (),
 ) -> tuple[Alarm, ...]:
-    """The first alarm at each sensor; those that the log's own quality pass gives are `known`."""
+    """The first alarm at each sensor; those that the log's own quality pass gives are `known`, others `found`."""
     noise = noisy(watched)
     loud = {alarm.node for alarm in noise}  # whose single readings leap, too
     known = [alarm for alarm in known if alarm.kind != "spikes" or alarm.node not in loud]
-    alarms = [*known, *noise, *dropouts(watched)]
+    alarms = [*known, *found, *noise, *dropouts(watched)]
     named_already = {alarm.node for alarm in alarms if alarm.kind != "input"}
     given = Hypothesis.of(model, watched.run, calibration.noise, calibration.model_error)
     given = replace(given, measured=believable(given.measured))
@@ -343,7 +350,7 @@ def alarms_by_statistics(
     for alarm in known:
         if alarm.channel in model.inputs and alarm.node in model.nodes:
             given, inputs = given.with_unknown_input(alarm.channel), inputs - {alarm.channel}
-    for alarm in noise:
+    for alarm in (*noise, *found):
         given = given.without(model.nodes.index(alarm.node), alarm.onset)
     for alarm in faults(given, calibration.limits, inputs, taught=calibration.healthy_hours > 0):
         size = inf if alarm.size is None or alarm.kind == "lag" else abs(alarm.size)
