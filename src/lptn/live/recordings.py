@@ -10,7 +10,7 @@ from io import BytesIO
 from math import isfinite
 from pathlib import Path
 from threading import Event
-from typing import Any, BinaryIO, cast
+from typing import Any, BinaryIO, NamedTuple
 
 from lptn.basics.bounds import Bound
 from lptn.basics.errors import InputError
@@ -26,8 +26,18 @@ _FIRST = 20  # messages of a topic that are looked at for names, as of a finishe
 _RECORD = Bound(1 << 30, "bytes")  # of a file; recorders make chunks of some megabytes
 _MAGIC, _HEAD = b"\x89MCAP0\r\n", 9  # an MCAP file's first bytes; bytes before a record: its kind, and its size
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK = 2, 3, 4, 5, 6  # kinds of records
-Batch = list[tuple[Any, int, bytes]]
-"""Messages: what rosbags knows of the topic, ns of reception, bytes."""
+
+
+class Topic(NamedTuple):
+    """A topic's name, its messages' type and the definition of that, called as rosbags calls them."""
+
+    topic: str
+    msgtype: str
+    msgdef: Any
+
+
+Batch = list[tuple[Topic, int, bytes]]
+"""Messages: their topic, ns of reception, bytes."""
 
 
 class GrowingBag(RosSource):
@@ -47,8 +57,8 @@ class GrowingBag(RosSource):
         if not self._files():
             found = f"a folder without {' or '.join(ENDINGS)} files" if path.is_dir() else "no such file"
             raise InputError(path, "source", found, "a ROS 2 bag that is recorded: its file, or its folder")
-        self._topics, self._store = dict[Any, None](), store_of([])
-        self._decoders = dict[Any, tuple[dict[str, None], int, Decoder]]()
+        self._topics, self._store = dict[Topic, None](), store_of([])
+        self._decoders = dict[Topic, tuple[dict[str, None], int, Decoder]]()
         """Of each topic: names of its numbers, how many messages were looked at for them, and what reads these."""
 
     def _files(self) -> list[Path]:
@@ -82,13 +92,13 @@ class GrowingBag(RosSource):
 
     def _tell(self, batch: Batch) -> None:
         """Say messages in the order of their reception, a topic's decoded at once."""
-        by_topic = defaultdict[Any, list[tuple[int, bytes]]](list)
+        by_topic = defaultdict[Topic, list[tuple[int, bytes]]](list)
         for topic, when, raw in batch:
             by_topic[topic].append((when, raw))
         if by_topic.keys() - self._topics.keys():
             self._topics |= dict.fromkeys(by_topic)
             self._store = store_of(list(self._topics))
-        said = list[tuple[int, int, Any, dict[str, float]]]()
+        said = list[tuple[int, int, Topic, dict[str, float]]]()
         for topic, messages in by_topic.items():
             with suppress(Exception):  # of any kind, by what is wrong with the bytes; then nothing of them is said
                 raws = [raw for _, raw in messages]
@@ -102,7 +112,7 @@ class GrowingBag(RosSource):
             self._ahead = stamp - when if stamp else self._ahead
             self.say(topic.topic, topic.msgtype, numbers, (stamp or when + self._ahead) / 1e9)
 
-    def _decoder(self, topic: Any, raws: list[bytes]) -> Decoder:
+    def _decoder(self, topic: Topic, raws: list[bytes]) -> Decoder:
         names, count, decoder = self._decoders.get(topic, ({}, 0, None))
         if count < _FIRST or decoder is None:
             for raw in raws[: _FIRST - count]:
@@ -112,20 +122,18 @@ class GrowingBag(RosSource):
         return decoder
 
 
-def _topic(number: int, name: str, kind: str, encoding: str, definition: str) -> Any:
-    from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefinition, MessageDefinitionFormat
+def _topic(name: str, kind: str, encoding: str, definition: str) -> Topic:
+    from rosbags.interfaces import MessageDefinition, MessageDefinitionFormat
 
     forms = {"ros2msg": MessageDefinitionFormat.MSG, "ros2idl": MessageDefinitionFormat.IDL}
-    form = forms.get(encoding, MessageDefinitionFormat.NONE)
-    kept = ConnectionExtRosbag2("cdr", cast(Any, ()))  # a list can't be part of a key
-    return Connection(number, name, kind, MessageDefinition(form, definition), "", 0, kept, None)
+    return Topic(name, kind, MessageDefinition(forms.get(encoding, MessageDefinitionFormat.NONE), definition))
 
 
 def _of_mcap(path: Path) -> Iterator[Batch]:
     """Messages as they come, none while no record is complete; ends behind the file's footer."""
     from rosbags.rosbag2.storage_mcap import read_string
 
-    schemas, topics, batch = dict[bytes, tuple[str, ...]](), dict[bytes, Any](), Batch()
+    schemas, topics, batch = dict[bytes, tuple[str, ...]](), dict[bytes, Topic](), Batch()
     with path.open("rb") as stream:
         while len(begin := stream.read(len(_MAGIC))) < len(_MAGIC) and _MAGIC.startswith(begin):
             stream.seek(0)
@@ -138,8 +146,8 @@ def _of_mcap(path: Path) -> Iterator[Batch]:
                 if kind == _SCHEMA:
                     schemas[number] = tuple(read_string(fields) for _ in range(3))
                 elif kind == _CHANNEL:
-                    kind_of, *definition = schemas.get(fields.read(2), ("", "", ""))
-                    topics[number] = _topic(int.from_bytes(number, "little"), read_string(fields), kind_of, *definition)
+                    kind_of, form, text = schemas.get(fields.read(2), ("", "", ""))
+                    topics[number] = _topic(read_string(fields), kind_of, form, text)
                 elif kind == _MESSAGE and number in topics:
                     batch.append((topics[number], int.from_bytes(content[6:14], "little"), content[22:]))
                 if len(batch) == _BATCH or kind == _FOOTER:
@@ -173,7 +181,7 @@ def _records(stream: BinaryIO, path: Path) -> Iterator[tuple[int, bytes]]:
 
 def _of_sqlite(path: Path) -> Iterator[Batch]:
     """Messages as they come, none while there are no more."""
-    topics, last, batch = dict[int, Any](), 0, Batch()
+    topics, last = dict[int, Topic](), 0
     with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True, timeout=0.0)) as base:
         while True:
             rows = list[tuple[int, int, int, bytes]]()
@@ -186,7 +194,6 @@ def _of_sqlite(path: Path) -> Iterator[Batch]:
                         of_kinds = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
                         kinds = {kind: (form, text) for kind, form, text in base.execute(of_kinds)}
                     for number, name, kind in base.execute("SELECT id, name, type FROM topics"):
-                        topics.setdefault(number, _topic(number, name, kind, *kinds.get(kind, ("", ""))))
+                        topics.setdefault(number, _topic(name, kind, *kinds.get(kind, ("", ""))))
             last = rows[-1][0] if rows else last
-            batch = [(topics[topic], when, raw) for _, topic, when, raw in rows if topic in topics]
-            yield batch
+            yield [(topics[topic], when, raw) for _, topic, when, raw in rows if topic in topics]
