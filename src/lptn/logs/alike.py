@@ -12,7 +12,7 @@ from functools import partial
 import numpy as np
 
 from lptn.basics.arrays import FloatArray
-from lptn.logs.channels import FEWEST, Channels, few_of, is_measured, spans, standing, usual_length
+from lptn.logs.channels import FEWEST, NEARLY_ALL, Channels, few_of, is_measured, spans, standing, usual_length
 from lptn.logs.columns import HEATS, INPUTS, place_of
 from lptn.logs.issue import Issue
 from lptn.logs.law import TOLD, heat_told, warming
@@ -86,9 +86,6 @@ def suspect_held(log: Channels) -> list[Issue]:
 
 # --- Channels that say the same -------------------------------------------------------------------
 
-_TOGETHER = 0.9
-"""Share of the rows in which one of two channels changes, in which a copy does the same. Two joints as warm as each
-other, read in steps of 1 K, give the same number in 99 of 100 rows, but cross a step in different ones."""
 _UNTOLD = 0.3  # of `heat_told`, of a part that its column does not heat: with another joint's at most 0.15
 _WHOSE = "one of the two is not where it is said to be"
 
@@ -146,7 +143,8 @@ def _moves_alike(one: FloatArray, other: FloatArray) -> bool:
     both = np.isfinite(one) & np.isfinite(other)
     moves, others = np.diff(one[both]), np.diff(other[both])
     changes = (moves != 0) | (others != 0)
-    return bool(np.count_nonzero(changes) >= FEWEST and np.mean((moves == others)[changes]) >= _TOGETHER)
+    # Two joints as warm as each other give one number of 1 K in 99 of 100 rows, but cross a step in different ones.
+    return bool(np.count_nonzero(changes) >= FEWEST and np.mean((moves == others)[changes]) >= NEARLY_ALL)
 
 
 _WARMED = 5.0  # K, by which both move

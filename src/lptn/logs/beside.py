@@ -10,10 +10,10 @@ from collections.abc import Sequence
 
 from lptn.basics.errors import InputError
 from lptn.logs.columns import AMBIENT
+from lptn.logs.plausible import OVER
 from lptn.logs.run import Run
 
-_WARMER = 25.0  # K, by which rooms of one robot's runs hardly differ
-_LIKE = 15.0  # K, by which they may
+_LIKE = 15.0  # K, by which rooms of one robot's runs may differ
 
 
 def refuse_other_units(runs: Sequence[Run]) -> None:
@@ -29,7 +29,7 @@ def refuse_other_units(runs: Sequence[Run]) -> None:
             there, in_doubt = _room(other), {issue.key for issue in other.issues}
             if room is None or there is None or in_doubt & {issue.key for issue in doubted}:
                 continue
-            if room - there > _WARMER and abs((room - 32) / 1.8 - there) < _LIKE:
+            if room - there > OVER and abs((room - 32) / 1.8 - there) < _LIKE:
                 place, problem, remedy = doubted[0].error
                 raise InputError(
                     run.source, place, f"{problem}, since {other.source} begins at {there:.3g} degC", remedy

@@ -19,6 +19,7 @@ from lptn.logs.resampling import means_of_blocks, means_of_windows
 # --- Stretches of rows ----------------------------------------------------------------------------
 
 FEWEST = 20  # readings, or changes of these, that tell what a channel is like
+NEARLY_ALL = 0.9  # share of rows, blocks or stretches that do the same, where the others do otherwise by chance
 GAP = 10.0  # times the usual distance of readings, or of their means: nothing was logged for a while
 SHORTEST, STILL = 60.0, 180.0
 """s, of a number at an end of the range, and of one among others: filters in drives let a steady motor's reading stand
@@ -88,7 +89,6 @@ def standing(readings: FloatArray) -> tuple[IntArray, IntArray]:
 
 _FEW = 10_000  # readings that tell what is usual
 _MEASURED = 50  # numbers that a measured load takes; fewer are what was asked for
-_BY_THE_CLOCK = 0.9  # share of stretches that are as long as usual, where a source or a slow topic keeps a rate
 
 
 def few_of(values: FloatArray) -> FloatArray:
@@ -106,7 +106,7 @@ def usual_length(lengths: IntArray) -> tuple[int, bool]:
     """How many rows stretches (n,) usually have, 1 of none, and whether nearly all of them have as many."""
     counts = np.bincount(lengths, minlength=2)  # most are alike, which takes a median long
     usual = max(int(np.searchsorted(np.cumsum(counts), 0.5 * lengths.size)), 1)
-    return usual, bool(counts[usual] >= _BY_THE_CLOCK * lengths.size)
+    return usual, bool(counts[usual] >= NEARLY_ALL * lengths.size)
 
 
 # --- A sensor, by all its readings -----------------------------------------------------------------

@@ -30,6 +30,7 @@ import pandas as pd
 from lptn.basics.bounds import Bound
 from lptn.basics.errors import InputError
 from lptn.logs import tables
+from lptn.logs.clock import DAY
 from lptn.logs.columns import ColumnSource, is_number, is_unit
 from lptn.logs.tables import Bounded, Table, most_unpacked, require_package, too_large
 
@@ -43,13 +44,12 @@ _NUMBER = r"[-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:e[-+]?\d+)?"
 _CLOCK = r"\d+:\d\d(?::\d\d)?(?:[.,]\d*)?"
 _DATE = rf"\d{{1,4}}[-/.]\d{{1,2}}[-/.]\d{{1,4}}(?:[T ]{_CLOCK})?(?:Z| ?[-+]\d\d:?\d\d)?"
 _NOTHING = r"[-+]?(?:nan|inf|infinity)|n/a|na|null|none"
-_LONGEST_VALUE = 100  # characters: a date with its time and zone has forty
 _VALUE = re.compile(f"{_NUMBER}|{_CLOCK}|{_DATE}|{_NOTHING}", re.IGNORECASE)
 
 
 def _is_value(cell: str) -> bool:
     """Whether a cell is one of a table's values: a number, a date or time, or what people write where there is none."""
-    return len(cell) <= _LONGEST_VALUE and _VALUE.fullmatch(cell.strip()) is not None
+    return len(cell) <= tables.LONGEST_CELL and _VALUE.fullmatch(cell.strip()) is not None
 
 
 def _width_of(cells: Sequence[str]) -> int:
@@ -428,9 +428,8 @@ def _parsed(
 
 # --- Tables that VESC Tool and its kin write ---------------------------------------------------------------
 
-_DAY = 86_400_000  # ms, after which the clock begins anew
 _VESC = {
-    "time": ColumnSource(("ms_today",), "ms", wrap=_DAY),
+    "time": ColumnSource(("ms_today",), "ms", wrap=1000 * DAY),
     "temperature.motor": ColumnSource(("temp_motor",), "degC"),
     "temperature.mosfet": ColumnSource(("temp_mos_max",), "degC"),
     "current.motor": ColumnSource(("d_axis_current", "q_axis_current")),

@@ -25,13 +25,13 @@ import pandas as pd
 from numpy.lib.stride_tricks import sliding_window_view
 
 from lptn.basics.arrays import BoolArray, FloatArray, IntArray
-from lptn.logs.channels import GAP, SHORTEST, STILL, Channels, GainChange, spans, standing, usual_length
+from lptn.logs.channels import GAP, NEARLY_ALL, SHORTEST, STILL, Channels, GainChange, spans, standing, usual_length
 from lptn.logs.columns import has_own_heat, place_of
 from lptn.logs.plausible import ALIKE
 from lptn.logs.scatter import MAD_TO_SIGMA
 
 _FEWEST = 30  # blocks that tell a law
-_THERE, _SELDOM = 0.9, 10  # share of the blocks in which a neighbour is known, and blocks between two of its readings
+_SELDOM = 10  # blocks between two readings of a neighbour
 _CONDUCTANCE, _HEATS = 1 / 500, 0.1
 """1/s, of a conductance to a capacity, and K/s of heat, as they are likely: where a log does not tell two of them
 apart, neither is large."""
@@ -97,10 +97,6 @@ class Warming:
         """The mean size of that [K]."""
         return float(np.mean(np.abs(self.off)))
 
-    def without(self, column: int) -> Warming:
-        """The same law without one of its terms."""
-        return replace(self, likely=np.where(np.arange(self.likely.size) == column, 0.0, self.likely))
-
     def apart(self, terms: Sequence[int], stretch: BoolArray) -> Warming:
         """The same law, some of whose terms are others in a stretch, (m,): it has its columns of them at the end."""
         design = np.column_stack([self.design, self.design[:, terms] * stretch[:, None]])
@@ -112,7 +108,7 @@ class Warming:
         """The same of so many steps at a time, where they follow each other, and without a constant heat."""
         first = np.flatnonzero(self.rows[steps - 1 :] - self.rows[: 1 - steps] == steps - 1)
         moved, design = (sliding_window_view(x, steps, axis=0).sum(axis=-1)[first] for x in (self.moved, self.design))
-        return replace(self, rows=self.rows[first], moved=moved, design=design).without(self.other)
+        return replace(self, rows=self.rows[first], moved=moved, design=design, likely=self.likely * ~self.signed)
 
 
 def warming(log: Channels, key: str, load: str) -> Warming | None:
@@ -125,7 +121,7 @@ def warming(log: Channels, key: str, load: str) -> Warming | None:
         read = log.means(other)
         if np.isnan(read).any():  # what is read more seldom than once a block lies between its readings
             read = np.asarray(pd.Series(read).interpolate(limit=_SELDOM, limit_area="inside"), np.float64)
-        around |= {other: read} if np.isfinite(read).mean() > _THERE else {}
+        around |= {other: read} if np.isfinite(read).mean() > NEARLY_ALL else {}
     apart = np.diff(log.means("time"))
     hidden = pd.Series(warm).ewm(com=_HIDDEN / float(np.median(apart)), adjust=False).mean().to_numpy() - warm
     table = np.column_stack([np.ones(warm.size), *(read - warm for read in around.values()), hidden])

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from lptn.basics.arrays import BoolArray, FloatArray, IntArray
-from lptn.logs.channels import FEWEST, SHORTEST, Channels, Silence, few_of, spans
+from lptn.logs.channels import FEWEST, NEARLY_ALL, SHORTEST, Channels, Silence, few_of, spans
 from lptn.logs.columns import place_of
 from lptn.logs.law import contradicted
 from lptn.logs.plausible import ALIKE, CODES, FAR, HOTTEST, OUTDOORS, RATE
@@ -56,7 +56,7 @@ _WINDOWS = (3.0, 10.0, 30.0)  # s, within which a filter, or a wire that corrode
 _TAIL = 3  # times ten seconds, in which the rest of its way is lost in what is usual
 _BEFORE = 20.0, 5.0  # s, over which the heat before is meant, of slow parts and of quick ones
 _LAG = 2.0  # s, by which a sensor lags
-_AS_LARGE, _NEARLY, _GAIN = 0.5, 0.9, 3.0  # of a change of heat; share of such moves; times the largest of these
+_AS_LARGE, _GAIN = 0.5, 3.0  # of a change of heat; times the largest of nearly all such moves
 _QUICKER, _MOST_MOVES = 12.0, 0.98  # times what it does elsewhere; share of a channel's moves
 _EDGE = 5  # readings at the ends of a stretch, whose middle value is taken
 _LIKELY, _UNLIKELY = 3.0, 0.1  # times that a stretch counts that begins as the others; that no part can have
@@ -153,7 +153,7 @@ class _Part:
             for number, k_at in enumerate(at.tolist()):
                 if change[k_at] * moves[k_at] > 0 and not explained[number]:
                     alike = np.sign(change[k_at]) * change >= _AS_LARGE * abs(change[k_at])
-                    gain = float(np.quantile(moves[alike] / change[alike], _NEARLY))
+                    gain = float(np.quantile(moves[alike] / change[alike], NEARLY_ALL))
                     explained[number] = abs(moves[k_at]) <= _GAIN * gain * abs(change[k_at])
         return explained
 
@@ -174,7 +174,7 @@ class _Part:
         for k in np.argsort(begins - ends)[:_EDGE]:
             when = self.stamps[begins[k] : ends[k] + 1]
             rates.append(np.abs(pieces[k][rows:] - pieces[k][:-rows]) / (when[rows:] - when[:-rows]))
-        rate = 2 * float(np.quantile(np.concatenate(rates), 0.9))
+        rate = 2 * float(np.quantile(np.concatenate(rates), NEARLY_ALL))
         score, before = weight.copy(), np.full(begins.size, -1)
         for k in range(1, begins.size):
             near = np.abs(first[k] - last[:k]) <= self.least + rate * (begun[k] - ended[:k])
@@ -191,7 +191,7 @@ class _Part:
         rows = max(1, round(_WINDOWS[1] / self.every))
         if end - begin > rows + FEWEST:
             moves = np.abs(self.readings[begin + rows : end + 1] - self.readings[begin : end + 1 - rows])
-            calm, last = np.flatnonzero(moves <= 2 * float(np.quantile(moves, 0.9))), end
+            calm, last = np.flatnonzero(moves <= 2 * float(np.quantile(moves, NEARLY_ALL))), end
             if end < cuts.size and cuts[end] == 2 and calm[-1] < moves.size - 1:
                 last = max(end - (moves.size - 1 - int(calm[-1])) - _TAIL * rows, begin)
             if begin > 0 and cuts[begin - 1] == 2 and calm[0] > 0:

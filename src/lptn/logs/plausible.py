@@ -58,6 +58,7 @@ FAR = 10.0
 """K, from all that is beside it: no part is so much colder than all that surrounds it, and no sensor so far from where
 it was but by a code or a broken wire."""
 COLDER, WARMER = 5.0, 70.0  # K: a robot's first reading beside the air's; sensors differ, and robots begin warm
+OVER = 25.0  # K, over the room of another run, or over the air: hardly any log begins so warm, and in °F all do
 RATE = 1.0  # K/s: a winding at stall warms as fast, for some seconds
 
 # --- Joints -----------------------------------------------------------------------------------------------

@@ -19,6 +19,7 @@ from lptn.basics.arrays import FloatArray, IntArray
 from lptn.logs.channels import (
     FEWEST,
     GAP,
+    NEARLY_ALL,
     SHORTEST,
     STILL,
     Channels,
@@ -47,8 +48,7 @@ _SURELY = 1.64  # standard deviations of a count: so few moves by two steps may 
 _LAST_MOVES, _RESTS = 5, 0.125
 """Moves before a stretch, and the share of the usual move below which they are at rest; of white noise 3 in 1000."""
 _CLEAR = 20  # readings without a touch: what is cut off of the noise then shifts the mean by a hundredth of it
-_BENT, _OFTEN, _TIMES_USUAL = 1e-9, 0.9, 3.0
-"""Of a channel's largest slope, by which a line may bend; share of lines that are as long as usual, and times that."""
+_BENT, _TIMES_USUAL = 1e-9, 3.0  # of a channel's largest slope, by which a line may bend; times its lines' usual length
 
 
 def silences(
@@ -117,7 +117,7 @@ def _lines(time: FloatArray, values: FloatArray, there: IntArray) -> list[Silenc
     straight = np.abs(np.diff(slopes)) <= _BENT * np.abs(slopes).max(initial=0.0)
     lines = np.array(spans(straight & (slopes[1:] != 0)), np.int64).reshape(-1, 2)
     rows = lines[:, 1] - lines[:, 0]
-    usual = np.quantile(np.append(rows, np.ones(np.count_nonzero(~straight))), _OFTEN) if rows.size else 0.0
+    usual = np.quantile(np.append(rows, np.ones(np.count_nonzero(~straight))), NEARLY_ALL) if rows.size else 0.0
     long = (rows >= max(FEWEST, _TIMES_USUAL * usual)) & (
         time[there[lines[:, 1] + 1]] - time[there[lines[:, 0]]] >= SHORTEST
     )

@@ -14,7 +14,8 @@ from itertools import combinations
 import numpy as np
 
 from lptn.basics.arrays import BoolArray, FloatArray
-from lptn.logs.channels import Channels, is_measured, spans, usual_length
+from lptn.logs.channels import FEWEST, Channels, is_measured, spans, usual_length
+from lptn.logs.clock import FEWEST_ROWS
 from lptn.logs.columns import INPUTS
 
 ANOTHER_SOURCE = "of another source"
@@ -23,7 +24,6 @@ ANOTHER_SOURCE = "of another source"
 # --- Sources that a topic's messages name -----------------------------------------------------------
 
 _TAKE_TURNS = 0.5  # share of the messages of the rarer source that lie between those of the other
-_FEWEST = 10  # messages of a source
 _APART = 3.0  # times the usual step of one source, by which another's readings lie from the reading before
 _OTHER_SIZE = 1.5  # times the mean square, by which two sources of one noisy quantity can't differ
 
@@ -44,7 +44,7 @@ def conflicts(names: Sequence[str], values: FloatArray, sources: Sequence[Hashab
         one, other = (label == number[source] for source in pair)
         second = other[one | other]
         rarer, turns = min(int(second.sum()), int((~second).sum())), int(np.count_nonzero(second[1:] != second[:-1]))
-        if rarer < _FEWEST or turns < 2 * _TAKE_TURNS * rarer:
+        if rarer < FEWEST_ROWS or turns < 2 * _TAKE_TURNS * rarer:
             continue
         name = next((name for name, x in zip(names, values.T, strict=True) if _differ(x, one, other)), "")
         if name:
@@ -57,7 +57,7 @@ def _differ(x: FloatArray, one: BoolArray, other: BoolArray) -> bool:
     """Whether two sources of one number say different things of it."""
     there = np.isfinite(x) & (one | other)
     a, b = x[one & there], x[other & there]
-    if min(a.size, b.size) < _FEWEST:
+    if min(a.size, b.size) < FEWEST_ROWS:
         return False
     across = np.abs(np.diff(x[there]))[np.diff(other[there].astype(int)) != 0]
     within = max(float(np.median(np.abs(np.diff(own)))) for own in (a, b))
@@ -69,7 +69,6 @@ def _differ(x: FloatArray, one: BoolArray, other: BoolArray) -> bool:
 
 # --- A source that says zero of all joints, where nothing names it ---------------------------------------
 
-_OFTEN = 20  # stretches of zeros
 _SAME, _MOSTLY = 0.25, 0.7  # of its size, by which a course differs at most across another's row, and how often
 _LOUD = 0.1  # of the size of all: steps of a coarse sensor at rest are none
 _FEWEST_SIZES = 3  # that a course has, and none that turns between two steps of a coarse sensor
@@ -87,7 +86,7 @@ def rows_of_zeros(log: Channels) -> tuple[BoolArray, list[str]]:
     said = [key for quantity in INPUTS for key in log.of(quantity) if not log.is_believed(key)]
     for quantity in INPUTS:
         keys, speeds = [key for key in said if key in log.of(quantity)], quantity == "velocity"
-        if min((np.count_nonzero(log.values[key] == 0) for key in keys), default=0) < _OFTEN:
+        if min((np.count_nonzero(log.values[key] == 0) for key in keys), default=0) < FEWEST:
             continue
         table = np.column_stack([log.values[key] for key in keys])
         rows = np.flatnonzero(np.isfinite(table).all(axis=1))
@@ -106,7 +105,7 @@ def _between_others(drives: FloatArray, *, stopped: bool) -> BoolArray:
     inner = np.array([one for one in spans(zero) if one[0] > 0 and one[1] < zero.size], np.int_).reshape(-1, 2)
     spoken = np.array(spans(~zero), np.int_).reshape(-1, 2)
     lengths = [usual_length(np.diff(some).ravel()) for some in (inner, spoken[1:-1])]
-    if len(inner) < _OFTEN or min(length for length, _ in lengths) > 1:
+    if len(inner) < FEWEST or min(length for length, _ in lengths) > 1:
         return nowhere
     before, behind = drives[inner[:, 0] - 1], drives[inner[:, 1]]
     largest = np.maximum(np.linalg.norm(before, axis=1), np.linalg.norm(behind, axis=1))

@@ -35,7 +35,7 @@ UNPACKED_AT_ONCE = 100_000_000  # bytes that any may unfold to in memory …
 TIMES_PACKED = 50  # … and either, where it is more: times its own size
 _SMALL = 10_000_000  # bytes of a file that fits any memory: one that asks for more has a false length in it
 _MOST_WORDS, _MOST_LISTED = 5, 30  # words that a note gives as examples, names of columns in a message
-_LONGEST_CELL = 100  # characters of a cell, of which no number has more
+LONGEST_CELL = 100  # characters of a cell: no number has more, and a date with its time and zone has forty
 _NO_NUMBER = re.compile(r"[-+]?1\.#(?:INF|IND|QNAN|SNAN)\d*", re.IGNORECASE)  # as Windows prints what is no number
 _YES_OR_NO = dict.fromkeys(("true", "t", "yes", "y", "on"), 1.0) | dict.fromkeys(("false", "f", "no", "n", "off"), 0.0)
 _NOT_PLAIN = (bytes, list, dict, np.ndarray)  # cells of a binary or nested column, of which nothing makes numbers
@@ -130,7 +130,7 @@ class Table:
         """
         # A text that a file holds once stands once in memory, and may be a megabyte.
         series = series.astype(object).map(
-            lambda cell: str(cell)[:_LONGEST_CELL] if isinstance(cell, str | bool) else cell
+            lambda cell: str(cell)[:LONGEST_CELL] if isinstance(cell, str | bool) else cell
         )
         if (nested := series.map(type).isin(_NOT_PLAIN).to_numpy()).any():
             row = int(nested.argmax())

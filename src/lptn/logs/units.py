@@ -36,6 +36,7 @@ from lptn.logs.plausible import (
     HOTTEST,
     KELVIN,
     OUTDOORS,
+    OVER,
     PLAUSIBLE,
     USUAL,
     WARMER,
@@ -303,11 +304,6 @@ _JUMP, _SHORT = 0.75, 0.1  # of the range: a jump from end to end; the usual ste
 _USUALLY, _ONE_MORE = 0.95, 3.0  # share of a counter's steps; counts more than these that a step over the end has
 
 
-def _decimal(raw: FloatArray) -> float:
-    """The decimal place to which all numbers (n,) are written, a thousandth at the least; 0 where there is none."""
-    return next((unit for unit in (0.1, 0.01, 0.001) if np.abs(np.round(raw / unit) * unit - raw).max() < 1e-9), 0.0)
-
-
 def suspect_wrap(log: Channels, key: str) -> list[Issue]:
     """A counter of 8, 16 or 32 bit that wraps."""
     source, temperature = log.sources[key], key.startswith("temperature.")
@@ -315,7 +311,9 @@ def suspect_wrap(log: Channels, key: str) -> list[Issue]:
         return []
     raw = log.numbers[source.columns[0]]
     raw = raw[np.isfinite(raw)]
-    unit = 1.0 if _are_whole(raw) else quantisation_step(raw) if temperature else _decimal(raw)
+    # The decimal place to which all numbers are written, a thousandth at the least.
+    places = (place for place in (0.1, 0.01, 0.001) if np.abs(np.round(raw / place) * place - raw).max() < 1e-9)
+    unit = 1.0 if _are_whole(raw) else quantisation_step(raw) if temperature else next(places, 0.0)
     if raw.size < 2 or unit == 0:
         return []
     counts = np.round(raw / unit) if unit < 1 and not temperature else raw / unit
@@ -351,12 +349,10 @@ def suspect_wrap(log: Channels, key: str) -> list[Issue]:
 
 _FAHRENHEIT = (48.0, 120.0)  # degF, 9 … 49 degC: surroundings, and the coldest reading of a log in a room
 _WARM_ROOM = 55.0  # degC: surroundings that are doubted
-_OVER_ROBOT = 20.0  # K over the robot at the first reading: robots begin as warm as the room, or warmer
 _OFFSETS = (30.0, 40.0, 50.0)  # K, that drives add to a temperature so that a byte holds it below zero, too
 _SURE = float(np.log(100))
 """Of `rest_evidence`: if errors were independent, at most one healthy log in a hundred would have more; of 218 virtual
 ones none has."""
-_OVER_ROOM = 30.0  # K over the room at the first reading: hardly any log begins so warm
 
 
 def suspect_starts(log: Channels) -> list[Issue]:
@@ -379,7 +375,7 @@ def suspect_starts(log: Channels) -> list[Issue]:
         return []
     room = starts.pop(log.air)
     robot = float(np.median(list(starts.values()))) if starts else np.nan
-    around = room - robot > _OVER_ROBOT and abs((room - 32) / 1.8 - robot) < ALIKE and not in_kelvin
+    around = room - robot > OVER and abs((room - 32) / 1.8 - robot) < ALIKE and not in_kelvin
     if log.air in free and _FAHRENHEIT[0] < room < _FAHRENHEIT[1] and (around or warm_air > _WARM_ROOM):
         problem = f"surroundings of {room:.4g} degC around a robot that begins at {robot:.4g} degC, "
         problem += "which look like degF"
@@ -412,7 +408,7 @@ def _suspect_rest(
     source, room, has_load = log.sources[key], log.sensors[log.air].first, bool(log.load_of(place_of(key)))
     offset = min(_OFFSETS, key=lambda one: abs(one - start))
     byte = _are_whole(log.values[key][np.isfinite(log.values[key])]) and -1.0 <= start - offset <= ALIKE
-    degf = start > _OVER_ROOM and abs(start - (0.8 * room + 32)) < 2 * ALIKE
+    degf = start > OVER and abs(start - (0.8 * room + 32)) < 2 * ALIKE
     rested, issues = not others or float(np.median(others)) < 2 * ALIKE, list[Issue]()
     usual = rested and source.unit is None and (byte or degf)
     told = evidence > (-_SURE if usual else _SURE) or (np.isnan(evidence) and usual and degf)
