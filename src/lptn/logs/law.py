@@ -275,7 +275,7 @@ def against_heat(log: Channels, key: str, load: str, resolution: float) -> list[
             found += [stretch for stretch in group if stretch not in found]
             for begin, end in steps:
                 known[max(begin - 1, 0) : end + 1] = False
-    log.gains[load] = change = None if found else gain_change(log, key, load)
+    log.gains[load] = change = None if found else gain_change(log, law, key, load)
     return [change.rows] if change and change.still else found
 
 
@@ -433,19 +433,17 @@ def _likely_change(law: Warming) -> Change | None:
     return change if change.error <= most * min(others, default=np.inf) else None
 
 
-def gain_change(log: Channels, key: str, load: str) -> GainChange | None:
+def gain_change(log: Channels, law: Warming | None, key: str, load: str) -> GainChange | None:
     """Where a load makes another heat in the part of temperature `key` than else; `None` where it makes the same.
 
-    Or where the part doesn't change at all, though by the law it would. Other heat, or loss to the air, that is another
-    in any stretch explains it worse. A unit changes once, so to the log's end.
+    Or where the part, which warms by `law`, doesn't change at all, though by the law it would. Other heat, or loss to
+    the air, that is another in any stretch explains it worse. A unit changes once, so to the log's end.
     """
-    if log.block < _ROWS:
+    if law is None or log.block < _ROWS or law.rows.size < _STEPS_AT_LEAST:
         return None
     stands = np.subtract(*standing(log.values[load])[::-1]) + 1  # rows, that each number does
     known = log.block / usual_length(stands)[0]  # in fewer than one a number stands for longer, and is known
-    law = warming(log, key, load) if not 1 < known < _ROWS else None
-    change = _likely_change(law) if law and law.rows.size >= _STEPS_AT_LEAST else None
-    if law is None or change is None:
+    if 1 < known < _ROWS or (change := _likely_change(law)) is None:
         return None
     (start, stop, sides, _), count = change, law.rows.size
     square = np.concatenate(([0.0], np.cumsum(law.design[:, 0])))

@@ -18,7 +18,7 @@ from lptn.logs.channels import Channels, Silence
 from lptn.logs.clock import FEWEST_ROWS
 from lptn.logs.columns import HEATS, INPUTS, ColumnSource, as_line_or_option, column_unit, place_of, quantity_of
 from lptn.logs.issue import Issue
-from lptn.logs.law import AT_MOST, DOUBTED, exchanged, gain_change
+from lptn.logs.law import AT_MOST, DOUBTED, exchanged, gain_change, warming
 from lptn.logs.plausible import KELVIN, PLAUSIBLE
 from lptn.logs.silence import silences_of
 from lptn.logs.tables import Table
@@ -178,13 +178,13 @@ def _suspect_gains(log: Channels, said: Collection[str]) -> list[Issue]:
     issues = list[Issue]()
     if "time" in said:
         return issues
-    told = Channels({key: x for key, x in log.values.items() if key not in said}, air=log.air)
+    told = replace(log, values={key: x for key, x in log.values.items() if key not in said})
     for key in [key for quantity in HEATS for key in told.of(quantity) if not log.is_believed(key)]:
         part, change = f"temperature.{place_of(key)}", log.gains.get(key)
         if part not in told.values:
             continue
         if said or key not in log.gains:  # beside a channel in another unit a law is another
-            change = gain_change(told, part, key)
+            change = gain_change(told, warming(told, part, key), part, key)
         if change is not None:
             start, stop = (float(log.time[row]) for row in change.rows)
             problem, remedy = f"roughly {log.when(start, stop)} it ", "say each part's unit"

@@ -27,7 +27,6 @@ from lptn.logs.columns import ColumnSource, is_key
 COLUMNS = Bound(100_000, "columns")
 """Of a table: a file of so many takes 8 s to open; of a robot's log a thousand are many."""
 MOST_NUMBERS = 500_000_000  # 4 GB; a day of twelve joints at 100 Hz has 400 million
-_NUMBERS_AT_ONCE = 10_000_000  # read from a file before they are copied into their columns, so that few stand twice
 UNPACKED = 4_000_000_000
 """Bytes that any packed log may unfold to: half a minute to read as text. How small it was packed says nothing: a robot
 that stands still packs to a hundredth."""
@@ -338,11 +337,10 @@ def open_parquet(path: Path) -> Table:
 
     def read(wanted: Sequence[str]) -> pd.DataFrame:
         refuse_too_large(path, rows, len(wanted))
-        at_once = max(1, _NUMBERS_AT_ONCE // max(rows, 1))
-        some = [list(wanted[k : k + at_once]) for k in range(0, len(wanted), at_once)]
         with pq.ParquetFile(path, read_dictionary=texts) as file:
-            frames = [file.read(names).to_pandas(ignore_metadata=True, split_blocks=True) for names in some]
-            frame: pd.DataFrame = pd.concat(frames, axis="columns")
+            columns = file.read(list(wanted))
+        # Each column is freed as soon as it is copied, so that few numbers stand twice.
+        frame: pd.DataFrame = columns.to_pandas(ignore_metadata=True, split_blocks=True, self_destruct=True)
         return frame
 
     return Table(path, names, read, kind="Parquet")
