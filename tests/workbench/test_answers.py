@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
+from multiprocessing import Pipe
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from lptn.basics.errors import InputError
 from lptn.diagnose.answers import Key
+from lptn.identify.comparison import Errors
 from lptn.report.text import size_text
 from lptn.workbench.bench import Bench, name_of
+from lptn.workbench.calculation import _opened, _save, _set_against
 from lptn.workbench.content import content_of
 from lptn.workbench.opening import EXAMPLES, Opening
 from lptn.workbench.orders import Add, Plain, Try
@@ -128,6 +133,36 @@ def test_an_answer_has_its_kind_size_and_probability(asked: Bench) -> None:
     assert [each["effect"] for each in shown["refused"]] == [step.effect for step in diagnosis.refused]
     said = dict(content["head"]["said"])
     assert all(each["size"] in said["Structure"] for each in shown["answers"] if each["kind"] == "structure")
+
+
+def test_another_studys_model_stands_beside_with_its_own_errors(tmp_path: Path) -> None:
+    text = (EXAMPLE / "two_heaters.toml").read_text()
+    (tmp_path / "other.toml").write_text(f"# another\n{text}")
+    files = {"mine": OPENING, "other": replace(OPENING, model=tmp_path / "other.toml")}
+    ours, theirs = Pipe()
+    benches = {name: _opened(theirs, opening, tmp_path, after_a_stop=False) for name, opening in files.items()}
+    other = benches["other"]
+    other.do(Add(what="add", effect="sensor_lag", at="*"))
+    _save(other, files["other"])
+    mine = benches["mine"]
+    _set_against(mine, OPENING, other.folder.name)
+    content, news = content_of(mine, OPENING), mine.news()
+    step = other.study.steps[-1]
+    assert step.holdout is not None
+    assert content["head"]["against"] == pytest.approx(step.holdout.rmse, rel=1e-3)  # as its own page says
+    assert content["against"] == f"against {other.folder.name}"
+    for key, prediction in other.predictions(1).items():
+        if key.startswith("holdout"):
+            np.testing.assert_allclose(news.predicted[key, content["against"]], prediction.readings, atol=0.01)
+    assert [tile["rmse"] for tile in content["tiles"]["holdout 0"]["against"]] == pytest.approx(
+        [Errors.of(row).rmse for row in other.predictions(1)["holdout 0"].error], rel=1e-3
+    )
+    _set_against(mine, OPENING, "")
+    assert content_of(mine, OPENING)["head"]["against"] is None
+    for name in ("../elsewhere", "nothing"):
+        with pytest.raises(InputError, match="none of that name"):
+            _set_against(mine, OPENING, name)
+    ours.close()
 
 
 def test_the_head_says_what_study_and_report_say(tmp_path: Path) -> None:

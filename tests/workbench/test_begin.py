@@ -8,6 +8,7 @@ import os
 import shutil
 import socket
 import time
+import tomllib
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ import httpx2 as httpx
 import numpy as np
 import pandas as pd
 import pytest
+from pydantic import ValidationError
 from starlette.testclient import TestClient
 
 import lptn
@@ -23,6 +25,7 @@ from lptn.basics.bounds import Bound
 from lptn.basics.errors import InputError
 from lptn.logs import reading
 from lptn.logs.tables import Table
+from lptn.model.file import with_entry
 from lptn.robots.presets import preset_text
 from lptn.robots.urdf import log_model_text
 from lptn.workbench.calculation import _at_desk, recent, reopened
@@ -218,6 +221,42 @@ def test_a_log_is_read_again_only_where_a_change_of_the_model_takes_other_things
     desk.model.write_text(text.replace('"stamp_ms"', '"hip_current"'))
     desk.content()
     assert set(read) == {"friday.csv", "monday.csv"}
+
+
+def test_forms_change_the_text_and_nothing_else_in_it(desk: Desk) -> None:
+    text = desk.content()["text"]
+    ends = {"value": 5, "unit": "K/W", "bounds": [0.2, 200]}
+    for keys, value in (
+        (["nodes", "*", "capacity", "value"], 350),
+        (["links", 0, "resistance", "bounds"], [0.5, 99]),
+        (["effects", 0, "resistance"], 0.4),
+        (["links", 1], {"between": ["hip", "knee"], "resistance": ends}),
+        (["effects", 1], None),
+    ):
+        do(desk, what="entry", keys=keys, value=value)
+    tables = desk.content()["tables"]
+    assert tables["nodes"]["*"]["capacity"]["value"] == 350
+    assert tables["links"][1] == {"between": ["hip", "knee"], "resistance": ends}
+    assert [effect["kind"] for effect in tables["effects"]] == ["copper_loss"]
+    values = {one.name: one.value for one in lptn.load_model(desk.model).model.parameters}  # as any command reads it
+    assert (values["capacity.hip"], values["capacity.knee"], values["resistance.hip~knee"]) == (350, 350, 5)
+    assert 'data-link="hip~knee"' in desk.content()["drawing"]
+    kept = [line for line in text.partition("# --- what drives")[0].splitlines() if line.startswith("#")]
+    kept += [line for line in text.splitlines() if "# guessed: " in line]
+    assert [line for line in desk.text.splitlines() if line in kept] == kept
+    first = with_entry("[model]\n", desk.model, ["nodes", "base"], {"capacity": ends})
+    assert tomllib.loads(with_entry(first, desk.model, ["links", 0], {"between": ["base", "ambient"]})) == {
+        "model": {},
+        "nodes": {"base": {"capacity": ends}},
+        "links": [{"between": ["base", "ambient"]}],
+    }
+    before = desk.text
+    for wrong in (["links", 9, "between"], ["links", "a"], ["nodes", "*", "capacity", "value", "more"], ["effects", 7]):
+        with pytest.raises(InputError):
+            do(desk, what="entry", keys=wrong, value=None)
+    assert desk.text == before
+    with pytest.raises(ValidationError, match="nodes, links or effects"):
+        do(desk, what="entry", keys=["columns", "time"], value="x")
 
 
 def test_models_of_presets_and_urdfs(desk: Desk) -> None:

@@ -155,7 +155,8 @@ def test_a_plot_is_turned_limited_recoloured_and_taken_away(browser: Browser, tm
         assert page.evaluate(paper) == "rgb(22, 23, 25)"
 
         page.locator("#limit").fill("70")
-        page.locator("#limit").press("Enter")
+        with page.expect_response(re.compile("/lines")):
+            page.locator("#limit").press("Enter")
         expect(page.locator("#limit")).to_have_value("70")
         wheel = (
             "([over, how]) => over.dispatchEvent(new WheelEvent('wheel', {bubbles: true, cancelable: true, ...how}))"

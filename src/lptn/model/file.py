@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -259,6 +259,44 @@ def _set_values(document: Any, key: Key, values: Mapping[str, float], declared: 
     else:
         _append(table, name, _inline({"value": new, "unit": unit}))
     return True
+
+
+def with_entry(text: str, path: Path, keys: Sequence[str | int], value: object) -> str:
+    """The text of a model file with one value in it, all else as it stands.
+
+    Args:
+        text: of the file, which need not be a whole model yet.
+        path: for messages.
+        keys: what leads to the value: of tables their names, of lists a number, one beyond the last for another entry.
+        value: as JSON has it; `None` takes the entry away.
+
+    Raises:
+        InputError: the text is not TOML, or the keys lead nowhere in it.
+    """
+    document = editable(path, text)
+    table: Any = document
+    *above, last = keys
+    try:
+        for key, below in zip(above, keys[1:], strict=True):
+            if isinstance(key, str) and key not in table:
+                table[key] = tomlkit.aot() if isinstance(below, int) else tomlkit.table()
+            table = table[key]
+        if value is None:
+            del table[last]
+        else:
+            item: Any = value
+            if isinstance(value, Mapping):
+                entries = {name: _inline(x) if isinstance(x, Mapping) else x for name, x in value.items()}
+                item = _inline(entries) if len(above) > 1 else tomlkit.table()
+                item.update(entries)
+            if isinstance(last, int) and last == len(table):
+                table.append(item)
+            else:
+                table[last] = item
+    except (LookupError, TypeError, ValueError, tomlkit.exceptions.TOMLKitError) as error:
+        place = ".".join(map(str, keys))
+        raise InputError(path, place, "nothing that could be changed", "an entry of the model file") from error
+    return tomlkit.dumps(document)
 
 
 def _append(table: Any, name: str, item: Any) -> None:

@@ -6,12 +6,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
+
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.diagnose.answers import Step, named
 from lptn.diagnose.evidence import FirstOrder
 from lptn.diagnose.unexplained_heat import UnexplainedHeat
-from lptn.identify.comparison import Prediction
+from lptn.identify.comparison import Prediction, versus
 from lptn.identify.data import Segment
 from lptn.report.network_drawing import NetworkCourse
 from lptn.study import Study
@@ -51,6 +53,8 @@ class Bench:
         self.study, self.folder, self.fingerprint = study, folder, fingerprint
         self.heat: dict[str, dict[str, UnexplainedHeat]] = {}
         """Unexplained heat of each model, by segment."""
+        self.against: tuple[str, dict[str, FloatArray]] = "", {}
+        """What another study's model is called on the page, and what it predicts [degC], (nodes, n), by segment."""
         self._predictions: dict[str, dict[str, Prediction]] = {}
         self._sent: set[tuple[str, str]] = set()
 
@@ -127,6 +131,7 @@ class Bench:
 
     def _forget(self) -> None:
         """Discard what was computed from other data."""
+        self.against = "", {}
         for results in (self.heat, self._predictions, self._sent):
             results.clear()
 
@@ -151,6 +156,35 @@ class Bench:
         refitted = {step.key for step in diagnosis.steps}
         others = [one for one in diagnosis.weighed if one.amplitude and one.candidate.key not in refitted]
         return others[:_MOST_WEIGHED]
+
+    def compare_with(self, name: str, other: Study | None) -> None:
+        """Have another study's model predict these runs, too; a node that it lacks is NaN.
+
+        Raises:
+            InputError: a run lacks an input of it, or they have no node in common.
+        """
+        if other is None:
+            self.against = "", {}
+            return
+        both, theirs = segments(self.study), segments(other)
+        predicted = versus(self.study.model, other.model, [*both.values()], [*theirs.values()]).other
+        rows, readings = {node: row for row, node in enumerate(predicted.model.nodes)}, dict[str, FloatArray]()
+        now = self.predictions(len(self.study.steps) - 1)
+        for (key, shown), prediction in zip(now.items(), predicted.predictions, strict=True):
+            readings[key] = np.full_like(shown.readings, np.nan)
+            for k, node in enumerate(self.study.model.nodes):
+                if node in rows:
+                    times, line = prediction.bound.run.time, prediction.readings[rows[node]]
+                    readings[key][k] = np.interp(shown.bound.run.time, times, line)
+        self.against = name, readings
+
+    @property
+    def errors_against(self) -> dict[str, FloatArray]:
+        """Errors of the other study's model where this one's count [K], (nodes, n), by segment."""
+        now, lines = self.predictions(len(self.study.steps) - 1) if self.against[0] else {}, self.against[1]
+        return {
+            key: np.where(np.isfinite(one.error), lines[key] - one.bound.measured, np.nan) for key, one in now.items()
+        }
 
     # --- what there is to show ------------------------------------------------------------------
 
@@ -191,6 +225,8 @@ class Bench:
                 if (segment, f"model {name}") not in self._sent:
                     news.predicted[segment, name] = prediction.readings
                 self._sent |= {(segment, ""), (segment, f"model {name}")}
+        against, readings = self.against
+        news.predicted |= {(key, f"against {against}"): lines for key, lines in readings.items()}
         news.heat = self.heat.get(self.model, {})
         last = len(self.study.steps) - 1
         now = self.study.steps[last].fit.model

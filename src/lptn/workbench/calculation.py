@@ -13,6 +13,7 @@ import sys
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
@@ -32,12 +33,13 @@ from lptn.workbench.bench import Bench, News
 from lptn.workbench.content import content_of, step_content
 from lptn.workbench.desk import MODEL, Desk, is_desk, logs_in
 from lptn.workbench.opening import EXAMPLES, Opening
-from lptn.workbench.orders import Keep, Note, Order
+from lptn.workbench.orders import Against, Keep, Note, Order
 
 logger = logging.getLogger("lptn")
 
-STUDY, STEPS, WRITTEN = "study.pickle", "steps.json", "notes.json"
-"""Files of a session: the study as this version of lptn holds it; what was done, for any other version; and notes."""
+STUDY, STEPS, NOW, WRITTEN = "study.pickle", "steps.json", "now.toml", "notes.json"
+"""Files of a session: the study as this version of lptn holds it; what was done, for any other version; its model as it
+is now; and notes."""
 _MOST_RECENT = 12  # studies on the page that a workbench begins with
 _LONGEST_STEM = 50  # characters of a model file's name in the session's: four bytes each at most, and 255 are allowed
 
@@ -140,6 +142,9 @@ def _done(pipe: Connection, bench: Bench, opening: Opening, order: Order | Keep)
         pipe.send(("found", [step_content(step) for step in steps[1:]]))
 
     with _told(pipe):
+        if isinstance(order, Against):
+            _set_against(bench, opening, order.study)
+            return
         bench.do(order, found)
         if order.what == "diagnose":
             _show(pipe, bench, opening)  # the answers, before the rest of them is worked out
@@ -147,6 +152,18 @@ def _done(pipe: Connection, bench: Bench, opening: Opening, order: Order | Keep)
         if order.what in ("diagnose", "improve"):
             bench.look_closer()
         _save(bench, opening)
+
+
+def _set_against(bench: Bench, opening: Opening, name: str) -> None:
+    """Let the model of another session, as it is now, predict this one's logs.
+
+    Raises:
+        InputError: there is none of that name, or it can't predict these logs.
+    """
+    model = bench.folder.parent / name / NOW
+    if name and not (reopened(bench.folder.parent, name) and model.is_file()):
+        raise InputError(one_line(name), "study", "no model of its own yet", "one that was opened with this version")
+    bench.compare_with(name, replace(opening, model=model).study() if name else None)
 
 
 @contextmanager
@@ -257,6 +274,7 @@ def _save(bench: Bench, opening: Opening) -> None:
     write_whole(bench.folder / STEPS, done.model_dump_json(indent=2) + "\n")
     stored = pickle.dumps(_written_by(bench.fingerprint)) + pickle.dumps((study, bench.heat))
     write_whole(bench.folder / STUDY, stored)
+    write_whole(bench.folder / NOW, study.file.text)
 
 
 def _written_by(fingerprint: str) -> tuple[str, ...]:

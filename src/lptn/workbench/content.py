@@ -8,6 +8,8 @@ from dataclasses import asdict
 from itertools import combinations
 from typing import Any
 
+import numpy as np
+
 from lptn.basics.equations import equations_of
 from lptn.diagnose import answers
 from lptn.diagnose.answers import Key, Step
@@ -43,7 +45,7 @@ def content_of(bench: Bench, opening: Opening) -> dict[str, Any]:
         "issues": _issues(study),
         "stretches": [asdict(stretch) for stretch in study.stretches],
         "fitted": bool(study.steps),
-        "effects": {key: effect.title for key, effect in sorted(catalogue().items())},
+        "effects": {key: one.title for key, one in sorted(catalogue().items(), key=lambda each: each[1].title)},
         "commands": commands(study, opening),
         "python": python_lines(study, opening),
         "file": study.file.text,
@@ -54,6 +56,7 @@ def content_of(bench: Bench, opening: Opening) -> dict[str, Any]:
     return content | {
         "given": names[0],
         "now": names[-1],
+        "against": f"against {bench.against[0]}" if bench.against[0] else "",
         "head": _head(bench),
         "steps": [step_content(step) for step in study.steps],
         "undone": [step_content(step) for step in study.undone],
@@ -75,12 +78,14 @@ def _head(bench: Bench) -> dict[str, Any]:
     first, last = study.steps[0], study.steps[-1]
     which = "held out" if first.holdout else "fitted"
     floor = noise_alone(first.fit)
+    against = [bench.errors_against[key] for key in _unseen(bench)[1] if key in bench.errors_against]
     said = narrative(study.steps, study.diagnosed, study.advised)
     return {
         "which": which,
         "given": _error(first),
         "now": _error(last),
         "floor": floor,
+        "against": Errors.of(np.concatenate([each.ravel() for each in against])).rmse if against else None,
         "said": [(each.label, each.text) for each in [*said, largest_error(_unseen(bench)[0])]],
     }
 
@@ -137,6 +142,9 @@ def _tiles(bench: Bench) -> dict[str, dict[str, list[dict[str, float] | None]]]:
         for key, prediction in bench.predictions(number).items():
             errors = [Errors.of(row) for row in prediction.error]
             tiles[key][name] = [asdict(summary) if summary.count else None for summary in errors]
+    for key, error in bench.errors_against.items():
+        errors = [Errors.of(row) for row in error]
+        tiles[key]["against"] = [asdict(summary) if summary.count else None for summary in errors]
     return tiles
 
 

@@ -10,6 +10,7 @@ import hashlib
 import logging
 import secrets
 import shutil
+import tomllib
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -23,6 +24,7 @@ from lptn.basics.bounds import DESCRIPTION, TEXT, Bound
 from lptn.basics.errors import MODEL_FILE, InputError, one_line
 from lptn.basics.files import fingerprint, text_of, write_whole
 from lptn.basics.own_folder import own_folder
+from lptn.effects import catalogue
 from lptn.effects.copper_loss import CopperLoss
 from lptn.identify.data import GUESS, LoadedModel, load_model, optional_columns
 from lptn.logs.columns import (
@@ -39,14 +41,15 @@ from lptn.logs.guess import Guess
 from lptn.logs.issue import Issue
 from lptn.logs.reading import ENDINGS, GUESSED, LOG_FILE, open_log, run_name
 from lptn.logs.tables import Table
-from lptn.model.file import with_column
+from lptn.model.file import with_column, with_entry
+from lptn.report.network_drawing import draw_network
 from lptn.report.text import for_people, short
 from lptn.robots.presets import PRESETS, preset_text
 from lptn.robots.urdf import log_model_text, urdf_model_text
 from lptn.simulate.bound_run import needed_columns
 from lptn.workbench.log_content import LogContent
 from lptn.workbench.opening import Opening
-from lptn.workbench.orders import Air, AtDesk, HoldOutAfter, Job, Map, Model, Name, Rate, Remedy
+from lptn.workbench.orders import Air, AtDesk, Entry, HoldOutAfter, Job, Map, Model, Name, Rate, Remedy
 
 logger = logging.getLogger("lptn")
 
@@ -337,6 +340,9 @@ class Desk:
             raise refused
         return first
 
+    def _do_entry(self, order: Entry) -> None:
+        write_whole(self.model, with_entry(self.text, self.model, order.keys, order.value))
+
     def _do_map(self, order: Map) -> None:
         """Say what a column means, in place of what it meant, or that it means nothing."""
         path, names = self._named(order.log), (order.column,)
@@ -394,11 +400,14 @@ class Desk:
         Args:
             reading: look into logs that are used and were not looked at yet, which takes a minute a gigabyte.
         """
-        text, wrong, loaded = "", "", None
+        text, wrong, loaded, tables = "", "", None, dict[str, Any]()
         try:
             if reading and not self.model.is_file() and self._used():
                 self._set_model(self._model_of_columns())
             text = self.text
+            with suppress(tomllib.TOMLDecodeError):  # which is said where the model is read
+                document = tomllib.loads(text)
+                tables = {name: document.get(name) for name in ("nodes", "links", "effects")}
             loaded = load_model(self.model) if text else None
         except InputError as error:
             wrong = self.told(error)
@@ -414,6 +423,12 @@ class Desk:
             "text": text,
             "based": _version(self.model),
             "wrong": wrong,
+            "tables": tables,
+            "drawing": draw_network(loaded.model) if loaded else "",
+            "effects": {
+                key: {"title": effect.title, "units": {one.name: one.unit for one in effect.parameters}}
+                for key, effect in sorted(catalogue().items(), key=lambda one: one[1].title)
+            },
             "about": f"{len(nodes)} nodes, {len(loaded.model.parameters)} parameters" if loaded else "",
             "places": [*nodes, *(place for place in _OTHER_PLACES if place not in nodes)],
             "units": {name: [unit, *dict.fromkeys(UNITS.get(name, {}).values())] for name, unit in SI_UNITS.items()},

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, TypeAdapter, model_validator
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, JsonValue, TypeAdapter, model_validator
 
 
 class _Said(BaseModel):
@@ -67,6 +67,20 @@ class Model(_Said):
 
     what: Literal["model"]
     source: str = Field(min_length=1, max_length=300)
+
+
+class Entry(_Said):
+    """Set one value of the model file; `None` takes it away."""
+
+    what: Literal["entry"]
+    keys: tuple[str | int, ...] = Field(min_length=2, max_length=6)
+    value: JsonValue
+
+    @model_validator(mode="after")
+    def _of_the_model(self) -> Entry:
+        if self.keys[0] not in ("nodes", "links", "effects"):
+            raise ValueError("an entry of nodes, links or effects")
+        return self
 
 
 class Map(_OfLog):
@@ -141,6 +155,13 @@ class Set(_Said):
     fixed: bool
 
 
+class Against(_Said):
+    """Draw what another study's model says of this one's logs; nothing, where no study is named."""
+
+    what: Literal["against"]
+    study: str = Field(max_length=300)
+
+
 class Back(_Said):
     """Go on from a branch that was left."""
 
@@ -173,9 +194,9 @@ class Keep(_Said):
     steps: tuple[tuple[str, str], ...]
 
 
-AtDesk = Name | Job | HoldOutAfter | Model | Map | Air | Rate | Remedy
+AtDesk = Name | Job | HoldOutAfter | Model | Entry | Map | Air | Rate | Remedy
 """What is done with the files that a study is made of."""
-Order = Plain | Open | Recent | Leave | Note | Add | Try | Cut | Set | Back | AtDesk
+Order = Plain | Open | Recent | Leave | Note | Against | Add | Try | Cut | Set | Back | AtDesk
 order: TypeAdapter[Order] = TypeAdapter(Annotated[Order, Field(discriminator="what")])
 """Checks what the page sent."""
 

@@ -33,7 +33,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 from lptn.basics.arrays import FloatArray
 from lptn.basics.bounds import Bound
 from lptn.basics.errors import InputError
-from lptn.basics.files import finite, whole_file, write_whole
+from lptn.basics.files import fingerprint, finite, whole_file, write_whole
 from lptn.workbench.desk import bound_of, place_for
 from lptn.workbench.gate import MOVES_ON, Gate
 from lptn.workbench.lines import packed
@@ -105,7 +105,7 @@ class _Site:
         try:
             async with asyncio.timeout(_PATIENCE):
                 text = await _short_text(request)
-            self._session.do(order.validate_json(text))
+            version = self._session.do(order.validate_json(text))
         except TimeoutError:
             return _wrong("an order that does not end", 408)
         except ClientDisconnect:  # nobody hears the answer
@@ -118,7 +118,7 @@ class _Site:
             return _wrong(_in_words(error))
         except BusyError as error:
             return JSONResponse({"error": str(error)}, 409)
-        return JSONResponse({}, 202)
+        return JSONResponse({"version": version}, 202)
 
     async def file(self, request: Request) -> Response:
         words = request.query_params
@@ -135,7 +135,7 @@ class _Site:
             return _wrong(str(error), 413)
         except OSError as error:
             return _wrong(f"{words.get('name', '')}: {error.strerror or error}", 507)
-        return JSONResponse({}, 202)
+        return JSONResponse({"based": fingerprint(path)} if path.suffix == ".toml" else {}, 202)
 
     async def stop(self, _: Request) -> Response:
         await run_in_threadpool(self._session.stop)

@@ -20,7 +20,7 @@ from lptn.basics.files import finite, held, write_whole
 from lptn.report.network_drawing import NetworkCourse
 from lptn.report.text import for_people
 from lptn.workbench.bench import News
-from lptn.workbench.calculation import WRITTEN, recent, reopened, work, written
+from lptn.workbench.calculation import NOW, WRITTEN, recent, reopened, work, written
 from lptn.workbench.desk import FILE, checked_name, delete_if_empty, new_desk, place_for
 from lptn.workbench.lines import RunLines
 from lptn.workbench.opening import EXAMPLES, Opening
@@ -54,6 +54,7 @@ _WORDS = {
     "keep": "adding the steps so far",
     "add": "fitting with the effect added",
     "try": "fitting with the effect added, to try it",
+    "against": "reading the logs as the other study does",
     "report": "writing the report",
     "fmu": "building the FMU",
     "leave_out": "fitting without the interval",
@@ -67,7 +68,8 @@ _WORDS = {
     "set": "fitting with the changed parameter",
     "begin": "reading the logs",
     **dict.fromkeys(
-        ("look", "job", "holdout_after", "model", "map", "air", "rate", "remedy", "guesses", "remove"), "reading"
+        ("look", "job", "holdout_after", "model", "map", "air", "rate", "remedy", "guesses", "remove", "entry"),
+        "reading",
     ),
 }
 
@@ -243,22 +245,28 @@ class WorkbenchSession:
         with self._lock:
             if since == self._version:
                 return None
-            files = [name for name in ("story.html", "model.fmu") if self.folder and (self.folder / name).is_file()]
             state = {
                 "version": self._version,
                 "busy": self._busy and {**self._busy, "said": list(self._busy["said"])},
                 "failed": self._failed,
                 "notes": list(self._notes),
                 "folder": str(self.folder or ""),
-                "files": files,
                 "written": self._written.model_dump(exclude={"what"}),
                 "begins": self._begins,
                 "recent": recent(self._sessions) if self._begins and self.opening is None else [],
+                "others": self._others(),
                 "largest": FILE.most,
                 "examples": _examples() if self._begins and not isinstance(self.opening, Opening) else {},
                 "example": self.opening if isinstance(self.opening, str) else "",
             }
             return {**self._content, **state}
+
+    def _others(self) -> list[dict[str, Any]]:
+        """The studies whose models can be set beside the one that is open."""
+        if self.folder is None or "tiles" not in self._content:
+            return []
+        others = (one for one in recent(self._sessions) if one["study"] not in ("", self.folder.name))
+        return [one for one in others if (self._sessions / str(one["study"]) / NOW).is_file()]
 
     def lines(self, asked: LinesAsked) -> dict[str, dict[str, FloatArray]]:
         """The lines that plots want, by node.
@@ -313,23 +321,26 @@ class WorkbenchSession:
     def _lines_of(self, segment: str) -> tuple[RunLines, dict[str, str]]:
         with self._lock:
             lines = self._lines.get(segment)
-            models = {name: self._content.get(name, "") for name in ("given", "now")}
+            models = {name: self._content.get(name, "") for name in ("given", "now", "against")}
         if lines is None:
             raise InputError("plot", "run", segment, f"one of {', '.join(self._lines) or 'none yet'}")
         return lines, models
 
-    def do(self, order: Order) -> None:
+    def do(self, order: Order) -> int:
         """Have an order done.
+
+        Returns:
+            the version of the state in which it is being done.
 
         Raises:
             BusyError: another one is being done.
         """
         if isinstance(order, Open | Recent | Leave):
             self._go(order)
-            return
+            return self._version
         if isinstance(order, Note):
             self._note(order)
-            return
+            return self._version
         with self._lock:
             if self._busy is not None or self._pipe is None:
                 raise BusyError(f"{(self._busy or {}).get('words', 'nothing is open')}: stop that first")
@@ -338,6 +349,7 @@ class WorkbenchSession:
             self._failed = ""
             self._send(order)
             self._changed()
+            return self._version
 
     def _send(self, order: Order | Keep) -> None:
         assert self._pipe is not None

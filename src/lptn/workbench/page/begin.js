@@ -17,17 +17,18 @@ export async function send(page, files, based) {
   if (!takes(page.state)) return page.say("A study is open: leave it for the start page to begin with other files.");
   if (page.sending) return page.say("Files are on their way: wait, or cancel that.");
   const problems = [];
+  let answer = {};
   for (const [number, [file, name]] of files.entries()) {
     page.sending = { name, part: 0, left: files.length - number - 1 };
     page.say("");
-    const failed = await post(page, file, name, based);
-    if (failed) problems.push(failed);
-    if (failed === CANCELLED) break;
+    answer = await post(page, file, name, based);
+    if (answer.error) problems.push(answer.error);
+    if (answer.error === CANCELLED) break;
   }
   page.sending = null;
   page.say(problems.join(" · "));
   await page.ask();
-  return problems.length === 0;
+  return problems.length ? null : answer;
 }
 
 const CANCELLED = "Cancelled: nothing of that file was kept.";
@@ -39,10 +40,10 @@ function post(page, file, name, based) {
     const words = new URLSearchParams({ name, ...(based == null ? {} : { based }) });
     request.open("POST", `/file?${words}`);
     request.upload.onprogress = ({ loaded, total }) => { page.sending = { ...page.sending, part: total ? loaded / total : 1, loaded }; page.tell(); };
-    request.onload = () => { let said = ""; try { said = JSON.parse(request.responseText).error; } catch { said = `${request.status}`; } done(request.status < 300 ? "" : said); };
-    request.onerror = () => done(file.size > page.state.largest ? `${name}: ${size(file.size)}; at most ${size(page.state.largest)}` : `${name}: the server does not answer, or refused it.`);
-    request.onabort = () => done(CANCELLED);
-    if (file.size > page.state.largest) return done(`${name}: ${size(file.size)}; at most ${size(page.state.largest)}`);
+    request.onload = () => { let said = {}; try { said = JSON.parse(request.responseText); } catch { /* no JSON of ours */ } done(request.status < 300 ? said : { error: said.error ?? `${request.status}` }); };
+    request.onerror = () => done({ error: `${name}: the server does not answer, or refused it.` });
+    request.onabort = () => done({ error: CANCELLED });
+    if (file.size > page.state.largest) return done({ error: `${name}: ${size(file.size)}; at most ${size(page.state.largest)}` });
     request.send(file);
   });
 }
@@ -106,8 +107,9 @@ export function start(page) {
   const study = each => h("li", null,
     h("div", { className: "row" },
       h("b", null, each.name || "Not opened yet"),
+      each.tags?.map(tag => h("span", { className: "tag" }, tag)),
       h("small", null, `${date(each.changed)}${each.study ? `, ${each.steps} ${each.steps === 1 ? "effect" : "effects"} added` : ""}`)),
-    h("div", { className: "soft names" }, each.logs.join(", ") || "no log"),
+    h("div", { className: "soft names" }, each.logs.join(", ") || "no log"), each.text && h("div", null, each.text),
     h("div", { className: "row" },
       each.study && h("button", { id: `recent ${each.study}`, onclick: () => page.order({ what: "recent", name: each.study }) }, "Continue"),
       each.desk && h("button", { id: `recent ${each.desk}`, onclick: () => page.order({ what: "recent", name: each.desk }) }, each.study ? "Its files and columns" : "Continue")));
@@ -231,13 +233,13 @@ let from = { based: null, text: "" };  // what the area shows was made of this
 export function model(page) {
   const { desk, busy } = page.state;
   if (!desk) { from = { based: null, text: "" }; return []; }
-  if (area.value === from.text) {  // nobody is editing it
+  if (area.value === from.text && desk.based !== from.before) {  // nobody is editing it, and what was saved last is there
     if (area.value !== desk.text) area.value = desk.text;
     from = { based: desk.based, text: area.value };
   }
   const save = h("button", { id: "save", disabled: true, onclick: async () => {
-    const text = area.value;
-    if (await send(page, [[new File([text], "model.toml"), "model.toml"]], from.based)) from = { ...from, text };
+    const text = area.value, taken = await send(page, [[new File([text], "model.toml"), "model.toml"]], from.based);
+    if (taken) from = { based: taken.based, text, before: from.based };
   } }, "Save");
   const back = h("button", { id: "revert", disabled: true, onclick: () => { from = { based: desk.based, text: desk.text }; area.value = desk.text; area.oninput(); } }, "Discard changes");
   area.oninput = () => { save.disabled = back.disabled = area.value === from.text || busy; };

@@ -47,7 +47,7 @@ export function svg(view) {
       across._splits?.forEach((value, k) => text(x(value), at + top + high + 16, across._values[k] ?? "", color("--soft"), 'text-anchor="middle"'));
       text(left + wide / 2, at + top + high + 34, across.label, color("--soft"), 'text-anchor="middle"');
     }
-    if (chart.limit != null) parts.push(`<path d="M${left},${y(chart.limit)}h${wide}" clip-path="url(#${clip})" stroke="${color("--limit")}"/>`);
+    if (chart.limited && view.limit != null) parts.push(`<path d="M${left},${y(view.limit)}h${wide}" clip-path="url(#${clip})" stroke="${color("--limit")}"/>`);
     chart.series.slice(1).forEach((each, k) => {
       if (!each.show) return;
       const pieces = [[]];

@@ -3,12 +3,33 @@
 import { follow } from "/look.js";
 import { h } from "/sections.js";
 
+const FRAMES = 300, FRAME = 60;  // pictures of a run that is played, and ms for which each is seen at least
 const LEAST_SCALE = 0.6;  // of the drawing's own size: smaller, its words can't be read, and it is moved sideways
+
+let styled = null;
+
+// The page's policy forbids styles in what is written, not those that a script sets.
+export function drawn(drawing) {
+  const [whole, style] = drawing.match(/<style>(.*?)<\/style>/s), box = h("div");
+  box.innerHTML = drawing.replace(whole, "").replaceAll(' style="', ' data-style="');
+  for (const each of box.querySelectorAll("[data-style]")) each.style.cssText = each.dataset.style;
+  if (!styled) {
+    styled = new CSSStyleSheet();
+    styled.replaceSync(style);
+    document.adoptedStyleSheets.push(styled);
+    follow(styled);
+  }
+  const svg = box.querySelector("svg");
+  svg.style.minWidth = `${LEAST_SCALE * svg.viewBox.baseVal.width}px`;
+  return svg;
+}
 
 export class Network {
   constructor(section, page) {
-    Object.assign(this, { page, key: "", moment: null, asking: false, words: h("small"), drawing: h("div", { id: "drawing" }) });
-    this.details = h("details", { id: "network details", open: true, ontoggle: () => this.draw() }, h("summary", null, "The network"), h("p", null, this.words), this.drawing);
+    Object.assign(this, { page, key: "", moment: null, asking: false, words: h("small"), drawing: h("div", { id: "drawing" }), playing: false });
+    this.play = h("button", { id: "play", onclick: () => { this.playing = !this.playing; this.step(); } }, "Play");
+    this.slider = h("input", { id: "moment", type: "range", step: "any", ariaLabel: "moment of the run", oninput: () => { this.playing = false; this.go(this.slider.valueAsNumber); } });
+    this.details = h("details", { id: "network details", open: true, ontoggle: () => this.draw() }, h("summary", null, "The network"), h("div", { className: "row" }, this.play, this.slider, this.words), this.drawing);
     section.append(this.details);
     const part = event => event.target.closest("[data-parameter]");
     this.drawing.addEventListener("click", event => part(event) && this.show(part(event)));
@@ -18,6 +39,22 @@ export class Network {
   at(segment, time) {
     this.moment = { segment, time: Number(time.toPrecision(12)) };
     this.draw();
+  }
+
+  get run() { return this.page.state.segments?.find(each => each.key === this.page.picked[0]?.segment); }
+
+  go(time) {
+    this.page.cursor(this.run.key, time);
+    this.at(this.run.key, time);
+  }
+
+  // The run from the moment that is shown to its end, then from its beginning.
+  step() {
+    this.play.textContent = this.playing ? "Pause" : "Play";
+    if (!this.playing || !this.run || !this.details.open) return this.playing = false;
+    const { start, stop } = this.run, now = this.slider.valueAsNumber, next = now + (stop - start) / FRAMES;
+    if (!this.asking) this.go(now >= stop ? start : Math.min(next, stop));
+    setTimeout(() => this.step(), FRAME);
   }
 
   // One question at a time: a mouse is faster than answers, and only where it rests is of interest.
@@ -39,20 +76,11 @@ export class Network {
 
   fill({ drawing, time }, { segment }) {
     const run = this.page.state.segments.find(each => each.key === segment), focused = this.drawing.contains(document.activeElement) ? document.activeElement.dataset.parameter : "";
-    this.words.textContent = `${run.run} at ${Number((time - run.origin).toFixed(1))} s, as the model predicts it: move the mouse over a plot. Boxes are coloured by temperature, lines are as wide as the heat that flows. A click on a part shows its parameters.`;
-    // The page's policy forbids styles in what is written, not those that a script sets.
-    const [whole, style] = drawing.match(/<style>(.*?)<\/style>/s);
-    this.drawing.innerHTML = drawing.replace(whole, "").replaceAll(' style="', ' data-style="');
-    for (const each of this.drawing.querySelectorAll("[data-style]")) each.style.cssText = each.dataset.style;
-    if (!this.styled) {
-      this.styled = new CSSStyleSheet();
-      this.styled.replaceSync(style);
-      document.adoptedStyleSheets.push(this.styled);
-      follow(this.styled);
-    }
-    const svg = this.drawing.querySelector("svg");
+    Object.assign(this.slider, { min: run.start, max: run.stop, value: time });
+    this.words.textContent = `${run.run} at ${Number((time - run.origin).toFixed(1))} s, as the model predicts it: play it, or move the mouse over a plot. Boxes are coloured by temperature, lines are as wide as the heat that flows. A click on a part shows its parameters.`;
+    const svg = drawn(drawing);
+    this.drawing.replaceChildren(svg);
     svg.setAttribute("role", "group");  // its parts are buttons
-    svg.style.minWidth = `${LEAST_SCALE * svg.viewBox.baseVal.width}px`;
     for (const each of this.drawing.querySelectorAll("[data-parameter]")) {
       if (each.dataset.parameter === "[]") continue;
       each.setAttribute("tabindex", 0);

@@ -7,14 +7,22 @@ import { Network } from "/network.js";
 import { Residuals } from "/residuals.js";
 import { tour } from "/tour.js";
 import * as begin from "/begin.js";
+import { forms } from "/forms.js";
 
 const BUSY = 400, IDLE = 1500, HIDDEN = 6000;  // ms between two questions
 const place = id => document.getElementById(id);
 
 export const page = {
   state: {}, picked: [], attempt: "", pinned: "", shown: "now", by: "run", part: "", edited: "", failed: "", clicked: false, step: 0, other: {},
-  async order(order) { page.failed = await post("/order", order); await ask(); },
-  async stop() { page.failed = await post("/stop", {}); await ask(); },
+  async order(order) { page.failed = (await post("/order", order)).error ?? ""; await ask(); },
+  // A file comes when the state that the order made, or a later one, has nothing more to do.
+  making: null,
+  async fetchMade(what, name) {
+    const { error, version } = await post("/order", { what });
+    Object.assign(page, { failed: error ?? "", making: error ? null : { name, version } });
+    await ask();
+  },
+  async stop() { page.making = null; page.failed = (await post("/stop", {})).error ?? ""; await ask(); },
   pick(segment, node, beside = false) {
     page.clicked = true;
     const there = page.picked.findIndex(each => each.segment === segment && each.node === node);
@@ -33,15 +41,17 @@ export const page = {
   look(log) { page.log = log; draw(); },
   say(failed) { page.failed = failed; draw(); },
   ask: () => ask(),
-  at(segment, time) { network.at(segment, time); },
+  cursor: (segment, time) => plots.point(segment, time),
+  at(segment, time) { page.moment = { segment, time }; network.at(segment, time); },
 };
 const plots = new Plots(place("plots"), page), residuals = new Residuals(place("residuals"), page), network = new Network(place("network"), page);
 
 async function post(path, content) {
   try {
     const answer = await fetch(path, { method: "POST", headers: { "content-type": "application/json" }, body: JSON.stringify(content) });
-    return answer.ok ? "" : (await answer.json().catch(() => ({}))).error ?? `${answer.status}`;
-  } catch { return "The server does not answer."; }
+    const said = await answer.json().catch(() => ({}));
+    return answer.ok ? said : { error: said.error ?? `${answer.status}` };
+  } catch { return { error: "The server does not answer." }; }
 }
 
 let version = -1, timer = 0, asking = false;
@@ -69,10 +79,16 @@ function take(state) {
   page.away = "";
   version = state.version;
   page.state = state;
+  if (page.shown === "against" && !state.against) page.shown = "now";
   const known = new Set(state.segments?.map(each => each.key));
   page.picked = page.picked.filter(each => known.has(each.segment) && state.nodes.includes(each.node));
   if (!page.picked.length && state.tiles) page.picked = [sections.worst(state)];
   const tried = sections.triable(state).map(each => each.key);
+  if (page.making && !state.busy && version >= page.making.version) {
+    const { name } = page.making;
+    page.making = null;
+    if (!state.failed) h("a", { href: `/result/${name}`, download: name }).click();
+  }
   if (tried.includes(page.pinned)) page.attempt = page.pinned;  // a fit that was ordered to be tried is there
   else if (!tried.includes(page.attempt)) page.attempt = "";
   draw();
@@ -113,14 +129,16 @@ export function draw() {
   place("desk").hidden = !state.desk;
   redraw("logs", [state.desk, busy, page.sending], () => begin.logs(page));
   redraw("columns", [state.desk, page.log, busy], () => begin.columns(page));
+  redraw("entries", [state.desk?.tables, state.desk?.drawing, state.desk?.places, busy], () => forms(page));
   redraw("model", [state.desk, busy], () => begin.model(page));
-  redraw("head", [state.head, state.desk], () => sections.head(state));
+  redraw("head", [state.head, state.desk, state.against], () => sections.head(state));
+  redraw("written", [state.written, state.others, state.against, state.desk, !!state.tiles, busy], () => sections.notes(page));
   redraw("steps", [state.steps, state.undone, state.branches, state.head, attempt, busy, state.busy?.found, state.answers], () => sections.steps(page));
-  redraw("where", [state.tiles, picked, shown, page.by], () => sections.where(page));
+  redraw("where", [state.tiles, picked, shown, page.by, state.against], () => sections.where(page));
   revealed();
   redraw("missing", [state.answers, state.advice, attempt, busy, state.fitted, state.now], () => sections.missing(page));
   redraw("data", [state.segments, state.issues, state.stretches, state.notes, busy, state.parameters, page.part, page.edited], () => sections.data(page));
-  redraw("out", [state.commands, state.python, state.files, busy, state.folder, state.fitted], () => sections.out(page));
+  redraw("out", [state.commands, state.python, busy, state.folder, state.fitted], () => sections.out(page));
   if (state.tiles) plots.draw();
   else plots.clear();
   residuals.draw();

@@ -38,7 +38,7 @@ export class Plots {
     this.drawBar();
     const wanted = picked.map(each => ({ ...each, id: `${each.segment} ${each.node}` }));
     for (const [id, view] of this.views) if (!wanted.some(each => each.id === id)) { view.remove(); this.views.delete(id); }
-    this.what = JSON.stringify([state.now, state.given, state.head.now, state.stretches, state.advice.length, wanted.length > 1, this.tried?.tried, this.clock, state.written.limits]);
+    this.what = JSON.stringify([state.now, state.given, state.head.now, state.stretches, state.advice.length, wanted.length > 1, this.tried?.tried, this.clock, state.written, state.against]);
     wanted.forEach((each, k) => {
       if (!this.views.has(each.id)) this.views.set(each.id, new View(this, each));
       const { element } = this.views.get(each.id);
@@ -107,6 +107,7 @@ export class Plots {
       segment.clock && h("button", { id: "clock", ariaPressed: this.clock, title: "The time of day in UTC, or the time since the run’s start", onclick: () => { this.clock = !this.clock; this.page.tell(); } }, "Time of day"),
       h("label", null, h("small", null, "Limit "), h("input", { id: "limit", type: "number", step: "any", size: 5, ariaLabel: `limit of ${at.node} in °C`, value: limits[at.node] ?? "",
         onchange: event => { const { [at.node]: _, ...rest } = limits, value = event.target.valueAsNumber; this.page.order({ what: "note", limits: Number.isFinite(value) ? { ...rest, [at.node]: value } : rest }); } }), h("small", null, " °C")),
+      h("button", { id: "mark", title: "A note at the moment that mouse or keys showed last", onclick: () => this.mark(at) }, "Note"),
       h("small", null, window ? span(window, segment.origin) : "Drag to zoom, or Ctrl and the wheel; Shift and the wheel for the values; keys: + − ← →, with Shift the cursor.")].filter(Boolean));
     if (focused) document.getElementById(focused)?.focus();
   }
@@ -123,6 +124,23 @@ export class Plots {
       found.companions.length ? h("table", { id: "companions" }, h("thead", null, h("tr", null, ["correlates with the error", "score", "mean here", "elsewhere"].map((each, k) => h("th", { className: k ? "n" : "" }, each)))),
         h("tbody", null, found.companions.slice(0, MOST_COMPANIONS).map(row))) : "",
       h("button", { id: "close special", onclick: () => this.told.replaceChildren() }, "Close")]);
+  }
+
+  // The cursor of all plots of a run at a moment.
+  point(segment, time) {
+    for (const view of this.views.values()) if (view.segment === segment) for (const chart of view.charts.slice(0, 1))
+      chart.setCursor({ left: chart.valToPos(time, "x"), top: 10 }, true, true);
+  }
+
+  mark({ segment }) {
+    const { page } = this, run = page.state.segments.find(each => each.key === segment), time = page.moment?.segment === segment ? page.moment.time : (this.windows[segment] ?? [run.start])[0];
+    const said = h("input", { id: "mark text", size: 40, maxLength: 200 });
+    this.told.replaceChildren(h("form", { className: "row", onsubmit: event => {
+      event.preventDefault();
+      if (said.value.trim()) page.order({ what: "note", marks: [...page.state.written.marks, { run: run.run, time, text: said.value.trim() }] });
+      this.told.replaceChildren();
+    } }, h("label", null, `${run.run}, ${Number((time - run.origin).toPrecision(5))} s: `, said), h("button", { className: "first" }, "Save"), h("button", { type: "button", onclick: () => this.told.replaceChildren() }, "Cancel")));
+    said.focus();
   }
 
   zoom(segment, window) {
@@ -176,7 +194,7 @@ class View {
     const tried = "attempt" in lines && plots.tried;
     if (tried) this.title.append(h("small", null, ` – dotted: with ${placed(tried)}`));
     if (triable(state).length && !tried) lines.attempt = lines["error attempt"] = Array(lines.time.length).fill(null);
-    const made = JSON.stringify([Object.keys(lines).sort(), picked.length > 1, this.look, plots.clock, this.limit ?? null]);
+    const made = JSON.stringify([Object.keys(lines).sort(), picked.length > 1, this.look, plots.clock]);
     if (made !== this.made) {
       this.made = made;
       this.build(lines, !!tried);
@@ -191,12 +209,12 @@ class View {
     this.charts.forEach(each => each.destroy());
     const one = this.plots.page.picked.length === 1, { state } = this.plots.page;
     const line = (name, label, stroke, more) => ({ name, label, stroke, width: 1.5, show: tried || name !== "attempt", ...more });
-    const models = ["given", "now", "attempt"].filter(each => each in lines).map(each => line(each,
-      { given: "as given", now: state.given === state.now ? "model as given" : "now", attempt: "with the answer tried" }[each],
-      color(each === "now" && state.given === state.now ? "--given" : `--${each}`), { dash: each === "given" ? [7, 4] : each === "attempt" ? [2, 3] : undefined, width: each === "now" ? 2 : 1.6 }));
+    const models = ["given", "now", "against", "attempt"].filter(each => each in lines).map(each => line(each,
+      { given: "as given", now: state.given === state.now ? "model as given" : "now", against: "the study beside", attempt: "with the answer tried" }[each],
+      color(each === "now" && state.given === state.now ? "--given" : `--${each}`), { dash: each === "given" ? [7, 4] : each === "attempt" ? [2, 3] : each === "against" ? [9, 3, 2, 3] : undefined, width: each === "now" ? 2 : 1.6 }));
     const errors = models.map(each => ({ ...each, name: `error ${each.name}` }));
     const panels = [
-      { unit: "°C", label: "temperature [°C]", height: 250, limit: this.limit, series: [line("measured", "measured", color("--ink"), { width: 1.1 }), ...models] },
+      { unit: "°C", label: "temperature [°C]", height: 250, limited: true, series: [line("measured", "measured", color("--ink"), { width: 1.1 }), ...models] },
       { unit: "K", label: "error [K]", height: 150, series: errors, floor: state.head.floor },
     ];
     if ("heat" in lines && one) panels.push({
@@ -214,7 +232,7 @@ class View {
     this.charts = panels.map((panel, k) => this.chart(panel, lines, k === panels.length - 1));
   }
 
-  chart({ unit, label, height, series, floor, zero, band, limit }, lines, last) {
+  chart({ unit, label, height, series, floor, zero, band, limited }, lines, last) {
     const { run, plots } = this, clock = plots.clock && run.clock, origin = clock ? 0 : run.origin, minutes = run.stop - run.start > LONG;
     const since = value => minutes ? Number(((value - origin) / 60).toFixed(2)) : Number((value - origin).toFixed(2));
     const ofDay = value => new Date(1000 * value).toISOString().slice(run.stop - run.start > DAY ? 5 : 11, minutes ? 16 : 19).replace("T", " ");
@@ -228,7 +246,7 @@ class View {
         bind: { dblclick: () => () => this.plots.zoom(this.segment, null) },
       },
       legend: { live: true },
-      scales: { x: { time: false, auto: false, min: this.window[0], max: this.window[1] }, y: { range: (_, low, high) => this.values[label] ?? limits(low, high, floor, zero, limit) } },
+      scales: { x: { time: false, auto: false, min: this.window[0], max: this.window[1] }, y: { range: (_, low, high) => this.values[label] ?? limits(low, high, floor, zero, limited ? this.limit : null) } },
       axes: [
         { show: last, stroke: ink, grid, ticks, incrs: GRID, size: 42, label: clock ? "time of day [UTC]" : minutes ? "time [min]" : "time [s]", labelSize: 16, font: "12px system-ui, sans-serif", labelFont: "12px system-ui, sans-serif",
           splits: (_, axis, low, high, step) => { const from = origin + step * Math.ceil((low - origin) / step); return Array.from({ length: Math.floor((high - from) / step) + 1 }, (_, k) => from + k * step); },
@@ -238,12 +256,12 @@ class View {
       series: [{ label: "time", value: (_, value) => value == null ? "–" : `${minutes ? `${((value - run.origin) / 60).toFixed(2)} min` : `${(value - run.origin).toFixed(1)} s`}${run.clock ? `, ${new Date(1000 * value).toISOString().slice(0, 19).replace("T", " ")} UTC` : ""}` },
         ...series.map(({ name, ...rest }) => ({ ...rest, points: { show: false }, value: (_, value) => number(value) }))],
       bands: band ? [{ series: [2, 1], fill: color("--shade") }] : undefined,
-      hooks: { drawClear: [chart => this.shade(chart, floor, zero, limit)], setSelect: [chart => this.selected(chart)],
+      hooks: { drawClear: [chart => this.shade(chart, floor, zero, limited ? this.limit : null)], setSelect: [chart => this.selected(chart)],
         setCursor: [chart => chart.cursor.event && chart.cursor.left >= 0 && this.plots.page.at(this.segment, chart.posToVal(chart.cursor.left, "x"))] },
     };
     const names = ["time", ...series.map(each => each.name)];
     const chart = new uPlot(options, names.map(name => lines[name]), this.stack);
-    Object.assign(chart, { names, limit });
+    Object.assign(chart, { names, limited });
     chart.root.addEventListener("wheel", event => this.wheel(event, chart, label), { passive: false });
     return chart;
   }
@@ -259,6 +277,12 @@ class View {
     for (const issue of this.plots.page.state.issues)
       if (issue.stretch && this.run.run.startsWith(issue.run) && (issue.place === this.node || !this.plots.page.state.nodes.includes(issue.place)))
         fill(issue.stretch[0], issue.stretch[1], color("--mark"));
+    ctx.font = `${11 * devicePixelRatio}px system-ui, sans-serif`;
+    ctx.fillStyle = color("--attempt");
+    for (const { run, time, text } of this.plots.page.state.written.marks) if (run === this.run.run && time >= chart.scales.x.min && time <= chart.scales.x.max) {
+      ctx.fillRect(x(time), bbox.top, devicePixelRatio, bbox.height);
+      if (floor == null && !zero) ctx.fillText(text, x(time) + 4 * devicePixelRatio, bbox.top + 12 * devicePixelRatio);
+    }
     const y = value => chart.valToPos(value, "y", true);
     if (limit != null) { ctx.fillStyle = color("--limit"); ctx.fillRect(bbox.left, y(limit), bbox.width, 2); }
     if (floor != null || zero) {

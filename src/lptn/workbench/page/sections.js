@@ -52,6 +52,7 @@ export function head(state) {
     h("div", { className: "figures" },
       figure("given", it.given, `${which} error, as given`),
       added && figure("now", it.now, `${which} error now`),
+      it.against != null && figure("against", it.against, `${which} error of the study beside`),
       figure("floor", it.floor, "the sensors’ own noise", 2)),
     h("div", { className: "lead" }, ...it.said.map(([label, text]) => h("p", null, h("b", null, `${label}: `), text))),
   ];
@@ -139,10 +140,10 @@ export function where(page) {
   const unmeasured = silent.length ? h("p", null, h("small", null, `Measured in no run: ${listed(silent)}.`)) : null;
   const choice = (name, label) => h("button", { id: `show ${name}`, ariaPressed: shown === name, onclick: () => page.show(name) }, label);
   const grouping = (by, label) => h("button", { id: `by ${by}`, ariaPressed: page.by === by, onclick: () => page.group(by) }, label);
-  const bar = h("div", { className: "row" }, h("h2", { style: "margin: 0" }, "Where it fails"), grouping("run", "by run"), grouping("condition", "by condition"), state.given !== state.now && [choice("given", "as given"), choice("now", "now")]);
+  const bar = h("div", { className: "row" }, h("h2", { style: "margin: 0" }, "Where it fails"), grouping("run", "by run"), grouping("condition", "by condition"), (state.given !== state.now || state.against) && [state.given !== state.now && choice("given", "as given"), choice("now", "now"), state.against && page.by === "run" && choice("against", "beside")]);
   const said = "RMSE in K; + the model is too hot (orange), − too cold (blue), darker where further beyond the sensors’ noise. A tile opens its plot; with Shift, below the others.";
   if (page.by === "condition") {
-    const columns = state.conditions[shown], groups = [...new Set(columns.map(each => each.group))];
+    const columns = state.conditions[shown === "against" ? "now" : shown], groups = [...new Set(columns.map(each => each.group))];
     const which = state.segments.some(each => each.job !== "fitted") ? "held-out data" : "fitted data";
     return [bar, h("p", null, h("small", null, `${said} All ${which}, by operating condition: each node’s readings in five equal parts, from low to high.`)),
       h("div", { className: "tiles narrow" }, h("table", null,
@@ -161,6 +162,24 @@ export function where(page) {
       h("tbody", null, rows((node, k) => order.map(each => tile(state.tiles[each.key][shown][k], each.key, `${each.run} (${each.job})`, each.key, node, picked.some(p => p.segment === each.key && p.node === node))))))),
     unmeasured,
   ];
+}
+
+// --- what a person writes on a study ---------------------------------------------------------------------------
+
+export function notes(page) {
+  const { written, others, against, busy, desk, tiles, segments } = page.state;
+  if (!tiles || desk) return [];
+  const since = mark => mark.time - (segments.find(each => each.run === mark.run)?.origin ?? 0);
+  const marks = written.marks.map((mark, k) => h("li", { className: "row" }, `${mark.run}, ${digits(since(mark), 4)} s: ${mark.text}`,
+    h("button", { id: `unmark ${k}`, ariaLabel: `Remove the note ${mark.text}`, onclick: () => page.order({ what: "note", marks: written.marks.toSpliced(k, 1) }) }, "✕")));
+  const about = each => [each.name, each.tags.join(", "), each.logs.join(", "), `${each.steps} added`].filter(Boolean).join(" · ");
+  return [h("div", { className: "row" },
+    h("label", { className: "row" }, h("small", null, "Tags"), h("input", { id: "tags", size: 18, value: written.tags.join(", "),
+      onchange: event => page.order({ what: "note", tags: event.target.value.split(",").map(tag => tag.trim()).filter(Boolean) }) })),
+    h("label", { className: "row grow" }, h("small", null, "Note"), h("input", { id: "note", className: "grow", maxLength: 2000, value: written.text, onchange: event => page.order({ what: "note", text: event.target.value.trim() }) })),
+    others.length ? h("label", { className: "row" }, h("small", null, "Beside"), h("select", { id: "against", disabled: busy, onchange: event => page.order({ what: "against", study: event.target.value }) },
+      h("option", { value: "" }, "no other study"), others.map(each => h("option", { value: each.study, selected: against === `against ${each.study}` }, about(each))))) : null),
+    marks.length ? h("ul", { className: "plain" }, marks) : null];
 }
 
 // --- what is missing ----------------------------------------------------------------------------------------
@@ -285,13 +304,14 @@ function parameterTable(page) {
 }
 
 export function out(page) {
-  const { commands, python, files, busy, folder, fitted } = page.state;
+  const { commands, python, busy, folder, fitted } = page.state;
   if (!fitted) return [];
-  const made = (what, name, label, verb) => h("span", { className: "row" }, h("button", { id: `make ${what}`, disabled: busy, onclick: () => page.order({ what }) }, verb),
-    files.includes(name) && h("a", { className: "button", id: `get ${what}`, href: `/result/${name}`, download: name }, label));
+  // One click: it is made of the study as it is, and comes as soon as it is there.
+  const made = (what, name, verb) => h("button", { id: `make ${what}`, disabled: busy, onclick: () => page.fetchMade(what, name) }, verb);
   return [h("h2", null, "Take away"),
     h("div", { className: "row" }, h("a", { className: "button", id: "get model", href: "/model", download: "better.toml" }, "Model file"),
-      made("report", "story.html", "story.html", "Write the report"), made("fmu", "model.fmu", "model.fmu", "Build the FMU")),
+      made("report", "story.html", "Report to share"), made("fmu", "model.fmu", "FMU")),
+    h("p", null, h("small", null, "The report is one HTML file, whose figures can be read and zoomed in any browser.")),
     h("details", { id: "commands" }, h("summary", null, "The same as commands"), h("pre", { tabIndex: 0 }, commands.join("\n"))),
     h("details", { id: "python" }, h("summary", null, "The same in Python"), h("pre", { tabIndex: 0 }, python)),
     h("p", null, h("small", null, `This session is saved in ${folder}; the same command continues it.`))];
