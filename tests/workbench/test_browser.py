@@ -205,6 +205,8 @@ def test_the_tour_ends_where_the_error_has_fallen(browser: Browser, tmp_path: Pa
         page.locator(f"[id='example {example}']").click()
         tour = page.locator("#tour")
         expect(tour).to_contain_text("1 of 7")
+        ringed = page.locator(".tiles .here")  # the one that it speaks of
+        expect(ringed).to_have_attribute("aria-pressed", "true")
         page.locator(".tiles button").first.click()
         expect(tour).to_contain_text("2 of 7")
         expect(page.locator(".u-over").first).to_be_visible()

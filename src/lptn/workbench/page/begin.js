@@ -95,8 +95,9 @@ export function takeDropped(page) {
 // --- the page that a workbench begins with ------------------------------------------------------------------------
 
 export function home(page) {
-  const { begins, desk, example, name } = page.state;
-  return begins && (desk || example || name) ? [h("button", { id: "leave", disabled: !!page.sending, onclick: () => page.order({ what: "leave" }) }, "Start page")] : [];
+  const { begins, desk, example, name, fitted } = page.state;
+  const away = fitted ? [h("button", { id: "to take away", onclick: () => document.getElementById("out").scrollIntoView() }, "Model, FMU, report")] : [];
+  return begins && (desk || example || name) ? [h("button", { id: "leave", disabled: !!page.sending, onclick: () => page.order({ what: "leave" }) }, "Start page"), ...away] : away;
 }
 
 export function start(page) {

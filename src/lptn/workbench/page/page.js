@@ -124,7 +124,7 @@ export function draw() {
   document.title = state.name ? `${state.name} – lptn` : "lptn";
   place("name").textContent = state.name ?? "lptn";
   redraw("work", [state.busy, state.failed, failed, away], () => sections.work(page));
-  redraw("home", [state.begins, state.desk, state.name, state.example, page.sending], () => begin.home(page));
+  redraw("home", [state.begins, state.desk, state.name, state.example, page.sending, state.fitted], () => begin.home(page));
   redraw("start", [state.begins, state.recent, state.desk, state.name, state.example, busy, page.sending], () => begin.start(page));
   place("desk").hidden = !state.desk;
   redraw("logs", [state.desk, busy, page.sending], () => begin.logs(page));
@@ -147,6 +147,9 @@ export function draw() {
 }
 
 begin.takeDropped(page);
+const held = ["header", "#tour"].map(each => document.querySelector(each));  // above what scrolls
+const above = new ResizeObserver(() => document.documentElement.style.setProperty("--top", `${held.reduce((sum, each) => sum + each.offsetHeight, 2)}px`));
+held.forEach(each => above.observe(each));
 document.addEventListener("keydown", event => {
   const { steps, undone, busy } = page.state, redo = event.shiftKey || event.key === "y";
   if (!(event.ctrlKey || event.metaKey) || !["z", "Z", "y"].includes(event.key) || busy || event.target.closest("input, textarea, select")) return;

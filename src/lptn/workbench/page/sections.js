@@ -44,7 +44,7 @@ export function work(page) {
 
 export function head(state) {
   const it = state.head;
-  if (!it) return [h("p", { className: "lead soft" }, state.version && !state.desk && (state.name || !state.begins) ? "The model as given is being fitted." : "")];
+  if (!it) return [h("p", { className: "lead soft" }, state.version && !state.desk && (state.name || state.example || !state.begins) ? "The logs are read, then the model as given is fitted." : "")];
   const which = it.which.replace(" ", "-");
   const figure = (name, value, label, count) => h("div", { className: name }, h("b", null, `${digits(value, count)} K`), h("small", null, label));
   const added = state.steps.length > 1;

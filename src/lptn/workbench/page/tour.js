@@ -6,7 +6,7 @@ const SKIPPABLE = 3;  // looking at plots may be left out
 const FALLEN = 0.5;  // of the error as given: nobody misses that on the bars
 
 const STEPS = [
-  { at: ".tiles button", words: "Each tile is a joint in a run, orange where the model is too hot, blue where it is too cold. Click the strongest one.", done: page => page.clicked },
+  { at: ".tiles [aria-pressed='true']", words: "Each tile is a joint in a run, orange where the model is too hot, blue where it is too cold. Click the strongest one.", done: page => page.clicked },
   { at: ".stack", words: "Its plots: what was measured, what the model says, and the error between them. Drag to zoom in.", done: (page, plots) => Object.keys(plots.windows).length },
   { at: "[id='whole']", words: "Hover to read values. Back to the whole run with this button, or with the key 0.", done: (page, plots) => !Object.keys(plots.windows).length },
   { at: "#diagnose", words: "Now find the missing effects: those of all parts, and those of one part alone.", done: page => page.state.answers },
