@@ -47,7 +47,10 @@ _FIRST = 60.0  # s of rows from which a forecast can be made
 _SHARE = 0.05  # of a processor that assessments may take; the loop takes as much at 1 kHz
 _TICK = 0.1  # s that the loop waits for a message
 _SAVED = 60.0  # s between two savings of the state
-_VERSION, _STATE = 3, "a state that lptn watch saved"  # of the state's file; what it should be
+_VERSION, _STATE = 4, "a state that lptn watch saved"  # of the state's file; what it should be
+_OF_CLOCK = "last", "received", "shift", "jumps", "late"
+_KEPT = "names", "averaged", "step", "since", "period", "last", "taken", "strange", "lasted", "counts"
+"""What is saved besides the rows and the filter, as the attributes of the clock and of the watch are called."""
 _SIZE = Bound(500_000_000, "bytes")  # of it, ten times what thirty joints fill
 _CHANGED, _LASTS = 3.0, 600.0
 """Standard deviations by which something of the model is off, s for which it has been, before the robot is said to have
@@ -499,17 +502,12 @@ class Watch:
         self._saved = time.monotonic()
         if not self._rows:
             return
-        clock = self._clock
         about = {
             "version": _VERSION,
             "model": fingerprint(self.loaded.file.path),
-            "clock": [clock.last, clock.received, clock.shift, clock.jumps, clock.late],
-            "names": self._names,
-            "rows": [self._averaged, self._step, self._since, self._period],
-            "last": [self._last, self._taken],
-            "changed": [self._strange, self._lasted],
-            "counts": self._counts,
+            "clock": {name: getattr(self._clock, name) for name in _OF_CLOCK},
             "alarms": [asdict(alarm) for alarm in self._alarms.values()],
+            **{name: getattr(self, f"_{name}") for name in _KEPT},
         }
         about_it = np.frombuffer(json.dumps(about).encode(), dtype=np.uint8)
         arrays: dict[str, Any] = {"about": about_it, "rows": np.array(self._rows)}
@@ -539,14 +537,12 @@ class Watch:
             raise InputError(path, "state", "another or a broken file", _STATE) from error
 
     def _take_up(self, about: Mapping[str, Any], arrays: Mapping[str, FloatArray]) -> None:
-        clock = self._clock
-        clock.last, clock.received, clock.shift, clock.jumps, clock.late = about["clock"]
-        self._averaged, self._step, self._since, self._period = about["rows"]
-        self._last, self._taken = about["last"]
-        self._strange, self._lasted = about["changed"]
-        self._counts |= about["counts"]
+        for name in _OF_CLOCK:
+            setattr(self._clock, name, about["clock"][name])
+        for name in _KEPT:
+            setattr(self, f"_{name}", about[name])
         self._earlier = {alarm.channel or alarm.node: alarm for alarm in (Alarm(**one) for one in about["alarms"])}
-        self._names, self._rows = about["names"], deque(arrays["rows"], maxlen=_MOST_ROWS)
+        self._rows = deque(arrays["rows"], maxlen=_MOST_ROWS)
         self._resumed = {key.removeprefix("estimator/"): x for key, x in arrays.items() if key.startswith("estimator/")}
         self._due = self._newest + self._every
         self._events.append(f"{len(self._rows)} rows taken up from {self._state}")
