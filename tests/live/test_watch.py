@@ -131,6 +131,28 @@ def test_a_dead_sensor_is_not_trusted(loaded: LoadedModel) -> None:
     assert hip.low < truth < hip.high
 
 
+@pytest.mark.long
+@pytest.mark.parametrize("rate", [1.0, 10.0])
+def test_a_torque_that_dies_while_its_joint_moves_is_named_as_in_the_finished_log(
+    loaded: LoadedModel, tmp_path: Path, rate: float
+) -> None:
+    path, frame = tmp_path / "log.parquet", log(900, rate)
+    rng = np.random.default_rng(1)
+    for joint in ("knee", "hip"):
+        frame[f"velocity.{joint}"] = 3.0 * np.sin(2 * np.pi * 0.13 * frame["time"]) + 0.01 * rng.standard_normal(
+            len(frame)
+        )
+        frame[f"torque.{joint}"] += 0.05 * rng.standard_normal(len(frame))
+    frame.loc[frame["time"] >= 400, "torque.hip"] = 0.0
+    frame.to_parquet(path)
+    kept = Kept()
+    last = Watch(loaded, Replay(path, 0.0, loaded), [kept], every=300.0).run()
+    (finished,) = monitor(loaded.model, loaded.runs([path], strict=False), rmse=0.1).runs
+    assert [(alarm.channel, alarm.kind) for alarm in finished.statistical_alarms] == [("torque.hip", "input")]
+    assert [(alarm.channel, alarm.kind) for alarm in last.alarms] == [("torque.hip", "input")]
+    assert {alarm.channel for status in kept.all for alarm in status.alarms} == {"torque.hip"}
+
+
 # --- gaps, clocks, joints that come and go -----------------------------------------------------------
 
 

@@ -19,6 +19,7 @@ import pandas as pd
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
+from lptn.identify.data import optional_columns
 from lptn.identify.noise import estimate_noise
 from lptn.live.change import what_changed
 from lptn.logs.channels import quantisation_step
@@ -87,7 +88,8 @@ class Question:
         columns = {"time": ColumnSource(("time",), rows=_MEANS if self.averaged else SAMPLES)}
         frame = pd.DataFrame({key: values for key, values in self.rows.items() if np.isfinite(values).any()})
         frame = frame[frame["time"] >= since]
-        runs = read_log(frame, columns, name=self.source, step=self.step, inputs=inputs, outputs=outputs, strict=False)
+        runs = read_log(frame, columns, name=self.source, step=self.step, inputs=inputs, outputs=outputs,
+                        optional=optional_columns(self.model), strict=False)  # fmt: skip
         if not self.readings:
             return runs
         steps = {key: quantisation_step(values) for key, values in self.readings.items()}

@@ -269,6 +269,9 @@ class Sampler:
         """s between samples, once that is known."""
         self._speeds = deque[tuple[float, FloatArray]]()  # of the last seconds, at the source's own rate
         self._moving = [k for k, key in enumerate(self._keys) if key.startswith("velocity.")]
+        speeds = (self._keys[k] for k in self._moving)
+        # Beside what the model needs, what shows a torque to be false: that its joint moves without it.
+        self._columns = [*self._inputs, *(key for key in speeds if key not in self._inputs)]
         self.missing: tuple[str, ...] = ()
         """Inputs that are silent, so that nothing can be said."""
         self.gone = set[str]()
@@ -363,7 +366,7 @@ class Sampler:
         if count > 0:
             on = Grid(start, self._step, count)
             held, columns = on.held(time), {}
-            for column in self._inputs:
+            for column in self._columns:
                 rule = feature(column)
                 columns[column] = rule.after(held(rule.before(sample_values(column, raw))))
             columns |= {key: on.averages(time, raw[key], self._gap) for key in self._outputs}
