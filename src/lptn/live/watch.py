@@ -371,8 +371,13 @@ class Watch:
         rows, readings = (kept, raw) if self._averaged else ({"time": kept["time"]} | (raw or kept), {})
         why_since, self._why_since = self._why_since, math.inf
         sensors = self._estimator.sensors if self._estimator is not None else []
-        stands = {node: self._taken + one.since - one.clock
-                  for node, one in zip(self.model.nodes, sensors, strict=False) if one.stands}  # fmt: skip
+        if any(alarm.channel for alarm in self._to_blame):  # which explains, too, that one stands where the model moves
+            sensors = []
+        stands = {
+            node: self._taken + one.since - one.clock
+            for node, one in zip(self.model.nodes, sensors, strict=False)
+            if one.stands
+        }
         return replace(self._question, rows=rows, readings=readings, step=self._step, averaged=self._averaged,
                        speeds=speeds, period=period, stands=stands, why_since=why_since)  # fmt: skip
 
