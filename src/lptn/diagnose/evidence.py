@@ -561,7 +561,7 @@ def _curvature(amplitude: Parameter, value: float) -> float:
 
 _WARMER = 10.0
 """K, by which a robot's node is usually warmer than its surroundings while it works, or another room than this one."""
-_FAR, _ROOMS = 10.0, 400  # K beyond the nodes; temperatures of the other room over which is summed
+_ROOMS = 400  # temperatures of the other room over which is summed, as far beyond the nodes as these are warmer
 
 
 def log_prior_of_starts(fit: Fit) -> float:
@@ -580,7 +580,7 @@ def log_prior_of_starts(fit: Fit) -> float:
         felt = model.surroundings(start, bound.inputs[:, 0], values).full().ravel()
         nodes = start[: len(model.nodes)][np.isfinite(bound.start)]
         off = nodes - np.clip(nodes, felt.min(), felt.max())
-        rooms = np.linspace(off.min(initial=0.0) - _FAR, off.max(initial=0.0) + _FAR, _ROOMS)
+        rooms = np.linspace(off.min(initial=0.0) - _WARMER, off.max(initial=0.0) + _WARMER, _ROOMS)
         of_rooms = np.append(_log_cauchy(rooms) + log(rooms[1] - rooms[0]), 0.0)
         total += float(logsumexp(of_rooms + _log_density_of_starts(off, np.append(rooms, 0.0)))) - log(2.0)
     return total
