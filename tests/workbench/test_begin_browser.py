@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 import zipfile
 from collections.abc import Sequence
@@ -13,6 +14,7 @@ from playwright.sync_api import Browser, Page, expect
 
 from lptn.virtual import quadruped_logs
 from lptn.virtual.runs import plan
+from tests.logs.test_bags import Recorder
 from tests.workbench.conftest import CHROMIUM, Server
 
 pytestmark = [
@@ -167,6 +169,34 @@ def test_what_is_dropped_in_two_tabs(browser: Browser, tmp_path: Path) -> None:
         page.locator("#leave").click()
         expect(other.locator(".recent li")).to_contain_text(_HTML)
         assert page.title() == "lptn"
+        assert not complaints
+    finally:
+        server.kill()
+
+
+def test_the_folder_of_a_bag_is_chosen_and_a_form_changes_the_text(browser: Browser, tmp_path: Path) -> None:
+    recorder = Recorder(tmp_path / "walk", "sqlite3")
+    with recorder.writer:
+        for k in range(600):
+            recorder.send("/joint_states", 1.0 * k, recorder.joints(k, ["knee"], [1.0], [1.0]))
+            warm = recorder.dynamic(k, {"knee": {"temperature": 20.0 + k / 60}})
+            recorder.send("/dynamic_joint_states", k + 0.1, warm)
+    server, complaints = Server(tmp_path / "state", files=[]), list[str]()
+    try:
+        page = browser.new_page(viewport={"width": 1280, "height": 900})
+        page.on("pageerror", lambda error: complaints.append(str(error)))
+        page.goto(server.address)
+        page.wait_for_url(f"{server.home}/")
+        with page.expect_file_chooser() as chosen:
+            page.locator("[id='pick folder']").click()
+        chosen.value.set_files(tmp_path / "walk")
+        expect(page.locator("li.log b")).to_have_text("walk")
+        expect(page.locator(".drawing svg")).to_be_visible()
+        expect(page.locator("#stop")).to_be_hidden()
+        capacity = page.get_by_label("capacity").first
+        capacity.fill("321")
+        capacity.press("Enter")
+        expect(page.locator("#text")).to_have_value(re.compile("capacity = { value = 321,"))
         assert not complaints
     finally:
         server.kill()

@@ -26,6 +26,7 @@ from lptn.workbench.bench import Bench, names_of, segments
 from lptn.workbench.opening import Opening
 
 _JOB_NAMES = {"fit": "fitted", "holdout": "held out", "test": "test"}
+_LIKELY = 0.5  # the probability from which an answer's name stands out: more probable than not
 _PAIRS = 10  # of parameters: others go together less
 
 
@@ -230,7 +231,8 @@ def _answers(study: Study, diagnosis: Diagnosis, bench: Bench) -> dict[str, Any]
 
 def _place(step: Step) -> dict[str, Any]:
     """What an effect that was fitted is called, how large and how probable it is."""
-    return _named(*step.key) | {"size": size_text(step, step.fit), "probable": percent(step.probability)}
+    size, probable = size_text(step, step.fit), percent(step.probability)
+    return _named(*step.key) | {"size": size, "probable": probable, "likely": step.probability > _LIKELY}
 
 
 def _named(effect: str, at: str) -> dict[str, Any]:

@@ -1,11 +1,12 @@
 // Where a study begins: files by picker or dropped, what their columns mean, the model file, which runs are fitted.
 
-import { h, name as broken } from "/sections.js";
+import { duration, h, name as broken } from "/sections.js";
 import { open } from "/tour.js";
 
 const JOBS = { fit: "Fitted", holdout: "Held out", test: "Test", unused: "Not used" };
 const EXPLAINED = { fit: "The parameters are found on these.", holdout: "The model is judged on these, which no fit sees.", unused: "" };
 const size = bytes => bytes < 1e6 ? `${Math.ceil(bytes / 1e3)} kB` : bytes < 1e9 ? `${(bytes / 1e6).toFixed(1)} MB` : `${(bytes / 1e9).toFixed(2)} GB`;
+const PACE_KNOWN = 0.02;  // of a file: by then it is steady
 const takes = state => state.begins && (state.desk || !state.name && !state.example && !state.segments);
 
 // --- files on their way ---------------------------------------------------------------------------------------
@@ -19,7 +20,7 @@ export async function send(page, files, based) {
   const problems = [];
   let answer = {};
   for (const [number, [file, name]] of files.entries()) {
-    page.sending = { name, part: 0, left: files.length - number - 1 };
+    page.sending = { name, begun: Date.now(), part: 0, left: files.length - number - 1 };
     page.say("");
     answer = await post(page, file, name, based);
     if (answer.error) problems.push(answer.error);
@@ -48,9 +49,15 @@ function post(page, file, name, based) {
   });
 }
 
+// What is left at the pace so far, once that is known.
+const left = ({ part, begun }) => {
+  const seconds = (Date.now() - begun) / 1000 * (1 - part) / part;
+  return part > PACE_KNOWN && part < 1 ? `, ${duration(seconds)} left` : "";
+};
+
 const progress = page => page.sending && h("div", { className: "row sending" },
   h("progress", { value: page.sending.part, max: 1, ariaLabel: "how much has come" }),
-  h("span", null, `${page.sending.name}: ${Math.floor(100 * page.sending.part)} %${page.sending.left ? `, ${page.sending.left} more` : ""}`),
+  h("span", null, `${page.sending.name}: ${Math.floor(100 * page.sending.part)} %${left(page.sending)}${page.sending.left ? `, ${page.sending.left} more` : ""}`),
   h("button", { id: "cancel", onclick: () => request.abort() }, "Cancel"));
 
 // A bag's folder keeps its name, and its metadata come last, which make it a log; of another folder each file is one.

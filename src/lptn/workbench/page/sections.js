@@ -23,7 +23,7 @@ const LARGEST = 1e12;  // what no bound of nature's bounds is declared to reach 
 const signed = value => `${value < 0 ? "−" : "+"}${Math.abs(value) < 9.95 ? Math.abs(value).toPrecision(2) : Math.abs(value).toFixed(0)}`;
 const capital = text => text.charAt(0).toUpperCase() + text.slice(1);
 const listed = items => items.length < 2 ? items.join("") : `${items.slice(0, -1).join(", ")} and ${items.at(-1)}`;
-const duration = seconds => seconds < 60 ? `${seconds | 0} s` : `${seconds / 60 | 0} min ${seconds % 60 | 0} s`;
+export const duration = seconds => seconds < 60 ? `${seconds | 0} s` : `${seconds / 60 | 0} min ${seconds % 60 | 0} s`;
 
 // --- what is being done -----------------------------------------------------------------------------------
 
@@ -202,7 +202,7 @@ export function missing(page) {
     onmouseleave: () => page.pinned || page.attemptTo(""),
   },
     h("div", { className: "name" },
-      h("span", null, h("b", null, each.title), placed(each).slice(each.title.length)),
+      h("span", null, h(each.likely === false ? "span" : "b", null, each.title), placed(each).slice(each.title.length)),
       h("button", {
         id: `try ${each.key}`, disabled: !each.tried && busy, ariaPressed: page.attempt === each.key,
         onclick: () => {
