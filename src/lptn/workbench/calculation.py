@@ -200,8 +200,6 @@ class _Done(BaseModel):
     """What was done in a session, as its folder says it."""
 
     name: str = ""
-    model: str
-    logs: list[str]
     opening: Opening | None = None
     stretches: list[Stretch] = []
     steps: list[tuple[str, str]] = []
@@ -259,16 +257,12 @@ def _do_again(study: Study, folder: Path) -> None:
 
 
 def _save(bench: Bench, opening: Opening) -> None:
-    study, opening = bench.study, opening.absolute()
-    logs = [str(log) for log in (*opening.fit, *opening.holdout, *opening.test)]
-    steps = [step.key for step in study.steps[1:]]
+    study = bench.study
     done = _Done(
         name=study.model.network.name,
-        model=str(opening.model),
-        logs=logs,
-        opening=opening,
+        opening=opening.absolute(),
         stretches=list(study.stretches),
-        steps=steps,
+        steps=[step.key for step in study.steps[1:]],
         settings=list(study.settings),
     )
     write_whole(bench.folder / STEPS, done.model_dump_json(indent=2) + "\n")
@@ -299,7 +293,7 @@ def recent(sessions: Path) -> list[dict[str, Any]]:
                 desk = done.opening.model.parent.name
                 of_studies.add(desk)
                 desk = desk if is_desk(sessions / desk) else ""
-                logs = [Path(log).name for log in done.logs]
+                logs = [log.name for log in done.opening.logs]
                 about = {"study": folder.name, "desk": desk, "name": done.name, "logs": logs, "steps": len(done.steps)}
                 about |= written(folder).model_dump(include={"text", "tags"})
                 found.append(about | {"changed": (folder / STEPS).stat().st_mtime})

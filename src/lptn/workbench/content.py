@@ -139,13 +139,12 @@ def _segment(study: Study, key: str, segment: Segment) -> dict[str, Any]:
 def _tiles(bench: Bench) -> dict[str, dict[str, list[dict[str, float] | None]]]:
     """For each segment, for the models as given and now, the errors of each node; `None` where nothing is measured."""
     tiles: dict[str, dict[str, list[dict[str, float] | None]]] = {key: {} for key in segments(bench.study)}
-    for name, number in (("given", 0), ("now", len(bench.study.steps) - 1)):
-        for key, prediction in bench.predictions(number).items():
-            errors = [Errors.of(row) for row in prediction.error]
-            tiles[key][name] = [asdict(summary) if summary.count else None for summary in errors]
-    for key, error in bench.errors_against.items():
-        errors = [Errors.of(row) for row in error]
-        tiles[key]["against"] = [asdict(summary) if summary.count else None for summary in errors]
+    numbers = {"given": 0, "now": len(bench.study.steps) - 1}
+    errors = {name: {key: one.error for key, one in bench.predictions(k).items()} for name, k in numbers.items()}
+    for name, by_segment in (errors | {"against": bench.errors_against}).items():
+        for key, error in by_segment.items():
+            summaries = [Errors.of(row) for row in error]
+            tiles[key][name] = [asdict(summary) if summary.count else None for summary in summaries]
     return tiles
 
 

@@ -181,7 +181,7 @@ class Desk:
             InputError: the model file can't be read.
         """
         text, opening = text_of(opening.model, MODEL_FILE) if opening.model else "", opening.absolute()
-        words = "\n".join([text, *map(str, (*opening.fit, *opening.holdout, *opening.test)), *opening.columns])
+        words = "\n".join([text, *map(str, opening.logs), *opening.columns])
         desk = cls(sessions / f"{_BEGINS}{hashlib.sha256(words.encode(errors='replace')).hexdigest()[:10]}")
         if not (desk.folder / KEPT).is_file():
             desk._keep(replace(opening, model=desk.model))
@@ -241,7 +241,7 @@ class Desk:
 
     def _do_look(self, _: Name) -> None:
         """Take in what has come; what is no log that can be opened is refused, and nothing is left of it."""
-        known = {*self.opening.fit, *self.opening.holdout, *self.opening.test, *self._unused}
+        known = {*self.opening.logs, *self._unused}
         strange = [path for path in self._logs() if path not in known and not self._of(path).shown["opened"]]
         refused = [error for path in strange if (error := self._of(path).error) is not None]
         for path in strange:

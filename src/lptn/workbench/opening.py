@@ -29,6 +29,11 @@ class Opening:
     torque_error: float | None = None
     surface_error: float | None = None
 
+    @property
+    def logs(self) -> tuple[Path, ...]:
+        """All of them: to fit, held out, for the test."""
+        return (*self.fit, *self.holdout, *self.test)
+
     def absolute(self) -> Opening:
         """The same files from any folder."""
         fit, holdout, test = (tuple(path.absolute() for path in job) for job in (self.fit, self.holdout, self.test))
