@@ -158,7 +158,8 @@ def rest_evidence(log: Channels, warm: Mapping[str, float], *, all_warm: bool) -
     passive = [key for key in log.sensors if key != log.air and not has_own_heat(place_of(key))]
     for key in passive if log.loads and not warm.keys().isdisjoint(passive) else ():
         laws = [warming(told, key, log.load_of(place_of(key))) for told in (log, shifted)]
-        off = [law.over(_WINDOW).off for law in laws if law]
+        windows = (law.over(_WINDOW) for law in laws if law)
+        off = [window.off for window in windows if window.rows.size]  # a log in short pieces has none
         if len(off) == 2:
             noise = min(MAD_TO_SIGMA * float(np.median(np.abs(one))) for one in off)
             sizes = [np.abs(one) / max(noise, _ROUNDING * log.sensors[key].step, _NOISE) for one in off]
