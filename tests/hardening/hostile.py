@@ -478,6 +478,8 @@ fmu model.toml -o out.fmu --step {}
 add model.toml {} --at motor
 watch model.toml udp://[{} --limit 60
 watch model.toml log.csv --replay 0 --to prometheus://[{}
+watch model.toml log.csv --replay 0 --to page://[{}
+watch model.toml {}.mcap
 add model.toml constant_heat --at {}
 monitor model.toml log.csv --threshold {}
 open model.toml log.csv --no-browser --port {}x
