@@ -52,7 +52,7 @@ def test_what_is_learnt_is_written_and_said(lptn: Lptn, motors: Path, tmp_path: 
     ("words", "message"),
     [
         (["nowhere.csv"], "nowhere.csv: source: found no such file; expected a file of JSON or CSV lines"),
-        (["log.csv", "--to", "screen"], "screen: sink: found no such sink; expected terminal, json"),
+        (["log.csv", "--to", "screen"], "screen: sink: found no such sink; expected terminal, page, json"),
         (["log.csv", "--to", "prometheus://127.0.0.1:x"], "sink: found no port"),
         (["udp://127.0.0.1:99999"], "source: found no port"),
         (["log.csv", "--state", "other.csv"], "other.csv: state: found another or a broken file"),
