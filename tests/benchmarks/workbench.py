@@ -69,7 +69,10 @@ def session(nodes: int, readings: int) -> WorkbenchSession:
         "name": "made up",
         "nodes": list(names),
         "segments": [segment | {"from": 0.0, "to": float(readings)}],
-        **{name: [] for name in ("issues", "stretches", "undone", "branches", "advice", "commands", "parameters")},
+        **{
+            name: []
+            for name in ("issues", "stretches", "undone", "branches", "advice", "commands", "contents", "parameters")
+        },
         "correlations": [],
         "fitted": True,
         "effects": {},
@@ -77,7 +80,7 @@ def session(nodes: int, readings: int) -> WorkbenchSession:
         "file": "",
         "given": "as given",
         "now": "as given",
-        "head": {"which": "fitted", "given": 0.5, "now": 0.5, "floor": 0.1, "found": [], "sentence": ""},
+        "head": {"which": "fitted", "given": 0.5, "now": 0.5, "floor": 0.1, "against": None, "said": []},
         "steps": [step],
         "tiles": {"fit 0": {"given": [tile] * nodes, "now": [tile] * nodes}},
         "conditions": {"given": [], "now": []},
