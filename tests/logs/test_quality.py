@@ -165,6 +165,25 @@ def test_counts_that_change_their_sign_from_row_to_row(write: Write, refuse: Ref
     np.testing.assert_allclose(only(path, proposed(said)).columns["current.a"], np.abs(truth) / 1000)
 
 
+@pytest.mark.parametrize("swings", [10, 25])
+def test_a_torque_that_swings_farther_over_zero_than_else_is_a_counter_and_rare_spikes_are_none(
+    write: Write, refuse: Refuse, swings: int
+) -> None:
+    """As of a leg that stands and swings: a gait's steps over zero are larger than those of 19 rows in 20."""
+    rng = np.random.default_rng(5)
+    level = np.where(np.arange(600) // swings % 2, 13.0, -4.5)
+    truth = np.round(level + rng.normal(0, 0.1, 600), 2)
+    table = {"time": np.arange(600).tolist(), "temperature.a": np.linspace(30, 50, 600).tolist()}
+    path = write({**table, "torque.a": np.round(truth % 655.36, 2).tolist()})
+    said = refuse(path, read_log, path)
+    assert "a counter of 16 bit that wraps" in said
+    np.testing.assert_allclose(only(path, proposed(said)).columns["torque.a"], np.abs(truth))
+    spiky = np.abs(truth)
+    spiky[[100, 300, 500]] = 640.0, 645.0, 650.0
+    path = write({**table, "torque.a": spiky.tolist()})
+    assert not any(issue.kind == "wrap" for issue in only(path).issues)
+
+
 def test_a_fault_code_is_said_and_no_reading(write: Write) -> None:
     readings = list(WARMING)
     for row in (10, 11, 40):

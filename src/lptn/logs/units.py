@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from lptn.basics.arrays import FloatArray
-from lptn.logs.channels import Channels, quantisation_step
+from lptn.logs.channels import FEWEST, Channels, quantisation_step
 from lptn.logs.clock import DAY, unit_of_rows
 from lptn.logs.columns import (
     UNITS,
@@ -332,13 +332,13 @@ def suspect_wrap(log: Channels, key: str) -> list[Issue]:
         if not (in_range and wraps and np.median(other_way) < _SHORT * turn):
             continue
         usual = np.quantile(other_way[~over], _USUALLY) if not over.all() else turn
-        if np.median(other_way[over]) > usual + _ONE_MORE:
-            continue  # it leaps to a code for no reading, and not over the end of the range
+        ends = (np.unique(counts[side]).size for side in (counts > (low + high) / 2, counts <= (low + high) / 2))
+        if np.median(other_way[over]) > usual + _ONE_MORE and min(ends) < FEWEST:
+            continue  # it leaps to a code for no reading, or to a few spikes, and not over the end of the range
         turn *= unit
         problem = f"{wraps} jumps of some {turn:.6g}: a counter of {bits} bit that wraps"
         meant = replace(source, wrap=turn)
         if not temperature:
-            meant = _below_zero(source, turn) if raw[0] > turn / 2 and unit < 1 else meant
             return [log.issue(key, problem, "write {}", "wrap", certain=True, corrected=meant)]
         ways = {"a counter from 0 up": meant, "a counter that began below 0": _below_zero(source, turn)}
         return [_proposed(log, key, problem, ways, _in_parts_of_a_degree(ways), certain=True, kind="wrap")]
