@@ -22,7 +22,7 @@ from lptn.basics.equations import equation_text
         (r"T_\mathrm{ref} + t \cdot 1000\,\mathrm{K/h}", "T_ref + t · 1000 K/h"),
         (r"I \text{ where only the load-free torque is logged}", "I where only the load-free torque is logged"),
         (r"x^{a+b}", "x^(a+b)"),
-        (r"\unheard_of{x}", "unheard_ofx"),
+        (r"\unheard_of{x}", r"\unheard_ofx"),
         (r"\frac{a", "a/()"),
         ("", ""),
     ],

@@ -2,21 +2,10 @@
 
 from __future__ import annotations
 
-import re
-
 import pytest
 
-from lptn.basics.equations import equations_of
-from lptn.cli.catalogue import catalogue_json, columns_text, docstring_text, show_effects
-from lptn.effects import Effect, catalogue
-
-_LATEX = re.compile(r"\\|[{}^]|\.\. math|:math:|\[[A-Z]\w+\d{4}")
-
-
-@pytest.mark.parametrize("effect", catalogue().values(), ids=catalogue())
-def test_no_latex_and_no_key_of_the_bibliography_is_left(effect: type[Effect]) -> None:
-    assert equations_of(effect.__doc__ or "")
-    assert not _LATEX.search(docstring_text(effect))
+from lptn.cli.catalogue import catalogue_json, columns_text, show_effects
+from lptn.effects import catalogue
 
 
 def test_an_effect_is_shown_with_equation_option_columns_and_references(capsys: pytest.CaptureFixture[str]) -> None:

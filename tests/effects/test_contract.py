@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import re
 from pathlib import Path
 from typing import get_args
 
@@ -10,6 +11,8 @@ import numpy as np
 import pytest
 
 from lptn.basics.arrays import FloatArray
+from lptn.basics.equations import equations_of
+from lptn.cli.catalogue import docstring_text
 from lptn.effects import Effect, Signature, catalogue
 from lptn.effects.base import Site
 from lptn.effects.excitation import INPUTS_VARY, Excitation
@@ -110,6 +113,13 @@ def test_docstring_has_the_equation_and_its_source(kind: type[Effect]) -> None:
     text = inspect.getdoc(kind) or ""
     assert ".. math::" in text
     assert "Source:" in text
+
+
+@every
+def test_its_equation_is_plain_text_for_a_terminal(kind: type[Effect]) -> None:
+    assert equations_of(kind.__doc__ or "")
+    left = re.findall(r"\\\w+|[{}]|\^(?!\()|\.\. math|:math:|\[[A-Z]\w+\d{4}", docstring_text(kind))
+    assert not left, "PLUGIN.md lists the LaTeX that is known; a new command goes into lptn.basics.equations"
 
 
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind.__module__.startswith("lptn.")], ids=_named)

@@ -12,7 +12,7 @@ _SYMBOLS = {
     "chi": "χ", "psi": "ψ", "omega": "ω", "Delta": "Δ", "Omega": "Ω", "Phi": "Φ", "pi": "π", "int": "∫",
     "partial": "∂", "infty": "∞", "cdot": "·", "times": "×", "propto": "∝", "approx": "≈", "le": "≤", "leq": "≤",
     "ge": "≥", "geq": "≥", "ne": "≠", "pm": "±", "to": "→", "quad": "  ", "qquad": "    ", "dots": "…", "left": "",
-    "right": "", "exp": "exp", "ln": "ln",
+    "right": "", "bigl": "", "bigr": "", "exp": "exp", "ln": "ln",
 }  # fmt: skip
 _ACCENTS = {"dot": "\u0307", "ddot": "\u0308", "bar": "\u0304", "hat": "\u0302", "tilde": "\u0303"}
 _TOKEN = re.compile(r"\\[A-Za-z]+|\\.|\s+|.", re.DOTALL)
@@ -25,7 +25,8 @@ _ATOM = re.compile(r"[^\s+−·×/=]+")
 def equation_text(latex: str) -> str:
     r"""A formula of a docstring as Unicode text: `\frac{1 + g}{R_d}` as (1 + g)/R_d.
 
-    Commands outside the part of LaTeX that the catalogue uses stay as their names.
+    An exponent that Unicode has no letters for stands in brackets, `|q|^{3/2}` as |q|^(3/2). Commands outside the
+    part of LaTeX that the catalogue uses stay as their names, with the backslash.
     """
     tokens = deque(_TOKEN.findall(latex))
     return " ".join(_sequence(tokens).split()).replace("( ", "(").replace(" )", ")")
@@ -73,6 +74,8 @@ def _token(token: str, tokens: deque[str]) -> str:
         return _sequence(tokens)
     if token == r"\sum":
         return _sum(tokens)
+    if token == r"\sqrt":
+        return f"√({_argument(tokens)})"
     if token == r"\frac":
         return _fraction(_argument(tokens), _argument(tokens), tokens)
     name = token[1:]
@@ -83,7 +86,7 @@ def _token(token: str, tokens: deque[str]) -> str:
     if token in _PREFIXES and tokens and tokens[0].isspace():
         tokens.popleft()
     if token.startswith("\\"):
-        return _SYMBOLS.get(name, " " if name in {",", ";", ":", " ", "!"} else name)
+        return _SYMBOLS.get(name, " " if name in {",", ";", ":", " ", "!"} else token)
     return {"-": "−", "'": "′"}.get(token, token)
 
 
