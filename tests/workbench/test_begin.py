@@ -250,6 +250,15 @@ def test_forms_change_the_text_and_nothing_else_in_it(desk: Desk) -> None:
         "nodes": {"base": {"capacity": ends}},
         "links": [{"between": ["base", "ambient"]}],
     }
+    for emptied in (
+        with_entry(desk.text, desk.model, ["effects", 0], None),
+        'effects = [{ kind = "fan" }]\nnodes = {}\n',
+    ):
+        beside = with_entry(emptied, desk.model, ["nodes", "base"], {"capacity": ends})
+        count = len(tomllib.loads(beside)["effects"])
+        again = tomllib.loads(with_entry(beside, desk.model, ["effects", count], {"kind": "copper_loss"}))
+        assert again["effects"][-1] == {"kind": "copper_loss"}
+        assert again["nodes"]["base"] == {"capacity": ends}
     before = desk.text
     for wrong in (["links", 9, "between"], ["links", "a"], ["nodes", "*", "capacity", "value", "more"], ["effects", 7]):
         with pytest.raises(InputError):

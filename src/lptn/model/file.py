@@ -287,7 +287,8 @@ def with_entry(text: str, path: Path, keys: Sequence[str | int], value: object) 
             item: Any = value
             if isinstance(value, Mapping):
                 entries = {name: _inline(x) if isinstance(x, Mapping) else x for name, x in value.items()}
-                item = _inline(entries) if len(above) > 1 else tomlkit.table()
+                within = len(above) > 1 or isinstance(table, tomlkit.items.Array | tomlkit.items.InlineTable)
+                item = _inline(entries) if within else tomlkit.table()
                 item.update(entries)
             if isinstance(last, int) and last == len(table):
                 table.append(item)
