@@ -19,7 +19,7 @@ from lptn.workbench.bench import Bench, name_of
 from lptn.workbench.calculation import _opened, _save, _set_against
 from lptn.workbench.content import content_of
 from lptn.workbench.opening import EXAMPLES, Opening
-from lptn.workbench.orders import Add, Plain, Try
+from lptn.workbench.orders import Add, Cut, Plain, Try
 from tests.workbench.conftest import EXAMPLE, OPENING
 
 
@@ -157,6 +157,11 @@ def test_another_studys_model_stands_beside_with_its_own_errors(tmp_path: Path) 
     assert [tile["rmse"] for tile in content["tiles"]["holdout 0"]["against"]] == pytest.approx(
         [Errors.of(row).rmse for row in other.predictions(1)["holdout 0"].error], rel=1e-3
     )
+    mine.do(Cut(what="hold_out", run="log", start=100.0, stop=200.0))
+    _set_against(mine, OPENING, other.folder.name)
+    tiles = content_of(mine, OPENING)["tiles"]
+    assert list(tiles) == ["fit 0", "fit 1", "holdout 0", "holdout 1"]
+    assert all(tile["against"] for tile in tiles.values())
     _set_against(mine, OPENING, "")
     assert content_of(mine, OPENING)["head"]["against"] is None
     for name in ("../elsewhere", "nothing"):

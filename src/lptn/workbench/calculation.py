@@ -11,7 +11,7 @@ import logging
 import pickle
 import sys
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from multiprocessing.connection import Connection
@@ -163,7 +163,10 @@ def _set_against(bench: Bench, opening: Opening, name: str) -> None:
     model = bench.folder.parent / name / NOW
     if name and not (reopened(bench.folder.parent, name) and model.is_file()):
         raise InputError(one_line(name), "study", "no model of its own yet", "one that was opened with this version")
-    bench.compare_with(name, replace(opening, model=model).study() if name else None)
+    other = replace(opening, model=model).study() if name else None
+    if other is not None:
+        _cut(other, bench.study.stretches)
+    bench.compare_with(name, other)
 
 
 @contextmanager
@@ -246,14 +249,19 @@ def _do_again(study: Study, folder: Path) -> None:
     except (OSError, ValidationError):
         return
     try:
-        for stretch in done.stretches:
-            (study.hold_out if stretch.held_out else study.leave_out)(stretch.run, stretch.start, stretch.stop)
+        _cut(study, done.stretches)
         for effect, at in done.steps:
             study.add(effect, at)
         for setting in done.settings:
             study.set_parameter(setting.name, setting.value, bounds=setting.bounds, fixed=setting.fixed)
     except InputError as error:
         logger.warning("not all of the session's steps can be done again: %s", one_line(error))
+
+
+def _cut(study: Study, stretches: Iterable[Stretch]) -> None:
+    """Hold out or leave out of a study's runs what was held out or left out of the same runs elsewhere."""
+    for stretch in stretches:
+        (study.hold_out if stretch.held_out else study.leave_out)(stretch.run, stretch.start, stretch.stop)
 
 
 def _save(bench: Bench, opening: Opening) -> None:
