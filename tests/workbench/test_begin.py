@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import multiprocessing
 import os
 import shutil
@@ -178,6 +179,8 @@ def test_the_text_is_free_and_its_mistake_is_said(desk: Desk) -> None:
     wrong = desk.content()["wrong"]
     assert "likns" in wrong
     assert wrong.startswith("model.toml: ")
+    (desk.folder / "model.toml").write_text("[nodes.a]\nborn = 2024-01-01\n")
+    assert json.dumps(desk.content()["tables"])
     (desk.folder / "model.toml").write_text("[model\n")
     assert "TOML" in desk.content()["wrong"]
     with pytest.raises(InputError, match="TOML"):

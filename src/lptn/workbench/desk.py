@@ -7,6 +7,7 @@ log is fitted and which held out. All that the page shows is worked out of these
 from __future__ import annotations
 
 import hashlib
+import json
 import logging
 import secrets
 import shutil
@@ -408,6 +409,7 @@ class Desk:
             with suppress(tomllib.TOMLDecodeError):  # which is said where the model is read
                 document = tomllib.loads(text)
                 tables = {name: document.get(name) for name in ("nodes", "links", "effects")}
+                tables = json.loads(json.dumps(tables, default=str))  # a date, too, is only read as a mistake
             loaded = load_model(self.model) if text else None
         except InputError as error:
             wrong = self.told(error)

@@ -28,10 +28,10 @@ function fields(page, keys, value, units) {
 }
 
 function rows(page, table) {
-  const { desk, busy } = page.state, entries = Object.entries(desk.tables[table] ?? {});
+  const { desk, busy } = page.state, entries = Object.entries(desk.tables[table] ?? {}).filter(([, entry]) => entry !== null && typeof entry === "object");  // all else is a mistake that is being made
   return entries.map(([key, entry]) => {
     const known = desk.effects[entry.kind], units = table === "effects" ? known?.units ?? {} : UNITS;
-    const keys = [table, table === "nodes" ? key : Number(key)], title = table === "nodes" ? key : table === "links" ? entry.between?.join(" – ") : known?.title ?? entry.kind;
+    const keys = [table, table === "nodes" ? key : Number(key)], title = table === "nodes" ? key : table === "links" ? entry.between && [entry.between].flat().join(" – ") : known?.title ?? entry.kind;
     return h("li", { className: "row entry" }, h("b", { className: "names" }, String(title ?? key)),
       Object.entries(entry).filter(([name]) => !(table === "effects" && name === "kind")).map(([name, value]) => fields(page, [...keys, name], value, units)),
       h("button", { id: `without ${keys.join(" ")}`, ariaLabel: `Remove ${title ?? key}`, disabled: busy, onclick: () => page.order({ what: "entry", keys, value: null }) }, "✕"));
