@@ -16,7 +16,7 @@ import pytest
 
 from lptn.basics.errors import InputError
 from lptn.identify.data import load_model
-from lptn.live.recordings import GrowingBag
+from lptn.live.recordings import GrowingBag, _of_sqlite
 from lptn.live.sources import Replay
 from lptn.live.watch import Watch
 from tests.live.robot import log, model_file
@@ -111,6 +111,18 @@ def test_an_sqlite_bag_is_followed_from_file_to_file_until_it_is_closed(tmp_path
         shutil.copy(whole.parent / "metadata.yaml", grown)
         said = until(1000)  # it ends by itself
     assert efforts(said) == pytest.approx(log(60)["torque.knee"])
+
+
+def test_messages_whose_topics_cannot_be_read_yet_come_later(tmp_path: Path) -> None:
+    (whole,) = recorded(tmp_path / "whole", "sqlite3", 5).glob("*.db3")
+    with closing(sqlite3.connect(whole)) as base:
+        base.execute("ALTER TABLE topics RENAME TO later")  # as if they were locked
+        base.commit()
+        batches = _of_sqlite(whole)
+        assert next(batches) == []
+        base.execute("ALTER TABLE later RENAME TO topics")
+        base.commit()
+        assert len(next(batches)) == 20
 
 
 @pytest.mark.long

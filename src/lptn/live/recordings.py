@@ -187,13 +187,14 @@ def _of_sqlite(path: Path) -> Iterator[Batch]:
             rows = list[tuple[int, int, int, bytes]]()
             with suppress(sqlite3.OperationalError):  # locked just now, or its tables are not made yet
                 asked = "SELECT id, topic_id, timestamp, data FROM messages WHERE id > ? ORDER BY id LIMIT ?"
-                rows = base.execute(asked, (last, _BATCH)).fetchall()
-                if not {topic for _, topic, *_ in rows} <= topics.keys():
+                found = base.execute(asked, (last, _BATCH)).fetchall()
+                if not {topic for _, topic, *_ in found} <= topics.keys():
                     kinds = dict[str, tuple[str, str]]()
                     with suppress(sqlite3.OperationalError):  # older recorders keep no definitions
                         of_kinds = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
                         kinds = {kind: (form, text) for kind, form, text in base.execute(of_kinds)}
                     for number, name, kind in base.execute("SELECT id, name, type FROM topics"):
                         topics.setdefault(number, _topic(name, kind, *kinds.get(kind, ("", ""))))
+                rows = found  # where their topics could not be read, they come with the next look
             last = rows[-1][0] if rows else last
             yield [(topics[topic], when, raw) for _, topic, when, raw in rows if topic in topics]
