@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from queue import Queue
 from xml.etree import ElementTree
@@ -351,6 +352,9 @@ def test_a_running_robot_is_drawn_as_it_is_told(browser: Browser) -> None:
         expect(page.locator(".u-legend tr")).to_have_count(3)  # time, and both nodes
         page.get_by_role("button", name="knee").click()
         expect(page.locator(".u-legend")).to_contain_text("limit")
+        live.show(Status(60.0, tuple(replace(node, temperature=50.0) for node in nodes), assessed=6.0))
+        expect(page.locator("#table tbody tr").first).to_contain_text("50.0")
+        expect(page.get_by_role("button", name="knee")).to_be_focused()  # though the table is another
         live.close()
         expect(page.locator("#work")).to_contain_text("The watch has ended.")
         assert problems == []

@@ -14,7 +14,7 @@ async function ask() {
     const answer = await fetch(`/live?since=${count}`);
     if (!answer.ok) throw new Error(await answer.text());
     take(await answer.json());
-  } catch (error) { place("work").replaceChildren(h("span", { className: "failed" }, error instanceof TypeError ? "The watch has ended." : error.message)); }
+  } catch (error) { fill(place("work"), h("span", { className: "failed", role: "alert" }, error instanceof TypeError ? "The watch has ended." : error.message)); }
   setTimeout(ask, newest && count < newest.count ? 0 : PAUSE);
 }
 
@@ -26,10 +26,25 @@ function take(state) {
   rows = [...rows, ...state.rows].slice(-KEPT);
   count = state.first + state.rows.length;
   const counts = Object.entries(state.counts).filter(([, number]) => number).map(([word, number]) => `${number.toLocaleString("en")} ${word}`);
-  place("work").replaceChildren(h("span", null, `${clock(state.time)}  ${counts.join(", ")}${state.missing.length ? `; silent: ${state.missing.join(", ")}` : ""}`));
-  place("table").replaceChildren(table(state));
-  place("said").replaceChildren(h("h2", null, "What happened"), h("ul", { className: "plain" }, state.said.toReversed().map(([time, words]) => h("li", null, h("small", null, `${clock(time)} `), words))));
+  fill(place("work"), h("span", null, `${clock(state.time)}  ${counts.join(", ")}${state.missing.length ? `; silent: ${state.missing.join(", ")}` : ""}`));
+  fill(place("table"), table(state));
+  fill(place("said"), h("h2", null, "What happened"), h("ul", { className: "plain" }, state.said.toReversed().map(([time, words]) => h("li", null, h("small", null, `${clock(time)} `), words))));
   draw(!known);
+}
+
+// What is new beside what stands there: a button keeps its focus and its press, a screen reader says what is new alone.
+function fill(old, ...made) {
+  const there = [...old.childNodes];
+  made.forEach((each, k) => {
+    if (!there[k]) old.append(each);
+    else if (there[k].nodeName !== each.nodeName || there[k].nodeType === Node.TEXT_NODE) { if (!there[k].isEqualNode(each)) there[k].replaceWith(each); }
+    else {
+      for (const { name } of [...there[k].attributes]) if (!each.hasAttribute(name)) there[k].removeAttribute(name);
+      for (const { name, value } of each.attributes) if (there[k].getAttribute(name) !== value) there[k].setAttribute(name, value);
+      fill(there[k], ...each.childNodes);
+    }
+  });
+  there.slice(made.length).forEach(each => each.remove());
 }
 
 const number = (value, figures = 1) => value == null ? "–" : value.toFixed(figures).replace("-", "−");
