@@ -15,8 +15,10 @@ import pytest
 from playwright.sync_api import Browser, Locator, Page, expect
 
 from lptn.basics.arrays import FloatArray
+from lptn.live.status import NodeStatus, Status
 from lptn.workbench.bench import Bench
 from lptn.workbench.content import content_of
+from lptn.workbench.live import LivePage
 from lptn.workbench.orders import Plain
 from lptn.workbench.server import serve
 from lptn.workbench.session import WorkbenchSession
@@ -116,6 +118,25 @@ def test_axe_finds_nothing_and_nothing_is_wider_than_the_screen(
     found = axe.Axe().run(shown)
     assert not found.response["violations"], found.generate_report()
     assert not shown.evaluate(_WIDER)
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_axe_finds_nothing_on_the_page_of_a_watched_robot(size: tuple[int, int], browser: Browser) -> None:
+    ready = Queue[str]()
+    live = LivePage(ready=lambda address, _: ready.put(address))
+    page = browser.new_page(viewport={"width": size[0], "height": size[1]})
+    try:
+        page.goto(ready.get(timeout=30))
+        node = NodeStatus("FR_calf_housing", 55.0, 54.0, 56.0, 55.2, 60.0, 300.0, 200.0, 400.0, "trusted")
+        live.show(Status(1.0, (node,), assessed=5.0, events=("begun",)))
+        page.get_by_role("button", name="FR_calf").click()
+        expect(page.locator(".u-legend")).to_contain_text("limit")
+        found = axe.Axe().run(page)
+        assert not found.response["violations"], found.generate_report()
+        assert not page.evaluate(_WIDER)
+    finally:
+        page.close()
+        live.close()
 
 
 _FOCUSED = """() => {

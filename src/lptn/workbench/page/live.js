@@ -53,7 +53,7 @@ const span = seconds => seconds == null ? "never" : seconds < 90 ? `${Math.round
 
 function table(state) {
   const alarms = Object.fromEntries(state.alarms.map(alarm => [alarm.channel.replace(/^temperature\./, ""), [alarm.kind, alarm.detail].filter(Boolean).join(" ")]));
-  const heads = ["node", "now [°C]", "", "limit [°C]", "limit in", "torque", "sensor"];
+  const heads = ["node", "now [°C]", "± [K]", "limit [°C]", "limit in", "torque", "sensor"];
   const row = ([name, one]) => h("tr", { className: one.limit != null && one.high > one.limit - NEAR ? "doubt" : "" },
     h("td", null, h("button", { ariaPressed: String(name === chosen), onclick: () => { chosen = chosen === name ? "" : name; take({ ...newest, first: count, rows: [] }); draw(true); } }, name)),
     h("td", { className: "n" }, number(one.temperature)), h("td", { className: "soft" }, one.high == null ? "" : `± ${number((one.high - one.low) / 2)}`),
