@@ -22,7 +22,7 @@ from pydantic import ValidationError
 from starlette.testclient import TestClient
 
 import lptn
-from lptn.basics.bounds import Bound
+from lptn.basics.bounds import TEXT, Bound
 from lptn.basics.errors import InputError
 from lptn.logs import reading
 from lptn.logs.tables import Table
@@ -457,10 +457,14 @@ def test_a_bag_comes_file_by_file_and_is_a_log_with_its_metadata(
                 "/dynamic_joint_states", k + 0.1, recorder.dynamic(k, {"knee": {"temperature": 20.0 + k / 60}})
             )
     files = sorted((tmp_path / "walk").iterdir(), key=lambda path: path.name == "metadata.yaml")
+    assert _sent(site, "torn/torn_0.db3", files[0].read_bytes()).status_code == 202
+    assert _sent(site, "torn/metadata.yaml", b"x" * (TEXT.most + 1)).status_code == 413
+    assert "torn" not in _files(session)  # what can't be a log takes no room
     for number, file in enumerate(files):
         for _ in range(2 if number == 0 else 1):  # one that broke off may come again
             assert _sent(site, f"walk/{file.name}", file.read_bytes()).status_code == 202
     assert isinstance(session.opening, Path)
+    assert sorted(path.name for path in (session.opening / "walk").iterdir()) == sorted(file.name for file in files)
     desk = Desk(session.opening)
     (log,) = desk.content()["logs"]
     assert (log["name"], log["opened"], log["size"]) == ("walk", True, sum(file.stat().st_size for file in files))

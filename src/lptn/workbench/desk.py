@@ -118,6 +118,12 @@ def place_for(folder: Path, name: str, based: str | None) -> Path:
     return folder / MODEL
 
 
+def delete_unfinished(folder: Path, path: Path) -> None:
+    """Delete what came of a bag to a desk's folder, one file of which did not come; of a whole one nothing."""
+    if path.parent != folder and not (path.parent / _METADATA).exists():
+        shutil.rmtree(path.parent, ignore_errors=True)
+
+
 def bound_of(path: Path) -> Bound:
     """How much a file may hold that the page sends."""
     return {".toml": TEXT, ".yaml": TEXT, ".urdf": DESCRIPTION}.get(path.suffix, FILE)

@@ -34,7 +34,7 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.bounds import Bound
 from lptn.basics.errors import InputError
 from lptn.basics.files import fingerprint, finite, whole_file, write_whole
-from lptn.workbench.desk import bound_of, place_for
+from lptn.workbench.desk import bound_of, delete_unfinished, place_for
 from lptn.workbench.gate import MOVES_ON, Gate
 from lptn.workbench.lines import packed
 from lptn.workbench.orders import LinesAsked, NetworkAsked, ResidualsAsked, SpecialAsked, order
@@ -125,7 +125,12 @@ class _Site:
         try:
             name, based = words.get("name", ""), words.get("based")
             path = await run_in_threadpool(self._session.place_for, name, based)
-            await _received(request, path, lambda: place_for(path.parent, name, based))
+            folder = path.parents[name.count("/")]
+            try:
+                await _received(request, path, lambda: place_for(folder, name, based))
+            except BaseException:
+                delete_unfinished(folder, path)
+                raise
             await run_in_threadpool(self._session.arrived, path)
         except ClientDisconnect:  # it was cancelled, and nothing is left of it
             return _wrong("a file that broke off", 400)
