@@ -50,11 +50,13 @@ export class Network {
 
   // The run from the moment that is shown to its end, then from its beginning.
   step() {
+    clearTimeout(this.next);  // of a pause that ended before its picture
+    this.playing &&= !!this.run && this.details.open;
     this.play.textContent = this.playing ? "Pause" : "Play";
-    if (!this.playing || !this.run || !this.details.open) return this.playing = false;
+    if (!this.playing) return;
     const { start, stop } = this.run, now = this.slider.valueAsNumber, next = now + (stop - start) / FRAMES;
     if (!this.asking) this.go(now >= stop ? start : Math.min(next, stop));
-    setTimeout(() => this.step(), FRAME);
+    this.next = setTimeout(() => this.step(), FRAME);
   }
 
   // One question at a time: a mouse is faster than answers, and only where it rests is of interest.
