@@ -3,7 +3,7 @@
 import uPlot from "/uplot/uPlot.esm.js";
 import { csv, png, save, svg } from "/export.js";
 import { color, onLook } from "/look.js";
-import { h, kelvin, placed, triable } from "/sections.js";
+import { h, kelvin, ofOneRun, placed, triable } from "/sections.js";
 
 const GRID = [1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1200, 1800, 3600, 7200, 14400, 28800, 86400];  // s between ticks
 const LONG = 600;  // s: minutes from here on
@@ -279,7 +279,7 @@ class View {
         fill(issue.stretch[0], issue.stretch[1], color("--mark"));
     ctx.font = `${11 * devicePixelRatio}px system-ui, sans-serif`;
     ctx.fillStyle = color("--attempt");
-    for (const { run, time, text } of this.plots.page.state.written.marks) if (run === this.run.run && time >= chart.scales.x.min && time <= chart.scales.x.max) {
+    for (const { run, time, text } of this.plots.page.state.written.marks) if (ofOneRun(run, this.run.run) && time >= chart.scales.x.min && time <= chart.scales.x.max) {
       ctx.fillRect(x(time), bbox.top, devicePixelRatio, bbox.height);
       if (floor == null && !zero) ctx.fillText(text, x(time) + 4 * devicePixelRatio, bbox.top + 12 * devicePixelRatio);
     }

@@ -166,10 +166,13 @@ export function where(page) {
 
 // --- what a person writes on a study ---------------------------------------------------------------------------
 
+// A run that is cut leaves pieces, NAME#1.
+export const ofOneRun = (one, other) => `${one}#`.startsWith(`${other}#`) || `${other}#`.startsWith(`${one}#`);
+
 export function notes(page) {
   const { written, others, against, busy, desk, tiles, segments } = page.state;
   if (!tiles || desk) return [];
-  const since = mark => mark.time - (segments.find(each => each.run === mark.run)?.origin ?? 0);
+  const since = mark => mark.time - (segments.find(each => ofOneRun(each.run, mark.run))?.origin ?? 0);
   const marks = written.marks.map((mark, k) => h("li", { className: "row" }, `${mark.run}, ${digits(since(mark), 4)} s: ${mark.text}`,
     h("button", { id: `unmark ${k}`, ariaLabel: `Remove the note ${mark.text}`, onclick: () => page.order({ what: "note", marks: written.marks.toSpliced(k, 1) }) }, "✕")));
   const about = each => [each.name, each.tags.join(", "), each.logs.join(", "), `${each.steps} added`].filter(Boolean).join(" · ");
