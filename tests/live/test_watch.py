@@ -324,6 +324,8 @@ def test_a_log_is_replayed_at_its_own_time(loaded: LoadedModel, tmp_path: Path) 
         ("udp://127.0.0.1", None, "found no port; expected udp://HOST:PORT"),
         ("udp://[::1", None, "found no port; expected udp://HOST:PORT"),
         ("http://127.0.0.1:80", None, "found the scheme http"),
+        ("walk.bag", None, "--replay SPEED"),
+        ("walk.csv.gz", None, "--replay SPEED"),
     ],
 )
 def test_a_source_that_is_none_is_one_line(loaded: LoadedModel, text: str, replay: float | None, message: str) -> None:

@@ -429,6 +429,8 @@ HOSTILE = {
     "a hidden folder": ".git/metadata.yaml",
     "a folder without a name": "/metadata.yaml",
     "another kind in a bag": "bag/x.csv",
+    "a bag in the model's place": "model.toml/metadata.yaml",
+    "a bag in the opening's place": "Opening.json/metadata.yaml",
     "a path of Windows in a bag": "bag\\..\\../x.mcap",
 }
 

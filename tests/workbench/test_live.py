@@ -58,6 +58,9 @@ def test_of_a_long_watch_the_last_rows_are_kept(page: LivePage, browser: TestCli
     first = browser.get("/live?since=-1").json()
     assert (first["first"], first["count"], len(first["rows"])) == (100, 7300, 1000)
     assert browser.get("/live?since=7299").json()["rows"][0][0] == 7299.0
+    assert browser.get(f"/live?since={'9' * 5000}").json()["first"] == 100
+    page.show(status(20_000.0))  # of a step of hours what is older than two
+    assert browser.get("/live").json()["rows"] == [[20_000.0, [55.0], [None]]]
 
 
 def test_the_page_and_all_that_it_names_is_there(browser: TestClient) -> None:

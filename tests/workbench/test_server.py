@@ -213,6 +213,9 @@ def test_notes_stay_with_the_study_and_only_what_is_said_is_changed(
     assert browser.get("/state").json()["written"] == kept
     assert session.folder is not None
     assert written(session.folder).model_dump(exclude={"what"}, mode="json") == kept
+    (spoilt := session.folder / "notes.json").write_text("half a no")
+    assert not written(session.folder).text
+    assert spoilt.with_name("unread-notes.json").read_text() == "half a no"
     long, half = {"tags": ["x" * 41]}, {"marks": [{"run": "log"}]}
     for wrong in ({"limits": {"heater1": "hot"}}, {"text": "x" * 2001}, long, half):
         assert browser.post("/order", json={"what": "note", **wrong}, headers=ORIGIN).status_code == 422

@@ -15,6 +15,9 @@ from lptn.live.sinks import PORT_OF_FOXGLOVE, PORT_OF_METRICS, Foxglove, JsonLin
 from lptn.live.sources import LOOPBACK, GrowingFile, Lines, Replay, Source, Udp
 from lptn.live.watch import Sink
 from lptn.live.zenoh import Zenoh
+from lptn.logs.reading import ENDINGS as LOGS
+
+_WHOLE = tuple({*LOGS} - {*ENDINGS, ".csv", ".tsv", ".txt"})  # endings of logs that no lines are added to
 
 
 def source_of(text: str, loaded: LoadedModel, replay: float | None = None) -> Source:
@@ -29,6 +32,10 @@ def source_of(text: str, loaded: LoadedModel, replay: float | None = None) -> So
         return Lines()
     if text.endswith(ENDINGS) or Path(text).is_dir():
         return GrowingBag(Path(text))
+    if text.endswith(_WHOLE):
+        raise InputError(
+            text, "source", "a log that is read when it is whole", "--replay SPEED behind it, 1 as it went"
+        )
     scheme, host, port = address_of(text, "source")
     if scheme == "udp":
         return Udp(host, port)

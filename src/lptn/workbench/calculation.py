@@ -284,9 +284,12 @@ def _written_by(fingerprint: str) -> tuple[str, ...]:
 
 
 def written(folder: Path) -> Note:
-    """What a person wrote on the study of a folder."""
-    with suppress(OSError, ValidationError):
-        return Note.model_validate_json((folder / WRITTEN).read_bytes())
+    """What a person wrote on the study of a folder; what can't be read is put aside: no new note replaces it."""
+    with suppress(OSError):
+        try:
+            return Note.model_validate_json((folder / WRITTEN).read_bytes())
+        except ValidationError:
+            (folder / WRITTEN).replace(folder / f"unread-{WRITTEN}")
     return Note()
 
 

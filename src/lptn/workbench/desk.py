@@ -83,7 +83,8 @@ def checked_name(name: str) -> str:
     for part in parts:
         LONGEST_NAME.check(len(part.encode("utf-8", "replace")), one_line(name)[:50], "file")
         plain = part == PurePosixPath(part).name == PureWindowsPath(part).name and part.isprintable()
-        if len(folder) > 1 or not part or not plain or part.startswith(".") or part != part.strip():
+        own = folder and part.lower() in (MODEL, KEPT)  # the desk's, of which no folder takes the place
+        if len(folder) > 1 or own or not part or not plain or part.startswith(".") or part != part.strip():
             raise InputError(one_line(name), "file", "a name that is a path, hidden, or not printable", _NO_NAME)
     endings, expected = (*ENDINGS, ".toml", ".urdf"), f"{LOG_FILE}; a model file (.toml), or a robot's .urdf"
     if folder:

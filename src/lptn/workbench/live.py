@@ -6,7 +6,7 @@ import threading
 from collections import deque
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import uvicorn
 from starlette.applications import Starlette
@@ -20,7 +20,8 @@ from lptn.workbench.server import application_of, listening, serve_site
 if TYPE_CHECKING:
     from lptn.live.status import Status
 
-_KEPT = 7200  # rows: two hours of a step of 1 s, as long as the watch itself remembers
+_KEPT = 7200  # s, two hours, as long as the watch itself remembers; and rows, of a step below 1 s
+_LONGEST_NUMBER = 18  # digits of a row's number, which fewer than a million years of rows reach
 _EVENTS = 20  # that the page shows
 _AT_ONCE = 1000  # rows of an answer: thirty nodes' make 0.5 MB
 
@@ -37,7 +38,7 @@ class LivePage:
     """
 
     def __init__(self, port: int = 0, ready: Callable[[str, Path], None] = lambda *_: None) -> None:
-        self._rows, self._count = deque[list[list[float] | float]](maxlen=_KEPT), 0
+        self._rows, self._count = deque[list[Any]](maxlen=_KEPT), 0
         self._events = deque[tuple[float, str]](maxlen=_EVENTS)
         self._newest: dict[str, object] = {}
         self._lock = threading.Lock()
@@ -68,7 +69,7 @@ class LivePage:
         since = request.query_params.get("since", "0")
         with self._lock:
             oldest = self._count - len(self._rows)
-            first = max(int(since) if since.isdecimal() else 0, oldest)
+            first = max(int(since) if since.isdecimal() and len(since) <= _LONGEST_NUMBER else 0, oldest)
             rows = [self._rows[k - oldest] for k in range(first, min(self._count, first + _AT_ONCE))]
             answer = {"first": first, "rows": rows, "count": self._count, "said": list(self._events), **self._newest}
         return JSONResponse(answer)
@@ -79,6 +80,8 @@ class LivePage:
         row, newest = finite({"row": [status.time, *lines]})["row"], status.as_json()
         with self._lock:
             self._rows.append(row)
+            while self._rows[0][0] < status.time - _KEPT:
+                self._rows.popleft()
             self._count, self._newest = self._count + 1, newest
             self._events += [(status.time, event) for event in status.events]
 
