@@ -28,7 +28,7 @@ from lptn.online.fault_bank import (
     Innovations,
     first_alarm,
 )
-from lptn.online.monitoring import MonitoredRun, Monitoring, alarms_by_threshold, monitor
+from lptn.online.monitoring import MonitoredRun, Monitoring, alarms_by_threshold, believable, monitor
 from lptn.report.online_figures import monitoring_figure
 from tests.identify.truth import TRUTH, network, truth_run
 
@@ -191,6 +191,12 @@ def test_error_codes_count_as_missing_and_scattered_gaps_do_not(model: Model, ca
     assert seen(model, calibration, gappy).statistical_alarms == ()
     coded = log(4, lambda since, readings: np.where(since > 0, 999.0, readings))
     assert only(seen(model, calibration, coded).statistical_alarms).kind == "dropout"
+
+
+def test_what_no_part_of_a_robot_is_is_no_reading() -> None:
+    codes = np.array([-127.0, -60.5, 251.0, 255.0, 999.0])
+    assert np.isnan(believable(codes)).all()
+    assert not np.isnan(believable(np.array([-40.0, 25.0, 240.0]))).any()
 
 
 @pytest.mark.long

@@ -16,7 +16,7 @@ from lptn.basics.errors import InputError
 from lptn.basics.processes import one_blas_thread
 from lptn.logs.channels import STILL
 from lptn.logs.columns import INPUTS
-from lptn.logs.plausible import COLDEST, HOTTEST
+from lptn.logs.plausible import COLDEST
 from lptn.logs.run import Run
 from lptn.model.model import Model
 from lptn.online.calibration import Calibration, uncalibrated
@@ -39,6 +39,8 @@ def first_at_each_sensor(alarms: Iterable[Alarm]) -> tuple[Alarm, ...]:
 
 
 # --- The run: what was read, what the free-running model predicts, and which sensors are faulty ---
+
+_HOTTEST = 250.0  # degC; insulation of the best class bears 240, and 255 is a code of drives
 
 
 @dataclass(frozen=True, repr=False)
@@ -75,7 +77,7 @@ class MonitoredRun:
         bound = bind(model, run)
         measured = believable(bound.measured)
         if not np.isfinite(measured).any():
-            expected = f"readings from {COLDEST:g} to {HOTTEST:g} degC: is that their unit?"
+            expected = f"readings from {COLDEST:g} to {_HOTTEST:g} degC: is that their unit?"
             raise InputError(run.source, "temperature.*", "no reading that a robot's part can have", expected)
         return cls(run, tuple(model.nodes), measured, simulate(model, bound).readings)
 
@@ -97,7 +99,7 @@ class MonitoredRun:
 def believable(measured: FloatArray) -> FloatArray:
     """Readings with error codes such as -273 or 999 degC made missing."""
     with np.errstate(invalid="ignore"):
-        return np.where((measured > COLDEST) & (measured < HOTTEST), measured, np.nan)
+        return np.where((measured > COLDEST) & (measured < _HOTTEST), measured, np.nan)
 
 
 # --- Dropouts -------------------------------------------------------------------------------------
