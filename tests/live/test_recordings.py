@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from lptn.basics.bounds import Bound
 from lptn.basics.errors import InputError
 from lptn.identify.data import load_model
 from lptn.live.recordings import GrowingBag, _of_sqlite
@@ -152,6 +153,13 @@ def test_what_is_no_bag_is_one_line(tmp_path: Path, name: str, content: bytes | 
         path.write_bytes(content)
     with pytest.raises(InputError, match=message):
         GrowingBag(path).run(threading.Event())
+
+
+def test_topics_are_bounded_as_those_of_a_finished_bag(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    bag = recorded(tmp_path / "bag", "mcap", 10)
+    monkeypatch.setattr("lptn.logs.bags._CHANNELS", Bound(2, "channels"))
+    with pytest.raises(InputError, match="found 4 channels; expected at most 2"):
+        GrowingBag(bag).run(threading.Event())
 
 
 def test_a_folder_without_a_bag_is_one_line(tmp_path: Path) -> None:

@@ -389,7 +389,7 @@ def test_a_definition_that_is_code_is_never_run(
 
     monkeypatch.chdir(tmp_path)
     connection = SimpleNamespace(msgtype=kind, msgdef=MessageDefinition(MessageDefinitionFormat.MSG, text))
-    bags.store_of([connection])
+    bags.store_of(Path("a.mcap"), [connection])
     assert not (tmp_path / "EVIL").exists()
 
 

@@ -57,7 +57,7 @@ class GrowingBag(RosSource):
         if not self._files():
             found = f"a folder without {' or '.join(ENDINGS)} files" if path.is_dir() else "no such file"
             raise InputError(path, "source", found, "a ROS 2 bag that is recorded: its file, or its folder")
-        self._topics, self._store = dict[Topic, None](), store_of([])
+        self._topics, self._store = dict[Topic, None](), store_of(path, [])
         self._decoders = dict[Topic, tuple[dict[str, None], int, Decoder]]()
         """Of each topic: names of its numbers, how many messages were looked at for them, and what reads these."""
 
@@ -97,7 +97,7 @@ class GrowingBag(RosSource):
             by_topic[topic].append((when, raw))
         if by_topic.keys() - self._topics.keys():
             self._topics |= dict.fromkeys(by_topic)
-            self._store = store_of(list(self._topics))
+            self._store = store_of(self._path, list(self._topics))
         said = list[tuple[int, int, Topic, dict[str, float]]]()
         for topic, messages in by_topic.items():
             with suppress(Exception):  # of any kind, by what is wrong with the bytes; then nothing of them is said

@@ -26,8 +26,6 @@ from lptn.logs.tables import TIMES_PACKED, UNPACKED, Bounded, Source, Table, req
 
 # --- A bag opened ----------------------------------------------------------------------------------
 
-ROS_1 = ".bag"
-"""The ending of a bag of ROS 1."""
 _FIRST = 20  # messages of a topic that are looked at for names: joints may come in several messages
 _WIDEST = 4000  # columns of one topic
 _CHANNELS = Bound(2_000, "channels")  # of a bag: a robot's has a hundred; to find so many takes 6 s, twice as many 25
@@ -48,17 +46,15 @@ def open_bag(path: Path) -> Table:
     Raises:
         InputError: the package rosbags is not installed, or the bag can't be read.
     """
-    words = "ROS 1 bag" if path.suffix == ROS_1 else "ROS 2 bag"
+    ros_1 = path.suffix == ".bag"
+    words = "ROS 1 bag" if ros_1 else "ROS 2 bag"
     require_package(path, "rosbags", f"a {words}", "pip install 'lptn[ros]'")
     from rosbags import rosbag1, rosbag2
 
-    opened = partial((rosbag1 if path.suffix == ROS_1 else rosbag2).Reader, path)
+    opened = partial((rosbag1 if ros_1 else rosbag2).Reader, path)
     with bounded(), opened() as reader:
-        _CHANNELS.check(len(reader.connections), path, "log")
-        of_types = {channel.msgtype: len(channel.msgdef.data) for channel in reader.connections}
-        _DEFINITIONS.check(sum(of_types.values()), path, "log")
-        store = store_of(reader.connections, path.suffix == ROS_1)
-        topics, of_opening = _topics(reader, store)
+        store = store_of(path, reader.connections, ros_1)
+        topics, of_opening = _topics(reader, store, ros_1)
     if not topics:
         raise InputError(path, "log", "no topic whose messages hold numbers", "a bag with joint states or the like")
     # A topic's messages, and those of each source by itself where several have one number.
@@ -75,7 +71,7 @@ def open_bag(path: Path) -> Table:
                 numbers = [name for name in topic.names if f"{part}.{name}" in of_all]
                 if not numbers and (of_all != {"time"} or streams):
                     continue
-                stream = replace(_stream(again, store, topic, numbers), topic=part)
+                stream = replace(_stream(again, store, topic, numbers, ros_1), topic=part)
                 dumb, said = set(stream.sources) - {source}, list[str]()
                 if source is None:
                     dumb, said = _dumb(path, stream, topic.sources)
@@ -117,9 +113,9 @@ class Stream:
     sources: Sequence[Hashable] = ()
 
 
-def _stream(reader: Any, store: Any, topic: _Topic, wanted: list[str]) -> Stream:
+def _stream(reader: Any, store: Any, topic: _Topic, wanted: list[str], ros_1: bool) -> Stream:
     """All of a topic's messages of one type, the wanted numbers of each."""
-    decoder = Decoder(store, topic.kind, wanted, reader.path.suffix == ROS_1)
+    decoder = Decoder(store, topic.kind, wanted, ros_1)
     messages = reader.messages(_connections(reader, topic.name, topic.kind))
     stamps, received, values = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)], [np.zeros((0, len(wanted)))]
     sources: list[Hashable] = []
@@ -161,7 +157,7 @@ def _connections(reader: Any, topic: str, kind: str) -> list[Any]:
     return [channel for channel in reader.connections if channel.topic == topic and channel.msgtype == kind]
 
 
-def _topics(reader: Any, store: Any) -> tuple[dict[str, _Topic], list[str]]:
+def _topics(reader: Any, store: Any, ros_1: bool) -> tuple[dict[str, _Topic], list[str]]:
     """The topics that hold numbers, and what is left out, a sentence each."""
     from rosbags.serde import SerdeError
 
@@ -180,7 +176,7 @@ def _topics(reader: Any, store: Any) -> tuple[dict[str, _Topic], list[str]]:
         try:
             for connection in _connections(reader, name, kind):
                 for _, _, raw in islice(reader.messages([connection]), _FIRST):
-                    message = deserialized(store, raw, kind, reader.path.suffix == ROS_1)
+                    message = deserialized(store, raw, kind, ros_1)
                     source = (connection.id, label_of(message))
                     sources[source] = None
                     for number in islice(numbers_of(store, message), _WIDEST):
@@ -194,11 +190,18 @@ def _topics(reader: Any, store: Any) -> tuple[dict[str, _Topic], list[str]]:
     return topics, notes
 
 
-def store_of(connections: Sequence[Any], ros_1: bool = False) -> Any:
-    """Types of ROS 2 itself, those of joint states, and those that the bag defines; a bag of ROS 1 defines its own."""
+def store_of(path: Path, connections: Sequence[Any], ros_1: bool = False) -> Any:
+    """Types of ROS 2 itself, those of joint states, and those that a bag defines; one of ROS 1 defines all of its own.
+
+    Raises:
+        InputError: the bag at this path has more topics, or more of definitions, than a robot's.
+    """
     from rosbags.interfaces import MessageDefinitionFormat
     from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
+    _CHANNELS.check(len(connections), path, "log")
+    of_types = {channel.msgtype: len(channel.msgdef.data) for channel in connections}
+    _DEFINITIONS.check(sum(of_types.values()), path, "log")
     store = get_typestore(Stores.EMPTY if ros_1 else Stores.ROS2_HUMBLE)
     for name, text in ({} if ros_1 else COMMON_TYPES).items():
         store.register(get_types_from_msg(text, name))
