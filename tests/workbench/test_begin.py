@@ -378,6 +378,15 @@ def test_a_model_that_is_no_text_is_said(desk: Desk) -> None:
     assert not content["ready"]
 
 
+@pytest.mark.parametrize("text", ["a = " + "[" * 5000, f"a = {'1' * 5000}", "a = 1\na = 2"])
+def test_a_model_that_is_no_toml_is_said(desk: Desk, text: str) -> None:
+    (desk.folder / "model.toml").write_text(text)
+    content = desk.content()
+    assert content["wrong"].startswith("model.toml: ")
+    assert content["text"] == text
+    assert not content["tables"]
+
+
 # --- files that come ------------------------------------------------------------------------------------------------
 
 

@@ -11,7 +11,6 @@ import json
 import logging
 import secrets
 import shutil
-import tomllib
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -25,6 +24,7 @@ from lptn.basics.bounds import DESCRIPTION, TEXT, Bound
 from lptn.basics.errors import MODEL_FILE, InputError, one_line
 from lptn.basics.files import fingerprint, text_of, write_whole
 from lptn.basics.own_folder import own_folder
+from lptn.basics.toml import toml_of
 from lptn.effects import catalogue
 from lptn.effects.copper_loss import CopperLoss
 from lptn.identify.data import GUESS, LoadedModel, load_model, optional_columns
@@ -413,8 +413,8 @@ class Desk:
             if reading and not self.model.is_file() and self._used():
                 self._set_model(self._model_of_columns())
             text = self.text
-            with suppress(tomllib.TOMLDecodeError):  # which is said where the model is read
-                document = tomllib.loads(text)
+            with suppress(InputError):  # which is said where the model is read
+                document = toml_of(self.model, text)
                 tables = {name: document.get(name) for name in ("nodes", "links", "effects")}
                 tables = json.loads(json.dumps(tables, default=str))  # a date, too, is only read as a mistake
             loaded = load_model(self.model) if text else None
