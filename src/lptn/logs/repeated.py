@@ -13,6 +13,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
+from scipy.fft import irfft, next_fast_len, rfft
 
 from lptn.basics.arrays import FloatArray, IntArray
 from lptn.logs.channels import quantisation_step
@@ -79,17 +80,17 @@ def _best_shift(at: IntArray, columns: Columns) -> int | None:
 
     How far apart the readings are in those columns is `at`, (n,).
     """
-    from scipy.signal import correlate  # here, since it takes a while to import
-
     if at.size < _LEAST or columns[0][1].size <= 2 * at[1]:
         return None
     step, score, rows = int(at[1]), np.zeros(()), np.zeros(())
 
     def shifted(of_other: FloatArray, of_own: FloatArray) -> FloatArray:
-        """Sums of products at each shift."""
+        """Sums of products at each shift, by transforms: `scipy.signal.correlate` takes a second to import."""
         placed = np.zeros(at[-3] + 1)
-        placed[at[:-2]] = of_own
-        return np.asarray(correlate(of_other, placed, method="fft"))
+        placed[at[-3] - at[:-2]] = of_own  # backwards, since a product of transforms turns one of the two
+        count = of_other.size + placed.size - 1
+        size = next_fast_len(count, real=True)
+        return np.asarray(irfft(rfft(of_other, size) * rfft(placed, size), size)[:count])
 
     for own, other, needed in columns:
         a, b = np.diff(own, n=2), other[2 * step :] - 2 * other[step:-step] + other[: -2 * step]
