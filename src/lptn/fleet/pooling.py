@@ -19,7 +19,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import date
-from functools import cached_property
 
 import numpy as np
 from scipy.optimize import minimize
@@ -146,7 +145,7 @@ class _Shape:
 
 
 class _Fleet:
-    """All robots' sessions of one parameter, one behind the other.
+    """All robots' sessions of one parameter, a row each as long as the longest; what one lacks has no weight.
 
     Args:
         sessions: of each robot those of one stretch, in order of their days.
@@ -155,56 +154,44 @@ class _Fleet:
     """
 
     def __init__(self, sessions: Sequence[Session], first: date, months: float) -> None:
-        self.value, self.error = (np.array([getattr(s, name) for s in sessions]) for name in ("value", "error"))
-        self.time = np.array([(s.day - first).days / MONTH for s in sessions])
-        self.robots = list(dict.fromkeys(s.robot for s in sessions))
-        starts = dict.fromkeys(s.robot for s in sessions) | {s.robot: k for k, s in reversed([*enumerate(sessions)])}
-        self.starts = np.array([starts[robot] for robot in self.robots])
-        self.months = months
-        self.own = self.time - np.repeat(self.time[self.starts], np.diff([*self.starts, len(sessions)]))
+        by_robot: dict[str, list[Session]] = {}
+        for session in sessions:
+            by_robot.setdefault(session.robot, []).append(session)
+        self.robots, self.months = list(by_robot), months
+        counts = np.array([len(own) for own in by_robot.values()])
+        self.there = np.arange(counts.max()) < counts[:, None]
+        self.value, self.error, self.time = np.zeros((3, *self.there.shape))
+        self.value[self.there] = [s.value for own in by_robot.values() for s in own]
+        self.error[self.there] = [s.error for own in by_robot.values() for s in own]
+        self.time[self.there] = [(s.day - first).days / MONTH for own in by_robot.values() for s in own]
+        self.own = np.where(self.there, self.time - self.time[:, :1], 0.0)
 
     @property
     def repeated(self) -> bool:
         """Whether some robot has several days."""
-        return len(self.robots) < len(self.value)
-
-    @cached_property
-    def last(self) -> FloatArray:
-        """Months of each robot's last session: since the fleet's first, and since its own, (2, robots)."""
-        ends = [*(self.starts[1:] - 1), len(self.time) - 1]
-        return np.array([self.time[ends], self.own[ends]])
+        return bool(self.there.shape[1] > 1)
 
     def weighed(self, shape: _Shape) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Of each robot, for each of its four ways to be: log probability, state and its variances.
+        """Of each robot, for each of its four ways to be: log probability, state and its covariance.
 
-        The ways: like the others or apart, steady or drifting; the state is the robot's own difference and drift,
-        (robots, 4), (robots, 4, 2) and (robots, 4, 2, 2).
+        The ways: like the others, steady or drifting; apart, steady or drifting. The state is the robot's own
+        difference and drift. Shapes (robots, 4), (robots, 4, 2) and (robots, 4, 2, 2).
         """
-        variance = self.error**2 + shape.days**2
-        rest = self.value - shape.mean - shape.trend * self.time
-
-        def per_robot(numbers: FloatArray) -> FloatArray:
-            return np.asarray(np.add.reduceat(numbers / variance, self.starts))
-
-        ones, own = np.ones_like(self.own), self.own
-        told = np.array([[per_robot(ones), per_robot(own)], [per_robot(own), per_robot(own**2)]]).transpose(2, 0, 1)
-        towards = np.array([per_robot(rest), per_robot(own * rest)]).T
-        alone = per_robot(rest**2) + np.add.reduceat(np.log(variance), self.starts)
-        log, states, spreads = [], [], []
-        for apart in (False, True):
-            for drifting in (False, True):
-                own_scatter = shape.scatter * (APART if apart else 1.0)
-                prior = np.diag([own_scatter**2, (DRIFT / self.months) ** 2 if drifting else 0.0])
-                inverse = np.linalg.inv(np.eye(2) + told @ prior)  # (I + A S)^-1: S may be singular
-                spread = prior @ inverse
-                state = (spread @ towards[..., None])[..., 0]
-                fit = (towards * state).sum(axis=1) + np.linalg.slogdet(inverse)[1]
-                share = np.log(shape.apart if apart else 1 - shape.apart)
-                share += np.log(shape.drifting if drifting else 1 - shape.drifting)
-                log.append(0.5 * (fit - alone) + share)
-                states.append(state)
-                spreads.append(spread)
-        return np.array(log).T, np.array(states).swapaxes(0, 1), np.array(spreads).swapaxes(0, 1)
+        variance = np.where(self.there, self.error**2 + shape.days**2, 1.0)
+        weight, rest = self.there / variance, self.value - shape.mean - shape.trend * self.time
+        design = np.stack([np.ones_like(self.own), self.own], axis=2)
+        told = np.einsum("rs,rsi,rsj->rij", weight, design, design)[:, None]
+        towards = np.einsum("rs,rsi->ri", weight * rest, design)[:, None]
+        alone = (weight * rest**2 + np.log(variance)).sum(axis=1, keepdims=True)
+        prior, drift = np.zeros((4, 2, 2)), DRIFT / self.months
+        prior[:, 0, 0] = (shape.scatter * np.array([1.0, 1.0, APART, APART])) ** 2
+        prior[:, 1, 1] = np.array([0.0, drift, 0.0, drift]) ** 2
+        share = np.log(np.outer([1 - shape.apart, shape.apart], [1 - shape.drifting, shape.drifting])).ravel()
+        inverse = np.linalg.inv(np.eye(2) + told @ prior)  # (I + A S)^-1: S may be singular
+        spread = prior @ inverse
+        state = (spread @ towards[..., None])[..., 0]
+        fit = (towards * state).sum(axis=2) + np.linalg.slogdet(inverse)[1]
+        return 0.5 * (fit - alone) + share, state, spread
 
     def shape(self) -> _Shape:
         """The most probable one."""
@@ -213,8 +200,9 @@ class _Fleet:
             shape = _Shape.at(point)
             return -float(logsumexp(self.weighed(shape)[0], axis=1).sum()) - shape.log_prior(self.months)
 
-        middle = float(np.median(self.value))
-        spread = 1.4826 * float(np.median(np.abs(self.value - middle)))  # of a normal distribution's median deviation
+        values = self.value[self.there]
+        middle = float(np.median(values))
+        spread = 1.4826 * float(np.median(np.abs(values - middle)))  # of a normal distribution's median deviation
         scatters = [np.log(max(spread, 10 * _LEAST)), np.log(DAYS / 5)]
         start = np.array([middle, 0.0, *scatters, *2 * [np.log(RARE[0] / RARE[1])]])
         # Bounds that no fleet comes near. Scatter and days that one day of each, or one robot, can't tell are none.
@@ -227,25 +215,22 @@ class _Fleet:
         """Each robot's, given the fleet's; without the day on which a drift was seen."""
         log, states, spreads = self.weighed(shape)
         odds = np.exp(log - logsumexp(log, axis=1, keepdims=True))
-        since, own = self.last
-        ahead = np.stack([np.ones_like(own), own], axis=1)  # of the state, at the last day
-        values, drift = (states @ ahead[:, :, None])[..., 0], states[:, :, 1]
-        variances = np.einsum("ri,rwij,rj->rw", ahead, spreads, ahead)
-        result = {}
-        for k, robot in enumerate(self.robots):
-            value, error = _mixed(odds[k], values[k], variances[k])
-            trend, trend_error = _mixed(odds[k], drift[k], spreads[k, :, 1, 1])
-            level = shape.mean + shape.trend * since[k]
-            apart, drifts = (min(float(share.sum()), 1.0) for share in (odds[k, 2:], odds[k, 1::2]))
-            result[robot] = RobotValue(robot, level + value, error, apart, trend, trend_error, drifts, None)
-        return result
-
-
-def _mixed(odds: FloatArray, values: FloatArray, variances: FloatArray) -> tuple[float, float]:
-    """Mean and standard deviation of a mixture."""
-    mean = float(odds @ values)
-    variance = float(odds @ (variances + (values - mean) ** 2))
-    return mean, max(variance, 0.0) ** 0.5
+        # Of the mixture, what the robot differs by on its last day, and its drift: means and standard deviations.
+        what = np.zeros((len(odds), 2, 2))
+        what[:, 0, 0], what[:, 0, 1], what[:, 1, 1] = 1.0, self.own.max(axis=1), 1.0
+        told = np.einsum("rki,rwi->rwk", what, states)
+        mean = np.einsum("rw,rwk->rk", odds, told)
+        variances = np.einsum("rki,rwij,rkj->rwk", what, spreads, what) + (told - mean[:, None]) ** 2
+        error = np.sqrt(np.maximum(np.einsum("rw,rwk->rk", odds, variances), 0.0))
+        level = shape.mean + shape.trend * self.time.max(axis=1)
+        apart, drifts = (np.minimum(share.sum(axis=1), 1.0) for share in (odds[:, 2:], odds[:, 1::2]))
+        columns = level + mean[:, 0], error[:, 0], apart, mean[:, 1], error[:, 1], drifts
+        names = "value", "error", "apart", "trend", "trend_error", "drifts"
+        rows = np.column_stack(columns).tolist()
+        return {
+            robot: RobotValue(robot, seen=None, **dict(zip(names, row, strict=True)))
+            for robot, row in zip(self.robots, rows, strict=True)
+        }
 
 
 def pool(sessions: Sequence[Session], name: str = "", unit: str = "", size: float = 0.0) -> FleetParameter:

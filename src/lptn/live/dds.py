@@ -8,7 +8,7 @@ from typing import Any
 
 from lptn.basics.errors import InputError
 from lptn.live.ros import OWN, READ, RosSource, as_messages, message_types
-from lptn.live.sources import LOOPBACK
+from lptn.live.sources import LOOPBACK, one_line_if_refused
 from lptn.live.status import Status
 
 _PAUSE = 0.01  # s between two looks at a topic: Python takes a tenth of that for a message of twenty motors
@@ -34,11 +34,9 @@ class _Participant:
     def __init__(self, name: str, place: str, address: str, domain: int) -> None:
         if not 0 <= domain <= _LAST_DOMAIN:
             raise InputError(name, place, f"domain {domain}", f"a number from 0 to {_LAST_DOMAIN}")
-        try:
+        with one_line_if_refused(name, place, "", "dds"):
             from cyclonedds.core import DDSException
             from cyclonedds.domain import Domain, DomainParticipant
-        except ImportError as error:
-            raise InputError(name, place, str(error), "pip install 'lptn[dds]'") from error
         try:
             if address or "CYCLONEDDS_URI" not in os.environ:
                 at = address or LOOPBACK

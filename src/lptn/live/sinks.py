@@ -12,9 +12,10 @@ from pathlib import Path
 from threading import Thread
 from typing import Any, TextIO
 
-from lptn.basics.errors import InputError
-from lptn.live.sources import LOOPBACK
+from lptn.live.sources import FREE_PORT, LOOPBACK, one_line_if_refused
 from lptn.live.status import NodeStatus, Status
+
+_WRITABLE = "a file that can be written"
 
 
 class JsonLines:
@@ -26,10 +27,8 @@ class JsonLines:
 
     def __init__(self, to: TextIO | Path) -> None:
         self._owned = isinstance(to, Path)
-        try:
+        with one_line_if_refused(str(to), "sink", _WRITABLE):
             self._stream = to.open("a", encoding="utf-8") if isinstance(to, Path) else to
-        except OSError as error:
-            raise InputError(str(to), "sink", error.strerror or str(error), "a file that can be written") from error
 
     def show(self, status: Status) -> None:
         self._stream.write(json.dumps(status.as_json(), separators=(",", ":")) + "\n")
@@ -114,11 +113,8 @@ class Prometheus:
                 pass
 
         self._newest = newest
-        try:
+        with one_line_if_refused(f"prometheus://{host}:{port}", "sink", FREE_PORT):
             self._server = ThreadingHTTPServer((host, port), Handler)
-        except OSError as error:
-            place = f"prometheus://{host}:{port}"
-            raise InputError(place, "sink", error.strerror or str(error), "a free port of this machine") from error
         self.port = self._server.server_port
         Thread(target=self._server.serve_forever, daemon=True).start()
 
@@ -144,10 +140,8 @@ class _Channels:
     """
 
     def __init__(self, place: str) -> None:
-        try:
+        with one_line_if_refused(place, "sink", "", "foxglove"):
             import foxglove
-        except ImportError as error:
-            raise InputError(place, "sink", str(error), "pip install 'lptn[foxglove]'") from error
         self._package, self._context, self._channels = foxglove, foxglove.Context(), dict[str, Any]()
 
     def show(self, status: Status) -> None:
@@ -172,10 +166,8 @@ class Foxglove(_Channels):
     def __init__(self, host: str = LOOPBACK, port: int = PORT_OF_FOXGLOVE) -> None:
         place = f"foxglove://{host}:{port}"
         super().__init__(place)
-        try:
+        with one_line_if_refused(place, "sink", FREE_PORT):
             self._server = self._package.start_server(name="lptn watch", host=host, port=port, context=self._context)
-        except (OSError, RuntimeError) as error:
-            raise InputError(place, "sink", str(error), "a free port of this machine") from error
         self.port = self._server.port
 
     def close(self) -> None:
@@ -191,10 +183,8 @@ class Mcap(_Channels):
 
     def __init__(self, path: Path) -> None:
         super().__init__(f"mcap:{path}")
-        try:
+        with one_line_if_refused(str(path), "sink", f"{_WRITABLE}, and is not there yet"):
             self._writer = self._package.open_mcap(path, context=self._context)
-        except (OSError, RuntimeError) as error:
-            raise InputError(path, "sink", str(error), "a file that is not there yet, and can be written") from error
 
     def close(self) -> None:
         self._writer.close()
@@ -216,23 +206,16 @@ class Rerun:
     """
 
     def __init__(self, path: Path | None = None) -> None:
-        try:
+        expected = _WRITABLE if path else "a Rerun viewer on this machine: start rerun"
+        with one_line_if_refused(str(path or "rerun"), "sink", expected, "rerun"):
             import rerun
-        except ImportError as error:
-            raise InputError("rerun", "sink", str(error), "pip install 'lptn[rerun]'") from error
-        self._package, self._stream = rerun, rerun.RecordingStream("lptn watch")
-        if path is None:
-            try:  # a viewer that is not there is waited for without end
+
+            self._package, self._stream = rerun, rerun.RecordingStream("lptn watch")
+            if path:
+                self._stream.save(path)
+            else:  # a viewer that is not there is waited for without end
                 socket.create_connection((LOOPBACK, PORT_OF_RERUN), timeout=_PATIENCE).close()
-            except OSError as error:
-                found = error.strerror or str(error)
-                raise InputError("rerun", "sink", found, "a Rerun viewer on this machine: start rerun") from error
-            self._stream.connect_grpc()
-            return
-        try:
-            self._stream.save(path)
-        except (OSError, RuntimeError) as error:
-            raise InputError(path, "sink", str(error), "a file that can be written") from error
+                self._stream.connect_grpc()
 
     def show(self, status: Status) -> None:
         self._stream.set_time("time", timestamp=status.time)

@@ -10,7 +10,7 @@ import time
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from threading import Event
 from typing import BinaryIO
@@ -28,9 +28,25 @@ from lptn.logs.reading import choose_columns, open_log
 _MOST = 10_000  # messages that wait: ten seconds at 1 kHz
 _FULL = 0.01  # s between two looks of a source that waits at a full inbox
 LOOPBACK = "127.0.0.1"
+FREE_PORT = "a free port of this machine"
 _OVERFLOWS = 40  # SO_RXQ_OVFL of Linux, which Python's `socket` does not name
 Message = tuple[float, bytes | Numbers]
 """When it was received [s since 1970, of a clock that does not jump], and what it says: bytes to decode, or numbers."""
+
+
+@contextmanager
+def one_line_if_refused(place: str, what: str, expected: str, extra: str = "") -> Iterator[None]:
+    """Within it, what the system refuses, or a package of an `extra` that is not installed, is one line.
+
+    Raises:
+        InputError: the system refuses the `expected` file or address, or the package is absent.
+    """
+    try:
+        yield
+    except ImportError as error:
+        raise InputError(place, what, str(error), f"pip install 'lptn[{extra}]'") from error
+    except (OSError, RuntimeError) as error:
+        raise InputError(place, what, getattr(error, "strerror", None) or str(error), expected) from error
 
 
 class Inbox:
@@ -154,13 +170,8 @@ class Udp(Source):
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 22)
         with suppress(OSError):  # another system than Linux does not say what it drops
             self._socket.setsockopt(socket.SOL_SOCKET, _OVERFLOWS, 1)
-        try:
+        with one_line_if_refused(self.name, "source", FREE_PORT):
             self._socket.bind((host, port))
-        except OSError as error:
-            self._socket.close()
-            raise InputError(
-                self.name, "source", error.strerror or str(error), "a free port of this machine"
-            ) from error
         self.port = int(self._socket.getsockname()[1])
 
     def run(self, stop: Event) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 
 from lptn.basics.errors import InputError
 from lptn.live.ros import OWN, READ, RosSource, message_types
-from lptn.live.sources import LOOPBACK
+from lptn.live.sources import LOOPBACK, one_line_if_refused
 
 _ROUTER = 7447  # the port of Zenoh's routers, of that of rmw_zenoh, too
 
@@ -30,12 +30,10 @@ class Zenoh(RosSource):
     def __init__(self, address: str, domain: int) -> None:
         super().__init__(f"zenoh://{address}:{domain}")
         self._domain = domain
-        try:
+        with one_line_if_refused(self.name, "source", "", "zenoh"):
             import zenoh
 
             message_types()
-        except ImportError as error:
-            raise InputError(self.name, "source", str(error), "pip install 'lptn[zenoh]'") from error
         try:
             if address or "ZENOH_CONFIG" not in os.environ:
                 config = zenoh.Config()
