@@ -7,7 +7,7 @@ from threading import Event
 from typing import Any
 
 from lptn.basics.errors import InputError
-from lptn.live.ros import OWN, READ, RosSource, as_messages, message_types
+from lptn.live.ros import OWN, READ, RosSource, as_messages, message_types, ros_name
 from lptn.live.sources import LOOPBACK, one_line_if_refused
 from lptn.live.status import Status
 
@@ -35,6 +35,7 @@ class _Participant:
         if not 0 <= domain <= _LAST_DOMAIN:
             raise InputError(name, place, f"domain {domain}", f"a number from 0 to {_LAST_DOMAIN}")
         with one_line_if_refused(name, place, "", "dds"):
+            message_types()
             from cyclonedds.core import DDSException
             from cyclonedds.domain import Domain, DomainParticipant
         try:
@@ -83,7 +84,7 @@ class Dds(RosSource):
             for one in publications.take(100):
                 kind, topic = (getattr(one, name, None) or "" for name in ("type_name", "topic_name"))  # None of an end
                 written_here = topic.startswith(f"rt/{OWN}/")
-                if kind in known and kind.endswith(READ) and topic not in readers and not written_here:
+                if ros_name(kind) in READ and topic not in readers and not written_here:
                     kept = _WAITING if kind.endswith("DiagnosticArray_") else 1
                     newest = Qos(Policy.Reliability.BestEffort, Policy.History.KeepLast(kept))
                     found = Topic(self._participant, topic, known[kind])

@@ -7,75 +7,91 @@ from collections.abc import Iterator, Sequence
 from dataclasses import field, make_dataclass
 from functools import cache
 from math import isfinite
+from pathlib import Path
 from typing import Any
 
-from lptn.live.messages import Numbers, flat
+from lptn.live.messages import Numbers
 from lptn.live.sources import Source
 from lptn.live.status import NodeStatus, Status
-from lptn.logs.bag_messages import numbers_of_diagnostics, quantities
+from lptn.logs.bag_messages import numbers_of, quantities
+from lptn.logs.bags import store_of
 
-# What the messages hold, as ROS 2 writes it: type, how many in brackets, name; a sequence has empty brackets. Source of
-# Unitree's: the IDL of its SDK 2, for Go2 and B2 (unitree_go), for G1 and H1-2 (unitree_hg).
-_TYPES = {
-    "builtin_interfaces::msg::dds_::Time_": "int32 sec, uint32 nanosec",
-    "std_msgs::msg::dds_::Header_": "builtin_interfaces::msg::dds_::Time_ stamp, string frame_id",
-    "sensor_msgs::msg::dds_::JointState_": "std_msgs::msg::dds_::Header_ header, string[] name, float64[] position, "
-    "float64[] velocity, float64[] effort",
-    "sensor_msgs::msg::dds_::Temperature_": "std_msgs::msg::dds_::Header_ header, float64 temperature, "
-    "float64 variance",
-    "std_msgs::msg::dds_::Float64_": "float64 data",
-    "control_msgs::msg::dds_::InterfaceValue_": "string[] interface_names, float64[] values",
-    "control_msgs::msg::dds_::DynamicJointState_": "std_msgs::msg::dds_::Header_ header, string[] joint_names, "
-    "control_msgs::msg::dds_::InterfaceValue_[] interface_values",
-    "diagnostic_msgs::msg::dds_::KeyValue_": "string key, string value",
-    "diagnostic_msgs::msg::dds_::DiagnosticStatus_": "byte level, string name, string message, string hardware_id, "
-    "diagnostic_msgs::msg::dds_::KeyValue_[] values",
-    "diagnostic_msgs::msg::dds_::DiagnosticArray_": "std_msgs::msg::dds_::Header_ header, "
-    "diagnostic_msgs::msg::dds_::DiagnosticStatus_[] status",
-    "unitree_go::msg::dds_::IMUState_": "float32[4] quaternion, float32[3] gyroscope, float32[3] accelerometer, "
+# Source: the IDL of Unitree's SDK 2, for Go2 and B2 (unitree_go), for G1 and H1-2 (unitree_hg). ROS 2's own messages
+# are described by rosbags, those of ros-controls where bags are read.
+_UNITREE = {
+    "unitree_go/msg/IMUState": "float32[4] quaternion, float32[3] gyroscope, float32[3] accelerometer, "
     "float32[3] rpy, uint8 temperature",
-    "unitree_go::msg::dds_::MotorState_": "uint8 mode, float32 q, float32 dq, float32 ddq, float32 tau_est, "
+    "unitree_go/msg/MotorState": "uint8 mode, float32 q, float32 dq, float32 ddq, float32 tau_est, "
     "float32 q_raw, float32 dq_raw, float32 ddq_raw, uint8 temperature, uint32 lost, uint32[2] reserve",
-    "unitree_go::msg::dds_::BmsState_": "uint8 version_high, uint8 version_low, uint8 status, uint8 soc, "
+    "unitree_go/msg/BmsState": "uint8 version_high, uint8 version_low, uint8 status, uint8 soc, "
     "int32 current, uint16 cycle, uint8[2] bq_ntc, uint8[2] mcu_ntc, uint16[15] cell_vol",
-    "unitree_go::msg::dds_::LowState_": "uint8[2] head, uint8 level_flag, uint8 frame_reserve, uint32[2] sn, "
-    "uint32[2] version, uint16 bandwidth, unitree_go::msg::dds_::IMUState_ imu_state, "
-    "unitree_go::msg::dds_::MotorState_[20] motor_state, unitree_go::msg::dds_::BmsState_ bms_state, "
+    "unitree_go/msg/LowState": "uint8[2] head, uint8 level_flag, uint8 frame_reserve, uint32[2] sn, "
+    "uint32[2] version, uint16 bandwidth, IMUState imu_state, MotorState[20] motor_state, BmsState bms_state, "
     "int16[4] foot_force, int16[4] foot_force_est, uint32 tick, uint8[40] wireless_remote, uint8 bit_flag, "
     "float32 adc_reel, uint8 temperature_ntc1, uint8 temperature_ntc2, float32 power_v, float32 power_a, "
     "uint16[4] fan_frequency, uint32 reserve, uint32 crc",
-    "unitree_hg::msg::dds_::IMUState_": "float32[4] quaternion, float32[3] gyroscope, float32[3] accelerometer, "
+    "unitree_hg/msg/IMUState": "float32[4] quaternion, float32[3] gyroscope, float32[3] accelerometer, "
     "float32[3] rpy, int16 temperature",
-    "unitree_hg::msg::dds_::MotorState_": "uint8 mode, float32 q, float32 dq, float32 ddq, float32 tau_est, "
+    "unitree_hg/msg/MotorState": "uint8 mode, float32 q, float32 dq, float32 ddq, float32 tau_est, "
     "int16[2] temperature, float32 vol, uint32[2] sensor, uint32 motorstate, uint32[4] reserve",
-    "unitree_hg::msg::dds_::LowState_": "uint32[2] version, uint8 mode_pr, uint8 mode_machine, uint32 tick, "
-    "unitree_hg::msg::dds_::IMUState_ imu_state, unitree_hg::msg::dds_::MotorState_[35] motor_state, "
-    "uint8[40] wireless_remote, uint32[4] reserve, uint32 crc",
+    "unitree_hg/msg/LowState": "uint32[2] version, uint8 mode_pr, uint8 mode_machine, uint32 tick, "
+    "IMUState imu_state, MotorState[35] motor_state, uint8[40] wireless_remote, uint32[4] reserve, uint32 crc",
 }
-READ = ("JointState_", "DynamicJointState_", "Temperature_", "DiagnosticArray_", "LowState_")
-"""Types of topics that are read; the others are parts of these, or are written."""
+READ = (
+    *(f"sensor_msgs/msg/{word}" for word in ("JointState", "Temperature")),
+    "control_msgs/msg/DynamicJointState",
+    "diagnostic_msgs/msg/DiagnosticArray",
+    *(f"unitree_{series}/msg/LowState" for series in ("go", "hg")),
+)
+"""Types of messages that are read."""
 OWN = "lptn"
 """The first word of topics, and of statuses in diagnostics, that are written here: they are not read."""
 
 
+def ros_name(name: str) -> str:
+    """`sensor_msgs/msg/JointState` of the name that DDS and Zenoh have for it."""
+    return name.replace("::dds_::", "::").replace("::", "/").removesuffix("_")
+
+
+@cache
+def types_of_messages() -> Any:
+    """How the messages are laid out, as rosbags has it."""
+    from rosbags.typesys import get_types_from_msg
+
+    store = store_of(Path(), [])
+    for name, members in _UNITREE.items():
+        store.register(get_types_from_msg(members.replace(", ", "\n"), name))
+    return store
+
+
 @cache
 def message_types() -> dict[str, Any]:
-    """The classes of messages, by their name in DDS."""
+    """The classes of messages that are read or written, and of their parts, by their name in DDS."""
     from cyclonedds.idl import IdlStruct, annotations, types
+    from rosbags.interfaces import Nodetype
 
-    made: dict[str, Any] = {"string": str}
-    for name, described in _TYPES.items():
-        members = []
-        for member in described.split(", "):
-            kind, _, called = member.partition(" ")
-            kind, _, count = kind.removesuffix("]").partition("[")
-            element = made.get(kind) or getattr(types, kind)
-            many = member.partition(" ")[0].endswith("]")
-            whole = types.array[element, int(count)] if count else types.sequence[element] if many else element
-            members.append((called, whole, field()))
-        own = {"__idl_typename__": name}
-        made[name] = make_dataclass(name.rpartition("::")[2], members, bases=(IdlStruct,), namespace=own)
-        annotations.final(made[name])
+    made, described = dict[str, Any](), types_of_messages().fielddefs
+
+    def type_of(kind: Nodetype, inner: Any) -> Any:
+        if kind == Nodetype.BASE:
+            return str if inner[0] == "string" else getattr(types, inner[0])
+        if kind == Nodetype.NAME:
+            return class_of(inner)
+        element, count = type_of(*inner[0]), inner[1]
+        return types.array[element, count] if kind == Nodetype.ARRAY else types.sequence[element]
+
+    def class_of(name: str) -> Any:
+        package, _, word = name.split("/")
+        in_dds = f"{package}::msg::dds_::{word}_"
+        if in_dds not in made:
+            members = [(member, type_of(*how), field()) for member, how in described[name][1]]
+            own = {"__idl_typename__": in_dds, "__msgtype__": name}
+            made[in_dds] = make_dataclass(f"{word}_", members, bases=(IdlStruct,), namespace=own)
+            annotations.final(made[in_dds])
+        return made[in_dds]
+
+    for name in (*READ, "std_msgs/msg/Float64"):
+        class_of(name)
     return made
 
 
@@ -88,10 +104,11 @@ class RosSource(Source):
 
     def hear(self, topic: str, message: Any) -> None:
         """Say the numbers of a message; a topic without stamps, as LowState, has the time of its reception."""
-        kind = type(message).__name__.removesuffix("_")
-        content: dict[str, Any] = _plain(message)
-        stamp = content.pop("header", {}).get("stamp", {"sec": 0, "nanosec": 0})
-        self.say(topic, f"/{kind}", _numbers(kind, message, content), stamp["sec"] + stamp["nanosec"] / 1e9)
+        header = getattr(message, "header", None)
+        seconds = header.stamp.sec + header.stamp.nanosec / 1e9 if header else 0.0
+        numbers = numbers_of(types_of_messages(), message)
+        read = {name: x for name, x in numbers.items() if not name.startswith(f"{OWN}: ")}
+        self.say(topic, message.__msgtype__, read, seconds)
 
     def say(self, topic: str, kind: str, numbers: Numbers, seconds: float) -> None:
         """Put a topic's numbers into the inbox; what is known of its type is where its quantities stand.
@@ -107,28 +124,6 @@ class RosSource(Source):
             self.defaults |= quantities({topic: (kind, list(numbers))}) | self.defaults
         said = {f"{topic}.{name}": value for name, value in numbers.items()}
         self.inbox.put(said | ({"time": seconds} if seconds else {}))
-
-
-def _numbers(kind: str, message: Any, content: dict[str, Any]) -> Numbers:
-    """The numbers of a message by the names that they have in bags."""
-    if kind == "DynamicJointState":
-        pairs = zip(message.joint_names, message.interface_values, strict=False)
-        return {
-            f"{joint}.{name}": value
-            for joint, own in pairs
-            for name, value in zip(own.interface_names, own.values, strict=False)
-        }
-    if kind == "DiagnosticArray":
-        said = numbers_of_diagnostics(message)
-        return {name: value for name, value in said.items() if not name.startswith(f"{OWN}: ")}
-    return flat(content)
-
-
-def _plain(value: Any) -> Any:
-    """A message as nested dictionaries and lists; `asdict` copies each number, and takes three times as long."""
-    if fields := getattr(value, "__dataclass_fields__", None):  # beside them stands how a sample was received
-        return {name: _plain(getattr(value, name)) for name in fields}
-    return [_plain(own) for own in value] if isinstance(value, list | tuple) else value
 
 
 # --- A status as messages ---------------------------------------------------------------------------

@@ -183,7 +183,7 @@ class Mcap(_Channels):
 
     def __init__(self, path: Path) -> None:
         super().__init__(f"mcap:{path}")
-        with one_line_if_refused(str(path), "sink", f"{_WRITABLE}, and is not there yet"):
+        with one_line_if_refused(str(path), "sink", "a file that is not there yet, and can be written"):
             self._writer = self._package.open_mcap(path, context=self._context)
 
     def close(self) -> None:

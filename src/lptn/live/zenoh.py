@@ -8,7 +8,7 @@ from threading import Event
 from typing import Any
 
 from lptn.basics.errors import InputError
-from lptn.live.ros import OWN, READ, RosSource, message_types
+from lptn.live.ros import OWN, READ, RosSource, ros_name, types_of_messages
 from lptn.live.sources import LOOPBACK, one_line_if_refused
 
 _ROUTER = 7447  # the port of Zenoh's routers, of that of rmw_zenoh, too
@@ -33,7 +33,7 @@ class Zenoh(RosSource):
         with one_line_if_refused(self.name, "source", "", "zenoh"):
             import zenoh
 
-            message_types()
+            types_of_messages()
         try:
             if address or "ZENOH_CONFIG" not in os.environ:
                 config = zenoh.Config()
@@ -48,13 +48,11 @@ class Zenoh(RosSource):
             raise InputError(self.name, "source", str(error).partition(" at /")[0], expected) from error
 
     def run(self, stop: Event) -> None:
-        known = message_types()
-
         def hear(sample: Any) -> None:
             _, *topic, kind, _ = str(sample.key_expr).split("/")
-            if kind in known and kind.endswith(READ) and topic[0] != OWN:
+            if ros_name(kind) in READ and topic[0] != OWN:
                 try:
-                    message = known[kind].deserialize(sample.payload.to_bytes())
+                    message = types_of_messages().deserialize_cdr(sample.payload.to_bytes(), ros_name(kind))
                 except Exception:  # of any kind, by what is wrong with the bytes
                     self.inbox.dropped += 1
                     return
