@@ -37,7 +37,8 @@ def postures() -> dict[str, Stance]:
 
 def on_the_level(stance: Stance) -> Stance:
     """The same posture with the trunk so pitched that front and rear feet are on level ground."""
-    feet = [state.foot for state in load_body().legs_at(np.array(stance.angles))]
+    legs = zip(load_body().legs, np.reshape(stance.angles, (-1, 3)), strict=True)
+    feet = [leg.statics(angles, [0.0, 0.0, 1.0], 0.0)[0].full().ravel() for leg, angles in legs]
     ahead = (feet[0] + feet[1] - feet[2] - feet[3]) / 2
     return replace(stance, pitch=float(np.arctan2(ahead[2], ahead[0])))
 

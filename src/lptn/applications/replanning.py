@@ -17,7 +17,7 @@ from lptn.planners.mission.gait import REST, Gait
 from lptn.planners.mission.mission import Activity, Mission, Schedule, Timed, simulate_plan
 from lptn.planners.mission.plan import plan_mission
 
-_FEWEST = 0.5  # s; what takes less is done
+_NEGLIGIBLE = 0.5  # s; what takes less is done
 
 
 @dataclass(frozen=True)
@@ -218,7 +218,7 @@ class MissionControl:
             self._left[segment.activity] -= done * speed if segment.travels else dt
             self._spent[segment.activity] += dt
             self._loads[segment.activity] = load
-        if self._gone >= time - _FEWEST / 2:
+        if self._gone >= time - _NEGLIGIBLE / 2:
             self._gone = max(self._gone - time, 0.0)
             del self._ahead[0]
             if segment.activity >= 0:
@@ -233,8 +233,8 @@ class MissionControl:
     def _is_over(self, number: int) -> bool:
         activity, left = self.mission.activities[number], self._left[number]
         if activity.distance is not None:
-            return bool(left <= _FEWEST * activity.speed[0])
-        return bool(left <= _FEWEST and activity.duration[1] - self._spent[number] <= _FEWEST)
+            return bool(left <= _NEGLIGIBLE * activity.speed[0])
+        return bool(left <= _NEGLIGIBLE and activity.duration[1] - self._spent[number] <= _NEGLIGIBLE)
 
     # --- what is left -------------------------------------------------------------------------
 
@@ -258,7 +258,7 @@ class MissionControl:
             },
             start=estimator.states,
             ambient=self._air,
-            deadline=None if mission.deadline is None else max(mission.deadline - self.clock, _FEWEST),
+            deadline=None if mission.deadline is None else max(mission.deadline - self.clock, _NEGLIGIBLE),
             carry=min(max(0.0, mission.carry - carried), room),
             limits={node: limit - self._margins[node] for node, limit in mission.limits.items()},
             utmost=dict(mission.limits),
@@ -330,7 +330,7 @@ class MissionControl:
         for piece in self._ahead:
             gait = piece.segment.gait
             rest.append(piece._replace(segment=replace(piece.segment, gait=gaits.get(gait.name, gait))))
-        rest[0] = rest[0]._replace(time=max(rest[0].time - self._gone, _FEWEST))
+        rest[0] = rest[0]._replace(time=max(rest[0].time - self._gone, _NEGLIGIBLE))
         ahead = Schedule(rest)
         peaks = peaks_of(left, ahead.segments, simulate_plan(left, ahead))
         nearest = min(peaks, key=lambda node: left.limits[node] - peaks[node])
@@ -340,7 +340,7 @@ class MissionControl:
         if spare < -self._apart:
             return f"{said} above {its}"
         time = sum(piece.time for piece in self._ahead) - self._gone
-        slower = time > left.fastest + _FEWEST or self.plan.verdict == "cut"
+        slower = time > left.fastest + _NEGLIGIBLE or self.plan.verdict == "cut"
         return f"{said} below {its}" if spare > self._apart and slower else ""
 
     def text(self) -> str:

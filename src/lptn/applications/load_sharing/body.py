@@ -7,10 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from importlib.resources import files
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
+import casadi as ca
 import numpy as np
 from pydantic import Field
 
@@ -23,7 +25,6 @@ from lptn.planners.values import NotNegative, Positive
 PARTS = ("hip", "thigh", "calf")
 Vector = Annotated[list[Number], Field(min_length=3, max_length=3)]
 GRAVITY = 9.81  # m/s²
-_AXES = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 1.0, 0.0]])
 
 
 @dataclass(frozen=True)
@@ -44,29 +45,30 @@ class Leg:
     masses: FloatArray
     centres: FloatArray
 
+    @cached_property
+    def statics(self) -> ca.Function:
+        """(angles [rad], the ground's normal, radius of the foot [m]) -> what the leg bears, in the trunk's frame.
 
-@dataclass(frozen=True)
-class LegState:
-    """A leg at its joint angles, in the trunk's frame.
-
-    Args:
-        foot: where the foot's middle is [m], shape (3,).
-        centres: of mass of the links [m], shape (3, 3).
-        origins: of the joints [m], shape (3, 3).
-        axes: of the joints, shape (3, 3).
-    """
-
-    foot: FloatArray
-    centres: FloatArray
-    origins: FloatArray
-    axes: FloatArray
-
-    def jacobian(self, point: FloatArray, joints: int = 3) -> FloatArray:
-        """How a point on the link behind the first `joints` joints moves with the angles, shape (3, 3)."""
-        columns = np.zeros((3, 3))
-        for k in range(joints):
-            columns[:, k] = np.cross(self.axes[k], point - self.origins[k])
-        return columns
+        Where the foot touches the ground [m]; the links' centres of mass [m], one a column; torques of the joints per
+        force there [m]; torques that the links' own weight asks for [N·m].
+        """
+        angles, up, radius = (ca.SX.sym(name, size) for name, size in (("angles", 3), ("up", 3), ("radius", 1)))
+        turned, origin, centres = ca.SX.eye(3), ca.SX.zeros(3), list[ca.SX]()
+        for k in range(3):
+            origin = origin + turned @ self.joints[k]
+            c, s = ca.cos(angles[k]), ca.sin(angles[k])
+            about: list[Any] = (
+                [1, 0, 0, 0, c, s, 0, -s, c] if k == 0 else [c, 0, -s, 0, 1, 0, s, 0, c]
+            )  # column by column
+            turned = turned @ ca.reshape(ca.vertcat(*about), 3, 3)
+            centres.append(origin + turned @ self.centres[k])
+        # Virtual work: the joints hold what the ground's force, on the calf, and the links' weight would turn.
+        below = ca.SX.sym("below", 3)  # that point, from the foot's middle, in the calf's frame
+        contact = origin + turned @ (self.foot + below)
+        height = sum(mass * ca.dot(up, centre) for mass, centre in zip(self.masses.tolist(), centres, strict=True))
+        found = [contact, ca.horzcat(*centres), -ca.jacobian(contact, angles).T, GRAVITY * ca.gradient(height, angles)]
+        found = ca.substitute(found, [below], [-radius * turned.T @ up])
+        return ca.Function("statics", [angles, up, radius], [ca.densify(one) for one in found])
 
 
 @dataclass(frozen=True)
@@ -93,22 +95,6 @@ class Body:
     def joints(self) -> list[str]:
         """Names of all joints, leg by leg."""
         return [f"{leg.name}_{part}" for leg in self.legs for part in PARTS]
-
-    def legs_at(self, angles: FloatArray) -> list[LegState]:
-        """The legs at joint angles [rad], shape (3 legs,), in the order of `joints`."""
-        states = []
-        for leg, own in zip(self.legs, np.reshape(angles, (-1, 3)).tolist(), strict=True):
-            turned, origin = np.eye(3), np.zeros(3)
-            origins, axes, centres = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
-            for k, angle in enumerate(own):
-                origin = origin + turned @ leg.joints[k]
-                axes[k] = turned @ _AXES[k]
-                c, s = np.cos(angle), np.sin(angle)
-                about = [[1, 0, 0], [0, c, -s], [0, s, c]] if k == 0 else [[c, 0, s], [0, 1, 0], [-s, 0, c]]
-                turned = turned @ np.array(about)
-                origins[k], centres[k] = origin, origin + turned @ leg.centres[k]
-            states.append(LegState(origin + turned @ leg.foot, centres, origins, axes))
-        return states
 
 
 # --- standing ------------------------------------------------------------------------------------
@@ -197,21 +183,16 @@ def statics(body: Body, stance: Stance) -> Statics:
     # The world's vertical in the trunk's frame.
     level = np.cos(stance.pitch)
     up = np.array([-np.sin(stance.pitch), np.sin(stance.roll) * level, np.cos(stance.roll) * level])
-    legs = body.legs_at(np.asarray(stance.angles, dtype=float))
-    count = len(legs)
+    count = len(body.legs)
     balance, lever, idle = np.zeros((6, 3 * count)), np.zeros((3 * count, 3 * count)), np.zeros(3 * count)
     masses, centres = [body.mass, stance.load], [body.centre, np.array(stance.load_at)]
-    for k, (leg, state) in enumerate(zip(body.legs, legs, strict=True)):
+    for k, (leg, angles) in enumerate(zip(body.legs, np.reshape(stance.angles, (-1, 3)), strict=True)):
         block = slice(3 * k, 3 * k + 3)
-        contact = state.foot - body.foot_radius * up
-        balance[:3, block], balance[3:, block] = np.eye(3), np.cross(contact, np.eye(3)).T
-        # Virtual work: the joints hold what the ground's force and the links' weight would turn.
-        lever[block, block] = -state.jacobian(contact).T
-        for link in range(3):
-            moved = state.jacobian(state.centres[link], link + 1)
-            idle[block] += leg.masses[link] * GRAVITY * (moved.T @ up)
+        contact, links, lever[block, block], held = (x.full() for x in leg.statics(angles, up, body.foot_radius))
+        balance[:3, block], balance[3:, block] = np.eye(3), np.cross(contact.ravel(), np.eye(3)).T
+        idle[block] = held.ravel()
         masses += leg.masses.tolist()
-        centres += list(state.centres)
+        centres += list(links.T)
     weight = np.concatenate([
         sum(masses) * GRAVITY * up,
         sum((np.cross(c, m * GRAVITY * up) for m, c in zip(masses, centres, strict=True)), np.zeros(3)),

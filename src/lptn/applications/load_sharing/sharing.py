@@ -16,6 +16,7 @@ import numpy as np
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.model.model import Model
+from lptn.planners.tasks import start_of
 from lptn.planners.values import by_place
 from lptn.simulate.dynamics import longest_step
 
@@ -298,20 +299,16 @@ class StandingTemperatures:
             raise InputError(model.network.origin, "inputs", "no torque or current of any joint", ", ".join(joints))
 
     def start(self, temperatures: float | Mapping[str, float]) -> FloatArray:
-        """States [degC] from one temperature, or from one for each node.
+        """States [degC] from one temperature, or from those of nodes by name or pattern.
 
         Raises:
             InputError: a node has none.
         """
-        nodes = self.model.nodes
-        given = temperatures if isinstance(temperatures, Mapping) else dict.fromkeys(nodes, temperatures)
-        for node in nodes:
-            if node not in given:
-                raise InputError("temperatures", node, "no temperature", f"one of each of {', '.join(nodes)}")
-            if not np.isfinite(given[node]):
-                expected = "a temperature [degC]; the limit where there is no reading"
-                raise InputError("temperatures", node, "no number", expected)
-        return np.asarray(np.array([float(given[node]) for node in nodes])[np.array(self.model.owners)])
+        given = temperatures if isinstance(temperatures, Mapping) else {"*": temperatures}
+        if unread := [node for node, value in given.items() if not np.isfinite(value)]:
+            expected = "a temperature [degC]; the limit where there is no reading"
+            raise InputError("temperatures", unread[0], "no number", expected)
+        return np.asarray(start_of(given, self.model, "temperatures", "nodes"))
 
     def reached(self, start: FloatArray, torques: FloatArray, limits: FloatArray, horizon: float) -> tuple[float, int]:
         """When the first node passes its limit [s], and which; infinity and -1 where none does within the horizon.
