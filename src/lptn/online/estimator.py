@@ -15,6 +15,7 @@ from lptn.basics.bounds import Bound
 from lptn.basics.errors import InputError
 from lptn.basics.parameters import Transform
 from lptn.identify.noise import LEAST_NOISE
+from lptn.model.array_function import ArrayFunction
 from lptn.model.model import Model
 from lptn.online.augmented_model import AugmentedModel, ModelError, Sizes, by_node, refuse_negative
 from lptn.online.living_sensors import ABOVE, ERROR, LivingSensor
@@ -203,7 +204,7 @@ class Estimator:
             self._of_node[errors] = range(errors.stop - errors.start)
         self._resting = np.full(1, math.nan)
         self._coldest = np.full(1, math.inf)  # degC, of all that has surrounded the nodes, and of starts that are known
-        self._surroundings, self._values = model.surroundings, model.values
+        self._surroundings, self._values = ArrayFunction(model.surroundings), model.values
         self._last_inputs = np.full(len(model.inputs), math.nan)
         self._mean = np.full(layout.size, np.nan)
         self._covariance = np.zeros((len(self._mean), len(self._mean)))
@@ -486,8 +487,9 @@ class Estimator:
 
     def _surround(self, states: FloatArray, u: FloatArray) -> None:
         """Remember the coldest of what surrounds the nodes, unless some of it is not known."""
-        felt = self._surroundings(states, u, self._values).full()
-        self._coldest[0] = np.nan_to_num(felt, nan=-math.inf).min(initial=self._coldest[0])
+        if self.model.network.prescribed:
+            felt = self._surroundings(states, u, self._values)
+            self._coldest[0] = np.nan_to_num(felt, nan=-math.inf).min(initial=self._coldest[0])
 
     def _keep_passive(self) -> None:
         """A node that no sensor in use reads is no colder than all around it was, no warmer than its heat allows."""
