@@ -10,7 +10,7 @@ from datetime import date
 from pathlib import Path
 
 from lptn.basics.errors import InputError
-from lptn.logs.reading import ENDINGS
+from lptn.logs.reading import ENDINGS, run_name
 
 # No .txt: beside logs that is what somebody wrote about them.
 _ENDINGS = tuple(ending for ending in ENDINGS if not ending.startswith(".txt"))
@@ -99,7 +99,8 @@ def _robots_at(place: Path) -> list[RobotLogs]:
     if not place.exists():
         raise InputError(place, "robots", "no such file or folder", "a robot's log, or a folder of its logs")
     if place.is_file() or _is_bag(place):
-        return [RobotLogs(_stem(place), (place,))]
+        name = run_name(place if place.is_file() else place.resolve())
+        return [RobotLogs(name.lstrip(".") or "robot", (place,))]
     logs = _logs_in(place)
     if logs:
         return [RobotLogs(place.resolve().name, logs)]
@@ -117,13 +118,6 @@ def _logs_in(folder: Path) -> tuple[Path, ...]:
 
 def _is_bag(place: Path) -> bool:
     return (place / _BAG).is_file()
-
-
-def _stem(path: Path) -> str:
-    if path.is_dir():
-        return path.resolve().name
-    ending = next((ending for ending in ENDINGS if path.name.endswith(ending)), path.suffix)
-    return path.name.removesuffix(ending).lstrip(".") or "robot"
 
 
 def _different_names(paths: list[list[str]]) -> list[str]:

@@ -20,7 +20,7 @@ from lptn.logs.columns import ColumnSource
 from lptn.logs.guess import guess
 from lptn.logs.reading import GUESSED, choose_columns
 from lptn.logs.resampling import SEVERAL, STEADY_GAP, Grid, feature, raw_keys, sample_values
-from lptn.logs.tables import Table, table_of
+from lptn.logs.tables import table_of
 from lptn.model.model import Model
 from lptn.online.operating_point import LOOKED_AT
 from lptn.simulate.bound_run import needed_columns
@@ -31,7 +31,7 @@ less than time passes has jumped."""
 _STEPS_BRIDGED = 5.0  # steps of the model, where that is longer
 _LEARNING = 5.0  # s from the first message, by which each quantity has been in one
 _ENOUGH = 5000  # messages, or as many, of a file that says them at once: those of 1 kHz
-_FEWEST = 10  # samples from which their rate is known
+_SAMPLES_FOR_RATE = 10  # samples from which their rate is known
 
 
 # --- One clock ------------------------------------------------------------------------------------
@@ -198,7 +198,9 @@ class Columns:
         for row in rows:
             row |= {name: None for name in sensors if isinstance(x := row[name], str) and not any(map(str.isdigit, x))}
         try:
-            return _table(rows, self._source).numbers(self._names, sensors), np.arange(len(rows))
+            frame, name = pd.DataFrame(rows).astype(object), Path(self._source).name or self._source
+            table = table_of(frame.where(frame.notna(), None), name)
+            return table.numbers(self._names, sensors), np.arange(len(rows))
         except InputError as error:
             if len(rows) == 1:
                 self.bad, self.last_bad = self.bad + 1, str(error)
@@ -206,11 +208,6 @@ class Columns:
         parts = [self._texts([message]) for message in messages]
         kept = np.flatnonzero([own.size for _, own in parts])
         return {name: np.concatenate([numbers[name] for numbers, _ in parts]) for name in self._names}, kept
-
-
-def _table(rows: Sequence[Numbers], source: str) -> Table:
-    frame = pd.DataFrame(rows).astype(object)
-    return table_of(frame.where(frame.notna(), None), Path(source).name or source)
 
 
 # --- Rows in the model's steps ----------------------------------------------------------------------
@@ -309,10 +306,10 @@ class Sampler:
                 self._speeds.append((float(time[-1]), samples[there][:, self._moving]))
                 while self._speeds[0][0] < time[-1] - LOOKED_AT:
                     self._speeds.popleft()
-        if self.period is not None and not self.averaged and time.size >= _FEWEST:
+        if self.period is not None and not self.averaged and time.size >= _SAMPLES_FOR_RATE:
             self.period = min(self.period, float(np.median(np.diff(time))) or self.period)
-        if self.period is None and (self._time.size >= _FEWEST or (end and self._time.size > 1)):
-            self.period = float(np.median(np.diff(self._time))) or self._step / _FEWEST
+        if self.period is None and (self._time.size >= _SAMPLES_FOR_RATE or (end and self._time.size > 1)):
+            self.period = float(np.median(np.diff(self._time))) or self._step / _SAMPLES_FOR_RATE
         if self.period is None:
             return []
         # What lies before a gap and behind it is put on a grid of its own.

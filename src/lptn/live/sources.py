@@ -10,7 +10,7 @@ import time
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from threading import Event
 from typing import BinaryIO
@@ -170,8 +170,11 @@ class Udp(Source):
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 22)
         with suppress(OSError):  # another system than Linux does not say what it drops
             self._socket.setsockopt(socket.SOL_SOCKET, _OVERFLOWS, 1)
-        with one_line_if_refused(self.name, "source", FREE_PORT):
-            self._socket.bind((host, port))
+        with ExitStack() as refused:
+            refused.callback(self._socket.close)
+            with one_line_if_refused(self.name, "source", FREE_PORT):
+                self._socket.bind((host, port))
+            refused.pop_all()
         self.port = int(self._socket.getsockname()[1])
 
     def run(self, stop: Event) -> None:
