@@ -16,13 +16,11 @@ from lptn.basics.bounds import Bound
 from lptn.basics.errors import InputError
 from lptn.live.ros import RosSource
 from lptn.logs.bag_messages import Decoder, numbers_of
-from lptn.logs.bags import bounded, store_of
+from lptn.logs.bags import BATCH, FIRST_MESSAGES, bounded, store_of
 from lptn.logs.tables import require_package
 
 ENDINGS = ".mcap", ".db3"
 _PAUSE = 0.1  # s between two looks at a file that has not grown
-_BATCH = 4096  # messages that are held at a time
-_FIRST = 20  # messages of a topic that are looked at for names, as of a finished bag
 _RECORD = Bound(1 << 30, "bytes")  # of a file; recorders make chunks of some megabytes
 _MAGIC, _HEAD = b"\x89MCAP0\r\n", 9  # an MCAP file's first bytes; bytes before a record: its kind, and its size
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK = 2, 3, 4, 5, 6  # kinds of records
@@ -114,8 +112,8 @@ class GrowingBag(RosSource):
 
     def _decoder(self, topic: Topic, raws: list[bytes]) -> Decoder:
         names, count, decoder = self._decoders.get(topic, ({}, 0, None))
-        if count < _FIRST or decoder is None:
-            for raw in raws[: _FIRST - count]:
+        if count < FIRST_MESSAGES or decoder is None:
+            for raw in raws[: FIRST_MESSAGES - count]:
                 names |= dict.fromkeys(numbers_of(self._store, self._store.deserialize_cdr(raw, topic.msgtype)))
             decoder = Decoder(self._store, topic.msgtype, list(names))
             self._decoders[topic] = names, count + len(raws), decoder
@@ -150,7 +148,7 @@ def _of_mcap(path: Path) -> Iterator[Batch]:
                     topics[number] = _topic(read_string(fields), kind_of, form, text)
                 elif kind == _MESSAGE and number in topics:
                     batch.append((topics[number], int.from_bytes(content[6:14], "little"), content[22:]))
-                if len(batch) == _BATCH or kind == _FOOTER:
+                if len(batch) == BATCH or kind == _FOOTER:
                     yield batch
                     batch = []
                 if kind == _FOOTER:
@@ -187,7 +185,7 @@ def _of_sqlite(path: Path) -> Iterator[Batch]:
             rows = list[tuple[int, int, int, bytes]]()
             with suppress(sqlite3.OperationalError):  # locked just now, or its tables are not made yet
                 asked = "SELECT id, topic_id, timestamp, data FROM messages WHERE id > ? ORDER BY id LIMIT ?"
-                found = base.execute(asked, (last, _BATCH)).fetchall()
+                found = base.execute(asked, (last, BATCH)).fetchall()
                 if not {topic for _, topic, *_ in found} <= topics.keys():
                     kinds = dict[str, tuple[str, str]]()
                     with suppress(sqlite3.OperationalError):  # older recorders keep no definitions

@@ -43,7 +43,7 @@ from lptn.simulate.bound_run import bind
 
 _HISTORY = 2 * MEMORY  # s of rows that are kept: what a forecast looks at, and as much again for faults that creep
 _MOST_ROWS = 50_000  # rows of a model with a shorter step: 50 MB for thirty joints
-_FIRST = 60.0  # s of rows from which a forecast can be made
+_LEAST_FOR_FORECAST = 60.0  # s of rows from which a forecast can be made
 _SHARE = 0.05  # of a processor that assessments may take; the loop takes as much at 1 kHz
 _TICK = 0.1  # s that the loop waits for a message
 _SAVED = 60.0  # s between two savings of the state
@@ -310,7 +310,7 @@ class Watch:
             self._estimator, self._last, self._ahead = None, None, None
             self._strange.clear()
             self._since = float(rows.time[0])
-            self._due = self._since + _FIRST
+            self._due = self._since + _LEAST_FOR_FORECAST
         for row in np.column_stack([rows.time, *rows.columns.values(), *rows.raw.values()]):
             self._rows.append(row)
             now, *values = row.tolist()

@@ -26,11 +26,11 @@ from lptn.logs.tables import TIMES_PACKED, UNPACKED, Bounded, Source, Table, req
 
 # --- A bag opened ----------------------------------------------------------------------------------
 
-_FIRST = 20  # messages of a topic that are looked at for names: joints may come in several messages
+FIRST_MESSAGES = 20  # messages of a topic that are looked at for names: joints may come in several messages
 _WIDEST = 4000  # columns of one topic
 _CHANNELS = Bound(2_000, "channels")  # of a bag: a robot's has a hundred; to find so many takes 6 s, twice as many 25
 _DEFINITIONS = Bound(10_000_000, "characters that define messages")  # of a bag: they take 30 s; ROS's own have 0.3 M
-_BATCH = 4096  # messages that are held at a time
+BATCH = 4096  # messages that are held at a time
 _MOST_SOURCES = 20  # of a topic: what changes more often names no source
 _KIND = re.compile(r"[A-Za-z]\w*(/[A-Za-z]\w*)+", re.ASCII)
 _MEMBER = re.compile(r"[A-Za-z]\w*", re.ASCII)
@@ -119,7 +119,7 @@ def _stream(reader: Any, store: Any, topic: _Topic, wanted: list[str], ros_1: bo
     messages = reader.messages(_connections(reader, topic.name, topic.kind))
     stamps, received, values = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)], [np.zeros((0, len(wanted)))]
     sources: list[Hashable] = []
-    while batch := list(islice(messages, _BATCH)):
+    while batch := list(islice(messages, BATCH)):
         own, numbers, labels = decoder.read([bytes(raw) for _, _, raw in batch])
         stamps.append(own)
         received.append(np.array([when for _, when, _ in batch], np.int64))
@@ -175,7 +175,7 @@ def _topics(reader: Any, store: Any, ros_1: bool) -> tuple[dict[str, _Topic], li
         sources: dict[Hashable, None] = {}
         try:
             for connection in _connections(reader, name, kind):
-                for _, _, raw in islice(reader.messages([connection]), _FIRST):
+                for _, _, raw in islice(reader.messages([connection]), FIRST_MESSAGES):
                     message = deserialized(store, raw, kind, ros_1)
                     source = (connection.id, label_of(message))
                     sources[source] = None

@@ -38,14 +38,14 @@ from lptn.online.fault_bank import (
     prescribed,
     warming_by_loads,
 )  # fmt: skip
-from lptn.online.quantisation import LEAST_NOISE
+from lptn.online.quantisation import SENSOR_ERROR
 from lptn.simulate.bound_run import bind
 
 FALSE_ALARMS = 0.01
 """False alarms an hour that are put up with, all sensors of a robot together: one in a hundred hours."""
 _SEARCH_STEP = 30.0  # s; model errors wander over minutes, so coarser steps than the detector's show them as well
 _SEARCH_RUNS = 8
-_BLOCK = 1800.0  # s; the largest weight is taken over blocks of about so long, beyond a joint's time constant
+_BLOCK_OF_MAXIMA = 1800.0  # s; the largest weight is taken over blocks of about so long, beyond a joint's time constant
 _LEAST_LIMIT = 4.5  # standard deviations; a quieter log is luck
 _UNTRIED = 9.0  # standard deviations; the limit where no healthy log was given
 
@@ -104,7 +104,7 @@ def calibrate(
         report(f"calibrating on healthy logs: {number} of {len(runs)}")
         healthy = Hypothesis.of(model, run, noise, error)
         weight = Innovations(healthy).faults(len(healthy.run)).weight
-        blocks = max(1, round(len(weight) * healthy.run.run.step / _BLOCK))
+        blocks = max(1, round(len(weight) * healthy.run.run.step / _BLOCK_OF_MAXIMA))
         weights += [block.max(axis=0) for block in np.array_split(weight, blocks)]
     hours = sum(len(run) * run.step for run in runs) / 3600
     share = false_alarms * hours / len(weights) / (len(KINDS) * len(model.nodes))
@@ -155,7 +155,7 @@ def _noise(model: Model, runs: Sequence[Run]) -> tuple[float, ...]:
     step = noise.step if noise.left is None else noise.left
     moved = sum(np.nansum(np.abs(np.diff(one, axis=1)), axis=1) for one in readings)  # K
     count = sum(np.isfinite(one).sum(axis=1) for one in readings)
-    in_a_cell = np.maximum(count * step / np.maximum(np.maximum(moved, step), LEAST_NOISE), 1.0)
+    in_a_cell = np.maximum(count * step / np.maximum(np.maximum(moved, step), SENSOR_ERROR), 1.0)
     return tuple(np.hypot(noise.floor, step * np.sqrt((in_a_cell - 1) / 12)).tolist())
 
 

@@ -29,7 +29,7 @@ from lptn.logs.run import Run
 from lptn.model.model import Model
 from lptn.online.augmented_model import ModelError, by_node
 from lptn.online.estimator import Estimator
-from lptn.online.quantisation import LEAST_NOISE
+from lptn.online.quantisation import SENSOR_ERROR
 from lptn.simulate.bound_run import BoundRun, bind, default_start
 from lptn.simulate.simulation import simulate
 
@@ -94,7 +94,7 @@ FREE = 10.0
 """K; so far off a wrong sensor may be at the onset, and the air all the while."""
 _LIFTS = np.geomspace(1 / 600, 1 / 6, 5)  # K/s; so fast unknown heat warms its node: a motor's peak at most
 _SHARES = (1.0, 1 / 4, 1 / 16)  # of a guess how wrong a model is
-_SCALES = (0.5, 0.7, 1.4, 2.0)  # of a load; its heat is half to twice as much between two of them
+_LOAD_SCALES = (0.5, 0.7, 1.4, 2.0)  # of a load; its heat is half to twice as much between two of them
 
 # --- A run in the detector's steps ----------------------------------------------------------------
 
@@ -189,7 +189,7 @@ class Hypothesis:
         bias = self.lasting if free else own.bias  # what else lasts for a run is a parameter that is off
         return Estimator(
             self.model,
-            noise=np.maximum(self.noise, LEAST_NOISE),
+            noise=np.maximum(self.noise, SENSOR_ERROR),
             step=step,
             error=replace(own, heat=heat | {**self.unknown}, change=change, air=self.share * own.air, bias=bias),
             learn={self.model.parameters[index].name: 0.0 for index in self.model.free} if free else {},
@@ -447,7 +447,7 @@ _BENDS = _WALKS / 10  # K a step; or its slope, for the air, a surface, a body t
 _FINE_LAGS = (30.0, 60.0, 120.0, 240.0, 480.0, 960.0)  # s; a factor of two is as finely as a lag is known
 _OWED = 10.0  # nats by which a lag, which a missing mass resembles, or part of the air must explain more than others
 _LOOSENS = 100.0  # s; a sensor in a drop of glue follows the air so late
-_FEWEST = 12  # readings behind the onset, that another name than offset or drift needs
+_READINGS_TO_NAME = 12  # readings behind the onset, that another name than offset or drift needs
 
 
 class _Course(NamedTuple):
@@ -542,9 +542,9 @@ def _of_a_sensor(given: Hypothesis, others: Hypothesis, alarm: Alarm) -> tuple[f
     count = int(np.isfinite(readings[behind]).sum())
     if not count:
         return others.nats(onset), replace(alarm, channel="")
-    noise = max(given.noise[row], LEAST_NOISE) ** 2
+    noise = max(given.noise[row], SENSOR_ERROR) ** 2
     expected = others.filtered.temperatures[row]
-    courses = list(_courses(others, readings, expected, onset))[: None if count >= _FEWEST else 2]
+    courses = list(_courses(others, readings, expected, onset))[: None if count >= _READINGS_TO_NAME else 2]
     nats = [_nats((readings - course.path)[behind], np.ones(behind.sum()), noise) for course in courses]
     left = [np.nanmean(np.square(readings - course.path)[behind]) for course in courses]  # K²
     best = min(range(len(courses)), key=lambda k: 0.5 * count * np.log(left[k] + noise) + courses[k].owed)
@@ -615,7 +615,8 @@ def _attributed(
     what was found, or without the sensor's readings, and how many readings say as much as one, at least `wrong`.
     """
     row = given.model.nodes.index(alarm.node)
-    given = given if taught else _as_wrong_as_likely(given)
+    if not taught:  # the likeliest share of the model's errors: if it is better than guessed, readings say more
+        given = max((replace(given, share=share) for share in _SHARES), key=Hypothesis.nats)
     without = given.without(row, alarm.onset)
     if not np.isnan(without.measured[row]).sum() > np.isnan(given.measured[row]).sum():
         without = given.without(row)  # it is called again for what was read before
@@ -644,9 +645,8 @@ def _attributed(
     likely = [answer for answer in (best, *rivals) if answer.gain > least]
     if alarm.channel and likely == [sensor]:
         return [], given, wrong  # sensors are called by what they read themselves
-    if not with_inputs and best.alarms[0].kind == "input":
-        return [], dismissed, wrong_here
-    if best.gain <= decides or any(answer.what in called for answer in likely):
+    unasked = not with_inputs and best.alarms[0].kind == "input"
+    if unasked or best.gain <= decides or any(answer.what in called for answer in likely):
         return [], dismissed, wrong_here
     if len(likely) > 1:
         # The sensor is not used, and the rest follows the most probable of the other hypotheses.
@@ -656,15 +656,6 @@ def _attributed(
         # Without healthy logs the model's error in a node's heat is unknown.
         return [undecided(best.alarms[0], f"{best.what} or the model")], best.after, wrong
     return best.alarms, best.after, wrong
-
-
-def _as_wrong_as_likely(given: Hypothesis) -> Hypothesis:
-    """The same with the likeliest share of the model's errors: if it is better than guessed, readings say more."""
-    for share in _SHARES[1:]:
-        if (better := replace(given, share=share)).nats() < given.nats():
-            break
-        given = better
-    return given
 
 
 def _worth_asking(given: Hypothesis, alarm: Alarm, with_inputs: bool) -> dict[str, float]:
@@ -708,7 +699,10 @@ def _inputs(given: Hypothesis, alarm: Alarm, asked: Collection[str]) -> Iterator
         trials, place = [trial], column.partition(".")[2]
         if column == likeliest:
             trials += [given.with_unknown_input(column, lift) for lift in _LIFTS]
-            index, scales = model.inputs.index(column), np.where(given.behind(onset), np.array(_SCALES)[:, None], 1.0)
+            index, scales = (
+                model.inputs.index(column),
+                np.where(given.behind(onset), np.array(_LOAD_SCALES)[:, None], 1.0),
+            )
             trials += [given.with_inputs([index], scale * given.run.inputs[index]) for scale in scales]
         best = max(trials, key=lambda trial: trial.nats(onset))
         node = place if place in model.nodes else alarm.node
@@ -730,7 +724,7 @@ def _exchanges(given: Hypothesis, alarm: Alarm) -> Iterator[_Answer]:
 
     def squares(trial: Hypothesis) -> float:
         errors = np.square(trial.measured - simulate(model, trial.run).readings)
-        return float(np.nansum(errors / np.maximum(given.noise, LEAST_NOISE)[:, None] ** 2))
+        return float(np.nansum(errors / np.maximum(given.noise, SENSOR_ERROR)[:, None] ** 2))
 
     now = squares(given)
     for other, node in enumerate(model.nodes):

@@ -143,7 +143,7 @@ class Forecast:
 _FIRST_STEP, _LAST_STEP, _GROWTH = 5.0, 300.0, 1.05  # s; fine at first, where a limit may be near
 _TIME_CONSTANTS = 5.0  # of the slowest heat flow, after which less than 1 % of the way is left
 _LONGEST = 12 * 3600.0  # s
-_HOTTEST = 500.0  # degC; beyond it nothing more is computed
+_RUNAWAY = 500.0  # degC; beyond it nothing more is computed
 _SHORTEST = 60.0  # s of log; from less nothing can be said
 
 
@@ -282,7 +282,7 @@ def _held(estimator: Estimator, point: OperatingPoint) -> tuple[FloatArray, Floa
             break
         moved = augmented.long_step(z, point.inputs, step)
         z = moved.states
-        if not np.isfinite(z).all() or z[states].max() > _HOTTEST:
+        if not np.isfinite(z).all() or z[states].max() > _RUNAWAY:
             break
         covariance = moved.covariance(covariance)
         by_input = moved.transition[states, inputs]

@@ -14,7 +14,7 @@ import numpy as np
 from lptn.basics.arrays import BoolArray, FloatArray
 from lptn.basics.errors import InputError
 from lptn.basics.processes import one_blas_thread
-from lptn.logs.channels import STILL
+from lptn.logs.channels import STILL, spans
 from lptn.logs.columns import INPUTS
 from lptn.logs.plausible import COLDEST
 from lptn.logs.run import Run
@@ -113,16 +113,13 @@ def dropouts(watched: MonitoredRun) -> list[Alarm]:
 
     A node without any reading has no sensor. Readings that are left out for what the log's issues say are not missing.
     """
-    alarms = []
+    alarms, time = [], watched.run.time.tolist()
     need = max(_SILENT_STEPS, round(_SILENT / watched.run.step))
     explained = silent_rows(watched.run, watched.nodes)
     for node, readings, left_out in zip(watched.nodes, watched.measured, explained, strict=True):
-        missing = np.isnan(readings) & ~left_out
-        count = np.arange(missing.size) - np.maximum.accumulate(np.where(missing, -1, np.arange(missing.size)))
-        silent = np.flatnonzero(count >= need)
-        if silent.size and np.isfinite(readings).any():
-            begin = int(silent[0]) - need + 1
-            alarms.append(Alarm(node, "dropout", float(watched.run.time[silent[0]]), float(watched.run.time[begin])))
+        silent = [begin for begin, end in spans(np.isnan(readings) & ~left_out) if end - begin >= need]
+        if silent and np.isfinite(readings).any():
+            alarms.append(Alarm(node, "dropout", time[silent[0] + need - 1], time[silent[0]]))
     return alarms
 
 
@@ -169,33 +166,33 @@ def silent_rows(run: Run, nodes: Sequence[str]) -> BoolArray:
 
 # --- Noise that grew ------------------------------------------------------------------------------
 
-_BLOCK = 60.0  # s; enough readings for a scatter, short against a fault
+_BLOCK_OF_NOISE = 60.0  # s; enough readings for a scatter, short against a fault
 _LOUD = 4.0  # times the usual scatter; of a coarse sensor more than its step, since noise of a fraction moves it by one
-_BLOCKS = 3  # in turn
-_FEWEST = 20  # readings in a block
-_LEAST = 0.1  # K; of sensors that show none
+_LOUD_BLOCKS = 3  # in turn
+_LEAST_READINGS = 20  # readings in a block
+_LEAST_SCATTER = 0.1  # K; of sensors that show none
 _MAD_TO_SIGMA = 1.4826 / np.sqrt(6.0)  # of second differences
 
 
 def noisy(watched: MonitoredRun) -> list[Alarm]:
     """The first time at each sensor at which its noise grew, and stayed so for minutes."""
-    size, time = max(1, round(_BLOCK / watched.run.step)), watched.run.time
+    size, time = max(1, round(_BLOCK_OF_NOISE / watched.run.step)), watched.run.time
     alarms: list[Alarm] = []
-    if size < _FEWEST:
+    if size < _LEAST_READINGS:
         return alarms
     second = np.abs(np.diff(watched.measured, 2, axis=1))
     blocks = second[:, : second.shape[1] // size * size].reshape(len(second), -1, size)
-    few = np.isfinite(blocks).sum(axis=2) < _FEWEST
+    few = np.isfinite(blocks).sum(axis=2) < _LEAST_READINGS
     # Standard deviation of the noise in each block [K], NaN where too few readings are there.
     scatters = np.where(few, np.nan, _MAD_TO_SIGMA * np.nanmedian(np.where(few[..., None], 0.0, blocks), axis=2))
     for node, scatter in zip(watched.nodes, scatters, strict=True):
         step = watched.run.resolution.get(f"temperature.{node}", 0.0)
-        if np.isfinite(scatter).sum() < 2 * _BLOCKS:
+        if np.isfinite(scatter).sum() < 2 * _LOUD_BLOCKS:
             continue
-        loud = scatter > _LOUD * max(float(np.nanquantile(scatter, 0.25)), step / _LOUD, _LEAST)
-        begins = np.flatnonzero(np.convolve(loud, np.ones(_BLOCKS), "valid") == _BLOCKS)
+        loud = scatter > _LOUD * max(float(np.nanquantile(scatter, 0.25)), step / _LOUD, _LEAST_SCATTER)
+        begins = np.flatnonzero(np.convolve(loud, np.ones(_LOUD_BLOCKS), "valid") == _LOUD_BLOCKS)
         if begins.size:
-            at, seen = begins[0] * size, min((begins[0] + _BLOCKS) * size, time.size - 1)
+            at, seen = begins[0] * size, min((begins[0] + _LOUD_BLOCKS) * size, time.size - 1)
             detail = f"{np.nanmedian(scatter[loud]):.2g} K"
             alarms.append(Alarm(node, "noise", float(time[seen]), float(time[at]), detail=detail))
     return alarms

@@ -107,7 +107,7 @@ def _first_peak(series: FloatArray, step: float) -> float | None:
 
 # --- How long the operating point has been unchanged ----------------------------------------------
 
-_BLOCK = 10.0  # s; means over it are compared: some gait cycles, and short against thermal time constants
+_BLOCK_OF_MEANS = 10.0  # s; means over it are compared: some gait cycles, and short against thermal time constants
 _CLEAR = 4.5  # standard errors of a change that counts: of 800 means (27 inputs, 30 times) chance makes 0.005
 _CORRELATED = 1.5  # neighbouring blocks resemble each other, so their differences understate the scatter
 _FLOOR = 0.03  # of an input's size in the log: changes so small are none
@@ -126,7 +126,7 @@ def steady_seconds(bound: BoundRun, columns: list[str]) -> float:
         bound: the log.
         columns: its inputs, `<feature>.<place>`, in order.
     """
-    size = max(1, round(_BLOCK / bound.run.step))
+    size = max(1, round(_BLOCK_OF_MEANS / bound.run.step))
     blocks = len(bound) // size
     if blocks < 2 * _LEAST_BLOCKS:
         return len(bound) * bound.run.step

@@ -20,7 +20,7 @@ from lptn.online.augmented_model import ModelError
 from lptn.online.calibration import Calibration, uncalibrated
 from lptn.online.estimator import UNKNOWN, Estimator
 from lptn.online.fault_bank import KINDS, STEP, Hypothesis, coarsely_bound, faults
-from lptn.online.quantisation import LEAST_NOISE, noise_and_steps
+from lptn.online.quantisation import SENSOR_ERROR, noise_and_steps
 from lptn.simulate.bound_run import BoundRun, bind, default_start
 from lptn.simulate.dynamics import zero_order_hold
 from lptn.simulate.simulation import simulate, substeps
@@ -105,7 +105,7 @@ MEMORY = 3600.0
 _HEAT_TIME = 1800.0  # s; correlation time of the heat that a model lacks
 _SAMPLED = 50  # steps of a run at which sensitivities to parameters are computed
 _AIR = 0.1  # relative error of all conductances to the air in one run: a draught, a load on the back
-_SCALES = 2.0 ** np.arange(-1, 12)  # of missing heat that are tried, times the size that the fit's errors suggest
+_HEAT_SCALES = 2.0 ** np.arange(-1, 12)  # of missing heat that are tried, times the size that the fit's errors suggest
 _CONSISTENT = 2.0  # mean square of innovations in standard deviations: 1 of a consistent filter, by chance never 2
 _WORST_SCALE = 4.0  # up to which missing heat can't be estimated from a log whose sensors may be faulty
 _USUAL_SCALE = 1.5  # on a run that it never saw a model is that much worse than where it was fitted
@@ -126,11 +126,11 @@ def present(model: Model, run: Run, uncertainty: ModelUncertainty) -> tuple[Esti
         InputError: the log lacks an input, or measures none of the model's nodes.
     """
     bound, noise = coarsely_bound(model, run, STEP), estimate_noise([bind(model, run)], model.nodes)
-    white = np.maximum(noise.white / np.sqrt(max(1.0, bound.run.step / run.step)), LEAST_NOISE)
+    white = np.maximum(noise.white / np.sqrt(max(1.0, bound.run.step / run.step)), SENSOR_ERROR)
     of_means = np.hypot(white, noise.step / np.sqrt(12.0))  # which lie between a sensor's steps
     size, given = _missing_heat(model, bound, uncertainty), _given(model, bound, of_means, uncertainty)
     best, chosen, highest = None, 0.0, -inf
-    for scale in _SCALES.tolist():
+    for scale in _HEAT_SCALES.tolist():
         trial = replace(given, error=_error(model, scale * size))
         # A factor of two from the usual scale is one standard deviation.
         posterior = trial.nats() - 0.5 * (log(scale / _USUAL_SCALE) / log(2.0)) ** 2

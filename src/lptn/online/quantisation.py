@@ -56,7 +56,7 @@ def as_gaussian(
 
 # --- The noise before rounding, sensors of a kind together ------------------------------------------
 
-LEAST_NOISE = 0.05
+SENSOR_ERROR = 0.05
 """K; of a reading, and of a mean over some seconds: a sensor's own errors don't average out."""
 
 
@@ -68,4 +68,4 @@ def noise_and_steps(noise: Noise) -> tuple[FloatArray, FloatArray]:
     """
     usual = np.array([np.median(noise.white[noise.step == step]) for step in noise.step])
     white = np.where(noise.step > 0, usual, np.maximum(usual, noise.white))
-    return np.maximum(white, LEAST_NOISE), noise.step if noise.left is None else noise.left
+    return np.maximum(white, SENSOR_ERROR), noise.step if noise.left is None else noise.left
