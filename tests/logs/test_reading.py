@@ -339,7 +339,7 @@ def spoilt(column: str, row: int, value: object) -> dict[str, list[object]]:
             GOOD | {"time": [k * 1e9 for k in range(20)]},
             "column 'time'",
             "1e+09 s from row to row",
-            "seconds",
+            'unit = "ns"',
         ),
         ({name: values[:9] for name, values in GOOD.items()}, "log", "9 rows", "at least 10"),
         ({name: [] for name in GOOD}, "log", "0 rows", "at least 10"),

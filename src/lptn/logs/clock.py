@@ -35,14 +35,14 @@ def stretch_in_words(start: float, stop: float, origin: float) -> str:
 
 DAY = 86400.0  # s
 _SUMMER_TIME = 3600.0  # s
-_LATEST = 1e20  # s, or in whatever unit was meant: times since 1970 in ns are below 2e18
+LATEST = 1e20  # s, or in whatever unit was meant: times since 1970 in ns are below 2e18
 _FEW = 5.0  # rows, and usual steps, by which a row may be out of order: loggers of several threads write so
 
 
 def in_order(time: FloatArray) -> IntArray | None:
     """The order in which times (n,) run forwards, (n,); `None` where they do, or go back by more than a few steps."""
     steps = np.diff(time)
-    if not (np.abs(time) < _LATEST).all() or not (steps < 0).any():  # the first is refused by `check_time`
+    if not (np.abs(time) < LATEST).all() or not (steps < 0).any():  # the first is refused by `check_time`
         return None
     order, ahead = np.argsort(time, kind="stable"), np.maximum.accumulate(time) - time
     by_few = np.abs(order - np.arange(time.size)).max() <= _FEW and ahead.max() <= _FEW * np.median(np.abs(steps))
@@ -53,9 +53,9 @@ def check_time(table: Table, key: str, source: ColumnSource, time: FloatArray) -
     """The rows to keep, (m,): of rows with the same time (n,) s the first is kept. It is mapped as `key`.
 
     Raises:
-        InputError: time is missing somewhere, runs backwards, or is too short or too coarse to be in s.
+        InputError: time is missing somewhere, runs backwards, or is too short.
     """
-    usable, steps, name = np.abs(time) < _LATEST, np.diff(time), (*source.columns, "time")[0]
+    usable, steps, name = np.abs(time) < LATEST, np.diff(time), (*source.columns, "time")[0]
     if time.size >= FEWEST_ROWS and not usable.all():
         row = int(np.argmin(usable))
         table.refuse(row, name, "no time" if np.isnan(time[row]) else f"{time[row]}", "a time in every row")
@@ -65,12 +65,6 @@ def check_time(table: Table, key: str, source: ColumnSource, time: FloatArray) -
     if keep.size < FEWEST_ROWS:
         problem = f"{time.size} rows" + f" at {keep.size} different times" * (time.size >= FEWEST_ROWS)
         raise InputError(table.path, "log", problem, f"at least {FEWEST_ROWS} at different times")
-    period = float(np.median(np.diff(time[keep])))
-    if period > DAY:  # nothing thermal is logged once a day
-        line = as_line_or_option(key, replace(source, unit=unit_of_rows(period)))
-        problem = f"{period:.3g} s from row to row, which looks like {unit_of_rows(period)}"
-        expected = f"seconds; for another unit write, say, {line}"
-        raise InputError(table.path, f"column '{name}'", problem, expected)
     if dropped := time.size - keep.size:
         table.note(f"time: {dropped} of {time.size} rows repeat a time stamp; the first of each is kept.")
     return keep
@@ -98,7 +92,7 @@ def _refuse_backwards(table: Table, key: str, source: ColumnSource, time: FloatA
 
 
 _MOSTLY_TWICE = 0.5  # share of the rows of one stamp that say something else than the one before; else it is a copy
-_COARSEST_CLOCK = 10.0
+COARSEST_CLOCK = 10.0
 """s between the times of a log: rows that are spread may come as late, and move temperatures little."""
 _OF_DEVICES = 3.0
 """Times by which temperatures differ more within a time stamp than from one to the next, where rows of several devices
@@ -116,7 +110,7 @@ def within_stamps(table: Table, source: ColumnSource, time: FloatArray, values: 
     """
     first = np.flatnonzero(np.diff(time, prepend=-np.inf))
     counts = np.diff(first, append=time.size)
-    usable = first.size >= FEWEST_ROWS and bool((np.abs(time) < _LATEST).all())  # else `check_time` refuses it
+    usable = first.size >= FEWEST_ROWS and bool((np.abs(time) < LATEST).all())  # else `check_time` refuses it
     if not usable or np.median(counts) < 2:
         return time
     inside, rows = np.setdiff1d(np.arange(1, time.size), first), pd.DataFrame(values)
@@ -132,7 +126,7 @@ def within_stamps(table: Table, source: ColumnSource, time: FloatArray, values: 
                 problem = f"{count} at each time, in which {key} differs by {within:.3g} K"
                 expected = "one row for each time: rows of several devices want a column for each of their quantities"
                 raise InputError(table.path, place, problem, expected)
-    if usual > _COARSEST_CLOCK:
+    if usual > COARSEST_CLOCK:
         rated = ColumnSource((), rate=float(f"{np.median(counts) / usual:.3g}"), rows=source.rows)
         problem = f"times {usual:.3g} s apart for {count} each, of which the digits behind are lost"
         expected = f"a time for each row; if they come at one rate, {as_line_or_option('time', rated)}"
@@ -140,8 +134,3 @@ def within_stamps(table: Table, source: ColumnSource, time: FloatArray, values: 
     lasts = np.minimum(np.append(apart, usual), usual)
     table.note(f"time: stamps {usual:.3g} s apart for {count} each, which are spread evenly.")
     return np.asarray(time + (np.arange(time.size) - np.repeat(first, counts)) * np.repeat(lasts / counts, counts))
-
-
-def unit_of_rows(period: float) -> str:
-    """The longest unit of time in which rows that are so many units apart are as close as those of a log."""
-    return next((name for name, n in {"ms": 1e3, "us": 1e6}.items() if period / n <= _COARSEST_CLOCK), "ns")

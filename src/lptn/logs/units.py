@@ -15,7 +15,7 @@ import numpy as np
 
 from lptn.basics.arrays import FloatArray
 from lptn.logs.channels import FEWEST, Channels, quantisation_step
-from lptn.logs.clock import DAY, unit_of_rows
+from lptn.logs.clock import COARSEST_CLOCK, DAY, LATEST
 from lptn.logs.columns import (
     UNITS,
     ColumnName,
@@ -73,7 +73,7 @@ days; a spreadsheet's days, from 1954 on."""
 def _suspect_time(log: Channels) -> list[Issue]:
     """Milliseconds and less of a time that is read as s, by a time since 1970, or rows that are far apart."""
     time = log.time
-    if log.sources["time"].scale != 1.0 or time.size < 2 or not np.isfinite(time).all():
+    if log.sources["time"].scale != 1.0 or time.size < 2 or not (np.abs(time) < LATEST).all():
         return []
     first, period, span = float(abs(time[0])), float(np.median(np.abs(np.diff(time)))), float(abs(time[-1] - time[0]))
     for unit, low, high in _SINCE_1970:
@@ -84,10 +84,11 @@ def _suspect_time(log: Channels) -> list[Issue]:
         problem = f"{time.size} rows within {span:.3g} s, {period:.2g} s apart, which look like {like}"
         return [log.in_unit("time", unit, problem)]
     of_minutes = period % 60 == 0  # buildings are logged so; nobody logs every 60 ms
-    if period >= _LONG_PERIOD and not of_minutes and span > DAY / 2 and _are_whole(time):
-        unit = unit_of_rows(period)
+    certain = period > DAY  # nothing thermal is logged once a day
+    if certain or (period >= _LONG_PERIOD and not of_minutes and span > DAY / 2 and _are_whole(time)):
+        unit = next((name for name, n in {"ms": 1e3, "us": 1e6}.items() if period / n <= COARSEST_CLOCK), "ns")
         problem = f"{period:.4g} s from row to row over {span / 3600:.3g} h, which looks like {unit}"
-        return [log.in_unit("time", unit, problem, certain=False)]
+        return [log.in_unit("time", unit, problem, certain=certain)]
     return []
 
 
