@@ -135,6 +135,16 @@ def test_of_a_part_that_its_heat_explains_nothing_is_said(robot: str, step: floa
     assert np.isfinite(taken).all()
 
 
+@pytest.mark.parametrize("step", [5.0, 10.0, 20.0])
+def test_of_a_winding_whose_current_nobody_logged_nothing_is_said(step: float) -> None:
+    """Between two rows it warms by all that it will: in rows so far apart nothing tells that from a broken wire."""
+    time, current, true = _knee(capacity=1.0, step=step)
+    readings = true + np.random.default_rng(4).normal(0, 0.05, time.size)
+    (run,) = read_log(_log(time, current, readings).drop(columns="current.knee"), step=step)
+    assert [issue.sentence for issue in run.issues] == []
+    assert np.isfinite(run.columns[KNEE]).all()
+
+
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("constant", [8.0, 12.0, 20.0])
 def test_a_small_winding_in_short_moves_is_explained_by_its_heat(constant: float, seed: int) -> None:
