@@ -215,6 +215,12 @@ def open_tdms(path: Path) -> Table:
         with path.open("rb") as stream, TdmsFile.open(stream) as file:
             return {name: np.asarray(file[group][name][:]) for name in names}
 
+    def times_of(group: str, name: str) -> FloatArray:
+        with path.open("rb") as stream, TdmsFile.open(stream) as file:
+            channel = file[group][name]
+            channel.properties.setdefault("wf_start_offset", 0.0)  # which some writers leave out
+            return _seconds(channel.time_track(absolute_time="wf_start_time" in channel.properties))
+
     kind, groups = "TDMS file", []
     with path.open("rb") as stream, TdmsFile.open(stream) as file:
         for group in file.groups():
@@ -224,19 +230,9 @@ def open_tdms(path: Path) -> Table:
                 units = {c.name: str(c.properties.get("unit_string", "")) for c in numeric if len(c) == rows}
                 first = next(channel for channel in numeric if len(channel) == rows)
                 name = group.name if len(lengths) == 1 else f"{group.name}.{rows}"
-                clock = partial(_waveform_times, dict(first.properties), rows)
-                is_wave = "wf_increment" in first.properties
-                read = partial(numbers_of, group.name)
-                groups.append(Group(name, tuple(units), rows, read, clock if is_wave else None, units))
+                clock = partial(times_of, group.name, first.name) if "wf_increment" in first.properties else None
+                groups.append(Group(name, tuple(units), rows, partial(numbers_of, group.name), clock, units))
     return _table(path, groups, kind)
-
-
-def _waveform_times(properties: Mapping[str, Any], rows: int) -> FloatArray:
-    """The times of a waveform's samples [s], since 1970 where it says when it began."""
-    start = properties.get("wf_start_time")
-    begun = 0.0 if start is None else float(_seconds(np.asarray(start, "M8[us]")))
-    steps = properties["wf_increment"] * np.arange(rows)
-    return np.asarray(begun + properties.get("wf_start_offset", 0.0) + steps, np.float64)
 
 
 def open_mat(path: Path) -> Table:
