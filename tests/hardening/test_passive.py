@@ -110,6 +110,13 @@ def test_what_comes_after_a_sensor_that_stood_is_believed(stands: tuple[int, int
     assert taken[run.time < stands[0]].mean() > 0.9
 
 
+def test_a_wire_that_opens_again_and_again_is_said_once() -> None:
+    time, current, true = _knee()
+    rng = np.random.default_rng(3)
+    (issue,) = _read(_log(time, current, FAULTS["open for 5 s, each 5 min"](time, true, rng)))[1]
+    assert issue.stretch == (295.0, 3599.0)
+
+
 HEALTHY: dict[str, dict[str, float]] = {
     "a knee": {},
     "in the cold": {"air": -20.0, "start": -20.0},

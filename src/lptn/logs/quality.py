@@ -16,7 +16,16 @@ from lptn.basics.arrays import BoolArray, FloatArray
 from lptn.logs.alike import copies_in, reads_alike, suspect_held
 from lptn.logs.channels import Channels, Silence
 from lptn.logs.clock import FEWEST_ROWS
-from lptn.logs.columns import HEATS, INPUTS, ColumnSource, as_line_or_option, column_unit, place_of, quantity_of
+from lptn.logs.columns import (
+    HEATS,
+    INPUTS,
+    ColumnSource,
+    as_line_or_option,
+    column_unit,
+    place_of,
+    quantity_of,
+    toml_line,
+)
 from lptn.logs.issue import Issue
 from lptn.logs.law import AT_MOST, DOUBTED, exchanged, gain_change, warming
 from lptn.logs.plausible import KELVIN, PLAUSIBLE
@@ -82,6 +91,7 @@ def silent_channels(log: Channels, predicted: Collection[str]) -> dict[str, list
 
 _MANY = 4  # stretches of one kind that are said one by one
 _SAID = {
+    "code": "{count} reading{s} of exactly {number} {unit}, far from those around: a fault code",
     "spike": "{count} spike{s} of up to {number} K in single readings {when}",
     "disconnected": "no reading of a heated part, around {number} {unit}, in {count} rows {when}",
     "interpolated": "a straight line through {count} rows {when}, which was filled in",
@@ -93,18 +103,14 @@ _SAID = {
 def _suspect_silence(log: Channels, key: str, silent: list[Silence], predicted: Collection[str]) -> list[Issue]:
     """What a channel's silences mean, and what is done with them."""
     issues, source, unit = list[Issue](), log.sources[key], column_unit(key)
-    codes, off = ([one for one in silent if one.kind == kind] for kind in ("code", "disconnected"))
-    if codes and (len(source.columns) == 1 or source.how == "mean"):
-        count, listed = int(sum(code.rows.sum() for code in codes)), " and ".join(f"{code.value:.6g}" for code in codes)
-        problem = f"{count} reading{'s' * (count > 1)} of exactly {listed} degC, far from those around: a fault code"
-        in_file = (*source.invalid, *(_in_file(log, key, code) for code in codes))
-        corrected = replace(source, invalid=tuple(dict.fromkeys(in_file)))
-        remedy = "these readings are left out; to have it in the model file, write {}"
-        issues.append(log.issue(key, problem, remedy, "code", corrected=corrected))
+    off = [silence for silence in silent if silence.kind == "disconnected"]
     if len(off) > _MANY:  # a sensor that is off again and again: all in one
         rows, middle = np.any([silence.rows for silence in off], axis=0), float(np.median([one.value for one in off]))
-        off = [replace(off[0], value=middle, stop=off[-1].stop, rows=rows)]
-    for silence in (*(one for one in silent if one.kind not in ("code", "disconnected")), *off):
+        of_all = replace(off[0], value=middle, stop=off[-1].stop, rows=rows)
+        silent = [*(silence for silence in silent if silence.kind != "disconnected"), of_all]
+    codes = [_in_file(log, key, silence) for silence in silent if silence.kind == "code"]
+    without = replace(source, invalid=tuple(dict.fromkeys((*source.invalid, *codes))))
+    for silence in silent:
         number, count = f"{silence.value + 0.0:.{3 if silence.kind == 'spike' else 6}g}", int(silence.rows.sum())
         when = log.when(silence.start, silence.stop)
         text = _SAID.get(silence.kind, f"{silence.kind} at {{number}} {{unit}} {{when}}")
@@ -116,9 +122,11 @@ def _suspect_silence(log: Channels, key: str, silent: list[Silence], predicted: 
         problem = text.format(number=number, unit=unit, when=when, count=count, s="s" * (count > 1))
         if silence.column:
             problem = f"its column '{silence.column}' {'is ' * (not silence.whole)}{problem}"
-        stretch, column = (silence.start, silence.stop), silence.column or source.columns[0]
-        remedy = _done(log, key, silence, predicted)
-        issues.append(Issue(key, column, problem, remedy, False, kind=silence.kind, stretch=stretch))
+        remedy, stretch = _done(log, key, silence, predicted), (silence.start, silence.stop)
+        corrected = without if silence.kind == "code" and (len(source.columns) == 1 or source.how == "mean") else None
+        remedy += "; to have it in the model file, write {}" * bool(corrected)
+        issue = log.issue(key, problem, remedy, silence.kind, corrected=corrected, stretch=stretch)
+        issues.append(replace(issue, column=silence.column or issue.column))
     return issues
 
 
@@ -198,16 +206,30 @@ def _suspect_gains(log: Channels, said: Collection[str]) -> list[Issue]:
     return issues
 
 
-def _suspect_exchange(log: Channels) -> list[Issue]:
-    """Temperatures that follow the loads of each other's joints better than their own."""
+def _suspect_exchange(log: Channels, numbered: Collection[str]) -> list[Issue]:
+    """Temperatures that follow the loads of each other's joints better than their own.
+
+    Where nothing but a number says whose some channels are, `numbered`, all joints are compared, and what is found is
+    certain enough to refuse that order.
+    """
     issues = list[Issue]()
     for quantity in HEATS:
-        for place, of in exchanged(log, quantity, DOUBTED, AT_MOST)[0].items():
+        guessed = {key for key in numbered if quantity_of(key) in (quantity, "temperature")}
+        order = exchanged(log, quantity) if guessed else exchanged(log, quantity, DOUBTED, AT_MOST)
+        moved = {place: of for place, of in order.items() if place != of}
+        certain = any(f"{one}.{place}" in guessed for place in moved for one in (quantity, "temperature"))
+        if any(f"{quantity}.{place}" in guessed for place in moved):
+            lines = {f"{quantity}.{place}": f"{quantity}.{of}" for place, of in order.items()}
+        else:
+            lines = {f"temperature.{of}": f"temperature.{place}" for place, of in order.items()}
+        written = "; ".join(toml_line(key, log.sources[of]) for key, of in lines.items())
+        for place, of in moved.items():
             key, load = f"temperature.{place}", f"{quantity}.{of}"
-            if place != of and not log.is_believed(key):
+            if not log.is_believed(key):
                 problem = f"follows {load} better than {quantity}.{place}: columns of joints are probably exchanged"
                 remedy = f"map each to its own column; if they are right, write {log.believed(key)}"
-                issues.append(log.issue(key, problem, remedy, "exchanged"))
+                remedy = f"lines under [columns] that say whose they are, perhaps {written}" if certain else remedy
+                issues.append(log.issue(key, problem, remedy, "exchanged", certain=certain))
     return issues
 
 
@@ -262,12 +284,17 @@ _STILL = ("frozen", "clamped", "dead")
 
 
 def issues_of(
-    log: Channels, silent: Mapping[str, list[Silence]], twice: Mapping[str, str], predicted: Collection[str]
+    log: Channels,
+    silent: Mapping[str, list[Silence]],
+    twice: Mapping[str, str],
+    predicted: Collection[str],
+    numbered: Collection[str] = (),
 ) -> tuple[Issue, ...]:
     """What looks wrong in a log's columns: another unit, a counter that wraps, a sensor that is dead.
 
     Of a column the first check that finds something speaks: a counter that wraps has values in no unit, and readings in
-    another unit look like fault codes. `silent` is of `silent_channels`, `twice` of `duplicates`.
+    another unit look like fault codes. `silent` is of `silent_channels`, `twice` of `duplicates`, and of channels that
+    are `numbered` nothing but a number says whose they are.
     """
     issues: list[Issue] = []
     of_columns = {key: suspect_wrap(log, key) or suspect_unit(log, key) for key in log.sources}
@@ -283,7 +310,7 @@ def issues_of(
     issues += [
         *copies_in(log, twice),
         *suspect_held(log),
-        *_suspect_exchange(log),
+        *_suspect_exchange(log, numbered),
         *_suspect_ambient(log),
         *_suspect_few(log, predicted),
     ]
