@@ -95,7 +95,6 @@ _SAID = {
     "spike": "{count} spike{s} of up to {number} K in single readings {when}",
     "disconnected": "no reading of a heated part, around {number} {unit}, in {count} rows {when}",
     "interpolated": "a straight line through {count} rows {when}, which was filled in",
-    "wrap": "leaps by {number} K, up and down, {when}: a counter that wraps, or a reference that changes",
 }
 """What a channel does in a silence of a kind; of all others it stands at a number."""
 
@@ -133,9 +132,6 @@ def _suspect_silence(log: Channels, key: str, silent: list[Silence], predicted: 
 def _done(log: Channels, key: str, silence: Silence, predicted: Collection[str]) -> str:
     """What is done with what a channel says in a silence, or what to write."""
     source, right = log.sources[key], f"if the column is right, write {log.believed(key)}, its valid range"
-    if silence.kind == "wrap":
-        meant = replace(source, wrap=float(f"{silence.value / abs(source.scale):.4g}"))
-        return f"these readings are left out; to have a counter unwrapped, write {as_line_or_option(key, meant)}"
     if not silence.left_out:
         if silence.whole and key in predicted:
             return "no other sensor moves, so it counts all the same; if it is stuck, nothing can be concluded from it"

@@ -306,7 +306,7 @@ _USUALLY, _ONE_MORE = 0.95, 3.0  # share of a counter's steps; counts more than 
 
 
 def suspect_wrap(log: Channels, key: str) -> list[Issue]:
-    """A counter of 8, 16 or 32 bit that wraps."""
+    """A counter that wraps, of 16 or 32 bit or, of a temperature, of a byte or as many as a converter has."""
     source, temperature = log.sources[key], key.startswith("temperature.")
     if source.wrap or len(source.columns) != 1:
         return []
@@ -321,7 +321,7 @@ def suspect_wrap(log: Channels, key: str) -> list[Issue]:
     steps = np.abs(np.diff(counts))
     jumps = -np.diff(counts) if key == "time" else steps  # time that leaps ahead is a gap
     low, high = counts.min(), counts.max()
-    for bits in (8, 16, 32) if temperature else (16, 32):  # torques of a byte may change so much
+    for bits in (8, *_CONVERTERS, 32) if temperature else (16, 32):  # torques of a byte may change so much
         turn = float(2**bits)
         unsigned = low >= 0 and high < turn
         in_range = unsigned or (low >= -turn / 2 and high < turn / 2)

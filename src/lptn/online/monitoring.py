@@ -126,8 +126,7 @@ def dropouts(watched: MonitoredRun) -> list[Alarm]:
 # --- What the log's own quality pass says ---------------------------------------------------------
 
 _KINDS: dict[str, Kind] = {"frozen": "stuck", "clamped": "clamped", "dead": "dead", "code": "dead", "spike": "spikes",
-                           "disconnected": "dropout", "wrap": "dropout", "interpolated": "dropout",
-                           "duplicate": "duplicate"}  # fmt: skip
+                           "disconnected": "dropout", "interpolated": "dropout", "duplicate": "duplicate"}  # fmt: skip
 
 
 def known_faults(runs: Sequence[Run], nodes: Sequence[str]) -> list[list[Alarm]]:
