@@ -62,6 +62,7 @@ class Setting:
         task: what the robot shall do.
         window: simulator steps a thermal step.
         slope: of the ground, uphill along x [rad].
+        enough: the run ends where a joint is hotter [degC].
     """
 
     duration: float = 1200.0
@@ -71,6 +72,7 @@ class Setting:
     task: Command = field(default_factory=Command)
     window: int = WINDOW
     slope: float = 0.0
+    enough: float = np.inf
 
 
 @dataclass
@@ -155,6 +157,7 @@ class CoSimulation:
                 self._heat()
                 if self._fallen():
                     self.record.fell = float(self._data.time)
+                if self.record.fell is not None or self._thermal.temperature.max() > self._setting.enough:
                     break
         return self.record
 

@@ -13,6 +13,7 @@ DUTY = 0.6  # share of the cycle that a foot stands
 LIFT = 0.07  # m, how high a foot swings
 OFFSETS = np.array([0.0, 0.5, 0.5, 0.0])  # diagonal legs move together
 NEUTRAL = np.array([[0.1805, -0.1308], [0.1805, 0.1308], [-0.1805, -0.1308], [-0.1805, 0.1308]])  # m, under shoulders
+FRONT = np.array([1.0, 1.0, -1.0, -1.0])
 CLIMB = 0.12  # m/s, how fast the height may change
 ACCELERATION = 0.4  # m/s², how fast the speed may change
 SLIP = 0.6  # share of the normal force that the controller asks sideways, below the floor's 0.9
@@ -60,6 +61,7 @@ class Controller:
         self._height = float(data.qpos[2])
         self._speed = self._trim = 0.0
         self._fold = 0.0
+        self._neutral = NEUTRAL
         self.phase = 0.0
         """Share of the gait cycle that has passed."""
         self.trotting = False
@@ -103,6 +105,7 @@ class Controller:
         self._move_height(command, dt)
         self._move_speed(data, command, dt)
         self._start_or_stop(command)
+        self._neutral = NEUTRAL + np.outer(FRONT, (command.splay, 0.0)) + (command.ahead, command.left)
         if self.trotting:
             self.phase = (self.phase + dt / PERIOD) % 1.0
         in_air = ((self.phase + OFFSETS) % 1.0 >= DUTY) & self.trotting
@@ -189,10 +192,10 @@ class Controller:
         return np.asarray(k * (aim - foot) + d * (speed - self._jacobian[leg] @ data.qvel))
 
     def _foothold(self, data: mujoco.MjData, leg: int) -> FloatArray:
-        """Where a foot lands [m]: below its shoulder, half a stance ahead, and further if the base is too fast."""
+        """Where a foot lands [m]: by its shoulder, half a stance ahead, and further if the base is too fast."""
         yaw = tilt(data.xmat[self._base])[2]
         c, s = np.cos(yaw), np.sin(yaw)
-        x, y = NEUTRAL[leg]
+        x, y = self._neutral[leg]
         velocity = data.qvel[:2]
         ahead = velocity * (PERIOD * DUTY / 2 + STEP_GAIN)
         ahead[0] -= STEP_GAIN * (self._speed + self._trim)

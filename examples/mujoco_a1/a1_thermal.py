@@ -12,6 +12,8 @@ from lptn.logs.resampling import FEATURES
 from lptn.model.file import parse_model
 from lptn.model.model import Model
 from lptn.robots.presets import preset_text
+from lptn.virtual import draw_quadruped
+from lptn.virtual.heat import Balance, Exponential
 
 
 class Thermal(Protocol):
@@ -64,6 +66,47 @@ class CasadiThermal:
         return np.clip((self._limit - self.temperature) / (self._limit - self._soft), 0.0, 1.0)
 
 
+class VirtualThermal:
+    """A robot of `lptn.virtual`, whose equations share no code with any model: windings apart from housings, a trunk.
+
+    Args:
+        seed: of the robot, whose parameters scatter.
+        columns: inputs, those of a model.
+        start: temperature of everything at the start [degC].
+        limit: temperature that no joint's winding may pass [degC].
+        soft: where the limiter begins to act [degC].
+        noise: standard deviation of what a sensor says [K]; `scale` is made of that, `temperature` is the truth.
+        pace: seconds of heat that a second of the simulator stands for.
+    """
+
+    def __init__(
+        self, seed: int, columns: list[str], start: float, limit: float, soft: float, noise: float = 0.1, pace: int = 1
+    ) -> None:
+        self.columns = columns
+        self._balance = Balance(draw_quadruped(seed), start)
+        self._solver = Exponential(self._balance)
+        self._state = np.full(len(self._balance.capacity), start)
+        self._joints = [self._balance.robot.nodes.index(joint) for joint in JOINTS]
+        self._limit, self._soft = limit, soft
+        self._noise, self._random, self._pace = noise, np.random.default_rng(seed), pace
+
+    def advance(self, inputs: FloatArray, dt: float) -> None:
+        """Go on by `dt` seconds, whole ones, with the inputs held."""
+        named = dict(zip(self.columns, inputs.tolist(), strict=True))
+        self._state = self._solver.solve(self._balance.held(named, self._pace * round(dt)), self._state)[-1]
+
+    @property
+    def temperature(self) -> FloatArray:
+        """Temperature of each joint's winding [degC]."""
+        return self._state[self._balance.sensed[self._joints]]
+
+    @property
+    def scale(self) -> FloatArray:
+        """1 below the soft limit, 0 at the limit, straight between, of what the sensors say."""
+        said = self.temperature + self._noise * self._random.standard_normal(12)
+        return np.clip((self._limit - said) / (self._limit - self._soft), 0.0, 1.0)
+
+
 class Windows:
     """Samples of the simulator reduced to the inputs of one thermal step, so that no heat is lost.
 
@@ -114,6 +157,6 @@ class Windows:
         return float(values[JOINTS.index(place)] if values.size > 1 else values[0])
 
 
-def quadruped() -> Model:
-    """The ready model file `quadruped`, its values as they stand: plausible ones, not a robot's."""
-    return Model(parse_model(preset_text("quadruped"), Path("quadruped.toml")).network)
+def quadruped(model: str | None = None) -> Model:
+    """The ready model file `quadruped`, or another of its models, values as they stand: plausible, not a robot's."""
+    return Model(parse_model(preset_text("quadruped", model), Path("quadruped.toml")).network)

@@ -31,9 +31,11 @@ LIMIT, LAST = (
     60.0,
     0.1,
 )  # degC; the last 1 K, in tens of kelvins, over which the drive itself derates, whatever is asked
+JOINTS = [f"{leg}_{part}" for leg in ("FR", "FL", "RR", "RL") for part in ("hip", "thigh", "calf")]
 TASK = Task(load=(1.0, 5.0))
 CHOOSE, JUDGE = 10**6, 2 * 10**6  # seeds of the episodes that choose the best iterate, and of those that judge it
 
+Robots = Callable[[int], TorqueVectorEnv]
 Policy = Callable[[np.ndarray], np.ndarray]
 
 # %% [markdown]
@@ -50,10 +52,10 @@ class Outcome(NamedTuple):
     above: np.ndarray
 
 
-def robots(number: int) -> TorqueVectorEnv:
-    """So many robots, parameters scattered by 5 %."""
-    model = Model(parse_model(preset_text("quadruped"), Path("quadruped.toml")).network)
-    return TorqueVectorEnv(number, model=model, limits={"*_*": LIMIT}, task=TASK, spread=0.05)
+def robots(number: int, model: str | None = None, spread: float = 0.05, task: Task = TASK) -> TorqueVectorEnv:
+    """So many robots of one of the ready models of a quadruped, parameters scattered by 5 %."""
+    network = parse_model(preset_text("quadruped", model), Path("quadruped.toml")).network
+    return TorqueVectorEnv(number, model=Model(network), limits=dict.fromkeys(JOINTS, LIMIT), task=task, spread=spread)
 
 
 def played(env: TorqueVectorEnv, policy: Policy, seed: int | list[int]) -> Outcome:
@@ -144,6 +146,7 @@ class Step(NamedTuple):
     episodes: int
     seconds: float
     outcome: Outcome
+    weights: np.ndarray
 
     def __str__(self) -> str:
         work, above = self.outcome.work.mean(), self.outcome.above.mean()
@@ -155,9 +158,11 @@ def worth(outcome: Outcome) -> np.ndarray:
     return outcome.work - 0.1 * outcome.above
 
 
-def learn(rounds: int, drawn: int = 40, episodes: int = 12, chosen: int = 64) -> tuple[np.ndarray, list[Step]]:
+def learn(
+    rounds: int, drawn: int = 40, episodes: int = 12, chosen: int = 64, *, seed: int = 1, robots: Robots = robots
+) -> tuple[np.ndarray, list[Step]]:
     """Weights that did best on the episodes that choose, and the course of learning."""
-    rng, began = np.random.default_rng(1), time.process_time()
+    rng, began = np.random.default_rng(seed), time.process_time()
     env, judge = robots(drawn * episodes), robots(chosen)
     view, steps = views(env.names), []
     size = features(view, np.zeros((1, len(env.names)))).shape[2]
@@ -166,13 +171,14 @@ def learn(rounds: int, drawn: int = 40, episodes: int = 12, chosen: int = 64) ->
     for number in range(rounds + 1):
         outcome = played(judge, learnt(view, mean), CHOOSE)
         best = max(best, (float(worth(outcome).mean()), mean), key=lambda candidate: candidate[0])
-        steps.append(Step(number * drawn * episodes, time.process_time() - began, outcome))
+        steps.append(Step(number * drawn * episodes, time.process_time() - began, outcome, mean))
         print(steps[-1], flush=True)
         if number == rounds:
             break
         # A robot for each draw and episode, all in one batch; every draw meets the same episodes.
         weights = mean + spread * rng.standard_normal((drawn, size))
-        seeds = [*range(1000 * number, 1000 * number + episodes)] * drawn
+        first = 1000 * number + 10**5 * (seed - 1)
+        seeds = [*range(first, first + episodes)] * drawn
         values = worth(played(env, learnt(view, np.repeat(weights, episodes, axis=0)), seeds))
         elite = weights[np.argsort(-values.reshape(drawn, episodes).mean(axis=1))[: drawn // 5]]
         mean, spread = elite.mean(axis=0), elite.std(axis=0) + 0.2 * 0.85**number

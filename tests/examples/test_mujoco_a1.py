@@ -112,6 +112,45 @@ def test_mujocos_one_node_follows_its_equation(open_loop: Record) -> None:
     assert open_loop.one_node[-1][joint] == pytest.approx(solved.y[0, -1], abs=0.01)
 
 
+def test_feet_off_the_shoulders_move_load_between_the_legs(setting: Setting) -> None:
+    from a1_cosim import CoSimulation
+    from a1_governor import Unmoved
+
+    def hind_share(ahead: float) -> float:
+        task = replace(setting.task, ahead=ahead)
+        short = replace(setting, duration=6.0, task=task, enough=LIMIT + 100.0)
+        record = CoSimulation("load", short, thermal(), Unmoved(task)).run()
+        assert record.fell is None
+        squares = np.square(record.torque[6:]).mean(axis=0)
+        return float(squares[6:].sum() / squares.sum())
+
+    assert hind_share(-0.03) < hind_share(0.0) < hind_share(0.03)
+
+
+def test_a_run_ends_where_a_joint_is_hot_enough(setting: Setting) -> None:
+    from a1_cosim import CoSimulation
+    from a1_governor import Unmoved
+
+    short = replace(setting, duration=6.0, enough=START - 1.0)
+    record = CoSimulation("hot", short, thermal(), Unmoved(setting.task)).run()
+    assert record.time == pytest.approx([0.5])
+
+
+@pytest.mark.long
+def test_a_residual_learns_to_stand_tall() -> None:
+    import residual
+
+    # Torques that fall with the height and know nothing else.
+    rows = np.zeros((21, len(residual.MODEL.inputs)))
+    rows[0] = [25.0**2 if "temperature" in column else 1.0 for column in residual.MODEL.inputs]
+    for joint in JOINTS:
+        rows[[0, 2], residual.MODEL.inputs.index(f"torque.{joint}")] = 20.0, -15.0
+    weights = residual.learn(rows, rounds=8, seed=3, drawn=20, episodes=6)
+    knobs = dict(zip(residual.KNOBS, residual.knobs_of(weights, np.full(12, 20.0)), strict=True))
+    assert knobs["height"] > 0.34
+    assert knobs["left"] == pytest.approx(0.0, abs=1e-12)
+
+
 @pytest.mark.parametrize("payload", [0.0, 6.0])
 def test_lies_down_without_torque_and_gets_up_again(setting: Setting, payload: float) -> None:
     from a1_cosim import CoSimulation

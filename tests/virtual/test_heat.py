@@ -208,6 +208,26 @@ def test_balance_is_the_one_written_down(physics: str) -> None:
         assert slope == pytest.approx(BALANCES[physics](robot, row(moved, k), T), rel=1e-9)
 
 
+def test_columns_that_hold_act_as_the_movement_they_are_of() -> None:
+    robot = quadruped(seed=2)
+    moved = draw_motion(MOVES, np.random.default_rng(1))
+    means, network, k = moved.means(robot.wind_exponent), Balance(robot, AMBIENT), 250
+    columns = {"temperature.ambient": AMBIENT + 2.0, "speed.base": float(moved.base[k]), "power.pc": float(moved.pc[k])}
+    drives = (means.torque2[k] > 0) | (means.speed[k] > 0)
+    rows = {
+        "torque": means.torque2[k] ** 0.5, "velocity": means.speed[k], "velocity_rms": means.speed2[k] ** 0.5,
+        "powered": drives,
+    }  # fmt: skip
+    for name, values in rows.items():
+        columns |= {f"{name}.{joint}": float(value) for joint, value in zip(robot.nodes, values, strict=False)}
+    held, moving = network.held(columns, 3), forcing(robot, means, extra(robot, moved))
+    assert held.copper.shape == (3, len(robot.nodes))
+    assert held.shift == pytest.approx([2.0] * 3)
+    wind = robot.to_air * (1 + float(moved.base[k]) ** robot.wind_exponent * robot.forced_convection)
+    for found, expected in ((held.copper, moving.copper[k]), (held.other, moving.other[k]), (held.to_air, wind)):
+        assert found[2] == pytest.approx(expected, rel=1e-9)
+
+
 def extra(robot: Robot, moved: Motion) -> Array:
     heat = np.zeros((len(moved.base), len(robot.nodes)))
     heat[:, 12] = moved.pc

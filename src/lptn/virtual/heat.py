@@ -15,7 +15,7 @@ from typing import Self
 import numpy as np
 from scipy.linalg import expm
 
-from .robot import GEAR, MOTOR_CONSTANT, WINDING_RESISTANCE, Array, Robot
+from .robot import GEAR, MOTOR_CONSTANT, PC, WINDING_RESISTANCE, Array, Robot
 
 STEFAN_BOLTZMANN = 5.670374419e-8  # W/(m² K⁴)
 KELVIN = 273.15
@@ -173,6 +173,27 @@ class Balance:
         self.capacity = np.concatenate([robot.capacity, robot.winding[self.wound], masses])
         self.ambient_fourth = (ambient + KELVIN) ** 4
         self.emission = robot.emissive_area * STEFAN_BOLTZMANN  # W/K⁴
+
+    def held(self, inputs: Mapping[str, float], seconds: int) -> Forcing:
+        """Return what acts on the nodes while the columns of a log hold, for a robot that is stepped from outside.
+
+        Torque is the RMS, velocity the mean magnitude. Gear loss takes speed and torque for proportional, iron loss
+        the speed for constant; the quadruped has neither.
+        """
+        robot = self.robot
+
+        def of(quantity: str) -> Array:
+            return np.array([[inputs[f"{quantity}.{joint}"] for joint in robot.nodes[: robot.joints]]])
+
+        torque, speed, rms = of("torque"), of("velocity"), of("velocity_rms")
+        wind = np.array([[abs(inputs["speed.base"]) ** robot.wind_exponent]])
+        means = Means(torque, torque**2, speed, rms**2, rms**1.5, torque * rms, wind, of("powered"))
+        extra = np.zeros((1, len(robot.nodes)))
+        extra[0, robot.nodes.index(PC)] = inputs[f"power.{PC}"]
+        second = forcing(robot, means, extra)
+        shift = np.array([inputs["temperature.ambient"] - self.ambient])
+        acting = (second.copper, second.other, second.to_air, shift)
+        return Forcing(*(np.repeat(term, seconds, axis=0) for term in acting))
 
     def slope(self, T: Array, copper: Array, other: Array, to_air: Array, shift: float | None = None) -> Array:
         """Return dT/dt in K/s at the temperatures T (degC), under one interval of a ``Forcing``."""
