@@ -170,6 +170,7 @@ def candidates(
     rms: Mapping[str, float] | None = None,
     rates: FloatArray | None = None,
     effects: Collection[type[Effect]] | None = None,
+    single: bool = False,
 ) -> list[Candidate]:
     """Every effect of the catalogue at every place where the network lacks it and the log has its inputs.
 
@@ -187,8 +188,9 @@ def candidates(
             bear: at a rotor's speed the friction of a robot's joint would melt it.
         rates: as for `lptn.model.sizes.Sizes`.
         effects: those to propose; the whole catalogue by default.
+        single: whether at one place each, and without a usual size, which takes most of the time.
     """
-    sizes, proposed = Sizes(network, rates), []
+    sizes, proposed = None if single else Sizes(network, rates), []
     for run in ("", *separate_runs(runs)):
         for effect in catalogue().values():
             if (effects is not None and effect not in effects) or effect.amplitude() is None:
@@ -196,15 +198,22 @@ def candidates(
             if run and not effect.per_run:
                 continue
             grid, shortest = _grid(effect.shape(), step, duration), 0.0 if step is None else _OF_A_STEP * step
-            for one in [*_of_effect(network, effect, columns, run), *_differences(network, effect, columns, run)]:
+            for one in [
+                *_of_effect(network, effect, columns, run, single),
+                *_differences(network, effect, columns, run),
+            ]:
                 likes = effect.alike and network.sets_apart(EffectDeclaration(effect(), one.pattern))
-                usual = _usual_size(one, network, sizes, rms)
+                usual = 1.0 if sizes is None else _usual_size(one, network, sizes, rms)
                 proposed.append(replace(one, typical=usual, grid=grid, shortest=shortest, one_of_likes=likes))
     return proposed
 
 
 def possible_effects(
-    fit: Fit, columns: Collection[str], names: Sequence[str] = (), effects: Collection[type[Effect]] | None = None
+    fit: Fit,
+    columns: Collection[str],
+    names: Sequence[str] = (),
+    effects: Collection[type[Effect]] | None = None,
+    single: bool = False,
 ) -> list[Candidate]:
     """Every effect that a fitted model may lack, with time constants that its runs can show.
 
@@ -212,9 +221,13 @@ def possible_effects(
         fit: the fitted model.
         columns: log columns at hand.
         names: of runs, in each of which alone an effect may act; the fitted ones by default.
-        effects: as for `candidates`.
+        effects, single: as for `candidates`.
     """
     model, runs = fit.model, [bound.run for bound in fit.problem.bound_runs]
+    columns, names = set(columns), names or [run.name for run in runs]
+    of_logs = {"step": max(run.step for run in runs), "duration": max(len(run) * run.step for run in runs)}
+    if single:
+        return candidates(model.network, columns, names, **of_logs, effects=effects, single=True)
     squares = {column: [np.nanmean(run.columns[column] ** 2) for run in runs] for column in columns}
     rates = []  # of each run, at its mean readings and inputs
     for bound in fit.problem.bound_runs:
@@ -227,9 +240,8 @@ def possible_effects(
     return candidates(
         model.network,
         columns,
-        names or [run.name for run in runs],
-        step=max(run.step for run in runs),
-        duration=max(len(run) * run.step for run in runs),
+        names,
+        **of_logs,
         rms={column: float(np.sqrt(np.mean(of_runs))) for column, of_runs in squares.items()},
         rates=np.asarray(np.mean(rates, axis=0)),
         effects=effects,
@@ -247,7 +259,9 @@ def separate_runs(names: Sequence[str]) -> list[str]:
     return separate if len(separate) > 1 else []
 
 
-def _of_effect(network: Network, effect: type[Effect], columns: Collection[str], run: str) -> list[Candidate]:
+def _of_effect(
+    network: Network, effect: type[Effect], columns: Collection[str], run: str, single: bool
+) -> list[Candidate]:
     """One effect at all places, with the first of its options whose inputs the log has anywhere.
 
     Parts that no column names are driven by the columns of the one winding that each is linked to: a joint's friction,
@@ -269,7 +283,7 @@ def _of_effect(network: Network, effect: type[Effect], columns: Collection[str],
         proposals = []
         for places in ([place for place, node in driving.items() if node], list(winding_of)):
             groups = [(place, [place]) for place in places] if not effect.whole_robot else []
-            groups += _groups(effect, places, network, run)
+            groups += [] if single else _groups(effect, places, network, run)
             for at, group in groups:
                 driven = tuple(winding_of[place] for place in group if place in winding_of)
                 proposals.append(Candidate(effect, in_run(at, run), tuple(group), run, words, windings=driven))

@@ -39,7 +39,7 @@ from lptn.basics.places import EVERYWHERE
 from lptn.basics.processes import one_blas_thread
 from lptn.diagnose.answers import LIKELY, Key, Report, Step, is_structure, named
 from lptn.diagnose.candidates import NONE, OCCAM, Candidate, in_occams_window, log_priors, possible_effects
-from lptn.diagnose.evidence import ErrorsOfRuns, Evidence, FirstOrder, allowances, may_deviate, with_runs
+from lptn.diagnose.evidence import Allowance, ErrorsOfRuns, Evidence, FirstOrder, allowances, may_deviate, with_runs
 from lptn.diagnose.refits import RANKING, as_fitted, continued, unless_interrupted
 from lptn.effects import Effect, catalogue
 from lptn.identify.data import DataSplit, Segment
@@ -269,14 +269,20 @@ class _Search:
     def evidence(self, fit: Fit, beside: Evidence | None = None) -> Evidence:
         if beside is None and self._known is not None and self._known.fitted is fit:
             return self._known
-        allowed = allowances(fit, self._possible(fit, may_deviate(fit)), self.errors)
-        evidence = Evidence(fit, allowed, beside=beside, held_out=self.data.holdout)
+        evidence = Evidence(fit, self._allowed(fit), beside=beside, held_out=self.data.holdout)
         self._known = evidence if beside is None else self._known
         return evidence
 
-    def _possible(self, fit: Fit, effects: Collection[type[Effect]] | None = None) -> list[Candidate]:
+    def _allowed(self, fit: Fit) -> list[Allowance]:
+        """What a fit may be off by."""
+        return allowances(fit, self._possible(fit, may_deviate(fit), single=True), self.errors)
+
+    def _possible(
+        self, fit: Fit, effects: Collection[type[Effect]] | None = None, single: bool = False
+    ) -> list[Candidate]:
         """All that a fit may lack, in held-out runs as well; of all effects by default."""
-        return possible_effects(fit, self.columns, [*self.runs, *(one.run.name for one in self.data.holdout)], effects)
+        names = [*self.runs, *(one.run.name for one in self.data.holdout)]
+        return possible_effects(fit, self.columns, names, effects, single)
 
     def _continued(self, network: Network, fit: Fit | None = None, precision: float = RANKING) -> Fit | None:
         return _continued(fit or self.fit, network, self.data.holdout, precision)
@@ -392,8 +398,7 @@ class _Search:
         common, told = self._common(self.given), {own.effect.key for own in self.added}
         odds = dict(zip((one.effect.key for one in common), log_priors(common).tolist(), strict=True))
         others = [one for one in common if one.effect.key not in told]
-        allowed = allowances(self.fit, self._possible(self.fit, may_deviate(self.fit)), self.errors)
-        evidence = Evidence(self.fit, allowed, others, held_out=self.data.holdout)
+        evidence = Evidence(self.fit, self._allowed(self.fit), others, held_out=self.data.holdout)
         shares = {}
         for own in self.structure:
             amplitude, name = own.effect.amplitude(), _name(own)
