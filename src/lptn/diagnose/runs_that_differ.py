@@ -17,6 +17,7 @@ from lptn.diagnose.candidates import Candidate, in_occams_window, log_priors, po
 from lptn.diagnose.evidence import ErrorsOfRuns, Evidence, allowances
 from lptn.diagnose.fit_statistics import CLEARLY, explained_share, standing_out
 from lptn.diagnose.refits import continued, refit
+from lptn.effects import catalogue
 from lptn.identify.comparison import Errors, predict
 from lptn.identify.data import Segment
 from lptn.identify.fitting import Fit
@@ -146,20 +147,22 @@ def runs_that_differ(fit: Fit, segments: Sequence[Segment], *, exact: int = 4) -
 
 def _causes(alone: Fit, exact: int) -> list[Step]:
     """Causes of a run's error, the most probable first, then those that are indistinguishable from it."""
-    run = alone.problem.bound_runs[0].run
+    run, errors, steps = alone.problem.bound_runs[0].run, ErrorsOfRuns(), list[Step]()
     log = run.name.partition("#")[0]
+    effects = {effect for effect in catalogue().values() if effect.per_run}
 
-    def lacking(fit: Fit) -> list[Candidate]:
+    def lacking(fit: Fit, *, single: bool = False) -> list[Candidate]:
         others = ""  # the other runs, by whatever name: what differs in a run differs from them
-        return [candidate for candidate in possible_effects(fit, run.columns, [others, log]) if candidate.run == log]
+        every = possible_effects(fit, run.columns, [others, log], effects, single)
+        return [candidate for candidate in every if candidate.run == log]
 
-    possible, errors, steps = lacking(alone), ErrorsOfRuns(), []
+    possible = lacking(alone)
     base, odds = Evidence(alone, allowances(alone, possible, errors), possible), log_priors(possible)
     prior = dict(zip((candidate.key for candidate in possible), odds.tolist(), strict=True))
     for entry in base.first_order(odds)[:exact]:
         declared = entry.declaration()
         fit = refit(alone, declared)
-        evidence = Evidence(fit, allowances(fit, lacking(fit), errors), beside=base).log_evidence
+        evidence = Evidence(fit, allowances(fit, lacking(fit, single=True), errors), beside=base).log_evidence
         steps.append(Step(fit, declared, evidence + prior[entry.candidate.key]))
     return [steps[number] for number in in_occams_window(softmax([step.log_odds for step in steps]))] if steps else []
 
