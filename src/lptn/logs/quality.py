@@ -91,7 +91,6 @@ def silent_channels(log: Channels, predicted: Collection[str]) -> dict[str, list
 
 _MANY = 4  # stretches of one kind that are said one by one
 _SAID = {
-    "code": "{count} reading{s} of exactly {number} {unit}, far from those around: a fault code",
     "spike": "{count} spike{s} of up to {number} K in single readings {when}",
     "disconnected": "no reading of a heated part, around {number} {unit}, in {count} rows {when}",
     "interpolated": "a straight line through {count} rows {when}, which was filled in",
@@ -102,14 +101,18 @@ _SAID = {
 def _suspect_silence(log: Channels, key: str, silent: list[Silence], predicted: Collection[str]) -> list[Issue]:
     """What a channel's silences mean, and what is done with them."""
     issues, source, unit = list[Issue](), log.sources[key], column_unit(key)
-    off = [silence for silence in silent if silence.kind == "disconnected"]
+    codes, off = ([one for one in silent if one.kind == kind] for kind in ("code", "disconnected"))
+    if codes and (len(source.columns) == 1 or source.how == "mean"):
+        count, listed = int(sum(code.rows.sum() for code in codes)), " and ".join(f"{code.value:.6g}" for code in codes)
+        problem = f"{count} reading{'s' * (count > 1)} of exactly {listed} degC, far from those around: a fault code"
+        in_file = (*source.invalid, *(_in_file(log, key, code) for code in codes))
+        corrected = replace(source, invalid=tuple(dict.fromkeys(in_file)))
+        remedy = "these readings are left out; to have it in the model file, write {}"
+        issues.append(log.issue(key, problem, remedy, "code", corrected=corrected))
     if len(off) > _MANY:  # a sensor that is off again and again: all in one
         rows, middle = np.any([silence.rows for silence in off], axis=0), float(np.median([one.value for one in off]))
-        of_all = replace(off[0], value=middle, stop=off[-1].stop, rows=rows)
-        silent = [*(silence for silence in silent if silence.kind != "disconnected"), of_all]
-    codes = [_in_file(log, key, silence) for silence in silent if silence.kind == "code"]
-    without = replace(source, invalid=tuple(dict.fromkeys((*source.invalid, *codes))))
-    for silence in silent:
+        off = [replace(off[0], value=middle, stop=off[-1].stop, rows=rows)]
+    for silence in (*(one for one in silent if one.kind not in ("code", "disconnected")), *off):
         number, count = f"{silence.value + 0.0:.{3 if silence.kind == 'spike' else 6}g}", int(silence.rows.sum())
         when = log.when(silence.start, silence.stop)
         text = _SAID.get(silence.kind, f"{silence.kind} at {{number}} {{unit}} {{when}}")
@@ -121,11 +124,9 @@ def _suspect_silence(log: Channels, key: str, silent: list[Silence], predicted: 
         problem = text.format(number=number, unit=unit, when=when, count=count, s="s" * (count > 1))
         if silence.column:
             problem = f"its column '{silence.column}' {'is ' * (not silence.whole)}{problem}"
-        remedy, stretch = _done(log, key, silence, predicted), (silence.start, silence.stop)
-        corrected = without if silence.kind == "code" and (len(source.columns) == 1 or source.how == "mean") else None
-        remedy += "; to have it in the model file, write {}" * bool(corrected)
-        issue = log.issue(key, problem, remedy, silence.kind, corrected=corrected, stretch=stretch)
-        issues.append(replace(issue, column=silence.column or issue.column))
+        stretch, column = (silence.start, silence.stop), silence.column or source.columns[0]
+        remedy = _done(log, key, silence, predicted)
+        issues.append(Issue(key, column, problem, remedy, False, kind=silence.kind, stretch=stretch))
     return issues
 
 
