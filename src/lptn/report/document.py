@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import platform
 from datetime import date
+from functools import cache
 from importlib.metadata import version
 from importlib.resources import files
 
@@ -27,21 +29,24 @@ def render(template: str, **content: object) -> str:
 
     The page contains the script only if it has charts.
     """
-    environment = Environment(
-        loader=FunctionLoader(_text),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        finalize=lambda value: UNIT_BEHIND.sub(BOUND, value) if type(value) is str else value,
-    )
+    pages = environment().overlay(finalize=lambda value: UNIT_BEHIND.sub(BOUND, value) if type(value) is str else value)
     # Style sheet and script contain braces, and must not be parsed as templates.
     style = Markup("".join(map(_text, ("uplot/uPlot.css", "colours.css", "style.css"))))
     # uPlot and our charts as one module, as a page without other files needs it.
     script = Markup(_text("uplot/uPlot.esm.js").replace("export { uPlot as default };", "") + _text("charts.js"))
     made = f"{date.today().isoformat()} with {', '.join(f'{name} {version(name)}' for name in _VERSIONS)}"
     made += f", Python {platform.python_version()}"
-    return environment.get_template(template).render(css=style, script=script, made=made, **content)
+    return pages.get_template(template).render(css=style, script=script, made=made, **content)
+
+
+@cache
+def environment() -> Environment:
+    """The templates of `page/`; `px` writes a length, `json` a list for an attribute."""
+    made = Environment(
+        loader=FunctionLoader(_text), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    made.filters |= {"px": "{:.1f}".format, "json": lambda names: json.dumps(names, ensure_ascii=False)}
+    return made
 
 
 def _text(name: str) -> str:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from html import escape
 
 import casadi as ca
 import numpy as np
@@ -15,6 +13,7 @@ from lptn.basics.places import edge
 from lptn.identify.comparison import Comparison, Prediction
 from lptn.model.model import Model
 from lptn.model.network import EffectInstance, Network
+from lptn.report.document import environment
 from lptn.report.network_layout import Point, places_of
 from lptn.report.text import number, title_of
 
@@ -57,26 +56,13 @@ class _Line:
 # --- how it looks --------------------------------------------------------------------------------------------
 
 
-_LETTER, _HIGH, _AROUND = 7.3, 26.0, 22.0  # px: a letter's width, a box's height, a margin
+_LETTER, _SMALL_LETTER, _HIGH, _AROUND = 7.3, 6.4, 26.0, 22.0  # px: letters' widths, a box's height, a margin
 _STUB = 34.0  # px from a box's edge to the mark of the surroundings
 _BADGE = 6.5  # px, radius
 _THIN, _WIDEST = 1.6, 9.0  # px, of links
 _DIRECTIONS = 24  # that are tried for a stub
 _SCALE = ((255, 247, 188), (254, 196, 79), (236, 112, 20), (153, 52, 4))  # cool to hot; told apart in grey, too
 _LEGEND = 19.0  # px, a line of the legend
-
-_STYLE = """
-.network{--node:#f3f3f0;--edge:#5d5d58;--ink:#1a1a19;--soft:#5d5d58;--mark:#0072b2;--badge:#fff;--paper:#fff;
-font:13px system-ui,"Segoe UI","Helvetica Neue",Arial,"DejaVu Sans",sans-serif}
-@media screen and (prefers-color-scheme:dark){.network{--node:#26292e;--edge:#a3a29b;--ink:#e9e8e4;--soft:#a3a29b;
---mark:#5ab4e5;--badge:#161719;--paper:#161719}}
-.network text{fill:var(--ink)}.network .soft,.network .badge text{fill:var(--soft);font-size:11px}
-.network .badge text{font-size:9px;fill:var(--ink)}.network rect{fill:var(--node);stroke:var(--edge);stroke-width:1.2}
-.network .link line{stroke:var(--edge)}.network .link .reach{stroke:transparent;stroke-width:14}
-.network .bare line:not(.reach){stroke-dasharray:3 4}
-.network .air path{fill:none;stroke:var(--mark);stroke-width:2;stroke-linecap:round}
-.network .badge circle{fill:var(--badge);stroke:var(--edge);stroke-width:1}
-"""
 
 
 class Drawing(str):
@@ -142,7 +128,7 @@ class _Drawing:
         self.sizes = {name: self._size(name) for name in self.nodes}
         inner = [line.ends for line in self.lines.values() if not line.around]
         self.at = places_of(self.nodes, inner, self.sizes)
-        self.badges: list[str] = []
+        self.badges: list[dict[str, object]] = []
         self.reached: list[FloatArray] = []  # corners of what is drawn beside the boxes
 
     def _body(self, place: str) -> str:
@@ -175,47 +161,44 @@ class _Drawing:
         return f"{value:.1f} °C" if np.isfinite(value) else ""
 
     def text(self) -> str:
-        links = [self._between(line) for line in self.lines.values() if not line.around]
-        stubs = self._stubs()
-        boxes = [self._box(name) for name in self.nodes]
+        between = [self._between(line) for line in self.lines.values() if not line.around]
+        links, nodes = [*between, *self._stubs()], [self._box(name) for name in self.nodes]
         for name, middle in self.at.items():
             half = np.divide(self.sizes[name], 2)
             self.reached += [middle - half, middle + half]
         low, high = np.min(self.reached, axis=0), np.max(self.reached, axis=0)
         left, top = (low - _AROUND).tolist()
         width, height = (high - low + 2 * _AROUND).tolist()
-        legend, below, across = self._legend(left + 8, top + height + 4, max(width, 330.0))
-        if across > width:
-            left, width = left - (across - width) / 2, across
-            legend, below, _ = self._legend(left + 8, top + height + 4, across)
-        box = " ".join(f"{value:.0f}" for value in (left, top, width, height + below))
-        label = f"thermal network {self.network.name}: {len(self.nodes)} nodes, {len(self.lines)} links"
+        words = [", ".join(filter(None, (name, self._degrees(name)))) for name in self.around]
+        entries = [*zip(self.around, words, strict=True), *(("", title_of(key)) for key in self.kinds)]
+        column = 30.0 + _SMALL_LETTER * max(len(words) for _, words in entries)
+        across = max(width, 330.0, column + 16)
+        left -= (across - width) / 2
+        legend, below = self._legend(entries, left + 8, top + height + 4, column, across)
         return (
-            f'<svg xmlns="http://www.w3.org/2000/svg" class="network" viewBox="{box}" width="{width:.0f}" '
-            f'height="{height + below:.0f}" role="img" aria-label="{escape(label)}"><style>{_STYLE}</style>'
-            f"{''.join([*links, *stubs, *boxes, *self.badges, legend])}</svg>"
+            environment()
+            .get_template("network.svg.j2")
+            .render(
+                label=f"thermal network {self.network.name}: {len(self.nodes)} nodes, {len(self.lines)} links",
+                box=[f"{value:.0f}" for value in (left, top, across, height + below)],
+                links=links,
+                nodes=nodes,
+                badges=self.badges,
+                legend=legend,
+                most=f"{number(self.most, 3)} W through a link" if self.most else "",
+                foot=(left + 8, top + height + below - _LEGEND + 2),
+                widest=_WIDEST,
+            )
         )
 
     # --- nodes ------------------------------------------------------------------------------------
 
-    def _box(self, name: str) -> str:
-        (x, y), (width, height) = self.at[name], self.sizes[name]
-        colour, ink = self._colour(name)
-        style = f' style="fill:{colour}"' if colour else ""
-        words = f' style="fill:{ink}"' if colour else ""
-        capacity = self.names[self.network.capacities[name]]
-        degrees = self._degrees(name)
-        lines = [f'<text x="{x:.1f}" y="{y - height / 2 + 18:.1f}" text-anchor="middle"{words}>{escape(name)}</text>']
-        if degrees:
-            low = y - height / 2 + 33
-            lines.append(f'<text x="{x:.1f}" y="{low:.1f}" text-anchor="middle" class="soft"{words}>{degrees}</text>')
+    def _box(self, name: str) -> dict[str, object]:
+        (x, y), height = self.at[name], self.sizes[name][1]
         self._add_badges(self.effects.get(name, ()), x, y + height / 2 - 1)
-        corner = f'x="{x - width / 2:.1f}" y="{y - height / 2:.1f}" width="{width:.1f}" height="{height:.1f}"'
-        return (
-            f'<g class="node" data-node="{escape(name)}" data-parameter="{_names([capacity])}">'
-            f'<title>{escape(name)}{f": {degrees}" if degrees else ""}</title><rect {corner} rx="7"{style}/>'
-            f"{''.join(lines)}</g>"
-        )
+        colour, ink = self._colour(name)
+        known = {"capacity": self.names[self.network.capacities[name]], "degrees": self._degrees(name)}
+        return known | {"name": name, "at": self.at[name], "size": self.sizes[name], "colour": colour, "ink": ink}
 
     def _colour(self, name: str) -> tuple[str, str]:
         """Of a box and of what is written in it; empty without a temperature."""
@@ -230,13 +213,7 @@ class _Drawing:
 
     # --- links ------------------------------------------------------------------------------------
 
-    def _width(self, line: _Line) -> float:
-        flow = abs(self.flows.get(line.name, np.nan))
-        if not self.most or not np.isfinite(flow):
-            return _THIN
-        return max(_WIDEST * float(flow) / self.most, 0.8)
-
-    def _between(self, line: _Line) -> str:
+    def _between(self, line: _Line) -> dict[str, object]:
         start, end = np.array(self.at[line.ends[0]]), np.array(self.at[line.ends[1]])
         along = end - start
         beside = [other for other in self.lines.values() if {*other.ends} == {*line.ends}]
@@ -246,21 +223,16 @@ class _Drawing:
         self._add_badges(line.effects, *middle.tolist())
         return self._link(line, start + shift, end + shift)
 
-    def _link(self, line: _Line, start: FloatArray, end: FloatArray, mark: str = "") -> str:
-        flow = self.flows.get(line.name, np.nan)
-        watts = f": {number(abs(flow), 3)} W" if np.isfinite(flow) else ""
-        if watts:
+    def _link(self, line: _Line, start: FloatArray, end: FloatArray) -> dict[str, object]:
+        flow, width, said = self.flows.get(line.name, np.nan), _THIN, ""
+        if np.isfinite(flow):
             into, source = line.ends if flow > 0 else line.ends[::-1]
-            watts += f" from {source} to {into}"
-        ends = 'x1="{:.1f}" y1="{:.1f}" x2="{:.1f}" y2="{:.1f}"'.format(*start, *end)
-        bare = "" if line.parameters else " bare"
-        return (
-            f'<g class="link{bare}" data-link="{escape(line.name)}" data-parameter="{_names(line.parameters)}">'
-            f'<title>{escape(line.name)}{escape(watts)}</title><line class="reach" {ends}/>'
-            f'<line {ends} stroke-width="{self._width(line):.1f}"/>{mark}</g>'
-        )
+            said = f": {number(abs(flow), 3)} W from {source} to {into}"
+            width = max(_WIDEST * abs(flow) / self.most, 0.8) if self.most else _THIN
+        ends = {"start": start, "end": end, "width": width}
+        return ends | {"name": line.name, "parameters": line.parameters, "said": said}
 
-    def _stubs(self) -> list[str]:
+    def _stubs(self) -> list[dict[str, object]]:
         """Links to the surroundings, each where its node has most room."""
         angles: dict[str, list[float]] = {name: [] for name in self.nodes}
         for line in self.lines.values():
@@ -281,19 +253,18 @@ class _Drawing:
             rim = start + direction * self._to_edge(name, direction)
             end = rim + direction * (_STUB + 2 * _BADGE * bool(line.effects))
             across = np.array([-direction[1], direction[0]])
-            mark = _mark(end, across)
+            stub = self._link(line, start, end) | {"bar": (end - 7 * across, end + 7 * across)}
             if named:
-                anchor = "middle" if abs(direction[0]) < 0.5 else "start" if direction[0] > 0 else "end"
-                x, y = end + direction * 9 + [0.0, 4.0 + 5.0 * (direction[1] if abs(direction[0]) < 0.5 else 0.0)]
-                mark += (
-                    f'<text class="soft" x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}">{escape(line.around)}</text>'
-                )
-                wide = 6.4 * len(line.around)
+                upright = abs(direction[0]) < 0.5
+                anchor = "middle" if upright else "start" if direction[0] > 0 else "end"
+                x, y = end + direction * 9 + [0.0, 4.0 + 5.0 * (direction[1] if upright else 0.0)]
+                stub |= {"around": line.around, "at": (x, y), "anchor": anchor}
+                wide = _SMALL_LETTER * len(line.around)
                 first = {"middle": x - wide / 2, "start": x, "end": x - wide}[anchor]
                 self.reached += [np.array([first, y - 11]), np.array([first + wide, y])]
             self.reached += [end - 9, end + 9]
             self._add_badges(line.effects, *((rim + end) / 2).tolist())
-            drawn.append(self._link(line, start, end, mark))
+            drawn.append(stub)
         return drawn
 
     def _to_edge(self, name: str, direction: FloatArray) -> float:
@@ -327,54 +298,33 @@ class _Drawing:
 
     # --- badges and legend ------------------------------------------------------------------------
 
-    def _add_badges(self, effects: Iterable[EffectInstance], x: float, y: float) -> None:
-        effects = list(effects)
-        for place, instance in enumerate(effects):
-            at = x + 2.3 * _BADGE * (place - (len(effects) - 1) / 2)
-            self.badges.append(self._badge(instance, at, y))
+    def _add_badges(self, effects: Sequence[EffectInstance], x: float, y: float) -> None:
+        first = x - 2.3 * _BADGE * (len(effects) - 1) / 2
+        self.badges += [self._badge(one, first + 2.3 * _BADGE * place, y) for place, one in enumerate(effects)]
 
-    def _badge(self, instance: EffectInstance, x: float, y: float) -> str:
+    def _badge(self, instance: EffectInstance, x: float, y: float) -> dict[str, object]:
         flow = self.flows.get(instance.label, np.nan)
         watts = f": {number(flow, 3)} W" if np.isfinite(flow) else ""
-        parameters = _names(self.names[index] for index in instance.parameters.values())
-        return (
-            f'<g class="badge" data-effect="{escape(instance.label)}" data-parameter="{parameters}">'
-            f"<title>{escape(title_of(instance.effect.key))} at {escape(instance.place)}{watts}</title>"
-            f"{_dot(x, y, str(self.kinds.index(instance.effect.key) + 1))}</g>"
-        )
+        said = f"{title_of(instance.effect.key)} at {instance.place}{watts}"
+        parameters = [self.names[index] for index in instance.parameters.values()]
+        kind = self.kinds.index(instance.effect.key) + 1
+        return {"label": instance.label, "parameters": parameters, "said": said, "at": (x, y), "number": kind}
 
-    def _legend(self, x: float, y: float, width: float) -> tuple[str, float, float]:
-        """The legend, its height, and how wide the drawing must be for it [px]."""
-        entries = []
-        for name in self.around:
-            degrees = self._degrees(name)
-            entries.append(("air", name, f"{name}{f', {degrees}' if degrees else ''}"))
-        entries += [("dot", str(place), title_of(key)) for place, key in enumerate(self.kinds, start=1)]
-        column = 30.0 + 6.4 * max(len(words) for _, _, words in entries)
-        width = max(width, column + 16)
-        columns = max(int((width - 16) // column), 1)
-        drawn = []
-        for place, (kind, what, words) in enumerate(entries):
+    def _legend(
+        self, entries: Sequence[tuple[str, str]], x: float, y: float, column: float, width: float
+    ) -> tuple[list[dict[str, object]], float]:
+        """What surroundings and badges mean, from a corner on, in as many columns as there is room for; its height."""
+        columns, drawn = max(int((width - 16) // column), 1), list[dict[str, object]]()
+        for place, (around, words) in enumerate(entries):
             left, top = x + column * (place % columns), y + _LEGEND * (place // columns) + 10
-            if kind == "air":
-                mark = _mark(np.array([left + 7, top + 1]), np.array([1.0, 0.0]))
-                symbol = f'<g class="air" data-node="{escape(what)}">{mark}</g>'
-                beside = self.effects.get(what, ())
-            else:
-                symbol, beside = f'<g class="badge">{_dot(left + 7, top, what)}</g>', ()
-            drawn.append(f'{symbol}<text class="soft" x="{left + 20:.1f}" y="{top + 4:.1f}">{escape(words)}</text>')
-            for place, instance in enumerate(beside):
-                drawn.append(self._badge(instance, left + 28 + 6.4 * len(words) + 2.3 * _BADGE * place, top))
+            beside = left + 28 + _SMALL_LETTER * len(words)
+            badges = [
+                self._badge(one, beside + 2.3 * _BADGE * k, top) for k, one in enumerate(self.effects.get(around, ()))
+            ]
+            kind = place - len(self.around) + 1
+            drawn.append({"at": (left, top), "around": around, "number": kind, "words": words, "badges": badges})
         rows = -(-len(entries) // columns)
-        if self.most:
-            top = y + _LEGEND * rows + 10
-            drawn.append(
-                f'<g class="link"><line x1="{x:.1f}" x2="{x + 14:.1f}" y1="{top:.1f}" y2="{top:.1f}" '
-                f'stroke-width="{_WIDEST}"/></g>'
-                f'<text class="soft" x="{x + 24:.1f}" y="{top + 4:.1f}">{number(self.most, 3)} W through a link</text>'
-            )
-            rows += 1
-        return "".join(drawn), _LEGEND * rows + 12, width
+        return drawn, _LEGEND * (rows + bool(self.most)) + 12
 
 
 def _crossed(start: FloatArray, end: FloatArray, ones: FloatArray, others: FloatArray) -> BoolArray:
@@ -386,24 +336,6 @@ def _crossed(start: FloatArray, end: FloatArray, ones: FloatArray, others: Float
 
     between = side(start, end, ones) * side(start, end, others) < 0
     return np.asarray(between & (side(ones, others, start) * side(ones, others, end) < 0))
-
-
-def _names(parameters: Iterable[str]) -> str:
-    return escape(json.dumps(list(parameters), ensure_ascii=False))
-
-
-def _dot(x: float, y: float, text: str) -> str:
-    return (
-        f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{_BADGE}"/>'
-        f'<text x="{x:.1f}" y="{y + 3.2:.1f}" text-anchor="middle">{text}</text>'
-    )
-
-
-def _mark(end: FloatArray, across: FloatArray) -> str:
-    """Where heat leaves the network: a bar across the line's end."""
-    one, other = end - 7 * across, end + 7 * across
-    path = "M{:.1f} {:.1f}L{:.1f} {:.1f}".format(*one, *other)
-    return f'<g class="air"><path d="{path}"/></g>'
 
 
 # --- a network over a run --------------------------------------------------------------------------------------
