@@ -100,7 +100,7 @@ def test_all_media_say_the_same(name: str, tmp_path: Path, capsys: pytest.Captur
         probabilities
     )
     assert all(any(percent(share) in line for line in printed) for share in probabilities.values())
-    content = content_of(Bench(study, tmp_path, ""), files.opening)
+    content = content_of(Bench(study, files.opening, tmp_path))
     assert content["answers"]["verdict"] == written["verdict"] == found.verdict
     likeliest = sorted(probabilities.values(), reverse=True)
     assert [each["probable"] for each in content["answers"]["answers"]] == list(map(percent, likeliest))
@@ -114,7 +114,7 @@ def test_all_media_say_the_same(name: str, tmp_path: Path, capsys: pytest.Captur
     said = study.narrative()
     assert printed[: len(said)] == list(map(str, said))
     assert sum(len(wrap(line.replace(str(tmp_path), ""), 80)) for line in printed) <= 15
-    head = content_of(Bench(study, tmp_path, ""), files.opening)["head"]
+    head = content_of(Bench(study, files.opening, tmp_path))["head"]
     _same(said, head["said"], study._repr_html_(), story)
     assert written["remaining"] == study.selection().remaining
     held_out = study.compare()
@@ -126,7 +126,7 @@ def test_all_media_say_the_same(name: str, tmp_path: Path, capsys: pytest.Captur
     held = [each for each in unfitted.check() if each.label in ("Sensors", "Excitation", "Effects")]
     assert set(map(str, held)) <= set(_lines(capsys))
     _same(held, [], unfitted._repr_html_(), story)
-    contents = content_of(Bench(unfitted, tmp_path, ""), files.opening)["contents"]
+    contents = content_of(Bench(unfitted, files.opening, tmp_path))["contents"]
     assert contents == [(each.label, each.text) for each in held]
     _run("fit", files.model, *files.words, "-o", tmp_path / "fitted.toml")
     assert _lines(capsys)[0] == f"Error: {errors_in_words(study.steps[:1])}"

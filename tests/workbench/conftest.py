@@ -39,7 +39,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Bench:
     """Fitted as given."""
     study = OPENING.study()
     study.fit()
-    return Bench(study, tmp_path_factory.mktemp("session"), OPENING.fingerprint(study))
+    return Bench(study, OPENING, tmp_path_factory.mktemp("session"), OPENING.fingerprint(study))
 
 
 # --- the command, as a person starts it, and a browser ---------------------------------------------------------------

@@ -49,7 +49,7 @@ def asked(tmp_path_factory: pytest.TempPathFactory) -> Bench:
     """Two heaters, with answers."""
     study = OPENING.study()
     study.fit()
-    bench = Bench(study, tmp_path_factory.mktemp("session"), OPENING.fingerprint(study))
+    bench = Bench(study, OPENING, tmp_path_factory.mktemp("session"), OPENING.fingerprint(study))
     bench.do(Plain(what="diagnose"))
     bench.look_closer()
     return bench
@@ -57,7 +57,7 @@ def asked(tmp_path_factory: pytest.TempPathFactory) -> Bench:
 
 def studied(bench: Bench, nodes: int) -> WorkbenchSession:
     """A session that shows a study; of more than two nodes as many of the heaters, in five runs."""
-    content, news = content_of(bench, OPENING), bench.news()
+    content, news = content_of(bench), bench.news()
     bench._sent.clear()  # the next session is to have the lines, too
     if nodes > 2:
         wide = np.arange(nodes) % 2

@@ -29,13 +29,13 @@ def asked(tmp_path_factory: pytest.TempPathFactory) -> Bench:
     study = OPENING.study()
     study.fit()
     study.diagnose()
-    bench = Bench(study, tmp_path_factory.mktemp("asked"), "")
+    bench = Bench(study, OPENING, tmp_path_factory.mktemp("asked"))
     bench.look_closer()
     return bench
 
 
 def test_operating_conditions_are_those_of_the_comparison(asked: Bench) -> None:
-    rows = content_of(asked, OPENING)["conditions"]["given"]
+    rows = content_of(asked)["conditions"]["given"]
     nodes = list(asked.study.model.nodes)
     expected: dict[tuple[str, str], list[float]] = {}
     for condition in asked.study.compare().conditions():
@@ -73,33 +73,33 @@ def test_add_keeps_what_try_showed(case: str, tmp_path: Path, monkeypatch: pytes
     study.fit()
     for effect, at in added:
         study.add(effect, at)
-    bench = Bench(study, tmp_path, "")
+    bench = Bench(study, files, tmp_path)
     bench.do(Plain(what="diagnose"))
     bench.look_closer()
     diagnosis = study.diagnosed
     assert diagnosis is not None
     answers, lines = [step.key for step in diagnosis.steps], bench.news().predicted
     for key in [*answers, *(one.candidate.key for one in bench.weighed_only[:_NEXT])]:
-        shown = _shown(bench, files, key)
+        shown = _shown(bench, key)
         assert bool(shown["tried"]) == (key in answers)
         bench.do(Try(what="try", effect=key[0], at=key[1]))
-        tried = _shown(bench, files, key)
+        tried = _shown(bench, key)
         lines |= bench.news().predicted
         with monkeypatch.context() as no_other_fit:
             no_other_fit.setattr("lptn.study.refit", None)
             bench.do(Add(what="add", effect=key[0], at=key[1]))
-        row = content_of(bench, files)["steps"][-1]
+        row = content_of(bench)["steps"][-1]
         assert {name: tried[name] for name in row} == row
-        name = content_of(bench, files)["now"]
+        name = content_of(bench)["now"]
         assert name == tried["tried"]
         for segment, prediction in bench.predictions(-1).items():
             np.testing.assert_array_equal(prediction.readings, lines[segment, name])
         bench.do(Plain(what="undo"))
 
 
-def _shown(bench: Bench, files: Opening, key: Key) -> dict[str, Any]:
+def _shown(bench: Bench, key: Key) -> dict[str, Any]:
     """What the page shows of a candidate."""
-    answers = content_of(bench, files)["answers"]
+    answers = content_of(bench)["answers"]
     return next(each for each in answers["answers"] + answers["weighed"] if (each["effect"], each["at"]) == key)
 
 
@@ -121,7 +121,7 @@ def test_a_fit_that_was_tried_is_of_the_data_and_the_model_as_they_are() -> None
 def test_an_answer_has_its_kind_size_and_probability(asked: Bench) -> None:
     diagnosis = asked.study.diagnosed
     assert diagnosis is not None
-    content = content_of(asked, OPENING)
+    content = content_of(asked)
     shown = content["answers"]
     likeliest = sorted(diagnosis.steps, key=lambda step: -step.probability)
     assert [each["key"] for each in shown["answers"]] == [name_of(step) for step in likeliest]
@@ -143,10 +143,10 @@ def test_another_studys_model_stands_beside_with_its_own_errors(tmp_path: Path) 
     benches = {name: _opened(theirs, opening, tmp_path, after_a_stop=False) for name, opening in files.items()}
     other = benches["other"]
     other.do(Add(what="add", effect="sensor_lag", at="*"))
-    _save(other, files["other"])
+    _save(other)
     mine = benches["mine"]
-    _set_against(mine, OPENING, other.folder.name)
-    content, news = content_of(mine, OPENING), mine.news()
+    _set_against(mine, other.folder.name)
+    content, news = content_of(mine), mine.news()
     step = other.study.steps[-1]
     assert step.holdout is not None
     assert content["head"]["against"] == pytest.approx(step.holdout.rmse, rel=1e-3)  # as its own page says
@@ -158,15 +158,15 @@ def test_another_studys_model_stands_beside_with_its_own_errors(tmp_path: Path) 
         [Errors.of(row).rmse for row in other.predictions(1)["holdout 0"].error], rel=1e-3
     )
     mine.do(Cut(what="hold_out", run="log", start=100.0, stop=200.0))
-    _set_against(mine, OPENING, other.folder.name)
-    tiles = content_of(mine, OPENING)["tiles"]
+    _set_against(mine, other.folder.name)
+    tiles = content_of(mine)["tiles"]
     assert list(tiles) == ["fit 0", "fit 1", "holdout 0", "holdout 1"]
     assert all(tile["against"] for tile in tiles.values())
-    _set_against(mine, OPENING, "")
-    assert content_of(mine, OPENING)["head"]["against"] is None
+    _set_against(mine, "")
+    assert content_of(mine)["head"]["against"] is None
     for name in ("../elsewhere", "nothing"):
         with pytest.raises(InputError, match="none of that name"):
-            _set_against(mine, OPENING, name)
+            _set_against(mine, name)
     ours.close()
 
 
@@ -174,7 +174,7 @@ def test_the_head_says_what_study_and_report_say(tmp_path: Path) -> None:
     study = OPENING.study()
     study.improve()
     study.advise()
-    head = content_of(Bench(study, tmp_path, ""), OPENING)["head"]
+    head = content_of(Bench(study, OPENING, tmp_path))["head"]
     said = [(sentence.label, sentence.text) for sentence in study.narrative()]
     assert head["said"][:-1] == said
     assert f"→ {head['now']:.2f} K" in dict(said)["Error"]

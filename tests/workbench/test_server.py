@@ -41,7 +41,7 @@ def session(bench: Bench) -> WorkbenchSession:
     """A session that heard of the fit, and whose process does nothing."""
     session = WorkbenchSession(OPENING, bench.folder)
     session._heard_opened(bench.folder)
-    session._heard_shown(content_of(bench, OPENING), bench.news())
+    session._heard_shown(content_of(bench), bench.news())
     return session
 
 
@@ -467,7 +467,7 @@ def test_a_taken_port_is_said() -> None:
 
 
 def test_the_commands_and_python_lines_do_the_same(bench: Bench, tmp_path: Path) -> None:
-    content = content_of(bench, OPENING)
+    content = content_of(bench)
     assert content["commands"][-1].startswith("lptn fit ")
     script = content["python"].replace("better.toml", str(tmp_path / "better.toml"))
     there: dict[str, object] = {}

@@ -18,6 +18,7 @@ from lptn.identify.data import Segment
 from lptn.report.network_drawing import NetworkCourse
 from lptn.study import Study
 from lptn.workbench.lines import RunLines
+from lptn.workbench.opening import Opening
 from lptn.workbench.orders import Add, Back, Cut, Keep, Order, Plain, Set, Try
 
 _MOST_WEIGHED = 12  # candidates beyond the answers; less probable ones are useless
@@ -45,12 +46,13 @@ class Bench:
 
     Args:
         study: the study.
+        opening: the files and options that it was made from.
         folder: of the session; report and FMU go there, too.
-        fingerprint: of the files and options that the study was made from.
+        fingerprint: of those files and options.
     """
 
-    def __init__(self, study: Study, folder: Path, fingerprint: str) -> None:
-        self.study, self.folder, self.fingerprint = study, folder, fingerprint
+    def __init__(self, study: Study, opening: Opening, folder: Path, fingerprint: str = "") -> None:
+        self.study, self.opening, self.folder, self.fingerprint = study, opening, folder, fingerprint
         self.heat: dict[str, dict[str, UnexplainedHeat]] = {}
         """Unexplained heat of each model, by segment."""
         self.against: tuple[str, dict[str, FloatArray]] = "", {}
@@ -116,17 +118,14 @@ class Bench:
         self._forget()
 
     def _cut(self, order: Cut) -> None:
+        cut = order.run, order.start, order.stop
         if order.what == "use_again":
-            again = [
-                stretch
-                for stretch in self.study.stretches
-                if (stretch.run, stretch.start, stretch.stop) == _stretch(order)
-            ]
-            if not again:
+            known = {(one.run, one.start, one.stop): one for one in self.study.stretches}
+            if cut not in known:
                 raise InputError("stretch", order.run, "not left out", "a stretch that was")
-            self.study.use_again(again[0])
+            self.study.use_again(known[cut])
         else:
-            getattr(self.study, order.what)(*_stretch(order))
+            getattr(self.study, order.what)(*cut)
         self._forget()
 
     def _forget(self) -> None:
@@ -137,14 +136,13 @@ class Bench:
 
     def look_closer(self) -> None:
         """Compute what is shown after a diagnosis: each answer added alone, heat, the next experiment."""
-        name = self.model
         if self.study.diagnosed is None:
             return
         for answer in self._answers:
             self.study.attempt(answer)
-        if name not in self.heat:
+        if self.model not in self.heat:
             heat = self.study.unexplained_heat()
-            self.heat[name] = {f"fit {number}": estimate for number, estimate in enumerate(heat)}
+            self.heat[self.model] = {f"fit {number}": estimate for number, estimate in enumerate(heat)}
         self.study.advise()
 
     @property
@@ -169,8 +167,7 @@ class Bench:
         both, theirs = segments(self.study), segments(other)
         predicted = versus(self.study.model, other.model, [*both.values()], [*theirs.values()]).other
         rows, readings = {node: row for row, node in enumerate(predicted.model.nodes)}, dict[str, FloatArray]()
-        now = self.predictions(len(self.study.steps) - 1)
-        for (key, shown), prediction in zip(now.items(), predicted.predictions, strict=True):
+        for (key, shown), prediction in zip(self.predictions(-1).items(), predicted.predictions, strict=True):
             readings[key] = np.full_like(shown.readings, np.nan)
             for k, node in enumerate(self.study.model.nodes):
                 if node in rows:
@@ -181,7 +178,7 @@ class Bench:
     @property
     def errors_against(self) -> dict[str, FloatArray]:
         """Errors of the other study's model where this one's count [K], (nodes, n), by segment."""
-        now, lines = self.predictions(len(self.study.steps) - 1) if self.against[0] else {}, self.against[1]
+        now, lines = self.predictions(-1) if self.against[0] else {}, self.against[1]
         return {
             key: np.where(np.isfinite(one.error), lines[key] - one.bound.measured, np.nan) for key, one in now.items()
         }
@@ -216,8 +213,7 @@ class Bench:
             return news
         nodes = tuple(self.study.model.nodes)
         models: dict[str, int | Step] = {self.name_tried(step): step for step in self.study.attempts}
-        names = names_of(self.study.steps)
-        models |= {names[0]: 0, names[-1]: len(names) - 1}
+        models |= {names_of(self.study.steps)[0]: 0, self.model: -1}
         for name, step in models.items():
             for segment, prediction in self.predictions(step).items():
                 if (segment, "") not in self._sent:
@@ -228,9 +224,8 @@ class Bench:
         against, readings = self.against
         news.predicted |= {(key, f"against {against}"): lines for key, lines in readings.items()}
         news.heat = self.heat.get(self.model, {})
-        last = len(self.study.steps) - 1
-        now = self.study.steps[last].fit.model
-        news.networks = {key: NetworkCourse.of(now, predicted) for key, predicted in self.predictions(last).items()}
+        now = self.study.steps[-1].fit.model
+        news.networks = {key: NetworkCourse.of(now, predicted) for key, predicted in self.predictions(-1).items()}
         return news
 
 
@@ -248,7 +243,3 @@ def name_of(step: Step) -> str:
 def names_of(steps: tuple[Step, ...]) -> list[str]:
     """What the models of steps are called: each after all effects that were added up to it."""
     return ["; ".join(filter(None, map(name_of, steps[: number + 1]))) or "as given" for number in range(len(steps))]
-
-
-def _stretch(order: Cut) -> tuple[str, float, float]:
-    return order.run, order.start, order.stop

@@ -67,10 +67,7 @@ def work(
         if isinstance(opening, str):
             # Its files are written beside the sessions: nothing lands in the user's own folders.
             opening = EXAMPLES[opening].opening(own_folder(sessions / f"example-{opening}"))
-        begun = _begun(pipe, opening, sessions, after_a_stop)
-        if begun is None:
-            return
-        bench, opening = begun
+        bench = _begun(pipe, opening, sessions, after_a_stop)
     except InputError as error:
         pipe.send(("refused", error))
         return
@@ -78,19 +75,17 @@ def work(
         expected = "a folder that you can write to, and nobody else ($XDG_STATE_HOME)"
         pipe.send(("refused", InputError(sessions, "session", error.strerror or str(error), expected)))
         return
-    while True:
-        _show(pipe, bench, opening)
+    while bench is not None:
+        _show(pipe, bench)
         pipe.send(("done",))
         try:
             order = pipe.recv()
         except EOFError:
             return
-        _done(pipe, bench, opening, order)
+        _done(pipe, bench, order)
 
 
-def _begun(
-    pipe: Connection, opening: Opening | Path, sessions: Path, after_a_stop: bool
-) -> tuple[Bench, Opening] | None:
+def _begun(pipe: Connection, opening: Opening | Path, sessions: Path, after_a_stop: bool) -> Bench | None:
     """The study of some files; by way of a desk where they are on one, or where columns of a log have to be named.
 
     Raises:
@@ -108,7 +103,7 @@ def _begun(
             opening, after_a_stop = ordered, False
         assert isinstance(opening, Opening)
         try:
-            return _opened(pipe, opening, sessions, after_a_stop), opening
+            return _opened(pipe, opening, sessions, after_a_stop)
         except InputError as error:
             if desk is None:
                 if not error.place.startswith("column") or error.file == str(opening.model):
@@ -137,24 +132,24 @@ def _at_desk(pipe: Connection, desk: Desk, *, reading: bool) -> Opening | None:
                 return opening
 
 
-def _done(pipe: Connection, bench: Bench, opening: Opening, order: Order | Keep) -> None:
+def _done(pipe: Connection, bench: Bench, order: Order | Keep) -> None:
     def found(steps: tuple[Step, ...]) -> None:
         pipe.send(("found", [step_content(step) for step in steps[1:]]))
 
     with _told(pipe):
         if isinstance(order, Against):
-            _set_against(bench, opening, order.study)
+            _set_against(bench, order.study)
             return
         bench.do(order, found)
         if order.what == "diagnose":
-            _show(pipe, bench, opening)  # the answers, before the rest of them is worked out
-            _save(bench, opening)  # they stay where somebody stops the rest
+            _show(pipe, bench)  # the answers, before the rest of them is worked out
+            _save(bench)  # they stay where somebody stops the rest
         if order.what in ("diagnose", "improve"):
             bench.look_closer()
-        _save(bench, opening)
+        _save(bench)
 
 
-def _set_against(bench: Bench, opening: Opening, name: str) -> None:
+def _set_against(bench: Bench, name: str) -> None:
     """Let the model of another session, as it is now, predict this one's logs.
 
     Raises:
@@ -163,7 +158,7 @@ def _set_against(bench: Bench, opening: Opening, name: str) -> None:
     model = bench.folder.parent / name / NOW
     if name and not (reopened(bench.folder.parent, name) and model.is_file()):
         raise InputError(one_line(name), "study", "no model of its own yet", "one that was opened with this version")
-    other = replace(opening, model=model).study() if name else None
+    other = replace(bench.opening, model=model).study() if name else None
     if other is not None:
         _cut(other, bench.study.stretches)
     bench.compare_with(name, other)
@@ -181,8 +176,8 @@ def _told(pipe: Connection, told: Callable[[Exception], str] = one_line) -> Iter
         pipe.send(("failed", f"{type(error).__name__}: {told(error)}"))
 
 
-def _show(pipe: Connection, bench: Bench, opening: Opening) -> None:
-    pipe.send(("shown", content_of(bench, opening), bench.news()))
+def _show(pipe: Connection, bench: Bench) -> None:
+    pipe.send(("shown", content_of(bench), bench.news()))
 
 
 class _Telling(logging.Handler):
@@ -221,7 +216,7 @@ def _opened(pipe: Connection, opening: Opening, sessions: Path, after_a_stop: bo
     assert opening.model is not None
     folder = own_folder(sessions / f"{opening.model.stem[:_LONGEST_STEM]}-{fingerprint[:10]}")
     pipe.send(("opened", folder))
-    bench = Bench(study, folder, fingerprint)
+    bench = Bench(study, opening, folder, fingerprint)
     try:
         # A pickle runs what it says: only this user can have put one into the folder, as the programs that they run.
         if is_own_file(folder / STUDY):
@@ -237,7 +232,7 @@ def _opened(pipe: Connection, opening: Opening, sessions: Path, after_a_stop: bo
         logger.info("the session's study can't be read; its steps are done again")
     if not after_a_stop:
         _do_again(study, folder)
-        _save(bench, opening)
+        _save(bench)
     return bench
 
 
@@ -264,11 +259,11 @@ def _cut(study: Study, stretches: Iterable[Stretch]) -> None:
         (study.hold_out if stretch.held_out else study.leave_out)(stretch.run, stretch.start, stretch.stop)
 
 
-def _save(bench: Bench, opening: Opening) -> None:
+def _save(bench: Bench) -> None:
     study = bench.study
     done = _Done(
         name=study.model.network.name,
-        opening=opening.absolute(),
+        opening=bench.opening.absolute(),
         stretches=list(study.stretches),
         steps=[step.key for step in study.steps[1:]],
         settings=list(study.settings),

@@ -30,14 +30,9 @@ _LIKELY = 0.5  # the probability from which an answer's name stands out: more pr
 _PAIRS = 10  # of parameters: others go together less
 
 
-def content_of(bench: Bench, opening: Opening) -> dict[str, Any]:
-    """The page's content, as JSON holds it; `given` and `now` name the models whose lines are drawn.
-
-    Args:
-        bench: the study with what was worked out of it.
-        opening: how it was opened.
-    """
-    study = bench.study
+def content_of(bench: Bench) -> dict[str, Any]:
+    """The page's content, as JSON holds it; `given` and `now` name the models whose lines are drawn."""
+    study, opening = bench.study, bench.opening
     content: dict[str, Any] = {
         "name": study.model.network.name,
         "nodes": list(study.model.nodes),

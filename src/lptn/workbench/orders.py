@@ -201,6 +201,12 @@ order: TypeAdapter[Order] = TypeAdapter(Annotated[Order, Field(discriminator="wh
 """Checks what the page sent."""
 
 
+class StateAsked(_Said):
+    """What has changed since a version of the state?"""
+
+    since: int = -1
+
+
 class ResidualsAsked(_Said):
     """What do the errors of a node in a run look like?"""
 

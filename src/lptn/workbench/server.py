@@ -37,7 +37,7 @@ from lptn.basics.files import fingerprint, finite, whole_file, write_whole
 from lptn.workbench.desk import bound_of, delete_unfinished, place_for
 from lptn.workbench.gate import MOVES_ON, Gate
 from lptn.workbench.lines import packed
-from lptn.workbench.orders import LinesAsked, NetworkAsked, ResidualsAsked, SpecialAsked, order
+from lptn.workbench.orders import LinesAsked, NetworkAsked, ResidualsAsked, SpecialAsked, StateAsked, order
 from lptn.workbench.residuals import Residuals
 from lptn.workbench.session import BusyError, WorkbenchSession
 from lptn.workbench.special import Special
@@ -80,7 +80,8 @@ def application_of(routes: Sequence[BaseRoute], port: int, *tokens: str) -> Star
     """An application of some routes and the page's files, behind the gate; arguments as of `application`."""
     icon = Route("/favicon.ico", lambda _: Response(status_code=204))  # browsers ask for it unasked
     site = Mount("/", StaticFiles(packages=_PAGE, html=True))
-    return Starlette(routes=[icon, *routes, site], middleware=[Middleware(Gate, port=port, tokens=tokens)])
+    gate = Middleware(Gate, port=port, tokens=tokens)
+    return Starlette(routes=[icon, *routes, site], middleware=[gate], exception_handlers=_REFUSALS)
 
 
 Asked = TypeVar("Asked", bound=BaseModel)
@@ -94,52 +95,27 @@ class _Site:
         self._session = session
 
     async def state(self, request: Request) -> Response:
-        try:
-            since = int(request.query_params.get("since", "-1"))
-        except ValueError:
-            return _wrong("since: a whole number")
-        content = self._session.state(since)
+        content = self._session.state(StateAsked.model_validate(dict(request.query_params)).since)
         return Response(status_code=204) if content is None else JSONResponse(content)
 
     async def order(self, request: Request) -> Response:
-        try:
-            async with asyncio.timeout(_PATIENCE):
-                text = await _short_text(request)
-            version = self._session.do(order.validate_json(text))
-        except TimeoutError:
-            return _wrong("an order that does not end", 408)
-        except ClientDisconnect:  # nobody hears the answer
-            return _wrong("an order that broke off", 400)
-        except UnicodeDecodeError:
-            return _wrong("bytes that are not UTF-8 text", 400)
-        except InputError as error:
-            return _wrong(str(error), 413)
-        except ValidationError as error:
-            return _wrong(_in_words(error))
-        except BusyError as error:
-            return JSONResponse({"error": str(error)}, 409)
-        return JSONResponse({"version": version}, 202)
+        async with asyncio.timeout(_PATIENCE):
+            text = await _short_text(request)
+        return JSONResponse({"version": self._session.do(order.validate_json(text))}, 202)
 
     async def file(self, request: Request) -> Response:
-        words = request.query_params
+        name, based = request.query_params.get("name", ""), request.query_params.get("based")
         try:
-            name, based = words.get("name", ""), words.get("based")
             path = await run_in_threadpool(self._session.place_for, name, based)
             folder = path.parents[name.count("/")]
             try:
                 await _received(request, path, lambda: place_for(folder, name, based))
-            except BaseException:
+            except BaseException:  # it was cancelled as well: nothing is left of it
                 delete_unfinished(folder, path)
                 raise
             await run_in_threadpool(self._session.arrived, path)
-        except ClientDisconnect:  # it was cancelled, and nothing is left of it
-            return _wrong("a file that broke off", 400)
-        except BusyError as error:
-            return _wrong(str(error), 409)
-        except InputError as error:
-            return _wrong(str(error), 413)
         except OSError as error:
-            return _wrong(f"{words.get('name', '')}: {error.strerror or error}", 507)
+            return _wrong(f"{name}: {error.strerror or error}", 507)
         return JSONResponse({"based": fingerprint(path)} if path.suffix == ".toml" else {}, 202)
 
     async def stop(self, _: Request) -> Response:
@@ -169,18 +145,13 @@ def _as_bytes(lines: Mapping[str, Mapping[str, FloatArray]]) -> Response:
 def _answering(
     kind: type[Asked], answer: Callable[[Asked], Found], respond: Callable[[Found], Response]
 ) -> Callable[[Request], Awaitable[Response]]:
-    """Answers a question whose parts stand in the address; what was wrong with it in a line."""
+    """Answers a question whose parts stand in the address."""
     lists = {name for name, field in kind.model_fields.items() if get_origin(field.annotation) is list}
 
     async def answered(request: Request) -> Response:
         words = request.query_params
-        try:
-            asked = kind.model_validate({name: words.getlist(name) if name in lists else words[name] for name in words})
-            return await run_in_threadpool(lambda: respond(answer(asked)))
-        except ValidationError as error:
-            return _wrong(_in_words(error))
-        except InputError as error:
-            return _wrong(str(error))
+        asked = kind.model_validate({name: words.getlist(name) if name in lists else words[name] for name in words})
+        return await run_in_threadpool(lambda: respond(answer(asked)))
 
     return answered
 
@@ -234,6 +205,17 @@ async def _received(request: Request, path: Path, check: Callable[[], object]) -
 def _wrong(what: str, status: int = 422) -> Response:
     unread = {"connection": "close"} if status in (408, 409, 413, 507) else None  # of the body, which is not waited for
     return JSONResponse({"error": what}, status, unread)
+
+
+_REFUSALS: Mapping[Any, Callable[[Request, Any], Response]] = {
+    InputError: lambda request, error: _wrong(str(error), 413 if request.method == "POST" else 422),
+    ValidationError: lambda _, error: _wrong(_in_words(error)),
+    BusyError: lambda _, error: _wrong(str(error), 409),
+    UnicodeDecodeError: lambda *_: _wrong("bytes that are not UTF-8 text", 400),
+    TimeoutError: lambda *_: _wrong("an order that does not end", 408),
+    ClientDisconnect: lambda *_: _wrong("what was sent broke off", 400),  # and nobody hears it
+}
+"""What is answered where an order, a file or a question can't be taken."""
 
 
 def _in_words(error: ValidationError) -> str:
