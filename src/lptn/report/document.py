@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import platform
+import re
 from datetime import date
 from functools import cache
 from importlib.metadata import version
@@ -33,7 +34,8 @@ def render(template: str, **content: object) -> str:
     # Style sheet and script contain braces, and must not be parsed as templates.
     style = Markup("".join(map(_text, ("uplot/uPlot.css", "colours.css", "style.css"))))
     # uPlot and our charts as one module, as a page without other files needs it.
-    script = Markup(_text("uplot/uPlot.esm.js").replace("export { uPlot as default };", "") + _text("charts.js"))
+    modules = map(_text, ("uplot/uPlot.esm.js", "zoom.js", "charts.js"))
+    script = Markup(re.sub(r"^export (\{.*\};)?", "", "".join(modules), flags=re.MULTILINE))
     made = f"{date.today().isoformat()} with {', '.join(f'{name} {version(name)}' for name in _VERSIONS)}"
     made += f", Python {platform.python_version()}"
     return pages.get_template(template).render(css=style, script=script, made=made, **content)

@@ -1,6 +1,5 @@
-// Charts of a page that is one file: chosen, zoomed, hovered. The data stand in the page; uPlot, above, draws.
+// Charts of a page that is one file: chosen, zoomed, hovered. The data stand in the page; uPlot and zoom.js are above.
 
-const GRID = [1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1200, 1800, 3600, 7200, 14400, 28800, 86400];
 const MISSING = 65535;
 const DASHES = { given: [7, 4], limit: [4, 3] };
 const color = name => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
@@ -92,17 +91,16 @@ class Charts {
   }
 
   chart(view, panel, lines, stack, last) {
-    const shown = panel.lines.filter(line => line.name in lines), ink = color("--soft");
-    const grid = { stroke: color("--shade"), width: 1 }, ticks = { stroke: color("--rule"), width: 1, size: 4 };
-    const font = "12px system-ui, sans-serif", across = this.content.across, time = across.startsWith("time");
+    const shown = panel.lines.filter(line => line.name in lines), noise = noiseOf(panel, view) ?? 0, zero = panel.zero ? [-noise, noise] : [];
+    const axis = axisLook(color("--soft"), color("--shade"), color("--rule")), across = this.content.across, time = across.startsWith("time");
     const window = this.window(view) ?? this.ends(view), seconds = across.endsWith("[s]") ? "s" : across.endsWith("[min]") ? "min" : across.match(/\[(.*)\]/)?.[1] ?? "";
     const options = {
       width: stack.clientWidth || 1000, height: panel.height + (last ? 32 : 0), padding: [8, 18, last ? null : 0, 0],
       cursor: { sync: { key: this.sync.key, setSeries: false }, drag: { x: true, y: false, setScale: false }, points: { size: 6 }, bind: { dblclick: () => () => this.zoom(null, view.across) } },
-      scales: { x: { time: false, auto: false, min: window[0], max: window[1], distr: this.content.log ? 3 : 1, range: (_, low, high) => [low, high] }, y: panel.log ? { distr: 3 } : { range: (_, low, high) => limits(low, high, panel.zero, noiseOf(panel, view)) } },
+      scales: { x: { time: false, auto: false, min: window[0], max: window[1], distr: this.content.log ? 3 : 1, range: (_, low, high) => [low, high] }, y: panel.log ? { distr: 3 } : { range: (_, low, high) => limits(low, high, ...zero) } },
       axes: [
-        { show: last, stroke: ink, grid, ticks, ...(time ? { incrs: GRID } : {}), size: 42, label: across, labelSize: 16, font, labelFont: font },
-        { stroke: ink, grid, ticks, label: panel.label, labelSize: 18, size: 54, space: 26, font, labelFont: font },
+        { ...axis, show: last, ...(time ? { incrs: GRID } : {}), size: 42, label: across, labelSize: 16 },
+        { ...axis, label: panel.label, labelSize: 18, size: 54, space: 26 },
       ],
       series: [{ label: across.replace(/ \[.*/, ""), value: (_, value) => value == null ? "–" : `${clear(value)} ${seconds}${clock(view.began, seconds === "min" ? 60 * value : value)}` },
         ...shown.map(line => ({
@@ -141,36 +139,18 @@ class Charts {
   }
 
   selected(chart, view) {
-    const { left, width } = chart.select;
-    if (width < 4) return;
-    const window = [chart.posToVal(left, "x"), chart.posToVal(left + width, "x")];
-    chart.setSelect({ left: 0, width: 0, top: 0, height: 0 }, false);
-    this.zoom(window, view.across);
+    const window = dragged(chart);
+    if (window) this.zoom(window, view.across);
   }
 
   key(event, view) {
-    if (event.ctrlKey || event.metaKey || event.altKey) return;
-    const [start, stop] = this.ends(view), [low, high] = this.window(view) ?? [start, stop], width = high - low;
-    const moved = { "+": [0.25, -0.25], "=": [0.25, -0.25], "-": [-0.5, 0.5], ArrowLeft: [-0.25, -0.25], ArrowRight: [0.25, 0.25] }[event.key];
-    if (event.key === "0" || event.key === "Escape") this.zoom(null, view.across);
-    else if (moved) {
-      const shift = moved[0] === moved[1] ? Math.min(Math.max(moved[0] * width, start - low), stop - high) : null;
-      const window = shift == null ? [Math.max(low + moved[0] * width, start), Math.min(high + moved[1] * width, stop)] : [low + shift, high + shift];
-      this.zoom(window[0] <= start && window[1] >= stop ? null : window, view.across);
-    } else return;
-    event.preventDefault();
+    const window = keyed(event, this.window(view) ?? this.ends(view), this.ends(view));
+    if (window !== undefined) this.zoom(window, view.across);
   }
 }
 
 // The sensors' noise is one of temperatures, and no band around another quantity.
 function noiseOf(panel, view) { return panel.unit === "K" ? view.floor : null; }
-
-function limits(low, high, zero, floor) {
-  if (low == null) return [0, 1];
-  if (zero) { low = Math.min(low, -(floor ?? 0)); high = Math.max(high, floor ?? 0); }
-  const margin = 0.06 * (high - low) || 0.5;
-  return [low - margin, high + margin];
-}
 
 document.documentElement.classList.add("live");
 const made = [...document.querySelectorAll(".charts")].map(place => new Charts(place, JSON.parse(document.getElementById(`${place.id}-data`).textContent)));

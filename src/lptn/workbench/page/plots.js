@@ -1,11 +1,11 @@
 // Time plots: drag to zoom, hover to read. Lines come from the server for the window that is shown, thinned to its width.
 
 import uPlot from "/uplot/uPlot.esm.js";
+import { axisLook, dragged, GRID, keyed, limits } from "/zoom.js";
 import { csv, png, save, svg } from "/export.js";
 import { color, onLook } from "/look.js";
 import { h, kelvin, ofOneRun, placed, triable } from "/sections.js";
 
-const GRID = [1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1200, 1800, 3600, 7200, 14400, 28800, 86400];  // s between ticks
 const LONG = 600;  // s: minutes from here on
 const POINTS = 2;  // of a line to each pixel across: the smallest and the largest reading there
 const STRIDE = 0.01;  // of the width, by which a key moves the cursor
@@ -236,7 +236,7 @@ class View {
     const { run, plots } = this, clock = plots.clock && run.clock, origin = clock ? 0 : run.origin, minutes = run.stop - run.start > LONG;
     const since = value => minutes ? Number(((value - origin) / 60).toFixed(2)) : Number((value - origin).toFixed(2));
     const ofDay = value => new Date(1000 * value).toISOString().slice(run.stop - run.start > DAY ? 5 : 11, minutes ? 16 : 19).replace("T", " ");
-    const ink = color("--soft"), grid = { stroke: color("--shade"), width: 1 }, ticks = { stroke: color("--line"), width: 1, size: 4 };
+    const axis = axisLook(color("--soft"), color("--shade"), color("--line")), within = [limited ? this.limit : null, ...floor != null || zero ? [-2 * (floor ?? 0), 2 * (floor ?? 0)] : []];
     const number = value => value == null ? "–" : `${Number(value.toPrecision(4))} ${unit}`;
     const options = {
       width: this.look[1] || 1200, height: height + (last ? 30 : 0),
@@ -246,12 +246,12 @@ class View {
         bind: { dblclick: () => () => this.plots.zoom(this.segment, null) },
       },
       legend: { live: true },
-      scales: { x: { time: false, auto: false, min: this.window[0], max: this.window[1] }, y: { range: (_, low, high) => this.values[label] ?? limits(low, high, floor, zero, limited ? this.limit : null) } },
+      scales: { x: { time: false, auto: false, min: this.window[0], max: this.window[1] }, y: { range: (_, low, high) => this.values[label] ?? limits(low, high, ...within) } },
       axes: [
-        { show: last, stroke: ink, grid, ticks, incrs: GRID, size: 42, label: clock ? "time of day [UTC]" : minutes ? "time [min]" : "time [s]", labelSize: 16, font: "12px system-ui, sans-serif", labelFont: "12px system-ui, sans-serif",
+        { ...axis, show: last, incrs: GRID, size: 42, label: clock ? "time of day [UTC]" : minutes ? "time [min]" : "time [s]", labelSize: 16,
           splits: (_, axis, low, high, step) => { const from = origin + step * Math.ceil((low - origin) / step); return Array.from({ length: Math.floor((high - from) / step) + 1 }, (_, k) => from + k * step); },
           values: (_, splits) => splits.map(clock ? ofDay : since) },
-        { stroke: ink, grid, ticks, label, labelSize: 18, size: 46, space: 26, font: "12px system-ui, sans-serif", labelFont: "12px system-ui, sans-serif" },
+        { ...axis, label, labelSize: 18, size: 46, space: 26 },
       ],
       series: [{ label: "time", value: (_, value) => value == null ? "–" : `${minutes ? `${((value - run.origin) / 60).toFixed(2)} min` : `${(value - run.origin).toFixed(1)} s`}${run.clock ? `, ${new Date(1000 * value).toISOString().slice(0, 19).replace("T", " ")} UTC` : ""}` },
         ...series.map(({ name, ...rest }) => ({ ...rest, points: { show: false }, value: (_, value) => number(value) }))],
@@ -294,11 +294,8 @@ class View {
   }
 
   selected(chart) {
-    const { left, width } = chart.select;
-    if (width < 4) return;
-    const window = [chart.posToVal(left, "x"), chart.posToVal(left + width, "x")];
-    chart.setSelect({ left: 0, width: 0, top: 0, height: 0 }, false);
-    this.plots.zoom(this.segment, window);
+    const window = dragged(chart);
+    if (window) this.plots.zoom(this.segment, window);
   }
 
   // The wheel zooms the time with Ctrl and the values with Shift; alone it moves the page, as everywhere.
@@ -333,33 +330,16 @@ class View {
   }
 
   key(event) {
-    if (event.ctrlKey || event.metaKey || event.altKey) return;
-    if (event.shiftKey && event.key.startsWith("Arrow")) return this.point(event);
-    const [low, high] = this.window, width = high - low, { start, stop } = this.run;
-    const moved = { "+": [0.25, -0.25], "=": [0.25, -0.25], "-": [-0.5, 0.5], ArrowLeft: [-0.25, -0.25], ArrowRight: [0.25, 0.25] }[event.key];
-    if (event.key === "0" || event.key === "Escape") this.plots.zoom(this.segment, null);
-    else if (moved) {
-      const shift = moved[0] === moved[1] ? Math.min(Math.max(moved[0] * width, start - low), stop - high) : null;
-      const window = shift == null ? [Math.max(low + moved[0] * width, start), Math.min(high + moved[1] * width, stop)] : [low + shift, high + shift];
-      this.plots.zoom(this.segment, window[0] <= start && window[1] >= stop ? null : window);
-    } else return;
-    event.preventDefault();
+    if (event.shiftKey && event.key.startsWith("Arrow") && !event.ctrlKey && !event.metaKey && !event.altKey) return this.point(event);
+    const window = keyed(event, this.window, [this.run.start, this.run.stop]);
+    if (window !== undefined) this.plots.zoom(this.segment, window);
   }
-}
-
-function limits(low, high, floor, zero, limit) {
-  if (low == null) return [0, 1];
-  if (limit != null) { low = Math.min(low, limit); high = Math.max(high, limit); }
-  if (floor != null || zero) { low = Math.min(low, -2 * (floor ?? 0)); high = Math.max(high, 2 * (floor ?? 0)); }
-  const margin = 0.06 * (high - low) || 0.5;
-  return [low - margin, high + margin];
 }
 
 // A small chart of lines over anything but time, with a band about zero.
 export function chartOf(parent, { title, x, xLabel, lines, band }) {
-  const element = h("div", null, h("small", null, title)), ink = color("--soft"), font = "12px system-ui, sans-serif";
+  const element = h("div", null, h("small", null, title)), axis = axisLook(color("--soft"), color("--shade"), color("--line"));
   parent.append(element);
-  const axis = { stroke: ink, grid: { stroke: color("--shade"), width: 1 }, ticks: { stroke: color("--line"), width: 1, size: 4 }, font, labelFont: font };
   new uPlot({
     width: element.clientWidth || 380, height: 200, padding: [8, 8, 0, 0], legend: { show: false }, cursor: { drag: { x: false, y: false } },
     scales: { x: { time: false } },
