@@ -168,6 +168,8 @@ def fit_narrative(step: Step, most: int | None = FEW) -> Narrative:
     return Narrative(said)
 
 
+MORE_THAN_NOISE = "wrong by more than noise"
+"""What a model is that lacks something."""
 ENDED = {"converged": "converged", "not converged": "did not converge", "interrupted": "was interrupted"}
 """How a search ended, by the status of its fit."""
 
@@ -191,7 +193,7 @@ def _verdict(steps: Sequence[Step], last: Diagnosis, kinds: Mapping[Kind, list[S
             return f"{subject} lacks the effects below, which explain most of its error."
         return f"{subject} still lacks {few([_short_and_sure(step) for step in last.steps])}."
     still, rest = ("", "it") if len(steps) == 1 else ("still ", "the rest")
-    return f"{subject} is {still}wrong by more than noise, and the catalogue explains little of {rest}."
+    return f"{subject} is {still}{MORE_THAN_NOISE}, and the catalogue explains little of {rest}."
 
 
 def errors_in_words(steps: Sequence[Step]) -> str:

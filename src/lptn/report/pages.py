@@ -24,6 +24,7 @@ from lptn.report.heat_figures import field_figures
 from lptn.report.heat_story import HeatStory, heat_line_picture, heat_map_picture, learned_picture
 from lptn.report.narrative import (
     ENDED,
+    MORE_THAN_NOISE,
     comparison_narrative,
     content_narrative,
     details,
@@ -118,7 +119,7 @@ def story_html(
         stretches=tables.stretch_table(left[:_FEW]),
         more_stretches=max(len(left) - _FEW, 0),
         hiding=heat.hiding,
-        more_than_noise=history.remaining != "adequate",
+        more_than_noise=MORE_THAN_NOISE if history.remaining != "adequate" else "",
         predictions=_predictions(given, best, which, {segment.run.name for segment in data.fit}),
         told=tables.effects_table(history),
         refused=tables.refused_table(history),
