@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy.sparse import csr_array
-from scipy.sparse.csgraph import breadth_first_order, connected_components, shortest_path
+from scipy.sparse.csgraph import connected_components, shortest_path
 
 from lptn.basics.arrays import FloatArray, IntArray
 from lptn.basics.places import class_of
@@ -15,6 +15,7 @@ Point = tuple[float, float]
 
 _APART = 92.0  # px between the middles of two linked nodes
 _WIDER = 1.4  # names are wider than high: distances across are stretched
+_TIE = 1e-3  # share by which distances differ from node to node
 _SWEEPS = 300  # of stress majorisation; it has long settled by then for some tens of nodes
 _GAP = 30.0  # px between two boxes, so that links and marks have room
 _PUSHES = 200
@@ -24,9 +25,8 @@ def places_of(names: Sequence[str], links: Sequence[tuple[str, str]], sizes: Map
     """The middles of the nodes' boxes [px]; the same network gives the same picture.
 
     Nodes that are linked are drawn together by stress majorisation, which makes distances in the picture like those in
-    the network (Gansner, Koren and North, Graph Drawing by Stress Majorization, 2004). It starts from a tree around
-    the node nearest to all others, so that limbs point outward. Parts that no link joins stand side by side, those
-    of one class below each other.
+    the network (Gansner, Koren and North, Graph Drawing by Stress Majorization, 2004). Parts that no link joins stand
+    side by side, those of one class below each other.
 
     Args:
         names: of the nodes.
@@ -42,9 +42,8 @@ def places_of(names: Sequence[str], links: Sequence[tuple[str, str]], sizes: Map
     columns: dict[tuple[str, ...], list[tuple[IntArray, FloatArray]]] = {}  # nodes and their places, by class
     for part in range(count):
         nodes = np.flatnonzero(parts == part)
-        inside = steps[np.ix_(nodes, nodes)]
-        points = _settled(_tree(graph[nodes][:, nodes], inside), _APART * inside)
-        points = _pushed_apart(_level(points) * [_WIDER, 1.0], boxes[nodes])
+        wanted = _APART * steps[np.ix_(nodes, nodes)]
+        points = _pushed_apart(_settled(_scaled(wanted), wanted) * [_WIDER, 1.0], boxes[nodes])
         columns.setdefault(tuple(class_of(names[node]) for node in nodes.tolist()), []).append((nodes, points))
     if len(columns) == 1:  # all alike: a row
         (alike,) = columns.values()
@@ -62,25 +61,24 @@ def places_of(names: Sequence[str], links: Sequence[tuple[str, str]], sizes: Map
     return {name: (x, y) for name, (x, y) in zip(names, placed.tolist(), strict=True)}
 
 
-def _tree(graph: csr_array, steps: FloatArray) -> FloatArray:
-    """Nodes on circles around the one nearest to all; each has as wide a sector as there are nodes beyond it."""
-    middle = int(np.argmin(steps.sum(axis=1)))
-    order, above = breadth_first_order(graph, middle, directed=False)
-    weight = np.ones(len(order))
-    for node in order[:0:-1]:
-        weight[above[node]] += weight[node]
-    width, begin, free = np.full(len(order), 2 * np.pi), np.zeros(len(order)), np.zeros(len(order))
-    for node in order[1:]:
-        parent = above[node]
-        width[node] = width[parent] * weight[node] / (weight[parent] - 1)
-        begin[node] = free[node] = free[parent]
-        free[parent] += width[node]
-    turn = begin + width / 2
-    return np.asarray(_APART * steps[middle][:, None] * np.column_stack([np.cos(turn), np.sin(turn)]))
+def _scaled(wanted: FloatArray) -> FloatArray:
+    """Points whose distances are nearly those wanted: classical scaling (Torgerson, 1952).
+
+    Where limbs are alike, distances that differ a little by the nodes' numbers say which lies where.
+    """
+    number = np.arange(len(wanted))
+    square = (wanted * (1 + _TIE * (number[:, None] + number))) ** 2
+    centred = square - square.mean(axis=0) - square.mean(axis=1)[:, None] + square.mean()
+    size, axes = np.linalg.eigh(-centred / 2)
+    points = np.zeros((len(wanted), 2))
+    points[:, : size.size] = (axes * np.sqrt(np.maximum(size, 0.0)))[:, :-3:-1]
+    return points
 
 
 def _settled(points: FloatArray, wanted: FloatArray) -> FloatArray:
-    """Points whose distances are like those wanted, by stress majorisation with weights 1 / distance²."""
+    """Points whose distances are like those wanted, by stress majorisation with weights 1 / distance²; the longest
+    extent lies across, and the first node left of the last and not below it.
+    """
     weights = 1.0 / np.maximum(wanted, 1.0) ** 2
     np.fill_diagonal(weights, 0.0)
     laplacian = np.diag(weights.sum(axis=1)) - weights
@@ -90,21 +88,8 @@ def _settled(points: FloatArray, wanted: FloatArray) -> FloatArray:
         distance = np.maximum(np.sqrt((apart**2).sum(axis=2)), 1e-9)
         pull = weights * wanted / distance
         points = inverse @ (np.diag(pull.sum(axis=1)) - pull) @ points
-    return points
-
-
-def _level(points: FloatArray) -> FloatArray:
-    """Turned so that the longest extent lies across, the first node left of the last and not below it."""
-    points = points - points.mean(axis=0)
-    _, size, axes = np.linalg.svd(points, full_matrices=True)
-    if size.size > 1 and size[0] > 1.05 * size[1]:  # a round picture keeps the tree's directions
-        points = points @ axes.T
-    turned = points[0] - points[-1]
-    if turned[0] > 1e-6:
-        points = points * [-1.0, 1.0]
-    if turned[1] > 1e-6:
-        points = points * [1.0, -1.0]
-    return np.asarray(points, dtype=float)
+    points = points @ np.linalg.svd(points - points.mean(axis=0))[2].T
+    return np.asarray(points * np.where(points[0] - points[-1] > 1e-6, -1.0, 1.0))
 
 
 def _pushed_apart(points: FloatArray, sizes: FloatArray) -> FloatArray:
