@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
+from matplotlib.ticker import LogLocator, NullLocator
 
 from lptn.basics import style
 from lptn.basics.words import short_size
@@ -91,7 +91,7 @@ def _label(number: int, step: Step, letters: int) -> str:
 def _plain_numbers(axis: Axis, ticks: Sequence[float]) -> None:
     """A logarithmic axis that says 0.2 and 50, not powers of ten."""
     axis.set_major_locator(LogLocator(subs=ticks))
-    axis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    axis.set_major_formatter("{x:g}")
     axis.set_minor_locator(NullLocator())
 
 

@@ -23,6 +23,7 @@ from pydantic import BaseModel, ValidationError
 from lptn.basics.bounds import DESCRIPTION, TEXT, Bound
 from lptn.basics.errors import MODEL_FILE, InputError, one_line
 from lptn.basics.files import fingerprint, text_of, write_whole
+from lptn.basics.lines import thinned
 from lptn.basics.own_folder import own_folder
 from lptn.basics.toml import toml_of
 from lptn.effects import catalogue
@@ -68,7 +69,7 @@ _OTHER_PLACES = ("ambient", "base", "battery", "pc")
 _BEGINS = "begin-"  # a desk's folder
 _METADATA = "metadata.yaml"
 _OF_BAG = (_METADATA, ".mcap", ".db3", ".zstd")
-_NOT_READ = {"said": "not read yet", "refused": "", "columns": [], "opened": False}
+_NOT_READ: dict[str, Any] = {"said": "not read yet", "refused": "", "columns": [], "opened": False}
 
 
 def checked_name(name: str) -> str:
@@ -423,7 +424,8 @@ class Desk:
         shown = list[dict[str, Any]]()
         comments = self._comments(text)
         for path, job in self._logs().items():
-            log = self._of(path, loaded).shown if reading and job != "unused" else self._glimpse(path)
+            known = self._of(path, loaded) if reading and job != "unused" else self._seen.get(path)
+            log = known.shown if known else _NOT_READ
             rows = [row | {"why": comments.get(row.get("entry"), row["why"])} for row in log["columns"]]
             shown.append(log | {"name": self._name(path), "job": job, "size": _size(path), "columns": rows})
         used = [each for each in shown if each["job"] != "unused"]
@@ -450,10 +452,6 @@ class Desk:
                 loaded and not wrong and used and all(each["opened"] and not each["refused"] for each in used)
             ),
         }
-
-    def _glimpse(self, path: Path) -> dict[str, Any]:
-        """What is known of a log without reading it."""
-        return self._seen[path].shown if path in self._seen else _NOT_READ
 
     def told(self, error: Exception) -> str:
         """In lptn's own line, files of the desk by their names alone."""
@@ -544,10 +542,9 @@ def _picture(values: Any) -> dict[str, Any] | None:
     if not finite.size:
         return None
     least, most = float(finite.min()), float(finite.max())
-    edges = np.unique(np.linspace(0, values.size, min(_POINTS, values.size) + 1).astype(int)[:-1])
     scale = _HEIGHT / (most - least) if most > least else 0.0
-    both = np.stack([np.fmin.reduceat(values, edges), np.fmax.reduceat(values, edges)], axis=1)
-    line = [None if not np.isfinite(x) else round(_HEIGHT - (x - least) * scale) for x in both.ravel()]
+    _, (thin,) = thinned(np.arange(values.size, dtype=float), np.asarray(values)[None], 2 * _POINTS)
+    line = [None if not np.isfinite(x) else round(_HEIGHT - (x - least) * scale) for x in thin]
     return {"line": line, "least": short(least), "most": short(most)}
 
 

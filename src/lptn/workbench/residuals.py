@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.signal import fftconvolve
 from scipy.special import ndtri
 
 from lptn.basics.arrays import FloatArray
@@ -68,13 +69,7 @@ def residuals(error: FloatArray, step: float) -> Residuals:
 
 def _autocorrelation(deviation: FloatArray, finite: np.typing.NDArray[np.bool_]) -> FloatArray:
     """Correlation at lags of 0, 1, 2, … readings; pairs of which one is missing are left out."""
-    n, most = deviation.size, max(int(_LONGEST * deviation.size), 2)
-    size = 2 ** int(np.ceil(np.log2(n + most)))
-
-    def products(values: FloatArray) -> FloatArray:
-        spectrum = np.fft.rfft(values, size)
-        return np.asarray(np.fft.irfft(spectrum * spectrum.conj(), size)[:most])
-
-    pairs = np.maximum(np.round(products(finite.astype(float))), 1.0)
-    covariance = products(deviation) / pairs
+    most = max(int(_LONGEST * deviation.size), 2)
+    products, both = (fftconvolve(x, x[::-1])[deviation.size - 1 :][:most] for x in (deviation, finite.astype(float)))
+    covariance = products / np.maximum(np.round(both), 1.0)
     return np.asarray(covariance / covariance[0])

@@ -30,7 +30,6 @@ from starlette.routing import BaseRoute, Mount, Route
 from starlette.staticfiles import StaticFiles
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-from lptn.basics.arrays import FloatArray
 from lptn.basics.bounds import Bound
 from lptn.basics.errors import InputError
 from lptn.basics.files import fingerprint, finite, whole_file, write_whole
@@ -49,7 +48,8 @@ _PAGE: list[str | tuple[str, str]] = [
     ("lptn.report", "page"),
 ]  # what reports are drawn with, too, is theirs
 mimetypes.add_type("text/javascript", ".js")  # whatever the machine says, a browser runs nothing else as a module
-_RESULTS = {"story.html": "text/html", "model.fmu": "application/octet-stream"}
+_BYTES = "application/octet-stream"
+_RESULTS = {"story.html": "text/html", "model.fmu": _BYTES}
 
 
 def application(session: WorkbenchSession, port: int, *tokens: str) -> Starlette:
@@ -63,7 +63,9 @@ def application(session: WorkbenchSession, port: int, *tokens: str) -> Starlette
     site = _Site(session)
     routes: list[BaseRoute] = [
         Route("/state", site.state),
-        Route("/lines", _answering(LinesAsked, session.lines, _as_bytes)),
+        Route(
+            "/lines", _answering(LinesAsked, session.lines, lambda lines: Response(packed(lines), media_type=_BYTES))
+        ),
         Route("/special", _answering(SpecialAsked, session.special, _as_json)),
         Route("/residuals", _answering(ResidualsAsked, session.residuals, _as_json)),
         Route("/network", _answering(NetworkAsked, session.network, JSONResponse)),
@@ -136,10 +138,6 @@ class _Site:
 
 def _as_json(result: Special | Residuals) -> Response:
     return JSONResponse(finite(asdict(result)))
-
-
-def _as_bytes(lines: Mapping[str, Mapping[str, FloatArray]]) -> Response:
-    return Response(packed(lines), media_type="application/octet-stream")
 
 
 def _answering(

@@ -74,6 +74,10 @@ _WORDS = {
 }
 
 
+_SHOWN = {name: {key: getattr(one, key) for key in ("title", "about", "solved")} for name, one in EXAMPLES.items()}
+"""Of the examples, on the page that a workbench begins with."""
+
+
 class BusyError(RuntimeError):
     """An order was given while another is being done."""
 
@@ -256,7 +260,7 @@ class WorkbenchSession:
                 "recent": recent(self._sessions) if self._begins and self.opening is None else [],
                 "others": self._others(),
                 "largest": FILE.most,
-                "examples": _examples() if self._begins and not isinstance(self.opening, Opening) else {},
+                "examples": _SHOWN if self._begins and not isinstance(self.opening, Opening) else {},
                 "example": self.opening if isinstance(self.opening, str) else "",
             }
             return {**self._content, **state}
@@ -452,10 +456,6 @@ class WorkbenchSession:
                 self._pipe.close()
         _end(process, self.opening)
         self._let_go()
-
-
-def _examples() -> dict[str, dict[str, str]]:
-    return {name: {key: getattr(one, key) for key in ("title", "about", "solved")} for name, one in EXAMPLES.items()}
 
 
 def _end(process: multiprocessing.process.BaseProcess | None, left: object = None) -> None:
