@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Annotated
+from typing import Annotated, Any, TypeVar
 
 import numpy as np
-from pydantic import Field
+from pydantic import AfterValidator, Field, ValidationError, ValidatorFunctionWrapHandler, WrapValidator
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
@@ -51,6 +51,26 @@ ExtraPower = Annotated[Number, _NOT_NEGATIVE, quantity("W")]
 SpecificEnergy = Annotated[Number, _POSITIVE, quantity("J/kg")]
 Capacity = Annotated[Number, _POSITIVE, quantity("J/K")]
 Resistance = Annotated[Number, _POSITIVE, quantity("K/W")]
+
+
+def _ascending(ends: list[float]) -> list[float]:
+    if not ends[0] <= ends[1]:
+        raise ValueError("[least, most]")
+    return ends
+
+
+def _both_ends(given: Any, validate: ValidatorFunctionWrapHandler) -> Any:
+    try:
+        return validate(given if isinstance(given, list) else [given, given])
+    except ValidationError as error:
+        raise ValueError("a number, or [least, most]") from error
+
+
+Of = TypeVar("Of")
+Ends = Annotated[list[Of], Field(min_length=2, max_length=2), AfterValidator(_ascending)]
+"""The least and the most of a range."""
+Span = Annotated[Ends[Of], WrapValidator(_both_ends)]
+"""Likewise; one number is both."""
 ByPlace = dict[str, Number]
 """Numbers by name or pattern; a later entry overrides an earlier one."""
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import csv
 import math
 from contextlib import suppress
+from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -25,8 +26,6 @@ MAGNET_COEFFICIENT = -0.0012
 """Temperature coefficient of the flux density of NdFeB magnets [1/K], [Chen2017, eq. 2.6]."""
 ENAMEL_LIMIT = 105.0
 """Winding temperature at which the enamel fails [degC], [Chen2017, fig. 4-9]; curves without a limit go to it."""
-MAGNET_LIMIT = 150.0
-"""Of the average NdFeB magnet [degC], [Chen2017, eq. 2.6]."""
 REFERENCE = 25.0
 """Temperature at which data sheets are taken to hold [degC]; neither sheet states it."""
 
@@ -145,31 +144,6 @@ reference = {REFERENCE}
     return parse_model(text, Path(f"data sheet of {name}")).network
 
 
-U8 = CatalogueMotor(
-    name="U8",
-    model="u8",
-    mass=0.240,
-    diameter=0.0871,
-    length=0.02665,
-    torque_constant=60 / (2 * math.pi * 100),
-    limits=MotorLimits(winding=ENAMEL_LIMIT, magnet=MAGNET_LIMIT, current=35.0),
-    source="mass, stall current: [Chen2017, table A.1]; size: T-Motor's drawing of the U8, not in the thesis; "
-    "100 rpm/V: [Chen2017, eq. 2.1], whose text rounds to 0.1 N·m/A",
-)
-U10 = CatalogueMotor(
-    name="U10",
-    model="u10",
-    mass=0.400,
-    diameter=0.0868,
-    length=0.0355,
-    torque_constant=60 / (2 * math.pi * 100),
-    limits=MotorLimits(winding=ENAMEL_LIMIT, magnet=MAGNET_LIMIT, current=35.0),
-    source="mass, size, 100 rpm/V, maximum continuous current for 180 s: [Chen2017, appendix A.2]",
-)
-MOTORS: dict[str, CatalogueMotor] = {motor.name: motor for motor in (U8, U10)}
-"""The motors whose data sheets are known here, by name; their models are ready ones."""
-
-
 # --- tables of motors ----------------------------------------------------------------------------
 
 
@@ -243,3 +217,8 @@ def _nested(names: list[str], cells: list[str]) -> dict[str, Any]:
         with suppress(ValueError):  # a text
             inner[last] = {"value": float(cell), "unit": unit} if unit else float(cell)
     return table
+
+
+MOTORS = read_catalogue(Path(str(files("lptn.planners.trade").joinpath("motors.toml"))))
+"""The motors whose data sheets are known here, by name; their models are ready ones."""
+U8, U10 = MOTORS["U8"], MOTORS["U10"]

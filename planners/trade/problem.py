@@ -111,7 +111,6 @@ class DesignSolution(DesignNumbers):
             design re-optimised; Lagrange multipliers of the converged program. Empty unless it converged.
         binding: names of the active constraints.
         states: at the ends of the elements [degC], shape (number of states, elements + 1).
-        times: of those [s].
         raw: IPOPT's primal point, to start from.
     """
 
@@ -121,7 +120,6 @@ class DesignSolution(DesignNumbers):
     sensitivities: dict[str, float]
     binding: tuple[str, ...]
     states: FloatArray
-    times: FloatArray
     raw: FloatArray
 
 
@@ -387,7 +385,6 @@ class DesignProblem:
             sensitivities=dict(zip(self.parameters.symbols, slope.tolist(), strict=True)) if success else {},
             binding=tuple(name for name in self._program.active(g.ravel()) if name != "worst"),
             states=path,
-            times=self._share * numbers["duration"],
             raw=point,
         )  # fmt: skip
 

@@ -33,7 +33,6 @@ from lptn.basics.toml import Number, Strict
 from lptn.model.network import LinkDeclaration, Network, NodeDeclaration
 
 from .. import values as si
-from . import profiles
 from .motors import CatalogueMotor, MotorLimits
 from .sink import MATERIALS, SinkMetal, SinkNumbers, blown_air, fin_efficiency, still_air
 
@@ -80,18 +79,6 @@ SWEPT = {
 # --- kinds of values ----------------------------------------------------------------------------
 
 
-def _ascending(ends: list[float]) -> list[float]:
-    if not ends[0] <= ends[1]:
-        raise ValueError("[least, greatest]")
-    return ends
-
-
-def _pair(given: Any) -> Any:
-    if isinstance(given, bool) or not isinstance(given, int | float | list):
-        raise ValueError("a number above 0, or [least, greatest]")
-    return given if isinstance(given, list) else [given, given]
-
-
 def _standard_error(given: Any) -> StandardError:
     is_absolute = isinstance(given, dict) and set(given) == {"value", "unit"}
     number = given["value"] if is_absolute else given
@@ -110,8 +97,6 @@ class StandardError(NamedTuple):
 
 
 Of = TypeVar("Of")
-Ends = Annotated[list[Of], Field(min_length=2, max_length=2), AfterValidator(_ascending)]
-"""The least and the greatest of a range."""
 Choices = Annotated[list[Of], Field(min_length=1), AfterValidator(lambda values: list(dict.fromkeys(values)))]
 """What may be chosen, each once."""
 Parts = Annotated[list[Of], Field(min_length=2, max_length=400)]
@@ -135,7 +120,7 @@ class Question(Strict):
 class DutyTask(Strict):
     """Table `[task]`: what torque must be given behind the gear, at which speed, and for how long."""
 
-    kind: Literal["hold", "cycle", "level_walking", "jump"] = "hold"
+    kind: Literal["hold", "cycle"] = "hold"
     torque: si.Torque | None = None  # of a hold; none where it is sought
     profile: Parts[si.NotNegative] | None = None  # N*m, of a cycle
     duration: si.Seconds | None = None  # of a hold; none where it is sought
@@ -144,12 +129,8 @@ class DutyTask(Strict):
     start: si.Celsius = Field(default_factory=lambda said: said.get("ambient"))  # all nodes at the beginning
     period: si.Seconds | None = None  # of one cycle
     cycles: Annotated[int, Field(ge=1, le=100, strict=True)] | None = None  # from the start; none for ever (periodic)
-    samples: Annotated[int, Field(ge=5, le=400, strict=True)] = 40  # parts of a walking or jumping cycle
-    body_mass: si.Mass = 75.0
     speed: si.AnySpeed = 0.0  # of a hold; negative where the load drives the motor
     speeds: Parts[si.AnySpeed] | None = None  # of a cycle; none where nobody said
-    gear: si.Positive = 50.0  # between ankle and motor in walking and jumping; 1 in a study of gears
-    share: Share = 1.0  # of the ankle's moment that the motor gives
 
     @property
     def is_hold(self) -> bool:
@@ -164,21 +145,11 @@ class DutyTask(Strict):
     @property
     def time(self) -> float | None:
         """Of a hold, or of one cycle [s]; `None` where it is sought."""
-        usual = {"level_walking": profiles.WALKING_PERIOD, "jump": profiles.JUMP_PERIOD}
-        return self.duration if self.is_hold else self.period or usual.get(self.kind)
-
-    @property
-    def factor(self) -> float:
-        """Torque of the motor [N·m] by the ankle's moment by the kilogram of body [N·m/kg]."""
-        return self.body_mass * self.share / self.gear
+        return self.duration if self.is_hold else self.period
 
     @property
     def torques(self) -> FloatArray:
         """In each equal part of a cycle [N·m], shape (n,); 1 for a hold."""
-        if self.kind == "level_walking":
-            return profiles.level_walking(self.samples) * self.factor
-        if self.kind == "jump":
-            return profiles.jump(self.samples) * self.factor
         return np.array([1.0] if self.profile is None else self.profile)
 
     @property
@@ -189,15 +160,13 @@ class DutyTask(Strict):
     @property
     def has_speeds(self) -> bool:
         """Whether anybody said how fast it turns."""
-        return self.kind in ("hold", "level_walking") or self.speeds is not None
+        return self.is_hold or self.speeds is not None
 
     @property
     def motion(self) -> FloatArray:
         """Speed in each part [rad/s], standstill where nobody said, shape (n,)."""
         if self.is_hold:
             return np.array([self.speed])
-        if self.kind == "level_walking":
-            return profiles.walking_speed(self.samples, self.time or profiles.WALKING_PERIOD) * self.gear
         return np.zeros(len(self.torques)) if self.speeds is None else np.array(self.speeds, dtype=float)
 
     @property
@@ -228,7 +197,7 @@ class Gear(Strict):
     """Table `[[gears]]`: a gearbox between motor and task."""
 
     name: str
-    ratio: Annotated[Ends[si.Positive], BeforeValidator(_pair)]  # speed of the motor over that of the task
+    ratio: si.Span[si.Positive]  # speed of the motor over that of the task
     efficiency: Share = 1.0  # of the power, from the motor to the load or back
     mass: si.ExtraMass = 0.0
     volume: si.ExtraVolume = 0.0
@@ -251,8 +220,8 @@ class Sink(Strict):
     node: str = "sink"  # name of the sink's own node
     material: str | Annotated[list[str], Field(min_length=1)] = "aluminium"
     price: si.NotNegative = 0.0  # of making it, beside its metal
-    capacity: Ends[si.Capacity] = Field(default=[20.0, 1500.0])
-    resistance: Ends[si.Resistance] = Field(default=[0.05, 10.0])  # to the air
+    capacity: si.Ends[si.Capacity] = Field(default=[20.0, 1500.0])
+    resistance: si.Ends[si.Resistance] = Field(default=[0.05, 10.0])  # to the air
     fin_thickness: si.Length = 1e-3
     fin_depth: si.Length = 0.03  # root to tip
     fin_height: si.Length = 0.08  # along the air

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from lptn.basics.errors import InputError
@@ -44,8 +44,7 @@ def parse_study(text: str, path: Path) -> TradeStudy:
         chosen = [_motor(motor, place, tables, path) for place, motor in _chosen_motors(tables, path)]
         motors = [_wound(motor, turns) for motor in chosen for turns in dict.fromkeys(motor.turns)]
         if "gears" in tables.model_fields_set:
-            _refuse(path, _mistakes_of_gears(tables))
-            tables.task = tables.task.model_copy(update={"gear": 1.0})
+            _refuse(path, _mistakes_of_gears([gear.name for gear in tables.gears]))
         named = (*_catalogues(tables), *(motor.model for motor in tables.motors if motor.model))
         files = tuple(path.parent / name for name in named)
         study = TradeStudy(**dict(tables) | {"motors": motors, "origin": str(path), "files": files})
@@ -195,16 +194,13 @@ Mistake = tuple[str, str, str]
 """Its place in the file, what was found there, what was expected."""
 
 
-def _mistakes_of_gears(tables: StudyTables) -> Iterator[Mistake]:
-    """Answers are kept by name; a gear stands in one place."""
-    names = [gear.name for gear in tables.gears]
+def _mistakes_of_gears(names: Sequence[str]) -> Iterator[Mistake]:
+    """Answers are kept by name."""
     for number, name in enumerate(names):
         if not name:
             yield f"gears[{number}].name", '""', "a name"
         if name in names[:number]:
             yield f"gears[{number}].name", f'"{name}" a second time', "a name of its own for each"
-    if "gear" in tables.task.model_fields_set:
-        yield "task.gear", f"{tables.task.gear:g}", "no gear in [task] beside [[gears]]"
 
 
 def _mistakes(study: TradeStudy) -> Iterator[Mistake]:
@@ -252,36 +248,32 @@ def _mistakes_of_winding(study: TradeStudy, goal: str) -> Iterator[Mistake]:
 
 
 def _mistakes_of_hold(task: DutyTask, goal: str) -> Iterator[Mistake]:
+    yield from _keys_of("cycle", ("profile", "period", "cycles", "speeds"), task)
     for name, value, sought in (("torque", task.torque, "held_torque"), ("duration", task.duration, "time_to_limit")):
         if value is None and goal != sought:
             yield "task", f"no {name}", f"{name} = … for the goal {goal}"
         if value is not None and goal == sought:
             yield f"task.{name}", f"{value:g}", f"no {name}, for the goal {goal} seeks it"
-    for name in ("profile", "period", "cycles", "speeds"):
-        if name in task.model_fields_set:
-            yield f"task.{name}", "a key of a duty cycle", 'kind = "cycle" with it'
 
 
 def _mistakes_of_cycle(task: DutyTask, goal: str) -> Iterator[Mistake]:
+    yield from _keys_of("hold", ("torque", "duration", "speed"), task)
     if goal == "time_to_limit":
-        yield "task.kind", f'"{task.kind}"', 'kind = "hold" for the goal time_to_limit'
-    if task.duration is not None:
-        yield "task.duration", f"{task.duration:g} s", "period and cycles for a duty cycle"
-    if "speed" in task.model_fields_set:
-        yield "task.speed", f"{task.speed:g} rad/s", "speeds = […] for a duty cycle, one for each part"
-    if task.kind == "cycle":
-        if task.profile is None or task.period is None:
-            missing = "profile" if task.profile is None else "period"
-            yield "task", f"no {missing}", f"{missing} = … for a duty cycle"
-        elif task.speeds is not None and len(task.speeds) != len(task.profile):
-            expected = f"{len(task.profile)}, one for each part of the profile"
-            yield "task.speeds", f"{len(task.speeds)} speeds", expected
-    elif task.torque is not None or task.profile is not None or task.speeds is not None:
-        yield "task", "a torque or speeds of its own", f"body_mass, gear and share for {task.kind}"
-    elif not 0 < task.factor < 1e6:  # kg of body on a motor without gear
-        yield "task", f"{task.factor:g} kg", "body_mass * share / gear below 1e+06 kg"
+        yield "task.kind", '"cycle"', 'kind = "hold" for the goal time_to_limit'
+    for name in ("profile", "period"):
+        if name not in task.model_fields_set:
+            yield "task", f"no {name}", f"{name} = … for a duty cycle"
+    if task.speeds is not None and len(task.speeds) != len(task.torques):
+        yield "task.speeds", f"{len(task.speeds)} speeds", f"{len(task.torques)}, one for each part of the profile"
     if not task.torques.any():
         yield "task.profile", "no torque at all", "one part of the cycle at least above 0 N*m"
+
+
+def _keys_of(other: str, names: Sequence[str], task: DutyTask) -> Iterator[Mistake]:
+    """Keys of the other kind of task."""
+    for name in names:
+        if name in task.model_fields_set:
+            yield f"task.{name}", f"a key of a {other}", f'kind = "{other}" with it'
 
 
 def _mistakes_of_axis(axis: Axis, study: TradeStudy, place: str) -> Iterator[Mistake]:

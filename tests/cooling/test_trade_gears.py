@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from ankle import WALKING_PERIOD, jump_task, level_walking, walking_speed, walking_task
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
@@ -12,7 +13,6 @@ from lptn.basics.errors import InputError
 from lptn.planners.trade import Design, TradeStudy, solve_study
 from lptn.planners.trade.answer import as_json, headline, remarks, table
 from lptn.planners.trade.figures import study_figure
-from lptn.planners.trade.profiles import WALKING_PERIOD, level_walking, walking_speed
 from lptn.report.planning_pages import trade_html
 from tests.cooling import plain_sink as plain
 from tests.cooling.studies import HELD, study
@@ -160,8 +160,8 @@ def test_walking_turns_the_ankle_as_its_angle_says() -> None:
     assert walking_speed(50, 2 * WALKING_PERIOD) == pytest.approx(walking_speed(50) / 2)
     # Behind the same gear the motor turns as many times as fast.
     limits, gear = "mass = 0.6\nvoltage = 40", '[[gears]]\nname = "one"\nratio = 50\n'
-    geared = _one(study("worst_temperature", 'kind = "level_walking"', limits, more=gear, cooling='"none"'))
-    stated = _one(study("worst_temperature", 'kind = "level_walking"\ngear = 50', limits, cooling='"none"'))
+    geared = _one(study("worst_temperature", walking_task(gear=1.0), limits, more=gear, cooling='"none"'))
+    stated = _one(study("worst_temperature", walking_task(gear=50.0), limits, cooling='"none"'))
     assert geared.value == pytest.approx(stated.value, rel=1e-9)
 
 
@@ -259,6 +259,4 @@ def test_what_cannot_be_is_refused(more: str, limits: str, said: tuple[str, ...]
 
 def test_a_jump_without_speeds_has_no_voltage() -> None:
     with pytest.raises(InputError, match=r"limits.voltage.*speeds"):
-        study("worst_temperature", 'kind = "jump"', "voltage = 20", cooling='"none"')
-    with pytest.raises(InputError, match=r"task.gear.*beside"):
-        study("worst_temperature", 'kind = "jump"\ngear = 50', more=GEAR.format(ratio=9), cooling='"none"')
+        study("worst_temperature", jump_task(), "voltage = 20", cooling='"none"')

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from ankle import jump_task, walking_task
 from scipy.integrate import solve_ivp
 
 from lptn.basics.arrays import FloatArray
@@ -81,7 +82,7 @@ def test_least_mass_agrees_with_brute_force() -> None:
         ),
         ("mass", "torque = 1.68\nduration = 120", "volume = 450e-6", ("torque", "limit.winding", "limit.volume")),
         ("time_to_limit", "torque = 1.8", "mass = 0.6\nvolume = 600e-6", ("torque", "limit.mass", "limit.volume")),
-        ("worst_temperature", 'kind = "level_walking"', "volume = 600e-6", ("limit.volume", "torque", "ambient")),
+        ("worst_temperature", walking_task(), "volume = 600e-6", ("limit.volume", "torque", "ambient")),
     ],
 )
 def test_multipliers_agree_with_finite_differences(goal: str, task: str, limits: str, names: tuple[str, ...]) -> None:
@@ -161,7 +162,7 @@ def test_thermal_runaway_is_refused_not_solved_below_the_air() -> None:
 
 
 def test_a_cycle_without_end_returns_to_where_it_began() -> None:
-    asked = study("worst_temperature", 'kind = "jump"\nsamples = 20\ngear = 150', "current = 90", cooling='"none"')
+    asked = study("worst_temperature", jump_task(20, gear=150.0), "current = 90", cooling='"none"')
     (design,) = solve_study(asked).designs
     task = design.option.study.task
 

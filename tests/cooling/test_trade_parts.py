@@ -11,12 +11,12 @@ import facts
 import numpy as np
 import pytest
 import textbook
+from ankle import JUMP_RATIO, PEAK, STANCE, jump, jump_task, level_walking, walking_task
 from scipy.optimize import minimize_scalar
 
 from lptn.cli.main import main
 from lptn.planners.trade import load_study, motors, solve_study
 from lptn.planners.trade.motors import U8, U10
-from lptn.planners.trade.profiles import JUMP_RATIO, PEAK, STANCE, jump, level_walking
 from lptn.planners.trade.sink import SinkNumbers, blown_air, fin_efficiency, still_air
 from tests.cooling.studies import study
 
@@ -92,6 +92,8 @@ def test_profiles_keep_the_heat_and_say_what_the_source_says() -> None:
     assert walking.max() == pytest.approx(PEAK, rel=0.01)
     assert jumping.max() == pytest.approx(3 * PEAK, rel=0.01)
     assert jumping[62:98].max() == 0.0
+    assert walking_task(gear=55.0) in (EXAMPLES / "ankle_walking.toml").read_text(encoding="utf-8")
+    assert jump_task(12, 100.0, 0.9) in (EXAMPLES / "ankle_jumps.toml").read_text(encoding="utf-8")
 
 
 @pytest.mark.long

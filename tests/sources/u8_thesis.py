@@ -11,6 +11,7 @@ from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import numpy as np
+from ankle import JUMP_RATIO, PEAK, jump, level_walking
 
 from exact_block import PLAIN, HeatedBlock, block_network
 from lptn.effects.copper_loss import CopperLoss
@@ -20,7 +21,6 @@ from lptn.model.model import Model
 from lptn.model.network import Network
 from lptn.planners.trade import load_study, solve_study
 from lptn.planners.trade.motors import U8, U10
-from lptn.planners.trade.profiles import JUMP_RATIO, PEAK, jump, level_walking
 from tests.builders import AMBIENT, link, node
 from tests.sources import EXAMPLES
 from tests.sources.row import Check, Verdict, above, below, differs, equal, printed, row
