@@ -1,13 +1,12 @@
 """The thermal constraint for optimal control that is yours: CasADi functions, and what acados and do-mpc take.
 
-`thermal_constraint` makes it of a model and its limits. With a program of your own it is `constraint.step` as the
+`ThermalConstraint` makes it of a model and its limits. With a program of your own it is `constraint.step` as the
 dynamics of the temperatures and `constraint.over` as the inequality; `to_acados` and `to_do_mpc` write both into the
 objects of these packages, neither of which is needed here.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
@@ -21,33 +20,43 @@ from .heating import Request, heating, requested_by
 from .values import Each, checked_by_place
 
 
-@dataclass(frozen=True)
 class ThermalConstraint:
-    """Temperatures under torques or currents, and what they must not pass.
+    """The thermal constraint of a model at its values: temperatures under torques or currents, and their limits.
 
     Args:
-        states: names of x, the model's nodes first.
+        model: the model.
+        limits: degC, by node or pattern, or one for all nodes.
+        request: `"torque"` [N*m] or `"current"` [A]; by default what the model's log columns hold.
+        margin: K that the constraint stays below each limit; `TorqueMPC` finds its own from what is not known.
+
+    Attributes:
         joints: names of u.
         conditions: names of d, the model's other inputs.
         unit: of u.
         limits: degC by node.
-        x: temperatures [degC], CasADi symbols, shape (states,).
+        x: temperatures [degC], CasADi symbols, the model's nodes first, shape (states,).
         u: torques [N*m] or currents [A] of either sign, constant or RMS over a step, shape (joints,).
         d: conditions, such as `temperature.ambient`, shape (conditions,).
         rates: dx/dt [K/s], an expression of x, u, d.
         over: by how much each limited node is above its limit [K], an expression of x; at most 0 is admissible.
+
+    Raises:
+        InputError: an unknown place, a number that can't be used, a model without currents or torques, or one whose
+            joints don't heat independently.
     """
 
-    states: tuple[str, ...]
-    joints: tuple[str, ...]
-    conditions: tuple[str, ...]
-    unit: str
-    limits: dict[str, float]
-    x: Any
-    u: Any
-    d: Any
-    rates: Any
-    over: Any
+    def __init__(self, model: Model, limits: Each, *, request: Request | None = None, margin: float = 0.0) -> None:
+        if not 0 <= margin < float("inf"):
+            raise InputError(model.network.origin, "margin", f"{margin:g}", "a number from 0 up [K]")
+        heat = heating(model, requested_by(model) if request is None else request)
+        self.limits = checked_by_place(limits, model.nodes, "limits")
+        if not self.limits:
+            raise InputError(model.network.origin, "limits", "no limit", "one of a node at least")
+        self.joints, self.conditions, self.unit = heat.joints, heat.conditions, heat.unit
+        self.x, self.u, self.d = heat.x, ca.SX.sym("u", len(heat.joints)), heat.d
+        self.rates = ca.cse(ca.substitute(heat.rates_at(self.u**2), heat.p, ca.DM(model.values)))
+        limited = [model.nodes.index(node) for node in self.limits]
+        self.over = heat.x[limited] - (np.array(list(self.limits.values())) - margin)
 
     def rate(self) -> ca.Function:
         """(x, u, d) -> dx/dt [K/s], for integrators and collocation."""
@@ -73,37 +82,6 @@ class ThermalConstraint:
         return ca.Function("step", [self.x, self.u, self.d], [x], ["x", "u", "d"], ["next"])
 
 
-def thermal_constraint(
-    model: Model, limits: Each, *, request: Request | None = None, margin: float = 0.0
-) -> ThermalConstraint:
-    """The thermal constraint of a model at its values.
-
-    Args:
-        model: the model.
-        limits: degC, by node or pattern, or one for all nodes.
-        request: `"torque"` [N*m] or `"current"` [A]; by default what the model's log columns hold.
-        margin: K that the constraint stays below each limit; `TorqueMPC` finds its own from what is not known.
-
-    Raises:
-        InputError: an unknown place, a number that can't be used, a model without currents or torques, or one whose
-            joints don't heat independently.
-    """
-    if not 0 <= margin < float("inf"):
-        raise InputError(model.network.origin, "margin", f"{margin:g}", "a number from 0 up [K]")
-    heat = heating(model, requested_by(model) if request is None else request)
-    bounds = checked_by_place(limits, model.nodes, "limits")
-    if not bounds:
-        raise InputError(model.network.origin, "limits", "no limit", "one of a node at least")
-    u = ca.SX.sym("u", len(heat.joints))
-    rates = ca.substitute(heat.rates_at(u**2), heat.p, ca.DM(model.values))
-    limited = [model.nodes.index(node) for node in bounds]
-    planned = np.array(list(bounds.values())) - margin
-    return ThermalConstraint(
-        tuple(model.states), heat.joints, heat.conditions, heat.unit, bounds,
-        heat.x, u, heat.d, ca.cse(rates), heat.x[limited] - planned,
-    )  # fmt: skip
-
-
 def to_acados(constraint: ThermalConstraint, ocp: Any, conditions: FloatArray, name: str = "thermal") -> None:
     """Write it into an `AcadosOcp`: model, path and end constraint, all of them soft.
 
@@ -111,7 +89,7 @@ def to_acados(constraint: ThermalConstraint, ocp: Any, conditions: FloatArray, n
     and so on, one for each limited node) are yours.
 
     Args:
-        constraint: of `thermal_constraint`.
+        constraint: of the model.
         ocp: an `acados_template.AcadosOcp`.
         conditions: values of the conditions to begin with, shape (conditions,).
         name: of the model: the prefix of the code that acados writes.
@@ -133,7 +111,7 @@ def to_do_mpc(constraint: ThermalConstraint, model: Any) -> tuple[str, ...]:
     States are called `temperature`, inputs `torque` or `current`, parameters that vary with time `conditions`.
 
     Args:
-        constraint: of `thermal_constraint`.
+        constraint: of the model.
         model: a `do_mpc.model.Model("continuous", symvar_type="SX")` before its `setup`.
 
     Returns:
@@ -141,7 +119,7 @@ def to_do_mpc(constraint: ThermalConstraint, model: Any) -> tuple[str, ...]:
         constraint is `mpc.set_nl_cons(name, model.aux[name], 0.0, soft_constraint=True, …)`.
     """
     quantity = "current" if constraint.unit == "A" else "torque"
-    x = model.set_variable("_x", "temperature", (len(constraint.states), 1))
+    x = model.set_variable("_x", "temperature", constraint.x.shape)
     u = model.set_variable("_u", quantity, (len(constraint.joints), 1))
     d = (
         model.set_variable("_tvp", "conditions", (len(constraint.conditions), 1))

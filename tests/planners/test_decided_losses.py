@@ -27,7 +27,7 @@ from lptn.fmu import Session, export
 from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration, Network
 from lptn.planners import ControlLoop, Limiter, Plan, TorqueMPC
-from lptn.planners.export import thermal_constraint
+from lptn.planners.export import ThermalConstraint
 from lptn.planners.heating import Request
 from lptn.planners.mission.gait import gait_from_tables
 from lptn.planners.mpc.reference import ReferenceProgram
@@ -229,7 +229,7 @@ def test_the_estimator_learns_nothing_from_a_model_that_is_right(case: Case) -> 
 
 @each_case
 def test_the_constraint_for_other_programs_has_the_same_rates(case: Case) -> None:
-    constraint = thermal_constraint(case.model, LIMIT, request=case.request)
+    constraint = ThermalConstraint(case.model, LIMIT, request=case.request)
     conditions = [AIR if column == "temperature.ambient" else -SPEED for column in constraint.conditions]
     amounts = np.linspace(-7.0, 5.0, 2)[: len(case.joints)]
     rates = constraint.rate()(np.full(len(amounts), AIR), amounts, conditions).full().ravel()

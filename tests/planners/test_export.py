@@ -14,7 +14,7 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.model.model import Model
 from lptn.planners import TorqueMPC
-from lptn.planners.export import thermal_constraint, to_acados, to_do_mpc
+from lptn.planners.export import ThermalConstraint, to_acados, to_do_mpc
 from tests.builders import effect, leg
 
 LIMIT, REQUEST, START, AMBIENT = 60.0, np.array([6.0, 10.0, 14.0]), np.array([50.0, 55.0, 58.0]), 25.0
@@ -30,7 +30,7 @@ def slope(_: float, T: FloatArray, torque: FloatArray) -> FloatArray:
 
 
 def test_the_functions_are_what_an_integrator_finds() -> None:
-    constraint = thermal_constraint(MODEL, {"*_calf": LIMIT}, request="torque", margin=0.5)
+    constraint = ThermalConstraint(MODEL, {"*_calf": LIMIT}, request="torque", margin=0.5)
     for torque in (REQUEST, -REQUEST):
         stepped = constraint.step(60.0)(START, torque, AMBIENT).full().ravel()
         integrated = solve_ivp(slope, (0, 60), START, args=(torque,), rtol=1e-9).y[:, -1]
@@ -42,7 +42,7 @@ def test_the_functions_are_what_an_integrator_finds() -> None:
 
 def test_opti_with_the_constraint_plans_as_the_controller_does() -> None:
     """A program of one's own on CasADi's Opti: 30 steps of 5 s."""
-    constraint, count = thermal_constraint(MODEL, LIMIT, request="torque"), 30
+    constraint, count = ThermalConstraint(MODEL, LIMIT, request="torque"), 30
     step, excess = constraint.step(5.0), constraint.excess()
     opti = ca.Opti()
     x, u = opti.variable(3, count + 1), opti.variable(3, count)
@@ -66,7 +66,7 @@ def test_opti_with_the_constraint_plans_as_the_controller_does() -> None:
 
 def test_acados_objects_are_filled() -> None:
     """Of the names that acados documents; its own trial is in the planners' page."""
-    constraint = thermal_constraint(MODEL, LIMIT, request="torque")
+    constraint = ThermalConstraint(MODEL, LIMIT, request="torque")
     ocp = SimpleNamespace(model=SimpleNamespace(), constraints=SimpleNamespace())
     to_acados(constraint, ocp, np.array([AMBIENT]))
     model = ocp.model
@@ -85,7 +85,7 @@ def test_acados_objects_are_filled() -> None:
 @pytest.mark.filterwarnings("ignore")  # of what do-mpc asks of CasADi and NumPy
 def test_do_mpc_keeps_the_limits() -> None:
     do_mpc = pytest.importorskip("do_mpc")
-    constraint = thermal_constraint(MODEL, LIMIT, request="torque")
+    constraint = ThermalConstraint(MODEL, LIMIT, request="torque")
     model = do_mpc.model.Model("continuous", "SX")
     limits = to_do_mpc(constraint, model)
     model.setup()
@@ -117,6 +117,6 @@ def test_mistakes_are_said_in_one_line() -> None:
     )
     for wrong in mistakes:
         with pytest.raises(InputError):
-            thermal_constraint(MODEL, **wrong)
+            ThermalConstraint(MODEL, **wrong)
     with pytest.raises(ValueError, match="positive"):
-        thermal_constraint(MODEL, LIMIT).step(0.0)
+        ThermalConstraint(MODEL, LIMIT).step(0.0)
