@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from importlib.resources import files
 from subprocess import CalledProcessError
 
 import casadi as ca
@@ -39,6 +40,12 @@ def compiled(sources: Mapping[str, str], main: str) -> ctypes.CDLL:
         subprocess.CalledProcessError: the compiler failed.
     """
     return ctypes.CDLL(str(shared_library(sources, main, _OPTIONS)))
+
+
+def c_files(room: str, names: Iterable[str]) -> dict[str, str]:
+    """C files as they stand in the folder `c` of a room of the planners, contents by name."""
+    folder = files(f"lptn.planners.{room}").joinpath("c")
+    return {name: folder.joinpath(name).read_text(encoding="utf-8") for name in names}
 
 
 def c_code(file: str, *functions: ca.Function) -> str:

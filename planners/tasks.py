@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -15,7 +14,7 @@ from scipy.integrate import solve_ivp
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError, shown
 from lptn.basics.files import text_of
-from lptn.basics.toml import mistakes_by_line, toml_of
+from lptn.basics.toml import Strict, mistakes_by_line, toml_of
 from lptn.model.model import Model
 
 from .heating import Heating
@@ -53,18 +52,35 @@ class Kind(Generic[Task]):
     """One kind of task, chosen by `kind = "..."` in the table `[task]` of the task file.
 
     Args:
-        read: (the whole parsed task file, its name, the model) -> a task; raises `InputError` where something in it
-            can't be used. The name is for messages, and for paths beside it.
+        file: tables and keys of the whole task file.
+        task: (the file's tables, its name, the model) -> a task; raises `InputError` where something in it can't be
+            used. The name is for messages, and for paths beside it.
         run: task -> its answer. What can't be met is said in the answer, it is no exception.
         emit_c: (task, folder) -> the files of its step as C code for a robot, in the order a person reads them; `None`
             for a kind that has none. The folder is made if missing.
         c_code: what that is, in words.
     """
 
-    read: Callable[[Mapping[str, Any], str, Model], Task]
+    file: type[Strict]
+    task: Callable[[Any, str, Model], Task]
     run: Callable[[Task], Answer]
     emit_c: Callable[[Task, Path], list[Path]] | None = None
     c_code: str = "the controller in C"
+
+    def read(self, table: Mapping[str, Any], origin: str, model: Model) -> Task:
+        """A task from the whole parsed task file.
+
+        Args:
+            table: the whole document.
+            origin: the task file, for messages and for files beside it.
+            model: the model that the task is about.
+
+        Raises:
+            InputError: something in it can't be used; with its line where the file is there.
+        """
+        path = Path(origin)
+        with mistakes_by_line(path, text_of(path, "a task file") if path.is_file() else ""):
+            return self.task(self.file.model_validate(dict(table)), origin, model)
 
 
 _WHERE = {
@@ -104,18 +120,6 @@ def load_task(path: Path) -> dict[str, Any]:
         InputError: it can't be read, or is no TOML.
     """
     return toml_of(path, text_of(path, "a task file"))
-
-
-@contextmanager
-def mistakes_with_line(origin: str) -> Iterator[None]:
-    """Turn mistakes that pydantic or the readers find into one line with the place in the task file.
-
-    Raises:
-        InputError: something in it can't be used.
-    """
-    path = Path(origin)
-    with mistakes_by_line(path, text_of(path, "a task file") if path.is_file() else ""):
-        yield
 
 
 def start_of(given: Mapping[str, float], model: Model, origin: str, table: str = "start") -> FloatArray:

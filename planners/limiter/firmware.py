@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from importlib.resources import files
 from math import inf, isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -25,9 +24,10 @@ from lptn.basics.arrays import FloatArray, IntArray
 from lptn.basics.errors import InputError
 from lptn.basics.files import write_folder
 
+from ..compiled import c_files
 from ..tasks import Kind
 from ..values import LONGEST
-from .firmware_file import FirmwareTask, read_firmware
+from .firmware_file import FirmwareFile, FirmwareTask, firmware_task
 from .worst_case import (
     SHARES,
     Responses,
@@ -292,12 +292,9 @@ def _emit(task: FirmwareTask, folder: Path) -> list[Path]:
         f"    {{{', '.join(repr(value) if isfinite(value) else '-HUGE_VAL' for value in row)}}}, /* {joint} */"
         for joint, row in zip(numbers.index, numbers[columns].to_numpy(dtype=float).tolist(), strict=True)
     ]
-    source, coldest = (
-        files("lptn.planners.limiter").joinpath("c"),
-        min(task.table.air) - max(_COLDER, task.table.sensor_error),
-    )
+    coldest = min(task.table.air) - max(_COLDER, task.table.sensor_error)
     return write_folder(folder, {
-        **{name: source.joinpath(name).read_text(encoding="utf-8") for name in ("drive.h", "drive.c")},
+        **c_files("limiter", ("drive.h", "drive.c")),
         "drive_numbers.h": "\n".join([
             "/* By joint: peak current [A], time constant [s] and threshold [A^2] of i2t; warning, trip and",
             " * restart [degC]. Without a trip (-HUGE_VAL) no reading is looked at; without a restart the drive",
@@ -310,4 +307,4 @@ def _emit(task: FirmwareTask, folder: Path) -> list[Path]:
     })  # fmt: skip
 
 
-firmware_kind = Kind(read_firmware, solved, _emit, "the drives' limiters in C")
+firmware_kind = Kind(FirmwareFile, firmware_task, solved, _emit, "the drives' limiters in C")

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from math import inf
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
@@ -16,7 +15,7 @@ from lptn.basics.toml import Strict
 from lptn.model.model import Model
 
 from ..heating import Heating, heating
-from ..tasks import conditions_of, mistakes_with_line
+from ..tasks import conditions_of
 from ..values import LONGEST, ByPlace, Celsius, NotNegative, Positive, Seconds, by_place
 
 _BRIEFEST = 1e-3  # s: of what averages for less than a drive's period nothing is left
@@ -70,36 +69,30 @@ class FirmwareTask:
     ends: tuple[FloatArray, FloatArray]
 
 
-def read_firmware(table: Mapping[str, Any], origin: str, model: Model) -> FirmwareTask:
-    """A task from the whole parsed task file.
-
-    Raises:
-        InputError: something in it can't be used.
-    """
-    with mistakes_with_line(origin):
-        file = FirmwareFile.model_validate(dict(table))
-        heat = heating(model, "current")
-        bounds = by_place(file.limits, model.places, origin, "limits")
-        peaks = by_place(file.current_limits, heat.joints, origin, "current_limits")
-        nominal = peaks | by_place(file.nominal_currents, heat.joints, origin, "nominal_currents")
-        constants = by_place(file.time_constants, heat.joints, origin, "time_constants")
-        sensors: dict[str, str] = {}
-        for pattern, node in ({joint: joint for joint in heat.joints} | file.sensors).items():
-            sensors |= dict.fromkeys(by_place({pattern: 0.0}, heat.joints, origin, "sensors"), node)
-        for joint, node in sensors.items():
-            if joint not in peaks:
-                raise InputError(origin, "current_limits", f"no {joint}", "the peak current of each drive")
-            if nominal[joint] > peaks[joint]:
-                expected = f"at most the peak current, {peaks[joint]:g} A"
-                raise InputError(origin, f"nominal_currents.{joint}", f"{nominal[joint]:g}", expected)
-            if node not in model.nodes:
-                raise InputError(origin, f"sensors.{joint}", node, f"one of {', '.join(model.nodes)}")
-        told = next((name for name in file.conditions if name.startswith("temperature.")), None)
-        if told:
-            raise InputError(origin, f"conditions.{told}", "a temperature", 'other inputs: [task] "air" has both ends')
-        air = any(name.startswith("temperature.") for name in heat.conditions)
-        ends = [file.conditions | ({"temperature.*": end} if air else {}) for end in sorted(file.task.air)]
-        cold, hot = (conditions_of(end, heat, np.zeros(len(heat.joints)), origin) for end in ends)
+def firmware_task(file: FirmwareFile, origin: str, model: Model) -> FirmwareTask:
+    """A task from its file."""
+    heat = heating(model, "current")
+    bounds = by_place(file.limits, model.places, origin, "limits")
+    peaks = by_place(file.current_limits, heat.joints, origin, "current_limits")
+    nominal = peaks | by_place(file.nominal_currents, heat.joints, origin, "nominal_currents")
+    constants = by_place(file.time_constants, heat.joints, origin, "time_constants")
+    sensors: dict[str, str] = {}
+    for pattern, node in ({joint: joint for joint in heat.joints} | file.sensors).items():
+        sensors |= dict.fromkeys(by_place({pattern: 0.0}, heat.joints, origin, "sensors"), node)
+    for joint, node in sensors.items():
+        if joint not in peaks:
+            raise InputError(origin, "current_limits", f"no {joint}", "the peak current of each drive")
+        if nominal[joint] > peaks[joint]:
+            expected = f"at most the peak current, {peaks[joint]:g} A"
+            raise InputError(origin, f"nominal_currents.{joint}", f"{nominal[joint]:g}", expected)
+        if node not in model.nodes:
+            raise InputError(origin, f"sensors.{joint}", node, f"one of {', '.join(model.nodes)}")
+    told = next((name for name in file.conditions if name.startswith("temperature.")), None)
+    if told:
+        raise InputError(origin, f"conditions.{told}", "a temperature", 'other inputs: [task] "air" has both ends')
+    air = any(name.startswith("temperature.") for name in heat.conditions)
+    ends = [file.conditions | ({"temperature.*": end} if air else {}) for end in sorted(file.task.air)]
+    cold, hot = (conditions_of(end, heat, np.zeros(len(heat.joints)), origin) for end in ends)
     limits = np.full(heat.x.numel(), inf)
     limits[: len(model.places)] = [bounds.get(place, inf) - file.task.margin for place in model.places]
     squares = np.array([[peaks[joint], nominal[joint]] for joint in heat.joints]).T ** 2

@@ -11,7 +11,6 @@ as C on a robot.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from importlib.resources import files
 from math import ceil, inf, isinf
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -24,7 +23,7 @@ from lptn.basics.bounds import Bound
 from lptn.basics.files import write_folder
 from lptn.model.model import Model, rk4
 
-from ..compiled import c_code, compiled_function
+from ..compiled import c_code, c_files, compiled_function
 from ..heating import Heating, Request, heating, requested_by
 from ..values import Each, Values, checked_by_place, in_order, limits_of
 
@@ -142,8 +141,7 @@ class Limiter:
         }  # fmt: skip
         numbers = {"parameters": self.model.values, "limits": self.limits, "most": self.most}
         return write_folder(folder, {
-            **{name: files("lptn.planners.limiter").joinpath("c", name).read_text(encoding="utf-8")
-               for name in ("main.c", "admissible.h", "admissible.c")},
+            **c_files("limiter", ("main.c", "admissible.h", "admissible.c")),
             "limiter_sizes.h": "\n".join([
                 f"/* Sizes of one model's limiter: admissible {heat.request} [{heat.unit}] for {lasting}. */",
                 *(f"#define LPTN_{name} {value}" for name, value in sizes.items()), "",

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from math import inf, isinf
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import pandas as pd
@@ -16,7 +15,7 @@ from lptn.basics.toml import Strict
 from lptn.model.model import Model
 
 from ..heating import Request
-from ..tasks import Kind, conditions_of, mistakes_with_line, start_of
+from ..tasks import Kind, conditions_of, start_of
 from ..values import ByPlace, Celsius, Positive, by_place
 from .limiter import Limiter
 
@@ -145,21 +144,14 @@ class LimitAnswer(LimitTask):
         return "\n".join(lines)
 
 
-def _read(table: Mapping[str, Any], origin: str, model: Model) -> LimitTask:
-    """A task from the whole parsed task file.
-
-    Raises:
-        InputError: something in it can't be used.
-    """
-    with mistakes_with_line(origin):
-        file = LimitFile.model_validate(dict(table))
-        by_place(file.limits, model.places, origin, "limits")
-        limiter = Limiter(model, file.limits, request=file.task.request, current_limits=file.current_limits or inf,
-                          horizons=(*sorted(set(file.task.horizons)), inf))  # fmt: skip
-        levels = by_place(file.load, limiter.joints, origin, "load")
-        load = np.array([levels.get(joint, 0.0) for joint in limiter.joints])
-        around = conditions_of(file.conditions, limiter.heating, load, origin)
-        return LimitTask(limiter, file.task.name, start_of(file.start, model, origin), load, around)
+def _task(file: LimitFile, origin: str, model: Model) -> LimitTask:
+    by_place(file.limits, model.places, origin, "limits")
+    limiter = Limiter(model, file.limits, request=file.task.request, current_limits=file.current_limits or inf,
+                      horizons=(*sorted(set(file.task.horizons)), inf))  # fmt: skip
+    levels = by_place(file.load, limiter.joints, origin, "load")
+    load = np.array([levels.get(joint, 0.0) for joint in limiter.joints])
+    around = conditions_of(file.conditions, limiter.heating, load, origin)
+    return LimitTask(limiter, file.task.name, start_of(file.start, model, origin), load, around)
 
 
 def _run(task: LimitTask) -> LimitAnswer:
@@ -179,7 +171,8 @@ def _short(value: float) -> str:
 
 
 plan_kind = Kind(
-    _read,
+    LimitFile,
+    _task,
     _run,
     lambda task, folder: task.limiter.emit(folder, task.x, task.load, task.conditions),
     "the limiter in C",

@@ -3,9 +3,10 @@
 from .answer import MissionPlan
 from .gait import Gait, LogPart, gait_from_logs, gait_from_tables
 from .mission import Activity, Mission, MissionSegment, Transition
-from .mission_file import read_mission
 from .plan import plan_kind, plan_mission
 from .program import MissionProgram, MissionSolution
+
+read_mission = plan_kind.read
 
 __all__ = [
     "Activity", "Gait", "LogPart", "Mission", "MissionPlan", "MissionProgram", "MissionSegment", "MissionSolution",

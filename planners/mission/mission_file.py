@@ -7,16 +7,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    ValidationError,
-    ValidatorFunctionWrapHandler,
-    WrapValidator,
-)
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
@@ -25,19 +16,12 @@ from lptn.basics.toml import Number, Strict
 from lptn.logs.columns import parse_columns
 from lptn.model.model import Model
 
-from ..tasks import check_limits_at_rest, mistakes_with_line, start_of
-from ..values import LONGEST, Celsius, ExtraMass, Length, NotNegative, Seconds, Speed, by_place
+from ..tasks import check_limits_at_rest, start_of
+from ..values import LONGEST, Celsius, ExtraMass, Length, Runtime, Seconds, Span, Speed, by_place
 from .gait import REST, Gait, LogPart, gait_from_logs, gait_from_tables, with_surroundings
 from .mission import Activity, GivesUp, Mission, Range, Transition
 
 # --- tables and keys ----------------------------------------------------------------------------
-
-
-def _one_or_two(given: Any, validate: ValidatorFunctionWrapHandler) -> Any:
-    try:
-        return validate(given)
-    except ValidationError as error:
-        raise ValueError("a number, or [least, most]") from error
 
 
 def _rising(values: list[float]) -> list[float]:
@@ -51,9 +35,6 @@ def _by_pattern(given: Any) -> Any:
 
 
 Of = TypeVar("Of")
-Pair = Annotated[list[Of], Field(min_length=2, max_length=2)]
-OneOrTwo = Annotated[Of | Pair[Of] | None, WrapValidator(_one_or_two)]
-"""A number, or the least and the greatest."""
 Cells = Annotated[list[Of], Field(min_length=1, max_length=12), AfterValidator(_rising)]
 
 
@@ -72,10 +53,10 @@ class MissionTable(Strict):
 class ActivityTable(Strict):
     do: str
     distance: Length | None = None
-    duration: Annotated[Seconds | Pair[NotNegative] | None, WrapValidator(_one_or_two)] = None
-    speed: OneOrTwo[Speed] = None
-    load: OneOrTwo[ExtraMass] = None
-    posture: dict[str, OneOrTwo[Number]] = Field(default_factory=dict)
+    duration: Span[Runtime] | None = None
+    speed: Span[Speed] | None = None
+    load: Span[ExtraMass] | None = None
+    posture: dict[str, Span[Number]] = Field(default_factory=dict)
     pieces: Annotated[int, Field(ge=1, le=12, strict=True)] | None = None
 
 
@@ -112,56 +93,45 @@ class MissionFile(Strict):
 # --- reading ------------------------------------------------------------------------------------
 
 
-def read_mission(table: Mapping[str, Any], origin: str, model: Model) -> Mission:
-    """A mission from the parsed task file.
+def mission_of(tables: MissionFile, origin: str, model: Model) -> Mission:
+    """A mission from its task file, beside which its logs lie."""
+    task = tables.task
+    gaits = {name: _gait(name, gait, tables, model, origin) for name, gait in tables.gaits.items()}
+    activities = tuple(
+        _activity(activity, f"activities[{k}]", gaits, origin) for k, activity in enumerate(tables.activities)
+    )
+    limits = by_place(tables.limits, model.places, origin, "limits")
+    times = [activity.least_time for activity in activities]
+    if sum(times) > LONGEST:
+        found = f"{sum(times):.3g} s in all, at the greatest speeds"
+        expected = f"a day at most, {LONGEST:g} s: fine simulations take steps of a second"
+        raise InputError(origin, f"activities[{times.index(max(times))}]", found, expected)
+    warm = task.start if "*" in task.start else {"*": task.ambient} | task.start
+    start = start_of(warm, model, origin, "task.start")
+    hot = any(start[model.places.index(node)] > most for node, most in limits.items())
+    rest = gaits.get(REST) if task.longest_rest > 0 or hot else None
+    if rest is None and (task.longest_rest > 0 or hot):
+        expected = f"[gaits.{REST}], or longest_rest = 0 and a start below the limits"
+        raise InputError(origin, "gaits", "no gait rest", expected)
+    if task.carry > sum(activity.load[1] for activity in activities if activity.chooses_load):
+        expected = "as much as the activities with load = [least, most] can take together"
+        raise InputError(origin, "task.carry", f"{task.carry:g} kg", expected)
+    if task.begins and task.begins not in gaits:
+        raise InputError(origin, "task.begins", f'"{task.begins}"', f"one of {', '.join(gaits)}")
+    unlimited = 3600.0  # s, the longest rest of a mission without rests and deadline that begins too hot
+    mission = Mission(
+        model, activities, rest, task.longest_rest or task.deadline or unlimited, limits, start, task.ambient,
+        task.deadline, task.carry, task.gives_up, task.name, origin,
+        transitions=_transitions(tables.transitions, gaits, activities, model, origin), begins=task.begins,
+    )  # fmt: skip
+    off = with_surroundings(np.zeros(len(model.inputs)), model.inputs, 0.0, task.ambient)
 
-    Args:
-        table: the whole document.
-        origin: the task file, for messages and for logs beside it.
-        model: the model that the mission is about.
+    def idle(_: float, x: FloatArray) -> FloatArray:
+        return np.asarray(model.rhs(x, off, model.values).full()).ravel()
 
-    Raises:
-        InputError: something in it can't be used; with its line where the file is there.
-    """
-    with mistakes_with_line(origin):
-        tables = MissionFile.model_validate(dict(table))
-        task = tables.task
-        gaits = {name: _gait(name, gait, tables, model, origin) for name, gait in tables.gaits.items()}
-        activities = tuple(
-            _activity(activity, f"activities[{k}]", gaits, origin) for k, activity in enumerate(tables.activities)
-        )
-        limits = by_place(tables.limits, model.places, origin, "limits")
-        times = [activity.least_time for activity in activities]
-        if sum(times) > LONGEST:
-            found = f"{sum(times):.3g} s in all, at the greatest speeds"
-            expected = f"a day at most, {LONGEST:g} s: fine simulations take steps of a second"
-            raise InputError(origin, f"activities[{times.index(max(times))}]", found, expected)
-        warm = task.start if "*" in task.start else {"*": task.ambient} | task.start
-        start = start_of(warm, model, origin, "task.start")
-        hot = any(start[model.places.index(node)] > most for node, most in limits.items())
-        rest = gaits.get(REST) if task.longest_rest > 0 or hot else None
-        if rest is None and (task.longest_rest > 0 or hot):
-            expected = f"[gaits.{REST}], or longest_rest = 0 and a start below the limits"
-            raise InputError(origin, "gaits", "no gait rest", expected)
-        if task.carry > sum(activity.load[1] for activity in activities if activity.chooses_load):
-            expected = "as much as the activities with load = [least, most] can take together"
-            raise InputError(origin, "task.carry", f"{task.carry:g} kg", expected)
-        if task.begins and task.begins not in gaits:
-            raise InputError(origin, "task.begins", f'"{task.begins}"', f"one of {', '.join(gaits)}")
-        unlimited = 3600.0  # s, the longest rest of a mission without rests and deadline that begins too hot
-        mission = Mission(
-            model, activities, rest, task.longest_rest or task.deadline or unlimited, limits, start, task.ambient,
-            task.deadline, task.carry, task.gives_up, task.name, origin,
-            transitions=_transitions(tables.transitions, gaits, activities, model, origin), begins=task.begins,
-        )  # fmt: skip
-        off = with_surroundings(np.zeros(len(model.inputs)), model.inputs, 0.0, task.ambient)
-
-        def idle(_: float, x: FloatArray) -> FloatArray:
-            return np.asarray(model.rhs(x, off, model.values).full()).ravel()
-
-        ends = np.array([task.deadline or mission.fastest])
-        check_limits_at_rest(model, origin, limits, start, idle, ends, {"task.ambient": task.ambient})
-        return mission
+    ends = np.array([task.deadline or mission.fastest])
+    check_limits_at_rest(model, origin, limits, start, idle, ends, {"task.ambient": task.ambient})
+    return mission
 
 
 # --- gaits and activities -----------------------------------------------------------------------
@@ -238,22 +208,21 @@ def _activity(table: ActivityTable, place: str, gaits: Mapping[str, Gait], origi
     if travels:
         speed = _range(table.speed, gait.speeds, f"{place}.speed", "m/s", origin)
         return Activity(table.do, gait, table.distance, (0.0, 0.0), speed, load, posture, table.pieces or 3)
-    given = table.duration
-    if given is None or table.speed is not None:
-        raise InputError(origin, place, "no duration" if given is None else "a speed", "a duration [s]")
-    least, most = given if isinstance(given, list) else (given, given)
-    if most <= 0 or most < least:
-        raise InputError(origin, f"{place}.duration", str(given), "a time [s], or the least and the most")
+    if table.duration is None or table.speed is not None:
+        raise InputError(origin, place, "no duration" if table.duration is None else "a speed", "a duration [s]")
+    least, most = table.duration
+    if not most:
+        raise InputError(origin, f"{place}.duration", "0 s", "a time [s], or the least and the most")
     return Activity(table.do, gait, None, (least, most), (0.0, 0.0), load, posture, table.pieces or 1)
 
 
-def _range(given: float | list[float] | None, cells: FloatArray, place: str, unit: str, origin: str) -> Range:
+def _range(given: Sequence[float] | None, cells: FloatArray, place: str, unit: str, origin: str) -> Range:
     """Least and most of a speed or load, within the cells of the gait."""
     low, high = float(cells[0]), float(cells[-1])
     if given is None:
         return (low, low) if unit == "kg" else (low, high)
-    least, most = given if isinstance(given, list) else (given, given)
+    least, most = given
     if not low - 1e-9 <= least <= most <= high + 1e-9:
-        unit = f" {unit}" if unit else ""
-        raise InputError(origin, place, f"{given}{unit}", f"within {low:g} to {high:g}{unit}, the gait's cells")
+        found, unit = f"{least:g}" if least == most else f"[{least:g}, {most:g}]", f" {unit}" if unit else ""
+        raise InputError(origin, place, f"{found}{unit}", f"within {low:g} to {high:g}{unit}, the gait's cells")
     return least, most

@@ -10,7 +10,7 @@ import numpy as np
 from ..tasks import Kind
 from .answer import COUNTS, EXACT, MissionPlan, Verdict
 from .mission import Mission, Schedule, Timed, simulate_plan, with_complete_start
-from .mission_file import read_mission
+from .mission_file import MissionFile, mission_of
 from .program import Goal, MissionProgram, MissionSolution
 
 _DUST = 0.05  # s; shorter pieces are solver dust
@@ -193,4 +193,4 @@ def _resting(program: MissionProgram, failed: MissionSolution) -> MissionPlan:
     )  # fmt: skip
 
 
-plan_kind = Kind(read_mission, plan_mission)
+plan_kind = Kind(MissionFile, mission_of, plan_mission)

@@ -16,8 +16,8 @@ from lptn.basics.arrays import FloatArray
 from ..tasks import Kind
 from .controller import TorqueMPC
 from .reference import ReferenceProgram
-from .settings import settle
-from .task import TrackTask, read_task
+from .settings import Settings
+from .task import TrackFile, TrackTask, track_task
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -200,7 +200,7 @@ def _track(task: TrackTask) -> TrackAnswer:
 
 
 def _by_ipopt(task: TrackTask, settings: dict[str, Any], why: str) -> TrackAnswer:
-    spread = settle(task.heating, task.file.limits, **settings)
+    spread = Settings(task.heating, task.file.limits, **settings)
     solution = ReferenceProgram(task.heating, spread).solve(task.start, task.asked, task.conditions)
     given_up = () if solution.converged else ("IPOPT did not converge either; this plan is not proven best",)
     slack = zip(spread.limits, solution.slack.max(axis=0), strict=True)
@@ -220,4 +220,4 @@ def _emit_c(task: TrackTask, folder: Path) -> list[Path]:
     return mpc.emit(folder, task.start, task.asked, task.conditions)
 
 
-plan_kind = Kind(read_task, _track, _emit_c)
+plan_kind = Kind(TrackFile, track_task, _track, _emit_c)

@@ -6,7 +6,6 @@ import ctypes
 import math
 import re
 from collections.abc import Mapping, Sequence
-from importlib.resources import files
 from typing import Any
 
 import casadi as ca
@@ -15,7 +14,7 @@ import numpy as np
 from lptn.logs.resampling import feature
 from lptn.online import living_sensors
 
-from ..compiled import c_code, compiled
+from ..compiled import c_code, c_files, compiled
 from ..heating import Heating
 
 SOLVER = ("lptn_mpc.h", "lptn_mpc.c", "linear.inc", "living.inc", "filter.inc", "observe.inc", "bounds.inc",
@@ -103,7 +102,6 @@ def sources(heating: Heating, limits: int, stages: int, power: bool) -> dict[str
         "HEAT_IW": max(each.sz_iw() for each in functions),
         "HEAT_W": max(each.sz_w() for each in functions),
     }
-    solver = {name: files("lptn.planners.mpc").joinpath("c", name).read_text(encoding="utf-8") for name in SOLVER}
     defined = [f"#define LPTN_{name} {value}" for name, value in sizes.items()]
     living = [f"#define LIVING_{name} {getattr(living_sensors, name)!r}" for name in _LIVING]
     hidden = "#define CASADI_SYMBOL_EXPORT static __attribute__((unused))"
@@ -115,7 +113,7 @@ def sources(heating: Heating, limits: int, stages: int, power: bool) -> dict[str
         ),
         "conditions.h": _kinds(heating.conditions),
         "heat.inc": f"/* The model: made by CasADi from its equations. */\n{hidden}\n{c_code('heat.inc', *functions)}",
-        **solver,
+        **c_files("mpc", SOLVER),
     }
 
 

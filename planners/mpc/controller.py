@@ -6,12 +6,12 @@ import ctypes
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from importlib.resources import files
 from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
 import pandas as pd
+from scipy.special import ndtri
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
@@ -20,10 +20,11 @@ from lptn.basics.tables import Tabular
 from lptn.model.model import Model
 from lptn.online.living_sensors import LEAST
 
+from ..compiled import c_files
 from ..heating import Request, heating, requested_by
 from ..values import Each, Values, in_order
 from .c_code import python_library, settings_header, sources, structs, surroundings, unsure
-from .settings import SLACK_PRICES, LostSensor, settle
+from .settings import SLACK_PRICES, LostSensor, Settings
 
 _MEANING = {
     4: "a request is no number; taken as zero",
@@ -240,7 +241,7 @@ class TorqueMPC:
     ) -> None:
         self.model, limited_power = model, math.isfinite(power_limit)
         self.heating = heating(model, requested_by(model) if request is None else request, limited_power)
-        self.settings = settle(
+        self.settings = Settings(
             self.heating, limits, period=period, horizon=horizon, stages=stages, margin=margin, weights=weights,
             current_limits=current_limits, rates=rates, floors=floors, priorities=priorities, recovery=recovery,
             smoothing=smoothing, noise=noise, resolution=resolution, level=level, model_error=model_error,
@@ -298,20 +299,12 @@ class TorqueMPC:
             self._conditions[:] = rows
         else:
             fill(self._conditions, conditions, self.conditions, "conditions")
-        given = None
         if applied is not None:
             self._applied[:] = in_order(applied, self.joints, "applied", np.nan)
-            given = self._applied.ctypes.data
-        self._library.lptn_mpc_step(
-            ctypes.byref(self._settings),
-            ctypes.byref(self._state),
-            self._work,
-            ctypes.c_void_p(self._measured.ctypes.data),
-            ctypes.c_void_p(self._request.ctypes.data),
-            ctypes.c_void_p(self._conditions.ctypes.data),
-            ctypes.c_void_p(given),
-            ctypes.byref(self._result),
-        )
+        settings, state, result = map(ctypes.byref, (self._settings, self._state, self._result))
+        given = (self._measured.ctypes, self._request.ctypes, self._conditions.ctypes,
+                 None if applied is None else self._applied.ctypes)  # fmt: skip
+        self._library.lptn_mpc_step(settings, state, self._work, *given, result)
         return self._answer()
 
     def reset(self) -> None:
@@ -372,9 +365,8 @@ class TorqueMPC:
         names += [f"{self.heating.request}.{joint} [{self.heating.unit}]" for joint in self.joints]
         names += list(self.conditions)
         rows = [[*start[: len(model.nodes)], *row, *around] for row, around in zip(asked, conditions, strict=True)]
-        programs = ("main.c", "loop.c")  # that run the emitted step, and the loop of short ticks about it
         content = {
-            **{name: files("lptn.planners.mpc").joinpath("c", name).read_text(encoding="utf-8") for name in programs},
+            **c_files("mpc", ("main.c", "loop.c")),  # that run the emitted step, and the loop of short ticks about it
             "settings.h": settings_header(self._settings),
             "names.txt": "\n".join([*names, ""]),
             "example.txt": "\n".join([*(" ".join(f"{value:.10g}" for value in row) for row in rows), ""]),
@@ -426,6 +418,7 @@ class TorqueMPC:
         own = self.settings
         linear, quadratic = SLACK_PRICES
         parameters, around = len(self.model.values), len(surroundings(self.heating))
+        grain = own.resolution / math.sqrt(12)  # K, standard deviation of a reading's rounding
         values: dict[str, Any] = {
             "stage": own.stages, "limit": own.planned_limits,
             "node": [self.model.places.index(node) for node in own.limits], "owner": self.model.owners,
@@ -433,7 +426,7 @@ class TorqueMPC:
             "p": [*self.model.values, *np.zeros(around + 1)],
             "unsure": [*unsure(self.heating), *range(parameters, parameters + around)], "unit": own.units,
             "recovery": own.recovery, "smoothing": own.smoothing, "linear": linear, "quadratic": quadratic,
-            "noise": math.hypot(own.noise, own.grain), "grain": own.grain, "sigmas": own.sigmas,
+            "noise": math.hypot(own.noise, grain), "grain": grain, "sigmas": float(ndtri(own.level)),
             "error": own.errors, "learns": own.model_error > 0, "settles": own.settles,
             "tolerance": 1e-6,  # on the duality gap; the cost of admitting nothing is 1
             "iterations": 100, "warm": 50,  # at most; so many from the last plan, the others for a cold start

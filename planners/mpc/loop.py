@@ -96,11 +96,9 @@ class ControlLoop:
         self._temperatures[:] = in_order(temperatures, mpc.model.nodes, "temperatures", np.nan)
         self._conditions[: len(mpc.conditions)] = mpc.heating.conditions_from(conditions, self._asked)
         to_asked, to_applied, *others = self._pointers
-        given = ctypes.c_void_p(None)
         if applied is not None:
             self._applied[:] = in_order(applied, mpc.joints, "applied", np.nan)
-            given = to_applied
-        self.status = self._c_update(self._loop, to_asked, given, *others)
+        self.status = self._c_update(self._loop, to_asked, None if applied is None else to_applied, *others)
         if self.status & _WAITING:
             if self._pool is None:
                 self._think()
@@ -140,7 +138,7 @@ class ControlLoop:
 
     def _think(self) -> None:
         mpc, ahead = self.mpc, self._ahead
-        known = [ctypes.c_void_p(None if rows is None else rows.ctypes.data) for rows in ahead]
-        settings, state, result = (ctypes.byref(structure) for structure in (mpc._settings, mpc._state, mpc._result))
+        known = [None if rows is None else rows.ctypes for rows in ahead]
+        settings, state, result = map(ctypes.byref, (mpc._settings, mpc._state, mpc._result))
         if self._c_think(settings, self._loop, state, mpc._work, *known, result):
             self.plan = mpc._answer()

@@ -52,20 +52,13 @@ class ReferenceProgram:
         self.heating, self.settings = heating, settings
         self._solver = self._build()
 
-    def solve(
-        self,
-        start: FloatArray,
-        request: FloatArray,
-        conditions: FloatArray,
-        bias: FloatArray | None = None,
-    ) -> ReferenceSolution:
+    def solve(self, start: FloatArray, request: FloatArray, conditions: FloatArray) -> ReferenceSolution:
         """Solve it.
 
         Args:
             start: states [degC].
             request: RMS of each stage, shape (stages, joints).
             conditions: means of each stage, shape (stages, conditions).
-            bias: heat that the model lacks [K/s], by state.
         """
         settings, p = self.settings, self.heating.model.values
         n, joints = len(settings.stages), len(self.heating.joints)
@@ -79,9 +72,8 @@ class ReferenceProgram:
         lower = np.concatenate([np.ravel(least), np.full(n * len(start), -ca.inf), np.zeros(n * rows)])
         upper = np.concatenate([np.ravel(most), np.full(n * (len(start) + rows), ca.inf)])
         guess = np.concatenate([np.ravel(0.5 * most), np.tile(start, n), np.full(n * rows, 0.1)])
-        parameters = [start, np.ravel(request**2), np.ravel(conditions), np.ravel(weight),
-                 np.zeros(len(start)) if bias is None else bias, p]  # fmt: skip
-        parameters.append(settings.limits_from(start[nodes]).T.ravel())
+        limits = settings.limits_from(start[nodes]).T
+        parameters = [np.ravel(each) for each in (start, request**2, conditions, weight, p, limits)]
         bounds = np.zeros(n * (len(start) + rows))
         low = bounds.copy()
         low[n * len(start) :] = -ca.inf
@@ -114,7 +106,7 @@ class ReferenceProgram:
         s, x, e = ca.MX.sym("s", joints, n), ca.MX.sym("x", states, n), ca.MX.sym("e", len(nodes) + limited, n)
         start, square = ca.MX.sym("start", states), ca.MX.sym("square", joints, n)
         d, weight = ca.MX.sym("d", others, n), ca.MX.sym("weight", joints, n)
-        bias, p = ca.MX.sym("bias", states), ca.MX.sym("p", heating.p.numel())
+        p = ca.MX.sym("p", heating.p.numel())
         following = []
         powers = ca.MX(int(limited), 0 if limited else n)
         before = start
@@ -124,7 +116,7 @@ class ReferenceProgram:
                 power, _ = heating.power_function()(middle, s[:, k] * square[:, k], d[:, k], p)
                 powers = ca.horzcat(powers, ca.sum1(power) / settings.power - 1)
             step = self._step(float(settings.stages[k]))
-            following.append(step(before, s[:, k] * square[:, k], d[:, k], bias, p) - x[:, k])
+            following.append(step(before, s[:, k] * square[:, k], d[:, k], p) - x[:, k])
             before = x[:, k]
         limits = ca.MX.sym("limits", len(nodes), n)
         over = ca.vertcat(x[nodes, :] - limits, powers) - e
@@ -133,19 +125,18 @@ class ReferenceProgram:
         cost += linear * ca.sum1(ca.vec(e)) + quadratic / 2 * ca.sumsqr(e)
         program = {
             "x": ca.veccat(s, x, e),
-            "p": ca.veccat(start, square, d, weight, bias, p, limits),
+            "p": ca.veccat(start, square, d, weight, p, limits),
             "f": cost,
             "g": ca.vertcat(*following, ca.vec(over)),
         }
         return ca.nlpsol("reference", "ipopt", program, {**_OPTIONS, "expand": True})
 
     def _step(self, h: float) -> ca.Function:
-        """(x, heat, d, bias, p) -> x after h seconds, by RK4."""
+        """(x, heat, d, p) -> x after h seconds, by RK4."""
         heating = self.heating
-        bias = ca.SX.sym("bias", heating.x.numel())
         # In parts of some 5 s RK4 is exact to 1e-4 K on joints of a minute's time constant.
         parts = max(1, round(h / 5.0))
         rate, part, x, heat = heating.rate_function(), h / parts, heating.x, ca.SX.sym("heat", len(heating.joints))
         for _ in range(parts):
-            x = rk4(lambda state: rate(state, heat, heating.d, heating.p) + bias, x, part)
-        return ca.Function("step", [heating.x, heat, heating.d, bias, heating.p], [x])
+            x = rk4(lambda state: rate(state, heat, heating.d, heating.p), x, part)
+        return ca.Function("step", [heating.x, heat, heating.d, heating.p], [x])

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Literal, NamedTuple, get_args
 
 import casadi as ca
 import numpy as np
 from scipy.optimize import brentq
-from scipy.special import ndtri
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
@@ -31,11 +29,14 @@ SLACK_PRICES = 10.0, 10.0
 BAND = 10.0  # K above its limit at which a node, by default, is to cool as fast as it does without any load
 
 
-@dataclass(frozen=True)
 class Settings:
-    """Settings of `TorqueMPC`, whose arguments they are, spread over a model's places, and what follows from them.
+    """Arguments of `TorqueMPC`, checked and spread over a model's places, and what follows from them.
 
     Args:
+        heating: the model.
+        limits: as for `TorqueMPC`, as are all others.
+
+    Attributes:
         stages: lengths [s], shape (stages,).
         limits: degC by node; the margin is not taken off yet.
         weights, currents, rates, floors: of the joints, shape (joints,); infinite currents, rates of 0: no limits.
@@ -47,26 +48,68 @@ class Settings:
             units; shape (2, errors).
         settles: time in which each node forgets how warm the whole robot began [s].
         power: limit of all joints together at the supply [W].
+
+    Raises:
+        InputError: an unknown place, or a number that can't be used.
+        ValueError: period, horizon or number of stages can't be.
     """
 
-    stages: FloatArray
-    limits: dict[str, float]
-    margin: float
-    weights: FloatArray
-    currents: FloatArray
-    rates: FloatArray
-    floors: FloatArray
-    recovery: FloatArray
-    smoothing: float
-    noise: float
-    resolution: float
-    level: float
-    model_error: float
-    units: FloatArray
-    errors: FloatArray
-    settles: FloatArray
-    lost_sensor: LostSensor
-    power: float = math.inf
+    def __init__(
+        self,
+        heating: Heating,
+        limits: Each,
+        *,
+        period: float,
+        horizon: float,
+        stages: int,
+        level: float,
+        model_error: float,
+        weights: Each = 1.0,
+        current_limits: Each = math.inf,
+        rates: Each = 0.0,
+        floors: Each = 0.0,
+        priorities: Each = 0.0,
+        recovery: float | None = None,
+        smoothing: float = 0.0,
+        margin: float = 0.0,
+        noise: float = 0.1,
+        resolution: float = 0.0,
+        standard_errors: Mapping[str, float] | None = None,
+        lost_sensor: LostSensor = "model",
+        power_limit: float = math.inf,
+    ) -> None:
+        model, joints = heating.model, heating.joints
+        self.limits = limits_of(limits, model)
+        self.margin, self.smoothing, self.model_error = margin, smoothing, model_error
+        self.noise, self.resolution, self.level = noise, resolution, level
+        self.lost_sensor, self.power = lost_sensor, power_limit
+        for place, value in (
+            ("margin", margin), ("recovery", recovery or 0.0), ("smoothing", smoothing), ("noise", noise),
+            ("resolution", resolution), ("model_error", model_error),
+        ):  # fmt: skip
+            if not (math.isfinite(value) and value >= 0.0):
+                raise InputError(model.network.origin, place, f"{value:g}", "a number from 0 up")
+        if lost_sensor not in get_args(LostSensor):
+            expected = " or ".join(get_args(LostSensor))
+            raise InputError(model.network.origin, "lost_sensor", f"{lost_sensor!r}", expected)
+        if not power_limit > 0:
+            raise InputError(model.network.origin, "power_limit", f"{power_limit:g} W", "a power above 0 W")
+        if not 0.5 <= level < 1:
+            raise InputError(model.network.origin, "level", f"{level:g}", "a probability from 0.5 up, less than 1")
+        self.stages = growing_stages(period, horizon, stages)
+        most = 2  # levels either way; a joint gives way by a hundredth of the share of one a level below
+        levels = _by_joint(priorities, joints, "priorities", 0.0, least=-most)
+        if np.any(levels > most):
+            raise InputError(model.network.origin, "priorities", f"{levels.max():g}", f"at most {most}")
+        self.weights = _by_joint(weights, joints, "weights", 1.0) * 100.0 ** (levels - levels.max())
+        self.currents = _by_joint(current_limits, joints, "current_limits", math.inf, infinite=True)
+        self.rates = _by_joint(rates, joints, "rates", 0.0, least=0.0)
+        self.floors = _by_joint(floors, joints, "floors", 0.0, least=0.0)
+        self.recovery = (
+            _recovery(heating, self.limits) if recovery is None else np.full(len(self.limits), float(recovery))
+        )
+        self.units, self.errors = _errors(heating, self.limits, model_error, standard_errors or {})
+        self.settles = _settles(heating, self.limits)
 
     @property
     def planned_limits(self) -> FloatArray:
@@ -80,99 +123,24 @@ class Settings:
         left = np.where(slow, np.exp(-ends / np.where(slow, self.recovery[:, None], 1.0)), 0.0)
         return np.asarray(limits + left * np.maximum(start[:, None] - limits, 0.0))
 
-    @property
-    def grain(self) -> float:
-        """Of a reading's rounding, standard deviation [K]."""
-        return self.resolution / math.sqrt(12)
 
-    @property
-    def sigmas(self) -> float:
-        """Standard deviations of a normal error that it stays below with the probability `level`."""
-        return float(ndtri(self.level))
-
-
-def settle(
-    heating: Heating,
-    limits: Each,
-    *,
-    period: float,
-    horizon: float,
-    stages: int,
-    level: float,
-    model_error: float,
-    weights: Each = 1.0,
-    current_limits: Each = math.inf,
-    rates: Each = 0.0,
-    floors: Each = 0.0,
-    priorities: Each = 0.0,
-    recovery: float | None = None,
-    smoothing: float = 0.0,
-    margin: float = 0.0,
-    noise: float = 0.1,
-    resolution: float = 0.0,
-    standard_errors: Mapping[str, float] | None = None,
-    lost_sensor: LostSensor = "model",
-    power_limit: float = math.inf,
-) -> Settings:
-    """Check settings and spread them.
-
-    The arguments are those of `TorqueMPC`.
-
-    Raises:
-        InputError: an unknown place, or a number that can't be used.
-        ValueError: period, horizon or number of stages can't be.
-    """
-    model = heating.model
-    bounds = limits_of(limits, model)
-    for place, value in (
-        ("margin", margin), ("recovery", recovery or 0.0), ("smoothing", smoothing), ("noise", noise),
-        ("resolution", resolution), ("model_error", model_error),
-    ):  # fmt: skip
-        if not (math.isfinite(value) and value >= 0.0):
-            raise InputError(model.network.origin, place, f"{value:g}", "a number from 0 up")
-    if lost_sensor not in get_args(LostSensor):
-        expected = " or ".join(get_args(LostSensor))
-        raise InputError(model.network.origin, "lost_sensor", f"{lost_sensor!r}", expected)
-    if not power_limit > 0:
-        raise InputError(model.network.origin, "power_limit", f"{power_limit:g} W", "a power above 0 W")
-    if not 0.5 <= level < 1:
-        raise InputError(model.network.origin, "level", f"{level:g}", "a probability from 0.5 up, less than 1")
-    lengths = growing_stages(period, horizon, stages)
-    joints = heating.joints
-    rows = [model.places.index(node) for node in bounds]
+def _recovery(heating: Heating, limits: dict[str, float]) -> FloatArray:
+    """Time constants [s] with which limited nodes come down to their limits by default, shape (limited nodes,)."""
+    rows = [heating.model.places.index(node) for node in limits]
     # What no current heats is as warm as the others make it, whatever its limit: a winding cools into its housing.
     driven = np.isin(rows, ca.jacobian(heating.rates, heating.amount).sparsity().row())
-    among = {node: limit for (node, limit), heated in zip(bounds.items(), driven, strict=True) if heated} or bounds
+    among = {node: limit for (node, limit), heated in zip(limits.items(), driven, strict=True) if heated} or limits
     free = driven * np.abs(_at_limits(heating, among).rates[rows])
-    slow = BAND / np.maximum(_cooling(heating, bounds)[rows], free)
-    most = 2  # levels either way; a joint gives way by a hundredth of the share of one a level below
-    levels = _by_joint(priorities, joints, "priorities", 0.0, least=-most)
-    if np.any(levels > most):
-        raise InputError(model.network.origin, "priorities", f"{levels.max():g}", f"at most {most}")
-    # Mean time in which each node forgets how warm all began [s], at most a day: of one mass its time constant.
-    nodes, day = len(model.nodes), 86400.0
-    slope = _at_limits(heating, bounds).slope[:nodes, :nodes]
+    return np.asarray(BAND / np.maximum(_cooling(heating, limits)[rows], free))
+
+
+def _settles(heating: Heating, limits: dict[str, float]) -> FloatArray:
+    """Mean time in which each node forgets how warm all began [s], at most a day: of one mass its time constant."""
+    nodes, day = len(heating.model.nodes), 86400.0
+    slope = _at_limits(heating, limits).slope[:nodes, :nodes]
     forgets = np.linalg.lstsq(-slope, np.ones(nodes))[0]
     forgets[np.abs(slope @ forgets + 1) > 1e-6] = day  # without air nothing is forgotten
-    return Settings(
-        lengths,
-        bounds,
-        margin,
-        _by_joint(weights, joints, "weights", 1.0) * 100.0 ** (levels - levels.max()),
-        _by_joint(current_limits, joints, "current_limits", math.inf, infinite=True),
-        _by_joint(rates, joints, "rates", 0.0, least=0.0),
-        _by_joint(floors, joints, "floors", 0.0, least=0.0),
-        slow if recovery is None else np.full(len(bounds), float(recovery)),
-        smoothing,
-        noise,
-        resolution,
-        level,
-        model_error,
-        *_errors(heating, bounds, model_error, standard_errors or {}),
-        np.where((forgets > 0) & (forgets < day), forgets, day),
-        lost_sensor,
-        power_limit,
-    )
+    return np.where((forgets > 0) & (forgets < day), forgets, day)
 
 
 class _Balance(NamedTuple):

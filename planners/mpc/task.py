@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
@@ -15,7 +14,7 @@ from lptn.basics.toml import Strict
 from lptn.model.model import Model
 
 from ..heating import Heating, Request, heating, requested_by
-from ..tasks import check_limits_at_rest, conditions_of, mistakes_with_line, start_of
+from ..tasks import check_limits_at_rest, conditions_of, start_of
 from ..values import ByPlace, Celsius, NotNegative, Positive, Seconds, by_place
 from .settings import LostSensor
 
@@ -100,38 +99,32 @@ class TrackTask:
         return own | {name: values for name in _OF_JOINTS if (values := getattr(self.file, name))}
 
 
-def read_task(table: Mapping[str, Any], origin: str, model: Model) -> TrackTask:
-    """A task from the parsed task file.
-
-    Raises:
-        InputError: something in it can't be used.
-    """
-    with mistakes_with_line(origin):
-        file = TrackFile.model_validate(dict(table))
-        named = [what for what in _REQUESTS if any(getattr(phase, what) for phase in file.phases)]
-        if len(named) > 1:
-            raise InputError(origin, "phases", "torque and current", "one of the two in all phases")
-        heat = heating(model, named[0] if named else requested_by(model), file.task.power_limit is not None)
-        period = file.task.period
-        asked: list[FloatArray] = []
-        around: list[FloatArray] = []
-        for number, phase in enumerate(file.phases):
-            steps = round(phase.duration / period)
-            if abs(steps * period - phase.duration) > 1e-6 * phase.duration:
-                place = f"phases[{number}].duration"
-                raise InputError(origin, place, f"{phase.duration:g}", f"a multiple of {period:g} s")
-            _refuse_many(len(asked) + steps, period, origin)
-            given = getattr(phase, heat.request)
-            levels = by_place(given, heat.joints, origin, f"phases[{number}].{heat.request}")
-            amounts = np.array([levels.get(joint, 0.0) for joint in heat.joints])
-            asked += [amounts] * steps
-            around += [conditions_of(file.conditions | phase.conditions, heat, amounts, origin)] * steps
-        limits = by_place(file.limits, model.places, origin, "limits")
-        for name in _OF_JOINTS:
-            by_place(getattr(file, name), heat.joints, origin, name)
-        _refuse_many(len(asked) * file.task.repeat, period, origin)
-        start = start_of(file.start, model, origin)
-        task = TrackTask(heat, np.array(asked * file.task.repeat), np.array(around * file.task.repeat), start, file)
+def track_task(file: TrackFile, origin: str, model: Model) -> TrackTask:
+    """A task from its file."""
+    named = [what for what in _REQUESTS if any(getattr(phase, what) for phase in file.phases)]
+    if len(named) > 1:
+        raise InputError(origin, "phases", "torque and current", "one of the two in all phases")
+    heat = heating(model, named[0] if named else requested_by(model), file.task.power_limit is not None)
+    period = file.task.period
+    asked: list[FloatArray] = []
+    around: list[FloatArray] = []
+    for number, phase in enumerate(file.phases):
+        steps = round(phase.duration / period)
+        if abs(steps * period - phase.duration) > 1e-6 * phase.duration:
+            place = f"phases[{number}].duration"
+            raise InputError(origin, place, f"{phase.duration:g}", f"a multiple of {period:g} s")
+        _refuse_many(len(asked) + steps, period, origin)
+        given = getattr(phase, heat.request)
+        levels = by_place(given, heat.joints, origin, f"phases[{number}].{heat.request}")
+        amounts = np.array([levels.get(joint, 0.0) for joint in heat.joints])
+        asked += [amounts] * steps
+        around += [conditions_of(file.conditions | phase.conditions, heat, amounts, origin)] * steps
+    limits = by_place(file.limits, model.places, origin, "limits")
+    for name in _OF_JOINTS:
+        by_place(getattr(file, name), heat.joints, origin, name)
+    _refuse_many(len(asked) * file.task.repeat, period, origin)
+    start = start_of(file.start, model, origin)
+    task = TrackTask(heat, np.array(asked * file.task.repeat), np.array(around * file.task.repeat), start, file)
     rates, none = heat.rate_function(), np.zeros(len(heat.joints))
 
     def idle(time: float, x: FloatArray) -> FloatArray:
