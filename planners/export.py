@@ -16,7 +16,7 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.model.model import Model, rk4
 
-from .heating import Request, heating, requested_by
+from .heating import Request, heating
 from .values import Each, checked_by_place
 
 
@@ -48,7 +48,7 @@ class ThermalConstraint:
     def __init__(self, model: Model, limits: Each, *, request: Request | None = None, margin: float = 0.0) -> None:
         if not 0 <= margin < float("inf"):
             raise InputError(model.network.origin, "margin", f"{margin:g}", "a number from 0 up [K]")
-        heat = heating(model, requested_by(model) if request is None else request)
+        heat = heating(model, request)
         self.limits = checked_by_place(limits, model.nodes, "limits")
         if not self.limits:
             raise InputError(model.network.origin, "limits", "no limit", "one of a node at least")

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, Literal
 
 import casadi as ca
@@ -156,22 +157,20 @@ class Heating:
         return ca.substitute(self.rates, self.amount, _root_of(heat))
 
 
-def requested_by(model: Model) -> Request:
-    """What a model's log columns hold: `"current"` where one of them is a current, else `"torque"`."""
-    quantities = {column.partition(".")[0] for column in model.inputs}
-    return "current" if "current" in quantities or not {"torque", "torque_abs"} & quantities else "torque"
-
-
-def heating(model: Model, request: Request, speeds: bool = False) -> Heating:
+def heating(model: Model, request: Request | None = None, speeds: bool = False) -> Heating:
     """A model seen from its requested torques or currents; with `speeds` all joints' are among the conditions.
 
+    By default what the model's log columns hold is requested: currents where one of them is a current, else torques.
     Where the model's input is the other of the two, the torque constant of the joint's copper loss converts, falling
     with temperature where the model says so ([Chen2017, eq. 2.6]).
 
     Raises:
         InputError: the model has no such input, or the heat of one joint depends on what another gives.
     """
-    made = model.made_once(("heating", request, speeds), lambda: _make(model, request, speeds))
+    if request is None:
+        quantities = {column.partition(".")[0] for column in model.inputs}
+        request = "torque" if {"torque", "torque_abs"} & quantities and "current" not in quantities else "current"
+    made = model.made_once(("heating", request, speeds), partial(_make, model, request, speeds))
     return replace(made, model=model)  # its expressions are shared with copies at other values, its values are not
 
 

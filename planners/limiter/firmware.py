@@ -27,7 +27,7 @@ from lptn.basics.files import write_folder
 from ..compiled import c_files
 from ..tasks import Kind
 from ..values import LONGEST
-from .firmware_file import FirmwareFile, FirmwareTask, firmware_task
+from .firmware_file import FirmwareFile, FirmwareTask
 from .worst_case import (
     SHARES,
     Responses,
@@ -307,4 +307,4 @@ def _emit(task: FirmwareTask, folder: Path) -> list[Path]:
     })  # fmt: skip
 
 
-firmware_kind = Kind(FirmwareFile, firmware_task, solved, _emit, "the drives' limiters in C")
+firmware_kind = Kind(FirmwareFile, FirmwareTask, solved, _emit, "the drives' limiters in C")

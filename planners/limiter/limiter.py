@@ -24,7 +24,7 @@ from lptn.basics.files import write_folder
 from lptn.model.model import Model, rk4
 
 from ..compiled import c_code, c_files, compiled_function
-from ..heating import Heating, Request, heating, requested_by
+from ..heating import Heating, Request, heating
 from ..values import Each, Values, checked_by_place, in_order, limits_of
 
 HORIZONS = (10.0, 60.0, 300.0, inf)
@@ -69,7 +69,7 @@ class Limiter:
         if not horizons or not all(seconds > 0 for seconds in horizons):
             raise ValueError(f"horizons: found {list(horizons)}; expected positive seconds")
         self.model = model
-        self.heating: Heating = heating(model, requested_by(model) if request is None else request)
+        self.heating = heating(model, request)
         self.joints, self.conditions, self.horizons = self.heating.joints, self.heating.conditions, tuple(horizons)
         bounds = limits_of(limits, model)
         self.limits = np.array([bounds.get(place, _UNLIMITED) for place in model.places])

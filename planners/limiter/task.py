@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import inf, isinf
 from typing import TYPE_CHECKING, Literal
 
@@ -10,7 +9,6 @@ import numpy as np
 import pandas as pd
 from pydantic import Field
 
-from lptn.basics.arrays import FloatArray
 from lptn.basics.toml import Strict
 from lptn.model.model import Model
 
@@ -42,36 +40,52 @@ class LimitFile(Strict):
     current_limits: dict[str, Positive] = Field(default_factory=dict)
 
 
-@dataclass(frozen=True)
 class LimitTask:
     """A limiter and the present.
 
     Args:
-        limiter: at the task's limits and horizons, the last one infinite.
+        file: the task file's tables.
+        origin: its name.
+        model: the model.
+
+    Attributes:
         name: for the figure.
-        x: states [degC].
+        limiter: at the task's limits and horizons, the last one infinite.
         load: RMS torque or current of each joint.
+        x: states [degC].
         conditions: the model's other inputs.
+
+    Raises:
+        InputError: something in the file can't be used.
     """
 
-    limiter: Limiter
-    name: str
-    x: FloatArray
-    load: FloatArray
-    conditions: FloatArray
+    def __init__(self, file: LimitFile, origin: str, model: Model) -> None:
+        by_place(file.limits, model.places, origin, "limits")
+        self.name = file.task.name
+        self.limiter = Limiter(model, file.limits, request=file.task.request, current_limits=file.current_limits or inf,
+                               horizons=(*sorted(set(file.task.horizons)), inf))  # fmt: skip
+        levels = by_place(file.load, self.limiter.joints, origin, "load")
+        self.load = np.array([levels.get(joint, 0.0) for joint in self.limiter.joints])
+        self.conditions = conditions_of(file.conditions, self.limiter.heating, self.load, origin)
+        self.x = start_of(file.start, model, origin)
 
 
-@dataclass(frozen=True)
-class LimitAnswer(LimitTask):
+class LimitAnswer:
     """What each joint may give at present, and how far all can be scaled.
 
     Args:
+        task: the limiter and the present.
+
+    Attributes:
         admissible: shape (joints, horizons).
         scales: of the present load of all joints, by horizon; infinite without a load.
     """
 
-    admissible: FloatArray
-    scales: FloatArray
+    def __init__(self, task: LimitTask) -> None:
+        self.name, self.limiter, self.load, self.x = task.name, task.limiter, task.load, task.x
+        given = task.x, task.load
+        scales = [task.limiter.largest_scale(*given, seconds, task.conditions) for seconds in task.limiter.horizons]
+        self.admissible, self.scales = task.limiter.admissible(*given, task.conditions), np.array(scales)
 
     def table(self) -> pd.DataFrame:
         """A row a joint."""
@@ -144,24 +158,6 @@ class LimitAnswer(LimitTask):
         return "\n".join(lines)
 
 
-def _task(file: LimitFile, origin: str, model: Model) -> LimitTask:
-    by_place(file.limits, model.places, origin, "limits")
-    limiter = Limiter(model, file.limits, request=file.task.request, current_limits=file.current_limits or inf,
-                      horizons=(*sorted(set(file.task.horizons)), inf))  # fmt: skip
-    levels = by_place(file.load, limiter.joints, origin, "load")
-    load = np.array([levels.get(joint, 0.0) for joint in limiter.joints])
-    around = conditions_of(file.conditions, limiter.heating, load, origin)
-    return LimitTask(limiter, file.task.name, start_of(file.start, model, origin), load, around)
-
-
-def _run(task: LimitTask) -> LimitAnswer:
-    """The admissible values now."""
-    limiter = task.limiter
-    scales = [limiter.largest_scale(task.x, task.load, seconds, task.conditions) for seconds in limiter.horizons]
-    admissible = limiter.admissible(task.x, task.load, task.conditions)
-    return LimitAnswer(**vars(task), admissible=admissible, scales=np.array(scales))
-
-
 def _named(seconds: float) -> str:
     return "continuous" if isinf(seconds) else f"{seconds:g} s"
 
@@ -172,8 +168,8 @@ def _short(value: float) -> str:
 
 plan_kind = Kind(
     LimitFile,
-    _task,
-    _run,
+    LimitTask,
+    LimitAnswer,
     lambda task, folder: task.limiter.emit(folder, task.x, task.load, task.conditions),
     "the limiter in C",
 )

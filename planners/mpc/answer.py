@@ -17,7 +17,7 @@ from ..tasks import Kind
 from .controller import TorqueMPC
 from .reference import ReferenceProgram
 from .settings import Settings
-from .task import TrackFile, TrackTask, track_task
+from .task import TrackFile, TrackTask
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -220,4 +220,4 @@ def _emit_c(task: TrackTask, folder: Path) -> list[Path]:
     return mpc.emit(folder, task.start, task.asked, task.conditions)
 
 
-plan_kind = Kind(TrackFile, track_task, _track, _emit_c)
+plan_kind = Kind(TrackFile, TrackTask, _track, _emit_c)

@@ -21,7 +21,7 @@ from lptn.model.model import Model
 from lptn.online.living_sensors import LEAST
 
 from ..compiled import c_files
-from ..heating import Request, heating, requested_by
+from ..heating import Request, heating
 from ..values import Each, Values, in_order
 from .c_code import python_library, settings_header, sources, structs, surroundings, unsure
 from .settings import SLACK_PRICES, LostSensor, Settings
@@ -240,7 +240,7 @@ class TorqueMPC:
         power_limit: float = math.inf,
     ) -> None:
         self.model, limited_power = model, math.isfinite(power_limit)
-        self.heating = heating(model, requested_by(model) if request is None else request, limited_power)
+        self.heating = heating(model, request, limited_power)
         self.settings = Settings(
             self.heating, limits, period=period, horizon=horizon, stages=stages, margin=margin, weights=weights,
             current_limits=current_limits, rates=rates, floors=floors, priorities=priorities, recovery=recovery,

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
 from pydantic import Field
@@ -13,12 +12,11 @@ from lptn.basics.errors import InputError
 from lptn.basics.toml import Strict
 from lptn.model.model import Model
 
-from ..heating import Heating, Request, heating, requested_by
+from ..heating import Request, heating
 from ..tasks import check_limits_at_rest, conditions_of, start_of
 from ..values import ByPlace, Celsius, NotNegative, Positive, Seconds, by_place
 from .settings import LostSensor
 
-_REQUESTS: tuple[Request, ...] = ("torque", "current")
 _OF_JOINTS = ("current_limits", "weights", "rates", "floors", "priorities")
 """Tables of numbers by joint, arguments of `TorqueMPC`."""
 
@@ -66,28 +64,65 @@ class TrackFile(Strict):
     controller: ControllerTable = ControllerTable()
 
 
-@dataclass(frozen=True)
 class TrackTask:
     """What is asked, in steps of one period.
 
     Args:
+        file: the task file's tables, for limits, weights and the controller.
+        origin: its name.
+        model: the model.
+
+    Attributes:
         heating: the model, and what is asked of its joints.
         asked: RMS torque [N*m] or current [A], shape (steps, joints).
         conditions: the model's other inputs, shape (steps, conditions).
         start: states [degC].
-        file: the tables, for limits, weights and the controller.
+        period: length of a step [s].
+
+    Raises:
+        InputError: something in the file can't be used.
     """
 
-    heating: Heating
-    asked: FloatArray
-    conditions: FloatArray
-    start: FloatArray
-    file: TrackFile
+    def __init__(self, file: TrackFile, origin: str, model: Model) -> None:
+        named = [what for what in get_args(Request) if any(getattr(phase, what) for phase in file.phases)]
+        if len(named) > 1:
+            raise InputError(origin, "phases", "torque and current", "one of the two in all phases")
+        self.file, self.period = file, file.task.period
+        self.heating = heat = heating(model, named[0] if named else None, file.task.power_limit is not None)
+        limits = by_place(file.limits, model.places, origin, "limits")
+        for name in _OF_JOINTS:
+            by_place(getattr(file, name), heat.joints, origin, name)
+        self.start = start_of(file.start, model, origin)
+        self.asked, self.conditions = self._phases(origin)
+        rates, none = heat.rate_function(), np.zeros(len(heat.joints))
 
-    @property
-    def period(self) -> float:
-        """Length of a step [s]."""
-        return self.file.task.period
+        def idle(time: float, x: FloatArray) -> FloatArray:
+            given = self.conditions[min(int(time / self.period), len(self.conditions) - 1)]
+            return np.asarray(rates(x, none, given, model.values).full()).ravel()
+
+        hottest = zip(heat.conditions, self.conditions.max(axis=0).tolist(), strict=True)
+        air = {name: most for name, most in hottest if name.startswith("temperature.")}
+        ends = np.asarray(self.period * np.arange(1, len(self.asked) + 1), dtype=np.float64)
+        check_limits_at_rest(model, origin, limits, self.start, idle, ends, air)
+
+    def _phases(self, origin: str) -> tuple[FloatArray, FloatArray]:
+        """What is asked, and the conditions, by step."""
+        file, heat, most = self.file, self.heating, 400  # steps that are planned at once: each is a stage of the solver
+        asked: list[FloatArray] = []
+        around: list[FloatArray] = []
+        for number, phase in enumerate(file.phases):
+            steps = round(phase.duration / self.period)
+            if abs(steps * self.period - phase.duration) > 1e-6 * phase.duration:
+                place = f"phases[{number}].duration"
+                raise InputError(origin, place, f"{phase.duration:g}", f"a multiple of {self.period:g} s")
+            if (count := (len(asked) + steps) * file.task.repeat) > most:
+                problem = f"{count} steps of {self.period:g} s"
+                raise InputError(origin, "task.period", problem, f"at most {most}: a longer period, or a shorter task")
+            levels = by_place(getattr(phase, heat.request), heat.joints, origin, f"phases[{number}].{heat.request}")
+            amounts = np.array([levels.get(joint, 0.0) for joint in heat.joints])
+            asked += [amounts] * steps
+            around += [conditions_of(file.conditions | phase.conditions, heat, amounts, origin)] * steps
+        return np.array(asked * file.task.repeat), np.array(around * file.task.repeat)
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -97,49 +132,3 @@ class TrackTask:
         if table.power_limit is not None:
             own["power_limit"] = table.power_limit
         return own | {name: values for name in _OF_JOINTS if (values := getattr(self.file, name))}
-
-
-def track_task(file: TrackFile, origin: str, model: Model) -> TrackTask:
-    """A task from its file."""
-    named = [what for what in _REQUESTS if any(getattr(phase, what) for phase in file.phases)]
-    if len(named) > 1:
-        raise InputError(origin, "phases", "torque and current", "one of the two in all phases")
-    heat = heating(model, named[0] if named else requested_by(model), file.task.power_limit is not None)
-    period = file.task.period
-    asked: list[FloatArray] = []
-    around: list[FloatArray] = []
-    for number, phase in enumerate(file.phases):
-        steps = round(phase.duration / period)
-        if abs(steps * period - phase.duration) > 1e-6 * phase.duration:
-            place = f"phases[{number}].duration"
-            raise InputError(origin, place, f"{phase.duration:g}", f"a multiple of {period:g} s")
-        _refuse_many(len(asked) + steps, period, origin)
-        given = getattr(phase, heat.request)
-        levels = by_place(given, heat.joints, origin, f"phases[{number}].{heat.request}")
-        amounts = np.array([levels.get(joint, 0.0) for joint in heat.joints])
-        asked += [amounts] * steps
-        around += [conditions_of(file.conditions | phase.conditions, heat, amounts, origin)] * steps
-    limits = by_place(file.limits, model.places, origin, "limits")
-    for name in _OF_JOINTS:
-        by_place(getattr(file, name), heat.joints, origin, name)
-    _refuse_many(len(asked) * file.task.repeat, period, origin)
-    start = start_of(file.start, model, origin)
-    task = TrackTask(heat, np.array(asked * file.task.repeat), np.array(around * file.task.repeat), start, file)
-    rates, none = heat.rate_function(), np.zeros(len(heat.joints))
-
-    def idle(time: float, x: FloatArray) -> FloatArray:
-        given = task.conditions[min(int(time / period), len(task.conditions) - 1)]
-        return np.asarray(rates(x, none, given, model.values).full()).ravel()
-
-    hottest = zip(heat.conditions, task.conditions.max(axis=0).tolist(), strict=True)
-    air = {name: most for name, most in hottest if name.startswith("temperature.")}
-    ends = np.asarray(period * np.arange(1, len(task.asked) + 1), dtype=np.float64)
-    check_limits_at_rest(model, origin, limits, start, idle, ends, air)
-    return task
-
-
-def _refuse_many(steps: int, period: float, origin: str, most: int = 400) -> None:
-    """Refuse a task of more steps than are planned at once: each is a stage of the solver."""
-    if steps > most:
-        problem = f"{steps} steps of {period:g} s"
-        raise InputError(origin, "task.period", problem, f"at most {most}: a longer period, or a shorter task")

@@ -17,7 +17,7 @@ from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.model.array_function import ArrayFunction
 from lptn.model.model import Model
-from lptn.planners.heating import Request, heating, requested_by
+from lptn.planners.heating import Request, heating
 from lptn.planners.values import Each, limits_of
 from lptn.simulate.dynamics import longest_step
 
@@ -134,9 +134,9 @@ class TorqueVectorEnv(VectorEnv[Observation, Array, Array]):
             raise InputError("environment", "period, spread, trip, penalty", values, "positive numbers")
         self.num_envs, self.period, self.trip, self.penalty = num_envs, period, trip, penalty
         self.task = task or Task()
-        self.heating = heating(model, request or requested_by(model))
-        if self.heating.request != requested_by(model):
-            expected = f'"{requested_by(model)}", which the model\'s columns hold'
+        self.heating = heating(model, request)
+        if self.heating.request != (held := heating(model).request):
+            expected = f'"{held}", which the model\'s columns hold'
             raise InputError("environment", "request", f'"{request}"', expected)
         bounds = limits_of(limits, model)
         self._ranges = self.task.ranges(self.heating)
