@@ -7,7 +7,7 @@ any power of it are those of what is admitted, and not of what flows now or was 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from copy import copy
 from functools import partial
 from typing import Any, Literal
 
@@ -27,13 +27,15 @@ _SAME: dict[str, Request] = {"current": "current", "current_abs": "current", "to
 _POWER = "mechanical_power"
 
 
-@dataclass(frozen=True)
 class Heating:
     """A model seen from the amounts that are requested of its joints.
 
     Args:
         model: the model.
         request: what is asked of a joint.
+        all_speeds: whether the speeds of all joints are among the conditions.
+
+    Attributes:
         joints: places of the controlled inputs, in the network's order.
         conditions: the model's other inputs, in order; they are given, not chosen. For a joint's mechanical power its
             speed stands here, `velocity.<joint>`, whose magnitude counts.
@@ -46,21 +48,61 @@ class Heating:
         rates: d states / dt [K/s].
         gain: currents per unit requested [A], at the states.
         torque: torques per unit requested [N*m], at the states; NaN where nobody knows.
+
+    Raises:
+        InputError: the model has no such input, or the heat of one joint depends on what another gives.
     """
 
-    model: Model
-    request: Request
-    joints: tuple[str, ...]
-    conditions: tuple[str, ...]
-    decided: tuple[str, ...]
-    x: Any
-    amount: Any
-    d: Any
-    p: Any
-    inputs: Any
-    rates: Any
-    gain: Any
-    torque: Any
+    def __init__(self, model: Model, request: Request, all_speeds: bool = False) -> None:
+        self.model, self.request = model, request
+        self.x, u, self.p, rates, _ = model.symbols
+        parts = {column: column.partition(".")[::2] for column in model.inputs}
+        driven = dict.fromkeys(place for what, place in parts.values() if what in _SAME)
+        self.joints = joints = tuple(in_listed_order(driven, model.network.order))
+        if not joints:
+            raise InputError(
+                model.network.origin, "effects", "no torque or current that heats a joint", "a copper_loss"
+            )
+        self.amount = amount = ca.SX.sym("amount", len(joints))
+        constants = [_torque_constant(model, joint, self.x, self.p) for joint in joints]
+        # A joint without a copper loss is told of by its own input alone.
+        nan, one = ca.SX(np.nan), ca.SX(1)
+        per_unit: dict[Request, list[Any]] = {
+            "torque": [one if request == "torque" else nan if k is None else k for k in constants],
+            "current": [one if request == "current" else nan if k is None else 1 / k for k in constants],
+        }
+        own = {column: number for number, column in enumerate(model.inputs)}
+        decided, inputs = [], [u[number] for number in own.values()]
+        speeds: dict[str, Any] = {}
+        for column, (what, place) in parts.items():
+            if place not in joints or (what not in _SAME and what != _POWER):
+                continue
+            number, given = joints.index(place), _SAME.get(what, "torque")
+            if given != request and constants[number] is None:
+                problem = f"no copper_loss, so no torque constant to plan a {request}"
+                raise InputError(model.network.origin, column, problem, f'request = "{given}"')
+            inputs[own[column]] = amount[number] * per_unit[given][number]
+            if what == _POWER:
+                speed = f"velocity.{place}"
+                speeds[speed] = u[own[speed]] if speed in own else ca.SX.sym(speed)
+                inputs[own[column]] *= ca.fabs(speeds[speed])
+            decided.append(column)
+        others = {column: u[number] for column, number in own.items() if column not in decided}
+        if all_speeds:
+            speeds |= {
+                name: ca.SX.sym(name) for joint in joints if (name := f"velocity.{joint}") not in others | speeds
+            }
+            if unknown := [joint for joint, k in zip(joints, per_unit["torque"], strict=True) if k is nan]:
+                problem = f"no copper_loss at {unknown[0]}, so no torque of its current"
+                raise InputError(model.network.origin, "power_limit", problem, 'request = "torque"')
+        self.conditions = tuple(model.network.columns_in_order(others | speeds))
+        self.decided = tuple(decided)
+        self.d = ca.vertcat(ca.SX(0, 1), *((others | speeds)[column] for column in self.conditions))
+        self.inputs = ca.vertcat(*inputs)
+        self.rates = ca.substitute(rates, u, self.inputs)
+        gain = [one if k is None else value for k, value in zip(constants, per_unit["current"], strict=True)]
+        self.gain, self.torque = ca.vertcat(*gain), ca.vertcat(*per_unit["torque"])
+        _check_joints_independent(model, self.rates, amount)
 
     @property
     def unit(self) -> str:
@@ -170,57 +212,9 @@ def heating(model: Model, request: Request | None = None, speeds: bool = False) 
     if request is None:
         quantities = {column.partition(".")[0] for column in model.inputs}
         request = "torque" if {"torque", "torque_abs"} & quantities and "current" not in quantities else "current"
-    made = model.made_once(("heating", request, speeds), partial(_make, model, request, speeds))
-    return replace(made, model=model)  # its expressions are shared with copies at other values, its values are not
-
-
-def _make(model: Model, request: Request, all_speeds: bool) -> Heating:
-    x, u, p, rates, _ = model.symbols
-    parts = {column: column.partition(".")[::2] for column in model.inputs}
-    driven = dict.fromkeys(place for what, place in parts.values() if what in _SAME)
-    joints = tuple(in_listed_order(driven, model.network.order))
-    if not joints:
-        raise InputError(model.network.origin, "effects", "no torque or current that heats a joint", "a copper_loss")
-    amount = ca.SX.sym("amount", len(joints))
-    constants = [_torque_constant(model, joint, x, p) for joint in joints]
-    # A joint without a copper loss is told of by its own input alone.
-    nan, one = ca.SX(np.nan), ca.SX(1)
-    per_unit: dict[Request, list[Any]] = {
-        "torque": [one if request == "torque" else nan if k is None else k for k in constants],
-        "current": [one if request == "current" else nan if k is None else 1 / k for k in constants],
-    }
-    own = {column: number for number, column in enumerate(model.inputs)}
-    decided, inputs = [], [u[number] for number in own.values()]
-    speeds: dict[str, Any] = {}
-    for column, (what, place) in parts.items():
-        if place not in joints or (what not in _SAME and what != _POWER):
-            continue
-        number, given = joints.index(place), _SAME.get(what, "torque")
-        if given != request and constants[number] is None:
-            problem = f"no copper_loss, so no torque constant to plan a {request}"
-            raise InputError(model.network.origin, column, problem, f'request = "{given}"')
-        inputs[own[column]] = amount[number] * per_unit[given][number]
-        if what == _POWER:
-            speed = f"velocity.{place}"
-            speeds[speed] = u[own[speed]] if speed in own else ca.SX.sym(speed)
-            inputs[own[column]] *= ca.fabs(speeds[speed])
-        decided.append(column)
-    others = {column: u[number] for column, number in own.items() if column not in decided}
-    if all_speeds:
-        speeds |= {name: ca.SX.sym(name) for joint in joints if (name := f"velocity.{joint}") not in others | speeds}
-        if unknown := [joint for joint, k in zip(joints, per_unit["torque"], strict=True) if k is nan]:
-            problem = f"no copper_loss at {unknown[0]}, so no torque of its current"
-            raise InputError(model.network.origin, "power_limit", problem, 'request = "torque"')
-    conditions = tuple(model.network.columns_in_order(others | speeds))
-    d = ca.vertcat(ca.SX(0, 1), *((others | speeds)[column] for column in conditions))
-    driven_by = ca.vertcat(*inputs)
-    seen = ca.substitute(rates, u, driven_by)
-    gain = [one if k is None else value for k, value in zip(constants, per_unit["current"], strict=True)]
-    _check_joints_independent(model, seen, amount)
-    return Heating(
-        model, request, joints, conditions, tuple(decided), x, amount, d, p, driven_by, seen, ca.vertcat(*gain),
-        ca.vertcat(*per_unit["torque"]),
-    )  # fmt: skip
+    made = copy(model.made_once(("heating", request, speeds), partial(Heating, model, request, speeds)))
+    made.model = model  # its expressions are shared with copies at other values, its values are not
+    return made
 
 
 def _torque_constant(model: Model, joint: str, x: Any, p: Any) -> Any:

@@ -84,12 +84,8 @@ class FirmwareTask:
         if told:
             raise InputError(origin, f"conditions.{told}", "a temperature", 'other inputs: [task] "air" has both ends')
         air = any(name.startswith("temperature.") for name in heat.conditions)
-        self.ends = [
-            conditions_of(
-                file.conditions | ({"temperature.*": end} if air else {}), heat, np.zeros(len(joints)), origin
-            )
-            for end in sorted(file.task.air)
-        ]
+        ends = [file.conditions | ({"temperature.*": end} if air else {}) for end in sorted(file.task.air)]
+        self.ends = [conditions_of(end, heat, np.zeros(len(joints)), origin) for end in ends]
         self.limits = np.full(heat.x.numel(), inf)
         self.limits[: len(model.places)] = [bounds.get(place, inf) - file.task.margin for place in model.places]
         self.peak, self.nominal = (np.array([squared[joint] for joint in joints]) ** 2 for squared in (peaks, nominal))
