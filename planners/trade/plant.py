@@ -16,7 +16,7 @@ from lptn.model.model import Model
 
 from .motors import REFERENCE
 from .sink import SinkNumbers
-from .study import LIMITS, Option, pipe_places
+from .study import LIMITS, SINK, Option, pipe_places
 
 CAPACITY, RESISTANCE = "design.capacity", "design.resistance"
 """The sink's two design variables [J/K, K/W], as they are called among the parameters of a given design."""
@@ -113,21 +113,21 @@ class Plant:
 
     def _model_parameters(self) -> Any:
         """The model's parameter vector, the sink's two replaced by the design variables."""
-        network, sink = self.model.network, self.option.study.sink
+        network = self.model.network
         own: dict[str, Any] = {}
         if self.option.has_sink:
             air = next(iter(network.prescribed))
             by_place = {link.place: self.model.parameters[link.resistance].name for link in network.resistors}
-            outer = edge(sink.node, air)
+            outer = edge(SINK, air)
             if outer not in by_place:
-                where = f"{sink.node} without a link to {air}"
-                raise InputError(self.option.study.origin, "sink.node", where, f"a link {outer}")
+                found = f"a node {SINK} without a link to {air}"
+                raise InputError(network.origin, "links", found, f"a link {outer}")
             own = {
-                self.model.parameters[network.capacities[sink.node]].name: self.capacity,
+                self.model.parameters[network.capacities[SINK]].name: self.capacity,
                 by_place[outer]: self.resistance,
             }
             places = pipe_places(network, self.option.motor.sink_at)
-            self._pipes = {place: by_place[edge(place, sink.node)] for place in places}
+            self._pipes = {place: by_place[edge(place, SINK)] for place in places}
         return ca.vertcat(
             *(
                 own[parameter.name]
@@ -194,7 +194,7 @@ class Plant:
 
     def pipe_power(self, x: Any, load: Load) -> Any:
         """Heat through the heat pipes [W]; a body's face has no state, so there it is what the sink takes in."""
-        sink = self.states.index(self.option.study.sink.node)
+        sink = self.states.index(SINK)
         if all(place in self.states for place in self._pipes):
             return sum(
                 (x[self.states.index(place)] - x[sink]) / self.parameters.symbols[name]

@@ -47,6 +47,8 @@ GOALS: dict[Goal, tuple[str, str, bool]] = {
     "price": ("price", "", False),
 }
 """For each goal its words, its unit, and whether more is better; the unit of prices is the study's currency."""
+SINK = "sink"
+"""The heat sink's node; a motor's own model may have one."""
 BUDGETS: tuple[str, ...] = ("mass", "volume", "price")
 """What a design spends."""
 LIMITS = {
@@ -97,8 +99,13 @@ class StandardError(NamedTuple):
 
 
 Of = TypeVar("Of")
-Choices = Annotated[list[Of], Field(min_length=1), AfterValidator(lambda values: list(dict.fromkeys(values)))]
-"""What may be chosen, each once."""
+Choices = Annotated[
+    list[Of],
+    Field(min_length=1),
+    AfterValidator(lambda values: list(dict.fromkeys(values))),
+    BeforeValidator(lambda given: [given] if isinstance(given, str) else given),
+]
+"""What may be chosen, each once; one name is a list of it."""
 Parts = Annotated[list[Of], Field(min_length=2, max_length=400)]
 """A number for each equal part of a duty cycle."""
 Share = Annotated[Number, Field(gt=0, le=1)]
@@ -113,7 +120,7 @@ class Question(Strict):
     name: str = "study"
     goal: Goal
     cooling: Choices[Cooling] = Field(default=["none", "passive", "fan"])
-    catalogue: str | list[str] = Field(default=[])  # files of motors beside the study's
+    catalogue: Choices[str] = Field(default=[])  # files of motors beside the study's
     currency: Annotated[str, Field(pattern=r"^\S{1,8}$")] = "EUR"  # of all prices
 
 
@@ -158,11 +165,6 @@ class DutyTask(Strict):
         return np.asarray(self.torques / self.torques.max())
 
     @property
-    def has_speeds(self) -> bool:
-        """Whether anybody said how fast it turns."""
-        return self.is_hold or self.speeds is not None
-
-    @property
     def motion(self) -> FloatArray:
         """Speed in each part [rad/s], standstill where nobody said, shape (n,)."""
         if self.is_hold:
@@ -187,7 +189,6 @@ class Limits(MotorLimits):
     """Table `[limits]`: what must hold; what it leaves out does not bind, or falls back on the motor's data sheet."""
 
     voltage: si.Voltage | None = None
-    pipe_power: si.Power | None = None
     mass: si.Mass | None = None
     volume: si.Volume | None = None
     price: si.Positive | None = None
@@ -217,8 +218,7 @@ class Sink(Strict):
     """Table `[sink]`: within which bounds a heat sink may be built, and what its fins are like."""
 
     at: str | None = None  # what the heat pipes touch, a node, a body's face or a pattern, where the motor doesn't say
-    node: str = "sink"  # name of the sink's own node
-    material: str | Annotated[list[str], Field(min_length=1)] = "aluminium"
+    material: Choices[str] = Field(default=["aluminium"])
     price: si.NotNegative = 0.0  # of making it, beside its metal
     capacity: si.Ends[si.Capacity] = Field(default=[20.0, 1500.0])
     resistance: si.Ends[si.Resistance] = Field(default=[0.05, 10.0])  # to the air
@@ -231,11 +231,6 @@ class Sink(Strict):
         """Capacities [J/K] and resistances [K/W] between the bounds, evenly on logarithmic axes, each (points,)."""
         (least_c, most_c), (least_r, most_r) = self.capacity, self.resistance
         return np.geomspace(least_c, most_c, points), np.geomspace(least_r, most_r, points)
-
-    @property
-    def metals(self) -> list[str]:
-        """Names of the metals to choose from."""
-        return list(dict.fromkeys([self.material] if isinstance(self.material, str) else self.material))
 
 
 class Pipes(Strict):
@@ -388,7 +383,7 @@ class TradeStudy(StudyTables):
         options = []
         for motor, gear, cooling in itertools.product(self.motors, self.gears, self.question.cooling):
             counts = [0] if cooling == "none" else self.pipes.count
-            metals = self.sink.metals[:1] if cooling == "none" else self.sink.metals
+            metals = self.sink.material[:1] if cooling == "none" else self.sink.material
             for count, metal in itertools.product(counts, metals):
                 options.append(Option(self, motor, cooling, count, gear, metal))
         return options
@@ -425,7 +420,7 @@ class Option:
         words.append("no sink" if self.cooling == "none" else self.cooling)
         if self.has_sink and len(self.study.pipes.count) > 1:
             words.append(f"{self.pipes} pipes")
-        if self.has_sink and len(self.study.sink.metals) > 1:
+        if self.has_sink and len(self.study.sink.material) > 1:
             words.append(self.material)
         return ", ".join(words)
 
@@ -474,10 +469,7 @@ class Option:
             own.pop("winding", None)  # what is sought is not limited unless the study says so
         if self.has_sink:
             own["pipe_power"] = self.pipes * self.study.pipes.power
-        limits = own | self.study.limits.given
-        if not self.has_sink:
-            limits.pop("pipe_power", None)
-        return limits
+        return own | self.study.limits.given
 
     def network(self) -> Network:
         """The motor's network with the sink on it, or as it is.
@@ -489,22 +481,22 @@ class Option:
         """
         if not self.has_sink:
             return self.motor.network
-        network, sink, at = self.motor.network, self.study.sink, self.motor.sink_at
+        network, at = self.motor.network, self.motor.sink_at
         touched = pipe_places(network, at)
         resistance = self.study.pipes.resistance / self.pipes * len(touched)
-        if sink.node in network.dynamic:
-            pipes = [edge(place, sink.node) for place in touched]
+        if SINK in network.dynamic:
+            pipes = [edge(place, SINK) for place in touched]
             linked = {link.place for link in network.resistors}
             absent = [pipe for pipe in pipes if pipe not in linked]
             if absent:
-                where = f"{sink.node} without a link to {at}"
-                raise InputError(self.study.origin, "sink.node", where, f"a link {absent[0]}")
+                found = f"a node {SINK} without a link to {at}"
+                raise InputError(network.origin, "links", found, f"a link {absent[0]}")
             return network.with_values({f"resistance.{pipe}": resistance for pipe in pipes})
         air = next(iter(network.prescribed))
-        added = NodeDeclaration(sink.node, _parameter("capacity", 300.0, "J/K"))
+        added = NodeDeclaration(SINK, _parameter("capacity", 300.0, "J/K"))
         links = (
-            LinkDeclaration((at, sink.node), replace(_parameter("resistance", resistance, "K/W"), share="all")),
-            LinkDeclaration((sink.node, air), _parameter("resistance", 1.0, "K/W")),
+            LinkDeclaration((at, SINK), replace(_parameter("resistance", resistance, "K/W"), share="all")),
+            LinkDeclaration((SINK, air), _parameter("resistance", 1.0, "K/W")),
         )
         return replace(network, nodes=(*network.nodes, added), links=(*network.links, *links))
 

@@ -45,7 +45,7 @@ def parse_study(text: str, path: Path) -> TradeStudy:
         motors = [_wound(motor, turns) for motor in chosen for turns in dict.fromkeys(motor.turns)]
         if "gears" in tables.model_fields_set:
             _refuse(path, _mistakes_of_gears([gear.name for gear in tables.gears]))
-        named = (*_catalogues(tables), *(motor.model for motor in tables.motors if motor.model))
+        named = (*tables.question.catalogue, *(motor.model for motor in tables.motors if motor.model))
         files = tuple(path.parent / name for name in named)
         study = TradeStudy(**dict(tables) | {"motors": motors, "origin": str(path), "files": files})
         _refuse(path, _mistakes(study))
@@ -60,15 +60,10 @@ def _refuse(path: Path, mistakes: Iterable[tuple[str, str, str]]) -> None:
 # --- motors -------------------------------------------------------------------------------------
 
 
-def _catalogues(tables: StudyTables) -> list[str]:
-    names = tables.question.catalogue
-    return [names] if isinstance(names, str) else names
-
-
 def _chosen_motors(tables: StudyTables, path: Path) -> list[tuple[str, CatalogueMotor]]:
     """Each motor with the place that asks for it: a name or pattern of the catalogue, or a motor of the study's own."""
     catalogue = dict(MOTORS)
-    for name in _catalogues(tables):
+    for name in tables.question.catalogue:
         if not (path.parent / name).is_file():
             raise InputError(path, "study.catalogue", f'"{name}"', "a CSV or TOML file beside the study")
         catalogue |= read_catalogue(path.parent / name)
@@ -206,7 +201,7 @@ def _mistakes_of_gears(names: Sequence[str]) -> Iterator[Mistake]:
 def _mistakes(study: TradeStudy) -> Iterator[Mistake]:
     goal, task = study.question.goal, study.task
     yield from _mistakes_of_hold(task, goal) if task.is_hold else _mistakes_of_cycle(task, goal)
-    for name in study.sink.metals:
+    for name in study.sink.material:
         if name not in study.materials:
             yield "sink.material", f'"{name}"', f"one of {', '.join(study.materials)}, or a table [materials.{name}]"
     if study.sweep is not None:
@@ -215,7 +210,7 @@ def _mistakes(study: TradeStudy) -> Iterator[Mistake]:
         if study.sweep.also is not None and study.sweep.also.against == study.sweep.against:
             yield "pareto.also.against", f'"{study.sweep.against}" again', "another quantity"
     for name in ("voltage", "speed"):
-        if name in study.limits.given and not task.has_speeds:
+        if name in study.limits.given and not (task.is_hold or task.speeds):
             expected = 'speeds = […] in [task], with kind = "cycle": nobody knows how fast this cycle turns'
             yield f"limits.{name}", "a task without speeds", expected
     if study.asks_for_prices:
@@ -229,7 +224,7 @@ def _mistakes_of_prices(study: TradeStudy) -> Iterator[Mistake]:
         for choice in choices:
             if choice.price is None:
                 yield table, f'"{choice.name}" without a price', f"price = … for each {table.removesuffix('s')}"
-    for name in study.sink.metals if study.question.cooling != ["none"] else ():
+    for name in study.sink.material if study.question.cooling != ["none"] else ():
         if study.materials[name].price is None:
             expected = f"[materials.{name}] with price = …, by the kilogram"
             yield "sink.material", f'"{name}" without a price', expected
