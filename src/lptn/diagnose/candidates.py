@@ -225,9 +225,9 @@ def possible_effects(
     """
     model, runs = fit.model, [bound.run for bound in fit.problem.bound_runs]
     columns, names = set(columns), names or [run.name for run in runs]
-    of_logs = {"step": max(run.step for run in runs), "duration": max(len(run) * run.step for run in runs)}
+    step, duration = max(run.step for run in runs), max(len(run) * run.step for run in runs)
     if single:
-        return candidates(model.network, columns, names, **of_logs, effects=effects, single=True)
+        return candidates(model.network, columns, names, step=step, duration=duration, effects=effects, single=True)
     squares = {column: [np.nanmean(run.columns[column] ** 2) for run in runs] for column in columns}
     rates = []  # of each run, at its mean readings and inputs
     for bound in fit.problem.bound_runs:
@@ -241,7 +241,8 @@ def possible_effects(
         model.network,
         columns,
         names,
-        **of_logs,
+        step=step,
+        duration=duration,
         rms={column: float(np.sqrt(np.mean(of_runs))) for column, of_runs in squares.items()},
         rates=np.asarray(np.mean(rates, axis=0)),
         effects=effects,
