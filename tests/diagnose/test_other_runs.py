@@ -307,9 +307,14 @@ def test_what_the_fitted_run_is_sure_of_stands_beside_a_run_of_another_motor(
 
 @pytest.mark.parametrize(
     ("heat_held_out", "left", "verdict", "told"),
-    [(5.0, 0.6, "missing", 0.9), (5.0, 0.8, "unexplained", 0.9 * 0.36), (-2.0, 0.8, "unexplained", None)],
+    [
+        (5.0, 0.6, "missing", 0.9),
+        (5.0, 0.8, "unexplained", 0.9 * 0.36),
+        (5.0, 1.1, "unexplained", None),
+        (-2.0, 0.8, "unexplained", None),
+    ],
 )
-def test_what_explains_less_than_it_leaves_is_told_unless_it_predicts_worse(
+def test_what_explains_less_than_it_leaves_is_told_unless_it_removes_nothing_or_predicts_worse(
     monkeypatch: pytest.MonkeyPatch, heat_held_out: float, left: float, verdict: str, told: float | None
 ) -> None:
     """A heat that is there, beside something without a name that leaves much of the held-out run's error."""

@@ -4,7 +4,7 @@ The model is fitted as it stands, on means over 5 s. Where that leaves more than
 what is missing. The verdict: `"adequate"` if no more is left than noise and usual errors of the log leave, in held-out
 runs too, and nothing is missing more probably than not; `"missing"` if what was found leaves no more than that on the
 fitted runs, or removes more of the misfit than it leaves, on held-out runs too; else `"unexplained"`, and what was
-found is told beside that unless it predicts held-out runs worse.
+found is told beside that unless it removes nothing, or predicts held-out runs worse.
 """
 
 from __future__ import annotations
@@ -233,7 +233,7 @@ def examine(
         verdict = "missing" if explained else "unexplained"
         if not explained:  # something without a name is at work, and may have made what they explain
             steps = tuple(replace(step, probability=share * step.probability) for step in steps)
-            if given and last and last.rmse > given.rmse:  # as logged
+            if share == 0.0 or (given and last and last.rmse > given.rmse):  # the latter as logged
                 steps, refused, rivals, remaining = (), (*steps, *refused), (), verdict
     return Diagnosis(verdict, remaining, base, given, lack, steps, rivals, refused, errors)
 
