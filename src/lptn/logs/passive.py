@@ -48,8 +48,8 @@ _NOISE, _STEPS = 8.0, 2.5
 """Times the usual move from reading to reading, and steps of a coarse sensor, that a part may seem to move at once."""
 _ALONE = 0.5  # of a move from row to row, that the moves beside it have at the most: a part that goes fast goes on so
 _SAMPLED = 2.0  # s between readings: in more a small part goes on no longer
-_QUICK = 10.0  # s between readings: in more a winding may warm and cool again by any number
-_WINDOWS = (0.0, 3.0, 10.0, 30.0)  # s, within which a broken wire, a filter, or one that corrodes lets a channel leave
+_QUICK, _SLOW_LEAP = 10.0, 30.0  # s between readings: in more a winding may warm and cool again by any number; K, then
+_WINDOWS = (3.0, 10.0, 30.0)  # s, within which a filter, or a wire that corrodes, lets a channel leave
 _TAIL = 3  # times ten seconds, in which the rest of its way is lost in what is usual
 _BEFORE = 20.0, 5.0  # s, over which the heat before is meant, of slow parts and of quick ones
 _LAG = 2.0  # s, by which a sensor lags
@@ -79,10 +79,24 @@ class _Part:
 
     def cuts(self) -> IntArray:
         """For each step from reading to reading whether no part makes it: 1 alone, 2 as a part of a slow leap."""
-        cuts = np.zeros(self.readings.size - 1, dtype=np.int64)
-        for rows in dict.fromkeys(max(1, round(window / self.every)) for window in _WINDOWS):
-            if rows < self.readings.size:
-                self._cut(cuts, rows)
+        moves, apart = np.diff(self.readings), np.diff(self.stamps)
+        size, quick = np.abs(moves), apart <= _QUICK
+        cuts = np.zeros(moves.size, dtype=np.int64)
+        suspects = np.flatnonzero(size > np.where(quick, self.least, max(self.least, _SLOW_LEAP)))
+        if suspects.size:
+            padded, direction = np.concatenate(([0.0], moves, [0.0])), np.sign(moves[suspects])
+            beside = np.stack([padded[suspects], padded[suspects + 2]]) * direction
+            # What goes away and comes back at once is no heat.
+            back = -beside.min(axis=0) > self.least
+            alone = beside.max(axis=0) < _ALONE * size[suspects]
+            known = (apart[suspects] <= _SAMPLED) | self.is_known | self._nowhere(self.readings[suspects + 1])
+            far = size[suspects] > self.least + RATE * np.minimum(apart[suspects], _QUICK)
+            leap = (back & quick[suspects]) | (far & alone & known)
+            cuts[suspects[leap & ~self._heated(suspects, 1)]] = 1
+        for window in _WINDOWS:
+            rows = round(window / self.every)
+            if 2 <= rows < self.readings.size:
+                self._cut_slow(cuts, window, rows)
         # A part may begin as cold, and warm up, but goes there at no rate; noise doesn't bring it back.
         below = self.coldest - FAR - self.readings
         cold, back = below > 0, below <= -self.least
@@ -96,37 +110,25 @@ class _Part:
                 cuts[begin : end - 1] = 2
         return cuts
 
-    def _cut(self, cuts: IntArray, rows: int) -> None:
-        """Mark the steps of each so many rows over which the channel goes as far as no part does."""
-        moves, lasts = self.readings[rows:] - self.readings[:-rows], rows * self.every
-        at = np.flatnonzero(np.abs(moves) > self.least + RATE * lasts * (rows > 1))
+    def _cut_slow(self, cuts: IntArray, window: float, rows: int) -> None:
+        """Mark the steps of windows in which the channel goes as far as no part does."""
+        moves = self.readings[rows:] - self.readings[:-rows]
         passed = np.concatenate(([0], np.cumsum(cuts > 0)))
-        at = at[passed[at + rows] == passed[at]]
-        apart = self.stamps[at + rows] - self.stamps[at]
-        if rows > 1:
-            at, apart = at[apart < 2 * lasts], apart[apart < 2 * lasts]
+        at = np.flatnonzero(np.abs(moves) > self.least + RATE * window)
+        at = at[(passed[at + rows] == passed[at]) & (self.stamps[at + rows] - self.stamps[at] < 2 * window)]
         if not at.size:
             return
-        moved, heated = moves[at], self._heated(at, rows)
-        far = np.abs(moved) > self.least + RATE * np.minimum(apart, _WINDOWS[-1])
-        impossible = far & (self._nowhere(self.readings[at + rows]) | self._nowhere(self.readings[at]))
+        impossible = self._nowhere(self.readings[at + rows]) | self._nowhere(self.readings[at])
         if self.is_known:
             # A log may begin where a small part is hot, and cools: then it is as quick later on.
             later = moves[self.stamps[: moves.size] > self.stamps[0] + 2 * SHORTEST]
             usual = float(np.quantile(np.abs(later), _MOST_MOVES)) if later.size else np.inf
-            cools = (self.stamps[at] < self.stamps[0] + SHORTEST) & (moved < 0)
-            impossible |= far & ~heated & ~(cools & (np.abs(moved) <= _QUICKER * usual))
-        if rows == 1:
-            padded = np.concatenate(([0.0], moves, [0.0]))
-            beside = np.stack([padded[at], padded[at + 2]]) * np.sign(moved)
-            impossible |= far & ~heated & (apart <= _SAMPLED)
-            impossible &= beside.max(axis=0) < _ALONE * np.abs(moved)
-            # What goes away and comes back at once is no heat.
-            impossible |= (-beside.min(axis=0) > self.least) & (apart <= _QUICK) & ~heated
+            cools = (self.stamps[at] < self.stamps[0] + SHORTEST) & (moves[at] < 0)
+            impossible |= ~self._heated(at, rows) & ~(cools & (np.abs(moves[at]) <= _QUICKER * usual))
         edges = np.zeros(cuts.size + 1, dtype=np.int64)
         np.add.at(edges, at[impossible], 1)
         np.add.at(edges, at[impossible] + rows, -1)
-        cuts[(np.cumsum(edges)[:-1] > 0) & (cuts == 0)] = 1 if rows == 1 else 2
+        cuts[(np.cumsum(edges)[:-1] > 0) & (cuts == 0)] = 2
 
     def _nowhere(self, readings: FloatArray) -> BoolArray:
         """Whether readings are where no part of this robot is."""
@@ -182,7 +184,7 @@ class _Part:
 
     def calm(self, begin: int, end: int, cuts: IntArray) -> tuple[int, int]:
         """A stretch, and the one behind its last, without what is left of a slow leap: it moves faster than usual."""
-        rows = max(1, round(_WINDOWS[2] / self.every))
+        rows = max(1, round(_WINDOWS[1] / self.every))
         if end - begin > rows + FEWEST:
             moves = np.abs(self.readings[begin + rows : end + 1] - self.readings[begin : end + 1 - rows])
             calm, last = np.flatnonzero(moves <= 2 * float(np.quantile(moves, NEARLY_ALL))), end
