@@ -380,15 +380,6 @@ def test_a_number_that_comes_back_far_from_all_around_is_a_code(code: float) -> 
     assert issue.corrected.invalid == (code,)
 
 
-def test_several_codes_of_one_sensor_are_said_together() -> None:
-    log, rows = _log(), np.random.default_rng(5).random(len(_log()))
-    log.loc[rows < 0.01, "temperature.FR_calf"] = 255.0
-    log.loc[rows > 0.99, "temperature.FR_calf"] = -127.0
-    (issue,) = (issue for issue in _issues(log) if issue.kind == "code")
-    assert issue.corrected is not None
-    assert sorted(issue.corrected.invalid) == [-127.0, 255.0]
-
-
 def test_what_is_dead_for_long_is_a_code_for_short() -> None:
     log = _log()
     time = log["time"] - log["time"].iloc[0]

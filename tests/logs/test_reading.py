@@ -341,6 +341,12 @@ def spoilt(column: str, row: int, value: object) -> dict[str, list[object]]:
             "1e+09 s from row to row",
             'unit = "ns"',
         ),
+        (  # each stamp in two rows
+            {name: values * 2 for name, values in GOOD.items()} | {"time": [k // 2 * 1e9 for k in range(40)]},
+            "column 'time'",
+            "1e+09 s from row to row",
+            'unit = "ns"',
+        ),
         ({name: values[:9] for name, values in GOOD.items()}, "log", "9 rows", "at least 10"),
         ({name: [] for name in GOOD}, "log", "0 rows", "at least 10"),
         (GOOD | {"time": [1] * 20}, "log", "20 rows at 1 different times", "at least 10 at different times"),

@@ -164,15 +164,6 @@ def test_a_counter_below_zero_may_count_parts_of_a_degree(parts: int, turn: floa
     assert knee == pytest.approx(truth, abs=0.6 / parts)
 
 
-@pytest.mark.parametrize(("bits", "parts"), [(10, 25), (10, 20)])
-def test_a_converters_counter_that_ends_among_the_readings_is_unwrapped(bits: int, parts: int) -> None:
-    turn = 2**bits / parts
-    truth = warmed(turn - 6.0)
-    columns, knee = first_pasted(log(np.round(parts * truth) / parts % turn, truth[0]))
-    assert columns["temperature.knee"].wrap == pytest.approx(turn)
-    assert knee == pytest.approx(truth, abs=0.6 / parts)
-
-
 def test_a_counter_that_passes_its_end_once_is_no_code() -> None:
     """Of the numbers beyond the end of its range there are four."""
     truth = np.minimum(-8 + 0.004 * TIME, 3.0)

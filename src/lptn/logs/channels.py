@@ -24,7 +24,7 @@ GAP = 10.0  # times the usual distance of readings, or of their means: nothing w
 SHORTEST, STILL = 60.0, 180.0
 """s, of a number at an end of the range, and of one among others: filters in drives let a steady motor's reading stand
 for two minutes."""
-Kind = Literal["frozen", "clamped", "dead", "disconnected", "spike", "code", "interpolated"]
+Kind = Literal["frozen", "clamped", "dead", "disconnected", "wrap", "spike", "code", "interpolated"]
 
 
 @dataclass(frozen=True)
@@ -32,10 +32,11 @@ class Silence:
     """A stretch in which what a channel says is no reading; or all its spikes, or all readings of one code, together.
 
     Args:
-        kind: "spike" for single readings, "code" for a number that stands again and again, "dead" for one far number
-            that stands for a minute, "frozen" for one that it had, "clamped" for the end of its range, "interpolated"
-            for a straight line, "disconnected" for all else.
-        value: what the channel gives, or the middle of it, in SI or degC; of spikes how far they leap.
+        kind: "spike" for single readings, "code" for a number that stands again and again, "wrap" where all leaps are
+            alike, "dead" for one far number that stands for a minute, "frozen" for one that it had, "clamped" for the
+            end of its range, "interpolated" for a straight line, "disconnected" for all else.
+        value: what the channel gives, or the middle of it, in SI or degC; of spikes and counters that wrap how far they
+            leap.
         start: s, of the first of these readings.
         stop: s, of the last.
         rows: which rows of the log it covers, shape (n,).
@@ -66,7 +67,7 @@ class Silence:
     @property
     def lasts(self) -> bool:
         """Whether it is a stretch, and not single readings here and there."""
-        return self.kind not in ("spike", "code")
+        return self.kind not in ("spike", "code", "wrap")
 
 
 def without_silent(values: FloatArray, silent: Sequence[Silence]) -> FloatArray:

@@ -85,6 +85,9 @@ def _refuse_backwards(table: Table, key: str, source: ColumnSource, time: FloatA
         seconds = float(to_si(np.array([source.scale]), "time", source.unit)[0])  # of one in the file
         midnight = as_line_or_option(key, replace(source, wrap=float(f"{DAY / seconds:.12g}")))
         expected += f"; for a clock of the day that passes midnight write {midnight}"
+    elif abs(now) <= 0.1 * abs(before):  # the clock starts again from about 0
+        expected += "; a counter that overflows is written as wrap = 65536, or whatever it counts to, in its entry"
+        expected += " of [columns]"
     table.refuse(row, name, found, expected)
 
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -32,12 +33,12 @@ from lptn.logs.columns import (
     toml_line,
     words_of,
 )
+from lptn.logs.law import exchanged
 from lptn.logs.resampling import raw_keys
 from lptn.logs.tables import Table, column_sources
 from lptn.logs.units import suspect_unit
 
-NUMBERED = "number "
-"""How it begins what speaks for a column of which nothing but a number says whose it is."""
+_NUMBERED = "number "  # how it begins what speaks for a column of which nothing but a number says whose it is
 _MOVES = ("velocity", "speed")
 Names = Mapping[str, ColumnName]  # the columns that are left to propose, by their names
 Choice = dict[str, tuple[str, str]]  # by quantity the column that may hold it, and what speaks for it
@@ -388,7 +389,7 @@ def _by_number(missing: Sequence[str], names: Names, places: Sequence[str]) -> C
         families = [row for row in unnamed if len(row) == len(wanted) > 1]
         if len(families) == 1 and set(wanted) <= set(missing):
             for key, (number, column) in zip(wanted, sorted(families[0].items()), strict=True):
-                choice[key] = column, f"{NUMBERED}{number}, in the order of the model's nodes: check that"
+                choice[key] = column, f"{_NUMBERED}{number}, in the order of the model's nodes: check that"
     return choice
 
 
@@ -410,3 +411,30 @@ def _by_being_alone(missing: Sequence[str], names: Names, places: Sequence[str])
         if len(fitting) == 1 and place_of(key) == places[0]:
             choice[key] = fitting[0], "the only one of its kind"
     return choice
+
+
+# --- Whether the data contradict an order that was guessed ---------------------------------------------
+
+
+def refuse_exchanged(
+    path: Path, guesses: Collection[Guess], sources: Mapping[str, ColumnSource], log: Channels
+) -> None:
+    """Refuse numbered guesses by which temperatures follow other joints' torques clearly better than their own.
+
+    Raises:
+        InputError: they do; it has the lines by which each would follow its own.
+    """
+    numbered = {guess.key for guess in guesses if guess.why.startswith(_NUMBERED)}
+    for quantity in HEATS if numbered else ():
+        followed, gain = exchanged(log, quantity)
+        moved = [place for place, of in followed.items() if place != of]
+        if numbered.isdisjoint(f"{name}.{place}" for place in moved for name in (quantity, "temperature")):
+            continue
+        if any(f"{quantity}.{place}" in numbered for place in moved):
+            lines = {f"{quantity}.{place}": f"{quantity}.{of}" for place, of in followed.items()}
+        else:
+            lines = {f"temperature.{of}": f"temperature.{place}" for place, of in followed.items()}
+        problem = f"numbered columns by which {len(moved)} temperatures follow the {quantity} of another joint better "
+        problem += f"than that of their own (squared error × {np.exp(-gain):.2g})"
+        written = "; ".join(toml_line(key, sources[of]) for key, of in lines.items())
+        raise InputError(path, "guess", problem, f"lines under [columns] that say whose they are, perhaps {written}")

@@ -198,8 +198,10 @@ _BETTER = 0.3
 0 in the right one; of joints exchanged, at least 0.39 with sensors of 1 K steps, 1.5 with others."""
 
 
-def exchanged(log: Channels, quantity: str, most: float = np.inf, at_most: int | None = None) -> dict[str, str]:
-    r"""For each place the one whose torque, or current, its temperature follows; nothing if all follow their own.
+def exchanged(
+    log: Channels, quantity: str, most: float = np.inf, at_most: int | None = None
+) -> tuple[dict[str, str], float]:
+    r"""For each place the one whose torque, or current, its temperature follows, if not all their own; the statistic.
 
     Of places of whose warming their own load tells less than `most`, by `heat_told`, the least. With the mean error
     :math:`e_{ij}` that the law of joint i's temperature leaves where joint j's load heats it, the assignment with the
@@ -215,19 +217,19 @@ def exchanged(log: Channels, quantity: str, most: float = np.inf, at_most: int |
     places = [place for place in told if told[place] in least]
     laws = [[warming(log, f"temperature.{part}", f"{quantity}.{of}") for of in places] for part in places]
     if len(places) < 2 or any(law is None for row in laws for law in row):
-        return {}
+        return {}, 0.0
     errors = np.array([[law.error for law in row if law] for row in laws])
     costs = 2 * np.log(errors + _FLOOR)
     if (np.diag(costs) - costs.min(axis=1)).max() < _BETTER:
-        return {}
+        return {}, 0.0
     from scipy.optimize import linear_sum_assignment  # heavy, and few logs need it
 
     order = linear_sum_assignment(costs)[1]
     moved = np.flatnonzero(order != np.arange(order.size))
     gains = costs[moved, moved] - costs[moved, order[moved]]
-    if not moved.size or gains.min() <= 0 or gains.mean() < _BETTER:
-        return {}
-    return dict(zip(places, (places[k] for k in order), strict=True))
+    if not moved.size or gains.min() <= 0 or (gain := float(gains.mean())) < _BETTER:
+        return {}, 0.0
+    return dict(zip(places, (places[k] for k in order), strict=True)), gain
 
 
 # --- Stretches in which a part would not have stayed where its sensor says that it was --------------

@@ -39,7 +39,10 @@ def off(log: Channels, key: str, values: FloatArray) -> list[Silence]:
         kept[slice(*part.calm(begin, end, cuts))] = True
     out = np.zeros(values.size, dtype=bool)
     out[there[~kept]] = True
-    return _named(log.time, values, out, part.every)
+    if turn := part.turn(cuts, kept):  # each leap says how often the counter has turned
+        turns = np.append(0.0, np.cumsum(np.where(cuts == 1, np.round(np.diff(part.readings) / turn), 0.0)))
+        out[there] = turns != turns[np.argmax(kept)]
+    return [Silence.at(log.time, "wrap", turn, out)] if turn else _named(log.time, values, out, part.every)
 
 
 # --- Where a channel moves as no part does ----------------------------------------------------------
@@ -57,6 +60,7 @@ _AS_LARGE, _GAIN = 0.5, 3.0  # of a change of heat; times the largest of nearly 
 _QUICKER, _MOST_MOVES = 12.0, 0.98  # times what it does elsewhere; share of a channel's moves
 _EDGE = 5  # readings at the ends of a stretch, whose middle value is taken
 _LIKELY, _UNLIKELY = 3.0, 0.1  # times that a stretch counts that begins as the others; that no part can have
+_LEAPS = 4  # of a counter that turns
 
 
 class _Part:
@@ -194,6 +198,16 @@ class _Part:
                 begin = min(begin + int(calm[0]) + _TAIL * rows, end)
             end = last
         return begin, end + 1
+
+    def turn(self, cuts: IntArray, kept: BoolArray) -> float:
+        """By how much a channel leaps that keeps within one turn, and goes on between leaps [K]; 0 for any other."""
+        leaps, left_out = np.diff(self.readings)[cuts == 1], self.readings[~kept]
+        if leaps.size < _LEAPS or leaps.min() > 0 or leaps.max() < 0:
+            return 0.0
+        goes_on = left_out.size >= _EDGE * leaps.size / 2 and np.unique(left_out).size >= _EDGE
+        turn = float(np.median(np.abs(leaps)))
+        within = 2 * self.least < turn > np.ptp(self.readings) - self.least
+        return turn if goes_on and within else 0.0
 
 
 # --- What the readings are that are left out --------------------------------------------------------

@@ -16,16 +16,7 @@ from lptn.basics.arrays import BoolArray, FloatArray
 from lptn.logs.alike import copies_in, reads_alike, suspect_held
 from lptn.logs.channels import Channels, Silence
 from lptn.logs.clock import FEWEST_ROWS
-from lptn.logs.columns import (
-    HEATS,
-    INPUTS,
-    ColumnSource,
-    as_line_or_option,
-    column_unit,
-    place_of,
-    quantity_of,
-    toml_line,
-)
+from lptn.logs.columns import HEATS, INPUTS, ColumnSource, as_line_or_option, column_unit, place_of, quantity_of
 from lptn.logs.issue import Issue
 from lptn.logs.law import AT_MOST, DOUBTED, exchanged, gain_change, warming
 from lptn.logs.plausible import KELVIN, PLAUSIBLE
@@ -94,6 +85,7 @@ _SAID = {
     "spike": "{count} spike{s} of up to {number} K in single readings {when}",
     "disconnected": "no reading of a heated part, around {number} {unit}, in {count} rows {when}",
     "interpolated": "a straight line through {count} rows {when}, which was filled in",
+    "wrap": "leaps by {number} K, up and down, {when}: a counter that wraps, or a reference that changes",
 }
 """What a channel does in a silence of a kind; of all others it stands at a number."""
 
@@ -133,6 +125,9 @@ def _suspect_silence(log: Channels, key: str, silent: list[Silence], predicted: 
 def _done(log: Channels, key: str, silence: Silence, predicted: Collection[str]) -> str:
     """What is done with what a channel says in a silence, or what to write."""
     source, right = log.sources[key], f"if the column is right, write {log.believed(key)}, its valid range"
+    if silence.kind == "wrap":
+        meant = replace(source, wrap=float(f"{silence.value / abs(source.scale):.4g}"))
+        return f"these readings are left out; to have a counter unwrapped, write {as_line_or_option(key, meant)}"
     if not silence.left_out:
         if silence.whole and key in predicted:
             return "no other sensor moves, so it counts all the same; if it is stuck, nothing can be concluded from it"
@@ -203,30 +198,16 @@ def _suspect_gains(log: Channels, said: Collection[str]) -> list[Issue]:
     return issues
 
 
-def _suspect_exchange(log: Channels, numbered: Collection[str]) -> list[Issue]:
-    """Temperatures that follow the loads of each other's joints better than their own.
-
-    Where nothing but a number says whose some channels are, `numbered`, all joints are compared, and what is found is
-    certain enough to refuse that order.
-    """
+def _suspect_exchange(log: Channels) -> list[Issue]:
+    """Temperatures that follow the loads of each other's joints better than their own."""
     issues = list[Issue]()
     for quantity in HEATS:
-        guessed = {key for key in numbered if quantity_of(key) in (quantity, "temperature")}
-        order = exchanged(log, quantity) if guessed else exchanged(log, quantity, DOUBTED, AT_MOST)
-        moved = {place: of for place, of in order.items() if place != of}
-        certain = any(f"{one}.{place}" in guessed for place in moved for one in (quantity, "temperature"))
-        if any(f"{quantity}.{place}" in guessed for place in moved):
-            lines = {f"{quantity}.{place}": f"{quantity}.{of}" for place, of in order.items()}
-        else:
-            lines = {f"temperature.{of}": f"temperature.{place}" for place, of in order.items()}
-        written = "; ".join(toml_line(key, log.sources[of]) for key, of in lines.items())
-        for place, of in moved.items():
+        for place, of in exchanged(log, quantity, DOUBTED, AT_MOST)[0].items():
             key, load = f"temperature.{place}", f"{quantity}.{of}"
-            if not log.is_believed(key):
+            if place != of and not log.is_believed(key):
                 problem = f"follows {load} better than {quantity}.{place}: columns of joints are probably exchanged"
                 remedy = f"map each to its own column; if they are right, write {log.believed(key)}"
-                remedy = f"lines under [columns] that say whose they are, perhaps {written}" if certain else remedy
-                issues.append(log.issue(key, problem, remedy, "exchanged", certain=certain))
+                issues.append(log.issue(key, problem, remedy, "exchanged"))
     return issues
 
 
@@ -281,17 +262,12 @@ _STILL = ("frozen", "clamped", "dead")
 
 
 def issues_of(
-    log: Channels,
-    silent: Mapping[str, list[Silence]],
-    twice: Mapping[str, str],
-    predicted: Collection[str],
-    numbered: Collection[str] = (),
+    log: Channels, silent: Mapping[str, list[Silence]], twice: Mapping[str, str], predicted: Collection[str]
 ) -> tuple[Issue, ...]:
     """What looks wrong in a log's columns: another unit, a counter that wraps, a sensor that is dead.
 
     Of a column the first check that finds something speaks: a counter that wraps has values in no unit, and readings in
-    another unit look like fault codes. `silent` is of `silent_channels`, `twice` of `duplicates`, and of channels that
-    are `numbered` nothing but a number says whose they are.
+    another unit look like fault codes. `silent` is of `silent_channels`, `twice` of `duplicates`.
     """
     issues: list[Issue] = []
     of_columns = {key: suspect_wrap(log, key) or suspect_unit(log, key) for key in log.sources}
@@ -307,7 +283,7 @@ def issues_of(
     issues += [
         *copies_in(log, twice),
         *suspect_held(log),
-        *_suspect_exchange(log, numbered),
+        *_suspect_exchange(log),
         *_suspect_ambient(log),
         *_suspect_few(log, predicted),
     ]

@@ -23,7 +23,7 @@ from lptn.logs.channels import Channels, quantisation_step
 from lptn.logs.clock import FEWEST_ROWS, check_time, in_order, within_stamps
 from lptn.logs.columns import AMBIENT, MEANS, SAMPLES, ColumnSource, as_line_or_option, place_of
 from lptn.logs.csv_files import open_csv, open_spreadsheet
-from lptn.logs.guess import NUMBERED, format_note, guess
+from lptn.logs.guess import format_note, guess, refuse_exchanged
 from lptn.logs.issue import Issue
 from lptn.logs.joining import ONE_CLOCK, join
 from lptn.logs.quality import check_values, issues_of, silent_channels
@@ -350,8 +350,8 @@ def read_log(
     guesses = guess(table, columns, inputs, outputs, optional) if guessing else []
     columns |= {guessed.key: guessed.source for guessed in guesses}
     choice = choose_columns(table, columns, inputs, outputs, optional)
-    numbered = [guessed.key for guessed in guesses if guessed.why.startswith(NUMBERED)]
-    samples, issues = _checked_samples(table, choice, strict, numbered)
+    samples, issues = _checked_samples(table, choice, strict)
+    refuse_exchanged(path, guesses, choice.sources, Channels({"time": samples.time, **samples.raw}))
     period = float(f"{samples.period:.3g}")
     asked = _SHORTEST_STEP if step is None else step
     of_step = f"time: sampled every {period:g} s, so steps of {period:g} s are used in place of {asked:g} s."
@@ -387,10 +387,8 @@ def read_log(
 
 
 @np.errstate(over="ignore", invalid="ignore")  # what overflows is refused as a time
-def _checked_samples(
-    table: Table, choice: ColumnChoice, strict: bool, numbered: Collection[str]
-) -> tuple[Samples, tuple[Issue, ...]]:
-    """The log's samples in SI and degC, and what looks wrong; of `numbered` a number alone says whose they are."""
+def _checked_samples(table: Table, choice: ColumnChoice, strict: bool) -> tuple[Samples, tuple[Issue, ...]]:
+    """The log's samples in SI and degC, and what looks wrong."""
     log = _channels(table, choice.sources)
     predicted = set(choice.outputs) - set(choice.inputs)
     given = [key for key in log.of("temperature") if key not in predicted and not log.load_of(place_of(key))]
@@ -400,7 +398,7 @@ def _checked_samples(
     silent = silent_channels(log, predicted)
     clean = log.without({key: [one for one in some if one.left_out] for key, some in silent.items()})
     twice = duplicates(log)
-    issues = (*issues_of(log, silent, twice, predicted, numbered), *held)
+    issues = (*issues_of(log, silent, twice, predicted), *held)
     for issue in issues:
         if strict and issue.certain:
             raise InputError(table.path, *issue.error)

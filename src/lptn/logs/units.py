@@ -75,11 +75,15 @@ def _suspect_time(log: Channels) -> list[Issue]:
     time = log.time
     if log.sources["time"].scale != 1.0 or time.size < 2 or not (np.abs(time) < LATEST).all():
         return []
-    first, period, span = float(abs(time[0])), float(np.median(np.abs(np.diff(time)))), float(abs(time[-1] - time[0]))
+    steps = np.abs(np.diff(time))
+    steps = steps[steps > 0]  # stamps that several rows share
+    if not steps.size:
+        return []
+    first, period, span = float(abs(time[0])), float(np.median(steps)), float(abs(time[-1] - time[0]))
     for unit, low, high in _SINCE_1970:
         if low < first < high:
             return [log.in_unit("time", unit, f"times around {first:.4g}, which look like {unit} since 1970")]
-    if span < _SHORTEST_LOG and 0 < period < _NEAREST and log.sources["time"].unit is None:
+    if span < _SHORTEST_LOG and period < _NEAREST and log.sources["time"].unit is None:
         unit, like = ("d", "d") if first > _DAYS else ("h", "h, or d")
         problem = f"{time.size} rows within {span:.3g} s, {period:.2g} s apart, which look like {like}"
         return [log.in_unit("time", unit, problem)]
@@ -306,7 +310,7 @@ _USUALLY, _ONE_MORE = 0.95, 3.0  # share of a counter's steps; counts more than 
 
 
 def suspect_wrap(log: Channels, key: str) -> list[Issue]:
-    """A counter that wraps, of 16 or 32 bit or, of a temperature, of a byte or as many as a converter has."""
+    """A counter of 8, 16 or 32 bit that wraps."""
     source, temperature = log.sources[key], key.startswith("temperature.")
     if source.wrap or len(source.columns) != 1:
         return []
@@ -321,7 +325,7 @@ def suspect_wrap(log: Channels, key: str) -> list[Issue]:
     steps = np.abs(np.diff(counts))
     jumps = -np.diff(counts) if key == "time" else steps  # time that leaps ahead is a gap
     low, high = counts.min(), counts.max()
-    for bits in (8, *_CONVERTERS, 32) if temperature else (16, 32):  # torques of a byte may change so much
+    for bits in (8, 16, 32) if temperature else (16, 32):  # torques of a byte may change so much
         turn = float(2**bits)
         unsigned = low >= 0 and high < turn
         in_range = unsigned or (low >= -turn / 2 and high < turn / 2)

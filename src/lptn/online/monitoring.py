@@ -126,7 +126,8 @@ def dropouts(watched: MonitoredRun) -> list[Alarm]:
 # --- What the log's own quality pass says ---------------------------------------------------------
 
 _KINDS: dict[str, Kind] = {"frozen": "stuck", "clamped": "clamped", "dead": "dead", "code": "dead", "spike": "spikes",
-                           "disconnected": "dropout", "interpolated": "dropout", "duplicate": "duplicate"}  # fmt: skip
+                           "disconnected": "dropout", "wrap": "dropout", "interpolated": "dropout",
+                           "duplicate": "duplicate"}  # fmt: skip
 
 
 def known_faults(runs: Sequence[Run], nodes: Sequence[str]) -> list[list[Alarm]]:
