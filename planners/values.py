@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, TypeVar
 
 import numpy as np
-from pydantic import AfterValidator, Field, ValidationError, ValidatorFunctionWrapHandler, WrapValidator
+from pydantic import AfterValidator, BeforeValidator, Field
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
@@ -59,17 +59,16 @@ def _ascending(ends: list[float]) -> list[float]:
     return ends
 
 
-def _both_ends(given: Any, validate: ValidatorFunctionWrapHandler) -> Any:
-    try:
-        return validate(given if isinstance(given, list) else [given, given])
-    except ValidationError as error:
-        raise ValueError("a number, or [least, most]") from error
+def _both_ends(given: Any) -> Any:
+    if isinstance(given, str | bool):
+        raise ValueError("a number, or [least, most]")
+    return given if isinstance(given, list) else [given, given]
 
 
 Of = TypeVar("Of")
 Ends = Annotated[list[Of], Field(min_length=2, max_length=2), AfterValidator(_ascending)]
 """The least and the most of a range."""
-Span = Annotated[Ends[Of], WrapValidator(_both_ends)]
+Span = Annotated[Ends[Of], BeforeValidator(_both_ends)]
 """Likewise; one number is both."""
 ByPlace = dict[str, Number]
 """Numbers by name or pattern; a later entry overrides an earlier one."""

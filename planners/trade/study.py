@@ -99,13 +99,14 @@ class StandardError(NamedTuple):
 
 
 Of = TypeVar("Of")
-Choices = Annotated[
+Names = Annotated[
     list[Of],
-    Field(min_length=1),
     AfterValidator(lambda values: list(dict.fromkeys(values))),
     BeforeValidator(lambda given: [given] if isinstance(given, str) else given),
 ]
-"""What may be chosen, each once; one name is a list of it."""
+"""Each once; one name is a list of it."""
+Choices = Annotated[Names[Of], Field(min_length=1)]
+"""What may be chosen."""
 Parts = Annotated[list[Of], Field(min_length=2, max_length=400)]
 """A number for each equal part of a duty cycle."""
 Share = Annotated[Number, Field(gt=0, le=1)]
@@ -120,7 +121,7 @@ class Question(Strict):
     name: str = "study"
     goal: Goal
     cooling: Choices[Cooling] = Field(default=["none", "passive", "fan"])
-    catalogue: Choices[str] = Field(default=[])  # files of motors beside the study's
+    catalogue: Names[str] = Field(default=[])  # files of motors beside the study's
     currency: Annotated[str, Field(pattern=r"^\S{1,8}$")] = "EUR"  # of all prices
 
 

@@ -105,6 +105,11 @@ def test_what_a_study_says_comes_before_the_catalogue(tmp_path: Path) -> None:
     assert "sink" in _study(tmp_path, own).motors[0].network.dynamic
 
 
+def test_a_study_may_name_no_catalogue(tmp_path: Path) -> None:
+    own = STUDY.replace('"motors.csv"', "[]").replace('"flat-*"', '"*"')
+    assert [motor.name for motor in _study(tmp_path, own).motors] == ["U8", "U10"]
+
+
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [

@@ -80,6 +80,8 @@ def test_units_may_be_given(tmp_path: Path) -> None:
         ("duration = 60 ", "distance = 60 ", ["activities[1]", "expected a duration [s]"]),
         ("duration = 120", "duration = -1", ["activities[3].duration", "found -1"]),
         ("speed = [0.2, 0.8]", "speed = [0.2, 1.8]", ["activities[2].speed", "within 0.2 to 1 m/s"]),
+        ("speed = [0.2, 0.8]", "speed = [0.8, 0.2]", ["activities[2].speed: found [0.8, 0.2]", "[least, most]"]),
+        ("speed = [0.2, 0.8]", "speed = 0", ["activities[2].speed", "found 0", "greater than 0"]),
         ("speed = [0.2, 0.8]", 'speed = "fast"', ["activities[2].speed", "[least, most]"]),
         ("load = [0, 4] ", "load = [0, 9] ", ["activities[0].load", "within 0 to 4 kg"]),
         ('"*_*" = 60', '"*_knee" = 60', ['limits."*_knee"', "no such place"]),
