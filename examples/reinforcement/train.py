@@ -52,10 +52,10 @@ class Outcome(NamedTuple):
     above: np.ndarray
 
 
-def robots(number: int, model: str | None = None, spread: float = 0.05, task: Task = TASK) -> TorqueVectorEnv:
-    """So many robots of one of the ready models of a quadruped, parameters scattered by 5 %."""
-    network = parse_model(preset_text("quadruped", model), Path("quadruped.toml")).network
-    return TorqueVectorEnv(number, model=Model(network), limits=dict.fromkeys(JOINTS, LIMIT), task=task, spread=spread)
+def robots(number: int) -> TorqueVectorEnv:
+    """So many robots of the ready model of a quadruped, parameters scattered by 5 %."""
+    network = parse_model(preset_text("quadruped"), Path("quadruped.toml")).network
+    return TorqueVectorEnv(number, model=Model(network), limits=dict.fromkeys(JOINTS, LIMIT), task=TASK, spread=0.05)
 
 
 def played(env: TorqueVectorEnv, policy: Policy, seed: int | list[int]) -> Outcome:
@@ -177,7 +177,7 @@ def learn(
             break
         # A robot for each draw and episode, all in one batch; every draw meets the same episodes.
         weights = mean + spread * rng.standard_normal((drawn, size))
-        first = 1000 * number + 10**5 * (seed - 1)
+        first = (1000 * number + 10**5 * (seed - 1)) % CHOOSE  # below those that choose and judge, whatever the seed
         seeds = [*range(first, first + episodes)] * drawn
         values = worth(played(env, learnt(view, np.repeat(weights, episodes, axis=0)), seeds))
         elite = weights[np.argsort(-values.reshape(drawn, episodes).mean(axis=1))[: drawn // 5]]

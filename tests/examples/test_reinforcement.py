@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from importlib import import_module
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -34,3 +35,20 @@ def test_virtual_robots_warm_up_under_the_environments_torques() -> None:
     assert 0.0 < warmer["FR_calf_case"] < 0.1 * warmer["FR_calf"]
     _, reward, *_ = env.step(np.ones((2, 12)))
     assert np.isfinite(reward).all()
+
+
+@pytest.mark.parametrize("seed", [1, 11, 21])
+def test_no_policy_learns_on_the_episodes_that_choose_or_judge_it(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    example = import_module("train")
+    kinds = ("margin", "asked", "asked_60s", "asked_300s", "asked_1200s")
+    learnt_on: list[int] = []
+
+    def played(env: SimpleNamespace, _policy: object, seeds: int | list[int]) -> object:
+        learnt_on.extend(seeds if isinstance(seeds, list) else [])
+        return example.Outcome(np.zeros(env.num_envs), np.zeros(env.num_envs))
+
+    monkeypatch.setattr(example, "played", played)
+    names = [f"{kind}.{joint}" for kind in kinds for joint in example.JOINTS]
+    example.learn(2, 5, 3, seed=seed, robots=lambda number: SimpleNamespace(num_envs=number, names=names))
+    assert len(set(learnt_on)) == 2 * 3
+    assert max(learnt_on) < min(example.CHOOSE, example.JUDGE)
