@@ -34,7 +34,8 @@ NOMINAL = Command("trot", 0.5, 0.27)
 KNOBS = ("speed", "height", "ahead", "left", "splay")
 LEAST = np.array([0.3, 0.27, -0.05, -0.02, -0.03])  # m/s and m
 MOST = np.array([0.5, 0.36, 0.01, 0.02, 0.01])  # nearer to its full reach of 0.37 m a leg shakes
-PERIOD, WINDOW = 20.0, 500  # s between two decisions; simulator steps between two looks at the temperatures, 1 s
+PERIOD = 20.0  # s between two decisions in training; in MuJoCo one follows each look at the temperatures
+WINDOW = 500  # simulator steps between two looks, 1 s, which stands for 5 s of heat at a `--pace` of 5
 PRICE = np.array([0.6, 0.2, 0.0, 0.0, 0.0])  # of a residual from the nominal command to the farthest one, a second
 MODEL = quadruped("windings")
 HEAT = lptn.batch.functions(MODEL, "numpy", limits=dict.fromkeys(JOINTS, LIMIT))
