@@ -1,4 +1,4 @@
-"""Two messages of ROS 2 as its own IDL has them, written anew."""
+"""Two messages of ROS 2 as its own IDL has them, written anew, and one of somebody else."""
 
 # mypy: disable-error-code="misc, call-arg"
 # No `from __future__ import annotations`: cyclonedds reads the annotations.
@@ -40,3 +40,11 @@ class Temperature(IdlStruct, typename="sensor_msgs.msg.dds_.Temperature_"):
     header: Header
     temperature: float64
     variance: float64
+
+
+@dataclass
+@final
+class Foreign(IdlStruct, typename="sensor_msgs.msg.JointState"):
+    """What a publisher of DDS alone may call as ROS does, without its `dds_`."""
+
+    value: float64

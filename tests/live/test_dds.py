@@ -107,6 +107,25 @@ def test_low_states_of_a_unitree_robot_have_the_names_of_bags() -> None:
     assert not any("sample_info" in name for name in heard)  # how it was received is nothing that was said
 
 
+def test_a_foreign_type_that_is_called_nearly_as_one_of_ros_is_passed_over() -> None:
+    from cyclonedds.domain import DomainParticipant
+    from cyclonedds.pub import DataWriter
+    from cyclonedds.topic import Topic
+
+    from tests.live.ros_types import Foreign, Header, JointState, Time
+
+    source, participant = Dds("127.0.0.1", DOMAIN + 5), DomainParticipant(DOMAIN + 5)
+    foreign = DataWriter(participant, Topic(participant, "rt/foreign", Foreign))
+    states = DataWriter(participant, Topic(participant, "rt/joint_states", JointState))
+
+    def say() -> None:
+        foreign.write(Foreign(1.0))
+        states.write(JointState(Header(Time(5, 0), ""), ["hip"], [0.0], [0.0], [2.0]))
+
+    (heard, *_) = taken(source, say, 1)
+    assert heard["/joint_states.effort[hip]"] == 2.0
+
+
 def test_a_domain_that_is_none_is_one_line() -> None:
     with pytest.raises(InputError, match=r"dds://:999: source: found domain 999; expected a number from 0 to 232"):
         Dds("", 999)

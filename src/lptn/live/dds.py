@@ -84,7 +84,7 @@ class Dds(RosSource):
             for one in publications.take(100):
                 kind, topic = (getattr(one, name, None) or "" for name in ("type_name", "topic_name"))  # None of an end
                 written_here = topic.startswith(f"rt/{OWN}/")
-                if ros_name(kind) in READ and topic not in readers and not written_here:
+                if kind in known and ros_name(kind) in READ and topic not in readers and not written_here:
                     kept = _WAITING if kind.endswith("DiagnosticArray_") else 1
                     newest = Qos(Policy.Reliability.BestEffort, Policy.History.KeepLast(kept))
                     found = Topic(self._participant, topic, known[kind])
