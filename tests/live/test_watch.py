@@ -9,6 +9,7 @@ import threading
 import time
 import urllib.request
 from collections.abc import Iterable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +21,7 @@ from lptn.identify.data import LoadedModel, load_model
 from lptn.live.addresses import source_of
 from lptn.live.assessment import Assessment, Question, assess
 from lptn.live.sinks import Foxglove, Mcap, Prometheus, Rerun, metrics
-from lptn.live.sources import GrowingFile, Lines, Push, Replay, Source, Udp
+from lptn.live.sources import GrowingFile, Lines, Push, Replay, Source, Udp, one_line_if_refused
 from lptn.live.status import Status
 from lptn.live.watch import Watch
 from lptn.online.monitoring import monitor
@@ -450,6 +451,14 @@ def test_metrics_are_read_by_another_parser(loaded: LoadedModel) -> None:
     nodes = {sample.labels["node"]: sample.value for sample in families["lptn_limit_seconds"].samples}
     assert nodes == {one.node: pytest.approx(one.time_to_limit) for one in last.nodes}
     assert families["lptn_rows"].type == "counter"
+
+
+def test_a_package_that_breaks_is_no_address_that_is_refused() -> None:
+    only_package = partial(one_line_if_refused, "dds://:0", "source", "", "dds")
+    with pytest.raises(InputError, match=r"found no module; expected pip install 'lptn\[dds\]'"), only_package():
+        raise ImportError("no module")
+    with pytest.raises(OSError, match="cannot open shared object file"), only_package():
+        raise OSError("libddsc.so: cannot open shared object file")
 
 
 @pytest.mark.long

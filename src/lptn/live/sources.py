@@ -40,12 +40,15 @@ def one_line_if_refused(place: str, what: str, expected: str, extra: str = "") -
 
     Raises:
         InputError: the system refuses the `expected` file or address, or the package is absent.
+        OSError, RuntimeError: as they come where nothing is `expected` of the system.
     """
     try:
         yield
     except ImportError as error:
         raise InputError(place, what, str(error), f"pip install 'lptn[{extra}]'") from error
     except (OSError, RuntimeError) as error:
+        if not expected:
+            raise
         raise InputError(place, what, getattr(error, "strerror", None) or str(error), expected) from error
 
 
