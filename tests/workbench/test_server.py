@@ -241,6 +241,24 @@ def test_an_order_is_a_short_text(browser: TestClient, sent: bytes, status: int)
         assert "\n" not in answer.json()["error"]
 
 
+def test_what_is_refused_is_answered_by_where_it_came_to(
+    browser: TestClient, session: WorkbenchSession, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    busy = browser.post("/order", json={"what": "leave"}, headers=ORIGIN)
+    assert (busy.status_code, busy.headers.get("connection")) == (409, None)  # its body was read
+    file = browser.post("/file?name=a.csv", content=b"x", headers=ORIGIN)
+    assert (file.status_code, file.headers["connection"]) == (409, "close")
+
+    def fails(error: Exception) -> None:
+        raise error
+
+    monkeypatch.setattr(session, "stop", lambda: fails(InputError("a", "b", "c", "d")))
+    assert browser.post("/stop", headers=ORIGIN).status_code == 422
+    monkeypatch.setattr(session, "stop", lambda: fails(TimeoutError()))
+    with pytest.raises(TimeoutError):  # no order that does not end
+        browser.post("/stop", headers=ORIGIN)
+
+
 # --- a whole server -----------------------------------------------------------------------------------------------
 
 

@@ -101,8 +101,11 @@ class _Site:
         return Response(status_code=204) if content is None else JSONResponse(content)
 
     async def order(self, request: Request) -> Response:
-        async with asyncio.timeout(_PATIENCE):
-            text = await _short_text(request)
+        try:
+            async with asyncio.timeout(_PATIENCE):
+                text = await _short_text(request)
+        except TimeoutError:
+            return _wrong("an order that does not end", 408)
         return JSONResponse({"version": self._session.do(order.validate_json(text))}, 202)
 
     async def file(self, request: Request) -> Response:
@@ -116,6 +119,8 @@ class _Site:
                 delete_unfinished(folder, path)
                 raise
             await run_in_threadpool(self._session.arrived, path)
+        except BusyError as error:
+            return _wrong(str(error), 409)
         except OSError as error:
             return _wrong(f"{name}: {error.strerror or error}", 507)
         return JSONResponse({"based": fingerprint(path)} if path.suffix == ".toml" else {}, 202)
@@ -205,12 +210,12 @@ def _wrong(what: str, status: int = 422) -> Response:
     return JSONResponse({"error": what}, status, unread)
 
 
+_SENT_TO = "/order", "/file"  # with a body, which may be too large or lose its place
 _REFUSALS: Mapping[Any, Callable[[Request, Any], Response]] = {
-    InputError: lambda request, error: _wrong(str(error), 413 if request.method == "POST" else 422),
+    InputError: lambda request, error: _wrong(str(error), 413 if request.url.path in _SENT_TO else 422),
     ValidationError: lambda _, error: _wrong(_in_words(error)),
-    BusyError: lambda _, error: _wrong(str(error), 409),
+    BusyError: lambda _, error: JSONResponse({"error": str(error)}, 409),
     UnicodeDecodeError: lambda *_: _wrong("bytes that are not UTF-8 text", 400),
-    TimeoutError: lambda *_: _wrong("an order that does not end", 408),
     ClientDisconnect: lambda *_: _wrong("what was sent broke off", 400),  # and nobody hears it
 }
 """What is answered where an order, a file or a question can't be taken."""
