@@ -276,6 +276,13 @@ def test_what_does_not_fit_the_model_is_named() -> None:
         sharing().share(POSTURES["bent"], by_name(COOL) | {"FL_hip": float("nan")})
 
 
+def test_readings_of_other_places_than_nodes_are_ignored() -> None:
+    own, stance = {"*": 25.0, "FL_hip": 30.0}, POSTURES["upright"]
+    assert sharing().equal(stance, own | {"battery": np.nan}).time == sharing().equal(stance, own).time
+    with pytest.raises(InputError, match="no such place"):
+        sharing().equal(stance, own | {"*_wheel": 25.0})
+
+
 def test_a_model_that_is_driven_by_currents_needs_a_torque_constant() -> None:
     torque = next(declaration for declaration in model().network.effects if declaration.effect.key == "copper_loss")
     current = replace(torque, effect=CopperLoss(input="current"))

@@ -15,6 +15,7 @@ import numpy as np
 
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
+from lptn.basics.places import is_glob
 from lptn.model.model import Model
 from lptn.planners.tasks import start_of
 from lptn.planners.values import by_place
@@ -299,12 +300,13 @@ class StandingTemperatures:
             raise InputError(model.network.origin, "inputs", "no torque or current of any joint", ", ".join(joints))
 
     def start(self, temperatures: float | Mapping[str, float]) -> FloatArray:
-        """States [degC] from one temperature, or from those of nodes by name or pattern.
+        """States [degC] from one temperature, or from those of nodes by name or pattern; other places' are ignored.
 
         Raises:
             InputError: a node has none.
         """
-        given = temperatures if isinstance(temperatures, Mapping) else {"*": temperatures}
+        by_name = temperatures if isinstance(temperatures, Mapping) else {"*": temperatures}
+        given = {name: value for name, value in by_name.items() if name in self.model.nodes or is_glob(name)}
         if unread := [node for node, value in given.items() if not np.isfinite(value)]:
             expected = "a temperature [degC]; the limit where there is no reading"
             raise InputError("temperatures", unread[0], "no number", expected)
