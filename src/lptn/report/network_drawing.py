@@ -188,6 +188,7 @@ class _Drawing:
                 most=f"{number(self.most, 3)} W through a link" if self.most else "",
                 foot=(left + 8, top + height + below - _LEGEND + 2),
                 widest=_WIDEST,
+                radius=_BADGE,
             )
         )
 
