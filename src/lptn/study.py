@@ -46,7 +46,8 @@ from lptn.identify.data import (
 from lptn.identify.fitting import Checkpoint, Fit, finished
 from lptn.identify.noise import estimate_noise
 from lptn.identify.validation import SymmetryTrial, fit_split
-from lptn.logs.run import Run, refuse_doubtful, refuse_other_units
+from lptn.logs.beside import refuse_doubtful, refuse_other_units
+from lptn.logs.run import Run
 from lptn.model.file import ModelFile, added
 from lptn.model.model import Model
 from lptn.report.results import StudyComparison, StudyForecast, StudyVersus

@@ -7,9 +7,10 @@ import pandas as pd
 import pytest
 
 from lptn.basics.errors import InputError
+from lptn.logs.beside import refuse_doubtful, refuse_other_units
 from lptn.logs.columns import ColumnSource
 from lptn.logs.reading import read_log
-from lptn.logs.run import Run, refuse_doubtful, refuse_other_units
+from lptn.logs.run import Run
 
 AIR = "temperature.ambient"
 

@@ -11,11 +11,11 @@ import pandas as pd
 import pytest
 
 from lptn.basics.errors import InputError
+from lptn.logs.beside import refuse_doubtful
 from lptn.logs.channels import Channels
 from lptn.logs.columns import ColumnSource
 from lptn.logs.law import warming
 from lptn.logs.reading import read_log
-from lptn.logs.run import refuse_doubtful
 from lptn.virtual import Bout, Job, leg_logs, quadruped_logs
 
 Array = npt.NDArray[np.float64]
