@@ -126,6 +126,31 @@ def test_a_foreign_type_that_is_called_nearly_as_one_of_ros_is_passed_over() -> 
     assert heard["/joint_states.effort[hip]"] == 2.0
 
 
+def test_a_publisher_that_ends_and_comes_back_is_heard_again() -> None:
+    from cyclonedds.domain import DomainParticipant
+    from cyclonedds.pub import DataWriter
+    from cyclonedds.topic import Topic
+
+    from tests.live.ros_types import Header, JointState, Time
+
+    source, participant = Dds("127.0.0.1", DOMAIN + 6), DomainParticipant(DOMAIN + 6)
+    topic = Topic(participant, "rt/joint_states", JointState)
+    writers, said = [DataWriter(participant, topic)], list[float]()
+
+    def say() -> None:
+        if len(said) == 10:  # the first one ends, and nobody publishes for a while
+            writers.clear()
+        if len(said) == 20:
+            writers.append(DataWriter(participant, topic))
+        said.append(float(len(said)))
+        for writer in writers:
+            writer.write(JointState(Header(Time(5, 0), ""), ["hip"], [0.0], [0.0], [said[-1]]))
+
+    heard = [message["/joint_states.effort[hip]"] for message in taken(source, say, 30, seconds=3.0)]
+    assert min(heard) < 10
+    assert max(heard) > 20
+
+
 def test_a_domain_that_is_none_is_one_line() -> None:
     with pytest.raises(InputError, match=r"dds://:999: source: found domain 999; expected a number from 0 to 232"):
         Dds("", 999)

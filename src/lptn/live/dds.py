@@ -91,7 +91,8 @@ class Dds(RosSource):
                     readers[topic] = DataReader(self._participant, found, newest), kept
             for topic, (reader, kept) in readers.items():
                 for message in reader.take(kept):
-                    self.hear(f"/{topic.removeprefix('rt/')}", message)
+                    if message.sample_info.valid_data:  # else it says that a publisher has ended
+                        self.hear(f"/{topic.removeprefix('rt/')}", message)
 
 
 class DdsSink:
