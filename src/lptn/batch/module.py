@@ -27,8 +27,9 @@ from lptn.simulate.dynamics import longest_step
 from lptn.simulate.kernel import Operations, UnknownOperationError
 
 from .assignments import PYTHON, C, assignments, held
+from .motors import AIR, errors, motors
 
-Target = Literal["jax", "torch", "numpy", "c"]
+Target = Literal["jax", "torch", "numpy", "c", "mujoco"]
 
 _WIDTH, _SHORT = 120, 80  # columns of the written file, and of what stands on one line with its name
 _HOT = 100.0  # degC, where rates of a robot's network are near their fastest
@@ -46,17 +47,18 @@ def export(model: Model, output: str | Path, to: Target = "jax", *, limits: Each
     """Write a model as a module of pure functions, which needs neither this package nor CasADi.
 
     For arrays the module has `initial`, `step`, `outputs` and `randomized`, whose leading axes are robots; in C
-    `initial`, `step` and `outputs` of one robot. Its docstring says names and units.
+    `initial`, `step` and `outputs` of one robot. Its docstring says names and units. For MuJoCo the file has an
+    actuator a joint, one node each, and says what that costs.
 
     Args:
         model: at the values to write, with the standard errors that `randomized` draws from.
         output: the file to write.
-        to: the array library, or `"c"`.
+        to: the array library, `"c"`, or `"mujoco"`.
         limits: degC by node or pattern, or one for all; margins and torque scale are about these.
 
     Raises:
-        InputError: an unknown target or place, an operation that has no equivalent there, or a file that can't be
-            written.
+        InputError: an unknown target or place, an operation that has no equivalent there, limits or no motors for
+            MuJoCo, or a file that can't be written.
     """
     path = Path(output)
     prefix = re.sub(r"\W", "_", path.stem, flags=re.ASCII)
@@ -87,8 +89,8 @@ def functions(model: Model, to: Target = "numpy", *, limits: Each | None = None)
         >>> heat.step(state, np.array([23.0, 2.0, 0.0]), params, dt=10.0).temperature.shape
         (1000, 2)
     """
-    if to == "c":
-        raise InputError("lptn.batch", "to", "'c'", "jax, torch or numpy; `export` writes C")
+    if to in ("c", "mujoco"):
+        raise InputError("lptn.batch", "to", f"'{to}'", "jax, torch or numpy; `export` writes the others")
     text = _text(model, to, limits, "heat")
     name = f"heat_{hashlib.sha256(text.encode()).hexdigest()[:16]}"
     if name in sys.modules:
@@ -107,6 +109,8 @@ def _text(model: Model, to: Target, limits: Each | None, prefix: str) -> str:
     if to not in get_args(Target):
         raise InputError("lptn.batch", "to", f"'{to}'", f"one of {', '.join(get_args(Target))}")
     bounds = {} if limits is None else checked_by_place(limits, model.places, "limits")
+    if to == "mujoco":
+        return _motors_text(model, bounds)
     language, template = (C, "heat.c.j2") if to == "c" else (PYTHON, "arrays.py.j2")
     try:
         bodies = _bodies(model, language)
@@ -152,6 +156,20 @@ def _text(model: Model, to: Target, limits: Each | None, prefix: str) -> str:
         **bodies,
     }
     return _environment().get_template(template).render(values)
+
+
+def _motors_text(model: Model, bounds: Mapping[str, float]) -> str:
+    """Actuators of MuJoCo, and how far their temperatures are from the network's."""
+    if bounds:
+        raise InputError("lptn.batch", "limits", "some", "none: MuJoCo's motors have no limit of their temperature")
+    found = motors(model)
+    values = {
+        "title": model.network.name,
+        "origin": Path(model.network.origin).name,
+        "motors": list(zip(found, *errors(found, model, functions(model)), strict=True)),
+        "air": AIR,
+    }
+    return _environment().get_template("motors.xml.j2").render(values)
 
 
 class _Body(NamedTuple):
@@ -252,7 +270,7 @@ def _environment() -> jinja2.Environment:
         undefined=jinja2.StrictUndefined,
         keep_trailing_newline=True,
     )
-    environment.filters |= {"listed": _listed, "plain": _plain, "quoted": _quoted}
+    environment.filters |= {"dashed": _dashed, "listed": _listed, "plain": _plain, "quoted": _quoted}
     return environment
 
 
@@ -271,6 +289,11 @@ def _listed(values: Sequence[Any], brackets: str = "()", indent: str = "") -> st
 def _plain(text: str) -> str:
     """A text that ends neither a docstring nor a comment."""
     return text.replace("\\", "/").replace('"', "'").replace("*/", "* /")
+
+
+def _dashed(text: str) -> str:
+    """A text that does not end a comment of XML."""
+    return text.replace("--", "–")
 
 
 def _quoted(names: Iterable[str]) -> list[str]:

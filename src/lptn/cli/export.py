@@ -13,19 +13,20 @@ def export(
     model: Path,
     /,
     *,
-    to: Literal["jax", "torch", "numpy", "c"],
+    to: Literal["jax", "torch", "numpy", "c", "mujoco"],
     output: options.Output,
     limit: options.NodeLimits = None,
     json: options.Json = None,
 ) -> None:
-    """Write a model as pure functions over many robots, for learning with JAX or PyTorch.
+    """Write a model as pure functions over many robots, for learning with JAX or PyTorch, or as MuJoCo's motors.
 
-    The module needs neither lptn nor CasADi. Its docstring says names, units and how its functions are called.
+    The module needs neither lptn nor CasADi. Its docstring says names, units and how its functions are called. For
+    MuJoCo each joint is one node, a dcmotor; the file says what that costs in K.
 
     Example: lptn export fitted.toml --to jax --limit 80 -o heat.py
 
     Args:
-        to: What the module is made of.
+        to: What the file is made of.
     """
     options.check_outputs(output, json, inputs=(model,))
     options.check_inputs(model)
