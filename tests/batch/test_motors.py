@@ -12,9 +12,10 @@ import pytest
 
 from lptn.basics.errors import InputError
 from lptn.batch import export, functions
+from lptn.effects import catalogue
 from lptn.model.file import parse_model
 from lptn.model.model import Model
-from lptn.model.network import Network
+from lptn.model.network import EffectDeclaration, Network
 from lptn.robots.presets import preset_text
 from tests.builders import AMBIENT, effect, link, node
 
@@ -115,8 +116,10 @@ def test_a_network_costs_more_than_single_nodes(variant: str | None, least: floa
 def test_mistakes_are_said(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="limits: found some; expected none"):
         export(_one(LOSS), tmp_path / "motors.xml", "mujoco", limits=60.0)
-    with pytest.raises(InputError, match="found no copper loss by torque"):
-        export(_one(), tmp_path / "motors.xml", "mujoco")
+    by_current = EffectDeclaration(catalogue()["copper_loss"](input="current"), "a", LOSS.parameters)
+    for model in (_one(), _one(by_current)):
+        with pytest.raises(InputError, match="found no copper loss by torque"):
+            export(model, tmp_path / "motors.xml", "mujoco")
     with pytest.raises(InputError, match="expected jax, torch or numpy"):
         functions(_one(LOSS), "mujoco")
     assert not list(tmp_path.iterdir())

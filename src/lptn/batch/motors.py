@@ -47,6 +47,13 @@ class Motor(NamedTuple):
     idle: float
     rises: FloatArray
 
+    def after(self, start: float, torque: FloatArray, seconds: float) -> FloatArray:
+        """Its temperature [degC], begun at `start`, after so many seconds of constant torques [N*m], of any shape."""
+        watts = (torque / self.constant) ** 2 * self.winding
+        rate = (1 / self.resistance - self.alpha * watts) / self.capacity
+        settled = self.idle + watts * (1 + self.alpha * (self.idle - AIR)) / (rate * self.capacity)
+        return np.asarray(settled + (start - settled) * np.exp(-rate * seconds))
+
 
 def motors(model: Model) -> list[Motor]:
     r"""The joints' motors as one node each.
@@ -68,10 +75,10 @@ def motors(model: Model) -> list[Motor]:
     slopes = model.state_jacobian(warm, standing, model.values).full()
     found = []
     for instance in model.network.effect_instances:
-        torque, always = f"torque.{instance.driven_by}", not instance.declaration.run
-        if instance.effect.key != "copper_loss" or torque not in model.inputs or not always:
+        kind, always = instance.effect, not instance.declaration.run
+        if kind.key != "copper_loss" or "torque" not in kind.needed() or not always:
             continue
-        column = model.inputs.index(torque)
+        column = model.inputs.index(f"torque.{instance.driven_by}")
         by_square = [
             ca.jacobian(ca.jacobian(of, u[column]), u[column]) / 2
             for of in (model.balance.flows[instance.label], rates)
@@ -118,21 +125,20 @@ def errors(found: list[Motor], model: Model, heat: ModuleType) -> FloatArray:
         model: their network.
         heat: its functions for NumPy.
     """
-    resistance, capacity, alpha, idle = (
-        np.array([getattr(motor, name) for motor in found]) for name in ("resistance", "capacity", "alpha", "idle")
-    )
     states, columns = [motor.state for motor in found], [motor.column for motor in found]
-    left, together = (AIR + RISE - idle).clip(0.0), np.sum([motor.rises[states] for motor in found], axis=0)
-    watts = np.vstack([np.diag(left / resistance), np.full(len(found), (left / together).min())])
-    inputs = np.tile(_standing(model), (len(watts), 1))
-    inputs[:, columns] = np.sqrt(watts / [motor.winding for motor in found]) * [motor.constant for motor in found]
-    params = np.tile(heat.VALUES, (len(watts), 1))
-    state, worst = heat.initial(params, AIR), np.zeros_like(watts)
-    rate = (1 / resistance - alpha * watts) / capacity
-    settled = idle + watts * (1 + alpha * (idle - AIR)) / (rate * capacity)
+    left = np.array([max(AIR + RISE - motor.idle, 0.0) for motor in found])
+    together = np.sum([motor.rises[states] for motor in found], axis=0)
+    alone = np.diag(left / [motor.resistance for motor in found])
+    watts = np.vstack([alone, np.full(len(found), (left / together).min())])
+    torques = np.sqrt(watts / [motor.winding for motor in found]) * [motor.constant for motor in found]
+    inputs = np.tile(_standing(model), (len(torques), 1))
+    inputs[:, columns] = torques
+    params = np.tile(heat.VALUES, (len(torques), 1))
+    state, worst = heat.initial(params, AIR), np.zeros_like(torques)
     for time in np.arange(STEP, HOUR + STEP, STEP):
         state = heat.step(state, inputs, params, STEP)
-        error = settled + (AIR - settled) * np.exp(-rate * time) - state.temperature[:, states]
+        nodes = [motor.after(AIR, torque, time) for motor, torque in zip(found, torques.T, strict=True)]
+        error = np.transpose(nodes) - state.temperature[:, states]
         worst = np.where(np.abs(error) > np.abs(worst), error, worst)
     return np.array([worst.diagonal(), worst[-1]])
 
