@@ -53,6 +53,14 @@ class WarmEnv:
         self.actions = jnp.array(list(derated.values()))
         self.joints = jnp.array([heat.JOINTS.index(joint) for joint in derated])
 
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.env, name)
+
+    @property
+    def observation_size(self) -> int:
+        """Of one robot."""
+        return int(self.env.observation_size) + len(self.heat.LIMITED)
+
     def reset(self, rng: jax.Array) -> Any:
         """A robot of its own, warm by chance."""
         rng, of_env = jax.random.split(rng)
@@ -62,8 +70,8 @@ class WarmEnv:
     def step(self, state: Any, action: jax.Array) -> Any:
         """One step of the environment with the torques that are given, and of the network.
 
-        Where the episode is over, `info` has another robot's network already: wrappers that begin anew by themselves
-        leave `info` as it is.
+        Where the episode is over, `info` has another robot's network already: Playground's wrapper that begins anew
+        leaves `info` as it is. One that is over by time alone goes on as warm as it is.
         """
         info = {name: state.info[name] for name in ("heat", "heat_params", "heat_rng")}
         scale = self._outputs(info)["torque_scale"][self.joints]
