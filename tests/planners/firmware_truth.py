@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from scipy.linalg import expm
@@ -27,6 +28,8 @@ class Motors:
         beside: resistance from each housing to the next [K/W], shape (motors - 1,).
         ohms: of the windings at 25 degC.
         alpha, beta: of the copper's resistance and of natural convection [1/K].
+
+    Of several robots at once (`together`) all have one more axis, robots, which is the last of temperatures, too.
     """
 
     winding: FloatArray
@@ -37,6 +40,14 @@ class Motors:
     ohms: FloatArray
     alpha: float
     beta: float
+
+    @classmethod
+    def together(cls, robots: Sequence[Motors]) -> Motors:
+        """Robots of as many motors each, for `rates` and `step`."""
+        values: dict[str, Any] = {
+            field.name: np.stack([getattr(robot, field.name) for robot in robots], axis=-1) for field in fields(cls)
+        }
+        return cls(**values)
 
     @property
     def count(self) -> int:
@@ -62,13 +73,13 @@ class Motors:
                 if p.name.partition(".")[0] in errors}  # fmt: skip
         return Model(network, told)
 
-    def rates(self, T: FloatArray, squares: FloatArray, air: float) -> FloatArray:
+    def rates(self, T: FloatArray, squares: FloatArray, air: FloatArray | float) -> FloatArray:
         """Of windings, then housings [K/s]; `T` of shape (2 motors, ...)."""
         n = self.count
         w, h = T[:n], T[n:]
 
         def column(values: FloatArray) -> FloatArray:
-            return values.reshape(-1, *[1] * (T.ndim - 1))
+            return values.reshape(*values.shape, *[1] * (T.ndim - values.ndim))
 
         inside = (w - h) / column(self.inside)
         lost = (h - air) * np.exp(self.beta * (h - air)) / column(self.outside)
@@ -82,7 +93,7 @@ class Motors:
             [(heat - inside) / column(self.winding), (inside - lost - between) / column(self.housing)]
         )
 
-    def step(self, T: FloatArray, squares: FloatArray, air: float, dt: float) -> FloatArray:
+    def step(self, T: FloatArray, squares: FloatArray, air: FloatArray | float, dt: FloatArray | float) -> FloatArray:
         """Temperatures after a step of the classical Runge-Kutta scheme."""
         k1 = self.rates(T, squares, air)
         k2 = self.rates(T + dt / 2 * k1, squares, air)
@@ -100,7 +111,7 @@ class Motors:
 
 @dataclass
 class Drive:
-    """What a drive does with what is wanted of it.
+    """What a drive does with what is wanted of it; with arrays, what several do, all of the same limiters.
 
     Args:
         peak: current [A].
@@ -109,39 +120,37 @@ class Drive:
         derates: whether the current falls in a line from the warning to the trip, too.
     """
 
-    peak: float
-    time_constant: float = np.inf
-    continuous: float = np.inf
-    warning: float = np.inf
-    trip: float = np.inf
-    restart: float = -np.inf
+    peak: FloatArray | float
+    time_constant: FloatArray | float = np.inf
+    continuous: FloatArray | float = np.inf
+    warning: FloatArray | float = np.inf
+    trip: FloatArray | float = np.inf
+    restart: FloatArray | float = -np.inf
     derates: bool = False
 
     def __post_init__(self) -> None:
-        self.sum = self.continuous**2  # A²; a drive that was just switched on may be as hot as can be
-        self.tripped = bool(np.isfinite(self.restart))  # as hot as can be
+        self.sum = np.square(self.continuous)  # A²; a drive that was just switched on may be as hot as can be
+        self.tripped = np.isfinite(self.restart)  # as hot as can be
 
-    def admitted(self, wanted: FloatArray | float, reading: float, dt: float) -> FloatArray:
+    def admitted(self, wanted: FloatArray | float, reading: FloatArray | float, dt: FloatArray | float) -> FloatArray:
         """The magnitude of the current that flows for `dt` seconds [A]."""
         square = np.minimum(np.abs(wanted), self.peak) ** 2
-        if reading >= self.trip or not reading > -np.inf:
-            self.tripped = True
-        elif reading <= self.restart:
-            self.tripped = False
-        if self.tripped:
-            square = 0.0 * square
-        elif self.derates and reading > self.warning:
-            square = np.minimum(square, (self.peak * (self.trip - reading) / (self.trip - self.warning)) ** 2)
-        if np.isfinite(self.continuous):
+        unsafe = (reading >= self.trip) | ~np.greater(reading, -np.inf)
+        self.tripped = unsafe | (self.tripped & ~np.less_equal(reading, self.restart))
+        if self.derates:
+            slope = (self.trip - reading) / (self.trip - self.warning)
+            square = np.where(reading > self.warning, np.minimum(square, (self.peak * slope) ** 2), square)
+        square = np.where(self.tripped, 0.0, square)
+        if np.all(np.isfinite(self.continuous)):
             share = -np.expm1(-dt / self.time_constant)
-            square = np.minimum(square, self.sum + (self.continuous**2 - self.sum) / share)
+            square = np.minimum(square, self.sum + (np.square(self.continuous) - self.sum) / share)
             self.sum = self.sum + share * (square - self.sum)
         return np.asarray(np.sqrt(np.maximum(square, 0.0)))
 
 
 def hottest(
-    motors: Motors, drives: list[Drive], wanted: Callable[[int], FloatArray], steps: int, dt: float, air: float,
-    start: FloatArray,
+    motors: Motors, drives: list[Drive], wanted: Callable[[int], FloatArray], steps: int, dt: FloatArray | float,
+    air: float, start: FloatArray,
 ) -> FloatArray:  # fmt: skip
     """Hottest winding of several histories at once [degC], shape as `wanted` gives."""
     T, most = start, start[: motors.count]
