@@ -29,9 +29,11 @@ from lptn.basics.errors import InputError
 from lptn.diagnose.answers import Step
 from lptn.logs.issue import Issue
 from lptn.logs.reading import read_log
+from lptn.logs.run import Run
 from lptn.robots.presets import presets
 from lptn.study import Study
 from lptn.virtual import leg_logs, quadruped_logs
+from lptn.virtual.leg import draw_runs
 from tests.truth.plans import trial
 
 Log = pd.DataFrame
@@ -592,7 +594,8 @@ ROBOTS, STEPS = ("leg", "quadruped"), (0.1, 1.0)
 @cache
 def _healthy(robot: str, seed: int, steps: float) -> Log:
     if robot == "leg":
-        logs = leg_logs([], seed=seed, noise=0.1, quantisation=steps, columns="all")
+        only = {"fit1": draw_runs(seed)["fit1"]}
+        logs = leg_logs([], seed=seed, noise=0.1, quantisation=steps, columns="all", runs=only)
     else:
         logs = quadruped_logs(seed=seed, runs=trial(seed, fitted=1800), noise=0.1, quantisation=steps)
     return logs["fit1"].reset_index(drop=True)
@@ -603,12 +606,18 @@ def healthy(robot: str, seed: int, steps: float) -> Log:
     return _healthy(robot, seed, steps).copy()
 
 
+def _runs_in(log: Log) -> list[Run]:
+    """The runs of a log, none where it is refused."""
+    try:
+        return list(read_log(log, strict=False))
+    except InputError:
+        return []
+
+
 def issues_in(log: Log) -> list[Issue] | None:
     """What is said of a log, `None` where it is refused."""
-    try:
-        return list(read_log(log, strict=False)[0].issues)  # all runs of a log have the same
-    except InputError:
-        return None
+    runs = _runs_in(log)
+    return list(runs[0].issues) if runs else None  # all runs of a log have the same
 
 
 @dataclass(frozen=True)
@@ -637,22 +646,21 @@ def ask(kind: str, robot: str, seed: int, steps: float) -> Answer:
         log = log[rows].reset_index(drop=True)
     true = log.copy()
     corruption.change(log, joint, rng)
-    issues, key = issues_in(log), corruption.key.format(joint=joint)
-    if issues is None:
+    runs, key = _runs_in(log), corruption.key.format(joint=joint)
+    if not runs:
         return Answer("refused" in corruption.expected, frozenset())
-    named = [issue for issue in issues if key in ("*", issue.key)]
-    others = frozenset(issue.key for issue in issues if issue not in named)
-    return Answer(any(issue.kind in corruption.expected for issue in named), others, _believed(log, true))
+    named = [issue for issue in runs[0].issues if key in ("*", issue.key)]
+    others = frozenset(issue.key for issue in runs[0].issues if issue not in named)
+    return Answer(any(issue.kind in corruption.expected for issue in named), others, _believed(runs, log, true))
 
 
 _FALSE = 2.0  # K
 
 
-def _believed(log: Log, true: Log) -> float:
+def _believed(runs: list[Run], log: Log, true: Log) -> float:
     """The time for which a run has false readings of joints' sensors, as a share of that in the log; once, at most."""
     false = taken = 0.0
     every = float(np.median(np.diff(true["time"])))
-    runs = read_log(log, strict=False)
     for name in [name for name in map(str, true) if name.startswith("temperature.") and name in log]:
         false += every * int((np.abs(log[name] - true[name]) > _FALSE).sum())
         for run in (run for run in runs if run.has(name)):
