@@ -79,14 +79,14 @@ _NOT_ALIVE = 128  # of the status
 
 @dataclass(frozen=True)
 class Seen:
-    """What a fault has to work with: time [s]; the true temperatures now, a minute ago, on average over five minutes,
-    when the fault began and when the load was last low, those that the next sensors read now; noise; shape (nodes,);
-    the limit [degC]."""
+    """What a fault has to work with: time [s]; the true temperatures now, a minute ago, in the last five minutes, when
+    the fault began and when the load was last low, those that the next sensors read now; noise; shape (nodes,); the
+    limit [degC]."""
 
     time: float
     true: FloatArray
     minute_ago: FloatArray
-    averaged: FloatArray
+    lately: list[FloatArray]
     at_fault: FloatArray
     at_rest: FloatArray
     neighbours: FloatArray
@@ -153,7 +153,7 @@ FAULTS: dict[str, Fault] = {
     "saturates 5 K below": Fault(lambda seen: np.minimum(seen.true + seen.noise, seen.most - 5.0)),
     "reads 0.8 of the rise": Fault(lambda seen: AIR + 0.8 * (seen.true - AIR) + seen.noise),
     "reads 0.8 degC": Fault(lambda seen: 0.8 * seen.true + seen.noise),
-    "averages five minutes": Fault(lambda seen: seen.averaged + seen.noise),
+    "averages five minutes": Fault(lambda seen: np.mean(seen.lately, axis=0) + seen.noise),
     "drops for a minute": Fault(lambda seen: seen.true - 20.0 * (seen.time // 60 % 5 == 0) + seen.noise, FAULT),
     "drops by 12 K, later": Fault(lambda seen: seen.true - 12.0 + seen.noise, FAULT),
     "every second one missing": Fault(lambda seen: np.where(seen.noise > 0, seen.true + seen.noise, np.nan)),
@@ -210,9 +210,9 @@ class Sensors:
         if self._at_fault is None:
             self._at_fault = true
         ago = self._past[max(0, len(self._past) - 1 - round(60 / PERIOD))]
-        averaged = np.mean(self._past[-round(300 / PERIOD) :], axis=0)
+        lately = self._past[-round(300 / PERIOD) :]
         spoilt = self._fault.read(
-            Seen(time, true, ago, averaged, self._at_fault, self._at_rest, true[self._next], noise, self._limit)
+            Seen(time, true, ago, lately, self._at_fault, self._at_rest, true[self._next], noise, self._limit)
         )
         if self._kind == "swapped":
             spoilt = readings.copy()
@@ -426,7 +426,8 @@ def run(case: Case) -> Result:
     plant = Plant(plant_of(robot, case.off, case.seed), STARTS[case.start], TICK if case.face == "loop" else PERIOD)
     faulty = sensors_at_fault(robot, case.fault, case.which, case.seed)
     sensors, clean = (Sensors(robot, case.fault, faulty, case.seed, noise) for noise in (NOISE, 0.0))
-    readings, currents, passed = (np.zeros((STEPS, size)) for size in (len(robot.nodes), len(robot.driven), 1))
+    currents, passed = (np.zeros((STEPS, size)) for size in (len(robot.driven), 1))
+    asked_of = list[tuple[float, FloatArray, bool]]()  # the sensors
     above, beyond, said, spoken, given = -np.inf, -np.inf, None, 0, np.zeros(len(robot.driven))
     limited, loaded, asked = [robot.nodes.index(node) for node in mpc.settings.limits], False, 0.0
     for k in range(STEPS):
@@ -435,7 +436,8 @@ def run(case: Case) -> Result:
         share = robot.share(k * PERIOD)
         asked += share / STEPS
         true = plant.temperature[: len(robot.nodes)]
-        readings[k], read = (one.read(k * PERIOD, true, loaded) for one in (clean, sensors))
+        asked_of.append((k * PERIOD, true, loaded))
+        read = sensors.read(*asked_of[-1])
         answer = face.step(read, plant, share, AIR + (fault.air if k * PERIOD >= fault.begin else 0.0))
         loaded = bool(answer.currents.max() > robot.asked / 3)
         currents[k], passed[k] = answer.currents, plant.temperature[limited].max() - robot.limit
@@ -452,6 +454,7 @@ def run(case: Case) -> Result:
     healthy = float(given[fine].mean() / best[fine].mean()) if any(fine) else None
     untold = None
     if beyond > PASSED and case.face != "loop":  # whose currents change within a period
+        readings = np.array([clean.read(*each) for each in asked_of])
         told = told_at(robot, SHARE, STARTS[case.start], PERIOD, NOISE, readings, currents)
         untold = float(passed[: told + 1].max())
     return Result(above, beyond, said, spoken / steps, float(given.mean()), float(best.mean()), healthy, untold)
