@@ -37,8 +37,8 @@ def _run(*words: object) -> None:
     assert stop.value.code == 0
 
 
-@pytest.fixture
-def log(tmp_path: Path) -> Path:
+@pytest.fixture(scope="module")
+def table() -> pd.DataFrame:
     """A log of the leg, with temperatures from the leg written by hand, sampled, started at rest."""
     n = 200
     rng = np.random.default_rng(2)
@@ -48,6 +48,12 @@ def log(tmp_path: Path) -> Path:
     for row, joint in enumerate(("FR_hip", "FR_thigh", "FR_calf")):
         table[f"temperature.{joint}"] = ends[:, row]
         table[f"torque.{joint}"] = inputs[:, row + 1]
+    return table
+
+
+@pytest.fixture
+def log(table: pd.DataFrame, tmp_path: Path) -> Path:
+    """The same as a file."""
     path = tmp_path / "log.csv"
     table.to_csv(path, index=False)
     return path

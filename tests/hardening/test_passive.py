@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 import pytest
+from scipy.signal import lfilter
 
 from lptn.logs.columns import ColumnSource
 from lptn.logs.issue import Issue
@@ -25,12 +26,9 @@ def _knee(
     time = np.arange(0.0, 3600.0, step)
     levels = np.random.default_rng(1).choice([0.0, 2.0, 4.0, 6.0, 8.0, 5.0], size=60) * scale
     current = levels[(time // 60).astype(int)]
-    temperature = np.empty(time.size)
-    temperature[0] = start
-    for k in range(time.size - 1):
-        end = air + RESISTANCE * WINDING * current[k] ** 2
-        temperature[k + 1] = end + (temperature[k] - end) * np.exp(-step / capacity / RESISTANCE)
-    return time, current, temperature
+    ends, kept = air + RESISTANCE * WINDING * current[:-1] ** 2, np.exp(-step / capacity / RESISTANCE)
+    later, _ = lfilter([1 - kept], [1, -kept], ends, zi=[kept * start])
+    return time, current, np.append(start, later)
 
 
 def _log(time: Array, current: Array, readings: Array, air: float = 25.0) -> pd.DataFrame:
