@@ -17,7 +17,7 @@ from lptn.model.file import parse_model
 from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration, Network
 from lptn.robots.presets import preset_text
-from tests.builders import AMBIENT, effect, link, node
+from tests.builders import AMBIENT, effect, leg, link, node
 
 LOSS = effect("copper_loss", "a", resistance=0.3, torque_constant=0.8)
 RISE = effect("resistance_rise", "a", alpha=0.004, reference=20.0)
@@ -120,6 +120,8 @@ def test_mistakes_are_said(tmp_path: Path) -> None:
     for model in (_one(), _one(by_current)):
         with pytest.raises(InputError, match="found no copper loss by torque"):
             export(model, tmp_path / "motors.xml", "mujoco")
+    with pytest.raises(InputError, match="links: found heat without a way out"):
+        export(Model(leg([effect("copper_loss")], ambient=None)), tmp_path / "motors.xml", "mujoco")
     with pytest.raises(InputError, match="expected jax, torch or numpy"):
         functions(_one(LOSS), "mujoco")
     assert not list(tmp_path.iterdir())

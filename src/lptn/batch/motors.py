@@ -15,6 +15,7 @@ from lptn.model.model import Model
 AIR = 25.0  # degC, a room's
 RISE = 60.0  # K, what robots' motors are usually allowed
 HOUR, STEP = 3600.0, 20.0  # s
+SLOWEST = 1e-8  # 1/s, by which a network settles in three years
 _STANDING = {"temperature": AIR, "powered": 1.0}  # what is not zero in a robot that stands still and bears no load
 
 
@@ -73,6 +74,9 @@ def motors(model: Model) -> list[Motor]:
     air, standing = np.full(len(model.states), AIR), _standing(model)
     warm = air + RISE / 2
     slopes = model.state_jacobian(warm, standing, model.values).full()
+    if np.linalg.eigvals(slopes).real.max() > -SLOWEST:
+        raise InputError(model.network.origin, "links", "heat without a way out", "links to the air")
+    idle = warm - np.linalg.solve(slopes, model.rhs(warm, standing, model.values).full().ravel())
     found = []
     for instance in model.network.effect_instances:
         kind, always = instance.effect, not instance.declaration.run
@@ -85,14 +89,8 @@ def motors(model: Model) -> list[Motor]:
         ]
         terms = ca.Function("terms", [x, u, p], [*by_square, ca.jacobian(by_square[0], x)])
         watts, warming, risen = (term.full().ravel() for term in terms(air, standing, model.values))
-        try:
-            idle = warm - np.linalg.solve(slopes, model.rhs(warm, standing, model.values).full().ravel())
-            rises = -np.linalg.solve(slopes, warming / watts)
-            delays = -np.linalg.solve(slopes, rises)
-        except np.linalg.LinAlgError as error:
-            raise InputError(
-                model.network.origin, instance.place, "heat without a way out", "a link to the air"
-            ) from error
+        rises = -np.linalg.solve(slopes, warming / watts)
+        delays = -np.linalg.solve(slopes, rises)
         state = int(warming.argmax())
         constant = float(model.values[instance.parameters["torque_constant"]])
         found.append(
