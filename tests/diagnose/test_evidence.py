@@ -9,16 +9,19 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.integrate import trapezoid
 
 from lptn import Study
 from lptn.basics.parameters import Parameter
-from lptn.diagnose.candidates import log_priors, possible_effects
+from lptn.diagnose.candidates import USUAL, log_priors, possible_effects
 from lptn.diagnose.evidence import Allowance, ErrorsOfRuns, Evidence, allowances
 from lptn.diagnose.refits import continued, refit
 from lptn.effects.constant_heat import ConstantHeat
+from lptn.effects.surface_scale import SurfaceScale
 from lptn.identify.data import split_data
 from lptn.identify.fitting import Fit, finished
 from lptn.identify.validation import fit_segments
+from lptn.model.model import Model
 from lptn.model.network import EffectDeclaration
 from lptn.robots.presets import presets
 from tests.report.two_joints import NODES, make_run, robot
@@ -94,6 +97,35 @@ def test_the_odds_of_an_exchange_agree_with_the_difference_of_two_fits(heat: flo
         other = finished(continued(larger, fit.model.network.with_effects([entry.declaration()])))
         exact = Evidence(other, [], beside=evidence).log_evidence - evidence.log_evidence
         assert entry.log_odds == pytest.approx(exact, abs=2.0)
+
+
+def test_a_size_at_an_end_costs_what_the_integral_over_the_sizes_inside_does() -> None:
+    """A joint that loses no heat: a model that says so has one parameter more, although none could move beyond."""
+    own, scale = SurfaceScale.amplitude(), USUAL * 0.3
+    assert own is not None
+    network = robot().network
+    links = tuple(replace(one, resistance=replace(one.resistance, fixed=True)) for one in network.links)
+
+    def model(size: float, fixed: bool) -> Model:
+        """With the true resistance, so that nothing can stand in for the loss."""
+        change = replace(own, value=size, fixed=fixed, share="each")
+        return Model(
+            replace(network, links=links).with_effects([EffectDeclaration(SurfaceScale(), NODES[0], (change,))])
+        )
+
+    data = split_data([make_run(model(-1.0, True), seed, str(seed)) for seed in (1, 2)]).fit
+    evidence = Evidence(fit_segments(model(-1.0, True), data), [])
+
+    def relative(size: float, fixed: bool) -> float:
+        return (
+            Evidence(fit_segments(model(size, fixed), data), [], beside=evidence).log_evidence - evidence.log_evidence
+        )
+
+    sizes = np.linspace(-1.0, -0.98, 21)
+    density = 1.0 / (np.pi * scale * (1.0 + (sizes / scale) ** 2))
+    integral = trapezoid(density * np.exp([relative(float(size), True) for size in sizes]), sizes)
+    assert relative(-0.5, False) == pytest.approx(np.log(integral), abs=0.3)
+    assert np.log(integral) < -3.0
 
 
 def test_an_allowance_takes_a_deviation_of_its_size_and_not_ten_times_as_much() -> None:

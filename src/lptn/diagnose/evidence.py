@@ -19,7 +19,7 @@ from functools import cached_property
 from math import log, pi, sqrt
 
 import numpy as np
-from scipy.special import chdtri, log_ndtr, logsumexp, ndtri
+from scipy.special import chdtri, erfcx, log_ndtr, logsumexp, ndtri
 
 from lptn.basics.arrays import BoolArray, FloatArray
 from lptn.basics.parameters import Parameter
@@ -216,6 +216,11 @@ class Evidence:
         spreads = np.array([allowance.spread for allowance in allowed])
         of_allowed = self._traces[:, [column[name] for name, _ in small]] * spreads
         self._columns = np.hstack([jacobian[:n, self._free], of_allowed])
+        sizes = [fit.model.parameters[problem.free[row]].value for row in self._amplitudes]
+        held = [(row, size) for row, size in zip(self._amplitudes, sizes, strict=True) if not self._free[row]]
+        self._at_ends = [row for row, size in held if size != declared[row].off]
+        """Amplitudes that nature ends elsewhere than at none, such as a surface that loses nothing."""
+        self._end_columns = jacobian[:n, self._at_ends]
         count = int(self._free.sum())
         self._information, self._gradient = np.eye(self._columns.shape[1]), np.zeros(self._columns.shape[1])
         self._information[:count, :count] = prior[:, self._free].T @ prior[:, self._free] + np.diag(weak[self._free])
@@ -232,6 +237,7 @@ class Evidence:
                 weights[rows] = sqrt(self._groups[-1].precision)
         self._columns *= weights[:, None]
         self._traces *= weights[:, None]
+        self._end_columns *= weights[:, None]
         self._residuals = self._residuals * weights
         proper = np.einsum("ij,ij->j", prior[:, self._free], prior[:, self._free])
         proper += np.where(np.isin(np.flatnonzero(self._free), self._amplitudes), 0.0, weak[self._free])
@@ -317,6 +323,15 @@ class Evidence:
                 if instance.declared.one_sided:
                     off = instance.value - (instance.declared.off or 0.0)
                     total += float(log_ndtr(off / sqrt(self._variance(row))))
+        # An amplitude at an end: the likelihood falls from there to the inside, over which it is integrated.
+        beside = self._solve(self._columns.T @ self._end_columns)
+        information = np.sum(self._end_columns * (self._end_columns - self._columns @ beside), axis=0)
+        information = np.maximum(information, np.finfo(float).eps * np.sum(self._end_columns**2, axis=0))
+        pull = np.abs(self._gradient @ beside - self._residuals @ self._end_columns)
+        for row, known, outward in zip(self._at_ends, information.tolist(), pull.tolist(), strict=True):
+            instance = self.fit.model.parameters[problem.free[row]]
+            total += _log_density(instance.declared, instance.value) + log(abs(slope[row]))
+            total += log(sqrt(0.5 * pi / known) * float(erfcx(outward / sqrt(2.0 * known))))
         return total + log_prior_of_starts(self.fitted) + 0.5 * (self._log_prior_volume - self._log_volume)
 
     def log_odds_of_none(self, name: str) -> float:
