@@ -162,8 +162,8 @@ class Evidence:
         fit: the fitted model.
         allowed: small deviations that every model may have.
         among: candidates that are to be weighed besides, see `first_order`.
-        beside: evidence of another model of the same readings, whose errors say how many of them are independent; this
-            one's own by default.
+        beside: evidence of another model of the same readings, whose errors say how many of them are independent, and
+            whose traces of allowances are taken over; this one's own by default.
         held_out: runs that moved no parameter, and speak of the model all the same; their starts are integrated out.
 
     Raises:
@@ -212,7 +212,13 @@ class Evidence:
         column = {name: place for place, name in enumerate(every)}
         self._among = [(one, {k: [column[name] for name in own] for k, own in by.items()}) for one, by in scored]
         """Candidates to be weighed; for each shape the columns of its sites among the traces."""
-        self._traces = np.asfortranarray(derivatives(fit, [*every.values()])[:n]) if every else np.zeros((n, 0))
+        traces = dict(beside._small_traces) if beside else {}
+        unknown = {name: site for name, site in every.items() if name not in traces}
+        if unknown:
+            traces |= zip(unknown, derivatives(fit, [*unknown.values()])[:n].T, strict=True)
+        self._traces = np.array([traces[name] for name in every]).reshape(len(every), n).T
+        self._small_traces = {name: traces[name] for name, _ in small}
+        """Of the allowances, unweighted: they are small, so that another fit to the same readings has the same."""
         spreads = np.array([allowance.spread for allowance in allowed])
         of_allowed = self._traces[:, [column[name] for name, _ in small]] * spreads
         self._columns = np.hstack([jacobian[:n, self._free], of_allowed])
