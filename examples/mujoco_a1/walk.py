@@ -34,6 +34,7 @@ from a1_pictures import film, overview
 from a1_robot import TIME_STEP
 from a1_task import JOINTS
 from a1_thermal import quadruped
+from lptn.batch.motors import motors
 from lptn.fmu import export
 
 parser = argparse.ArgumentParser(description="The Unitree A1 in MuJoCo beside its thermal network.")
@@ -89,12 +90,17 @@ for label, governor, limiter in (
 #
 # The twelve actuators are MuJoCo's `<dcmotor thermal="R C tau alpha Tref Tamb">`. Each keeps the temperature of one
 # node, with the network's own resistance to the air and heat capacity, on the same torques in the same run. It knows
-# no neighbours, no friction, no drive heat and no wind.
+# no neighbours, no friction, no drive heat and no wind. `lptn export --to mujoco` writes attributes that a joint's
+# response in the network has, and that know of the drives.
 
 # %%
+exported = {motor.joint: motor for motor in motors(quadruped())}
 for joint in JOINTS[6:9]:
     network, one_node = records[0].joint(joint)[-1], records[0].joint(joint, "one_node")[-1]
-    print(f"{joint}: network {network:.1f} degC, one node {one_node:.1f} degC")
+    better = setting.start
+    for torque in records[0].joint(joint, "torque"):
+        better = float(exported[joint].after(better, torque, WINDOW * TIME_STEP))
+    print(f"{joint}: network {network:.1f} degC, one node {one_node:.1f} degC, one node as exported {better:.1f} degC")
 
 # %% [markdown]
 # ## What it costs, and what the long thermal step loses
