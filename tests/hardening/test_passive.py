@@ -333,12 +333,12 @@ def _arm(start: float | tuple[float, ...] = 18.0, seed: int = 0, load: float = 1
     heat[[10, 11, 12, 13, 14, 30, 31, 32, 33, 34]] = 0.0
     current = np.sqrt(heat / WINDING)[(time // 60).astype(int)] * np.sqrt(load)
     capacities, outside, between = np.array([800.0, 300.0, 120.0]), np.array([2.5, 5.0, 9.0]), np.array([3.0, 4.0])
+    flow = np.diff(np.eye(3), axis=0) / between[:, None]  # between neighbours, of their temperatures
+    lost = np.diag(1 / outside) + np.diff(np.eye(3), axis=0).T @ flow
     warm = np.empty((time.size, 3))
     warm[0] = start
-    for k in range(time.size - 1):
-        flow = (warm[k, 1:] - warm[k, :-1]) / between
-        power = WINDING * current[k] ** 2 - (warm[k] - 18.0) / outside + np.append(flow, 0) - np.append(0, flow)
-        warm[k + 1] = warm[k] + power / capacities
+    for k, power in enumerate(WINDING * current[:-1] ** 2):
+        warm[k + 1] = warm[k] + (power - lost @ (warm[k] - 18.0)) / capacities
     log = pd.DataFrame({"time": time, "temperature.ambient": 18.0})
     for k, joint in enumerate(JOINTS):
         log[f"current.{joint}"], log[f"temperature.{joint}"] = current[:, k], warm[:, k] + rng.normal(0, 0.1, time.size)
@@ -388,9 +388,8 @@ def test_an_offset_shows_beside_air_of_a_clock_of_its_own(every: float) -> None:
 def _with_trunk(start: float = 18.0, seed: int = 0) -> tuple[pd.DataFrame, Array]:
     """That arm, and a trunk without a load that its base warms."""
     log, rng = _arm(seed=seed), np.random.default_rng(seed)
-    trunk = np.full(len(log), start)
-    for k in range(len(log) - 1):
-        trunk[k + 1] = trunk[k] + (0.5 * (log["temperature.base"][k] - trunk[k]) + 0.3 * (18.0 - trunk[k])) / 900
+    into, kept = (0.5 * log["temperature.base"].to_numpy()[:-1] + 0.3 * 18.0) / 900, 1 - 0.8 / 900
+    trunk = np.append(start, lfilter([1.0], [1.0, -kept], into, zi=[kept * start])[0])
     return log, trunk + rng.normal(0, 0.1, trunk.size)
 
 
