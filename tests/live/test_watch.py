@@ -535,3 +535,32 @@ def test_steps_of_a_sensor_are_known_from_its_readings_not_from_means(
     (run,) = asked[-1].runs()
     assert run.resolution == {"temperature.knee": 1.0, "temperature.hip": 1.0}
     assert run.scatter["temperature.knee"].noise == pytest.approx(0.3, abs=0.05)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("readings", [1, 10])
+def test_sensors_of_coarse_steps_that_stand_in_the_middle_of_one_are_no_fault(
+    loaded: LoadedModel, readings: int
+) -> None:
+    """Joints near their balance, steps of 1 K, noise that hardly crosses them, torques ten times a second."""
+    time, rng, told = np.arange(0.3, 900.0, 0.1), np.random.default_rng(2), list[str]()
+    columns = {"time": time, "temperature.ambient": np.full(time.size, 22.0)}
+    for node, torque, start in (("knee", 6.0, 58.2), ("hip", 5.0, 47.7)):
+        settled = 22.0 + RESISTANCE * PER_TORQUE * torque**2
+        true = settled + (start - settled) * np.exp(-time / (RESISTANCE * CAPACITY))
+        columns[f"torque.{node}"] = torque * np.where(np.arange(time.size) % 2, 1.0, -1.0)
+        columns[f"temperature.{node}"] = np.round(true + 0.15 * rng.standard_normal(time.size))
+    frame = pd.DataFrame(columns)
+    for node in ("knee", "hip"):
+        frame[f"temperature.{node}"] = frame[f"temperature.{node}"].where(frame.index % (10 // readings) == 0)
+
+    class Kept:
+        def show(self, status: Status) -> None:
+            told.extend(alarm.words for alarm in status.alarms)
+            told.extend(one.trust for one in status.nodes if one.trust not in ("trusted", "not yet"))
+
+        def close(self) -> None:
+            pass
+
+    Watch(loaded, pushed(rows_of(frame)), [Kept()], every=120.0).run()
+    assert told == []

@@ -22,7 +22,6 @@ from lptn.basics.errors import InputError
 from lptn.identify.data import optional_columns
 from lptn.identify.noise import estimate_noise
 from lptn.live.change import what_changed
-from lptn.logs.channels import quantisation_step
 from lptn.logs.columns import SAMPLES, ColumnSource
 from lptn.logs.reading import read_log
 from lptn.logs.run import Run
@@ -86,16 +85,25 @@ class Question:
         """
         inputs, outputs = needed_columns(self.model)
         columns = {"time": ColumnSource(("time",), rows=_MEANS if self.averaged else SAMPLES)}
-        frame = pd.DataFrame({key: values for key, values in self.rows.items() if np.isfinite(values).any()})
+        # What is no reading shows in readings, not in means: one number again and again, a step of the sensor.
+        values = {**self.rows, **self.readings}
+        frame = pd.DataFrame({key: x for key, x in values.items() if np.isfinite(x).any()})
         frame = frame[frame["time"] >= since]
         runs = read_log(frame, columns, name=self.source, step=self.step, inputs=inputs, outputs=outputs,
                         optional=optional_columns(self.model), strict=False)  # fmt: skip
-        if not self.readings:
-            return runs
-        steps = {key: quantisation_step(values) for key, values in self.readings.items()}
-        scatter = {key: scatter_of(self.rows["time"], values, steps[key]) for key, values in self.readings.items()}
-        resolution = {key: step for key, step in steps.items() if step > 0}
-        return [replace(run, resolution=resolution, scatter=scatter) for run in runs]
+        return [self._with_means(run) for run in runs] if self.readings else runs
+
+    def _with_means(self, run: Run) -> Run:
+        """A run of readings with the means in their place, but where the reading before, or that of a row, is none."""
+        time, means, scatter = self.rows["time"], dict(run.columns), dict[str, Scatter]()
+        rows = np.searchsorted(time, run.time + self.step / 2) - 1
+        for key, readings in self.readings.items():
+            scatter[key] = scatter_of(time, readings, run.resolution.get(key, 0.0))
+            if run.has(key):
+                there = np.isfinite(readings[rows])
+                last = np.maximum.accumulate(np.where(there, np.arange(rows.size), 0))
+                means[key] = np.where((there & np.isnan(run.columns[key]))[last], np.nan, self.rows[key][rows])
+        return replace(run, columns=means, scatter=scatter)
 
 
 @dataclass(frozen=True)

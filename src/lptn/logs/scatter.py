@@ -33,14 +33,14 @@ class Scatter(NamedTuple):
         Noise carries a reading over the edges of a step, so that a mean of several lies between these: what is left of
         the rounding are its harmonics in the temperature, each less by the noise (Widrow's theory of quantisation). The
         rest of the rounding is noise from reading to reading. A temperature that passes through steps within a mean
-        leaves less, but it comes to rest, too.
+        leaves less, but it comes to rest, too. A step that holds about one reading has that, with all of its rounding.
 
         Returns:
             the standard deviation, and the steps that would round as much, in the sense of a step over √12.
         """
         count = max(1.0, step / self.every) if self.every > 0 else 1.0
-        if resolution == 0.0:
-            return self.noise / float(np.sqrt(count)), 0.0
+        if resolution == 0.0 or count < SEVERAL:
+            return self.noise / float(np.sqrt(count)), resolution
         k = np.arange(1, _HARMONICS + 1)
         power = (resolution / (np.pi * k)) ** 2 / 2 * np.exp(-((2 * np.pi * k * self.noise / resolution) ** 2))
         white = max(self.noise**2 + resolution**2 / 12 - float(power.sum()), 0.0) / count
