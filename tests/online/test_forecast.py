@@ -121,6 +121,17 @@ def test_heat_that_the_model_lacks_is_found_in_the_log(motor: Model) -> None:
     assert prediction.low < true < prediction.high
 
 
+@pytest.mark.parametrize("ahead", [60, 120])
+def test_what_a_winding_adds_in_the_first_minute_does_not_go_on(motor: Model, ahead: int) -> None:
+    """The sensor sits on a winding that is 2 K above its housing within a minute; the model has one mass."""
+    run, winding = warming(np.full(ahead, 10.0)), 2.0 * (1 - np.exp(-np.arange(ahead) / 20.0))
+    read = np.round(run.columns["temperature.m"] + winding + 0.15 * np.random.default_rng(1).standard_normal(ahead))
+    run = replace(run, columns={**run.columns, "temperature.m": read}, resolution={"temperature.m": 1.0})
+    doubt = ModelUncertainty(np.zeros((len(motor.free),) * 2), np.ones(1), "test", learns=False)
+    prediction = forecast(motor, run, 60.0, fit=doubt).nodes["m"]
+    assert prediction.low < exactly(10.0, 58.0, ahead) < prediction.high < 3000
+
+
 def test_parameters_that_the_fit_left_open_are_learnt_from_the_log(motor: Model) -> None:
     """A mass that is a third too large: the log's slope puts it right, and better than missing heat does."""
     values = motor.values.copy()
