@@ -126,6 +126,19 @@ def test_messages_whose_topics_cannot_be_read_yet_come_later(tmp_path: Path) -> 
         assert len(next(batches)) == 20
 
 
+@pytest.mark.parametrize("number", [1, 150])
+def test_a_broken_message_costs_no_other(tmp_path: Path, number: int) -> None:
+    bag = recorded(tmp_path / "bag", "sqlite3")
+    (file,) = bag.glob("*.db3")
+    with closing(sqlite3.connect(file)) as base:
+        base.execute("UPDATE messages SET data = ? WHERE id = ?", (b"\0\1\0\0?", number))
+        base.commit()
+    source = GrowingBag(bag)
+    with heard(source) as until:
+        assert len(until(1000)) == 239
+    assert source.inbox.dropped == 1
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("plugin", ["mcap", "sqlite3"])
 def test_a_watch_of_a_finished_bag_says_what_its_replay_says(tmp_path: Path, plugin: str) -> None:

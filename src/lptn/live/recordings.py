@@ -96,19 +96,26 @@ class GrowingBag(RosSource):
         if by_topic.keys() - self._topics.keys():
             self._topics |= dict.fromkeys(by_topic)
             self._store = store_of(self._path, list(self._topics))
-        said = list[tuple[int, int, Topic, dict[str, float]]]()
-        for topic, messages in by_topic.items():
-            with suppress(Exception):  # of any kind, by what is wrong with the bytes; then nothing of them is said
-                raws = [raw for _, raw in messages]
-                stamps, values, _ = self._decoder(topic, raws).read(raws)
-                names = list(self._decoders[topic][0])
-                for (when, _), stamp, row in zip(messages, stamps.tolist(), values.tolist(), strict=True):
-                    numbers = {name: x for name, x in zip(names, row, strict=True) if isfinite(x)}
-                    said.append((when, stamp, topic, numbers))
+        said = [(topic, *one) for topic, messages in by_topic.items() for one in self._numbers(topic, messages)]
         self.inbox.dropped += len(batch) - len(said)
-        for when, stamp, topic, numbers in sorted(said, key=lambda one: one[0]):
+        for topic, when, stamp, numbers in sorted(said, key=lambda one: one[1]):
             self._ahead = stamp - when if stamp else self._ahead
             self.say(topic.topic, topic.msgtype, numbers, (stamp or when + self._ahead) / 1e9)
+
+    def _numbers(self, topic: Topic, messages: list[tuple[int, bytes]]) -> list[tuple[int, int, dict[str, float]]]:
+        """Times of reception, header stamps and numbers of a topic's messages, but of broken ones."""
+        try:
+            raws = [raw for _, raw in messages]
+            stamps, values, _ = self._decoder(topic, raws).read(raws)
+        except Exception:  # of any kind, by what is wrong with the bytes
+            half = len(messages) // 2
+            parts = (messages[:half], messages[half:]) if half else ()
+            return [one for part in parts for one in self._numbers(topic, part)]
+        names, rows = list(self._decoders[topic][0]), zip(messages, stamps.tolist(), values.tolist(), strict=True)
+        return [
+            (when, stamp, {name: x for name, x in zip(names, row, strict=True) if isfinite(x)})
+            for (when, _), stamp, row in rows
+        ]
 
     def _decoder(self, topic: Topic, raws: list[bytes]) -> Decoder:
         names, count, decoder = self._decoders.get(topic, ({}, 0, None))
