@@ -14,6 +14,7 @@ from lptn.basics.errors import InputError
 from lptn.logs.run import Run
 from lptn.model.file import parse_model
 from lptn.model.model import Model
+from lptn.online.augmented_model import ModelError
 from lptn.online.estimator import Estimate, Estimator
 from lptn.online.forecasting import forecast
 from lptn.online.living_sensors import LivingSensor
@@ -250,3 +251,19 @@ def test_no_node_is_estimated_colder_than_all_around_it_nor_warmer_than_its_heat
         assert (beyond <= 6 * 5).all(), f"{2 * k} s: {found}"  # standard deviations of what is not known at the start
         plant.step(asked[k // 60])
         hottest.step(asked[k // 60])
+
+
+def test_a_joint_whose_heat_no_input_tells_costs_no_sensor_its_trust(model: Model) -> None:
+    """The torque's column is 0 from ten minutes on while a goes on to be heated, and heats b."""
+    run = truth_run(2400.0, noise=NOISE, seed=1)
+    said = {**run.columns, "torque.a": np.where(run.time < SINCE, run.columns["torque.a"], 0.0)}
+
+    def doubted(unknown: tuple[str, ...]) -> set[str]:
+        error = ModelError(heat={"a": 5.0 if unknown else 0.5, "b": 0.5}, heat_time=1800.0)
+        estimator, found = Estimator(model, noise=NOISE, error=error, unknown=unknown), set[str]()
+        for _ in estimator.run(bind(model, replace(run, columns=said))):
+            found |= estimator.estimate.untrusted.keys()
+        return found
+
+    assert doubted(()) == {"a", "b"}
+    assert doubted(("a",)) == set()

@@ -147,6 +147,7 @@ class Watch:
         self._assessment = Assessment(-math.inf)
         self._ahead: Forecast | None = None
         self._earlier = dict[str, Alarm]()
+        self._false_inputs = set[str]()  # loads of which the estimator knows that they are false
         self._strange = dict[str, float]()  # what is off in the model, by s since when
         self._lasted, self._why_since = 0.0, math.inf
         """s for which they had when it was last asked what is likely; s from which on it is to be asked next."""
@@ -422,7 +423,11 @@ class Watch:
         time = columns.pop("time")
         run = Run("live", self._step, time, columns, self._averaged, self.source.name, "",
                   resolution=found.resolution, scatter=found.scatter)  # fmt: skip
-        judge = judge_of_sensors(self.model, bind(self.model, run), uncertainty)
+        # What a false load said of its joint's heat is taken back: all rows are judged anew without it.
+        false = {alarm.channel for alarm in self._to_blame if alarm.channel and alarm.node in self.model.nodes}
+        judge = judge_of_sensors(self.model, bind(self.model, run), uncertainty, sorted(false))
+        if false != self._false_inputs:
+            self._false_inputs, self._estimator = false, None
         before = self._resumed or (self._estimator.state() if self._estimator is not None else {})
         self._resumed = {}
         # Noise that is estimated anew may decide otherwise whether parameters are states, which the log moves.

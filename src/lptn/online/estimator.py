@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -133,6 +133,8 @@ class Estimator:
         learn_air: whether the air's error is learnt; else it only widens the uncertainty.
         watch: whether sensors that are not alive are left out.
         repeats: whether readings that repeat bit for bit count against their sensor; not where a whole log says more.
+        unknown: nodes whose heat no input tells; there the model alone takes the readings in, lest sensors of their
+            neighbours be judged by a temperature that nobody knows.
 
     Raises:
         InputError: an unknown node, parameter or column; more than 600 states.
@@ -161,6 +163,7 @@ class Estimator:
         learn_air: bool = True,
         watch: bool = True,
         repeats: bool = True,
+        unknown: Collection[str] = (),
     ) -> None:
         self.model, self.error = model, error or ModelError()
         self._noise = np.maximum(_sizes_of(model, noise, "noise"), LEAST_NOISE) ** 2
@@ -195,6 +198,7 @@ class Estimator:
         self._doubt = self.augmented.errors.copy()
         self._doubt[layout.parameters] = np.diag(self._prior)
         """Variance of what may be wrong with the model, before anything was read; 0 for states, shape (z,)."""
+        self._unknown = np.flatnonzero(np.isin(np.array(model.nodes)[self._owners], list(unknown)))
         self._only_doubtful = np.zeros(layout.size, dtype=bool)
         self._only_doubtful[layout.air] = not learn_air
         self._only_doubtful[layout.parameters] = ~self._learnt
@@ -563,6 +567,7 @@ class Estimator:
             self._mean[where] = np.clip(self._mean[where], middle - most[where], middle + most[where])
         self._mean[layout.parameters] = np.clip(self._mean[layout.parameters], *self._bounds)
         self._without += before - self._mean  # the model alone stays where it was
+        self._without[self._unknown] = 0.0
         self._keep_passive()
         self.last = Correction(self._since_correction, h, gain, covariance, surprise)
         self._since_correction = np.eye(self.size)

@@ -197,6 +197,7 @@ class Hypothesis:
             learn_air=self.learn_air,
             watch=watch,
             repeats=repeats,
+            unknown=list(self.unknown),
         )
 
     @cached_property

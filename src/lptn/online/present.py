@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from math import inf, log
 
@@ -246,23 +247,34 @@ def not_alive(estimator: Estimator, bound: BoundRun) -> tuple[BoolArray, list[Do
     return left_out, doubts
 
 
-def judge_of_sensors(model: Model, bound: BoundRun, uncertainty: ModelUncertainty) -> Estimator:
+def judge_of_sensors(
+    model: Model, bound: BoundRun, uncertainty: ModelUncertainty, false_inputs: Collection[str] = ()
+) -> Estimator:
     """A fresh filter that watches its sensors, as `present_by_live_sensors` judges them first.
 
     Args:
         model: the model.
         bound: the run so far, which tells the sensors' noise and the heat that the model lacks.
         uncertainty: how far the model is to be trusted.
+        false_inputs: loads of joints that say nothing of their heat.
     """
     heat = _USUAL_SCALE * _missing_heat(model, bound, uncertainty)
-    return _judge(model, bound, uncertainty, heat, repeats=True)
+    return _judge(model, bound, uncertainty, heat, false_inputs, repeats=True)
 
 
 def _judge(
-    model: Model, bound: BoundRun, uncertainty: ModelUncertainty, heat: FloatArray, *, repeats: bool
+    model: Model,
+    bound: BoundRun,
+    uncertainty: ModelUncertainty,
+    heat: FloatArray,
+    false_inputs: Collection[str] = (),
+    *,
+    repeats: bool,
 ) -> Estimator:
     noise, step = noise_and_steps(estimate_noise([bound], model.nodes))
     given = replace(_given(model, bound, noise, uncertainty), error=_error(model, bound, heat))
+    for column in false_inputs:
+        given = given.with_unknown_input(column)
     return given.estimator(step, watch=True, repeats=repeats)
 
 
