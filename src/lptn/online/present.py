@@ -103,7 +103,7 @@ class ModelUncertainty:
 
 MEMORY = 3600.0
 """s of the log that are looked at: some time constants of a joint."""
-_HEAT_TIME = 1800.0  # s; correlation time of the heat that a model lacks, in a log that is as long
+_HEAT_TIME = 1800.0  # s; correlation time of the heat that a model lacks
 _SAMPLED = 50  # steps of a run at which sensitivities to parameters are computed
 _AIR = 0.1  # relative error of all conductances to the air in one run: a draught, a load on the back
 _HEAT_SCALES = 2.0 ** np.arange(-1, 12)  # of missing heat that are tried, times the size that the fit's errors suggest
@@ -132,7 +132,7 @@ def present(model: Model, run: Run, uncertainty: ModelUncertainty) -> tuple[Esti
     size, given = _missing_heat(model, bound, uncertainty), _given(model, bound, of_means, uncertainty)
     best, chosen, highest = None, 0.0, -inf
     for scale in _HEAT_SCALES.tolist():
-        trial = replace(given, error=_error(model, bound, scale * size))
+        trial = replace(given, error=_error(model, bound, uncertainty, scale * size))
         # A factor of two from the usual scale is one standard deviation.
         posterior = trial.nats() - 0.5 * (log(scale / _USUAL_SCALE) / log(2.0)) ** 2
         if posterior > highest:
@@ -149,7 +149,7 @@ def present(model: Model, run: Run, uncertainty: ModelUncertainty) -> tuple[Esti
 def _missing_heat(model: Model, bound: BoundRun, uncertainty: ModelUncertainty) -> FloatArray:
     """The size that the model's uncertainty suggests [W], during its correlation time, shape (nodes,)."""
     a = model.state_jacobian(default_start(model, bound), bound.inputs.mean(axis=1), model.values).full()
-    nodes, (_, integral) = len(model.nodes), zero_order_hold(a, _heat_time(bound))
+    nodes, (_, integral) = len(model.nodes), zero_order_hold(a, _heat_time(bound, uncertainty))
     capacities = model.values[[model.network.capacities[node] for node in model.nodes]]
     warming = np.linalg.norm(integral[:nodes, :nodes] / capacities, axis=1)  # K/W
     of_fit = np.full(nodes, np.sqrt(np.mean((uncertainty.error / warming) ** 2)))
@@ -165,17 +165,18 @@ def _missing_heat(model: Model, bound: BoundRun, uncertainty: ModelUncertainty) 
     return np.asarray(np.hypot(of_fit, np.sqrt(variance) * capacities))
 
 
-def _heat_time(bound: BoundRun) -> float:
-    """Correlation time of the heat that a model lacks [s]: what was seen for a minute is not known to last for longer.
+def _heat_time(bound: BoundRun, uncertainty: ModelUncertainty) -> float:
+    """Correlation time of the heat that a model lacks [s].
 
-    Where the model has one mass, a winding that is warm before its housing looks like heat for a minute or two.
+    A model that lacks something may lack a mass, and a winding that is warm before its housing looks like heat for a
+    minute or two: what was seen of it for so long is not known to last for longer.
     """
-    return min(_HEAT_TIME, len(bound) * bound.run.step)
+    return _HEAT_TIME if uncertainty.learns else min(_HEAT_TIME, len(bound) * bound.run.step)
 
 
-def _error(model: Model, bound: BoundRun, heat: FloatArray) -> ModelError:
+def _error(model: Model, bound: BoundRun, uncertainty: ModelUncertainty, heat: FloatArray) -> ModelError:
     of_nodes = dict(zip(model.nodes, heat.tolist(), strict=True))
-    return ModelError(heat=of_nodes, heat_time=_heat_time(bound), air=_AIR)
+    return ModelError(heat=of_nodes, heat_time=_heat_time(bound, uncertainty), air=_AIR)
 
 
 def _given(model: Model, bound: BoundRun, noise: FloatArray, uncertainty: ModelUncertainty) -> Hypothesis:
@@ -272,7 +273,7 @@ def _judge(
     repeats: bool,
 ) -> Estimator:
     noise, step = noise_and_steps(estimate_noise([bound], model.nodes))
-    given = replace(_given(model, bound, noise, uncertainty), error=_error(model, bound, heat))
+    given = replace(_given(model, bound, noise, uncertainty), error=_error(model, bound, uncertainty, heat))
     for column in false_inputs:
         given = given.with_unknown_input(column)
     return given.estimator(step, watch=True, repeats=repeats)
@@ -308,7 +309,7 @@ def present_by_live_sensors(model: Model, run: Run, uncertainty: ModelUncertaint
         scale = needed
     guess = uncalibrated(model, [recent], float(uncertainty.error.max()))
     if uncertainty.learns:
-        error = _error(model, bound, min(needed, max(scale, _WORST_SCALE)) * size)
+        error = _error(model, bound, uncertainty, min(needed, max(scale, _WORST_SCALE)) * size)
         guess = guess.model_copy(update={"limits": dict.fromkeys(KINDS, _FAULT), "model_error": error})
     faulty = _faulty(model, rest, uncertainty, guess)
     for doubt in faulty:
