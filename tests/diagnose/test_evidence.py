@@ -101,10 +101,12 @@ def test_the_odds_of_an_exchange_agree_with_the_difference_of_two_fits(heat: flo
 
 def test_a_size_at_an_end_costs_what_the_integral_over_the_sizes_inside_does() -> None:
     """A joint that loses no heat: a model that says so has one parameter more, although none could move beyond."""
-    own, scale = SurfaceScale.amplitude(), USUAL * 0.3
-    assert own is not None
+    (own,) = SurfaceScale.parameters
+    scale = USUAL * own.typical
     network = robot().network
-    links = tuple(replace(one, resistance=replace(one.resistance, fixed=True)) for one in network.links)
+    links = tuple(
+        replace(one, resistance=one.resistance and replace(one.resistance, fixed=True)) for one in network.links
+    )
 
     def model(size: float, fixed: bool) -> Model:
         """With the true resistance, so that nothing can stand in for the loss."""

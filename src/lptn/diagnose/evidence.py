@@ -212,12 +212,12 @@ class Evidence:
         column = {name: place for place, name in enumerate(every)}
         self._among = [(one, {k: [column[name] for name in own] for k, own in by.items()}) for one, by in scored]
         """Candidates to be weighed; for each shape the columns of its sites among the traces."""
-        traces = dict(beside._small_traces) if beside else {}
+        traces: dict[str, FloatArray] = dict(beside._small_traces) if beside else {}
         unknown = {name: site for name, site in every.items() if name not in traces}
         if unknown:
             traces |= zip(unknown, derivatives(fit, [*unknown.values()])[:n].T, strict=True)
         self._traces = np.array([traces[name] for name in every]).reshape(len(every), n).T
-        self._small_traces = {name: traces[name] for name, _ in small}
+        self._small_traces: dict[str, FloatArray] = {name: traces[name] for name, _ in small}
         """Of the allowances, unweighted: they are small, so that another fit to the same readings has the same."""
         spreads = np.array([allowance.spread for allowance in allowed])
         of_allowed = self._traces[:, [column[name] for name, _ in small]] * spreads
