@@ -43,9 +43,12 @@ class WarmMotors:
         self.nominal = torch.tensor(heat.VALUES, device=device).tile(robots, 1)
         self.inputs = torch.zeros(robots, len(heat.INPUTS), device=device)
         moving: dict[str, dict[int, int]] = {"torque": {}, "velocity": {}, "velocity_rms": {}}
+        driven = {f"{quantity}.{joint}" for quantity in moving for joint in joints}
+        if lacking := [column for column in heat.INPUTS if column not in driven and column not in others]:
+            raise KeyError(f"neither of {', '.join(joints)} nor among `others`: {', '.join(lacking)}")
         for number, column in enumerate(heat.INPUTS):
             quantity, _, joint = column.partition(".")
-            if quantity in moving and joint in joints:
+            if column in driven:
                 moving[quantity][number] = list(joints).index(joint)
             else:
                 self.inputs[:, number] = others[column]

@@ -173,7 +173,7 @@ class Leg:
         data = state.data.replace(ctrl=action.clip(-1.0, 1.0))
         data = jax.lax.fori_loop(0, SUBSTEPS, lambda _, data: mjx.step(self.model, data), data)
         height = 0.3 + data.qpos[0]
-        done = (height < 0.1).astype(jnp.float32)
+        done = (height < 0.1).astype(state.done.dtype)
         obs = jnp.concatenate([data.qpos, data.qvel])
         return state.replace(data=data, obs=obs, reward=1.0 - 10.0 * jnp.abs(height - 0.3), done=done)
 

@@ -19,7 +19,8 @@ def simulate(
 ) -> None:
     """Predict a log's temperatures, and write them.
 
-    The file is a log itself, .csv or .parquet.
+    The file is a log itself, .csv or .parquet. Starting temperatures are estimated from the first readings; readings in
+    the first row alone fix them.
 
     Example: lptn simulate fitted.toml friday.parquet -o predicted.csv
     """
