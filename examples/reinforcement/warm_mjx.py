@@ -27,16 +27,19 @@ from mujoco import mjx
 class WarmEnv:
     """An environment with a thermal network beside its robot.
 
-    The observation grows by the margins to the limits, `(limit - T)/10 K`; the torques asked by the action are derated;
-    the reward loses what the hottest place is above its limit, and `beyond` it the episode is over. `info` has the
-    state of the network and the robot's parameters.
+    The observation, or each array of it, grows by the margins to the limits, `(limit - T)/10 K`; the torques asked by
+    the action are derated; the reward loses what the hottest place is above its limit, and `beyond` it the episode is
+    over. `info` has the state of the network and the robot's parameters.
 
     Args:
-        env: whose action is torques, or shares of them, and whose observation is an array.
+        env: the environment.
         heat: a module that `lptn export --to jax` wrote, or `lptn.batch.functions` made.
-        inputs: reads the network's inputs from the simulator's data after a step, shape (inputs,).
+        inputs: reads the network's inputs from the environment's state after a step, shape (inputs,). Its data are of
+            the last physics step: exact for torques that are held; where a PD loop changes them, let the environment
+            put the root of their mean square into `info`.
         seconds: by which a step warms the robot; more than it simulates lets thermal time pass faster.
-        derated: which number of an action is the torque of which joint.
+        derated: which number of an action is the torque of which joint, or a share of it. Empty where actions are joint
+            targets, as of Playground's Go1 and Spot, which no scale makes less work: there derate what the PD gives.
         start: coldest and hottest beginning [degC].
         errors: by which robots' parameters scatter: `heat.STANDARD_ERRORS` of a fit, or a tenth of `heat.VALUES`.
         price: of a kelvin above a limit, in units of the reward.
@@ -44,22 +47,23 @@ class WarmEnv:
     """
 
     def __init__(
-        self, env: Any, heat: ModuleType, inputs: Callable[[mjx.Data], jax.Array], seconds: float, *,
+        self, env: Any, heat: ModuleType, inputs: Callable[[Any], jax.Array], seconds: float, *,
         derated: Mapping[str, int], start: tuple[float, float], errors: Sequence[float], price: float = 1.0,
         beyond: float = 5.0,
     ) -> None:  # fmt: skip
         self.env, self.heat, self.inputs, self.seconds = env, heat, inputs, seconds
         self.start, self.errors, self.price, self.beyond = start, errors, price, beyond
-        self.actions = jnp.array(list(derated.values()))
-        self.joints = jnp.array([heat.JOINTS.index(joint) for joint in derated])
+        self.actions = jnp.array(list(derated.values()), dtype=int)
+        self.joints = jnp.array([heat.JOINTS.index(joint) for joint in derated], dtype=int)
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.env, name)
 
     @property
-    def observation_size(self) -> int:
-        """Of one robot."""
-        return int(self.env.observation_size) + len(self.heat.LIMITED)
+    def observation_size(self) -> Any:
+        """Of one robot, as Playground has it: a number, or the shape of each array."""
+        seen = jax.eval_shape(self.reset, jax.random.PRNGKey(0)).obs
+        return {name: own.shape for name, own in seen.items()} if isinstance(seen, Mapping) else seen.shape[-1]
 
     def reset(self, rng: jax.Array) -> Any:
         """A robot of its own, warm by chance."""
@@ -76,7 +80,7 @@ class WarmEnv:
         info = {name: state.info[name] for name in ("heat", "heat_params", "heat_rng")}
         scale = self._outputs(info)["torque_scale"][self.joints]
         state = self.env.step(state, action.at[self.actions].multiply(scale))
-        info["heat"] = self.heat.step(info["heat"], self.inputs(state.data), info["heat_params"], self.seconds)
+        info["heat"] = self.heat.step(info["heat"], self.inputs(state), info["heat_params"], self.seconds)
         state = self._seen(state.replace(info=state.info | info))
         over = -self._outputs(info)["margins"].min()
         done = jnp.maximum(state.done, (over > self.beyond).astype(state.done.dtype))
@@ -97,8 +101,8 @@ class WarmEnv:
         return self.heat.outputs(info["heat"], nothing, info["heat_params"])
 
     def _seen(self, state: Any) -> Any:
-        margins = self._outputs(state.info)["margins"]
-        return state.replace(obs=jnp.concatenate([state.obs, (margins / 10.0).clip(-10.0, 10.0)]))
+        margins = (self._outputs(state.info)["margins"] / 10.0).clip(-10.0, 10.0)
+        return state.replace(obs=jax.tree.map(lambda own: jnp.concatenate([own, margins]), state.obs))
 
 
 # %% [markdown]
@@ -194,7 +198,7 @@ def warm_leg(env: Leg, model: Any) -> WarmEnv:
     torques = jnp.array([heat.INPUTS.index(f"torque.{joint}") for joint in JOINTS])
     air = jnp.zeros(len(heat.INPUTS)).at[heat.INPUTS.index("temperature.ambient")].set(25.0)
     return WarmEnv(
-        env, heat, lambda data: air.at[torques].set(data.qfrc_actuator[1:4]), seconds=1.0,
+        env, heat, lambda state: air.at[torques].set(state.data.qfrc_actuator[1:4]), seconds=1.0,
         derated={joint: number for number, joint in enumerate(JOINTS)}, start=(25.0, 55.0),
         errors=[0.1 * value for value in heat.VALUES],
     )  # fmt: skip

@@ -65,7 +65,7 @@ def _warm(example: Any, start: float, spread: float = 0.0) -> Any:
     heat = functions(_motor(), "jax", limits=LIMIT)
     assert heat.INPUTS == ("temperature.ambient", "torque.a")
     return example.WarmEnv(
-        _Given(), heat, lambda torque: jnp.array([AIR, torque]), SECONDS, derated={"a": 1}, start=(start, start),
+        _Given(), heat, lambda state: jnp.array([AIR, state.data]), SECONDS, derated={"a": 1}, start=(start, start),
         errors=[spread * value for value in heat.VALUES], beyond=3.0,
     )  # fmt: skip
 
@@ -85,6 +85,25 @@ def test_torque_is_derated_and_what_is_left_warms_the_joint(example: Any) -> Non
     assert float(state.obs[2]) == pytest.approx((LIMIT - _one(55.0, 4.0)) / 10.0, rel=1e-3)
     assert (float(state.reward), float(state.done)) == (1.0, 0.0)
     assert set(state.info) > {"own", "heat"}
+
+
+def test_each_array_of_an_observation_has_the_margins_and_targets_are_not_derated(example: Any) -> None:
+    class Several(_Given):
+        def reset(self, rng: Any) -> _State:
+            return super().reset(rng).replace(obs={"state": jnp.ones(2), "privileged_state": jnp.ones(3)})
+
+        def step(self, state: _State, action: Any) -> _State:
+            return super().step(state, action).replace(obs={"state": action, "privileged_state": jnp.ones(3)})
+
+    heat = functions(_motor(), "jax", limits=LIMIT)
+    env = example.WarmEnv(
+        Several(), heat, lambda state: jnp.array([AIR, state.data]), SECONDS, derated={}, start=(59.0, 59.0),
+        errors=[0.0 for _ in heat.VALUES],
+    )  # fmt: skip
+    assert env.observation_size == {"state": (3,), "privileged_state": (4,)}
+    state = jax.jit(env.step)(env.reset(jax.random.key(0)), jnp.array([7.0, 8.0]))
+    np.testing.assert_allclose(state.obs["state"][:2], [7.0, 8.0])
+    np.testing.assert_allclose(state.obs["state"][2], state.obs["privileged_state"][3])
 
 
 def test_heat_costs_reward_and_ends_the_episode(example: Any) -> None:
