@@ -19,6 +19,8 @@ from pathlib import Path
 
 import httpx2 as httpx
 import pytest
+import uvicorn
+from starlette.applications import Starlette
 from starlette.testclient import TestClient
 
 from lptn.basics.errors import InputError
@@ -28,7 +30,7 @@ from lptn.workbench.calculation import _opened, written
 from lptn.workbench.content import content_of
 from lptn.workbench.opening import EXAMPLES
 from lptn.workbench.orders import Keep, order
-from lptn.workbench.server import application, listening, serve
+from lptn.workbench.server import application, listening, serve, serve_site
 from lptn.workbench.session import WorkbenchSession
 from tests.workbench.conftest import EXAMPLE, OPENING, unpacked
 
@@ -361,6 +363,18 @@ def test_the_file_that_leads_to_the_page_goes_with_the_server(how: signal.Signal
         assert page.stat().st_mode & 0o777 == 0o600
         process.send_signal(how)
     assert not page.parent.exists()
+
+
+def test_the_address_is_told_once_the_server_answers_and_signals_end_it_in_peace() -> None:
+    """One that came before interrupted an import: its lock was held for ever, and the end waited for it."""
+    servers, told = list[uvicorn.Server](), list[bool]()
+
+    def ready(*_: object) -> None:
+        told.append(servers[0].started)
+        servers[0].should_exit = True
+
+    serve_site(lambda *_: Starlette(), listening(0), ready, servers.append)
+    assert told == [True]
 
 
 # --- two of one study -----------------------------------------------------------------------------------------------

@@ -249,6 +249,19 @@ def listening(port: int) -> socket.socket:
     return listener
 
 
+class _Server(uvicorn.Server):
+    """Says that it answers once it does, and once a signal ends it in peace: before, one may interrupt an import, whose
+    lock is then held for ever."""
+
+    def __init__(self, config: uvicorn.Config, ready: Callable[[], None]) -> None:
+        super().__init__(config)
+        self._ready = ready
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        await super().startup(sockets)
+        threading.Thread(target=self._ready).start()  # a browser may take its time
+
+
 class _Patient(H11Protocol):
     """Closes a connection on which no request has come whole in time; uvicorn waits for a header for ever."""
 
@@ -316,11 +329,9 @@ def serve_site(
             date_header=False,
             timeout_graceful_shutdown=1,
         )
-        server = uvicorn.Server(config)
-        begins(server)
-        listener.listen(128)  # a request that comes before the server answers waits
         address, page = f"http://127.0.0.1:{number}/?token=", Path(private) / "workbench.html"
         page.touch(mode=0o600)  # in a folder that is this user's alone
         write_whole(page, MOVES_ON.format(address + in_file))
-        threading.Timer(0.0, ready, [address + shown, page]).start()
+        server = _Server(config, partial(ready, address + shown, page))
+        begins(server)
         server.run(sockets=[listener])
