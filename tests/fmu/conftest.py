@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import hashlib
-import os
 from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
 
 import pytest
 
-from lptn.basics.files import write_whole
 from lptn.fmu import Exported, export
-from lptn.fmu import compile as compiling
 from lptn.model.file import parse_model
 from lptn.model.model import Model
 from lptn.model.network import Network
@@ -37,32 +33,6 @@ def network(name: str) -> Network:
     if name == "bare":
         return leg()
     return parse_model(presets()[name], Path(f"{name}.toml")).network
-
-
-@pytest.fixture(scope="session", autouse=True)
-def compiled_once(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """What zig has compiled is kept by its sources, for all processes of the suite."""
-    folder = tmp_path_factory.getbasetemp()
-    folder = (folder.parent if "PYTEST_XDIST_WORKER" in os.environ else folder) / "libraries"
-    folder.mkdir(exist_ok=True)
-    compiled: Callable[..., bytes] = compiling._compile
-
-    def kept(
-        sources: Path, main: str, identifier: str, target: compiling.Platform, local: tuple[str, ...] | None
-    ) -> bytes:
-        if local is not None:
-            return compiled(sources, main, identifier, target, local)
-        made_of = hashlib.sha256(f"{main} {identifier} {target.name}".encode())
-        for path in sorted(path for path in sources.iterdir() if path.is_file()):
-            made_of.update(hashlib.sha256(path.name.encode() + b"\0" + path.read_bytes()).digest())
-        library = folder / made_of.hexdigest()
-        if not library.exists():
-            write_whole(library, compiled(sources, main, identifier, target, local))
-        return library.read_bytes()
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("lptn.fmu.compile._compile", kept)
-        yield
 
 
 @pytest.fixture(scope="session")

@@ -39,10 +39,6 @@ CASES = {
 }
 
 
-VERSIONS = [pytest.param(2, marks=pytest.mark.slow), 3]
-"""Of FMI: compilers take ten seconds for the search of torques, which is the same file in both."""
-
-
 def _values(temperatures: list[float], torques: list[float], ambient: float) -> dict[str, float]:
     """A case as the FMU takes it."""
     values = {f"{joint}.temperature": warm + ZERO for joint, warm in zip(JOINTS, temperatures, strict=True)}
@@ -57,7 +53,7 @@ def _expected(case: str, limits: float | Mapping[str, float] = DEFAULT_LIMIT, cu
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("fmi", VERSIONS)
+@pytest.mark.parametrize("fmi", [2, 3])
 @pytest.mark.parametrize("case", CASES)
 def test_the_outputs_are_those_of_the_limiter(case: str, fmi: int, built: Build) -> None:
     with Session(built("leg", fmi, admissible=True).path, outputs=NAMES, values=_values(*CASES[case])) as session:
@@ -69,7 +65,7 @@ def test_the_outputs_are_those_of_the_limiter(case: str, fmi: int, built: Build)
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("fmi", VERSIONS)
+@pytest.mark.parametrize("fmi", [2, 3])
 def test_the_outputs_follow_a_step(fmi: int, built: Build) -> None:
     temperatures = [f"{joint}.temperature" for joint in JOINTS]
     _, torques, ambient = CASES["loaded"]
@@ -82,7 +78,7 @@ def test_the_outputs_follow_a_step(fmi: int, built: Build) -> None:
     assert np.abs(expected / _expected("loaded") - 1).max() > 1e-3
 
 
-@pytest.mark.parametrize("fmi", VERSIONS)
+@pytest.mark.parametrize("fmi", [2, 3])
 def test_model_exchange_shows_them_too(fmi: int, built: Build) -> None:
     rows = fmpy.simulate_fmu(
         str(built("leg", fmi, admissible=True).path),
@@ -133,7 +129,7 @@ def test_fmpy_finds_no_fault(fmi: int, solver: str, tmp_path: Path) -> None:
 # --- derivatives ----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("fmi", VERSIONS)
+@pytest.mark.parametrize("fmi", [2, 3])
 @pytest.mark.parametrize("case", ["loaded", "too hot"])
 def test_forward_derivatives_are_those_of_differences(case: str, fmi: int, built: Build) -> None:
     exported = built("leg", fmi, admissible=True)

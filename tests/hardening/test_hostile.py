@@ -10,7 +10,7 @@ import pytest
 from tests.hardening.hostile import Case, cases, good_files, wrong
 
 LPTN = shutil.which("lptn") or "lptn"
-EACH, SLOWLY = 80, 40  # a case of so many, and of the slow tests; all of them are a program of their own
+EACH = 40  # a case of so many; all of them are a program of their own
 CASES = cases()
 
 
@@ -23,13 +23,7 @@ def good(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(
-    "case",
-    [
-        pytest.param(case, id=str(case)[:80], marks=[pytest.mark.slow] if number % EACH else [])
-        for number, case in list(enumerate(CASES))[::SLOWLY]
-    ],
-)
+@pytest.mark.parametrize("case", CASES[::EACH], ids=lambda case: str(case)[:80])
 def test_a_hostile_command_ends_by_itself_with_a_line(case: Case, good: Path, tmp_path: Path) -> None:
     assert wrong(case, good, tmp_path, LPTN) == ""
 

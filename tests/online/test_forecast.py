@@ -266,7 +266,7 @@ def test_a_healthy_sensor_of_1_k_may_stand_where_its_joint_hardly_warms(seed: in
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("seed", [1, pytest.param(3, marks=pytest.mark.slow), pytest.param(4, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seed", [1, 3, 4])
 def test_healthy_sensors_are_believed_where_the_model_lacks_the_windings(seed: int) -> None:
     """One of a leg was left out: "lag 30 s", which a winding within its joint makes, or undecided."""
     robot = leg()
