@@ -16,10 +16,10 @@ from lptn.diagnose.answers import Key
 from lptn.identify.comparison import Errors
 from lptn.report.text import size_text
 from lptn.workbench.bench import Bench, name_of
-from lptn.workbench.calculation import _opened, _save, _set_against
+from lptn.workbench.calculation import STUDY, _done, _opened, _save, _set_against
 from lptn.workbench.content import content_of
 from lptn.workbench.opening import EXAMPLES, Opening
-from lptn.workbench.orders import Add, Cut, Plain, Try
+from lptn.workbench.orders import Add, Against, Cut, Plain, Try
 from tests.workbench.conftest import EXAMPLE, OPENING
 
 
@@ -145,7 +145,8 @@ def test_another_studys_model_stands_beside_with_its_own_errors(tmp_path: Path) 
     other.do(Add(what="add", effect="sensor_lag", at="*"))
     _save(other)
     mine = benches["mine"]
-    _set_against(mine, other.folder.name)
+    _done(theirs, mine, Against(what="against", study=other.folder.name))
+    mine = _opened(theirs, OPENING, tmp_path, after_a_stop=True)  # as somebody else opens it on another day
     content, news = content_of(mine), mine.news()
     step = other.study.steps[-1]
     assert step.holdout is not None
@@ -157,13 +158,15 @@ def test_another_studys_model_stands_beside_with_its_own_errors(tmp_path: Path) 
     assert [tile["rmse"] for tile in content["tiles"]["holdout 0"]["against"]] == pytest.approx(
         [Errors.of(row).rmse for row in other.predictions(1)["holdout 0"].error], rel=1e-3
     )
-    mine.do(Cut(what="hold_out", run="log", start=100.0, stop=200.0))
-    _set_against(mine, other.folder.name)
+    _done(theirs, mine, Cut(what="hold_out", run="log", start=100.0, stop=200.0))
     tiles = content_of(mine)["tiles"]
     assert list(tiles) == ["fit 0", "fit 1", "holdout 0", "holdout 1"]
     assert all(tile["against"] for tile in tiles.values())
-    _set_against(mine, "")
+    (mine.folder / STUDY).unlink()  # as another version of lptn finds it
+    assert _opened(theirs, OPENING, tmp_path, after_a_stop=False).against[0] == other.folder.name
+    _done(theirs, mine, Against(what="against", study=""))
     assert content_of(mine)["head"]["against"] is None
+    assert not _opened(theirs, OPENING, tmp_path, after_a_stop=False).against[0]
     for name in ("../elsewhere", "nothing"):
         with pytest.raises(InputError, match="none of that name"):
             _set_against(mine, name)

@@ -97,7 +97,7 @@ class Bench:
             self.study.export_fmu(self.folder / "model.fmu")
         elif order.what == "use_all":
             self.study.use_again()
-            self._forget()
+            self._forget(of_other_data=True)
         else:
             getattr(self.study, order.what)()
 
@@ -126,11 +126,12 @@ class Bench:
             self.study.use_again(known[cut])
         else:
             getattr(self.study, order.what)(*cut)
-        self._forget()
+        self._forget(of_other_data=True)
 
-    def _forget(self) -> None:
-        """Discard what was computed from other data."""
-        self.against = "", {}
+    def _forget(self, of_other_data: bool = False) -> None:
+        """Discard what was computed of another model as given, or of other data, which another study predicts, too."""
+        if of_other_data:
+            self.against = "", {}
         for results in (self.heat, self._predictions, self._sent):
             results.clear()
 

@@ -136,17 +136,21 @@ def _done(pipe: Connection, bench: Bench, order: Order | Keep) -> None:
     def found(steps: tuple[Step, ...]) -> None:
         pipe.send(("found", [step_content(step) for step in steps[1:]]))
 
+    beside = order.study if isinstance(order, Against) else bench.against[0]
     with _told(pipe):
         if isinstance(order, Against):
             _set_against(bench, order.study)
-            return
-        bench.do(order, found)
+        else:
+            bench.do(order, found)
         if order.what == "diagnose":
             _show(pipe, bench)  # the answers, before the rest of them is worked out
             _save(bench)  # they stay where somebody stops the rest
         if order.what in ("diagnose", "improve"):
             bench.look_closer()
         _save(bench)
+        if beside and not bench.against[0]:  # the data are others now
+            _set_against(bench, beside)
+            _save(bench)
 
 
 def _set_against(bench: Bench, name: str) -> None:
@@ -199,6 +203,7 @@ class _Done(BaseModel):
 
     name: str = ""
     opening: Opening | None = None
+    against: str = ""
     stretches: list[Stretch] = []
     steps: list[tuple[str, str]] = []
     settings: list[Setting] = []
@@ -216,33 +221,41 @@ def _opened(pipe: Connection, opening: Opening, sessions: Path, after_a_stop: bo
     assert opening.model is not None
     folder = own_folder(sessions / f"{opening.model.stem[:_LONGEST_STEM]}-{fingerprint[:10]}")
     pipe.send(("opened", folder))
-    bench = Bench(study, opening, folder, fingerprint)
+    bench, done = Bench(study, opening, folder, fingerprint), _Done()
+    with suppress(OSError, ValidationError):
+        done = _Done.model_validate_json((folder / STEPS).read_bytes())
+    if not _restored(bench) and not after_a_stop:
+        _do_again(study, done)
+        _save(bench)
+    if done.against and bench.study.steps:
+        with _told(pipe):
+            _set_against(bench, done.against)
+            _save(bench)
+    return bench
+
+
+def _restored(bench: Bench) -> bool:
+    """Whether the session's folder holds the study as this very version of lptn left it, which is then the bench's."""
+    path = bench.folder / STUDY
     try:
         # A pickle runs what it says: only this user can have put one into the folder, as the programs that they run.
-        if is_own_file(folder / STUDY):
-            stored = io.BytesIO((folder / STUDY).read_bytes())
-            if pickle.load(stored) == _written_by(fingerprint):
+        if is_own_file(path):
+            stored = io.BytesIO(path.read_bytes())
+            if pickle.load(stored) == _written_by(bench.fingerprint):
                 kept, heat = pickle.load(stored)
-                if vars(kept).keys() == vars(study).keys():  # else it is of other code of the same version
+                if vars(kept).keys() == vars(bench.study).keys():  # else it is of other code of the same version
                     bench.study, bench.heat = kept, heat
-                    return bench
+                    return True
     except FileNotFoundError:
         pass
     except Exception:
         logger.info("the session's study can't be read; its steps are done again")
-    if not after_a_stop:
-        _do_again(study, folder)
-        _save(bench)
-    return bench
+    return False
 
 
-def _do_again(study: Study, folder: Path) -> None:
+def _do_again(study: Study, done: _Done) -> None:
     """The first fit, and the steps that a session of another version took."""
     study.fit()
-    try:
-        done = _Done.model_validate_json((folder / STEPS).read_bytes())
-    except (OSError, ValidationError):
-        return
     try:
         _cut(study, done.stretches)
         for effect, at in done.steps:
@@ -264,6 +277,7 @@ def _save(bench: Bench) -> None:
     done = _Done(
         name=study.model.network.name,
         opening=bench.opening.absolute(),
+        against=bench.against[0],
         stretches=list(study.stretches),
         steps=[step.key for step in study.steps[1:]],
         settings=list(study.settings),
