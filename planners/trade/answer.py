@@ -122,7 +122,7 @@ def solve_study(study: TradeStudy, report: Report = lambda _: None) -> StudyResu
         report: called with what is being done.
 
     Raises:
-        InputError: a motor's network can't be driven, or lacks what a sink needs.
+        InputError: a motor's network can't be driven, lacks what a sink needs, or reads no such column of the task.
     """
     solved: list[tuple[DesignProblem, Design]] = []
     refusals: list[Refusal] = []
@@ -136,6 +136,10 @@ def solve_study(study: TradeStudy, report: Report = lambda _: None) -> StudyResu
             solved.append((problem, design_of(problem, solution)))
         else:
             refusals.append(problem.refusal())
+    columns = dict.fromkeys(column for problem, _ in tried for column in problem.plant.model.inputs)
+    for unused in study.task.inputs.keys() - columns.keys():
+        expected = f"one of {', '.join(columns)}"
+        raise InputError(study.origin, f'task.inputs."{unused}"', "a column that no model reads", expected)
     better = study.goal[2]
     solved.sort(key=lambda pair: (-pair[1].value if better else pair[1].value, pair[1].mass))
     designs = tuple(design for _, design in solved)

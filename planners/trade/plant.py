@@ -12,16 +12,18 @@ import numpy as np
 from lptn.basics.arrays import FloatArray
 from lptn.basics.errors import InputError
 from lptn.basics.places import edge
+from lptn.logs.columns import column_unit
 from lptn.model.model import Model
 
 from .motors import REFERENCE
 from .sink import SinkNumbers
-from .study import LIMITS, SINK, Option, pipe_places
+from .study import GEAR, LIMITS, SINK, Option, pipe_places
 
 CAPACITY, RESISTANCE = "design.capacity", "design.resistance"
 """The sink's two design variables [J/K, K/W], as they are called among the parameters of a given design."""
-_KNOWN = ("temperature", "current", "current_abs", "torque_abs", "mechanical_power", "velocity", "velocity_rms")
+KNOWN = ("temperature", "current", "current_abs", "torque_abs", "mechanical_power", "velocity", "velocity_rms")
 """Quantities of a model's inputs that follow from the air, the motor's current and its speed."""
+_GEAR_HEAT = f"power.{GEAR}"
 _SINK_UNITS = ("W/(m^2*K)", "m", "m", "kg/m^3", "J/(kg*K)", "{}/kg")
 """Of `SinkNumbers`, in order; money in the study's currency."""
 
@@ -94,18 +96,21 @@ class Plant:
         if option.has_sink:
             named = zip(option.sink._asdict().items(), _SINK_UNITS, strict=True)
             self.sink = SinkNumbers(*(add(name, value, unit.format(currency)) for (name, value), unit in named))
+        given = option.study.task.inputs
+        self._given = {name: add(name, given[name], column_unit(name)) for name in self.model.inputs if name in given}
         self._refuse_other_inputs()
 
     def _refuse_other_inputs(self) -> None:
-        """A study knows the motor's current, its speed and the air, nothing else."""
+        """A study knows the motor's current, its speed, the air, and what the task says by column."""
         origin = self.option.motor.network.origin
         currents = [column for column in self.model.inputs if column.startswith("current.")]
         for column in self.model.inputs:
             if column.startswith("torque."):
                 expected = 'input = "current" in its copper_loss: the study knows the torque constant'
                 raise InputError(origin, f"input {column}", "a model driven by torque", expected)
-            if column.partition(".")[0] not in _KNOWN:
-                expected = "current, speed of the motor and ambient alone"
+            known = column == _GEAR_HEAT or column in self._given or column.partition(".")[0] in KNOWN
+            if not known:
+                expected = f'current, speed of the motor and ambient alone, or [task] inputs = {{ "{column}" = … }}'
                 raise InputError(origin, f"input {column}", "a model that needs it", expected)
         if len(currents) != 1:
             mistake = f"{len(currents)} currents that heat it" if currents else "no copper loss from a current"
@@ -150,9 +155,12 @@ class Plant:
     def current(self, x: Any, load: Load) -> Any:
         """Current [A] that gives a torque with the magnets as warm as they are; [Chen2017, eq. 2.6]."""
         # At the rotor's windings [N·m]: through the gear, and to accelerate the rotor.
-        through = ca.if_else(load.speed < 0, self._efficiency, 1 / self._efficiency)
-        torque = load.torque / self.ratio * through + self._inertia * self.ratio * load.acceleration
+        torque = load.torque / self.ratio * self._through(load) + self._inertia * self.ratio * load.acceleration
         return torque / self._torque_constant(x)
+
+    def _through(self, load: Load) -> Any:
+        """Torque before the gear over what a gear without losses would take."""
+        return ca.if_else(load.speed < 0, self._efficiency, 1 / self._efficiency)
 
     def _torque_constant(self, x: Any) -> Any:
         nodes = self.option.motor.magnet_nodes
@@ -161,17 +169,19 @@ class Plant:
 
     def rates(self, x: Any, load: Load) -> Any:
         """dx/dt [K/s] under a load, by the model's own function."""
-        return self.rates_at_current(x, self.current(x, load), self.motor_speed(load))
+        lost = load.torque * load.speed * (self._through(load) - 1)  # in the gear
+        return self.rates_at_current(x, self.current(x, load), self.motor_speed(load), lost)
 
-    def rates_at_current(self, x: Any, current: Any, speed: Any = 0.0) -> Any:
-        """dx/dt [K/s] at a current [A] and a speed of the motor [rad/s]."""
-        return self.model.rhs(x, self._inputs(x, current, speed), self._p)
+    def rates_at_current(self, x: Any, current: Any, speed: Any = 0.0, gear_heat: Any = 0.0) -> Any:
+        """dx/dt [K/s] at a current [A], a speed of the motor [rad/s] and a heat of the gear [W]."""
+        return self.model.rhs(x, self._inputs(x, current, speed, gear_heat), self._p)
 
-    def _inputs(self, x: Any, current: Any, speed: Any) -> Any:
+    def _inputs(self, x: Any, current: Any, speed: Any, gear_heat: Any = 0.0) -> Any:
         torque = self._torque_constant(x) * current
         values = {"temperature": self.ambient, "current": current, "current_abs": current, "torque_abs": torque,
                   "mechanical_power": torque * speed}  # fmt: skip
-        return ca.vertcat(*(values.get(column.partition(".")[0], speed) for column in self.model.inputs))
+        named = self._given | {_GEAR_HEAT: gear_heat}
+        return ca.vertcat(*(named.get(name, values.get(name.partition(".")[0], speed)) for name in self.model.inputs))
 
     def voltage(self, x: Any, load: Load) -> Any:
         r"""Supply voltage [V] that a load takes, in the equivalent of direct current.

@@ -30,7 +30,9 @@ from lptn.basics.errors import InputError
 from lptn.basics.parameters import Parameter
 from lptn.basics.places import edge, matching
 from lptn.basics.toml import Number, Strict
-from lptn.model.network import LinkDeclaration, Network, NodeDeclaration
+from lptn.effects import catalogue
+from lptn.model.network import EffectDeclaration, LinkDeclaration, Network, NodeDeclaration
+from lptn.model.tables import EffectTable
 
 from .. import values as si
 from .motors import CatalogueMotor, MotorLimits
@@ -47,10 +49,13 @@ GOALS: dict[Goal, tuple[str, str, bool]] = {
     "price": ("price", "", False),
 }
 """For each goal its words, its unit, and whether more is better; the unit of prices is the study's currency."""
+_CONVECTION = "natural_convection"
 SINK = "sink"
 """The heat sink's node; a motor's own model may have one."""
 BUDGETS: tuple[str, ...] = ("mass", "volume", "price")
 """What a design spends."""
+GEAR = "gear"
+"""Whose heat drives an effect at the place that a gear heats: its column is `power.gear`."""
 LIMITS = {
     "winding": "degC", "magnet": "degC", "current": "A", "voltage": "V", "speed": "rad/s", "pipe_power": "W",
     "mass": "kg", "volume": "m^3", "price": "",
@@ -139,6 +144,7 @@ class DutyTask(Strict):
     cycles: Annotated[int, Field(ge=1, le=100, strict=True)] | None = None  # from the start; none for ever (periodic)
     speed: si.AnySpeed = 0.0  # of a hold; negative where the load drives the motor
     speeds: Parts[si.AnySpeed] | None = None  # of a cycle; none where nobody said
+    inputs: dict[str, Number] = Field(default={})  # by column, SI: what else effects read, such as "speed.base"
 
     @property
     def is_hold(self) -> bool:
@@ -201,6 +207,7 @@ class Gear(Strict):
     name: str
     ratio: si.Span[si.Positive]  # speed of the motor over that of the task
     efficiency: Share = 1.0  # of the power, from the motor to the load or back
+    heats: str | None = None  # the motor's node that takes up what the gear loses; none: it stays in the gear
     mass: si.ExtraMass = 0.0
     volume: si.ExtraVolume = 0.0
     price: si.NotNegative | None = None
@@ -260,6 +267,14 @@ class SinkFan(Strict):
     def mass_with_battery(self) -> float:
         """With the battery for its runtime [kg]."""
         return self.mass + self.power * self.runtime / self.battery
+
+
+class Inverter(Strict):
+    """Table `[inverter]`: what the drive adds; its heat is an effect."""
+
+    mass: si.ExtraMass = 0.0
+    volume: si.ExtraVolume = 0.0
+    price: si.NotNegative = 0.0
 
 
 class Axis(Strict):
@@ -353,6 +368,8 @@ class StudyTables(Strict):
     materials: Annotated[dict[str, SinkMetal], BeforeValidator(_with_known_metals)] = Field(default=MATERIALS)
     pipes: Pipes = Pipes()
     fan: SinkFan = SinkFan()
+    inverter: Inverter = Inverter()
+    effects: list[EffectTable] = Field(default=[])  # of every choice, as in a model file; at "sink" where there is one
     sweep: Sweep | None = Field(default=None, alias="pareto")  # of the Pareto front
     uncertainty: StudyUncertainty | None = None  # none where everything is taken as known
 
@@ -360,9 +377,10 @@ class StudyTables(Strict):
 class TradeStudy(StudyTables):
     """A whole study, with its motors found; `origin` is its file, for messages, `files` are those that it names."""
 
-    model_config = ConfigDict(populate_by_name=True)
+    model_config = ConfigDict(populate_by_name=True, arbitrary_types_allowed=True)
 
     motors: list[MotorChoice]  # type: ignore[assignment]  # those of the tables, found
+    effects: list[EffectDeclaration]  # type: ignore[assignment]
     origin: str
     files: tuple[Path, ...] = ()
 
@@ -436,7 +454,7 @@ class Option:
         The heat pipes' volume is neglected.
         """
         pipes, fan = self.study.pipes, self.study.fan
-        parts = [(part.mass, part.volume, part.price or 0.0) for part in (self.motor, self.gear)]
+        parts = [(part.mass, part.volume, part.price or 0.0) for part in (self.motor, self.gear, self.study.inverter)]
         if self.has_sink:
             parts.append((pipes.mount + self.pipes * pipes.mass, 0.0, self.study.sink.price + self.pipes * pipes.price))
         if self.cooling == "fan":
@@ -453,11 +471,16 @@ class Option:
 
     @property
     def sink(self) -> SinkNumbers:
-        """What its sink would be made of, in the air of its cooling."""
+        """What its sink would be made of, in the air of its cooling.
+
+        Natural convection as an effect starts from a sink as warm as the air, where the film is less than at `excess`.
+        """
         sink, fan, metal = self.study.sink, self.study.fan, self.metal
         is_blown = self.cooling == "fan"
         air = blown_air(fan.speed, sink.fin_height) if is_blown else still_air(sink.excess, sink.fin_height)
         used = fin_efficiency(air.film, sink.fin_thickness, sink.fin_depth, metal.conductivity)
+        rises = [e.parameters[0].value for e in self.study.effects if e.at == SINK and e.effect.key == _CONVECTION]
+        used *= math.exp(-sink.excess * sum(rises))
         return SinkNumbers(
             air.film * used, sink.fin_thickness, air.spacing, metal.density, metal.specific_heat, metal.price or 0.0
         )
@@ -473,13 +496,21 @@ class Option:
         return own | self.study.limits.given
 
     def network(self) -> Network:
-        """The motor's network with the sink on it, or as it is.
-
-        Several places that the heat pipes touch share them evenly.
+        """The motor's network with the sink on it, or as it is, and the effects of study and gear.
 
         Raises:
-            InputError: the network has a sink's node that is not linked as a sink's is.
+            InputError: the network has a sink's node that is not linked as a sink's is, or no place for an effect.
         """
+        network, gear = self._with_sink(), self.gear
+        effects = [effect for effect in self.study.effects if effect.at != SINK or SINK in network.dynamic]
+        if gear.heats is not None:
+            gain = Parameter("gain", 1.0, "1", (0.0, 1.0))
+            heat = catalogue()["heat_input"]()
+            effects.append(EffectDeclaration(heat, gear.heats, (gain,), label="gear_heat", driven_by=GEAR))
+        return replace(network, effects=(*effects, *network.effects), origin=self.study.origin) if effects else network
+
+    def _with_sink(self) -> Network:
+        """Several places that the heat pipes touch share them evenly."""
         if not self.has_sink:
             return self.motor.network
         network, at = self.motor.network, self.motor.sink_at

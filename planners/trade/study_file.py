@@ -11,9 +11,11 @@ from lptn.basics.places import matching
 from lptn.basics.toml import mistakes_by_line, toml_of
 from lptn.model.file import parse_model, read_model_file
 from lptn.model.network import Network
+from lptn.model.tables import File, Reader
 from lptn.robots.presets import presets
 
 from .motors import MOTORS, CatalogueMotor, data_sheet_network, read_catalogue
+from .plant import KNOWN
 from .study import SWEPT, Axis, DutyTask, MotorChoice, StudyTables, TradeStudy, attachable, pipe_places
 
 _COPPER = "copper_loss.resistance"
@@ -47,8 +49,13 @@ def parse_study(text: str, path: Path) -> TradeStudy:
             _refuse(path, _mistakes_of_gears([gear.name for gear in tables.gears]))
         named = (*tables.question.catalogue, *(motor.model for motor in tables.motors if motor.model))
         files = tuple(path.parent / name for name in named)
-        study = TradeStudy(**dict(tables) | {"motors": motors, "origin": str(path), "files": files})
+        reader = Reader(path, File())
+        effects = [reader.effect(number, effect) for number, effect in enumerate(tables.effects)]
+        found = {"motors": motors, "effects": effects, "origin": str(path), "files": files}
+        study = TradeStudy(**dict(tables) | found)
         _refuse(path, _mistakes(study))
+        for option in study.options():
+            option.network()  # raises where an effect finds no place
         return study
 
 
@@ -216,6 +223,19 @@ def _mistakes(study: TradeStudy) -> Iterator[Mistake]:
     if study.asks_for_prices:
         yield from _mistakes_of_prices(study)
     yield from _mistakes_of_winding(study, goal)
+    yield from _mistakes_of_heat(study)
+
+
+def _mistakes_of_heat(study: TradeStudy) -> Iterator[Mistake]:
+    """Of what a gear heats, and of what drives effects."""
+    for number, gear in enumerate(study.gears):
+        for motor in study.motors:
+            if gear.heats not in (None, *motor.network.dynamic):
+                expected = f"one of {', '.join(motor.network.dynamic)}, nodes of {motor.name}"
+                yield f"gears[{number}].heats", f'"{gear.heats}"', expected
+    for name in study.task.inputs:
+        if name.partition(".")[0] in KNOWN:
+            yield f'task.inputs."{name}"', "what the task says already", "a column of another quantity"
 
 
 def _mistakes_of_prices(study: TradeStudy) -> Iterator[Mistake]:

@@ -354,6 +354,13 @@ STUDIES = [
     _bad("study", "trade {study}", "model", study_toml=('"U8"', '"U8"\nmodel = "../../etc/passwd"')),
     _bad("study", "trade {study}", "sink.capacity", study_toml=("[20, 1500]", "[1500, 20]")),
     _bad("study", "trade {study}", "fan.speed", study_toml=("[sink]", "[fan]\nspeed = 5e-324\n[sink]")),
+    _bad(
+        "study",
+        "trade {study}",
+        "effects[0].at",
+        "no_such",
+        study_toml=("[sink]", '[[effects]]\nkind = "radiation"\nat = "no_such"\n[sink]'),
+    ),
     _bad("study", "trade {study}", "pareto", study_toml=("[sink]", "[pareto]\nleast = 1\n[sink]")),
     _bad("study", "trade {study}", "No such file", study_toml=None),
 ]

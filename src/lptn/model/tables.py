@@ -260,7 +260,7 @@ class Reader:
             model.name,
             tuple(nodes),
             tuple(self._link(number, link) for number, link in enumerate(self.tables.links)),
-            tuple(self._effect(number, effect) for number, effect in enumerate(self.tables.effects)),
+            tuple(self.effect(number, effect) for number, effect in enumerate(self.tables.effects)),
             tuple(dict.fromkeys((*model.joints, *named))),
             str(self.path),
             fitted,
@@ -349,7 +349,12 @@ class Reader:
         resistance = self._parameter(_RESISTANCE, link.resistance, f"links[{number}].resistance")
         return LinkDeclaration((one, other), resistance)
 
-    def _effect(self, number: int, table: EffectTable) -> EffectDeclaration:
+    def effect(self, number: int, table: EffectTable) -> EffectDeclaration:
+        """An entry of `[[effects]]` by its number.
+
+        Raises:
+            InputError: no such effect, or a key or value that it does not have.
+        """
         place = f"effects[{number}]"
         kind = effect_named(table.kind, self.path, f"{place}.kind")
         given = dict(table.model_extra or {})

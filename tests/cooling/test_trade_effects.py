@@ -1,0 +1,131 @@
+"""Effects of the catalogue, heat of the gear and an inverter in a trade study, against plain SciPy."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
+from lptn.basics.arrays import FloatArray
+from lptn.basics.errors import InputError
+from lptn.planners.trade import Design, TradeStudy, solve_study
+from tests.cooling import plain_sink as plain
+from tests.cooling.studies import study
+
+HOUR = 3600.0  # s
+AREA, BETA, GAMMA, DROP = 0.02, 0.0167, 0.3, 0.5  # m², 1/K, s/m, V
+WALKS = 1.5  # m/s
+AT_HOUSING = f"""
+[[effects]]
+kind = "forced_convection"
+at = "housing"
+gamma = {GAMMA}
+[[effects]]
+kind = "driver_loss"
+at = "housing"
+input = "current_abs"
+voltage = {DROP}
+"""
+AT_SINK = f"""
+[[effects]]
+kind = "radiation"
+at = "sink"
+area = {AREA}
+[[effects]]
+kind = "natural_convection"
+at = "sink"
+beta = {BETA}
+"""
+GEAR = '[[gears]]\nname = "belt"\nratio = 10\nefficiency = 0.8\nheats = "housing"\n'
+
+
+def _one(asked: TradeStudy) -> Design:
+    (design,) = solve_study(asked).designs
+    return design
+
+
+def _hottest(torque: float, extra: float, factor: float = 1.0, sink: tuple[float, float] | None = None) -> float:
+    """The U8's winding [degC] after an hour at a torque of its shaft, `extra` W in the housing beside the drive's."""
+    capacity, resistance = sink or (1.0, np.inf)
+
+    def rates(_: float, x: FloatArray) -> list[float]:
+        w, s, h, k = x
+        current = torque / (plain.K_T * (1 + plain.MAGNET * (h - 25.0)))
+        copper = current**2 * plain.RESISTANCE * (1 + plain.ALPHA * (w - plain.REFERENCE))
+        into_pipes = (s - k) / plain.R_SK * (sink is not None)
+        over = k - plain.AMBIENT
+        out = over * np.exp(BETA * over) / resistance
+        out += 5.670374419e-8 * AREA * ((k + 273.15) ** 4 - (plain.AMBIENT + 273.15) ** 4) * (sink is not None)
+        inner, outer = (w - s) / plain.R_WS, (s - h) / plain.R_SH
+        housing = outer - factor * (h - plain.AMBIENT) / plain.R_HA + extra + DROP * current * (factor != 1)
+        return [(copper - inner) / plain.C_W, (inner - outer - into_pipes) / plain.C_S, housing / plain.C_H,
+                (into_pipes - out) / capacity]  # fmt: skip
+
+    course = solve_ivp(rates, (0.0, HOUR), [plain.AMBIENT] * 4, method="LSODA", rtol=1e-9, atol=1e-9)
+    return float(course.y[0].max())
+
+
+@pytest.mark.parametrize(("speed", "share"), [(5.0, 0.25), (-5.0, 0.2)])
+def test_effects_and_the_gears_loss_warm_and_cool_the_housing(speed: float, share: float) -> None:
+    task = f'duration = {HOUR}\nspeed = {speed}\ninputs = {{ "speed.base" = {WALKS} }}'
+    design = _one(study("held_torque", task, more=GEAR + AT_HOUSING + AT_SINK, cooling='"none"'))
+    at_shaft = design.value / 10 * (1 / 0.8 if speed > 0 else 0.8)
+    lost = share * design.value * abs(speed)  # W; driving the motor gives 1/0.8 of the load's power, braking 0.8 of it
+    assert _hottest(at_shaft, lost, 1 + GAMMA * WALKS) == pytest.approx(105.0, abs=2e-3)
+
+
+def test_a_sink_radiates_and_its_film_grows_with_its_warmth() -> None:
+    design = _one(study("held_torque", f"duration = {HOUR}", "mass = 0.7", more=AT_SINK, cooling='"passive"'))
+    assert design.sink is not None
+    assert _hottest(design.value, 0.0, sink=design.sink) == pytest.approx(105.0, abs=2e-3)
+    # The fins have the film of `excess` = 30 K there, and so e^(30 β) less at none.
+    film, spacing = plain.still_air()
+    capacity, resistance = design.sink
+    fins = plain.DENSITY * plain.THICKNESS / (2 * film * np.exp(-30 * BETA) * resistance)
+    assert "fins" in design.binding
+    assert fins == pytest.approx(capacity / plain.HEAT, rel=1e-4)
+    assert design.volume - plain.MOTOR_VOLUME == pytest.approx(
+        fins / plain.DENSITY * (1 + spacing / plain.THICKNESS), rel=1e-4
+    )
+
+
+def test_an_inverter_counts_by_its_mass_and_price() -> None:
+    inverter = "[inverter]\nmass = 0.05\nvolume = 2e-5\nprice = 30\n"
+    with_it, without = (
+        _one(study("held_torque", "duration = 120", more=more, cooling='"none"')) for more in (inverter, "")
+    )
+    assert with_it.mass - without.mass == pytest.approx(0.05)
+    assert with_it.volume - without.volume == pytest.approx(2e-5)
+    assert with_it.price - without.price == pytest.approx(30.0)
+    assert with_it.value == pytest.approx(without.value)
+
+
+def test_a_gears_heat_is_a_number_of_the_study() -> None:
+    design = _one(study("held_torque", f"duration = {HOUR}\nspeed = 5", more=GEAR, cooling='"none"'))
+    assert design.parameters["gear_heat.gain.housing"] == (1.0, "1")
+
+    def held(gain: float) -> float:
+        return float(brentq(lambda torque: _hottest(torque / 8, gain * 0.25 * torque * 5) - 105.0, 5.0, 8.0, xtol=1e-9))
+
+    assert design.value == pytest.approx(held(1.0), rel=1e-5)
+    slope = (held(1.0) - held(0.999)) / 0.001
+    assert design.sensitivities["gear_heat.gain.housing"] == pytest.approx(slope, rel=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("task", "more", "said"),
+    [
+        ("", '[[effects]]\nkind = "radiation"\nat = "shell"\n', ("effects[0].at", "shell")),
+        ("", '[[effects]]\nkind = "radiance"\nat = "housing"\n', ("line 15, effects[0].kind", "radiation")),
+        ("", '[[effects]]\nkind = "fan"\nat = "housing"\n', ("fan.housing", "inputs = {")),
+        ("", '[[gears]]\nname = "g"\nratio = 9\nheats = "shell"\n', ("gears[0].heats", "shell", "housing")),
+        ('inputs = { "speed.base" = 1 }', "", ('task.inputs."speed.base"', "no model reads")),
+        ('inputs = { "current.winding" = 1 }', "", ('task.inputs."current.winding"', "says already")),
+    ],
+)
+def test_what_no_model_can_use_is_refused(task: str, more: str, said: tuple[str, ...]) -> None:
+    with pytest.raises(InputError) as refused:
+        solve_study(study("held_torque", f"duration = 120\n{task}", more=more, cooling='"none"'))
+    for word in said:
+        assert word in str(refused.value)
