@@ -19,7 +19,7 @@ from lptn.live.status import NodeStatus, Status
 from lptn.workbench.bench import Bench
 from lptn.workbench.content import content_of
 from lptn.workbench.live import LivePage
-from lptn.workbench.orders import Plain
+from lptn.workbench.orders import Note, Plain
 from lptn.workbench.server import serve
 from lptn.workbench.session import WorkbenchSession
 from tests.workbench.conftest import CHROMIUM, EXAMPLE, OPENING, Server
@@ -64,7 +64,10 @@ def studied(bench: Bench, nodes: int) -> WorkbenchSession:
         names = [f"T{k // 3}_{('hip', 'thigh', 'calf')[k % 3]}_housing" for k in range(nodes)]
         fitted, held = content["segments"]
         jobs = [held, held, fitted, fitted, fitted]
-        segments = [job | {"key": f"{job['job']} {run}", "run": run} for job, run in zip(jobs, _RUNS, strict=True)]
+        signals = {"signals": ["power.heater1", "power.heater2", *(f"temperature.{name}" for name in names)]}
+        segments = [
+            job | signals | {"key": f"{job['job']} {run}", "run": run} for job, run in zip(jobs, _RUNS, strict=True)
+        ]
         old = next(iter(content["tiles"].values()))
         tiles = {which: [row[k] for k in wide] for which, row in old.items()}
         content |= {"nodes": names, "segments": segments, "tiles": {one["key"]: tiles for one in segments}}
@@ -79,6 +82,8 @@ def studied(bench: Bench, nodes: int) -> WorkbenchSession:
     session = WorkbenchSession(OPENING, bench.folder)
     session._heard_opened(bench.folder)
     session._heard_shown(content, news)
+    first = content["nodes"][0]
+    session._written = Note(plots=((f"temperature.{first}", f"predicted.{first}", "power.heater1"), ()))
     return session
 
 

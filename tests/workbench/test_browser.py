@@ -360,3 +360,41 @@ def test_a_running_robot_is_drawn_as_it_is_told(browser: Browser) -> None:
         assert problems == []
     finally:
         live.close()
+
+
+def test_signals_are_found_and_drawn_in_plots_of_ones_own(browser: Browser, tmp_path: Path) -> None:
+    server = Server(tmp_path)
+    complaints: list[str] = []
+    try:
+        page = browser.new_page(viewport={"width": 1280, "height": 2000})
+        page.on("pageerror", lambda error: complaints.append(str(error)))
+        page.on("console", lambda message: complaints.append(message.text))
+        page.goto(server.address)
+        page.wait_for_url(f"{server.home}/")
+        page.locator("#own > summary").click(timeout=PATIENCE)
+        expect(page.locator("#signals details")).to_have_text(["heater1", "heater2"], use_inner_text=True)
+        page.locator("#filter").fill("R2 e")
+        names = [f"{quantity}.heater2" for quantity in ("power", "temperature", "predicted", "error")]
+        expect(page.locator("#signals .leaf")).to_have_text(names)
+        page.locator("[id='signal power.heater2']").click()
+        plots = page.locator("[id='own plots'] .view")
+        expect(plots.locator("h3")).to_have_text(["power.heater2 in log (held out)"])
+        page.locator("[id='signal error.heater2']").press("Enter")
+        expect(plots.locator("canvas")).to_have_count(2)  # watts, and kelvins
+        page.locator("[id='signal temperature.heater2']").drag_to(page.locator("[id='new plot']"))
+        expect(plots).to_have_count(2)
+        page.locator("[id='signal power.heater2']").drag_to(plots.last.locator(".u-over"))
+        expect(plots.last.locator("h3")).to_have_text("temperature.heater2 power.heater2 in log (held out)")
+        with page.expect_download() as download:
+            plots.first.get_by_role("button", name="plot 1 as CSV").click()
+        assert Path(download.value.path()).read_text().startswith("time since start [s],power.heater2,error.heater2\n")
+        page.get_by_role("button", name="Remove error.heater2").click()
+        expect(plots.first.locator("canvas")).to_have_count(1)
+        page.reload()
+        page.locator("#own > summary").click()
+        expect(plots.locator("canvas")).to_have_count(3)  # they stay with the study
+        page.locator("[id='fewer plots']").click()
+        expect(plots).to_have_count(1)
+        assert not complaints
+    finally:
+        server.kill()

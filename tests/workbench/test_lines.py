@@ -100,3 +100,13 @@ def test_a_clock_that_counts_from_1970_keeps_its_milliseconds() -> None:
     epoch = RunLines(lines.nodes, TIME + 1.7e9, lines.measured, lines.inputs)
     at = epoch.window("hip", {}, 1.7e9, 1.7e9 + 1.0)["time"]
     assert np.diff(np.array(at, dtype=float)) == pytest.approx(0.1, abs=1e-3)
+
+
+def test_signals_come_by_their_own_names() -> None:
+    names = ["torque.knee", "error.hip", "predicted.hip", "temperature.hip"]
+    shown = _lines().window(names, {"now": "as given"}, 500.0, 510.0)
+    assert list(shown) == ["time", *names]
+    np.testing.assert_allclose(shown["predicted.hip"] - shown["temperature.hip"], shown["error.hip"])
+    for name in ("torque.elbow", "power.hip", "predicted.elbow"):
+        with pytest.raises(InputError, match=r"elbow|power\.hip"):
+            _lines().window([name], {"now": "as given"})

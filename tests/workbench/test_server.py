@@ -209,9 +209,10 @@ def test_notes_stay_with_the_study_and_only_what_is_said_is_changed(
     browser: TestClient, session: WorkbenchSession
 ) -> None:
     mark = {"run": "log", "time": 120.0, "text": "the door stood open"}
-    for sent in ({"tags": ["left leg", "<b>"]}, {"text": "a note"}, {"limits": {"heater1": 70.0}}, {"marks": [mark]}):
+    plots = [["power.heater1", "error.heater2"], []]
+    kept = {"text": "a note", "tags": ["left leg", "<b>"], "limits": {"heater1": 70.0}, "marks": [mark], "plots": plots}
+    for sent in ({name: said} for name, said in kept.items()):
         assert browser.post("/order", json={"what": "note", **sent}, headers=ORIGIN).status_code == 202
-    kept = {"text": "a note", "tags": ["left leg", "<b>"], "limits": {"heater1": 70.0}, "marks": [mark]}
     assert browser.get("/state").json()["written"] == kept
     assert session.folder is not None
     assert written(session.folder).model_dump(exclude={"what"}, mode="json") == kept

@@ -124,6 +124,7 @@ def _segment(study: Study, key: str, segment: Segment) -> dict[str, Any]:
         "job": _JOB_NAMES[job],
         "origin": run.origin,
         "clock": run.began is not None,
+        "signals": list(run.columns),
         "start": first,
         "stop": min(stop, last) if job == "fit" else last,
         "from": max(start, first),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -17,6 +17,8 @@ from lptn.identify.comparison import Prediction
 
 _MARGIN = 1  # readings beyond a window on either side, so that a line runs to the plot's edge
 _BLOCK = 64  # readings of which the smallest and the largest are kept: long windows are drawn from a 64th of the log
+_OF_NODES = {"temperature": "measured", "predicted": "now", "error": "error now"}
+"""Signals that each node has, and what their lines are called in its plots."""
 
 _Key = tuple[str, ...]
 _Read = Callable[[Any], FloatArray]  # the values of a line at an index of the run's readings
@@ -79,25 +81,26 @@ class RunLines:
 
     def window(
         self,
-        node: str,
+        what: str | Sequence[str],
         models: Mapping[str, str],
         start: float | None = None,
         stop: float | None = None,
         points: int = 1500,
     ) -> dict[str, FloatArray]:
-        """The lines of one node from `start` to `stop` [s], all at the same times, NaN where something is missing.
+        """Lines from `start` to `stop` [s], all at the same times, NaN where something is missing.
 
         Args:
-            node: its name.
+            what: a node, for all lines of its plots; or names of signals: inputs, or `temperature`, `predicted` and
+                `error` of a node, the latter two of the model that is called `now`.
             models: which lines to show: names on the page, with the models' names.
             start: s; the run's begin by default.
             stop: s; the run's end by default.
             points: at most about so many.
 
         Raises:
-            InputError: no such node.
+            InputError: no such node or signal.
         """
-        lines = self._lines(node, models)
+        lines = self._lines(what, models) if isinstance(what, str) else self._signals(what, models)
         size = self.time.size
         first = 0 if start is None else max(int(np.searchsorted(self.time, start)) - _MARGIN, 0)
         last = size if stop is None else int(np.searchsorted(self.time, stop, side="right")) + _MARGIN
@@ -127,6 +130,21 @@ class RunLines:
             heat, band = self.heat.heat[place], self.heat.band[place]
             for name, values in (("heat", heat), ("heat low", heat - band), ("heat high", heat + band)):
                 lines[name, node] = self._between(self.heat.time, values)
+        return lines
+
+    def _signals(self, names: Sequence[str], models: Mapping[str, str]) -> dict[_Key, _Read]:
+        """Lines of several nodes, and inputs, by their own names and what else distinguishes them."""
+        lines: dict[_Key, _Read] = {}
+        for name in names:
+            if name in self.inputs:
+                lines[name,] = self.inputs[name].__getitem__
+                continue
+            quantity, _, node = name.partition(".")
+            of_node = self._lines(node, models).items()
+            found = {(name, *key): read for key, read in of_node if key[0] == _OF_NODES.get(quantity)}
+            if not found:
+                raise InputError("plot", "signal", name, f"an input, or {', '.join(_OF_NODES)} of a node")
+            lines |= found
         return lines
 
     def _between(self, time: FloatArray, values: FloatArray) -> _Read:

@@ -6,6 +6,8 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, JsonValue, TypeAdapter, model_validator
 
+_Signal = Annotated[str, Field(min_length=1, max_length=300)]
+
 
 class _Said(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -185,6 +187,7 @@ class Note(_Said):
     tags: tuple[Annotated[str, Field(min_length=1, max_length=40)], ...] = Field(default=(), max_length=20)
     limits: dict[str, FiniteFloat] = Field(default={}, max_length=1000)  # degC, by node
     marks: tuple[Mark, ...] = Field(default=(), max_length=50)
+    plots: tuple[Annotated[tuple[_Signal, ...], Field(max_length=20)], ...] = Field(default=(), max_length=20)
 
 
 class Keep(_Said):
@@ -229,10 +232,11 @@ class NetworkAsked(_Said):
 
 
 class LinesAsked(_Said):
-    """Which lines plots want: of nodes in one run, from a time to another, at most so many points each."""
+    """Which lines plots want: of nodes in one run, and signals of it, from a time to another, so many points each."""
 
     segment: str
-    node: list[str] = Field(min_length=1, max_length=1000)
+    node: list[str] = Field(default=[], max_length=1000)
+    signal: list[str] = Field(default=[], max_length=400)
     start: FiniteFloat | None = None
     stop: FiniteFloat | None = None
     points: int = Field(default=1500, ge=10, le=20000)

@@ -273,16 +273,18 @@ class WorkbenchSession:
         return [one for one in others if (self._sessions / str(one["study"]) / NOW).is_file()]
 
     def lines(self, asked: LinesAsked) -> dict[str, dict[str, FloatArray]]:
-        """The lines that plots want, by node.
+        """The lines that plots want, by node, those of signals under the empty name.
 
         Raises:
-            InputError: no such run or node.
+            InputError: no such run, node or signal.
         """
         lines, models = self._lines_of(asked.segment)
         if models["given"] == models["now"]:
             del models["given"]
         models |= {"attempt": asked.attempt}
-        return {node: lines.window(node, models, asked.start, asked.stop, asked.points) for node in asked.node}
+        wanted: dict[str, str | list[str]] = {node: node for node in asked.node}
+        wanted |= {"": asked.signal} if asked.signal else {}
+        return {key: lines.window(what, models, asked.start, asked.stop, asked.points) for key, what in wanted.items()}
 
     def special(self, asked: SpecialAsked) -> Special:
         """What is special in a stretch, at a node, to the error of the model as it is now.

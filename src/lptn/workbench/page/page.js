@@ -4,6 +4,7 @@ import { h } from "/sections.js";
 import * as sections from "/sections.js";
 import { Plots } from "/plots.js";
 import { Network } from "/network.js";
+import { signals } from "/signals.js";
 import { Residuals } from "/residuals.js";
 import { tour } from "/tour.js";
 import * as begin from "/begin.js";
@@ -13,7 +14,7 @@ const BUSY = 400, IDLE = 1500, HIDDEN = 6000;  // ms between two questions
 const place = id => document.getElementById(id);
 
 export const page = {
-  state: {}, picked: [], attempt: "", pinned: "", shown: "now", by: "run", part: "", edited: "", failed: "", clicked: false, step: 0, other: {},
+  state: {}, picked: [], attempt: "", pinned: "", shown: "now", by: "run", filter: "", part: "", edited: "", failed: "", clicked: false, step: 0, other: {},
   async order(order) { page.failed = (await post("/order", order)).error ?? ""; await ask(); },
   // A file comes when the state that the order made, or a later one, has nothing more to do.
   making: null,
@@ -136,6 +137,8 @@ export function draw() {
   redraw("steps", [state.steps, state.undone, state.branches, state.head, attempt, busy, state.busy?.found, state.answers], () => sections.steps(page));
   redraw("where", [state.tiles, picked, shown, page.by, state.against], () => sections.where(page));
   revealed();
+  place("own").hidden = !state.tiles;
+  redraw("signals", [state.written, picked[0]?.segment, state.segments, state.nodes, !!state.tiles, page.filter], () => signals(page));
   redraw("missing", [state.answers, state.advice, attempt, busy, state.fitted, state.now], () => sections.missing(page));
   redraw("data", [state.segments, state.issues, state.stretches, state.notes, busy, state.parameters, page.part, page.edited], () => sections.data(page));
   redraw("out", [state.commands, state.python, busy, state.folder, state.fitted], () => sections.out(page));
@@ -157,6 +160,7 @@ document.addEventListener("keydown", event => {
   event.preventDefault();
   page.order({ what: redo ? "redo" : "undo" });
 });
+place("filter").addEventListener("input", event => { page.filter = event.target.value.trim(); draw(); });
 setInterval(() => page.state.busy && redraw("work", [page.state.busy, Date.now() / 1000 | 0], () => sections.work(page)), 1000);
 ask();
 export { h };

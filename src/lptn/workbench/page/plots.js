@@ -4,13 +4,13 @@ import uPlot from "/uplot/uPlot.esm.js";
 import { axisLook, dragged, GRID, keyed, limits } from "/zoom.js";
 import { csv, png, save, svg } from "/export.js";
 import { color, onLook } from "/look.js";
-import { h, kelvin, ofOneRun, placed, triable } from "/sections.js";
+import { h, kelvin, name as broken, ofOneRun, placed, triable } from "/sections.js";
+import { dropped, signalsOf, unitOf } from "/signals.js";
 
 const LONG = 600;  // s: minutes from here on
 const POINTS = 2;  // of a line to each pixel across: the smallest and the largest reading there
 const STRIDE = 0.01;  // of the width, by which a key moves the cursor
 const MOST_INPUTS = 4, MOST_COMPANIONS = 8;
-const UNITS = { torque: "N·m", current: "A", velocity: "rad/s", power: "W", speed: "m/s", temperature: "°C" };
 const NEAR = "200px";  // above and below the screen: plots that come into sight are drawn by then
 const WHEEL = 0.002;  // e-fold of the range to a pixel that the wheel turns
 const MOST_ROWS = 20_000;  // of a CSV file: longer windows keep their extremes
@@ -22,6 +22,7 @@ export class Plots {
     this.section = section, this.page = page, this.windows = {}, this.views = new Map(), this.clock = false;
     this.bar = h("div", { className: "row" });
     this.list = h("div");
+    this.own = document.getElementById("own plots");
     section.append(this.bar, this.told = h("div", { id: "told", ariaLive: "polite" }), this.list);
     window.addEventListener("resize", () => this.load());
     onLook(() => this.load());
@@ -36,13 +37,16 @@ export class Plots {
     const { state, picked, attempt } = this.page;
     this.tried = triable(state).find(each => each.key === attempt);
     this.drawBar();
-    const wanted = picked.map(each => ({ ...each, id: `${each.segment} ${each.node}` }));
+    const { segment } = picked[0], known = new Set(signalsOf(state, segment));
+    const wanted = [...picked.map(each => ({ ...each, id: `${each.segment} ${each.node}` })),
+      ...state.written.plots.map((signals, number) => ({ segment, number, signals: signals.filter(each => known.has(each)), id: `plot ${number} ${segment}` }))];
     for (const [id, view] of this.views) if (!wanted.some(each => each.id === id)) { view.remove(); this.views.delete(id); }
-    this.what = JSON.stringify([state.now, state.given, state.head.now, state.stretches, state.advice.length, wanted.length > 1, this.tried?.tried, this.clock, state.written, state.against]);
+    this.what = JSON.stringify([state.now, state.given, state.head.now, state.stretches, state.advice.length, picked.length > 1, this.tried?.tried, this.clock, state.written, state.against]);
     wanted.forEach((each, k) => {
       if (!this.views.has(each.id)) this.views.set(each.id, new View(this, each));
-      const { element } = this.views.get(each.id);
-      if (this.list.children[k] !== element) this.list.insertBefore(element, this.list.children[k] ?? null);
+      const view = this.views.get(each.id), [list, place] = each.signals ? [this.own, each.number] : [this.list, k];
+      if (each.signals) view.choose(each.signals);
+      if (list.children[place] !== view.element) list.insertBefore(view.element, list.children[place] ?? null);
     });
     this.load();
   }
@@ -53,7 +57,7 @@ export class Plots {
     const runs = new Map(), paper = color("--paper");
     for (const view of this.views.values()) {
       const look = [paper, view.stack.clientWidth], wanted = JSON.stringify([this.what, this.windows[view.segment] ?? null, look]);
-      if (!view.seen || !look[1] || view.wanted === wanted) continue;
+      if (!view.seen || !look[1] || view.wanted === wanted || view.signals?.length === 0) continue;
       Object.assign(view, { wanted, look });
       runs.set(view.segment, [...runs.get(view.segment) ?? [], view]);
     }
@@ -62,14 +66,15 @@ export class Plots {
 
   async ask(segment, views) {
     const wanted = views.map(view => view.wanted), points = Math.ceil(POINTS * devicePixelRatio * Math.max(...views.map(view => view.stack.clientWidth)));
-    const lines = await this.lines(segment, views.map(view => view.node), points);
+    const lines = await this.lines(segment, views, points);
     if (lines) views.forEach((view, k) => view.wanted === wanted[k] && view.show(lines[view.node]));  // else another window is wanted meanwhile
   }
 
-  async lines(segment, nodes, points) {
+  async lines(segment, views, points) {
     const asked = new URLSearchParams({ segment, points, attempt: this.tried?.tried ?? "" }), zoomed = this.windows[segment];
     if (zoomed) { asked.set("start", zoomed[0]); asked.set("stop", zoomed[1]); }
-    for (const node of nodes) asked.append("node", node);
+    for (const { node } of views) if (node) asked.append("node", node);
+    for (const signal of new Set(views.flatMap(view => view.signals ?? []))) asked.append("signal", signal);
     const answer = await fetch(`/lines?${asked}`).catch(() => null);
     return answer?.ok ? unpacked(await answer.arrayBuffer()) : null;
   }
@@ -170,13 +175,16 @@ function unpacked(bytes) {
 }
 
 class View {
-  constructor(plots, { segment, node }) {
-    Object.assign(this, { plots, segment, node, charts: [], values: {}, turned: null });
-    this.stack = h("div", { className: "stack", tabIndex: 0, role: "group", ariaLabel: `${node} over time; + and − zoom, arrows move, 0 shows the whole run, arrows with Shift move the cursor`, onkeydown: event => this.key(event) });
-    const file = (ending, make) => h("button", { ariaLabel: `${node} as ${ending.toUpperCase()}`, onclick: async () => save(await make(), `${node} ${this.run.run}.${ending}`) }, ending.toUpperCase());
-    const all = async () => csv((await plots.lines(segment, [node], MOST_ROWS))[node], this.run);
+  // Of a node; or, where there is no node, of signals that a person chose.
+  constructor(plots, { segment, node = "", number, signals }) {
+    Object.assign(this, { plots, segment, node, number, signals, charts: [], values: {}, turned: null });
+    const name = node || `plot ${number + 1}`;
+    this.stack = h("div", { className: "stack", tabIndex: 0, role: "group", ariaLabel: `${name} over time; + and − zoom, arrows move, 0 shows the whole run, arrows with Shift move the cursor`, onkeydown: event => this.key(event) });
+    const file = (ending, make) => h("button", { ariaLabel: `${name} as ${ending.toUpperCase()}`, onclick: async () => save(await make(), `${name} ${this.run.run}.${ending}`) }, ending.toUpperCase());
+    const all = async () => csv((await plots.lines(segment, [this], MOST_ROWS))[node], this.run);
     this.element = h("div", { className: "view" }, h("div", { className: "row" }, this.title = h("h3"), h("span", { className: "grow" }), h("span", { className: "files" }, file("png", () => png(this)), file("svg", () => svg(this)), file("csv", all))), this.stack, this.still = h("small"));
     this.element.view = this;
+    if (signals) dropped(this.element, plots.page, number);
     plots.sight.observe(this.element);
   }
 
@@ -186,27 +194,53 @@ class View {
   get limit() { return this.plots.page.state.written.limits[this.node]; }
   get window() { return this.plots.windows[this.segment] ?? [this.run.start, this.run.stop]; }
 
+  choose(signals) {
+    const { page } = this.plots, own = page.state.written.plots, without = each => own.with(this.number, own[this.number].filter(other => other !== each));
+    this.signals = signals;
+    const chip = each => [h("button", { className: "chip", ariaLabel: `Remove ${each}`, onclick: () => page.order({ what: "note", plots: without(each) }) }, broken(each)), " "];
+    this.title.replaceChildren(...own[this.number].flatMap(chip), h("small", null, `in ${this.run.run} (${this.run.job})`));
+    if (!signals.length) { this.charts.forEach(each => each.destroy()); Object.assign(this, { charts: [], made: "", wanted: "" }); }
+    this.still.textContent = signals.length ? "" : "Click a signal, or drag it here.";
+  }
+
   // Charts are made anew where there are other lines than before, or another look.
   show(lines) {
-    const { run, plots } = this, { state, picked } = plots.page, [min, max] = this.window;
-    const tile = state.tiles[this.segment]?.now[state.nodes.indexOf(this.node)];
-    this.title.textContent = `${this.node} in ${run.run} (${run.job})${tile ? `: RMSE ${kelvin(tile.rmse)}` : ""}`;
-    const tried = "attempt" in lines && plots.tried;
-    if (tried) this.title.append(h("small", null, ` – dotted: with ${placed(tried)}`));
-    if (triable(state).length && !tried) lines.attempt = lines["error attempt"] = Array(lines.time.length).fill(null);
-    const made = JSON.stringify([Object.keys(lines).sort(), picked.length > 1, this.look, plots.clock]);
+    const { plots } = this, { picked } = plots.page, [min, max] = this.window, tried = !this.signals && this.name(lines);
+    const made = JSON.stringify([this.signals ?? Object.keys(lines).sort(), picked.length > 1, this.look, plots.clock]);
     if (made !== this.made) {
       this.made = made;
-      this.build(lines, !!tried);
+      this.build(this.signals ? this.ofSignals() : this.ofNode(lines, tried), lines);
     } else for (const chart of this.charts) chart.batch(() => {
-      chart.names.forEach((name, k) => name.endsWith("attempt") && chart.series[k].show !== !!tried && chart.setSeries(k, { show: !!tried }));
+      chart.names.forEach((name, k) => name.endsWith("attempt") && chart.series[k].show !== tried && chart.setSeries(k, { show: tried }));
       chart.setData(chart.names.map(name => lines[name]), false);
       chart.setScale("x", { min, max });
     });
   }
 
-  build(lines, tried) {
+  // The title of a node's plots; whether they show an answer that is tried.
+  name(lines) {
+    const { run, plots } = this, { state } = plots.page;
+    const tile = state.tiles[this.segment]?.now[state.nodes.indexOf(this.node)];
+    this.title.textContent = `${this.node} in ${run.run} (${run.job})${tile ? `: RMSE ${kelvin(tile.rmse)}` : ""}`;
+    const tried = "attempt" in lines && plots.tried;
+    if (tried) this.title.append(h("small", null, ` – dotted: with ${placed(tried)}`));
+    if (triable(state).length && !tried) lines.attempt = lines["error attempt"] = Array(lines.time.length).fill(null);
+    return !!tried;
+  }
+
+  build(panels, lines) {
     this.charts.forEach(each => each.destroy());
+    this.charts = panels.map((panel, k) => this.chart(panel, lines, k === panels.length - 1));
+  }
+
+  // Signals of one unit share a chart, each with the colour of its place among all.
+  ofSignals() {
+    const units = [...new Set(this.signals.map(unitOf))], colours = 8;
+    const series = this.signals.map((name, k) => ({ name, label: name, stroke: color(`--colour${k % colours}`), width: 1.4, unit: unitOf(name) }));
+    return units.map(unit => ({ unit, label: unit, height: units.length > 1 ? 130 : 190, series: series.filter(each => each.unit === unit) }));
+  }
+
+  ofNode(lines, tried) {
     const one = this.plots.page.picked.length === 1, { state } = this.plots.page;
     const line = (name, label, stroke, more) => ({ name, label, stroke, width: 1.5, show: tried || name !== "attempt", ...more });
     const models = ["given", "now", "against", "attempt"].filter(each => each in lines).map(each => line(each,
@@ -221,15 +255,15 @@ class View {
       unit: "W", label: "heat [W]", height: 130, zero: true, band: true,
       series: [line("heat low", "from", color("--soft"), { width: 0.5 }), line("heat high", "to", color("--soft"), { width: 0.5 }), line("heat", "heat that the model lacks", color("--attempt"))],
     });
-    const derived = name => !(name.split(".")[0] in UNITS);  // such as torque_abs: what was measured comes first
+    const derived = name => !unitOf(name);  // such as torque_abs: what was measured comes first
     const all = Object.keys(lines).filter(name => name.includes(".")).sort((a, b) => derived(a) - derived(b)), inputs = all.filter(name => lines[name].some(value => value !== lines[name][0]));
-    const still = all.filter(name => !inputs.includes(name)).map(name => `${name} ${Number(lines[name][0]?.toPrecision(3))} ${UNITS[name.split(".")[0]] ?? ""}`);
+    const still = all.filter(name => !inputs.includes(name)).map(name => `${name} ${Number(lines[name][0]?.toPrecision(3))} ${unitOf(name)}`);
     this.still.textContent = one && still.length ? `Constant in this run: ${still.join(", ")}.` : "";
     if (one) for (const name of inputs.slice(0, MOST_INPUTS)) {
-      const unit = UNITS[name.split(".")[0]] ?? "";
+      const unit = unitOf(name);
       panels.push({ unit, label: unit, height: 82, series: [line(name, name, color("--soft"), { width: 1 })] });
     }
-    this.charts = panels.map((panel, k) => this.chart(panel, lines, k === panels.length - 1));
+    return panels;
   }
 
   chart({ unit, label, height, series, floor, zero, band, limited }, lines, last) {
